@@ -1,0 +1,116 @@
+//! Builds the tree: obvhs clusters triangles into a binary one, which is then collapsed to eight children a node.
+
+use glam::Vec3;
+use obvhs::aabb::Aabb as BuilderAabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+
+use super::Aabb;
+use super::collapse::Collapse;
+use super::node::{Block, Child, Node};
+
+/// Clusters are matched over the full search distance from the first level on: merging the lowest levels blindly, as the
+/// builder's own presets do, multiplies the work per ray on scenes of evenly sized triangles.
+const BLIND_LEVELS: usize = 0;
+/// Share of the nodes that are tried elsewhere in the tree, per pass.
+const REINSERTED: f32 = 0.1;
+/// Beyond this coordinate (m) the areas of boxes leave the range of `f32`.
+const FARTHEST: f32 = 1e18;
+
+/// A tree without the code that walks it.
+#[derive(Clone, Debug)]
+pub(super) struct Tree {
+    /// The root is the first.
+    pub nodes: Vec<Node>,
+    pub blocks: Vec<Block>,
+    pub bounds: Aabb,
+    pub n_triangles: usize,
+    /// Levels of nodes.
+    pub depth: usize,
+}
+
+impl Tree {
+    /// Builds the tree of those triangles that have an area and finite corners.
+    pub fn build(triangles: &[[Vec3; 3]], ids: &[u32]) -> Tree {
+        assert_eq!(triangles.len(), ids.len(), "one id for each triangle");
+        let kept: Vec<u32> =
+            (0..).zip(triangles).filter(|(_, triangle)| can_be_hit(triangle)).map(|(index, _)| index).collect();
+        let mut tree = Tree {
+            nodes: vec![Node::vacant()],
+            blocks: Vec::new(),
+            bounds: Aabb::EMPTY,
+            n_triangles: kept.len(),
+            depth: 1,
+        };
+        if kept.is_empty() {
+            return tree;
+        }
+        let boxes: Vec<BuilderAabb> = kept.iter().map(|&index| box_of(&triangles[index as usize])).collect();
+        let binary = build_binary(&boxes);
+        drop(boxes);
+        tree.bounds = bounds_of(&binary, 0);
+        let collapse = Collapse::new(&binary);
+        tree.emit(&binary, &collapse, |triangle| {
+            let index = kept[triangle as usize] as usize;
+            (&triangles[index], ids[index])
+        });
+        tree
+    }
+
+    /// Writes the wide nodes, siblings side by side, and the blocks under them.
+    fn emit<'t>(&mut self, binary: &Bvh2, collapse: &Collapse, triangle: impl Fn(u32) -> (&'t [Vec3; 3], u32)) {
+        let mut pending = vec![(0, 0, 1)];
+        while let Some((root, wide, depth)) = pending.pop() {
+            self.depth = self.depth.max(depth);
+            for (slot, child) in collapse.under(root).into_iter().enumerate() {
+                let target = if let Some(held) = collapse.block(child) {
+                    let mut block = Block::vacant();
+                    for (lane, index) in held.into_iter().enumerate() {
+                        let (corners, id) = triangle(index);
+                        block.fill(lane, corners, id);
+                    }
+                    self.blocks.push(block);
+                    Child::block(self.blocks.len() - 1)
+                } else {
+                    self.nodes.push(Node::vacant());
+                    pending.push((child, self.nodes.len() - 1, depth + 1));
+                    Child::node(self.nodes.len() - 1)
+                };
+                self.nodes[wide].fill(slot, bounds_of(binary, child), target);
+            }
+        }
+        self.nodes.shrink_to_fit();
+        self.blocks.shrink_to_fit();
+    }
+}
+
+fn build_binary(boxes: &[BuilderAabb]) -> Bvh2 {
+    let order = (0..boxes.len() as u32).collect();
+    let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
+        PlocSearchDistance::Low,
+        boxes,
+        order,
+        SortPrecision::U64,
+        BLIND_LEVELS,
+    );
+    ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
+    binary
+}
+
+/// Whether a triangle has an area and corners that arithmetic can hold.
+fn can_be_hit(triangle: &[Vec3; 3]) -> bool {
+    let finite = triangle.iter().all(|corner| corner.abs().max_element() <= FARTHEST && !corner.is_nan());
+    let [a, b, c] = triangle.map(Vec3::as_dvec3);
+    finite && (b - a).cross(c - a).length_squared() > 0.0
+}
+
+fn box_of(triangle: &[Vec3; 3]) -> BuilderAabb {
+    let [a, b, c] = *triangle;
+    BuilderAabb::new(a.min(b).min(c).into(), a.max(b).max(c).into())
+}
+
+fn bounds_of(binary: &Bvh2, node: usize) -> Aabb {
+    let bounds = binary.nodes[node].aabb();
+    Aabb { min: bounds.min.into(), max: bounds.max.into() }
+}

@@ -1,0 +1,320 @@
+//! Laws of the tree: brute force agrees, nothing leaks, every way of asking gives the same answer.
+
+use glam::{DVec3, Quat, Vec3};
+
+use super::dispatch::Instructions;
+use super::{Bvh, Hit, Ray};
+
+/// Repeatable random numbers: the same on every machine.
+struct Random(u64);
+
+impl Random {
+    fn unit(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1 << 24) as f32
+    }
+
+    fn point(&mut self) -> Vec3 {
+        Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        ((self.unit() * n as f32) as usize).min(n - 1)
+    }
+}
+
+fn soup(random: &mut Random, n: usize, size: f32, scale: f32) -> Vec<[Vec3; 3]> {
+    (0..n)
+        .map(|_| {
+            let center = random.point();
+            [0; 3].map(|_| (center + random.point() * size) * scale)
+        })
+        .collect()
+}
+
+fn build(triangles: &[[Vec3; 3]]) -> Bvh {
+    Bvh::build(triangles, &(0..triangles.len() as u32).collect::<Vec<_>>())
+}
+
+fn portable(bvh: &Bvh) -> Bvh {
+    Bvh { instructions: Instructions::Baseline, ..bvh.clone() }
+}
+
+fn endless(origin: Vec3, direction: Vec3) -> Ray {
+    Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+}
+
+/// Möller and Trumbore in double precision: the hit, and how far inside the triangle it lies (negative outside).
+fn intersect(ray: &Ray, triangle: &[Vec3; 3]) -> (f64, f64, f64, f64) {
+    let [a, b, c] = triangle.map(Vec3::as_dvec3);
+    let (origin, direction): (DVec3, DVec3) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let (ab, ac, ao) = (b - a, c - a, origin - a);
+    let p = direction.cross(ac);
+    let scale = 1.0 / ab.dot(p);
+    let (u, q) = (ao.dot(p) * scale, ao.cross(ab));
+    let v = direction.dot(q) * scale;
+    (ac.dot(q) * scale, u, v, u.min(v).min(1.0 - u - v))
+}
+
+/// The closest hit by trying all triangles; nothing where rounding could tip the answer.
+fn brute_force(triangles: &[[Vec3; 3]], ray: &Ray) -> Option<Option<Hit>> {
+    let mut hits = Vec::new();
+    for (id, triangle) in triangles.iter().enumerate() {
+        let (t, u, v, margin) = intersect(ray, triangle);
+        let within = t > f64::from(ray.t_min) && t < f64::from(ray.t_max);
+        if margin.abs() < 1e-3 && t > 0.0 {
+            return None;
+        }
+        if margin > 0.0 && within {
+            hits.push(Hit { t: t as f32, u: u as f32, v: v as f32, triangle: id as u32 });
+        }
+    }
+    hits.sort_by(|a, b| a.t.total_cmp(&b.t));
+    let tied = hits.len() > 1 && hits[1].t < hits[0].t * 1.0001;
+    (!tied).then(|| hits.first().copied())
+}
+
+#[track_caller]
+fn assert_agrees(bvh: &Bvh, ray: &Ray, expected: Option<Hit>) {
+    match (bvh.closest(ray), expected) {
+        (None, None) => {}
+        (Some(hit), Some(expected)) => {
+            assert_eq!(hit.triangle, expected.triangle, "{ray:?}: {hit:?} against {expected:?}");
+            assert!((hit.t / expected.t - 1.0).abs() < 1e-3, "{ray:?}: {hit:?} against {expected:?}");
+            let difference = (hit.u - expected.u).abs().max((hit.v - expected.v).abs());
+            assert!(difference < 1e-2, "{ray:?}: {hit:?} against {expected:?}");
+        }
+        (hit, expected) => panic!("{ray:?}: {hit:?} against {expected:?}"),
+    }
+}
+
+#[test]
+fn the_closest_hit_is_that_of_brute_force() {
+    for (seed, n, size, scale) in [
+        (1, 1, 1.0, 1.0),
+        (2, 3, 1.0, 1.0),
+        (3, 40, 0.5, 1.0),
+        (4, 3000, 0.1, 1.0),
+        (5, 500, 0.2, 1e6),
+        (6, 500, 0.2, 1e-4),
+    ] {
+        let mut random = Random(seed);
+        let triangles = soup(&mut random, n, size, scale);
+        let bvh = build(&triangles);
+        let (n_rays, mut n_compared, mut n_hits) = (1000, 0, 0);
+        for _ in 0..n_rays {
+            let t_max = if random.unit() < 0.5 { f32::INFINITY } else { random.unit() };
+            let (origin, direction) = (random.point() * scale, random.point() * scale);
+            let ray = Ray { origin, direction, t_min: 0.1 * random.unit(), t_max };
+            if let Some(expected) = brute_force(&triangles, &ray) {
+                assert_agrees(&bvh, &ray, expected);
+                n_compared += 1;
+                n_hits += usize::from(expected.is_some());
+            }
+        }
+        assert!(n_compared > n_rays / 2 && n_hits > 0, "seed {seed}: {n_compared} compared, {n_hits} hits");
+    }
+}
+
+#[test]
+fn all_instructions_and_all_questions_agree_to_the_bit() {
+    let mut random = Random(11);
+    let triangles = soup(&mut random, 5000, 0.05, 3.0);
+    let bvh = build(&triangles);
+    let baseline = portable(&bvh);
+    for _ in 0..20_000 {
+        let ray = Ray { t_max: 2.0 * random.unit(), ..endless(random.point() * 4.0, random.point()) };
+        let hit = bvh.closest(&ray);
+        assert_eq!(hit, baseline.closest(&ray));
+        assert_eq!(hit.is_some(), bvh.occluded(&ray));
+        assert_eq!(hit.is_some(), baseline.occluded(&ray));
+    }
+}
+
+fn assert_fan_equals_singles(bvh: &Bvh, origin: Vec3, targets: &[Vec3; 16], n: usize) -> u32 {
+    let [t_min, t_max] = [1e-4, 0.999];
+    let visible = bvh.visible16(origin, targets, n, t_min, t_max);
+    assert_eq!(visible, portable(bvh).visible16(origin, targets, n, t_min, t_max));
+    for (i, &target) in targets.iter().enumerate().take(n) {
+        let occluded = bvh.occluded(&Ray { origin, direction: target - origin, t_min, t_max });
+        assert_eq!(visible >> i & 1 == 0, occluded, "segment {i} from {origin} to {target}");
+    }
+    assert_eq!(u32::from(visible) >> n, 0, "bits beyond the {n} targets");
+    u32::from(visible).count_ones()
+}
+
+#[test]
+fn a_fan_sees_what_single_segments_see() {
+    let mut random = Random(21);
+    let bvh = build(&soup(&mut random, 1200, 0.1, 1.0));
+    for spread in [0.0, 1e-3, 0.1, 0.5, 2.0] {
+        let (mut n_segments, mut n_visible) = (0, 0);
+        for fan in 0..1500 {
+            let (origin, center, n) = (random.point(), random.point(), 1 + fan % 16);
+            let targets = [0; 16].map(|_| center + random.point() * spread);
+            n_visible += assert_fan_equals_singles(&bvh, origin, &targets, n) as usize;
+            n_segments += n;
+        }
+        assert!(n_visible * 10 > n_segments && n_visible * 10 < n_segments * 9, "spread {spread}: {n_visible}");
+    }
+}
+
+#[test]
+fn a_fan_onto_a_panel_along_an_axis_sees_what_single_segments_see() {
+    let mut random = Random(22);
+    let bvh = build(&soup(&mut random, 300, 0.1, 1.0));
+    for _ in 0..1000 {
+        let (axis, sign) = (random.below(3), if random.unit() < 0.5 { -1.0 } else { 1.0 });
+        let origin = (random.point() * 4.0).round() / 4.0;
+        let targets = std::array::from_fn(|i| {
+            let mut target = Vec3::splat(sign);
+            target[(axis + 1) % 3] = (i % 4) as f32 * 0.25;
+            target[(axis + 2) % 3] = (i / 4) as f32 * 0.25;
+            target
+        });
+        assert_fan_equals_singles(&bvh, origin, &targets, 16);
+    }
+}
+
+#[test]
+fn targets_that_are_no_directions_are_free() {
+    let bvh = build(&[[Vec3::new(-9.0, -9.0, 0.5), Vec3::new(9.0, -9.0, 0.5), Vec3::new(0.0, 9.0, 0.5)]]);
+    let mut targets = [Vec3::Z; 16];
+    (targets[3], targets[4], targets[5]) = (Vec3::ZERO, Vec3::NAN, -Vec3::Z);
+    assert_eq!(bvh.visible16(Vec3::ZERO, &targets, 16, 0.0, 1.0), 0b11_1000);
+    assert_eq!(bvh.visible16(Vec3::ZERO, &targets, 0, 0.0, 1.0), 0);
+}
+
+/// A closed box whose sides are grids of jittered points.
+struct ClosedBox {
+    triangles: Vec<[Vec3; 3]>,
+}
+
+impl ClosedBox {
+    fn new(random: &mut Random, n: usize, jitter: f32, rotation: Quat) -> ClosedBox {
+        let mut triangles = Vec::new();
+        for axis in 0..3 {
+            for side in [-1.0, 1.0] {
+                let inner: Vec<f32> = (0..(n + 1) * (n + 1) * 3).map(|_| (random.unit() - 0.5) * jitter).collect();
+                let point = |i: usize, j: usize| {
+                    let at = |k: usize| k as f32 * 2.0 / n as f32 - 1.0;
+                    let mut point = Vec3::splat(side);
+                    (point[(axis + 1) % 3], point[(axis + 2) % 3]) = (at(i), at(j));
+                    if (1..n).contains(&i) && (1..n).contains(&j) {
+                        point += Vec3::from_slice(&inner[(i * (n + 1) + j) * 3..][..3]);
+                    }
+                    rotation * point
+                };
+                for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                    let corners = [point(i, j), point(i + 1, j), point(i + 1, j + 1), point(i, j + 1)];
+                    triangles.push([corners[0], corners[1], corners[2]]);
+                    triangles.push([corners[0], corners[2], corners[3]]);
+                }
+            }
+        }
+        ClosedBox { triangles }
+    }
+
+    /// A point on an edge or at a corner of some triangle.
+    fn seam(&self, random: &mut Random) -> Vec3 {
+        let triangle = self.triangles[random.below(self.triangles.len())];
+        let (from, to) = (triangle[random.below(3)], triangle[random.below(3)]);
+        from.lerp(to, random.unit())
+    }
+}
+
+#[test]
+fn no_ray_leaves_a_closed_box() {
+    let mut random = Random(31);
+    for (n, jitter, rotation) in
+        [(1, 0.0, Quat::IDENTITY), (24, 0.02, Quat::from_rotation_x(0.7) * Quat::from_rotation_y(0.3))]
+    {
+        let closed = ClosedBox::new(&mut random, n, jitter, rotation);
+        let bvh = build(&closed.triangles);
+        let mut leaks = [0; 3];
+        for _ in 0..15_000 {
+            let origin = random.point() * 0.5;
+            let targets = [0; 16].map(|_| closed.seam(&mut random));
+            for target in targets {
+                let ray = endless(origin, target - origin);
+                leaks[0] += usize::from(bvh.closest(&ray).is_none());
+                leaks[1] += usize::from(!bvh.occluded(&ray));
+            }
+            leaks[2] += bvh.visible16(origin, &targets, 16, 0.0, 1.5).count_ones() as usize;
+        }
+        for _ in 0..100_000 {
+            leaks[0] += usize::from(bvh.closest(&endless(random.point() * 0.5, random.point())).is_none());
+        }
+        assert_eq!(leaks, [0; 3], "closest, occluded, fan; {n} × {n} a side");
+    }
+}
+
+#[test]
+fn an_empty_scene_is_never_hit() {
+    let bvh = build(&[]);
+    assert_eq!(bvh.closest(&endless(Vec3::ZERO, Vec3::X)), None);
+    assert!(!bvh.occluded(&endless(Vec3::ZERO, Vec3::X)));
+    assert_eq!(bvh.visible16(Vec3::ZERO, &[Vec3::ONE; 16], 16, 0.0, 1.0), u16::MAX);
+    assert_eq!((bvh.n_triangles(), bvh.bounds()), (0, super::Aabb::EMPTY));
+}
+
+#[test]
+fn triangles_that_cannot_be_hit_are_left_out() {
+    let [a, b, c] = [Vec3::new(0.1, 0.1, 0.1), Vec3::new(0.7, 0.3, 0.1), Vec3::new(0.2, 0.9, 0.1)];
+    let triangles = [
+        [a, a, b],
+        [a, b, c],
+        [a, b, a.lerp(b, 0.5)],
+        [a, b, Vec3::NAN],
+        [a, Vec3::new(f32::INFINITY, 0.0, 0.0), c],
+        [a, b, Vec3::splat(1e30)],
+    ];
+    let bvh = Bvh::build(&triangles, &[10, 20, 30, 40, 50, 60]);
+    let hit = bvh.closest(&endless((a + b + c) / 3.0 + Vec3::Z, -Vec3::Z)).expect("the triangle below");
+    assert_eq!((hit.triangle, bvh.bounds().max), (20, Vec3::new(0.7, 0.9, 0.1)));
+    assert!((hit.t - 1.0).abs() < 1e-6 && (hit.u - 1.0 / 3.0).abs() < 1e-6 && (hit.v - 1.0 / 3.0).abs() < 1e-6);
+    assert!(bvh.n_triangles() <= 2, "{} left", bvh.n_triangles());
+}
+
+#[test]
+fn rays_that_are_none_hit_nothing() {
+    let bvh = build(&soup(&mut Random(41), 100, 1.0, 1.0));
+    for bad in [Vec3::NAN, Vec3::INFINITY, Vec3::ZERO, Vec3::new(f32::NAN, 1.0, 0.0), Vec3::splat(1e-42)] {
+        assert_eq!(bvh.closest(&endless(Vec3::ZERO, bad)), None, "direction {bad}");
+        assert!(!bvh.occluded(&endless(Vec3::ZERO, bad)), "direction {bad}");
+    }
+    let empty = Ray { t_max: f32::NAN, ..endless(Vec3::splat(-2.0), Vec3::ONE) };
+    assert_eq!((bvh.closest(&empty), bvh.occluded(&empty)), (None, false));
+}
+
+#[test]
+fn the_interval_of_a_ray_is_open() {
+    let wall = [Vec3::new(-1.0, -1.0, 2.0), Vec3::new(3.0, -1.0, 2.0), Vec3::new(-1.0, 3.0, 2.0)];
+    let bvh = build(&[wall]);
+    let hits = |t_min, t_max| bvh.occluded(&Ray { t_min, t_max, ..endless(Vec3::ZERO, Vec3::Z) });
+    assert!(hits(0.0, f32::INFINITY) && hits(1.999, 2.001) && hits(-5.0, 2.001));
+    assert!(!hits(0.0, 2.0) && !hits(2.0, 3.0));
+}
+
+#[test]
+fn of_coincident_triangles_the_smallest_id_is_hit() {
+    let mut random = Random(51);
+    let triangle = soup(&mut random, 1, 1.0, 1.0)[0];
+    let bvh = Bvh::build(&[triangle; 21], &(0..21).map(|i| (i * 8 + 5) % 21).collect::<Vec<_>>());
+    let center = (triangle[0] + triangle[1] + triangle[2]) / 3.0;
+    let origin = random.point() * 3.0;
+    assert_eq!(bvh.closest(&endless(origin, center - origin)).map(|hit| hit.triangle), Some(0));
+}
+
+#[test]
+fn a_tree_as_deep_as_it_has_levels_is_walked_to_its_end() {
+    // Triangles that double in size are best split off one by one.
+    let shape = [Vec3::new(1.0, 1.0, 0.3), Vec3::new(1.0, 0.0, 0.1), Vec3::new(0.0, 1.0, 0.1)];
+    let triangles: Vec<_> = (0..100).map(|i| shape.map(|corner| corner * 1.5_f32.powi(i - 50))).collect();
+    let bvh = build(&triangles);
+    for (i, triangle) in triangles.iter().enumerate() {
+        let center = (triangle[0] + triangle[1] + triangle[2]) / 3.0;
+        let ray = Ray { t_min: 0.999, t_max: 1.001, ..endless(Vec3::ZERO, center) };
+        assert!(bvh.occluded(&ray), "triangle {i}");
+    }
+}
