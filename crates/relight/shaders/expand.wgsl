@@ -1,0 +1,77 @@
+// Expand: radiance += left · z + sparse · x, one thread per pixel of a block. Twin of src/cpu/expand.rs.
+
+struct Block {
+    rank: u32,
+    n_pixels: u32,
+    x: u32,
+    y: u32,
+    width: u32,
+    left: u32,
+    right: u32,
+    z: u32,
+    sparse: u32,
+    n_sparse: u32,
+}
+
+struct Group {
+    n_cols: u32,
+    frame_width: u32,
+    unused_0: u32,
+    unused_1: u32,
+}
+
+struct SparseTerm {
+    // Column, and the channel in the upper two bits.
+    col_channel: u32,
+    value: f32,
+}
+
+@group(0) @binding(0) var<uniform> group: Group;
+@group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
+// The frame, row by row; the fourth component stays 0.
+@group(0) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
+
+@group(1) @binding(0) var<storage, read> blocks: array<Block>;
+// Pairs of f16 (two components of one row). Of a block: pair by pair, channel by channel, pixel by pixel, so that
+// neighboring threads read neighboring words.
+@group(1) @binding(1) var<storage, read> left: array<u32>;
+@group(1) @binding(2) var<storage, read> z: array<vec4<f32>>;
+// Of a block with sparse terms: n_pixels + 1 positions in `sparse_terms`.
+@group(1) @binding(3) var<storage, read> sparse_starts: array<u32>;
+@group(1) @binding(4) var<storage, read> sparse_terms: array<SparseTerm>;
+
+const THREADS: u32 = 64u;
+
+@compute @workgroup_size(THREADS)
+fn expand(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let block = blocks[id.y];
+    let pixel = id.x * THREADS + thread;
+    if pixel >= block.n_pixels {
+        return;
+    }
+
+    var sum = vec3<f32>(0.0);
+    let n_pairs = (block.rank + 1u) / 2u;
+    for (var k = 0u; k < n_pairs; k += 1u) {
+        let at = block.left + 3u * k * block.n_pixels + pixel;
+        let r = unpack2x16float(left[at]);
+        let g = unpack2x16float(left[at + block.n_pixels]);
+        let b = unpack2x16float(left[at + 2u * block.n_pixels]);
+        let z_0 = z[block.z + 2u * k].xyz;
+        let z_1 = z[block.z + 2u * k + 1u].xyz;
+        sum += vec3<f32>(r.x, g.x, b.x) * z_0 + vec3<f32>(r.y, g.y, b.y) * z_1;
+    }
+
+    if block.n_sparse > 0u {
+        let last = sparse_starts[block.sparse + pixel + 1u];
+        for (var i = sparse_starts[block.sparse + pixel]; i < last; i += 1u) {
+            let term = sparse_terms[i];
+            let channel = term.col_channel >> 30u;
+            sum[channel] += term.value * coefficients[term.col_channel & 0x3fffffffu][channel];
+        }
+    }
+
+    let x = block.x + pixel % block.width;
+    let y = block.y + pixel / block.width;
+    radiance[y * group.frame_width + x] += vec4<f32>(sum, 0.0);
+}

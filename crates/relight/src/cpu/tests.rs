@@ -1,0 +1,161 @@
+use super::*;
+use crate::synthetic::{Ranks, Recipe};
+use std::sync::Arc;
+
+fn relit(relighter: &mut CpuRelighter, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
+    let mut out = Radiance::default();
+    relighter.relight(x, &mut out).unwrap();
+    out.pixels
+}
+
+fn assert_near(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
+    let largest = b.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
+    for (i, (a, b)) in a.as_flattened().iter().zip(b.as_flattened()).enumerate() {
+        assert!((a - b).abs() <= tolerance * largest, "entry {i}: {a} against {b}, largest {largest}");
+    }
+}
+
+/// The definition, entry by entry of the dense matrix, in f64.
+fn dense(frame: &Frame, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
+    let mut out = vec![[0f64; 3]; frame.width as usize * frame.height as usize];
+    let mut bundles = Vec::new();
+    for (low_rank, x) in frame.groups.iter().zip(x) {
+        for (block_idx, block) in low_rank.blocks.iter().enumerate() {
+            let Some(f) = block else { continue };
+            low_rank.partition.bundles(block_idx, &mut bundles);
+            for row in 0..f.n_rows as usize {
+                let (pixel, channel) = (bundles[row / 3] as usize, row % 3);
+                for (col, rgb) in x.iter().enumerate() {
+                    let mut entry = 0f64;
+                    for k in 0..f.rank as usize {
+                        let right = f.right[k * f.n_cols as usize + col].to_f64();
+                        entry += f.left[row * f.rank as usize + k].to_f64() * f64::from(f.scale[k]) * right;
+                    }
+                    let mine = f.sparse.iter().filter(|s| s.row as usize == row && s.col as usize == col);
+                    entry += mine.map(|s| f64::from(s.value)).sum::<f64>();
+                    out[pixel][channel] += entry * f64::from(rgb[channel]);
+                }
+            }
+        }
+    }
+    out.iter().map(|p| p.map(|v| v as f32)).collect()
+}
+
+#[test]
+fn both_kernels_equal_the_dense_matrix() {
+    for recipe in [Recipe::default(), Recipe { tile: 5, n_cols: vec![3, 8, 33], seed: 2, ..Recipe::default() }] {
+        let (frame, x) = (recipe.frame(), recipe.coefficients(3));
+        let expected = dense(&frame, &x);
+        for kernel in [Kernel::Plain, Kernel::detect()] {
+            let mut relighter = CpuRelighter::with_kernel(&frame, kernel).unwrap();
+            assert_near(&relit(&mut relighter, &x), &expected, 2e-6);
+        }
+    }
+}
+
+#[test]
+fn light_of_two_sums_equals_the_sum_of_two_lights() {
+    let recipe = Recipe::default();
+    let mut relighter = CpuRelighter::new(&recipe.frame()).unwrap();
+    let (a, b) = (recipe.coefficients(1), recipe.coefficients(2));
+    let add3 = |a: &[f32; 3], b: &[f32; 3]| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+    let add_all = |a: &[[f32; 3]], b: &[[f32; 3]]| a.iter().zip(b).map(|(a, b)| add3(a, b)).collect::<Vec<_>>();
+    let both: Vec<_> = a.iter().zip(&b).map(|(a, b)| add_all(a, b)).collect();
+    let apart = add_all(&relit(&mut relighter, &a), &relit(&mut relighter, &b));
+    assert_near(&relit(&mut relighter, &both), &apart, 2e-6);
+}
+
+#[test]
+fn the_answer_does_not_depend_on_what_was_asked_before() {
+    let recipe = Recipe { n_cols: vec![19, 1, 40], ..Recipe::default() };
+    let frame = recipe.frame();
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    for step in 0..8 {
+        let mut x = recipe.coefficients(step / 2);
+        x[step as usize % 3].fill([0.0; 3]);
+        x[2][5] = [step as f32; 3];
+        let fresh = relit(&mut CpuRelighter::new(&frame).unwrap(), &x);
+        assert_eq!(relit(&mut relighter, &x), fresh, "step {step}");
+    }
+}
+
+#[test]
+fn only_groups_that_changed_are_expanded() {
+    let recipe = Recipe { n_cols: vec![19, 1, 40], rank: Ranks::Fixed(5), n_sparse: 0, ..Recipe::default() };
+    let frame = recipe.frame();
+    let n_blocks = frame.partition().n_blocks();
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut x = recipe.coefficients(1);
+
+    relit(&mut relighter, &x);
+    assert_eq!((relighter.stats().n_expanded, relighter.stats().n_skipped), (3 * n_blocks, 0));
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats(), RelightStats { n_skipped: 3 * n_blocks, ..Default::default() });
+
+    x[1][0] = [2.0; 3];
+    relit(&mut relighter, &x);
+    assert_eq!((relighter.stats().n_expanded, relighter.stats().n_skipped), (n_blocks, 2 * n_blocks));
+
+    let lit = std::mem::replace(&mut x[2], vec![[0.0; 3]; 40]);
+    relit(&mut relighter, &x);
+    assert_eq!((relighter.stats().n_dark_groups, relighter.stats().n_bytes), (1, 0));
+    x[2] = lit;
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_expanded, 0, "a group switched on again is still cached");
+}
+
+#[test]
+fn a_block_that_does_not_see_the_changed_column_is_not_expanded() {
+    let recipe = Recipe { n_cols: vec![16], rank: Ranks::Fixed(4), n_sparse: 0, ..Recipe::default() };
+    let mut frame = recipe.frame();
+    let block = Arc::make_mut(frame.groups[0].blocks[1].as_mut().unwrap());
+    (0..4).for_each(|k| block.right[k * 16 + 3] = half::f16::ZERO);
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    relit(&mut relighter, &x);
+    x[0][3] = [9.0; 3];
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_skipped, 1);
+}
+
+#[test]
+fn an_updated_block_is_the_only_one_read_and_gives_the_new_frame() {
+    let recipe = Recipe { rank: Ranks::Fixed(6), ..Recipe::default() };
+    let (mut frame, x) = (recipe.frame(), recipe.coefficients(1));
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    relit(&mut relighter, &x);
+    let other = Recipe { seed: 9, ..recipe }.frame();
+    frame.groups[0].blocks[2] = other.groups[0].blocks[2].clone();
+    frame.groups[1].blocks[4] = None;
+    relighter.update(&frame, &[(0, 2), (1, 4)]).unwrap();
+    let updated = relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_expanded, 1);
+    assert_eq!(updated, relit(&mut CpuRelighter::new(&frame).unwrap(), &x));
+
+    let larger = Recipe { width: 50, ..Recipe::default() }.frame();
+    relighter.update(&larger, &[]).unwrap();
+    assert_eq!(relit(&mut relighter, &x), relit(&mut CpuRelighter::new(&larger).unwrap(), &x));
+}
+
+#[test]
+fn wrong_input_is_refused_in_words() {
+    let recipe = Recipe::default();
+    let mut frame = recipe.frame();
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut refused = |x: &[Vec<[f32; 3]>]| relighter.relight(x, &mut Radiance::default()).unwrap_err();
+    let mut x = recipe.coefficients(1);
+    assert_eq!(refused(&x[..1]), RelightError::GroupCount { expected: 2, found: 1 });
+    x[0][7][1] = f32::NAN;
+    assert_eq!(refused(&x), RelightError::NotFinite { group: 0, col: 7 });
+    x[1].push([0.0; 3]);
+    x[0][7][1] = 0.0;
+    assert_eq!(refused(&x), RelightError::ColumnCount { group: 1, expected: 1, found: 2 });
+
+    let block = frame.groups[1].blocks.iter().position(|b| b.as_ref().is_some_and(|b| b.rank > 0)).unwrap();
+    Arc::make_mut(frame.groups[1].blocks[block].as_mut().unwrap()).left.pop();
+    assert!(matches!(CpuRelighter::new(&frame), Err(RelightError::Block { group: 1, .. })));
+    assert!(relighter.update(&frame, &[(1, block)]).is_err());
+    assert!(relighter.update(&frame, &[(1, 1000)]).is_err());
+    frame.groups[0].bundle_len = 1;
+    assert!(matches!(CpuRelighter::new(&frame), Err(RelightError::Frame(_))));
+}

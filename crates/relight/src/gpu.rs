@@ -1,0 +1,143 @@
+//! The device, borrowed from the host or opened without a window, and relighting on it.
+
+mod chunk;
+mod pack;
+mod relighter;
+mod stages;
+
+pub use relighter::GpuRelighter;
+
+use crate::relight::RelightError;
+
+/// A device and its queue; clones share both.
+#[derive(Clone, Debug)]
+pub struct Gpu {
+    pub(crate) device: wgpu::Device,
+    pub(crate) queue: wgpu::Queue,
+}
+
+/// Which adapter a device without a window may come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DeviceChoice {
+    /// The fastest there is, a software rasterizer where there is nothing else.
+    #[default]
+    Any,
+    /// A real GPU.
+    Hardware,
+    /// A software rasterizer.
+    Software,
+}
+
+impl DeviceChoice {
+    fn takes(self, device_type: wgpu::DeviceType) -> bool {
+        match self {
+            Self::Any => true,
+            Self::Hardware => device_type != wgpu::DeviceType::Cpu,
+            Self::Software => device_type == wgpu::DeviceType::Cpu,
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Any => "usable",
+            Self::Hardware => "hardware",
+            Self::Software => "software",
+        }
+    }
+}
+
+impl Gpu {
+    /// Shares the device of a host, such as a window.
+    pub fn from_host(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        Self { device, queue }
+    }
+
+    /// Opens a device without a window, for tests and the command line.
+    ///
+    /// # Errors
+    /// [`RelightError::NoAdapter`] where nothing suitable is installed, [`RelightError::NoDevice`] where the driver refuses.
+    pub fn headless(choice: DeviceChoice) -> Result<Self, RelightError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+        adapters.retain(|a| choice.takes(a.get_info().device_type) && computes(a));
+        adapters.sort_by_key(|a| slowness(&a.get_info()));
+        let adapter = adapters.first().ok_or(RelightError::NoAdapter { wanted: choice.words() })?;
+        let request = adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("relight"),
+            required_limits: adapter.limits(),
+            ..Default::default()
+        });
+        let (device, queue) = pollster::block_on(request).map_err(|error| RelightError::NoDevice {
+            adapter: describe(&adapter.get_info()),
+            reason: error.to_string(),
+        })?;
+        Ok(Self { device, queue })
+    }
+
+    /// Name, kind and driver of the adapter, for people.
+    pub fn description(&self) -> String {
+        describe(&self.device.adapter_info())
+    }
+
+    /// Whether the adapter runs on the CPU, where [`CpuRelighter`](crate::CpuRelighter) is several times faster.
+    pub fn is_software(&self) -> bool {
+        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Waits until everything submitted is done.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`] if the device was lost meanwhile.
+    pub fn wait(&self) -> Result<(), RelightError> {
+        let done = self.device.poll(wgpu::PollType::wait_indefinitely());
+        done.map(|_| ()).map_err(|error| RelightError::Device(error.to_string()))
+    }
+
+    /// Runs `job` and turns whatever the device reports meanwhile into an error.
+    pub(crate) fn guarded<T>(&self, job: impl FnOnce() -> Result<T, RelightError>) -> Result<T, RelightError> {
+        use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+        let scopes = [Internal, OutOfMemory, Validation].map(|filter| self.device.push_error_scope(filter));
+        let result = job();
+        let [internal, memory, validation] = scopes;
+        let reports = [
+            pollster::block_on(validation.pop()),
+            pollster::block_on(memory.pop()),
+            pollster::block_on(internal.pop()),
+        ];
+        match reports.into_iter().flatten().next() {
+            Some(error) => Err(RelightError::Device(error.to_string())),
+            None => result,
+        }
+    }
+}
+
+fn computes(adapter: &wgpu::Adapter) -> bool {
+    adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS)
+        && adapter.limits().max_storage_buffers_per_shader_stage >= 7
+}
+
+/// Order of preference; OpenGL last within its kind.
+fn slowness(info: &wgpu::AdapterInfo) -> (u8, bool) {
+    let kind = match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    };
+    (kind, info.backend == wgpu::Backend::Gl)
+}
+
+fn describe(info: &wgpu::AdapterInfo) -> String {
+    let kind = match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => "discrete GPU",
+        wgpu::DeviceType::IntegratedGpu => "integrated GPU",
+        wgpu::DeviceType::VirtualGpu => "virtual GPU",
+        wgpu::DeviceType::Cpu => "software",
+        wgpu::DeviceType::Other => "other",
+    };
+    format!("{} ({kind}, {:?}, {} {})", info.name, info.backend, info.driver, info.driver_info)
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,49 @@
+//! The three compute pipelines.
+
+use crate::gpu::Gpu;
+use crate::layout::SHADERS;
+
+/// One pipeline per stage, named as its shader.
+#[derive(Debug)]
+pub(super) struct Stages {
+    pub project: wgpu::ComputePipeline,
+    pub expand: wgpu::ComputePipeline,
+    pub display: wgpu::ComputePipeline,
+}
+
+impl Stages {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        let [project, expand, display] = SHADERS.map(|(name, source)| pipeline(gpu, name, source));
+        Self { project, expand, display }
+    }
+}
+
+fn pipeline(gpu: &Gpu, name: &str, source: &str) -> wgpu::ComputePipeline {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(name),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(name),
+        layout: None,
+        module: &module,
+        entry_point: Some(name),
+        compilation_options: Default::default(),
+        cache: None,
+    })
+}
+
+/// Binds resources to numbers 0, 1, … of group `index` of a stage.
+pub(super) fn bind(
+    gpu: &Gpu,
+    stage: &wgpu::ComputePipeline,
+    index: u32,
+    resources: &[wgpu::BindingResource<'_>],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> = (0..)
+        .zip(resources)
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() })
+        .collect();
+    let layout = stage.get_bind_group_layout(index);
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries })
+}

@@ -1,0 +1,130 @@
+use super::chunk::ChunkLimits;
+use super::*;
+use crate::synthetic::{Ranks, Recipe};
+use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
+
+/// A device, or the word that there is none; with `CLERESTORY_REQUIRE_GPU=1` that is a failure.
+fn gpu() -> Option<Gpu> {
+    match Gpu::headless(DeviceChoice::Any) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => {
+            assert!(std::env::var("CLERESTORY_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
+            println!("skipped: no adapter");
+            None
+        }
+    }
+}
+
+fn relit(relighter: &mut impl Relight, x: &[Vec<[f32; 3]>]) -> Radiance {
+    let mut out = Radiance::default();
+    relighter.relight(x, &mut out).unwrap();
+    out
+}
+
+fn assert_twins_agree(gpu: &mut GpuRelighter, frame: &Frame, x: &[Vec<[f32; 3]>]) {
+    let expected = relit(&mut CpuRelighter::new(frame).unwrap(), x);
+    let found = relit(gpu, x);
+    assert_eq!((found.width, found.height), (expected.width, expected.height));
+    let largest = expected.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
+    for (i, (a, b)) in found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened()).enumerate() {
+        assert!((a - b).abs() <= 1e-3 * b.abs() + 1e-5 * largest, "entry {i}: {a} on the GPU, {b} on the CPU");
+    }
+}
+
+#[test]
+fn gpu_and_cpu_agree_on_every_shape() {
+    let Some(gpu) = gpu() else { return };
+    let recipes = [
+        Recipe::default(),
+        Recipe { width: 1, height: 1, tile: 16, n_cols: vec![1], rank: Ranks::Fixed(1), ..Recipe::default() },
+        Recipe { tile: 16, n_cols: vec![129, 1, 7], n_sparse: 40, seed: 5, ..Recipe::default() },
+        Recipe { n_cols: vec![6], rank: Ranks::Fixed(0), seed: 6, ..Recipe::default() },
+        Recipe { width: 200, height: 90, n_cols: vec![33], rank: Ranks::Mixed(9), seed: 7, ..Recipe::default() },
+    ];
+    for recipe in recipes {
+        let frame = recipe.frame();
+        let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+        assert_twins_agree(&mut relighter, &frame, &recipe.coefficients(4));
+    }
+}
+
+#[test]
+fn chunks_of_any_size_give_the_same_picture() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { rank: Ranks::Mixed(20), ..Recipe::default() };
+    let (frame, x) = (recipe.frame(), recipe.coefficients(2));
+    let whole = relit(&mut GpuRelighter::new(&gpu, &frame).unwrap(), &x);
+    for limits in [ChunkLimits { n_blocks: 3, n_bytes: 1 << 20 }, ChunkLimits { n_blocks: 64, n_bytes: 16384 }] {
+        let mut relighter = GpuRelighter::with_limits(&gpu, &frame, limits).unwrap();
+        assert_eq!(relit(&mut relighter, &x), whole);
+    }
+    let too_small = GpuRelighter::with_limits(&gpu, &frame, ChunkLimits { n_blocks: 3, n_bytes: 256 });
+    assert!(matches!(too_small, Err(RelightError::TooLarge { .. })));
+}
+
+#[test]
+fn changed_coefficients_and_blocks_show() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { n_cols: vec![19, 1, 40], ..Recipe::default() };
+    let mut frame = recipe.frame();
+    let limits = ChunkLimits { n_blocks: 4, ..ChunkLimits::of(&gpu) };
+    let mut relighter = GpuRelighter::with_limits(&gpu, &frame, limits).unwrap();
+    let mut x = recipe.coefficients(1);
+    assert_twins_agree(&mut relighter, &frame, &x);
+    x[2].fill([0.0; 3]);
+    assert_twins_agree(&mut relighter, &frame, &x);
+    assert_eq!(relighter.stats().n_dark_groups, 1);
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_expanded, 0, "nothing changed");
+
+    x[2][7] = [3.0, 0.0, 1.0];
+    let other = Recipe { seed: 8, ..recipe }.frame();
+    for (group, block) in [(0, 3), (2, 9), (2, 0)] {
+        frame.groups[group].blocks[block] = other.groups[group].blocks[block].clone();
+    }
+    frame.groups[0].blocks[5] = None;
+    relighter.update(&frame, &[(0, 3), (2, 9), (2, 0), (0, 5)]).unwrap();
+    assert_twins_agree(&mut relighter, &frame, &x);
+
+    let larger = Recipe { width: 61, n_cols: vec![19, 1, 40], ..Recipe::default() }.frame();
+    relighter.update(&larger, &[]).unwrap();
+    assert_twins_agree(&mut relighter, &larger, &x);
+}
+
+#[test]
+fn display_agrees_within_one_step() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { width: 83, height: 61, rank: Ranks::Fixed(3), n_sparse: 9, ..Recipe::default() };
+    let (frame, x) = (recipe.frame(), recipe.coefficients(2));
+    let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+    let radiance = relit(&mut CpuRelighter::new(&frame).unwrap(), &x);
+    for tone in [Tone::Agx, Tone::Neutral, Tone::Linear] {
+        for exposure_ev in [-6.0, -2.5, 3.0] {
+            let params = DisplayParams { tone, exposure_ev };
+            relighter.relight_to_texture(&x, &params).unwrap();
+            let (found, expected) = (relighter.read_texture().unwrap(), encode(&radiance, &params));
+            assert_eq!(found.len(), expected.len());
+            for (i, (a, b)) in found.iter().zip(&expected).enumerate() {
+                assert!(a.abs_diff(*b) <= 1, "byte {i} at {params:?}: {a} on the GPU, {b} on the CPU");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_frame_wider_than_a_texture_is_refused_in_words() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { width: 40_000, height: 1, n_cols: vec![1], rank: Ranks::Fixed(0), ..Recipe::default() };
+    let error = GpuRelighter::new(&gpu, &recipe.frame()).unwrap_err();
+    assert!(error.to_string().contains("40000"), "{error}");
+}
+
+#[test]
+fn a_lost_device_is_an_error() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe::default();
+    let mut relighter = GpuRelighter::new(&gpu, &recipe.frame()).unwrap();
+    gpu.device.destroy();
+    let lost = relighter.relight(&recipe.coefficients(1), &mut Radiance::default());
+    assert!(matches!(lost, Err(RelightError::Device(_))), "{lost:?}");
+}

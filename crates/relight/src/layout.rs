@@ -1,0 +1,110 @@
+//! Structs that Rust and WGSL share; a test asks naga for the size and the offsets of each.
+
+use bytemuck::{Pod, Zeroable};
+
+/// `Block` in `project.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct Block {
+    pub rank: u32,
+    pub n_pixels: u32,
+    pub x: u32,
+    pub y: u32,
+    pub width: u32,
+    pub left: u32,
+    pub right: u32,
+    pub z: u32,
+    pub sparse: u32,
+    pub n_sparse: u32,
+}
+
+/// `Group` in `project.wgsl` and `expand.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub(crate) struct Group {
+    pub n_cols: u32,
+    pub frame_width: u32,
+    pub unused_0: u32,
+    pub unused_1: u32,
+}
+
+/// `SparseTerm` in `expand.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct SparseTerm {
+    pub col_channel: u32,
+    pub value: f32,
+}
+
+/// `Display` in `display.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub(crate) struct Display {
+    pub width: u32,
+    pub height: u32,
+    pub tone: u32,
+    pub gain: f32,
+}
+
+/// Name and source of each stage.
+pub(crate) const SHADERS: [(&str, &str); 3] = [
+    ("project", include_str!("../shaders/project.wgsl")),
+    ("expand", include_str!("../shaders/expand.wgsl")),
+    ("display", include_str!("../shaders/display.wgsl")),
+];
+
+/// Threads of a workgroup of `project` and `expand`.
+pub(crate) const THREADS: u32 = 64;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::mem::{offset_of, size_of};
+
+    /// Name, size, and offset of each member.
+    type Shape = (&'static str, usize, Vec<(&'static str, usize)>);
+
+    macro_rules! shape {
+        ($name:ident: $($member:ident),*) => {
+            (stringify!($name), size_of::<$name>(), vec![$((stringify!($member), offset_of!($name, $member))),*])
+        };
+    }
+
+    fn shapes() -> Vec<Shape> {
+        vec![
+            shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse),
+            shape!(Group: n_cols, frame_width, unused_0, unused_1),
+            shape!(SparseTerm: col_channel, value),
+            shape!(Display: width, height, tone, gain),
+        ]
+    }
+
+    #[test]
+    fn every_shader_is_valid_and_has_its_entry_point() {
+        use naga::valid::{Capabilities, ValidationFlags, Validator};
+        for (name, source) in SHADERS {
+            let module = naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(source)));
+            let info = Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32).validate(&module);
+            info.unwrap_or_else(|e| panic!("{name}: {e:?}"));
+            assert!(module.entry_points.iter().any(|e| e.name == name && e.stage == naga::ShaderStage::Compute), "{name}");
+        }
+    }
+
+    #[test]
+    fn structs_have_the_same_layout_in_rust_and_wgsl() {
+        let mut n_checked = 0;
+        for (file, source) in SHADERS {
+            let module = naga::front::wgsl::parse_str(source).unwrap();
+            for (_, ty) in module.types.iter() {
+                let naga::TypeInner::Struct { members, span } = &ty.inner else { continue };
+                let name = ty.name.as_deref().unwrap();
+                let shape = shapes().into_iter().find(|s| s.0 == name);
+                let (_, size, expected) = shape.unwrap_or_else(|| panic!("{file}: {name} has no twin in Rust"));
+                let found: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+                assert_eq!((*span as usize, found), (size, expected), "{file}: {name}");
+                n_checked += 1;
+            }
+        }
+        assert_eq!(n_checked, 6);
+    }
+}
