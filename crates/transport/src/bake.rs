@@ -1,0 +1,401 @@
+//! The bake: from a scene and a camera to block factors, coarse first, in the background if need be.
+//!
+//! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use clerestory_nystrom::{
+    BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, Partition, SamplePlan, Tolerance, compress,
+};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::archive::ArchiveError;
+use crate::basis::LightBasis;
+use crate::camera::{Camera, Film};
+use crate::emitters::LightingError;
+use crate::figures::{ErrorDb, error_db};
+use crate::fingerprint::fingerprint;
+use crate::light::LightRig;
+use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::plan::MatrixPlan;
+use crate::prepared::PreparedScene;
+use crate::preview::preview;
+
+/// Why a bake ended without a result.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum BakeError {
+    /// The scene has nothing to see.
+    #[error("the scene has no triangles; open a file with meshes")]
+    NoTriangles,
+    /// The picture would be empty or absurdly large.
+    #[error("a picture of {width}×{height} pixels cannot be baked; give 1 to {max} a side", max = Film::MAX_SIDE)]
+    Size {
+        /// Width asked for.
+        width: u32,
+        /// Height asked for.
+        height: u32,
+    },
+    /// A setting out of range.
+    #[error("{what}")]
+    Config {
+        /// What is wrong, and what is allowed.
+        what: String,
+    },
+    /// The lights of the scene cannot be used as asked.
+    #[error(transparent)]
+    Lighting(#[from] LightingError),
+    /// Compression failed.
+    #[error(transparent)]
+    Compress(#[from] CompressError),
+    /// The result could not be kept.
+    #[error(transparent)]
+    Archive(#[from] ArchiveError),
+}
+
+/// How exactly a scene is baked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BakeConfig {
+    /// Most samples per pixel, both halves together.
+    pub spp: u32,
+    /// Truncation and sampling error at which a block is done, in dB: 10·log10(pk² / mean ΔT²).
+    pub tolerance_db: f32,
+    /// Scattering events beyond the first; `None` leaves the end to roulette.
+    pub bounces: Option<u32>,
+    /// Same seed, same bytes.
+    pub seed: u64,
+}
+
+impl Default for BakeConfig {
+    fn default() -> Self {
+        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0 }
+    }
+}
+
+/// Which passes run before the last one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Passes {
+    /// A preview, a pass with a sixteenth of the samples, then all of them: for somebody who watches.
+    #[default]
+    Progressive,
+    /// A preview, then all samples.
+    PreviewAndFinal,
+    /// All samples at once.
+    FinalOnly,
+}
+
+/// Side of a block in pixels.
+pub const TILE: u32 = 16;
+
+/// What there is to bake.
+#[derive(Clone)]
+pub struct BakeJob {
+    /// The scene with its lights.
+    pub scene: Arc<PreparedScene>,
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// Size of the picture.
+    pub film: Film,
+    /// How exactly.
+    pub config: BakeConfig,
+    /// Which passes.
+    pub passes: Passes,
+}
+
+/// What a baked matrix is of; with the factors it is all that relighting needs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BakeHeader {
+    /// Name of the scene.
+    pub scene: String,
+    /// Hash of everything in the scene that light can meet.
+    pub fingerprint: String,
+    /// Name of the camera.
+    pub camera: String,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Side of a block in pixels.
+    pub tile: u32,
+    /// How exactly it was baked.
+    pub config: BakeConfig,
+    /// The columns.
+    pub basis: LightBasis,
+    /// What each column was multiplied by; coefficients are divided by it.
+    pub column_scale: Vec<f32>,
+}
+
+impl BakeHeader {
+    /// Tiles of the picture.
+    pub fn partition(&self) -> Partition {
+        Partition { width: self.width, height: self.height, tile: self.tile }
+    }
+
+    /// No blocks yet, one matrix per group of columns.
+    pub fn empty_groups(&self) -> Vec<BlockLowRank> {
+        let groups = self.basis.groups.iter();
+        groups.map(|g| BlockLowRank::new(self.partition(), CHANNELS as u32, g.columns.len() as u32)).collect()
+    }
+
+    /// One RGB coefficient per column and group for a rig, as the factors of this bake take them.
+    pub fn coefficients(&self, rig: &LightRig) -> Vec<Vec<[f32; 3]>> {
+        let mut coefficients = self.basis.project(rig);
+        for (c, scale) in coefficients.iter_mut().zip(&self.column_scale) {
+            *c = c.map(|x| x / scale);
+        }
+        self.basis.split_by_group(&coefficients)
+    }
+}
+
+/// Facts of a running bake.
+#[derive(Clone, Debug)]
+pub enum BakeEvent {
+    /// The columns are known; blocks follow.
+    Started {
+        /// What is being baked.
+        header: Arc<BakeHeader>,
+        /// Blocks of each pass.
+        n_blocks: usize,
+        /// Passes, the preview included.
+        n_passes: u32,
+    },
+    /// A block is there, coarse or final.
+    BlockDone {
+        /// Pass, 0 is the first.
+        pass: u32,
+        /// Block of the partition.
+        block_idx: usize,
+        /// One per group of columns.
+        factors: Vec<Arc<BlockFactors>>,
+    },
+    /// How far the whole bake is.
+    Progress {
+        /// Pass that runs.
+        pass: u32,
+        /// 0…1 over all passes.
+        done: f32,
+        /// Seconds left, once there is something to judge by.
+        secs_left: Option<f32>,
+    },
+    /// Every block of a pass is there.
+    PassDone {
+        /// Pass that ended.
+        pass: u32,
+        /// Error measured on held-out entries.
+        error_db: ErrorDb,
+    },
+}
+
+/// A finished bake.
+#[derive(Clone, Debug)]
+pub struct Bake {
+    /// What it is of.
+    pub header: Arc<BakeHeader>,
+    /// One matrix per group of columns.
+    pub groups: Vec<BlockLowRank>,
+}
+
+impl BakeJob {
+    /// Bakes. `on_event` may ask to stop; then the result is `None`.
+    ///
+    /// # Errors
+    /// See [`BakeError`].
+    pub fn run(
+        self,
+        on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+    ) -> Result<Option<Bake>, BakeError> {
+        let header = Arc::new(self.header()?);
+        self.run_from(header, &[], on_event)
+    }
+
+    /// Checks the job and measures the columns' scale.
+    ///
+    /// # Errors
+    /// See [`BakeError`].
+    pub fn header(&self) -> Result<BakeHeader, BakeError> {
+        self.check()?;
+        let plan = MatrixPlan::new(&self.scene.lighting);
+        let matrix = self.matrix(&plan);
+        Ok(BakeHeader {
+            scene: self.scene.scene.name.clone(),
+            fingerprint: fingerprint(&self.scene.scene, &self.camera),
+            camera: self.camera.name.clone(),
+            width: self.film.width,
+            height: self.film.height,
+            tile: TILE,
+            config: self.config.clone(),
+            basis: self.scene.lighting.basis.clone(),
+            column_scale: matrix.measure_column_scale(),
+        })
+    }
+
+    fn matrix<'a>(&'a self, plan: &'a MatrixPlan) -> TransportMatrix<'a> {
+        TransportMatrix::new(&self.scene, plan, self.camera.clone(), self.film, self.config.bounces, self.config.seed)
+    }
+
+    fn check(&self) -> Result<(), BakeError> {
+        let (Film { width, height }, config) = (self.film, &self.config);
+        if self.scene.scene.mesh.triangles.is_empty() {
+            return Err(BakeError::NoTriangles);
+        }
+        if !(1..=Film::MAX_SIDE).contains(&width) || !(1..=Film::MAX_SIDE).contains(&height) {
+            return Err(BakeError::Size { width, height });
+        }
+        let complain = |what: &str| Err(BakeError::Config { what: what.into() });
+        if config.spp < 2 {
+            return complain("a bake needs at least 2 samples per pixel, one for each half");
+        }
+        if !(0.0..=120.0).contains(&config.tolerance_db) {
+            return complain("the tolerance must be between 0 and 120 dB");
+        }
+        Ok(())
+    }
+
+    /// Bakes with a header that was made before; blocks of the last pass that are `done` already are taken as they are.
+    pub(crate) fn run_from(
+        self,
+        header: Arc<BakeHeader>,
+        done: &[(usize, Vec<Arc<BlockFactors>>)],
+        mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+    ) -> Result<Option<Bake>, BakeError> {
+        let plan = MatrixPlan::new(&self.scene.lighting);
+        let mut matrix = self.matrix(&plan);
+        matrix.set_column_scale(header.column_scale.clone());
+        let partition = header.partition();
+        let passes = self.pass_samples(done.is_empty());
+        let n_blocks = partition.n_blocks();
+        let mut run = Run { job: &self, matrix: &matrix, header: &header, groups: header.empty_groups() };
+        if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
+            return Ok(None);
+        }
+        let last = passes.len() as u32 - 1;
+        for (block_idx, factors) in done {
+            run.keep(*block_idx, factors);
+            let event = BakeEvent::BlockDone { pass: last, block_idx: *block_idx, factors: factors.clone() };
+            if on_event(event).is_break() {
+                return Ok(None);
+            }
+        }
+        let mut clock = Clock::new(&passes, n_blocks, done.len());
+        for (pass, &samples) in passes.iter().enumerate() {
+            let mut blocks = from_the_center(&partition);
+            if pass as u32 == last {
+                blocks.retain(|b| !done.iter().any(|(d, _)| *d == *b as usize));
+            }
+            if run.pass(pass as u32, samples, &blocks, &mut clock, &mut on_event)?.is_break() {
+                return Ok(None);
+            }
+        }
+        let groups = run.groups;
+        Ok(Some(Bake { header, groups }))
+    }
+
+    /// Samples per half of each pass; `None` is the preview.
+    fn pass_samples(&self, from_scratch: bool) -> Vec<Option<u32>> {
+        let all = (self.config.spp / 2).max(1);
+        match self.passes {
+            _ if !from_scratch => vec![Some(all)],
+            Passes::Progressive if all >= 32 => vec![None, Some(all / 16), Some(all)],
+            Passes::Progressive | Passes::PreviewAndFinal => vec![None, Some(all)],
+            Passes::FinalOnly => vec![Some(all)],
+        }
+    }
+
+    fn compress_config(&self, samples_per_half: u32) -> CompressConfig {
+        let tolerance = 10f32.powf(-self.config.tolerance_db / 10.0);
+        let groups = self.scene.lighting.basis.groups.iter().map(|g| ColumnGroup {
+            columns: g.columns.start as usize..g.columns.end as usize,
+            tolerance: Tolerance::AbsoluteMeanSquare(tolerance),
+        });
+        CompressConfig {
+            groups: groups.collect(),
+            samples: SamplePlan { batch: samples_per_half.min(8), min: samples_per_half.min(8), max: samples_per_half },
+            seed: self.config.seed,
+            ..CompressConfig::default()
+        }
+    }
+}
+
+/// Blocks from the middle of the picture outwards, where people look first.
+fn from_the_center(partition: &Partition) -> Vec<u32> {
+    let mut blocks: Vec<u32> = (0..partition.n_blocks() as u32).collect();
+    let (cx, cy) = (i64::from(partition.tiles_x()) - 1, i64::from(partition.tiles_y()) - 1);
+    blocks.sort_by_key(|&b| {
+        let (x, y) = (i64::from(b % partition.tiles_x()), i64::from(b / partition.tiles_x()));
+        (2 * x - cx).pow(2) + (2 * y - cy).pow(2)
+    });
+    blocks
+}
+
+/// A bake under way.
+struct Run<'a> {
+    job: &'a BakeJob,
+    matrix: &'a TransportMatrix<'a>,
+    header: &'a Arc<BakeHeader>,
+    groups: Vec<BlockLowRank>,
+}
+
+impl Run<'_> {
+    fn keep(&mut self, block_idx: usize, factors: &[Arc<BlockFactors>]) {
+        for (group, factors) in self.groups.iter_mut().zip(factors) {
+            group.blocks[block_idx] = Some(factors.clone());
+        }
+    }
+
+    fn pass(
+        &mut self,
+        pass: u32,
+        samples: Option<u32>,
+        blocks: &[u32],
+        clock: &mut Clock,
+        on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
+    ) -> Result<ControlFlow<()>, BakeError> {
+        let (matrix, partition) = (self.matrix, self.header.partition());
+        let config = self.job.compress_config(samples.unwrap_or(1));
+        let on_block = |block: u32, factors: Vec<BlockFactors>| {
+            let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
+            self.keep(block as usize, &factors);
+            let (done, secs_left) = clock.block_done(pass);
+            on_event(BakeEvent::BlockDone { pass, block_idx: block as usize, factors })?;
+            on_event(BakeEvent::Progress { pass, done, secs_left })
+        };
+        let flow = match samples {
+            None => preview(matrix, &partition, blocks, &config, on_block)?,
+            Some(_) => compress(matrix, &partition, blocks, &config, on_block)?,
+        };
+        if flow.is_break() {
+            return Ok(flow);
+        }
+        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.groups) }))
+    }
+}
+
+/// Judges how far a bake is: passes count by their samples.
+struct Clock {
+    started: Instant,
+    weights: Vec<f32>,
+    total: f32,
+    done: f32,
+    at_start: f32,
+}
+
+impl Clock {
+    fn new(passes: &[Option<u32>], n_blocks: usize, n_done: usize) -> Clock {
+        let weights: Vec<f32> = passes.iter().map(|samples| samples.map_or(1.0, |s| s as f32)).collect();
+        let total = weights.iter().sum::<f32>() * n_blocks as f32;
+        let done = weights.last().copied().unwrap_or(0.0) * n_done as f32;
+        Clock { started: Instant::now(), weights, total, done, at_start: done }
+    }
+
+    /// 0…1, and seconds left once a hundredth is done.
+    fn block_done(&mut self, pass: u32) -> (f32, Option<f32>) {
+        self.done += self.weights[pass as usize];
+        let fresh = self.done - self.at_start;
+        let secs = self.started.elapsed().as_secs_f32();
+        let secs_left = (fresh > 0.01 * self.total).then(|| secs / fresh * (self.total - self.done));
+        ((self.done / self.total).min(1.0), secs_left)
+    }
+}

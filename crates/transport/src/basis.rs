@@ -1,0 +1,288 @@
+//! The columns of the matrix: which lights exist, which columns they own, and how a rig becomes coefficients.
+//!
+//! Every column is baked white at intensity 1, so that a red lamp can turn blue afterwards. What the file says about a
+//! light stands beside it as `color` and `strength` and comes back in [`LightBasis::project`].
+
+use std::collections::HashSet;
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
+use serde::{Deserialize, Serialize};
+
+use crate::light::{LightRig, LightSetting, PanelSpot};
+use crate::scene::PunctualKind;
+
+/// What kind of light a column belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColumnKind {
+    /// One column per punctual lamp and per node with an emissive surface.
+    Luminaire,
+    /// A rectangle of texels, one column each.
+    Panel,
+    /// A uniform sky, one column.
+    Sky,
+    /// What is seen whatever the lights do: unlit surfaces, one column, coefficient always 1.
+    Constant,
+}
+
+/// What emits, as far as a designer needs to know.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SourceKind {
+    /// Point lamp; strength in candela.
+    Point,
+    /// Spot lamp; strength in candela.
+    Spot,
+    /// Directional lamp; strength in lux.
+    Directional,
+    /// Emissive surfaces of a node; strength multiplies the color to nit.
+    Emitter,
+    /// Rectangle of `resolution` × `resolution` texels; strength multiplies the color to nit.
+    Panel {
+        /// Texels along each side.
+        resolution: u32,
+        /// Length of the u and v sides in meters.
+        size_m: [f32; 2],
+    },
+    /// Uniform sky; strength in nit.
+    Sky,
+    /// Unlit surfaces.
+    Constant,
+}
+
+impl From<PunctualKind> for SourceKind {
+    fn from(kind: PunctualKind) -> Self {
+        match kind {
+            PunctualKind::Point => SourceKind::Point,
+            PunctualKind::Spot { .. } => SourceKind::Spot,
+            PunctualKind::Directional => SourceKind::Directional,
+        }
+    }
+}
+
+impl SourceKind {
+    /// The kind of the columns of such a source.
+    pub fn column_kind(self) -> ColumnKind {
+        match self {
+            SourceKind::Panel { .. } => ColumnKind::Panel,
+            SourceKind::Sky => ColumnKind::Sky,
+            SourceKind::Constant => ColumnKind::Constant,
+            _ => ColumnKind::Luminaire,
+        }
+    }
+
+    /// Unit of the strength, for people.
+    pub fn unit(self) -> &'static str {
+        match self {
+            SourceKind::Point | SourceKind::Spot => "cd",
+            SourceKind::Directional => "lx",
+            _ => "nit",
+        }
+    }
+}
+
+/// A light with a name of its own.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightSource {
+    /// Name in looks: the node's name; repeats carry `#2`, `#3`, unnamed ones are `node:INDEX`.
+    pub key: String,
+    /// What emits.
+    pub kind: SourceKind,
+    /// Its columns. A panel's texel (i, j), i along u, is column `start + j · resolution + i`.
+    pub columns: Range<u32>,
+    /// Linear Rec. 709 color in the file.
+    pub color: Vec3,
+    /// Strength in the file, in the unit of the kind.
+    pub strength: f32,
+}
+
+/// Neighboring columns that are compressed together.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ColumnGroup {
+    /// Kind of all its columns.
+    pub kind: ColumnKind,
+    /// Its columns.
+    pub columns: Range<u32>,
+}
+
+/// All columns: lights in order, luminaires first, then sky, unlit surfaces, and panels.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LightBasis {
+    /// Lights in the order of their columns.
+    pub sources: Vec<LightSource>,
+    /// Groups in the order of their columns: all luminaires, sky, unlit surfaces, each panel.
+    pub groups: Vec<ColumnGroup>,
+}
+
+impl LightBasis {
+    /// Puts sources in column order (`columns` of the argument counts only by its length) and forms the groups.
+    pub fn new(mut sources: Vec<LightSource>) -> LightBasis {
+        let order = |kind: ColumnKind| match kind {
+            ColumnKind::Luminaire => 0,
+            ColumnKind::Sky => 1,
+            ColumnKind::Constant => 2,
+            ColumnKind::Panel => 3,
+        };
+        sources.sort_by_key(|source| order(source.kind.column_kind()));
+        let mut groups: Vec<ColumnGroup> = Vec::new();
+        let mut next = 0;
+        for source in &mut sources {
+            source.columns = next..next + source.columns.len() as u32;
+            next = source.columns.end;
+            let kind = source.kind.column_kind();
+            match groups.last_mut() {
+                Some(group) if group.kind == kind && kind == ColumnKind::Luminaire => group.columns.end = next,
+                _ => groups.push(ColumnGroup { kind, columns: source.columns.clone() }),
+            }
+        }
+        LightBasis { sources, groups }
+    }
+
+    /// Number of columns.
+    pub fn n_cols(&self) -> usize {
+        self.sources.last().map_or(0, |source| source.columns.end as usize)
+    }
+
+    /// The light with that key.
+    pub fn source(&self, key: &str) -> Option<&LightSource> {
+        self.sources.iter().find(|source| source.key == key)
+    }
+
+    /// One RGB coefficient per column: `radiance = T · coefficients`.
+    pub fn project(&self, rig: &LightRig) -> Vec<[f32; 3]> {
+        let mut coefficients = vec![[0.0; 3]; self.n_cols()];
+        for source in &self.sources {
+            let columns = &mut coefficients[source.columns.start as usize..source.columns.end as usize];
+            let setting = rig.lights.get(&source.key).copied().unwrap_or_default();
+            match (source.kind, rig.panels.get(&source.key)) {
+                (SourceKind::Constant, _) => columns.fill([1.0; 3]),
+                (SourceKind::Panel { resolution, size_m }, Some(spots)) => {
+                    project_spots(source, setting, resolution, size_m, spots, columns);
+                }
+                _ => columns.fill(setting.emission(source.color, source.strength).to_array()),
+            }
+        }
+        coefficients
+    }
+
+    /// Keys of a rig that no light of this basis answers to.
+    pub fn unknown_keys<'a>(&self, rig: &'a LightRig) -> Vec<&'a str> {
+        let panels = rig.panels.keys().filter(|key| {
+            !matches!(self.source(key), Some(LightSource { kind: SourceKind::Panel { .. }, .. }))
+        });
+        let mut unknown: Vec<&str> = rig.lights.keys().filter(|key| self.source(key).is_none()).map(String::as_str).collect();
+        unknown.extend(panels.map(String::as_str));
+        unknown.dedup();
+        unknown
+    }
+
+    /// Coefficients split by group, as a relighter takes them.
+    pub fn split_by_group(&self, coefficients: &[[f32; 3]]) -> Vec<Vec<[f32; 3]>> {
+        self.groups.iter().map(|g| coefficients[g.columns.start as usize..g.columns.end as usize].to_vec()).collect()
+    }
+}
+
+/// Samples per side of a texel that measure how much of it a spot covers.
+const SPOT_SAMPLES: u32 = 4;
+
+/// Adds the spots of a panel: each texel takes the mean of every spot's weight over its area.
+fn project_spots(
+    source: &LightSource,
+    setting: LightSetting,
+    resolution: u32,
+    size_m: [f32; 2],
+    spots: &[PanelSpot],
+    columns: &mut [[f32; 3]],
+) {
+    let to_short_sides = Vec2::from(size_m) / size_m[0].min(size_m[1]);
+    for spot in spots {
+        let own = LightSetting { color: spot.color.or(setting.color), ..setting };
+        let own = if spot.color.is_some() { LightSetting { kelvin: None, ..own } } else { own };
+        let emission = own.emission(source.color, source.strength) * spot.intensity;
+        for (texel_idx, column) in columns.iter_mut().enumerate() {
+            let texel = Vec2::new((texel_idx as u32 % resolution) as f32, (texel_idx as u32 / resolution) as f32);
+            let mut weight = 0.0;
+            for sample in 0..SPOT_SAMPLES * SPOT_SAMPLES {
+                let within = Vec2::new((sample % SPOT_SAMPLES) as f32, (sample / SPOT_SAMPLES) as f32) + 0.5;
+                let uv = (texel + within / SPOT_SAMPLES as f32) / resolution as f32;
+                weight += spot.weight((uv - Vec2::from(spot.position)) * to_short_sides);
+            }
+            weight /= (SPOT_SAMPLES * SPOT_SAMPLES) as f32;
+            *column = (Vec3::from(*column) + emission * weight).to_array();
+        }
+    }
+}
+
+/// Gives each light a key of its own: names as they are, repeats `#2`, `#3`, unnamed ones `node:INDEX`.
+#[derive(Default)]
+pub struct KeyMaker {
+    taken: HashSet<String>,
+}
+
+impl KeyMaker {
+    /// The key of the next light.
+    pub fn key(&mut self, name: Option<&str>, node_index: u32) -> String {
+        let base = name.filter(|n| !n.is_empty()).map_or_else(|| format!("node:{node_index}"), str::to_string);
+        let mut key = base.clone();
+        let mut repeat = 1;
+        while !self.taken.insert(key.clone()) {
+            repeat += 1;
+            key = format!("{base}#{repeat}");
+        }
+        key
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn source(key: &str, kind: SourceKind, n: u32) -> LightSource {
+        LightSource { key: key.into(), kind, columns: 0..n, color: Vec3::new(1.0, 0.5, 0.25), strength: 8.0 }
+    }
+
+    fn panel(resolution: u32) -> SourceKind {
+        SourceKind::Panel { resolution, size_m: [2.0, 1.0] }
+    }
+
+    #[test]
+    fn luminaires_share_a_group_and_each_panel_has_its_own() {
+        let basis = LightBasis::new(vec![
+            source("p", panel(4), 16),
+            source("a", SourceKind::Point, 1),
+            source("q", panel(4), 16),
+            source("b", SourceKind::Emitter, 1),
+        ]);
+        let columns: Vec<_> = basis.groups.iter().map(|g| g.columns.clone()).collect();
+        assert_eq!(columns, [0..2, 2..18, 18..34]);
+        assert_eq!(basis.sources[0].key, "a");
+    }
+
+    #[test]
+    fn a_rig_without_entries_is_the_file_and_an_empty_panel_is_dark() {
+        let basis = LightBasis::new(vec![source("p", panel(4), 16), source("a", SourceKind::Point, 1)]);
+        assert!(basis.project(&LightRig::default()).iter().all(|c| *c == [8.0, 4.0, 2.0]));
+        let mut rig = LightRig::default();
+        rig.panels.insert("p".into(), vec![]);
+        assert!(basis.project(&rig)[1..].iter().all(|c| *c == [0.0; 3]));
+    }
+
+    #[test]
+    fn a_wide_spot_is_the_uniform_panel_and_spots_add() {
+        let basis = LightBasis::new(vec![source("p", panel(8), 64)]);
+        let wide = PanelSpot { position: [0.5, 0.5], radius: 100.0, color: None, intensity: 1.0 };
+        let mut rig = LightRig::default();
+        rig.panels.insert("p".into(), vec![wide, PanelSpot { intensity: 0.5, color: Some([1.0; 3]), ..wide }]);
+        for c in basis.project(&rig) {
+            assert!((Vec3::from(c) - Vec3::new(12.0, 8.0, 6.0)).abs().max_element() < 1e-4, "{c:?}");
+        }
+    }
+
+    #[test]
+    fn repeated_names_count_and_collisions_stay_unique() {
+        let mut keys = KeyMaker::default();
+        let got = [keys.key(Some("lamp"), 0), keys.key(Some("lamp"), 1), keys.key(None, 7), keys.key(Some("lamp#2"), 8)];
+        assert_eq!(got, ["lamp", "lamp#2", "node:7", "lamp#2#2"]);
+    }
+}

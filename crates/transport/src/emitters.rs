@@ -1,0 +1,405 @@
+//! Where the light of each column comes from: geometry to sample, and the way back from a surface to its column.
+
+use std::collections::BTreeMap;
+
+use glam::{Vec2, Vec3};
+use thiserror::Error;
+
+use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
+use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene};
+
+/// A node whose emissive quad is to become a panel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PanelRequest {
+    /// Name of the node, or `node:INDEX`.
+    pub node: String,
+    /// Texels along each side, 4…64.
+    pub resolution: u32,
+}
+
+/// Fewest and most texels along a side of a panel.
+pub const PANEL_RESOLUTION: std::ops::RangeInclusive<u32> = 4..=64;
+
+/// Why a scene cannot be lit as asked.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LightingError {
+    /// A panel was asked for on a node that does not exist.
+    #[error("no emissive node is named `{node}`; emissive nodes are: {known}")]
+    UnknownPanelNode {
+        /// Name asked for.
+        node: String,
+        /// Names that exist.
+        known: String,
+    },
+    /// A panel was asked for on something that is not a rectangle.
+    #[error("node `{node}` cannot be a panel: {reason}; model it as one planar emissive quad")]
+    NotAQuad {
+        /// Name of the node.
+        node: String,
+        /// What is wrong with its shape.
+        reason: &'static str,
+    },
+    /// A panel resolution out of range.
+    #[error("panel `{node}` asks for {resolution} texels a side; give 4 to 64")]
+    Resolution {
+        /// Name of the node.
+        node: String,
+        /// Texels a side asked for.
+        resolution: u32,
+    },
+}
+
+/// What a column's light comes from.
+#[derive(Clone, Debug)]
+pub enum Emitter {
+    /// A lamp without size.
+    Punctual(PunctualLight),
+    /// Triangles, sampled by area.
+    Surface(SurfaceEmitter),
+    /// A rectangle of texels, sampled texel by texel.
+    Panel(PanelEmitter),
+    /// Everything that no ray reaches.
+    Sky,
+    /// Unlit surfaces.
+    Constant,
+}
+
+/// Emissive triangles of one node.
+#[derive(Clone, Debug)]
+pub struct SurfaceEmitter {
+    /// Triangles of the mesh.
+    pub triangles: Vec<u32>,
+    /// Summed areas, m².
+    pub cumulative_area: Vec<f32>,
+    /// Total area, m².
+    pub area: f32,
+    /// Turns emitted radiance into the white column's radiance, per channel.
+    pub whiten: Vec3,
+}
+
+/// A panel in world space: point(u, v) = origin + u · u_edge + v · v_edge.
+#[derive(Clone, Debug)]
+pub struct PanelEmitter {
+    /// Corner at (0, 0).
+    pub origin: Vec3,
+    /// Side along u in meters.
+    pub u_edge: Vec3,
+    /// Side along v in meters.
+    pub v_edge: Vec3,
+    /// Unit normal of the shining side.
+    pub normal: Vec3,
+    /// Texels along each side.
+    pub resolution: u32,
+    /// One of its triangles, for its material and UV.
+    pub triangle: u32,
+    /// Texture coordinates at the origin and their change along u and v, for both sets.
+    pub uv_frame: [[Vec2; 3]; 2],
+    /// Shines from both sides.
+    pub double_sided: bool,
+    /// Turns emitted radiance into the white column's radiance, per channel.
+    pub whiten: Vec3,
+    /// Area of a texel, m².
+    pub texel_area: f32,
+}
+
+impl PanelEmitter {
+    /// World-space point at (u, v) of the panel.
+    pub fn point(&self, uv: Vec2) -> Vec3 {
+        self.origin + self.u_edge * uv.x + self.v_edge * uv.y
+    }
+
+    /// (u, v) of a world-space point projected onto the panel's plane; outside 0…1 when it is beside the panel.
+    pub fn uv_of(&self, point: Vec3) -> Vec2 {
+        let d = point - self.origin;
+        let (uu, uv, vv) = (self.u_edge.length_squared(), self.u_edge.dot(self.v_edge), self.v_edge.length_squared());
+        let det = (uu * vv - uv * uv).max(f32::MIN_POSITIVE);
+        let (du, dv) = (d.dot(self.u_edge), d.dot(self.v_edge));
+        Vec2::new((vv * du - uv * dv) / det, (uu * dv - uv * du) / det)
+    }
+
+    /// Texel at (u, v), counted as in [`LightSource::columns`].
+    pub fn texel(&self, uv: Vec2) -> u32 {
+        let m = self.resolution as f32;
+        let at = (uv * m).clamp(Vec2::ZERO, Vec2::splat(m - 0.5)).as_uvec2();
+        at.y * self.resolution + at.x
+    }
+
+    /// Where a ray meets the panel's rectangle, seen from either side: distance along the ray and (u, v).
+    pub fn intersect(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec2)> {
+        let along = direction.dot(self.normal);
+        let t = (self.origin - origin).dot(self.normal) / along;
+        let uv = self.uv_of(origin + direction * t);
+        (along != 0.0 && t > 0.0 && uv.min_element() >= 0.0 && uv.max_element() <= 1.0).then_some((t, uv))
+    }
+}
+
+/// The columns and the geometry they come from.
+#[derive(Clone, Debug, Default)]
+pub struct Lighting {
+    /// The columns.
+    pub basis: LightBasis,
+    /// One per source of the basis.
+    pub emitters: Vec<Emitter>,
+    /// Index of the source that each triangle of the mesh belongs to, [`Lighting::NONE`] for most.
+    pub triangle_source: Vec<u32>,
+}
+
+impl Lighting {
+    /// A triangle that emits nothing.
+    pub const NONE: u32 = u32::MAX;
+
+    /// Finds the lights of a scene. Returns warnings in words beside it.
+    ///
+    /// # Errors
+    /// A panel request that the scene cannot answer.
+    pub fn new(scene: &Scene, requests: &[PanelRequest]) -> Result<(Lighting, Vec<String>), LightingError> {
+        let mut warnings = Vec::new();
+        let mut found = find_lights(scene, requests, &mut warnings)?;
+        add_sky_and_constant(scene, &mut found, &mut warnings);
+        // Column order differs from node order (panels come last), so emitters follow their keys.
+        let basis = LightBasis::new(found.iter().map(|(source, _)| source.clone()).collect());
+        let mut by_key: BTreeMap<String, Emitter> = found.into_iter().map(|(s, e)| (s.key, e)).collect();
+        let emitters: Vec<Emitter> =
+            basis.sources.iter().map(|s| by_key.remove(&s.key).expect("keys are unique")).collect();
+        let triangle_source = assign_triangles(scene, &emitters);
+        Ok((Lighting { basis, emitters, triangle_source }, warnings))
+    }
+
+    /// The panels with their index in `basis.sources`.
+    pub fn panels(&self) -> impl Iterator<Item = (usize, &PanelEmitter)> {
+        self.emitters.iter().enumerate().filter_map(|(i, e)| match e {
+            Emitter::Panel(panel) => Some((i, panel)),
+            _ => None,
+        })
+    }
+}
+
+type Found = Vec<(LightSource, Emitter)>;
+
+fn find_lights(scene: &Scene, requests: &[PanelRequest], warnings: &mut Vec<String>) -> Result<Found, LightingError> {
+    let mut triangles_of_node: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for triangle in 0..scene.mesh.triangles.len() as u32 {
+        let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
+        if material.is_emitter() && scene.mesh.area_normal(triangle).length_squared() > 0.0 {
+            triangles_of_node.entry(scene.mesh.triangle_node[triangle as usize]).or_default().push(triangle);
+        }
+    }
+    check_requests(scene, requests, &triangles_of_node)?;
+    let (mut keys, mut found) = (KeyMaker::default(), Found::new());
+    for (node_idx, node) in scene.nodes.iter().enumerate() {
+        for light in scene.punctual.iter().filter(|light| light.node as usize == node_idx) {
+            let key = keys.key(node.name.as_deref(), node.index);
+            let (color, strength) = (light.color, light.intensity);
+            found.push((LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength }, Emitter::Punctual(light.clone())));
+        }
+        let Some(triangles) = triangles_of_node.remove(&(node_idx as u32)) else { continue };
+        let key = keys.key(node.name.as_deref(), node.index);
+        let request = requests.iter().find(|r| names(node, &r.node));
+        let resolution = request.map(|r| r.resolution).or(node.panel);
+        match resolution.map(|m| panel_emitter(scene, &triangles, m)) {
+            Some(Ok(panel)) => found.push(panel_source(scene, key, panel)),
+            Some(Err(reason)) if request.is_some() => return Err(LightingError::NotAQuad { node: key, reason }),
+            Some(Err(reason)) => {
+                warnings.push(format!("node `{key}` asks to be a panel but {reason}; it is one luminaire"));
+                found.push(surface_source(scene, key, triangles));
+            }
+            None => found.push(surface_source(scene, key, triangles)),
+        }
+    }
+    Ok(found)
+}
+
+fn names(node: &crate::scene::SceneNode, request: &str) -> bool {
+    node.name.as_deref() == Some(request) || request == format!("node:{}", node.index)
+}
+
+fn check_requests(
+    scene: &Scene,
+    requests: &[PanelRequest],
+    emissive: &BTreeMap<u32, Vec<u32>>,
+) -> Result<(), LightingError> {
+    for request in requests {
+        if !PANEL_RESOLUTION.contains(&request.resolution) {
+            return Err(LightingError::Resolution { node: request.node.clone(), resolution: request.resolution });
+        }
+        if !emissive.keys().any(|&n| names(&scene.nodes[n as usize], &request.node)) {
+            let known: Vec<String> = emissive
+                .keys()
+                .take(20)
+                .map(|&n| &scene.nodes[n as usize])
+                .map(|n| n.name.clone().unwrap_or_else(|| format!("node:{}", n.index)))
+                .collect();
+            let known = if known.is_empty() { "none".to_string() } else { known.join(", ") };
+            return Err(LightingError::UnknownPanelNode { node: request.node.clone(), known });
+        }
+    }
+    Ok(())
+}
+
+/// Color and strength that the file gives a node's emissive surfaces: those of its brightest material, channel by channel.
+fn file_emission(scene: &Scene, triangles: &[u32]) -> (Vec3, f32) {
+    let mut radiance = Vec3::ZERO;
+    let mut strength: f32 = 0.0;
+    for &triangle in triangles {
+        let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
+        radiance = radiance.max(material.emitted_radiance());
+        strength = strength.max(material.emissive_strength);
+    }
+    (radiance / strength, strength)
+}
+
+/// Per channel 1 / radiance, and 0 where the file emits nothing.
+fn whiten(color: Vec3, strength: f32) -> Vec3 {
+    let radiance = color * strength;
+    Vec3::select(radiance.cmpgt(Vec3::ZERO), 1.0 / radiance.max(Vec3::splat(f32::MIN_POSITIVE)), Vec3::ZERO)
+}
+
+fn surface_source(scene: &Scene, key: String, triangles: Vec<u32>) -> (LightSource, Emitter) {
+    let (color, strength) = file_emission(scene, &triangles);
+    let mut area = 0.0;
+    let cumulative_area = triangles
+        .iter()
+        .map(|&t| {
+            area += 0.5 * scene.mesh.area_normal(t).length();
+            area
+        })
+        .collect();
+    let emitter = SurfaceEmitter { triangles, cumulative_area, area, whiten: whiten(color, strength) };
+    (LightSource { key, kind: SourceKind::Emitter, columns: 0..1, color, strength }, Emitter::Surface(emitter))
+}
+
+fn panel_source(scene: &Scene, key: String, panel: PanelEmitter) -> (LightSource, Emitter) {
+    let (color, strength) = file_emission(scene, &[panel.triangle]);
+    let panel = PanelEmitter { whiten: whiten(color, strength), ..panel };
+    let size_m = [panel.u_edge.length(), panel.v_edge.length()];
+    let kind = SourceKind::Panel { resolution: panel.resolution, size_m };
+    let columns = 0..panel.resolution * panel.resolution;
+    (LightSource { key, kind, columns, color, strength }, Emitter::Panel(panel))
+}
+
+/// Reads the rectangle that two triangles form; (0, 0) is the corner at UV (0, 0), else the first vertex, and u runs along
+/// growing UV, else along the first edge.
+fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<PanelEmitter, &'static str> {
+    if !PANEL_RESOLUTION.contains(&resolution) {
+        return Err("its resolution is not 4 to 64");
+    }
+    let &[first, second] = triangles else { return Err("its emissive surface is not a single quad") };
+    let mesh = &scene.mesh;
+    let near = |a: Vec3, b: Vec3, scale: f32| (a - b).length() <= 1e-4 * scale;
+    let a = mesh.triangles[first as usize];
+    let p = a.map(|v| mesh.positions[v as usize]);
+    let scale = (p[1] - p[0]).length().max((p[2] - p[0]).length());
+    // The corner of the second triangle that the first does not have lies opposite the corner of the first that is not shared.
+    let fourth = mesh.corners(second).into_iter().find(|q| !p.iter().any(|r| near(*q, *r, scale)));
+    let q = fourth.ok_or("its two triangles do not form a quad")?;
+    let alone = (0..3).find(|&i| near(p[(i + 1) % 3] + p[(i + 2) % 3] - p[i], q, scale));
+    let alone = alone.ok_or("its quad is not a parallelogram")?;
+    // Corner `alone` with its two neighbors spans the quad; order the four corners round it.
+    let ring = [alone, (alone + 1) % 3, 3, (alone + 2) % 3];
+    let corner = |i: usize| if i == 3 { q } else { p[i] };
+    let uv_at = |i: usize, set: usize| -> Option<Vec2> {
+        let uvs = &mesh.uvs[set];
+        let at = |i: usize| uvs.get(a[i] as usize).copied();
+        if i < 3 { at(i) } else { Some(at(ring[1])? + at(ring[3])? - at(ring[0])?) }
+    };
+    let origin = (0..4)
+        .find(|&k| uv_at(ring[k], 0).is_some_and(|uv| uv.abs().max_element() < 1e-3))
+        .filter(|_| uv_at(ring[1], 0) != uv_at(ring[3], 0))
+        .map(|k| (k, true));
+    let (k, by_uv) = origin.unwrap_or(((0..4).find(|&k| ring[k] == 0).expect("the ring holds every corner"), false));
+    let (next, previous) = (ring[(k + 1) % 4], ring[(k + 3) % 4]);
+    let u_first = if by_uv {
+        let along = |i: usize| uv_at(i, 0).map_or(Vec2::ZERO, |uv| uv.abs());
+        along(next).x - along(next).y >= along(previous).x - along(previous).y
+    } else {
+        next == 1 || previous != 1
+    };
+    let (u_corner, v_corner) = if u_first { (next, previous) } else { (previous, next) };
+    let o = ring[k];
+    let (u_edge, v_edge) = (corner(u_corner) - corner(o), corner(v_corner) - corner(o));
+    if u_edge.dot(v_edge).abs() > 1e-2 * u_edge.length() * v_edge.length() {
+        return Err("its quad is not a rectangle");
+    }
+    let uv_frame = [0, 1].map(|set| {
+        let at = |i| uv_at(i, set).unwrap_or(Vec2::ZERO);
+        [at(o), at(u_corner) - at(o), at(v_corner) - at(o)]
+    });
+    let material = &scene.materials[mesh.triangle_material[first as usize] as usize];
+    if material.alpha != AlphaMode::Opaque {
+        return Err("its material is not opaque");
+    }
+    let texel_area = u_edge.cross(v_edge).length() / (resolution * resolution) as f32;
+    Ok(PanelEmitter {
+        origin: corner(o),
+        u_edge,
+        v_edge,
+        normal: mesh.area_normal(first).normalize(),
+        resolution,
+        triangle: first,
+        uv_frame,
+        double_sided: material.double_sided,
+        whiten: Vec3::ONE,
+        texel_area,
+    })
+}
+
+fn add_sky_and_constant(scene: &Scene, found: &mut Found, warnings: &mut Vec<String>) {
+    let mut keys = KeyMaker::default();
+    for (source, _) in found.iter() {
+        keys.key(Some(&source.key), 0);
+    }
+    if found.is_empty() {
+        warnings.push("the scene has no light; a uniform sky of 1 nit lights it".into());
+        let source = LightSource { key: keys.key(Some("sky"), 0), kind: SourceKind::Sky, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
+        found.push((source, Emitter::Sky));
+    }
+    if scene.mesh.triangle_material.iter().any(|&m| scene.materials[m as usize].unlit) {
+        let kind = SourceKind::Constant;
+        let source = LightSource { key: keys.key(Some("unlit"), 0), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
+        found.push((source, Emitter::Constant));
+    }
+}
+
+fn assign_triangles(scene: &Scene, emitters: &[Emitter]) -> Vec<u32> {
+    let mut triangle_source = vec![Lighting::NONE; scene.mesh.triangles.len()];
+    for (idx, emitter) in emitters.iter().enumerate() {
+        match emitter {
+            Emitter::Surface(surface) => {
+                for &t in &surface.triangles {
+                    triangle_source[t as usize] = idx as u32;
+                }
+            }
+            Emitter::Panel(panel) => {
+                let node = scene.mesh.triangle_node[panel.triangle as usize];
+                for (t, slot) in triangle_source.iter_mut().enumerate() {
+                    let material = &scene.materials[scene.mesh.triangle_material[t] as usize];
+                    if scene.mesh.triangle_node[t] == node && material.is_emitter() {
+                        *slot = idx as u32;
+                    }
+                }
+            }
+            Emitter::Constant => {
+                for (t, slot) in triangle_source.iter_mut().enumerate() {
+                    if scene.materials[scene.mesh.triangle_material[t] as usize].unlit {
+                        *slot = idx as u32;
+                    }
+                }
+            }
+            Emitter::Punctual(_) | Emitter::Sky => {}
+        }
+    }
+    triangle_source
+}
+
+/// glTF's spot falloff times intensity 1: `saturate(cosθ · scale + offset)²`.
+pub fn punctual_falloff(light: &PunctualLight, cos_angle: f32) -> f32 {
+    match light.kind {
+        PunctualKind::Spot { inner_rad, outer_rad } => {
+            let scale = 1.0 / (inner_rad.cos() - outer_rad.cos()).max(0.001);
+            let t = ((cos_angle - outer_rad.cos()) * scale).clamp(0.0, 1.0);
+            t * t
+        }
+        PunctualKind::Point | PunctualKind::Directional => 1.0,
+    }
+}

@@ -1,0 +1,114 @@
+//! What a bake cost and how exact it is.
+
+use clerestory_nystrom::BlockLowRank;
+use serde::Serialize;
+
+use crate::bake::Bake;
+use crate::matrix::CHANNELS;
+
+/// Errors in dB below the columns' peaks: 10·log10(pk² / mean ΔT²) over all entries outside the sparse part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ErrorDb {
+    /// What the chosen ranks leave out, measured on held-out pixels.
+    pub truncation: f32,
+    /// Sampling noise that stays in the factors.
+    pub sampling: f32,
+    /// Sampling noise of the entries before compression.
+    pub noise: f32,
+    /// Truncation and sampling together.
+    pub total: f32,
+}
+
+/// Work that was not needed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Skipped {
+    /// Blocks, over all groups, that hold no light at all.
+    pub dark_blocks: usize,
+    /// Blocks that reached the tolerance before all samples were taken.
+    pub converged_blocks: usize,
+    /// Share of the samples that were not taken.
+    pub samples_saved: f32,
+}
+
+/// Figures of a finished bake.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Figures {
+    /// Pixels of the picture.
+    pub pixels: usize,
+    /// Columns of the matrix.
+    pub columns: usize,
+    /// Blocks of pixels.
+    pub blocks: usize,
+    /// Mean rank over blocks, summed over the groups of columns.
+    pub mean_rank: f32,
+    /// Highest rank of a block in one group.
+    pub max_rank: u32,
+    /// Bytes of the factors.
+    pub bytes: usize,
+    /// Bytes of the dense matrix in 32-bit floats.
+    pub dense_bytes: usize,
+    /// Dense over compressed.
+    pub ratio: f32,
+    /// Measured errors.
+    pub error_db: ErrorDb,
+    /// Work that was not needed.
+    pub skipped: Skipped,
+}
+
+/// Best error that is told; beyond it numbers mean nothing in 16-bit factors.
+const BEST_DB: f32 = 120.0;
+
+/// Errors of all groups together, each entry counting alike.
+pub fn error_db(groups: &[BlockLowRank]) -> ErrorDb {
+    let mut sum = [0.0f64; 3];
+    let mut weight = 0.0;
+    for group in groups.iter().filter(|g| g.blocks.iter().any(Option::is_some)) {
+        let error = group.mean_error();
+        let entries = group.n_rows() as f64 * f64::from(group.n_cols);
+        for (sum, value) in sum.iter_mut().zip([error.truncation, error.sampling, error.noise]) {
+            *sum += f64::from(value) * entries;
+        }
+        weight += entries;
+    }
+    let db = |mean_square: f64| {
+        let db = -10.0 * (mean_square / weight.max(1.0)).max(0.0).log10();
+        (db as f32).min(BEST_DB)
+    };
+    let truncation = sum[0].max(0.0);
+    ErrorDb { truncation: db(truncation), sampling: db(sum[1]), noise: db(sum[2]), total: db(truncation + sum[1]) }
+}
+
+impl Bake {
+    /// What it cost and how exact it is.
+    pub fn figures(&self) -> Figures {
+        let blocks = self.header.partition().n_blocks();
+        let (pixels, columns) = (self.header.width as usize * self.header.height as usize, self.header.basis.n_cols());
+        let bytes = self.groups.iter().map(BlockLowRank::n_bytes).sum::<usize>();
+        let dense_bytes = CHANNELS * pixels * columns * size_of::<f32>();
+        Figures {
+            pixels,
+            columns,
+            blocks,
+            mean_rank: self.groups.iter().map(|g| g.mean_rank()).sum(),
+            max_rank: self.groups.iter().map(|g| g.max_rank()).max().unwrap_or(0),
+            bytes,
+            dense_bytes,
+            ratio: dense_bytes as f32 / bytes.max(1) as f32,
+            error_db: error_db(&self.groups),
+            skipped: self.skipped(),
+        }
+    }
+
+    fn skipped(&self) -> Skipped {
+        let factors = || self.groups.iter().flat_map(|g| g.blocks.iter().flatten());
+        let full = (self.header.config.spp / 2).max(1) * 2;
+        // All groups of a block share their samples: the first group speaks for all.
+        let taken: Vec<u32> = self.groups.first().map_or(vec![], |g| g.blocks.iter().flatten().map(|b| b.n_samples).collect());
+        let share = taken.iter().map(|&n| f64::from(n)).sum::<f64>() / (f64::from(full) * taken.len().max(1) as f64);
+        Skipped {
+            dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
+            converged_blocks: taken.iter().filter(|&&n| n < full).count(),
+            samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },
+        }
+    }
+}

@@ -1,0 +1,21 @@
+//! What light does before anyone edits it: glTF import, light transport by path tracing, and baking into block factors.
+pub mod archive;
+pub mod bake;
+pub mod basis;
+pub mod bsdf;
+pub mod bvh;
+pub mod camera;
+pub mod emitters;
+pub mod figures;
+mod fingerprint;
+pub mod import;
+pub mod light;
+pub mod matrix;
+pub mod path;
+pub mod plan;
+pub mod prepared;
+mod preview;
+pub mod sampler;
+pub mod scene;
+pub mod texture;
+pub mod trace;

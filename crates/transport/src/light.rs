@@ -1,0 +1,136 @@
+//! What a designer sets: per lamp, and per spot on a panel.
+
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// The lighting of a scene: what differs from the file. Keys are those of `LightSource::key`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LightRig {
+    /// Settings by lamp; a lamp that is left out shines as in the file.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub lights: BTreeMap<String, LightSetting>,
+    /// Spots by panel; a panel that is left out shines uniformly, one without spots is dark.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub panels: BTreeMap<String, Vec<PanelSpot>>,
+}
+
+/// One lamp, relative to what the file says.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightSetting {
+    /// Multiplies what the file says.
+    #[serde(default = "one")]
+    pub intensity: f32,
+    /// Linear Rec. 709; replaces the file's color.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f32; 3]>,
+    /// Correlated color temperature; replaces the color by the Planckian tint at luminance 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kelvin: Option<f32>,
+    /// Dark, whatever else is set.
+    #[serde(default)]
+    pub muted: bool,
+}
+
+/// A spot of light on a panel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PanelSpot {
+    /// (0, 0) at the panel's UV origin, (1, 1) at the opposite corner.
+    pub position: [f32; 2],
+    /// In units of the panel's shorter side.
+    pub radius: f32,
+    /// Linear Rec. 709; replaces the panel's own color.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub color: Option<[f32; 3]>,
+    /// 1 emits the panel's own radiance.
+    #[serde(default = "one")]
+    pub intensity: f32,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+impl Default for LightSetting {
+    fn default() -> Self {
+        LightSetting { intensity: 1.0, color: None, kelvin: None, muted: false }
+    }
+}
+
+impl LightSetting {
+    /// Light relative to a white lamp of strength 1: what the file says (`color`, `strength`), changed by this setting.
+    pub fn emission(&self, color: Vec3, strength: f32) -> Vec3 {
+        if self.muted {
+            return Vec3::ZERO;
+        }
+        let color = match (self.kelvin, self.color) {
+            (Some(kelvin), _) => planckian_tint(kelvin),
+            (None, Some(own)) => Vec3::from(own),
+            (None, None) => color,
+        };
+        color * strength * self.intensity
+    }
+}
+
+impl PanelSpot {
+    /// 1 inside, 0 outside, a smooth edge between 0.7 and 1.3 radii. `offset` from the spot's center in units of the
+    /// panel's shorter side.
+    pub fn weight(&self, offset: glam::Vec2) -> f32 {
+        let t = ((1.3 - offset.length() / self.radius.max(1e-6)) / 0.6).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    }
+}
+
+/// Linear Rec. 709 color of a black body at luminance 1. Clamped to 1667…25000 K and to the gamut.
+///
+/// Chromaticity by the rational fit of [Kim2002] for the Planckian locus.
+pub fn planckian_tint(kelvin: f32) -> Vec3 {
+    let t = f64::from(if kelvin.is_finite() { kelvin.clamp(1667.0, 25_000.0) } else { 6500.0 });
+    let x = if t <= 4000.0 {
+        -0.266_123_9e9 / t.powi(3) - 0.234_358_9e6 / t.powi(2) + 0.877_695_6e3 / t + 0.179_910
+    } else {
+        -3.025_846_9e9 / t.powi(3) + 2.107_037_9e6 / t.powi(2) + 0.222_634_7e3 / t + 0.240_390
+    };
+    let y = if t <= 2222.0 {
+        -1.106_381_4 * x.powi(3) - 1.348_110_2 * x.powi(2) + 2.185_558_32 * x - 0.202_196_83
+    } else if t <= 4000.0 {
+        -0.954_947_6 * x.powi(3) - 1.374_185_93 * x.powi(2) + 2.091_370_15 * x - 0.167_488_67
+    } else {
+        3.081_758 * x.powi(3) - 5.873_386_7 * x.powi(2) + 3.751_129_97 * x - 0.370_014_83
+    };
+    let xyz = glam::DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
+    let rgb = glam::DMat3::from_cols_array(&[
+        3.240_454_2, -0.969_266, 0.055_643_4, -1.537_138_5, 1.876_010_8, -0.204_025_9, -0.498_531_4, 0.041_556, 1.057_225_2,
+    ]) * xyz;
+    let rgb = rgb.max(glam::DVec3::ZERO).as_vec3();
+    rgb / luminance(rgb)
+}
+
+/// Luminance of linear Rec. 709.
+pub fn luminance(rgb: Vec3) -> f32 {
+    rgb.dot(Vec3::new(0.2126, 0.7152, 0.0722))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kelvin_is_warm_below_and_cool_above_daylight_at_luminance_one() {
+        for kelvin in [1800.0, 2700.0, 4000.0, 6500.0, 12_000.0] {
+            assert!((luminance(planckian_tint(kelvin)) - 1.0).abs() < 1e-5);
+        }
+        let (warm, cool) = (planckian_tint(2700.0), planckian_tint(10_000.0));
+        assert!(warm.x > warm.z && cool.z > cool.x);
+        let day = planckian_tint(6500.0);
+        assert!((day - Vec3::ONE).abs().max_element() < 0.06, "{day}");
+    }
+
+    #[test]
+    fn muting_wins_and_color_replaces() {
+        let setting = LightSetting { intensity: 2.0, color: Some([0.0, 0.0, 1.0]), kelvin: None, muted: false };
+        assert_eq!(setting.emission(Vec3::new(1.0, 0.5, 0.2), 10.0), Vec3::new(0.0, 0.0, 20.0));
+        assert_eq!(LightSetting { muted: true, ..setting }.emission(Vec3::ONE, 1.0), Vec3::ZERO);
+    }
+}

@@ -1,0 +1,163 @@
+//! The transport matrix as something that can be sampled: rows are channels of pixels, columns are lights.
+//!
+//! Columns are scaled so that the 99.5 percentile of each is about 1 ([`TransportMatrix::column_scale`]): a dim or far lamp
+//! is then as exact, relative to its own light, as a bright one. Coefficients are divided by the same scale.
+
+use std::ops::Range;
+
+use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::camera::{Camera, Film};
+use crate::path::{Deposit, Integrator, Scratch};
+use crate::plan::MatrixPlan;
+use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
+
+/// Rows per pixel: red, green, blue.
+pub const CHANNELS: usize = 3;
+
+/// A scene's light transport to a camera, sampled by path tracing.
+pub struct TransportMatrix<'a> {
+    pub(crate) integrator: Integrator<'a, MatrixPlan>,
+    pub(crate) camera: Camera,
+    pub(crate) film: Film,
+    pub(crate) seed: u64,
+    column_scale: Vec<f32>,
+}
+
+/// Pixels that measure how bright each column is, and samples of each.
+const PILOT_PIXELS: usize = 4096;
+const PILOT_SAMPLES: u32 = 2;
+/// Part of a column's entries that may be brighter than its peak.
+const PEAK_QUANTILE: f32 = 0.995;
+
+impl<'a> TransportMatrix<'a> {
+    /// With columns as they are, before their scale is known.
+    pub fn new(scene: &'a PreparedScene, plan: &'a MatrixPlan, camera: Camera, film: Film, bounces: Option<u32>, seed: u64) -> Self {
+        let column_scale = vec![1.0; scene.lighting.basis.n_cols()];
+        TransportMatrix { integrator: Integrator::new(scene, plan, bounces), camera, film, seed, column_scale }
+    }
+
+    /// What each column of the scene's transport is multiplied by.
+    pub fn column_scale(&self) -> &[f32] {
+        &self.column_scale
+    }
+
+    /// Sets the scale of the columns.
+    pub fn set_column_scale(&mut self, column_scale: Vec<f32>) {
+        assert_eq!(column_scale.len(), self.n_cols(), "one scale per column");
+        self.column_scale = column_scale;
+    }
+
+    /// Measures the brightness of each column on a few thousand pixels and returns one over its 99.5 percentile. A column
+    /// that reaches none of them takes the median of the others.
+    pub fn measure_column_scale(&self) -> Vec<f32> {
+        let (n_cols, n_pixels) = (self.n_cols(), self.film.n_pixels());
+        let n_pilots = n_pixels.min((PILOT_PIXELS).min((1 << 26) / n_cols.max(1))).max(1);
+        let pilots: Vec<u32> = (0..n_pilots).map(|i| (i * n_pixels / n_pilots) as u32).collect();
+        let mut rows = vec![0.0; n_pilots * CHANNELS * n_cols];
+        rows.par_chunks_mut(CHANNELS * n_cols).zip(&pilots).for_each(|(out, &pixel)| {
+            // A stream of its own: the bake's samples stay independent of the scale.
+            self.deposit_pixel(pixel, 0..PILOT_SAMPLES, 2, &mut Scratch::default(), &mut RowDeposit::new(out, n_cols, &self.column_scale));
+        });
+        let n_rows = n_pilots * CHANNELS;
+        let peaks: Vec<f32> = (0..n_cols)
+            .into_par_iter()
+            .map(|column| {
+                let mut values: Vec<f32> = (0..n_rows).map(|row| rows[row * n_cols + column]).collect();
+                let at = ((n_rows as f32 * PEAK_QUANTILE) as usize).min(n_rows - 1);
+                let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
+                // A lamp that lights less than this share of the picture is measured by what it does light.
+                if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }
+            })
+            .map(|sum| sum / PILOT_SAMPLES as f32)
+            .collect();
+        scale_of_peaks(&peaks)
+    }
+
+    fn deposit_pixel(&self, pixel: u32, samples: Range<u32>, half: u64, scratch: &mut Scratch, deposit: &mut impl Deposit) {
+        let at = [pixel % self.film.width, pixel / self.film.width];
+        for sample in samples {
+            let sampler = Sampler::new(self.seed, u64::from(pixel) * 4 + half, sample);
+            self.integrator.sample_pixel(&self.camera, self.film, at, sampler, scratch, deposit);
+        }
+    }
+}
+
+fn scale_of_peaks(peaks: &[f32]) -> Vec<f32> {
+    let mut lit: Vec<f32> = peaks.iter().copied().filter(|p| *p > 0.0 && p.is_finite()).collect();
+    let middle = lit.len() / 2;
+    let median = if lit.is_empty() { 1.0 } else { *lit.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    peaks.iter().map(|&p| 1.0 / if p > 0.0 && p.is_finite() { p } else { median }).collect()
+}
+
+impl SampledMatrix for TransportMatrix<'_> {
+    fn n_rows(&self) -> usize {
+        CHANNELS * self.film.n_pixels()
+    }
+
+    fn n_cols(&self) -> usize {
+        self.column_scale.len()
+    }
+
+    fn bundle_len(&self) -> usize {
+        CHANNELS
+    }
+
+    fn add_rows(&self, bundles: &[u32], samples: Range<u32>, half: Half, out: &mut [f32], sparse: &mut Vec<SparseEntry>) {
+        let n_cols = self.n_cols();
+        let mut scratch = Scratch::default();
+        let half = u64::from(half == Half::B);
+        for (nth, (&pixel, rows)) in bundles.iter().zip(out.chunks_exact_mut(CHANNELS * n_cols)).enumerate() {
+            let first_row = (nth * CHANNELS) as u32;
+            let mut deposit = RowDeposit::new(rows, n_cols, &self.column_scale).with_first_row(first_row);
+            self.deposit_pixel(pixel, samples.clone(), half, &mut scratch, &mut deposit);
+            sparse.append(&mut deposit.into_sparse());
+        }
+    }
+}
+
+/// Adds what a walk finds to the three rows of a pixel.
+pub(crate) struct RowDeposit<'a> {
+    rows: &'a mut [f32],
+    n_cols: usize,
+    column_scale: &'a [f32],
+    first_row: u32,
+    sparse: Vec<SparseEntry>,
+}
+
+impl<'a> RowDeposit<'a> {
+    /// For three rows of `n_cols` columns, row-major.
+    pub(crate) fn new(rows: &'a mut [f32], n_cols: usize, column_scale: &'a [f32]) -> Self {
+        RowDeposit { rows, n_cols, column_scale, first_row: 0, sparse: Vec::new() }
+    }
+
+    /// Entries kept apart go to rows from `first_row` on.
+    pub(crate) fn with_first_row(self, first_row: u32) -> Self {
+        RowDeposit { first_row, ..self }
+    }
+
+    /// The entries kept apart so far.
+    pub(crate) fn into_sparse(self) -> Vec<SparseEntry> {
+        self.sparse
+    }
+}
+
+impl Deposit for RowDeposit<'_> {
+    #[inline]
+    fn scattered(&mut self, column: u32, value: Vec3) {
+        let (column, value) = (column as usize, value * self.column_scale[column as usize]);
+        self.rows[column] += value.x;
+        self.rows[self.n_cols + column] += value.y;
+        self.rows[2 * self.n_cols + column] += value.z;
+    }
+
+    fn seen(&mut self, column: u32, value: Vec3) {
+        let value = value * self.column_scale[column as usize];
+        for (channel, value) in value.to_array().into_iter().enumerate().filter(|(_, v)| *v != 0.0) {
+            self.sparse.push(SparseEntry { row: self.first_row + channel as u32, col: column, value });
+        }
+    }
+}

@@ -1,0 +1,470 @@
+//! The path integrator: light is followed from the camera, and every column collects what comes from its own light.
+//!
+//! One walk serves all columns at once. At each vertex with a lobe that is not a mirror, light sources are sampled (which,
+//! and how many, a [`LightPlan`] says), and emitters that the walk meets by itself are weighed against that with the power
+//! heuristic [Veach1995]. The first such vertex connects to every column, later ones to a few, stratified.
+
+use glam::{Vec2, Vec3};
+
+use crate::bsdf::{Bsdf, ScatterKind};
+use crate::bvh::Ray;
+use crate::camera::{Camera, Film};
+use crate::emitters::{Emitter, punctual_falloff};
+use crate::prepared::{PreparedScene, SurfaceHit, offset_origin};
+use crate::sampler::Sampler;
+use crate::scene::PunctualKind;
+
+/// Takes what a walk finds. Values are radiance per unit of the column's light, RGB.
+pub trait Deposit {
+    /// Light of a column that was scattered on its way.
+    fn scattered(&mut self, column: u32, value: Vec3);
+    /// Light of an emitter that the camera sees directly, in mirrors or through glass.
+    fn seen(&mut self, column: u32, value: Vec3);
+}
+
+/// Where on a walk light sources are sampled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vertex {
+    /// The first vertex with a lobe that is not a mirror.
+    First,
+    /// Every later one.
+    Later,
+}
+
+/// A column to connect to.
+#[derive(Clone, Copy, Debug)]
+pub struct Pick {
+    /// The column.
+    pub column: u32,
+    /// One over the expected number of picks of this column.
+    pub inverse_rate: f32,
+}
+
+/// Chooses the columns that a vertex connects to.
+pub trait LightPlan: Sync {
+    /// Fills `picks`.
+    fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>);
+    /// Expected number of picks of a column.
+    fn rate(&self, vertex: Vertex, column: u32) -> f32;
+    /// Continuations from the first vertex.
+    fn splits(&self) -> u32;
+}
+
+/// Follows walks through a scene.
+pub struct Integrator<'a, P> {
+    scene: &'a PreparedScene,
+    plan: &'a P,
+    bounces: u32,
+    column_source: Vec<u32>,
+    sky_column: Option<u32>,
+    far: f32,
+}
+
+/// Buffers of a thread, reused from walk to walk.
+#[derive(Default)]
+pub struct Scratch {
+    picks: Vec<Pick>,
+}
+
+/// A walk between two vertices.
+#[derive(Clone, Copy)]
+pub(crate) struct Walk {
+    origin: Vec3,
+    direction: Vec3,
+    throughput: Vec3,
+    /// One over the number of walks that share the first vertex; a part of `throughput`.
+    share: f32,
+    /// Solid-angle density of `direction` times the number of continuations; 0 after a mirror and at the camera.
+    density: f32,
+    /// Where light was sampled last, `None` while only mirrors and clear glass were met.
+    sampled_at: Option<Vertex>,
+    /// Every scattering so far was by a mirror or clear glass.
+    specular: bool,
+    /// Surfaces met.
+    n_hits: u32,
+    /// Extinction of the solid that the walk is in, 1/m.
+    extinction: Vec3,
+}
+
+/// A point on a light as seen from a vertex.
+struct LightPoint {
+    target: Vec3,
+    wi: Vec3,
+    /// Radiance per unit of the column over the density of the sample: multiplies `f · cosθ`.
+    factor: Vec3,
+    /// Solid-angle density, 0 for lights without size.
+    pdf: f32,
+}
+
+/// Surfaces after which roulette begins.
+const ROULETTE_AFTER: u32 = 2;
+/// Highest probability of going on.
+const ROULETTE_MAX: f32 = 0.95;
+
+impl<'a, P: LightPlan> Integrator<'a, P> {
+    /// `bounces` counts scattering events beyond the first, as Cycles does; `None` leaves the end to roulette.
+    pub fn new(scene: &'a PreparedScene, plan: &'a P, bounces: Option<u32>) -> Self {
+        let basis = &scene.lighting.basis;
+        let mut column_source = vec![0; basis.n_cols()];
+        for (idx, source) in basis.sources.iter().enumerate() {
+            column_source[source.columns.start as usize..source.columns.end as usize].fill(idx as u32);
+        }
+        let sky = scene.lighting.emitters.iter().position(|e| matches!(e, Emitter::Sky));
+        let sky_column = sky.map(|idx| basis.sources[idx].columns.start);
+        let far = 4.0 * scene.diameter();
+        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), column_source, sky_column, far }
+    }
+
+    /// One sample of a pixel: a random point of its square, all columns.
+    pub fn sample_pixel(
+        &self,
+        camera: &Camera,
+        film: Film,
+        pixel: [u32; 2],
+        mut sampler: Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
+        let walk = Walk::from_camera(camera.position(), camera.direction(film, film_px));
+        self.follow(walk, &mut sampler, scratch, deposit);
+    }
+
+    fn follow(&self, mut walk: Walk, sampler: &mut Sampler, scratch: &mut Scratch, deposit: &mut impl Deposit) {
+        while let Some(hit) = self.arrive(&mut walk, sampler, deposit) {
+            if !self.go_on(&mut walk, &hit, sampler, scratch, deposit) {
+                return;
+            }
+        }
+    }
+
+    /// Connects a surface to the lights and scatters the walk there; false where it ends.
+    fn go_on(
+        &self,
+        walk: &mut Walk,
+        hit: &SurfaceHit,
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) -> bool {
+        let bsdf = self.scene.bsdf(hit, -walk.direction);
+        let mut splits = 1;
+        if bsdf.has_smooth_lobes() {
+            let vertex = if walk.sampled_at.is_none() { Vertex::First } else { Vertex::Later };
+            splits = if vertex == Vertex::First { self.plan.splits() } else { 1 };
+            self.connect(walk, (vertex, splits), (hit, &bsdf), sampler, scratch, deposit);
+            walk.sampled_at = Some(vertex);
+            walk.throughput /= splits as f32;
+            walk.share /= splits as f32;
+        }
+        // All continuations but the last are walks of their own.
+        for split in 1..splits {
+            let (mut branch, mut own) = (*walk, sampler.fork(split));
+            if self.scatter(&mut branch, hit, &bsdf, splits, &mut own) {
+                self.follow(branch, &mut own, scratch, deposit);
+            }
+        }
+        self.scatter(walk, hit, &bsdf, splits, sampler)
+    }
+
+    /// One sample of a pixel for a preview: where the surface scatters broadly, lights are sampled but the light that
+    /// comes from other surfaces is left to the caller, who gets the point, its normal and what multiplies that light.
+    pub(crate) fn sample_direct(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) -> Option<(SurfaceHit, Vec3)> {
+        let mut walk = Walk::from_camera(origin, direction);
+        let hit = self.arrive(&mut walk, sampler, deposit)?;
+        if !self.is_broad(&hit) {
+            if self.go_on(&mut walk, &hit, sampler, scratch, deposit) {
+                self.follow(walk, sampler, scratch, deposit);
+            }
+            return None;
+        }
+        let bsdf = self.scene.bsdf(&hit, -direction);
+        self.connect(&walk, (Vertex::First, 0), (&hit, &bsdf), sampler, scratch, deposit);
+        Some((hit, bsdf.albedo_estimate() * walk.throughput))
+    }
+
+    /// Whether a surface scatters broadly enough for its indirect light to be shared with its neighbors.
+    fn is_broad(&self, hit: &SurfaceHit) -> bool {
+        let material = self.scene.material(hit.triangle);
+        material.transmission == 0.0 && (material.roughness > 0.3 || material.specular == 0.0) && material.metallic < 0.5
+    }
+
+    /// The broad surface that a camera ray meets, turned towards the camera: its hit and unit normal.
+    pub(crate) fn broad_surface(&self, origin: Vec3, direction: Vec3, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
+        let hit = self.scene.closest(&Walk::from_camera(origin, direction).ray(), sampler)?;
+        let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
+        self.is_broad(&hit).then_some((hit, normal))
+    }
+
+    /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point from other surfaces.
+    pub(crate) fn gather_indirect(
+        &self,
+        (hit, normal): (&SurfaceHit, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        let [u, v] = sampler.next_2d();
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+        let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
+        let mut walk = Walk::from_camera(offset_origin(hit.position, normal), direction);
+        // Emitters count nothing here: whoever asks has sampled them all.
+        walk.density = f32::MIN_POSITIVE;
+        walk.sampled_at = Some(Vertex::First);
+        walk.specular = false;
+        walk.n_hits = 1;
+        self.follow(walk, sampler, scratch, deposit);
+    }
+
+    /// Goes to the next surface and collects what it emits; `None` where the walk ends.
+    fn arrive(&self, walk: &mut Walk, sampler: &mut Sampler, deposit: &mut impl Deposit) -> Option<SurfaceHit> {
+        let Some(hit) = self.scene.closest(&walk.ray(), sampler) else {
+            if let Some(column) = self.sky_column {
+                deposit.scattered(column, walk.throughput);
+            }
+            return None;
+        };
+        walk.n_hits += 1;
+        if walk.extinction != Vec3::ZERO {
+            walk.throughput *= (-walk.extinction * hit.t).exp();
+        }
+        self.collect_emission(walk, &hit, deposit);
+        if walk.n_hits - 1 > self.bounces || self.scene.material(hit.triangle).unlit {
+            return None;
+        }
+        // Roulette: a walk that carries little goes on seldom, and then carries more.
+        if walk.n_hits > ROULETTE_AFTER {
+            let survival = (walk.throughput.max_element() / walk.share).min(ROULETTE_MAX);
+            if sampler.next_1d() >= survival {
+                return None;
+            }
+            walk.throughput /= survival;
+        }
+        Some(hit)
+    }
+
+    fn collect_emission(&self, walk: &Walk, hit: &SurfaceHit, deposit: &mut impl Deposit) {
+        let Some((column, radiance)) = self.scene.emitted(hit, -walk.direction) else { return };
+        let emitter = &self.scene.lighting.emitters[self.column_source[column as usize] as usize];
+        let area = match emitter {
+            Emitter::Surface(surface) => surface.area,
+            Emitter::Panel(panel) => panel.texel_area,
+            _ => return deposit.scattered(column, walk.throughput * radiance),
+        };
+        if walk.specular {
+            return deposit.seen(column, walk.throughput * radiance);
+        }
+        let weight = match walk.sampled_at {
+            Some(vertex) if walk.density > 0.0 => {
+                let pdf = hit.t * hit.t / (hit.normal.dot(walk.direction).abs() * area);
+                power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf)
+            }
+            _ => 1.0,
+        };
+        deposit.scattered(column, walk.throughput * radiance * weight);
+    }
+
+    /// Samples a direction to go on; false where the walk is absorbed.
+    fn scatter(&self, walk: &mut Walk, hit: &SurfaceHit, bsdf: &Bsdf, splits: u32, sampler: &mut Sampler) -> bool {
+        let Some(sample) = bsdf.sample(sampler.next_1d(), sampler.next_2d()) else { return false };
+        walk.throughput *= sample.weight;
+        if walk.throughput.max_element() <= 0.0 {
+            return false;
+        }
+        let delta = sample.kind == ScatterKind::Delta;
+        walk.density = if delta { 0.0 } else { sample.pdf * splits as f32 };
+        walk.specular &= delta;
+        walk.direction = sample.wi;
+        let inside = sample.wi.dot(hit.normal) < 0.0;
+        walk.origin = offset_origin(hit.position, if inside { -hit.normal } else { hit.normal });
+        if sample.transmitted && self.scene.attenuates {
+            let material = self.scene.material(hit.triangle);
+            let solid = material.thickness > 0.0 && material.attenuation_distance.is_finite();
+            walk.extinction = if solid && inside {
+                -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance
+            } else {
+                Vec3::ZERO
+            };
+        }
+        true
+    }
+
+    /// Next-event estimation: connects a vertex to the columns that the plan picks.
+    fn connect(
+        &self,
+        walk: &Walk,
+        (vertex, splits): (Vertex, u32),
+        (hit, bsdf): (&SurfaceHit, &Bsdf),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        self.plan.pick(vertex, sampler, &mut scratch.picks);
+        let jitter = sampler.next_2d().map(|u| (f64::from(u) * 4_294_967_296.0) as u32);
+        let front = hit.normal.dot(walk.direction) < 0.0;
+        let outward = if front { hit.normal } else { -hit.normal };
+        let origin = offset_origin(hit.position, outward);
+        let mut fan = Fan::new(origin);
+        for (nth, pick) in scratch.picks.iter().enumerate() {
+            let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else { continue };
+            let (f_cos, pdf) = bsdf.eval(light.wi);
+            let mut value = walk.throughput * f_cos * light.factor * pick.inverse_rate;
+            if value.max_element() <= 0.0 {
+                continue;
+            }
+            if light.pdf > 0.0 {
+                value *= power_heuristic(light.pdf / pick.inverse_rate, pdf * splits as f32);
+            }
+            if light.wi.dot(outward) > 0.0 {
+                fan.push(self.scene, light.target, pick.column, value, deposit);
+            } else {
+                let behind = offset_origin(hit.position, -outward);
+                deposit.scattered(pick.column, value * self.scene.transmittance(behind, light.target));
+            }
+        }
+        fan.flush(self.scene, deposit);
+    }
+
+    /// A point on the light of a column, as seen from `position`; `None` where it sends nothing this way.
+    fn light_point(&self, column: u32, position: Vec3, u: Vec2) -> Option<LightPoint> {
+        let source_idx = self.column_source[column as usize] as usize;
+        match &self.scene.lighting.emitters[source_idx] {
+            Emitter::Panel(panel) => {
+                let texel = column - self.scene.lighting.basis.sources[source_idx].columns.start;
+                let corner = Vec2::new((texel % panel.resolution) as f32, (texel / panel.resolution) as f32);
+                let uv = (corner + u) / panel.resolution as f32;
+                let target = panel.point(uv);
+                let material = self.scene.material(panel.triangle);
+                let radiance = if material.emissive_texture.is_some() {
+                    let uvs = panel.uv_frame.map(|[o, du, dv]| o + du * uv.x + dv * uv.y);
+                    self.scene.pattern(material, uvs) * panel.whiten
+                } else {
+                    Vec3::ONE
+                };
+                area_point(position, target, panel.normal, panel.double_sided, panel.texel_area, radiance)
+            }
+            Emitter::Surface(surface) => {
+                let at = u.x * surface.area;
+                let nth = surface.cumulative_area.partition_point(|&a| a <= at).min(surface.triangles.len() - 1);
+                let start = if nth == 0 { 0.0 } else { surface.cumulative_area[nth - 1] };
+                let within = ((at - start) / (surface.cumulative_area[nth] - start)).clamp(0.0, 1.0);
+                let triangle = surface.triangles[nth];
+                let root = within.sqrt();
+                let barycentric = Vec3::new(1.0 - root, root * (1.0 - u.y), root * u.y);
+                let [a, b, c] = self.scene.scene.mesh.corners(triangle);
+                let target = a * barycentric.x + b * barycentric.y + c * barycentric.z;
+                let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
+                let material = self.scene.material(triangle);
+                let radiance = self.scene.pattern(material, self.scene.uvs(triangle, barycentric)) * surface.whiten;
+                area_point(position, target, normal, material.double_sided, surface.area, radiance)
+            }
+            Emitter::Punctual(light) if light.kind == PunctualKind::Directional => {
+                let wi = -light.direction;
+                Some(LightPoint { target: position + wi * self.far, wi, factor: Vec3::ONE, pdf: 0.0 })
+            }
+            Emitter::Punctual(light) => {
+                let to_light = light.position - position;
+                let distance_squared = to_light.length_squared();
+                let wi = to_light / distance_squared.sqrt();
+                let falloff = punctual_falloff(light, -wi.dot(light.direction));
+                let factor = Vec3::splat(falloff / distance_squared);
+                (falloff > 0.0 && distance_squared > 0.0).then_some(LightPoint { target: light.position, wi, factor, pdf: 0.0 })
+            }
+            Emitter::Sky | Emitter::Constant => None,
+        }
+    }
+}
+
+impl Walk {
+    fn from_camera(origin: Vec3, direction: Vec3) -> Walk {
+        Walk {
+            origin,
+            direction,
+            throughput: Vec3::ONE,
+            share: 1.0,
+            density: 0.0,
+            sampled_at: None,
+            specular: true,
+            n_hits: 0,
+            extinction: Vec3::ZERO,
+        }
+    }
+
+    fn ray(&self) -> Ray {
+        Ray { origin: self.origin, direction: self.direction, t_min: 0.0, t_max: f32::INFINITY }
+    }
+}
+
+/// Up to 16 connections from one point whose visibility is asked together.
+struct Fan {
+    origin: Vec3,
+    n: usize,
+    targets: [Vec3; 16],
+    columns: [u32; 16],
+    values: [Vec3; 16],
+}
+
+impl Fan {
+    fn new(origin: Vec3) -> Fan {
+        Fan { origin, n: 0, targets: [Vec3::ZERO; 16], columns: [0; 16], values: [Vec3::ZERO; 16] }
+    }
+
+    fn push(&mut self, scene: &PreparedScene, target: Vec3, column: u32, value: Vec3, deposit: &mut impl Deposit) {
+        (self.targets[self.n], self.columns[self.n], self.values[self.n]) = (target, column, value);
+        self.n += 1;
+        if self.n == 16 {
+            self.flush(scene, deposit);
+        }
+    }
+
+    fn flush(&mut self, scene: &PreparedScene, deposit: &mut impl Deposit) {
+        let mut passed = [0.0; 16];
+        if self.n > 0 {
+            scene.transmittance16(self.origin, &self.targets, self.n, &mut passed);
+        }
+        for i in (0..self.n).filter(|&i| passed[i] > 0.0) {
+            deposit.scattered(self.columns[i], self.values[i] * passed[i]);
+        }
+        self.n = 0;
+    }
+}
+
+fn area_point(
+    position: Vec3,
+    target: Vec3,
+    normal: Vec3,
+    double_sided: bool,
+    area: f32,
+    radiance: Vec3,
+) -> Option<LightPoint> {
+    let to_light = target - position;
+    let distance_squared = to_light.length_squared();
+    let wi = to_light / distance_squared.sqrt();
+    let cos = -wi.dot(normal);
+    let cos = if double_sided { cos.abs() } else { cos };
+    if cos <= 0.0 || distance_squared <= 0.0 {
+        return None;
+    }
+    let pdf = distance_squared / (cos * area);
+    Some(LightPoint { target, wi, factor: radiance / pdf, pdf })
+}
+
+/// Share of one of two ways to sample the same path, by squared densities. [Veach1995]
+fn power_heuristic(own: f32, other: f32) -> f32 {
+    let ratio = other / own;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+/// The `nth` point of a lattice that is shifted by a random offset: every point is uniform, neighbors differ. [Roberts2018]
+fn jittered(offset: [u32; 2], nth: u32) -> Vec2 {
+    const STEP: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
+    let unit = |offset: u32, step: u32| (offset.wrapping_add(nth.wrapping_mul(step)) >> 8) as f32 / 16_777_216.0;
+    Vec2::new(unit(offset[0], STEP[0]), unit(offset[1], STEP[1]))
+}

@@ -1,0 +1,138 @@
+//! Which lights a vertex connects to: all of them for a matrix, the important ones for a picture.
+
+use std::ops::Range;
+
+use glam::Vec3;
+
+use crate::basis::{ColumnKind, SourceKind};
+use crate::emitters::{Emitter, Lighting};
+use crate::light::luminance;
+use crate::path::{LightPlan, Pick, Vertex};
+use crate::sampler::Sampler;
+
+/// For a matrix: every column at the first vertex, at later ones a few of each group, stratified, so that each column of
+/// a group gets its equal share.
+pub struct MatrixPlan {
+    groups: Vec<Range<u32>>,
+    splits: u32,
+}
+
+/// Columns of a group that a later vertex connects to.
+const LATER_PICKS: u32 = 16;
+
+impl MatrixPlan {
+    /// For all columns that can be connected to.
+    pub fn new(lighting: &Lighting) -> MatrixPlan {
+        let groups: Vec<_> = lighting
+            .basis
+            .groups
+            .iter()
+            .filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel))
+            .map(|g| g.columns.clone())
+            .collect();
+        // A fan over many columns is dear, so its vertex is used for several continuations.
+        let splits = match groups.iter().map(|g| g.len()).sum::<usize>() {
+            0..=8 => 1,
+            9..=64 => 2,
+            _ => 4,
+        };
+        MatrixPlan { groups, splits }
+    }
+}
+
+impl LightPlan for MatrixPlan {
+    fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
+        picks.clear();
+        for group in &self.groups {
+            let n = group.len() as u32;
+            if vertex == Vertex::First || n <= LATER_PICKS {
+                picks.extend(group.clone().map(|column| Pick { column, inverse_rate: 1.0 }));
+                continue;
+            }
+            // One column from each of equal stretches of the group.
+            let stretch = n as f32 / LATER_PICKS as f32;
+            for nth in 0..LATER_PICKS {
+                let at = (nth as f32 + sampler.next_1d()) * stretch;
+                picks.push(Pick { column: group.start + (at as u32).min(n - 1), inverse_rate: stretch });
+            }
+        }
+    }
+
+    fn rate(&self, vertex: Vertex, column: u32) -> f32 {
+        let group = self.groups.iter().find(|g| g.contains(&column));
+        match group {
+            Some(group) if vertex == Vertex::Later => (LATER_PICKS as f32 / group.len() as f32).min(1.0),
+            Some(_) => 1.0,
+            None => 0.0,
+        }
+    }
+
+    fn splits(&self) -> u32 {
+        self.splits
+    }
+}
+
+/// For a picture under given coefficients: columns in proportion to the light they send out.
+pub struct PicturePlan {
+    /// Summed probabilities of the columns that shine.
+    cumulative: Vec<(u32, f32)>,
+    probability: Vec<f32>,
+}
+
+impl PicturePlan {
+    /// Picks at the first vertex and at later ones.
+    const PICKS: [u32; 2] = [4, 1];
+
+    /// For one RGB coefficient per column.
+    pub fn new(lighting: &Lighting, coefficients: &[[f32; 3]], diameter_m: f32) -> PicturePlan {
+        let mut probability = vec![0.0; coefficients.len()];
+        for (source, emitter) in lighting.basis.sources.iter().zip(&lighting.emitters) {
+            let power = match (emitter, source.kind) {
+                (Emitter::Surface(surface), _) => surface.area,
+                (Emitter::Panel(panel), _) => panel.texel_area,
+                (_, SourceKind::Directional) => diameter_m * diameter_m / 4.0,
+                (Emitter::Punctual(_), _) => 1.0,
+                (Emitter::Sky | Emitter::Constant, _) => 0.0,
+            };
+            for column in source.columns.clone() {
+                let color = Vec3::from(coefficients[column as usize]);
+                probability[column as usize] = power * (luminance(color) + 1e-3 * color.max_element()).max(0.0);
+            }
+        }
+        let total: f64 = probability.iter().map(|&p| f64::from(p)).sum();
+        let mut sum = 0.0;
+        let mut cumulative = Vec::new();
+        for (column, p) in probability.iter_mut().enumerate().filter(|(_, p)| **p > 0.0) {
+            *p = (f64::from(*p) / total) as f32;
+            sum += *p;
+            cumulative.push((column as u32, sum));
+        }
+        PicturePlan { cumulative, probability }
+    }
+
+    fn picks_at(vertex: Vertex) -> u32 {
+        PicturePlan::PICKS[usize::from(vertex == Vertex::Later)]
+    }
+}
+
+impl LightPlan for PicturePlan {
+    fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
+        picks.clear();
+        let Some(&(_, total)) = self.cumulative.last() else { return };
+        let n = PicturePlan::picks_at(vertex);
+        for nth in 0..n {
+            let at = (nth as f32 + sampler.next_1d()) / n as f32 * total;
+            let chosen = self.cumulative.partition_point(|&(_, sum)| sum <= at).min(self.cumulative.len() - 1);
+            let column = self.cumulative[chosen].0;
+            picks.push(Pick { column, inverse_rate: 1.0 / (n as f32 * self.probability[column as usize]) });
+        }
+    }
+
+    fn rate(&self, vertex: Vertex, column: u32) -> f32 {
+        PicturePlan::picks_at(vertex) as f32 * self.probability[column as usize]
+    }
+
+    fn splits(&self) -> u32 {
+        1
+    }
+}

@@ -1,0 +1,236 @@
+//! A scene made ready for rays: bounding volume hierarchies, lights, and surface lookups.
+
+use glam::{Vec2, Vec3};
+
+use crate::bsdf::{self, Bsdf};
+use crate::bvh::{Bvh, Hit, Ray};
+use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest};
+use crate::sampler::Sampler;
+use crate::scene::{AlphaMode, Material, Scene};
+
+/// A scene with its lights, ready to be traced.
+pub struct PreparedScene {
+    /// The scene.
+    pub scene: Scene,
+    /// Its columns.
+    pub lighting: Lighting,
+    /// Opaque triangles.
+    solid: Bvh,
+    /// Triangles with alpha, `None` where the scene has none.
+    coverage: Option<Bvh>,
+    /// Whether a material attenuates light inside (KHR_materials_volume).
+    pub attenuates: bool,
+}
+
+/// What a ray met.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceHit {
+    /// Triangle of the mesh.
+    pub triangle: u32,
+    /// Distance along the ray in units of its direction.
+    pub t: f32,
+    /// World-space point on the triangle.
+    pub position: Vec3,
+    /// Barycentric coordinates of all three vertices.
+    pub barycentric: Vec3,
+    /// Unit geometric normal of the front side.
+    pub normal: Vec3,
+}
+
+impl PreparedScene {
+    /// Builds the hierarchies and finds the lights. Returns warnings in words beside it.
+    ///
+    /// # Errors
+    /// A panel request that the scene cannot answer.
+    pub fn new(scene: Scene, panels: &[PanelRequest]) -> Result<(PreparedScene, Vec<String>), LightingError> {
+        let (lighting, warnings) = Lighting::new(&scene, panels)?;
+        let is_solid = |t: &u32| {
+            let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
+            material.alpha == AlphaMode::Opaque
+        };
+        let all = 0..scene.mesh.triangles.len() as u32;
+        let (solid, covered): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
+        let build = |ids: &[u32]| {
+            let corners: Vec<[Vec3; 3]> = ids.iter().map(|&t| scene.mesh.corners(t)).collect();
+            Bvh::build(&corners, ids)
+        };
+        let (solid, coverage) = (build(&solid), (!covered.is_empty()).then(|| build(&covered)));
+        let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
+        Ok((PreparedScene { scene, lighting, solid, coverage, attenuates }, warnings))
+    }
+
+    /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.
+    pub fn closest(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
+        let mut nearest = self.solid.closest(ray);
+        if let Some(coverage) = &self.coverage {
+            let mut segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
+            // Surfaces that are not there are passed one by one.
+            while let Some(hit) = coverage.closest(&segment) {
+                if sampler.next_1d() < self.alpha(&hit) {
+                    nearest = Some(hit);
+                    break;
+                }
+                segment.t_min = next_after(hit.t);
+            }
+        }
+        nearest.map(|hit| self.surface_hit(&hit))
+    }
+
+    /// Share of light that passes from `origin` to `target`: 0 behind a solid surface.
+    pub fn transmittance(&self, origin: Vec3, target: Vec3) -> f32 {
+        let ray = Ray { origin, direction: target - origin, t_min: 0.0, t_max: SHADOW_END };
+        if self.solid.occluded(&ray) { 0.0 } else { self.coverage_transmittance(ray) }
+    }
+
+    /// Adds to `out` the share of light that passes from `origin` to each of up to 16 targets.
+    pub fn transmittance16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, out: &mut [f32; 16]) {
+        let visible = self.solid.visible16(origin, targets, n, 0.0, SHADOW_END);
+        for i in 0..n {
+            out[i] = f32::from((visible >> i) & 1);
+            if self.coverage.is_some() && out[i] > 0.0 {
+                out[i] = self.coverage_transmittance(Ray {
+                    origin,
+                    direction: targets[i] - origin,
+                    t_min: 0.0,
+                    t_max: SHADOW_END,
+                });
+            }
+        }
+    }
+
+    fn coverage_transmittance(&self, mut ray: Ray) -> f32 {
+        let mut passed = 1.0;
+        let Some(coverage) = &self.coverage else { return passed };
+        while let Some(hit) = coverage.closest(&ray) {
+            passed *= 1.0 - self.alpha(&hit);
+            if passed <= 0.0 {
+                return 0.0;
+            }
+            ray.t_min = next_after(hit.t);
+        }
+        passed
+    }
+
+    fn alpha(&self, hit: &Hit) -> f32 {
+        let barycentric = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
+        let material = self.material(hit.triangle);
+        let color = self.vertex_color(hit.triangle, barycentric);
+        bsdf::alpha(material, &self.scene.textures, self.uvs(hit.triangle, barycentric), color)
+    }
+
+    fn surface_hit(&self, hit: &Hit) -> SurfaceHit {
+        let [a, b, c] = self.scene.mesh.corners(hit.triangle);
+        let barycentric = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
+        let position = a * barycentric.x + b * barycentric.y + c * barycentric.z;
+        let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
+        SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal }
+    }
+
+    /// Material of a triangle.
+    pub fn material(&self, triangle: u32) -> &Material {
+        &self.scene.materials[self.scene.mesh.triangle_material[triangle as usize] as usize]
+    }
+
+    /// Texture coordinates of both sets at a point of a triangle.
+    pub fn uvs(&self, triangle: u32, barycentric: Vec3) -> [Vec2; 2] {
+        let mesh = &self.scene.mesh;
+        let [a, b, c] = mesh.triangles[triangle as usize].map(|v| v as usize);
+        [0, 1].map(|set| match mesh.uvs[set].as_slice() {
+            [] => Vec2::ZERO,
+            uvs => uvs[a] * barycentric.x + uvs[b] * barycentric.y + uvs[c] * barycentric.z,
+        })
+    }
+
+    fn vertex_color(&self, triangle: u32, barycentric: Vec3) -> Option<glam::Vec4> {
+        let colors = &self.scene.mesh.colors;
+        let [a, b, c] = self.scene.mesh.triangles[triangle as usize].map(|v| v as usize);
+        (!colors.is_empty()).then(|| colors[a] * barycentric.x + colors[b] * barycentric.y + colors[c] * barycentric.z)
+    }
+
+    /// Base color of a point, for unlit surfaces and guides.
+    pub fn base_color(&self, hit: &SurfaceHit) -> Vec3 {
+        let uvs = self.uvs(hit.triangle, hit.barycentric);
+        let color = self.vertex_color(hit.triangle, hit.barycentric);
+        bsdf::surface_params(self.material(hit.triangle), &self.scene.textures, uvs, color).base_color
+    }
+
+    /// How a point scatters light towards `wo`.
+    pub fn bsdf(&self, hit: &SurfaceHit, wo: Vec3) -> Bsdf {
+        let (mesh, material) = (&self.scene.mesh, self.material(hit.triangle));
+        let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
+        let w = hit.barycentric;
+        let uvs = self.uvs(hit.triangle, w);
+        let mut ns = (mesh.normals[a] * w.x + mesh.normals[b] * w.y + mesh.normals[c] * w.z).normalize_or(hit.normal);
+        // A shading normal on the other side of its own triangle would turn the surface inside out.
+        if ns.dot(hit.normal) <= 0.0 {
+            ns = hit.normal;
+        }
+        if material.normal_texture.is_some() && !mesh.tangents.is_empty() {
+            let tangent = mesh.tangents[a] * w.x + mesh.tangents[b] * w.y + mesh.tangents[c] * w.z;
+            ns = bsdf::shading_normal(material, &self.scene.textures, uvs, ns, tangent);
+            if ns.dot(hit.normal) <= 0.0 {
+                ns = hit.normal;
+            }
+        }
+        let color = self.vertex_color(hit.triangle, w);
+        let params = bsdf::surface_params(material, &self.scene.textures, uvs, color);
+        Bsdf::new(&params, hit.normal, ns, wo)
+    }
+
+    /// Column and white radiance that a surface sends towards `wo`, `None` where it emits nothing that way.
+    pub fn emitted(&self, hit: &SurfaceHit, wo: Vec3) -> Option<(u32, Vec3)> {
+        let source = self.lighting.triangle_source[hit.triangle as usize];
+        if source == Lighting::NONE {
+            return None;
+        }
+        let column = self.lighting.basis.sources[source as usize].columns.start;
+        let material = self.material(hit.triangle);
+        if !material.double_sided && hit.normal.dot(wo) <= 0.0 && !material.unlit {
+            return None;
+        }
+        let uvs = self.uvs(hit.triangle, hit.barycentric);
+        match &self.lighting.emitters[source as usize] {
+            Emitter::Surface(surface) => Some((column, self.pattern(material, uvs) * surface.whiten)),
+            Emitter::Panel(panel) => {
+                Some((column + panel.texel(panel.uv_of(hit.position)), self.pattern(material, uvs) * panel.whiten))
+            }
+            Emitter::Constant => Some((column, self.base_color(hit))),
+            Emitter::Punctual(_) | Emitter::Sky => None,
+        }
+    }
+
+    /// Emitted radiance of a material at a texture coordinate, nit per channel.
+    pub fn pattern(&self, material: &Material, uvs: [Vec2; 2]) -> Vec3 {
+        let texture = material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate());
+        material.emitted_radiance() * texture
+    }
+
+    /// Length of the diagonal of everything in meters.
+    pub fn diameter(&self) -> f32 {
+        self.scene.mesh.bounds().map_or(1.0, |(lo, hi)| (hi - lo).length().max(1e-6))
+    }
+}
+
+/// Shadow rays end just before the light's own surface.
+const SHADOW_END: f32 = 0.9999;
+
+fn next_after(t: f32) -> f32 {
+    (t * (1.0 + 1e-6)).max(t.next_up())
+}
+
+/// Moves a point off its surface to the side of `normal`, far enough that a ray from there does not meet the surface
+/// again. [Wachter2019]
+pub fn offset_origin(position: Vec3, normal: Vec3) -> Vec3 {
+    const NEAR_ZERO: f32 = 1.0 / 32.0;
+    const FLOAT_SCALE: f32 = 1.0 / 65_536.0;
+    const INT_SCALE: f32 = 256.0;
+    let offset = |p: f32, n: f32| {
+        let steps = (INT_SCALE * n) as i32;
+        if p.abs() < NEAR_ZERO {
+            p + FLOAT_SCALE * n
+        } else {
+            f32::from_bits((p.to_bits() as i32 + if p < 0.0 { -steps } else { steps }) as u32)
+        }
+    };
+    Vec3::new(offset(position.x, normal.x), offset(position.y, normal.y), offset(position.z, normal.z))
+}

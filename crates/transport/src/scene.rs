@@ -1,0 +1,292 @@
+//! What a path tracer needs of a scene: triangles in world space, materials, textures, lamps, cameras.
+//!
+//! Node transforms are already applied: one flat mesh, meters, +Y up, counter-clockwise front faces (a mirrored node has
+//! had its triangles turned round).
+
+use std::sync::Arc;
+
+use glam::{Affine2, Vec2, Vec3, Vec4};
+
+use crate::camera::Camera;
+
+/// A scene in world space.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Name of the file, for people.
+    pub name: String,
+    /// Every triangle of every node.
+    pub mesh: Mesh,
+    /// Materials; index 0 is glTF's default material when a primitive names none.
+    pub materials: Vec<Material>,
+    /// Decoded images with their samplers.
+    pub textures: Vec<Texture>,
+    /// Nodes of the displayed scene in file order, as far as they carry something.
+    pub nodes: Vec<SceneNode>,
+    /// Cameras in node order; a sensible one is made where the file has none.
+    pub cameras: Vec<Camera>,
+    /// Punctual lamps in node order.
+    pub punctual: Vec<PunctualLight>,
+}
+
+/// A node of the file that carries a mesh, a lamp or a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneNode {
+    /// Index of the node in the file.
+    pub index: u32,
+    /// Name in the file, if it has one.
+    pub name: Option<String>,
+    /// Side in texels of the panel that the node's extras ask for: `{"clerestory": {"panel": 32}}`.
+    pub panel: Option<u32>,
+}
+
+/// Triangles with their vertex attributes; all attribute arrays are as long as `positions`.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// World-space positions in meters.
+    pub positions: Vec<Vec3>,
+    /// Unit shading normals.
+    pub normals: Vec<Vec3>,
+    /// Unit tangents, `w` the sign of the bitangent; empty when no material of the scene has a normal map.
+    pub tangents: Vec<Vec4>,
+    /// Two UV sets, each empty when no vertex has it.
+    pub uvs: [Vec<Vec2>; 2],
+    /// Linear vertex colors; empty when no vertex has one.
+    pub colors: Vec<Vec4>,
+    /// Vertex indices of each triangle, counter-clockwise seen from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Material of each triangle.
+    pub triangle_material: Vec<u32>,
+    /// Index into `Scene::nodes` of each triangle.
+    pub triangle_node: Vec<u32>,
+}
+
+impl Mesh {
+    /// The three corners of a triangle in world space.
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// Twice the area times the unit geometric normal of a triangle, m².
+    pub fn area_normal(&self, triangle: u32) -> Vec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a)
+    }
+
+    /// Smallest box around all vertices that a triangle uses, `None` without triangles.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let mut corners = self.triangles.iter().flatten().map(|&v| self.positions[v as usize]);
+        let first = corners.next()?;
+        Some(corners.fold((first, first), |(lo, hi), p| (lo.min(p), hi.max(p))))
+    }
+}
+
+/// Coverage of a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum AlphaMode {
+    /// Alpha is ignored.
+    #[default]
+    Opaque,
+    /// There where alpha reaches the cutoff, else not there.
+    Mask {
+        /// Smallest alpha that is there.
+        cutoff: f32,
+    },
+    /// There with probability alpha.
+    Blend,
+}
+
+/// glTF 2.0 material with the extensions that are supported. Factors are linear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Name in the file.
+    pub name: String,
+    /// Base color factor, linear RGB and alpha.
+    pub base_color: Vec4,
+    /// sRGB texture times `base_color`.
+    pub base_color_texture: Option<TextureRef>,
+    /// 0 dielectric … 1 metal.
+    pub metallic: f32,
+    /// Perceptual roughness; α = roughness².
+    pub roughness: f32,
+    /// G roughness, B metallic.
+    pub metallic_roughness_texture: Option<TextureRef>,
+    /// Tangent-space normal map.
+    pub normal_texture: Option<TextureRef>,
+    /// Scales x and y of the normal map.
+    pub normal_scale: f32,
+    /// Emissive factor, linear RGB (at most 1 in plain glTF).
+    pub emissive: Vec3,
+    /// KHR_materials_emissive_strength; radiance in nit is `emissive · emissive_strength · texture`.
+    pub emissive_strength: f32,
+    /// sRGB texture times the emissive factor.
+    pub emissive_texture: Option<TextureRef>,
+    /// Coverage.
+    pub alpha: AlphaMode,
+    /// Seen, and emitting, from both sides.
+    pub double_sided: bool,
+    /// KHR_materials_unlit: shows its base color whatever the lights do.
+    pub unlit: bool,
+    /// KHR_materials_transmission factor.
+    pub transmission: f32,
+    /// R channel times `transmission`.
+    pub transmission_texture: Option<TextureRef>,
+    /// Index of refraction.
+    pub ior: f32,
+    /// KHR_materials_specular strength.
+    pub specular: f32,
+    /// A channel times `specular`.
+    pub specular_texture: Option<TextureRef>,
+    /// Color of the dielectric reflection at normal incidence.
+    pub specular_color: Vec3,
+    /// sRGB texture times `specular_color`.
+    pub specular_color_texture: Option<TextureRef>,
+    /// KHR_materials_volume thickness in meters; 0 is a thin wall that does not bend light, more is a solid that does.
+    pub thickness: f32,
+    /// Color that white light takes after `attenuation_distance`.
+    pub attenuation_color: Vec3,
+    /// Meters; infinite without attenuation.
+    pub attenuation_distance: f32,
+}
+
+impl Default for Material {
+    /// glTF's default material.
+    fn default() -> Self {
+        Material {
+            name: String::new(),
+            base_color: Vec4::ONE,
+            base_color_texture: None,
+            metallic: 1.0,
+            roughness: 1.0,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
+            emissive: Vec3::ZERO,
+            emissive_strength: 1.0,
+            emissive_texture: None,
+            alpha: AlphaMode::Opaque,
+            double_sided: false,
+            unlit: false,
+            transmission: 0.0,
+            transmission_texture: None,
+            ior: 1.5,
+            specular: 1.0,
+            specular_texture: None,
+            specular_color: Vec3::ONE,
+            specular_color_texture: None,
+            thickness: 0.0,
+            attenuation_color: Vec3::ONE,
+            attenuation_distance: f32::INFINITY,
+        }
+    }
+}
+
+impl Material {
+    /// Emitted radiance without texture, nit per channel.
+    pub fn emitted_radiance(&self) -> Vec3 {
+        self.emissive * self.emissive_strength
+    }
+
+    /// Whether the surface emits light that a designer can change. Unlit surfaces do not: they show themselves.
+    pub fn is_emitter(&self) -> bool {
+        !self.unlit && self.emitted_radiance().max_element() > 0.0
+    }
+}
+
+/// How the bytes of a texture are to be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// sRGB-encoded color.
+    Srgb,
+    /// Linear data.
+    Linear,
+}
+
+/// A use of a texture by a material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureRef {
+    /// Index into `Scene::textures`.
+    pub texture: u32,
+    /// UV set 0 or 1.
+    pub uv_set: u8,
+    /// KHR_texture_transform, applied to the UV.
+    pub transform: Affine2,
+    /// How to read its bytes.
+    pub encoding: Encoding,
+}
+
+/// What happens outside 0…1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// Tiles.
+    #[default]
+    Repeat,
+    /// Tiles, every other one mirrored.
+    Mirror,
+    /// Border texels go on.
+    Clamp,
+}
+
+/// How texels are joined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Filter {
+    /// Bilinear.
+    #[default]
+    Linear,
+    /// The nearest texel.
+    Nearest,
+}
+
+/// An image with its sampler.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Texture {
+    /// The pixels, shared between textures that use the same image.
+    pub image: Arc<Image>,
+    /// Wrap modes along u and v.
+    pub wrap: [Wrap; 2],
+    /// Magnification filter.
+    pub filter: Filter,
+}
+
+/// Decoded pixels, 8 bits per channel, RGBA, row 0 at the top (v = 0).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Width in texels, at least 1.
+    pub width: u32,
+    /// Height in texels, at least 1.
+    pub height: u32,
+    /// Row-major, width × height.
+    pub texels: Vec<[u8; 4]>,
+}
+
+/// Which way a punctual lamp shines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PunctualKind {
+    /// All around; intensity in candela.
+    Point,
+    /// A cone; intensity in candela inside the inner angle, glTF's `saturate(cosθ · scale + offset)²` towards the outer.
+    Spot {
+        /// Half angle of the full intensity, radians.
+        inner_rad: f32,
+        /// Half angle where the light ends, radians.
+        outer_rad: f32,
+    },
+    /// From infinitely far away; intensity in lux.
+    Directional,
+}
+
+/// A lamp of KHR_lights_punctual at its node.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PunctualLight {
+    /// Index into `Scene::nodes`.
+    pub node: u32,
+    /// Kind, with its angles.
+    pub kind: PunctualKind,
+    /// World-space position.
+    pub position: Vec3,
+    /// World-space unit direction in which it shines (the node's −Z).
+    pub direction: Vec3,
+    /// Linear RGB.
+    pub color: Vec3,
+    /// Candela, or lux for a directional lamp.
+    pub intensity: f32,
+}

@@ -1,0 +1,1 @@
+//! House tests live in `main.rs`; this library is empty.
