@@ -1,0 +1,199 @@
+//! From samples to factors: block after block, in parallel, each sampled only until its tolerance is met.
+
+use std::ops::{ControlFlow, Range};
+
+use crate::{
+    factors::BlockFactors,
+    landmarks::Selection,
+    matrix::{SampledMatrix, SparseEntry},
+    means::Means,
+    partition::Partition,
+    project::{Verdict, factor},
+    random::Random,
+    run::Run,
+    sparse::sparse_part,
+};
+
+/// How much a block may differ from the matrix.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// Mean square error per entry of a block, truncation and sampling together.
+    AbsoluteMeanSquare(f32),
+    /// Root of the error's energy over root of the block's energy.
+    RelativeFrobenius(f32),
+    /// At most this rank, and as many samples as the plan allows.
+    Rank(u32),
+}
+
+/// Columns that are compressed together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColumnGroup {
+    /// Columns of the matrix.
+    pub columns: Range<usize>,
+    /// What is asked of each block.
+    pub tolerance: Tolerance,
+}
+
+/// How many samples each row gets, per half: `batch`, then twice as many, until the tolerance is met.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SamplePlan {
+    /// Samples that are taken at a time.
+    pub batch: u32,
+    /// Samples before the first look at the tolerance.
+    pub min: u32,
+    /// Samples at most.
+    pub max: u32,
+}
+
+/// What is asked of [`compress`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompressConfig {
+    /// One result per group and block.
+    pub groups: Vec<ColumnGroup>,
+    /// Samples per row and half.
+    pub samples: SamplePlan,
+    /// How landmarks are chosen.
+    pub selection: Selection,
+    /// Greatest rank of a block.
+    pub max_rank: u32,
+    /// Share of a block's bundles that measure the error and never teach; blocks of fewer than 16 bundles have none.
+    pub held_out: f32,
+    /// The same seed gives the same factors.
+    pub seed: u64,
+}
+
+impl Default for CompressConfig {
+    fn default() -> Self {
+        Self {
+            groups: Vec::new(),
+            samples: SamplePlan { batch: 16, min: 16, max: 64 },
+            selection: Selection::Alg4,
+            max_rank: 96,
+            held_out: 1.0 / 32.0,
+            seed: 0,
+        }
+    }
+}
+
+/// Why a matrix could not be compressed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CompressError {
+    /// A sample is infinite or not a number.
+    #[error("row {row} of block {block} has a sample that is not finite; the matrix must return finite estimates")]
+    NonFinite {
+        /// Block.
+        block: u32,
+        /// Row, counted from the first row of the block.
+        row: u32,
+    },
+    /// The request does not fit the matrix.
+    #[error("cannot compress: {0}")]
+    Config(String),
+}
+
+/// The sums of all samples of a block.
+#[derive(Clone, Copy, Debug)]
+pub struct BlockSamples<'a> {
+    /// Sums of the two halves, row-major, rows × columns of the matrix.
+    pub halves: [&'a [f32]; 2],
+    /// Entries that no low rank holds, sums of both halves together; row counted within the block, column within the matrix.
+    pub sparse: &'a [SparseEntry],
+    /// Columns of the matrix.
+    pub n_cols: usize,
+    /// Rows per bundle.
+    pub bundle_len: usize,
+    /// Samples of each row in one half.
+    pub n_samples: u32,
+}
+
+/// Compresses some blocks of a matrix, in the order given, on as many threads as the current rayon pool has.
+///
+/// `on_block` gets one [`BlockFactors`] per group as soon as a block is done, one call at a time, in any order; it must not
+/// wait for the same pool. [`ControlFlow::Break`] stops soon, after at most a batch of samples, and is handed back. The same
+/// matrix, config and seed give the same factors on any number of threads.
+///
+/// # Errors
+/// A config that does not fit the matrix, or samples that are not finite.
+pub fn compress<M: SampledMatrix>(
+    matrix: &M,
+    partition: &Partition,
+    blocks: &[u32],
+    config: &CompressConfig,
+    on_block: impl FnMut(u32, Vec<BlockFactors>) -> ControlFlow<()> + Send,
+) -> Result<ControlFlow<()>, CompressError> {
+    check(matrix, partition, blocks, config)?;
+    Run::new(matrix, partition, blocks, config, on_block).finish()
+}
+
+/// Compresses one block from the sums of its samples: one result per group of the config.
+///
+/// # Errors
+/// Groups beyond the columns, halves of different size, or samples that are not finite.
+pub fn compress_block(
+    samples: &BlockSamples<'_>,
+    config: &CompressConfig,
+    block_idx: u32,
+) -> Result<Vec<BlockFactors>, CompressError> {
+    check_groups(config, samples.n_cols)?;
+    let [a, b] = samples.halves;
+    let bundle_size = samples.n_cols * samples.bundle_len;
+    if a.len() != b.len() || bundle_size == 0 || a.len() % bundle_size != 0 || samples.n_samples == 0 {
+        return Err(CompressError::Config("the halves of a block must hold the same whole number of bundles".into()));
+    }
+    let mut means = Means::default();
+    let group = |group| compress_group(samples, group, config, block_idx, &mut means).map(|(factors, _)| factors);
+    config.groups.iter().map(group).collect()
+}
+
+/// Compresses one group of columns of a block.
+pub(crate) fn compress_group(
+    samples: &BlockSamples<'_>,
+    group: &ColumnGroup,
+    config: &CompressConfig,
+    block_idx: u32,
+    means: &mut Means,
+) -> Result<(BlockFactors, Verdict), CompressError> {
+    let non_finite = |row| CompressError::NonFinite { block: block_idx, row };
+    means
+        .fill(samples.halves, samples.n_cols, &group.columns, samples.n_samples)
+        .map_err(|row| non_finite(row as u32))?;
+    let rng = Random::new([config.seed, u64::from(block_idx)]);
+    let (mut factors, verdict) = factor(means, samples.bundle_len, group.tolerance, config, rng);
+    factors.n_samples = 2 * samples.n_samples;
+    factors.sparse = sparse_part(samples.sparse, &group.columns, 1.0 / f64::from(factors.n_samples));
+    match factors.sparse.iter().find(|entry| !entry.value.is_finite()) {
+        Some(entry) => Err(non_finite(entry.row)),
+        None => Ok((factors, verdict)),
+    }
+}
+
+fn check<M: SampledMatrix>(
+    matrix: &M,
+    partition: &Partition,
+    blocks: &[u32],
+    config: &CompressConfig,
+) -> Result<(), CompressError> {
+    let wrong = |words: String| Err(CompressError::Config(words));
+    check_groups(config, matrix.n_cols())?;
+    let n_bundles = partition.width as usize * partition.height as usize;
+    if partition.tile == 0 || n_bundles * matrix.bundle_len() != matrix.n_rows() {
+        return wrong(format!("a partition of {n_bundles} bundles does not fit {} rows", matrix.n_rows()));
+    }
+    if let Some(block) = blocks.iter().find(|block| **block as usize >= partition.n_blocks()) {
+        return wrong(format!("there is no block {block} among {}", partition.n_blocks()));
+    }
+    let SamplePlan { batch, min, max } = config.samples;
+    if batch == 0 || max == 0 || min > max || max > u32::MAX / 2 {
+        return wrong(format!("a sample plan needs batch > 0 and min ≤ max, not {batch}, {min}, {max}"));
+    }
+    Ok(())
+}
+
+fn check_groups(config: &CompressConfig, n_cols: usize) -> Result<(), CompressError> {
+    let bad = |group: &&ColumnGroup| group.columns.is_empty() || group.columns.end > n_cols;
+    match config.groups.iter().find(bad) {
+        Some(group) => Err(CompressError::Config(format!("columns {:?} are not among {n_cols}", group.columns))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,281 @@
+//! Row-major matrices, small and large, and the few products that compression needs.
+//!
+//! nalgebra multiplies strided views without a copy, so that a transpose costs nothing. Large matrices are `f32`; what is
+//! decomposed (Gram matrices as wide as a basis) is `f64`.
+
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Dyn, RealField, SymmetricEigen};
+
+/// A row-major matrix, rows × columns.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Dense<T> {
+    pub(crate) n_rows: usize,
+    pub(crate) n_cols: usize,
+    pub(crate) data: Vec<T>,
+}
+
+/// A matrix somewhere inside a slice, with a stride for each direction.
+#[derive(Clone, Copy)]
+pub(crate) struct View<'a, T> {
+    data: &'a [T],
+    n_rows: usize,
+    n_cols: usize,
+    row_stride: usize,
+    col_stride: usize,
+}
+
+impl<T: RealField + Copy> Dense<T> {
+    /// All zeros.
+    pub(crate) fn zeros(n_rows: usize, n_cols: usize) -> Self {
+        Self { n_rows, n_cols, data: vec![T::zero(); n_rows * n_cols] }
+    }
+
+    /// One row.
+    pub(crate) fn row(&self, row: usize) -> &[T] {
+        &self.data[row * self.n_cols..][..self.n_cols]
+    }
+
+    /// One row, to be written.
+    pub(crate) fn row_mut(&mut self, row: usize) -> &mut [T] {
+        &mut self.data[row * self.n_cols..][..self.n_cols]
+    }
+
+    /// The matrix as it is.
+    pub(crate) fn view(&self) -> View<'_, T> {
+        let (n_rows, n_cols) = (self.n_rows, self.n_cols);
+        View { data: &self.data, n_rows, n_cols, row_stride: n_cols, col_stride: 1 }
+    }
+
+    /// The transpose.
+    pub(crate) fn t(&self) -> View<'_, T> {
+        self.view().t()
+    }
+
+    /// Some rows, in the order asked for.
+    pub(crate) fn gather_rows(&self, rows: impl Iterator<Item = usize>) -> Self {
+        let data: Vec<T> = rows.flat_map(|row| self.row(row).iter().copied()).collect();
+        Self { n_rows: data.len() / self.n_cols.max(1), n_cols: self.n_cols, data }
+    }
+
+    /// The first columns.
+    pub(crate) fn first_cols(&self, n_cols: usize) -> Self {
+        let n_cols = n_cols.min(self.n_cols);
+        let data = (0..self.n_rows).flat_map(|row| self.row(row)[..n_cols].iter().copied()).collect();
+        Self { n_rows: self.n_rows, n_cols, data }
+    }
+
+    /// Puts matrices of equally many rows side by side.
+    pub(crate) fn side_by_side(parts: &[Self], n_rows: usize) -> Self {
+        let n_cols = parts.iter().map(|part| part.n_cols).sum();
+        let data = (0..n_rows).flat_map(|row| parts.iter().flat_map(move |part| part.row(row).iter().copied()));
+        Self { n_rows, n_cols, data: data.collect() }
+    }
+}
+
+impl Dense<f32> {
+    /// The same numbers in double precision.
+    pub(crate) fn to_f64(&self) -> Dense<f64> {
+        Dense { n_rows: self.n_rows, n_cols: self.n_cols, data: self.data.iter().map(|&x| f64::from(x)).collect() }
+    }
+
+    /// A copy in which the rows that `kept` does not name are zero.
+    pub(crate) fn masked(&self, kept: &[bool]) -> Self {
+        let mut out = Self::zeros(self.n_rows, self.n_cols);
+        for row in (0..self.n_rows).filter(|&row| kept[row]) {
+            out.row_mut(row).copy_from_slice(self.row(row));
+        }
+        out
+    }
+}
+
+impl Dense<f64> {
+    /// The same numbers in single precision.
+    pub(crate) fn to_f32(&self) -> Dense<f32> {
+        Dense { n_rows: self.n_rows, n_cols: self.n_cols, data: self.data.iter().map(|&x| x as f32).collect() }
+    }
+}
+
+impl<'a, T: RealField + Copy> View<'a, T> {
+    /// The transpose.
+    pub(crate) fn t(self) -> Self {
+        Self {
+            n_rows: self.n_cols,
+            n_cols: self.n_rows,
+            row_stride: self.col_stride,
+            col_stride: self.row_stride,
+            ..self
+        }
+    }
+
+    fn at(&self, row: usize, col: usize) -> T {
+        self.data[row * self.row_stride + col * self.col_stride]
+    }
+
+    fn nalgebra(&self) -> DMatrixView<'a, T, Dyn, Dyn> {
+        DMatrixView::from_slice_with_strides(self.data, self.n_rows, self.n_cols, self.row_stride, self.col_stride)
+    }
+}
+
+/// `a · b`.
+pub(crate) fn product<T: RealField + Copy>(a: View<'_, T>, b: View<'_, T>) -> Dense<T> {
+    assert!(a.n_cols == b.n_rows, "inner sizes {} and {} differ", a.n_cols, b.n_rows);
+    let mut out = Dense::zeros(a.n_rows, b.n_cols);
+    // Below six rows or columns the blocked product does not pay (and nalgebra would walk against the strides).
+    if a.n_rows.min(a.n_cols).min(b.n_cols) < 6 {
+        thin_product(a, b, &mut out);
+    } else {
+        let (n_rows, n_cols) = (out.n_rows, out.n_cols);
+        DMatrixViewMut::from_slice_with_strides_mut(&mut out.data, n_rows, n_cols, n_cols, 1).gemm(
+            T::one(),
+            &a.nalgebra(),
+            &b.nalgebra(),
+            T::zero(),
+        );
+    }
+    out
+}
+
+/// `a · b` where one of the sizes is small.
+fn thin_product<T: RealField + Copy>(a: View<'_, T>, b: View<'_, T>, out: &mut Dense<T>) {
+    if a.col_stride == 1 && b.row_stride == 1 {
+        for (row, col) in (0..a.n_rows).flat_map(|row| (0..b.n_cols).map(move |col| (row, col))) {
+            let left = &a.data[row * a.row_stride..][..a.n_cols];
+            out.row_mut(row)[col] = dot(left, &b.data[col * b.col_stride..][..a.n_cols]);
+        }
+    } else if b.col_stride == 1 {
+        for (inner, row) in (0..a.n_cols).flat_map(|inner| (0..a.n_rows).map(move |row| (inner, row))) {
+            add_scaled(out.row_mut(row), a.at(row, inner), &b.data[inner * b.row_stride..][..b.n_cols]);
+        }
+    } else {
+        for (row, col) in (0..a.n_rows).flat_map(|row| (0..b.n_cols).map(move |col| (row, col))) {
+            out.row_mut(row)[col] =
+                (0..a.n_cols).fold(T::zero(), |sum, inner| sum + a.at(row, inner) * b.at(inner, col));
+        }
+    }
+}
+
+/// Scalar product, in eight partial sums (the order of which is fixed).
+pub(crate) fn dot<T: RealField + Copy>(a: &[T], b: &[T]) -> T {
+    let mut sums = [T::zero(); 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest = a8.remainder().iter().zip(b8.remainder()).fold(T::zero(), |sum, (&x, &y)| sum + x * y);
+    for (x, y) in a8.zip(b8) {
+        for lane in 0..8 {
+            sums[lane] += x[lane] * y[lane];
+        }
+    }
+    sums.iter().fold(rest, |sum, &x| sum + x)
+}
+
+/// `out += factor · x`.
+pub(crate) fn add_scaled<T: RealField + Copy>(out: &mut [T], factor: T, x: &[T]) {
+    for (out, &x) in out.iter_mut().zip(x) {
+        *out += factor * x;
+    }
+}
+
+/// Eigenvalues of a symmetric matrix, largest first, and their vectors as columns. Those below `1e-12` of the largest
+/// (singular values below `1e-6`) are left out.
+pub(crate) fn eigen(gram: &Dense<f64>) -> (Vec<f64>, Dense<f64>) {
+    let k = gram.n_rows;
+    if gram.data.iter().all(|&x| x == 0.0) {
+        return (Vec::new(), Dense::zeros(k, 0));
+    }
+    let eigen = SymmetricEigen::new(DMatrix::from_column_slice(k, k, &gram.data));
+    let mut order: Vec<usize> = (0..k).collect();
+    order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
+    let floor = 1e-12 * eigen.eigenvalues[order[0]].max(0.0);
+    order.retain(|&i| eigen.eigenvalues[i] > floor);
+    let values = order.iter().map(|&i| eigen.eigenvalues[i]).collect();
+    let data = (0..k).flat_map(|row| order.iter().map(move |&i| (row, i))).map(|at| eigen.eigenvectors[at]).collect();
+    (values, Dense { n_rows: k, n_cols: order.len(), data })
+}
+
+/// Adds an orthonormal basis of what the rows of `new` add to the span of the rows of `basis`.
+///
+/// Gram–Schmidt with pivoting, "twice is enough" \[Giraud2005\]: the largest rest is taken next, so duplicates and zero rows
+/// fall out and no intersection matrix is ever inverted. Rests below `1e-5` of the largest new row count as zero.
+pub(crate) fn extend_basis(basis: &mut Dense<f32>, mut new: Dense<f32>) {
+    let norm = |row: &[f32]| dot(row, row);
+    let floor = 1e-10 * (0..new.n_rows).map(|row| norm(new.row(row))).fold(0.0, f32::max);
+    for _ in 0..if basis.n_rows > 0 { 2 } else { 0 } {
+        let inside = product(product(new.view(), basis.t()).view(), basis.view());
+        add_scaled(&mut new.data, -1.0, &inside.data);
+    }
+    for _ in 0..new.n_rows {
+        let norms = (0..new.n_rows).map(|row| norm(new.row(row)));
+        let Some((pivot, largest)) = norms.enumerate().max_by(|x, y| x.1.total_cmp(&y.1)) else { return };
+        if largest <= floor || basis.n_rows == basis.n_cols {
+            return;
+        }
+        let mut direction = new.row(pivot).to_vec();
+        normalize(&mut direction);
+        for row in 0..basis.n_rows {
+            let part = dot(&direction, basis.row(row));
+            add_scaled(&mut direction, -part, basis.row(row));
+        }
+        normalize(&mut direction);
+        for row in 0..new.n_rows {
+            let part = dot(&direction, new.row(row));
+            add_scaled(new.row_mut(row), -part, &direction);
+        }
+        new.row_mut(pivot).fill(0.0);
+        basis.data.extend(direction);
+        basis.n_rows += 1;
+    }
+}
+
+fn normalize(row: &mut [f32]) {
+    let scale = 1.0 / dot(row, row).sqrt();
+    row.iter_mut().for_each(|x| *x *= scale);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    fn random(n_rows: usize, n_cols: usize, rng: &mut Random) -> Dense<f32> {
+        Dense { n_rows, n_cols, data: (0..n_rows * n_cols).map(|_| rng.normal()).collect() }
+    }
+
+    #[test]
+    fn thin_and_blocked_products_agree_with_the_definition() {
+        let mut rng = Random::new([1, 2]);
+        for (m, k, n) in [(1, 1, 1), (9, 30, 4), (3, 40, 17), (20, 31, 22), (7, 2, 9), (12, 0, 3)] {
+            let (a, b) = (random(m, k, &mut rng), random(k, n, &mut rng));
+            let bt = Dense {
+                n_rows: n,
+                n_cols: k,
+                data: (0..n * k).map(|i| b.data[i % k.max(1) * n + i / k.max(1)]).collect(),
+            };
+            let at = Dense { n_rows: k, n_cols: m, data: (0..k * m).map(|i| a.data[i % m * k + i / m]).collect() };
+            for out in [
+                product(a.view(), b.view()),
+                product(a.view(), bt.t()),
+                product(at.t(), b.view()),
+                product(at.t(), bt.t()),
+            ] {
+                for (row, col) in (0..m).flat_map(|row| (0..n).map(move |col| (row, col))) {
+                    let want: f32 = (0..k).map(|i| a.row(row)[i] * b.row(i)[col]).sum();
+                    assert!((out.row(row)[col] - want).abs() < 1e-4, "{m} {k} {n}: {} {want}", out.row(row)[col]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_basis_is_orthonormal_and_free_of_duplicates_and_zeros() {
+        let mut rng = Random::new([3, 4]);
+        let mut rows = random(20, 50, &mut rng);
+        rows.data.copy_within(0..50, 50);
+        rows.row_mut(7).fill(0.0);
+        let mut basis = Dense::zeros(0, 50);
+        extend_basis(&mut basis, rows.clone());
+        extend_basis(&mut basis, rows);
+        assert_eq!(basis.n_rows, 18);
+        let gram = product(basis.view(), basis.t());
+        for (i, x) in gram.data.iter().enumerate() {
+            assert!((x - if i % 19 == 0 { 1.0 } else { 0.0 }).abs() < 2e-6, "{i}: {x}");
+        }
+    }
+}

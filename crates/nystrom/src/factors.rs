@@ -1,0 +1,174 @@
+//! The compressed form of one block: `left · diag(scale) · right + sparse`.
+
+use half::f16;
+
+use crate::matrix::SparseEntry;
+
+/// Mean squares per entry of a block, its sparse part aside.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BlockError {
+    /// What the chosen rank leaves out, measured on held-out rows (the product of two independent halves' residuals, so
+    /// that noise does not count; a single block's figure can be negative).
+    pub truncation: f32,
+    /// Sampling noise that stays in the factors.
+    pub sampling: f32,
+    /// Sampling noise of the entries as they were sampled, before compression.
+    pub noise: f32,
+}
+
+/// One block of a matrix, compressed: `left · diag(scale) · right + sparse`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockFactors {
+    /// Rows of the block.
+    pub n_rows: u32,
+    /// Columns of the block's group.
+    pub n_cols: u32,
+    /// Rank; 0 is an all-zero block.
+    pub rank: u32,
+    /// Row-major, rows × rank.
+    pub left: Vec<f16>,
+    /// One per component, a power of two.
+    pub scale: Vec<f32>,
+    /// Row-major, rank × columns.
+    pub right: Vec<f16>,
+    /// Entries that no low rank holds, sorted by row, then column; each once.
+    pub sparse: Vec<SparseEntry>,
+    /// Samples taken per row, both halves together.
+    pub n_samples: u32,
+    /// What was measured.
+    pub error: BlockError,
+}
+
+impl BlockFactors {
+    /// Packs `left · right` without a sparse part: row-major rows × rank and rank × columns.
+    ///
+    /// Each column of `left` and each row of `right` is divided by a power of two that brings it into the range of `f16`;
+    /// `scale` gives their product back. Components that are all zero stay zero.
+    pub fn from_f32(left: &[f32], right: &[f32], n_rows: usize, n_cols: usize, rank: usize) -> Self {
+        assert!(
+            left.len() == n_rows * rank && right.len() == rank * n_cols,
+            "factors do not fit {n_rows} × {rank} × {n_cols}"
+        );
+        let mut factors = Self { n_rows: n_rows as u32, n_cols: n_cols as u32, rank: rank as u32, ..Self::default() };
+        let left_exponents: Vec<i32> = (0..rank).map(|r| exponent(left.iter().skip(r).step_by(rank))).collect();
+        let right_exponents: Vec<i32> = right.chunks(n_cols.max(1)).map(|row| exponent(row.iter())).collect();
+        factors.left = left.iter().enumerate().map(|(i, &x)| scaled(x, -left_exponents[i % rank])).collect();
+        factors.right = right.iter().enumerate().map(|(i, &x)| scaled(x, -right_exponents[i / n_cols])).collect();
+        factors.scale =
+            (0..rank).map(|r| power_of_two((left_exponents[r] + right_exponents[r]).clamp(-126, 127)) as f32).collect();
+        factors
+    }
+
+    /// One entry, its sparse part included.
+    pub fn entry(&self, row: usize, col: usize) -> f32 {
+        let rank = self.rank as usize;
+        let product = |r: usize| {
+            self.left[row * rank + r].to_f32() * self.scale[r] * self.right[r * self.n_cols as usize + col].to_f32()
+        };
+        let low_rank: f32 = (0..rank).map(product).sum();
+        let key = (row as u32, col as u32);
+        let sparse = self.sparse.binary_search_by_key(&key, |entry| (entry.row, entry.col));
+        low_rank + sparse.map_or(0.0, |i| self.sparse[i].value)
+    }
+
+    /// One row (one value per column), its sparse part included; `out` is overwritten.
+    pub fn row(&self, row: usize, out: &mut [f32]) {
+        self.low_rank_row(row, out);
+        let first = self.sparse.partition_point(|entry| (entry.row as usize) < row);
+        for entry in self.sparse[first..].iter().take_while(|entry| entry.row as usize == row) {
+            out[entry.col as usize] += entry.value;
+        }
+    }
+
+    /// One row without its sparse part; `out` is overwritten.
+    pub(crate) fn low_rank_row(&self, row: usize, out: &mut [f32]) {
+        let (rank, n_cols) = (self.rank as usize, self.n_cols as usize);
+        out.fill(0.0);
+        for r in 0..rank {
+            let left = self.left[row * rank + r].to_f32() * self.scale[r];
+            for (out, right) in out.iter_mut().zip(&self.right[r * n_cols..][..n_cols]) {
+                *out += left * right.to_f32();
+            }
+        }
+    }
+
+    /// The product with a vector of one value per column: one value per row.
+    pub fn apply(&self, x: &[f32]) -> Vec<f32> {
+        let (rank, n_cols) = (self.rank as usize, self.n_cols as usize);
+        let inner = |r: usize| -> f32 {
+            let right = &self.right[r * n_cols..][..n_cols];
+            self.scale[r] * right.iter().zip(x).map(|(right, x)| right.to_f32() * x).sum::<f32>()
+        };
+        let inner: Vec<f32> = (0..rank).map(inner).collect();
+        let low_rank = |row: usize| {
+            let left = &self.left[row * rank..][..rank];
+            left.iter().zip(&inner).map(|(left, inner)| left.to_f32() * inner).sum()
+        };
+        let mut out: Vec<f32> = (0..self.n_rows as usize).map(low_rank).collect();
+        for entry in &self.sparse {
+            out[entry.row as usize] += entry.value * x[entry.col as usize];
+        }
+        out
+    }
+
+    /// All entries, row-major, rows × columns.
+    pub fn dense(&self) -> Vec<f32> {
+        let mut out = vec![0.0; self.n_rows as usize * self.n_cols as usize];
+        for (row, out) in out.chunks_mut((self.n_cols as usize).max(1)).enumerate() {
+            self.row(row, out);
+        }
+        out
+    }
+
+    /// Memory that factors and sparse entries take, in bytes.
+    pub fn n_bytes(&self) -> usize {
+        2 * (self.left.len() + self.right.len()) + 4 * self.scale.len() + size_of_val(self.sparse.as_slice())
+    }
+}
+
+/// The exponent of the largest magnitude: dividing by its power of two brings it into [1, 2). 0 if all are zero.
+fn exponent<'a>(values: impl Iterator<Item = &'a f32>) -> i32 {
+    let largest = values.fold(0.0f32, |largest, x| largest.max(x.abs()));
+    if largest > 0.0 && largest.is_finite() { f64::from(largest).log2().floor() as i32 } else { 0 }
+}
+
+/// `x · 2^exponent`, rounded to `f16`.
+fn scaled(x: f32, exponent: i32) -> f16 {
+    f16::from_f64(f64::from(x) * power_of_two(exponent))
+}
+
+/// 2^exponent for any exponent that products of two `f32` have.
+pub(crate) fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((1023 + exponent.clamp(-1022, 1023)) as u64) << 52)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn packing_keeps_eleven_bits_at_every_magnitude() {
+        let mut rng = Random::new([11, 0]);
+        for magnitude in [1e-12f32, 1e-6, 1.0, 3.7e5, 1e12] {
+            let left: Vec<f32> = (0..20 * 3).map(|_| rng.normal() * magnitude).collect();
+            let right: Vec<f32> = (0..3 * 15).map(|_| rng.normal()).collect();
+            let factors = BlockFactors::from_f32(&left, &right, 20, 15, 3);
+            assert!(factors.scale.iter().all(|s| s.to_bits() & 0x7f_ffff == 0), "{:?}", factors.scale);
+            for (i, got) in factors.dense().iter().enumerate() {
+                let want: f32 = (0..3).map(|r| left[i / 15 * 3 + r] * right[r * 15 + i % 15]).sum();
+                assert!((got - want).abs() < 1e-2 * magnitude, "{magnitude}: {got} {want}");
+                assert_eq!(*got, factors.entry(i / 15, i % 15));
+            }
+        }
+    }
+
+    #[test]
+    fn sparse_entries_are_added_to_their_row_alone() {
+        let mut factors = BlockFactors::from_f32(&[1.0, 2.0, 3.0], &[1.0, 0.5], 3, 2, 1);
+        factors.sparse = vec![SparseEntry { row: 1, col: 0, value: 10.0 }, SparseEntry { row: 1, col: 1, value: 20.0 }];
+        assert_eq!(factors.dense(), [1.0, 0.5, 12.0, 21.0, 3.0, 1.5]);
+        assert_eq!([factors.entry(0, 1), factors.entry(1, 1)], [0.5, 21.0]);
+        assert_eq!(factors.n_bytes(), 2 * 5 + 4 + 24);
+    }
+}

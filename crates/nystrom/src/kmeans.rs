@@ -1,0 +1,121 @@
+//! Weighted k-means with k-means++ seeds [Arthur2007]; what is asked for are members, not means.
+
+use crate::{
+    dense::{Dense, add_scaled},
+    random::Random,
+};
+
+/// Rounds of Lloyd's iteration: representatives hardly move after these.
+const N_ROUNDS: usize = 4;
+
+/// At most `count` different points (rows of `points`), one near the middle of each cluster, in the order of their seeds.
+/// Points of weight 0 are never chosen; duplicates count as one point.
+pub(crate) fn representatives(points: &Dense<f32>, weights: &[f32], count: usize, rng: &mut Random) -> Vec<usize> {
+    let mut centers = seeds(points, weights, count, rng);
+    if centers.n_rows == 0 {
+        return Vec::new();
+    }
+    let mut cluster = vec![0; points.n_rows];
+    for _ in 0..N_ROUNDS {
+        for (i, cluster) in cluster.iter_mut().enumerate() {
+            *cluster = nearest(points.row(i), &centers);
+        }
+        move_to_means(points, weights, &cluster, &mut centers);
+    }
+    let mut chosen: Vec<Option<(f32, usize)>> = vec![None; centers.n_rows];
+    for i in (0..points.n_rows).filter(|&i| weights[i] > 0.0) {
+        let best = &mut chosen[cluster[i]];
+        let distance = distance_squared(points.row(i), centers.row(cluster[i]));
+        if best.is_none_or(|(least, _)| distance < least) {
+            *best = Some((distance, i));
+        }
+    }
+    chosen.into_iter().flatten().map(|(_, i)| i).collect()
+}
+
+/// k-means++: each further seed with a probability that grows with its squared distance from the seeds before it.
+fn seeds(points: &Dense<f32>, weights: &[f32], count: usize, rng: &mut Random) -> Dense<f32> {
+    let mut centers = Dense::zeros(0, points.n_cols);
+    let mut chances: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
+    let mut least = vec![f32::INFINITY; points.n_rows];
+    while centers.n_rows < count {
+        let Some(pick) = pick(&chances, rng) else { break };
+        centers.data.extend_from_slice(points.row(pick));
+        centers.n_rows += 1;
+        for i in 0..points.n_rows {
+            least[i] = least[i].min(distance_squared(points.row(i), points.row(pick)));
+            chances[i] = f64::from(weights[i]) * f64::from(least[i]);
+        }
+    }
+    centers
+}
+
+/// One index, with a probability in proportion to its chance; none if all are zero.
+fn pick(chances: &[f64], rng: &mut Random) -> Option<usize> {
+    let mut left = rng.unit() * chances.iter().sum::<f64>();
+    let mut last = None;
+    for (i, &chance) in chances.iter().enumerate().filter(|(_, chance)| **chance > 0.0) {
+        last = Some(i);
+        left -= chance;
+        if left < 0.0 {
+            break;
+        }
+    }
+    last
+}
+
+/// A cluster without weight keeps its center.
+fn move_to_means(points: &Dense<f32>, weights: &[f32], cluster: &[usize], centers: &mut Dense<f32>) {
+    let mut sums = Dense::zeros(centers.n_rows, centers.n_cols);
+    let mut totals = vec![0.0; centers.n_rows];
+    for (i, &cluster) in cluster.iter().enumerate() {
+        add_scaled(sums.row_mut(cluster), weights[i], points.row(i));
+        totals[cluster] += weights[i];
+    }
+    for (k, &total) in totals.iter().enumerate().filter(|(_, total)| **total > 0.0) {
+        centers.row_mut(k).iter_mut().zip(sums.row(k)).for_each(|(center, sum)| *center = sum / total);
+    }
+}
+
+fn nearest(point: &[f32], centers: &Dense<f32>) -> usize {
+    let distance = |k: &usize| distance_squared(point, centers.row(*k));
+    (0..centers.n_rows).min_by(|i, j| distance(i).total_cmp(&distance(j))).unwrap_or(0)
+}
+
+fn distance_squared(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f32 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| (x - y) * (x - y)).sum();
+    for (x, y) in a8.zip(b8) {
+        for lane in 0..8 {
+            sums[lane] += (x[lane] - y[lane]) * (x[lane] - y[lane]);
+        }
+    }
+    rest + sums.iter().sum::<f32>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn three_clouds_give_one_member_each() {
+        let mut rng = Random::new([5, 0]);
+        let data = (0..90).flat_map(|i| [(i % 3) as f32 * 10.0 + 0.1 * rng.normal(), 0.1 * rng.normal()]).collect();
+        let points = Dense { n_rows: 90, n_cols: 2, data };
+        let mut clouds: Vec<usize> =
+            representatives(&points, &[1.0; 90], 3, &mut rng).into_iter().map(|i| i % 3).collect();
+        clouds.sort_unstable();
+        assert_eq!(clouds, [0, 1, 2]);
+    }
+
+    #[test]
+    fn duplicates_count_once_and_weightless_points_never() {
+        let mut rng = Random::new([6, 0]);
+        let points = Dense { n_rows: 6, n_cols: 1, data: vec![1.0, 1.0, 2.0, 2.0, 9.0, 0.0] };
+        let mut chosen = representatives(&points, &[1.0, 1.0, 1.0, 1.0, 0.0, 0.0], 5, &mut rng);
+        chosen.sort_unstable();
+        assert_eq!(chosen, [0, 2]);
+        assert!(representatives(&points, &[0.0; 6], 5, &mut rng).is_empty());
+    }
+}

@@ -1,0 +1,359 @@
+//! Laws of the whole path from samples to factors, on matrices whose truth is known.
+
+use std::{
+    ops::{ControlFlow, Range},
+    sync::atomic::{AtomicUsize, Ordering},
+};
+
+use crate::{
+    baseline::{core_wpinv, svd},
+    dense::{Dense, product},
+    random::Random,
+    *,
+};
+
+/// A known matrix; each sample of each entry has normal noise of its own.
+struct Known {
+    truth: Dense<f32>,
+    bundle_len: usize,
+    /// Standard deviation of one sample.
+    noise: f32,
+    sampled_rows: AtomicUsize,
+}
+
+impl Known {
+    fn new(truth: Dense<f32>, bundle_len: usize, noise: f32) -> Self {
+        Self { truth, bundle_len, noise, sampled_rows: AtomicUsize::new(0) }
+    }
+
+    /// One block of all bundles, as wide as they are many.
+    fn partition(&self) -> Partition {
+        let n_bundles = (self.truth.n_rows / self.bundle_len) as u32;
+        Partition { width: n_bundles, height: 1, tile: n_bundles }
+    }
+
+    fn halves(&self, n_samples: u32) -> [Vec<f32>; 2] {
+        let bundles: Vec<u32> = (0..(self.truth.n_rows / self.bundle_len) as u32).collect();
+        [Half::A, Half::B].map(|half| {
+            let mut out = vec![0.0; self.truth.data.len()];
+            self.add_rows(&bundles, 0..n_samples, half, &mut out, &mut Vec::new());
+            out
+        })
+    }
+}
+
+impl SampledMatrix for Known {
+    fn n_rows(&self) -> usize {
+        self.truth.n_rows
+    }
+    fn n_cols(&self) -> usize {
+        self.truth.n_cols
+    }
+    fn bundle_len(&self) -> usize {
+        self.bundle_len
+    }
+    fn add_rows(
+        &self,
+        bundles: &[u32],
+        samples: Range<u32>,
+        half: Half,
+        out: &mut [f32],
+        sparse: &mut Vec<SparseEntry>,
+    ) {
+        for (place, &bundle) in bundles.iter().enumerate() {
+            for i in 0..self.bundle_len {
+                let row = bundle as usize * self.bundle_len + i;
+                let out = &mut out[(place * self.bundle_len + i) * self.n_cols()..][..self.n_cols()];
+                for sample in samples.clone() {
+                    self.sampled_rows.fetch_add(1, Ordering::Relaxed);
+                    let mut rng = Random::new([row as u64 * 2 + (half == Half::B) as u64, u64::from(sample)]);
+                    for (out, truth) in out.iter_mut().zip(self.truth.row(row)) {
+                        *out += truth + if self.noise > 0.0 { self.noise * rng.normal() } else { 0.0 };
+                    }
+                    if row % 7 == 3 {
+                        sparse.push(SparseEntry { row: (place * self.bundle_len + i) as u32, col: 2, value: 5.0 });
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Smooth random factors; component r has singular value about `decay^r`, mean square 1 before that.
+fn decaying(n_rows: usize, n_cols: usize, rank: usize, decay: f32, rng: &mut Random) -> Dense<f32> {
+    let normal = |n: usize, rng: &mut Random| -> Vec<f32> { (0..n).map(|_| rng.normal()).collect() };
+    let mut left = Dense { n_rows, n_cols: rank, data: normal(n_rows * rank, rng) };
+    left.data.iter_mut().enumerate().for_each(|(i, x)| *x *= decay.powi((i % rank) as i32));
+    let right = Dense { n_rows: rank, n_cols, data: normal(rank * n_cols, rng) };
+    product(left.view(), right.view())
+}
+
+fn config(tolerance: Tolerance, n_cols: usize, n_samples: u32) -> CompressConfig {
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance }];
+    let samples = SamplePlan { batch: n_samples, min: 1, max: n_samples };
+    CompressConfig { groups, samples, max_rank: 1000, ..CompressConfig::default() }
+}
+
+fn factors(matrix: &Known, config: &CompressConfig, n_samples: u32) -> BlockFactors {
+    let [a, b] = matrix.halves(n_samples);
+    let (n_cols, bundle_len) = (matrix.n_cols(), matrix.bundle_len);
+    let samples = BlockSamples { halves: [&a, &b], sparse: &[], n_cols, bundle_len, n_samples };
+    compress_block(&samples, config, 0).unwrap().remove(0)
+}
+
+fn mean_square(a: &[f32], b: &[f32]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| (f64::from(*x) - f64::from(*y)).powi(2)).sum::<f64>() / a.len() as f64
+}
+
+fn relative(factors: &BlockFactors, truth: &Dense<f32>) -> f64 {
+    (mean_square(&factors.dense(), &truth.data) / mean_square(&truth.data, &vec![0.0; truth.data.len()])).sqrt()
+}
+
+#[test]
+fn full_rank_is_exact() {
+    let mut rng = Random::new([31, 0]);
+    for (n_rows, n_cols, bundle_len) in [(30, 50, 3), (120, 40, 3), (90, 3, 1), (48, 1, 3), (6, 200, 2), (240, 60, 3)] {
+        let truth = Dense { n_rows, n_cols, data: (0..n_rows * n_cols).map(|_| rng.normal()).collect() };
+        let matrix = Known::new(truth, bundle_len, 0.0);
+        let mut config = config(Tolerance::RelativeFrobenius(0.0), n_cols, 1);
+        config.held_out = 0.0;
+        let factors = factors(&matrix, &config, 1);
+        let error = relative(&factors, &matrix.truth);
+        assert!(error < 1e-3, "{n_rows} × {n_cols}: {error}, rank {}", factors.rank);
+        assert!(factors.error.noise == 0.0 && factors.error.truncation.abs() < 1e-5, "{:?}", factors.error);
+    }
+}
+
+#[test]
+fn decaying_spectra_stay_within_tolerance_near_the_best_rank() {
+    let mut rng = Random::new([32, 0]);
+    for selection in [Selection::Alg1, Selection::Alg2, Selection::Alg3, Selection::Alg4] {
+        for tolerance in [0.1, 0.01, 0.002] {
+            let matrix = Known::new(decaying(768, 256, 40, 0.7, &mut rng), 3, 0.0);
+            let mut config = config(Tolerance::RelativeFrobenius(tolerance), 256, 1);
+            config.selection = selection;
+            let factors = factors(&matrix, &config, 1);
+            let error = relative(&factors, &matrix.truth);
+            let best = (1..60).find(|r| 0.7f64.powi(*r) <= f64::from(tolerance)).unwrap();
+            assert!(error <= f64::from(tolerance), "{selection:?} {tolerance}: {error}");
+            assert!(factors.rank <= best as u32 + 3, "{selection:?} {tolerance}: rank {}, best {best}", factors.rank);
+        }
+    }
+}
+
+#[test]
+fn single_precision_follows_a_long_spectrum() {
+    let matrix = Known::new(decaying(384, 128, 60, 0.75, &mut Random::new([33, 0])), 3, 0.0);
+    let ours = factors(&matrix, &config(Tolerance::Rank(24), 128, 1), 1);
+    let best = svd(&matrix.truth.data, 128, 24);
+    let best = BlockFactors::from_f32(&best.left, &best.right, 384, 128, 24);
+    let (ours, best) = (relative(&ours, &matrix.truth), relative(&best, &matrix.truth));
+    assert!(ours < 1.1 * best, "{ours} against {best}");
+}
+
+#[test]
+fn duplicates_zero_rows_and_magnitudes_do_no_harm() {
+    let mut rng = Random::new([34, 0]);
+    let clean = decaying(384, 96, 12, 0.6, &mut rng);
+    let mut hard = clean.clone();
+    for row in 0..384 {
+        match row % 5 {
+            0 | 1 => hard.row_mut(row).fill(0.0),
+            2 => hard.row_mut(row).copy_from_slice(clean.row(7)),
+            _ => {}
+        }
+        let first = hard.row(row)[0];
+        hard.row_mut(row)[10..20].fill(first);
+    }
+    for magnitude in [1.0f32, 1e-6, 1e6, 1e-12, 1e12] {
+        for noise in [0.0, 0.1] {
+            let mut truth = hard.clone();
+            truth.data.iter_mut().for_each(|x| *x *= magnitude);
+            let matrix = Known::new(truth, 3, noise * magnitude);
+            let factors = factors(&matrix, &config(Tolerance::RelativeFrobenius(0.01), 96, 4), 4);
+            let error = relative(&factors, &matrix.truth);
+            assert!(error <= if noise > 0.0 { 0.03 } else { 0.01 }, "{magnitude} {noise}: {error}");
+            let BlockError { truncation, sampling, noise } = factors.error;
+            assert!(truncation.is_finite() && sampling.is_finite() && noise.is_finite(), "{:?}", factors.error);
+        }
+    }
+}
+
+#[test]
+fn a_zero_block_has_rank_zero() {
+    for n_cols in [1, 4, 200] {
+        let matrix = Known::new(Dense::zeros(96, n_cols), 3, 0.0);
+        for tolerance in [Tolerance::RelativeFrobenius(0.01), Tolerance::AbsoluteMeanSquare(0.0), Tolerance::Rank(3)] {
+            let factors = factors(&matrix, &config(tolerance, n_cols, 1), 1);
+            assert_eq!((factors.rank, factors.error), (0, BlockError::default()));
+            assert!(factors.dense().iter().all(|&x| x == 0.0));
+        }
+    }
+}
+
+#[test]
+fn truncation_takes_noise_away() {
+    let mut rng = Random::new([35, 0]);
+    for noise in [0.3, 1.0, 3.0] {
+        let matrix = Known::new(decaying(768, 256, 6, 0.7, &mut rng), 3, noise);
+        let factors = factors(&matrix, &config(Tolerance::AbsoluteMeanSquare(1e-5), 256, 2), 2);
+        let [a, b] = matrix.halves(2);
+        let raw: Vec<f32> = a.iter().zip(&b).map(|(a, b)| (a + b) / 4.0).collect();
+        let (raw, kept) = (mean_square(&raw, &matrix.truth.data), mean_square(&factors.dense(), &matrix.truth.data));
+        assert!(kept < 0.1 * raw, "noise {noise}: {kept} against {raw}, rank {}", factors.rank);
+        assert!(factors.rank <= 6, "noise {noise}: rank {}", factors.rank);
+        assert!((f64::from(factors.error.noise) / raw - 1.0).abs() < 0.05, "{:?} {raw}", factors.error);
+    }
+}
+
+#[test]
+fn held_out_rows_tell_the_truth_within_a_quarter() {
+    for (noise, tolerance, held_out) in [(0.0, 0.1, 1.0 / 32.0), (1.0, 0.02, 1.0 / 32.0), (3.0, 0.001, 1.0 / 16.0)] {
+        let (mut told, mut truth) = (0.0, 0.0);
+        for block in 0..20 {
+            let matrix = Known::new(decaying(384, 128, 30, 0.8, &mut Random::new([36, block])), 3, noise);
+            let mut config = config(Tolerance::AbsoluteMeanSquare(tolerance), 128, 2);
+            config.held_out = held_out;
+            config.seed = block;
+            let factors = factors(&matrix, &config, 2);
+            told += f64::from(factors.error.truncation + factors.error.sampling);
+            truth += mean_square(&factors.dense(), &matrix.truth.data);
+        }
+        assert!((told / truth - 1.0).abs() < 0.25, "noise {noise}: told {told}, truth {truth}");
+    }
+}
+
+#[test]
+fn held_out_bundles_never_teach() {
+    let matrix = Known::new(decaying(192, 80, 10, 0.7, &mut Random::new([37, 0])), 3, 0.1);
+    let config = config(Tolerance::AbsoluteMeanSquare(1e-3), 80, 2);
+    let [a, b] = matrix.halves(2);
+    let compress = |a: &[f32], b: &[f32]| {
+        let samples = BlockSamples { halves: [a, b], sparse: &[], n_cols: 80, bundle_len: 3, n_samples: 2 };
+        compress_block(&samples, &config, 0).unwrap().remove(0)
+    };
+    let before = compress(&a, &b);
+    // The bundles whose change leaves the right factor as it is are those held out.
+    let silent = (0..64).filter(|bundle| {
+        let mut changed = a.clone();
+        changed[bundle * 240..(bundle + 1) * 240].iter_mut().for_each(|x| *x *= -0.5);
+        compress(&changed, &b).right == before.right
+    });
+    assert_eq!(silent.count(), 2);
+}
+
+#[test]
+fn odd_samples_are_an_error_that_names_the_row() {
+    let matrix = Known::new(decaying(96, 20, 3, 0.5, &mut Random::new([38, 0])), 3, 0.0);
+    let [mut a, b] = matrix.halves(1);
+    a[20 * 50 + 7] = f32::NAN;
+    let samples = BlockSamples { halves: [&b, &a], sparse: &[], n_cols: 20, bundle_len: 3, n_samples: 1 };
+    let result = compress_block(&samples, &config(Tolerance::Rank(3), 20, 1), 9);
+    assert_eq!(result, Err(CompressError::NonFinite { block: 9, row: 50 }));
+}
+
+fn compress_all(matrix: &Known, config: &CompressConfig, n_threads: usize) -> Vec<Option<Vec<BlockFactors>>> {
+    let n_bundles = matrix.truth.n_rows / matrix.bundle_len;
+    let partition = Partition { width: 12, height: n_bundles as u32 / 12, tile: 5 };
+    let blocks: Vec<u32> = (0..partition.n_blocks() as u32).collect();
+    let mut all = vec![None; blocks.len()];
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+    let flow = pool.install(|| {
+        compress(matrix, &partition, &blocks, config, |block, factors| {
+            assert!(all[block as usize].replace(factors).is_none());
+            ControlFlow::Continue(())
+        })
+    });
+    assert_eq!(flow, Ok(ControlFlow::Continue(())));
+    all
+}
+
+#[test]
+fn one_and_three_threads_give_the_same_bytes() {
+    let matrix = Known::new(decaying(12 * 11 * 3, 64, 8, 0.6, &mut Random::new([39, 0])), 3, 0.3);
+    let mut config = config(Tolerance::AbsoluteMeanSquare(0.02), 0, 0);
+    config.groups = vec![
+        ColumnGroup { columns: 0..60, tolerance: Tolerance::AbsoluteMeanSquare(0.003) },
+        ColumnGroup { columns: 60..62, tolerance: Tolerance::AbsoluteMeanSquare(0.02) },
+        ColumnGroup { columns: 63..64, tolerance: Tolerance::Rank(1) },
+    ];
+    config.samples = SamplePlan { batch: 2, min: 1, max: 12 };
+    let [one, three] = [1, 3].map(|n_threads| compress_all(&matrix, &config, n_threads));
+    assert!(one == three && one.iter().flatten().count() == 9);
+    let sparse: Vec<SparseEntry> = one.iter().flatten().flat_map(|groups| groups[0].sparse.clone()).collect();
+    assert_eq!(sparse.len(), (12 * 11 * 3usize - 3).div_ceil(7));
+    assert!(sparse.iter().all(|entry| entry.col == 2 && entry.value == 5.0), "{sparse:?}");
+}
+
+#[test]
+fn sampling_ends_when_the_tolerance_is_met_and_rows_are_counted() {
+    let truth = decaying(12 * 5 * 3, 40, 4, 0.6, &mut Random::new([40, 0]));
+    let sampled = |noise: f32, tolerance: f32| {
+        let matrix = Known::new(truth.clone(), 3, noise);
+        let mut config = config(Tolerance::AbsoluteMeanSquare(tolerance), 40, 1);
+        config.samples = SamplePlan { batch: 2, min: 2, max: 32 };
+        let n_samples: Vec<u32> =
+            compress_all(&matrix, &config, 1).into_iter().flatten().map(|f| f[0].n_samples).collect();
+        let rows = matrix.sampled_rows.into_inner();
+        // Blocks of 5, 5 and 2 bundles in a row of 12, five rows of them, three rows per bundle.
+        assert_eq!(rows as u32, 15 * (5 * n_samples[0] + 5 * n_samples[1] + 2 * n_samples[2]));
+        n_samples.into_iter().max()
+    };
+    assert_eq!(sampled(0.0, 0.01), Some(4));
+    assert_eq!(sampled(1.0, 1e-6), Some(64));
+    assert!((8..64).contains(&sampled(1.0, 0.01).unwrap()), "{:?}", sampled(1.0, 0.01));
+}
+
+#[test]
+fn stopping_hands_back_break_and_no_further_block() {
+    let matrix = Known::new(decaying(12 * 10 * 3, 40, 4, 0.6, &mut Random::new([41, 0])), 3, 0.0);
+    let partition = Partition { width: 12, height: 10, tile: 2 };
+    let mut delivered = Vec::new();
+    let config = config(Tolerance::RelativeFrobenius(0.1), 40, 1);
+    let flow = compress(&matrix, &partition, &[7, 3, 5, 1], &config, |block, _| {
+        delivered.push(block);
+        if delivered.len() == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert_eq!((flow, delivered.len()), (Ok(ControlFlow::Break(())), 2));
+    assert!(
+        matrix.partition().n_blocks() == 1
+            && matches!(
+                compress(&matrix, &matrix.partition(), &[1], &config, |_, _| ControlFlow::Continue(())),
+                Err(CompressError::Config(_))
+            )
+    );
+}
+
+#[test]
+fn the_projected_core_survives_what_breaks_the_inverted_one() {
+    let mut rng = Random::new([42, 0]);
+    let truth = decaying(384, 128, 20, 0.6, &mut rng);
+    let noisy = Dense { data: truth.data.iter().map(|x| x + 0.05 * rng.normal()).collect(), ..truth.clone() };
+    let (rows, cols): (Vec<usize>, Vec<usize>) = ((0..24).map(|i| 16 * i).collect(), (0..24).map(|i| 5 * i).collect());
+    let inverted = core_wpinv(&noisy.data, 128, &rows, &cols, 1e-6);
+    let left = Dense { n_rows: 384, n_cols: 24, data: inverted.left };
+    let inverted = product(left.view(), Dense { n_rows: 24, n_cols: 128, data: inverted.right }.view()).data;
+    let ours = factors(&Known::new(truth.clone(), 3, 0.05), &config(Tolerance::RelativeFrobenius(0.01), 128, 1), 1);
+    let (ours, inverted) = (mean_square(&ours.dense(), &truth.data), mean_square(&inverted, &truth.data));
+    assert!(inverted > 20.0 * ours, "{inverted} against {ours}");
+}
+
+/// Prints what a block costs; run with `--nocapture`.
+#[test]
+fn the_cost_of_a_block_is_printed() {
+    for (noise, n_cols) in [(0.0, 256), (0.5, 256), (0.5, 8), (0.5, 1)] {
+        let matrix = Known::new(decaying(768, n_cols, 6, 0.7, &mut Random::new([43, 0])), 3, noise);
+        let halves = matrix.halves(1);
+        let config = config(Tolerance::AbsoluteMeanSquare(0.01), n_cols, 1);
+        let samples =
+            BlockSamples { halves: [&halves[0], &halves[1]], sparse: &[], n_cols, bundle_len: 3, n_samples: 1 };
+        let mut secs = Vec::new();
+        for block in 0..20 {
+            let start = std::time::Instant::now();
+            assert!(compress_block(&samples, &config, block).unwrap()[0].rank <= 6);
+            secs.push(start.elapsed().as_secs_f64());
+        }
+        secs.sort_by(f64::total_cmp);
+        println!("768 × {n_cols}, noise {noise}: {:.2} ms, at best {:.2} ms", secs[10] * 1e3, secs[0] * 1e3);
+    }
+}

@@ -1,0 +1,43 @@
+//! Which rows form a block: rectangular tiles of a two-dimensional grid of bundles.
+
+/// Tiles of a grid of bundles; tile and bundle are counted row by row from the top left.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Partition {
+    /// Bundles in a row of the grid.
+    pub width: u32,
+    /// Rows of the grid.
+    pub height: u32,
+    /// Side of a tile in bundles; tiles at the right and lower border may be smaller.
+    pub tile: u32,
+}
+
+impl Partition {
+    /// Tiles per row of tiles.
+    pub fn tiles_x(&self) -> u32 {
+        self.width.div_ceil(self.tile)
+    }
+
+    /// Rows of tiles.
+    pub fn tiles_y(&self) -> u32 {
+        self.height.div_ceil(self.tile)
+    }
+
+    /// Number of blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.tiles_x() as usize * self.tiles_y() as usize
+    }
+
+    /// First column, first row, width and height of a block's tile, in bundles.
+    pub fn rect(&self, block_idx: usize) -> [u32; 4] {
+        let x = (block_idx as u32 % self.tiles_x()) * self.tile;
+        let y = (block_idx as u32 / self.tiles_x()) * self.tile;
+        [x, y, self.tile.min(self.width - x), self.tile.min(self.height - y)]
+    }
+
+    /// The bundles of a block, row by row; appended to `out` after clearing it.
+    pub fn bundles(&self, block_idx: usize, out: &mut Vec<u32>) {
+        let [x0, y0, w, h] = self.rect(block_idx);
+        out.clear();
+        out.extend((y0..y0 + h).flat_map(|y| (x0..x0 + w).map(move |x| y * self.width + x)));
+    }
+}

@@ -1,0 +1,27 @@
+//! Entries that no low rank holds: collected as they come, then sorted, merged and averaged.
+
+use std::ops::Range;
+
+use crate::matrix::SparseEntry;
+
+/// Entries of one group of columns, each once, times `scale`; column counted from the group's first.
+pub(crate) fn sparse_part(entries: &[SparseEntry], columns: &Range<usize>, scale: f64) -> Vec<SparseEntry> {
+    let inside = entries.iter().filter(|entry| columns.contains(&(entry.col as usize)));
+    let mut out: Vec<SparseEntry> =
+        inside.map(|entry| SparseEntry { col: entry.col - columns.start as u32, ..*entry }).collect();
+    merge(&mut out);
+    out.iter_mut().for_each(|entry| entry.value = (f64::from(entry.value) * scale) as f32);
+    out.retain(|entry| entry.value != 0.0);
+    out
+}
+
+/// Sorts by row, then column, and adds up entries of the same place (in the order in which they came).
+pub(crate) fn merge(entries: &mut Vec<SparseEntry>) {
+    entries.sort_by_key(|entry| (entry.row, entry.col));
+    let mut merged: Vec<SparseEntry> = Vec::with_capacity(entries.len());
+    for same in entries.chunk_by(|x, y| (x.row, x.col) == (y.row, y.col)) {
+        let value = same.iter().map(|entry| f64::from(entry.value)).sum::<f64>() as f32;
+        merged.push(SparseEntry { value, ..same[0] });
+    }
+    *entries = merged;
+}
