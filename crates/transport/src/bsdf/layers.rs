@@ -1,0 +1,286 @@
+//! Metal, coat and transmission in the frame whose z axis is the shading normal on the viewer's side.
+
+use std::f32::consts::FRAC_1_PI;
+
+use glam::Vec3;
+
+use super::energy::Coat;
+use super::fresnel::{self, Schlick, grazing};
+use super::ggx::Ggx;
+use super::{SurfaceParams, cosine_direction};
+
+/// Below this α a lobe is a mirror.
+const MIRROR_ALPHA: f32 = 1e-3;
+/// Least share of the samples that goes to a broad coat: its reflectance away from the mirror direction can be far higher
+/// than the one that the choice of lobes looks at.
+const MIN_COAT_SHARE: f32 = 0.1;
+
+/// What lies behind the interface.
+#[derive(Clone, Copy, Debug)]
+enum Behind {
+    /// The same medium as in front.
+    ThinWall,
+    /// Another medium, with its index over the one in front.
+    Solid { eta: f32 },
+}
+
+/// Probabilities of choosing a lobe, adding up to 1 (or 0 where everything is absorbed).
+#[derive(Clone, Copy, Debug)]
+struct Choice {
+    diffuse: f32,
+    /// Microfacets: reflection, and transmission where that is broad too.
+    facets: f32,
+    mirror: f32,
+    /// Clear transmission; what is left.
+    clear: f32,
+}
+
+/// All lobes of a surface that is more than diffuse.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Layers {
+    frame: [Vec3; 3],
+    wo: Vec3,
+    base_color: Vec3,
+    dielectric: Schlick,
+    /// Shares of metal, of dielectric over a diffuse base, and of dielectric that lets light pass. They add up to 1.
+    metal: f32,
+    opaque: f32,
+    passing: f32,
+    behind: Behind,
+    ggx: Ggx,
+    rough_coat: bool,
+    rough_pass: bool,
+    coat: Coat,
+    allowance_o: f32,
+    choice: Choice,
+}
+
+impl Layers {
+    /// `ns` · `wo` > 0; `eta` is the index behind the surface over the one in front, as the viewer sees it.
+    pub(super) fn new(params: &SurfaceParams, ns: Vec3, wo: Vec3, eta: f32) -> Layers {
+        let (tangent, bitangent) = ns.any_orthonormal_pair();
+        let dielectric = Schlick::dielectric(params.ior, params.specular, params.specular_color);
+        let alpha = params.roughness * params.roughness;
+        let rough_coat = alpha >= MIRROR_ALPHA;
+        let matched = fresnel::is_matched(params.ior);
+        let bends = params.thickness > 0.0 && !matched;
+        let coat_alpha = if rough_coat { alpha } else { 0.0 };
+        let coat = Coat::new(coat_alpha, dielectric.f0.max_element(), dielectric.f90);
+        let wo = Vec3::new(wo.dot(tangent), wo.dot(bitangent), wo.dot(ns));
+        let mut layers = Layers {
+            frame: [tangent, bitangent, ns],
+            wo,
+            base_color: params.base_color,
+            dielectric,
+            metal: params.metallic,
+            opaque: (1.0 - params.metallic) * (1.0 - params.transmission),
+            passing: (1.0 - params.metallic) * params.transmission,
+            behind: if bends { Behind::Solid { eta } } else { Behind::ThinWall },
+            ggx: Ggx::new(alpha),
+            rough_coat,
+            rough_pass: rough_coat && !matched,
+            coat,
+            allowance_o: coat.allowance(wo.z),
+            choice: Choice { diffuse: 0.0, facets: 0.0, mirror: 0.0, clear: 0.0 },
+        };
+        layers.choice = layers.choose();
+        layers
+    }
+
+    #[inline]
+    pub(super) fn to_local(&self, w: Vec3) -> Vec3 {
+        let [x, y, z] = self.frame;
+        Vec3::new(w.dot(x), w.dot(y), w.dot(z))
+    }
+
+    #[inline]
+    pub(super) fn to_world(&self, w: Vec3) -> Vec3 {
+        let [x, y, z] = self.frame;
+        x * w.x + y * w.y + z * w.z
+    }
+
+    pub(super) fn reflects_broadly(&self) -> bool {
+        self.rough_coat && self.choice.facets > 0.0
+    }
+
+    pub(super) fn transmits_broadly(&self) -> bool {
+        self.rough_pass && self.passing > 0.0 && self.base_color != Vec3::ZERO
+    }
+
+    /// Share of light that a facet reflects.
+    #[inline]
+    fn reflectance(&self, cos: f32) -> Vec3 {
+        let grazing = grazing(cos);
+        let coat = self.dielectric.at(grazing);
+        let metal = self.base_color + (Vec3::ONE - self.base_color) * grazing;
+        metal * self.metal + coat * self.opaque + self.passing_reflectance(cos) * self.passing
+    }
+
+    /// Share of light that a facet reflects where it lets the rest pass.
+    #[inline]
+    fn passing_reflectance(&self, cos: f32) -> Vec3 {
+        match self.behind {
+            _ if self.passing <= 0.0 => Vec3::ZERO,
+            Behind::ThinWall => self.dielectric.at(grazing(cos)),
+            Behind::Solid { eta } => Vec3::splat(fresnel::dielectric(cos, eta)),
+        }
+    }
+
+    /// Share of light that a facet lets pass.
+    #[inline]
+    fn transmittance(&self, cos: f32) -> Vec3 {
+        if self.passing <= 0.0 {
+            return Vec3::ZERO;
+        }
+        self.base_color * (self.passing * (1.0 - self.passing_reflectance(cos).max_element()))
+    }
+
+    fn choose(&self) -> Choice {
+        let cos = self.wo.z;
+        let coat = self.dielectric.at(grazing(cos)).max_element();
+        let diffuse = mean(self.base_color) * self.opaque * (1.0 - coat) * self.allowance_o;
+        let (reflected, passed) = (mean(self.reflectance(cos)), mean(self.transmittance(cos)));
+        let (mirror, mut facets) = if self.rough_coat { (0.0, reflected) } else { (reflected, 0.0) };
+        let mut clear = passed;
+        if self.rough_pass {
+            facets += passed;
+            clear = 0.0;
+        }
+        let total = diffuse + facets + mirror + clear;
+        if total <= 0.0 {
+            return Choice { diffuse: 0.0, facets: 0.0, mirror: 0.0, clear: 0.0 };
+        }
+        if facets > 0.0 {
+            facets = facets.max(MIN_COAT_SHARE * total);
+        }
+        let scale = 1.0 / (diffuse + facets + mirror + clear);
+        Choice { diffuse: diffuse * scale, facets: facets * scale, mirror: mirror * scale, clear: clear * scale }
+    }
+
+    /// Probability that a facet sampled as visible is asked to reflect.
+    #[inline]
+    fn reflect_probability(&self, cos: f32) -> f32 {
+        if !self.transmits_broadly() {
+            return 1.0;
+        }
+        let (reflected, passed) = (mean(self.reflectance(cos)), mean(self.transmittance(cos)));
+        if reflected + passed > 0.0 { reflected / (reflected + passed) } else { 1.0 }
+    }
+
+    /// `f·|cosθ|` and density of a local direction; `cos_g` is its cosine with the geometric normal.
+    pub(super) fn eval(&self, wi: Vec3, cos_g: f32, lambert: Vec3) -> (Vec3, f32) {
+        if wi.z > 0.0 && cos_g > 0.0 {
+            self.eval_reflection(wi, lambert)
+        } else if wi.z < 0.0 && cos_g < 0.0 && self.transmits_broadly() {
+            match self.behind {
+                Behind::ThinWall => self.eval_thin(wi),
+                Behind::Solid { eta } => self.eval_refraction(wi, eta),
+            }
+        } else {
+            (Vec3::ZERO, 0.0)
+        }
+    }
+
+    fn eval_reflection(&self, wi: Vec3, lambert: Vec3) -> (Vec3, f32) {
+        let wm = (wi + self.wo).normalize();
+        let cos_half = self.wo.dot(wm);
+        let mut value = Vec3::ZERO;
+        if lambert != Vec3::ZERO {
+            let coat = self.dielectric.at(grazing(cos_half)).max_element();
+            let allowance = self.allowance_o.min(self.coat.allowance(wi.z));
+            value = lambert * ((1.0 - coat) * allowance * wi.z);
+        }
+        let mut pdf = self.choice.diffuse * wi.z * FRAC_1_PI;
+        if self.rough_coat {
+            let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
+            value += self.reflectance(cos_half) * (quarter * self.ggx.g2(self.wo.z, wi.z));
+            pdf += self.choice.facets * self.reflect_probability(cos_half) * quarter * self.ggx.g1(self.wo.z);
+        }
+        (value, pdf)
+    }
+
+    /// A thin wall lets a facet's light out as if mirrored to the other side.
+    fn eval_thin(&self, wi: Vec3) -> (Vec3, f32) {
+        let mirrored = Vec3::new(wi.x, wi.y, -wi.z);
+        let wm = (mirrored + self.wo).normalize();
+        let cos_half = self.wo.dot(wm);
+        let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
+        let value = self.transmittance(cos_half) * (quarter * self.ggx.g2(self.wo.z, mirrored.z));
+        let passed = 1.0 - self.reflect_probability(cos_half);
+        (value, self.choice.facets * passed * quarter * self.ggx.g1(self.wo.z))
+    }
+
+    /// Refraction by facets [Walter2007, eq. 21], as radiance: squeezed by η² where it entered the denser side.
+    fn eval_refraction(&self, wi: Vec3, eta: f32) -> (Vec3, f32) {
+        let Some(wm) = (wi * eta + self.wo).try_normalize() else { return (Vec3::ZERO, 0.0) };
+        let wm = if wm.z < 0.0 { -wm } else { wm };
+        let (cos_o, cos_i) = (self.wo.dot(wm), wi.dot(wm));
+        // A facet refracts from its front to its back.
+        if cos_o <= 0.0 || cos_i >= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        let root = cos_i + cos_o / eta;
+        let jacobian = -cos_i / (root * root);
+        let density = self.ggx.d(wm) * cos_o / self.wo.z * jacobian;
+        let value = self.transmittance(cos_o) * (density * self.ggx.g2(self.wo.z, wi.z) / (eta * eta));
+        let passed = 1.0 - self.reflect_probability(cos_o);
+        (value, self.choice.facets * passed * density * self.ggx.g1(self.wo.z))
+    }
+
+    /// A local direction, with its weight if it came from a lobe without density.
+    pub(super) fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<(Vec3, Option<Vec3>)> {
+        let choice = &self.choice;
+        let mut u_lobe = u_lobe;
+        if u_lobe < choice.diffuse {
+            let wi = cosine_direction(u);
+            return (wi.z > 0.0).then_some((wi, None));
+        }
+        u_lobe -= choice.diffuse;
+        if u_lobe < choice.facets {
+            return Some((self.sample_facet(u_lobe / choice.facets, u)?, None));
+        }
+        u_lobe -= choice.facets;
+        if u_lobe < choice.mirror || (choice.clear <= 0.0 && choice.mirror > 0.0) {
+            let wi = Vec3::new(-self.wo.x, -self.wo.y, self.wo.z);
+            return Some((wi, Some(self.reflectance(self.wo.z) / choice.mirror)));
+        }
+        if choice.clear <= 0.0 {
+            return None;
+        }
+        let weight = self.transmittance(self.wo.z) / choice.clear;
+        match self.behind {
+            Behind::ThinWall => Some((-self.wo, Some(weight))),
+            Behind::Solid { eta } => Some((fresnel::refract(self.wo, Vec3::Z, eta)?, Some(weight / (eta * eta)))),
+        }
+    }
+
+    fn sample_facet(&self, u_side: f32, u: [f32; 2]) -> Option<Vec3> {
+        let wm = self.ggx.sample(self.wo, u);
+        let cos_half = self.wo.dot(wm);
+        let mirrored = wm * (2.0 * cos_half) - self.wo;
+        let wi = if u_side < self.reflect_probability(cos_half) {
+            Some(mirrored)
+        } else if let Behind::Solid { eta } = self.behind {
+            return fresnel::refract(self.wo, wm, eta).filter(|wi| wi.z < 0.0);
+        } else {
+            Some(Vec3::new(mirrored.x, mirrored.y, -mirrored.z))
+        };
+        wi.filter(|_| mirrored.z > 0.0)
+    }
+
+    /// Share of uniform light that comes back to the viewer, given the albedo of the diffuse base.
+    pub(super) fn albedo(&self, diffuse: Vec3) -> Vec3 {
+        let cos = self.wo.z;
+        let coat = self.dielectric.at(grazing(cos)).max_element();
+        let base = diffuse * ((1.0 - coat) * self.allowance_o);
+        let [per_f0, per_f90] = self.coat.albedo(cos);
+        let coated = self.dielectric.f0 * per_f0 + Vec3::splat(self.dielectric.f90 * per_f90);
+        let metal = self.base_color * per_f0 + Vec3::splat(per_f90);
+        let passing = self.passing_reflectance(cos) * self.passing;
+        base + metal * self.metal + coated * self.opaque + passing + self.transmittance(cos)
+    }
+}
+
+fn mean(color: Vec3) -> f32 {
+    (color.x + color.y + color.z) * (1.0 / 3.0)
+}

@@ -1,0 +1,197 @@
+//! How a surface scatters light: glTF 2.0 Appendix B with its transmission, volume, ior and specular extensions.
+//!
+//! A metal is a GGX lobe with the base color as its reflectance. A dielectric is a GGX coat over a diffuse base that sees
+//! `1 − F(V·H)` of the light (and no more than energy allows, see `energy`). Transmission takes a share of the diffuse
+//! base and lets it pass instead: straight through a thin wall, bent by a solid. The coat of a thin wall is Schlick's as
+//! in the opaque case; a solid has the exact reflectance of its index, so that total reflection is right, and ignores
+//! specular strength and color. Without coat, metal and transmission the model is exactly Lambert's.
+//!
+//! Directions are unit vectors in world space that point away from the surface. Surfaces scatter on both sides.
+
+mod energy;
+mod fresnel;
+mod ggx;
+mod layers;
+mod params;
+#[cfg(test)]
+mod tests;
+
+use std::f32::consts::{FRAC_1_PI, PI, TAU};
+
+use glam::Vec3;
+
+pub use self::params::{SurfaceParams, alpha, shading_normal, surface_params};
+
+use self::layers::Layers;
+
+/// Scattering at one point towards one viewer.
+#[derive(Clone, Copy, Debug)]
+pub struct Bsdf {
+    /// Geometric normal on the viewer's side.
+    ng: Vec3,
+    /// Shading normal on the viewer's side.
+    ns: Vec3,
+    /// Diffuse albedo over π.
+    lambert: Vec3,
+    /// Everything but a plain diffuse surface.
+    layers: Option<Layers>,
+}
+
+/// Whether a sampled direction came from a lobe with a density.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ScatterKind {
+    /// From a lobe that `eval` knows.
+    Smooth,
+    /// From a mirror or clear glass: a single direction, which `eval` never returns.
+    Delta,
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfSample {
+    /// Towards the light.
+    pub wi: Vec3,
+    /// `f·|cosθ| / pdf`, for `Delta` the fraction itself over the probability of choosing it.
+    pub weight: Vec3,
+    /// Density per solid angle, 0 for `Delta`.
+    pub pdf: f32,
+    /// Which kind of lobe it came from.
+    pub kind: ScatterKind,
+    /// Whether `wi` is on the other side of the surface than the viewer.
+    pub transmitted: bool,
+}
+
+impl Bsdf {
+    /// `ng` is the geometric normal of the front side, `ns` a shading normal on the same side; `wo` may be on either side,
+    /// and decides whether a solid is entered or left.
+    pub fn new(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Bsdf {
+        let entering = ng.dot(wo) >= 0.0;
+        let ns = if ns.dot(ng) > 0.0 { ns } else { ng };
+        let (ng, ns) = if entering { (ng, ns) } else { (-ng, -ns) };
+        let opaque = (1.0 - params.metallic) * (1.0 - params.transmission);
+        let lambert = params.base_color * (opaque * FRAC_1_PI);
+        let is_lambert = params.metallic <= 0.0
+            && params.transmission <= 0.0
+            && (params.specular <= 0.0 || fresnel::is_matched(params.ior));
+        if is_lambert {
+            return Bsdf { ng, ns, lambert, layers: None };
+        }
+        let ns = turned_to_viewer(ns, wo);
+        let eta = if entering { params.ior.max(MIN_IOR) } else { 1.0 / params.ior.max(MIN_IOR) };
+        Bsdf { ng, ns, lambert, layers: Some(Layers::new(params, ns, wo, eta)) }
+    }
+
+    /// `f·|cosθ|` of all lobes with a density, and the density with which [`Bsdf::sample`] chooses `wi`.
+    #[inline]
+    pub fn eval(&self, wi: Vec3) -> (Vec3, f32) {
+        match &self.layers {
+            None => self.eval_diffuse(wi),
+            Some(layers) => layers.eval(layers.to_local(wi), wi.dot(self.ng), self.lambert),
+        }
+    }
+
+    /// [`Bsdf::eval`] of a surface that [`Bsdf::is_diffuse`]: nothing but a cosine.
+    #[inline]
+    pub fn eval_diffuse(&self, wi: Vec3) -> (Vec3, f32) {
+        let cos = wi.dot(self.ns);
+        if cos <= 0.0 || wi.dot(self.ng) <= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        (self.lambert * cos, cos * FRAC_1_PI)
+    }
+
+    /// Whether there is nothing but a diffuse lobe without coat.
+    #[inline]
+    pub fn is_diffuse(&self) -> bool {
+        self.layers.is_none()
+    }
+
+    /// Chooses a lobe by `u_lobe` and a direction in it by `u`, all uniform in [0, 1). `None` where the light is absorbed:
+    /// directions on the wrong side of the geometry are, and `eval` is 0 there as well.
+    pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let Some(layers) = &self.layers else { return self.sample_diffuse(u) };
+        let (local, delta) = layers.sample(u_lobe, u)?;
+        let wi = layers.to_world(local);
+        let cos_g = wi.dot(self.ng);
+        let transmitted = local.z < 0.0;
+        if transmitted != (cos_g < 0.0) || cos_g == 0.0 {
+            return None;
+        }
+        if let Some(weight) = delta {
+            return Some(BsdfSample { wi, weight, pdf: 0.0, kind: ScatterKind::Delta, transmitted });
+        }
+        let (f_cos, pdf) = layers.eval(local, cos_g, self.lambert);
+        (pdf > 0.0).then(|| BsdfSample { wi, weight: f_cos / pdf, pdf, kind: ScatterKind::Smooth, transmitted })
+    }
+
+    fn sample_diffuse(&self, u: [f32; 2]) -> Option<BsdfSample> {
+        if self.lambert == Vec3::ZERO {
+            return None;
+        }
+        let (tangent, bitangent) = self.ns.any_orthonormal_pair();
+        let local = cosine_direction(u);
+        let wi = tangent * local.x + bitangent * local.y + self.ns * local.z;
+        if local.z <= 0.0 || wi.dot(self.ng) <= 0.0 {
+            return None;
+        }
+        let (weight, pdf) = (self.lambert * PI, local.z * FRAC_1_PI);
+        Some(BsdfSample { wi, weight, pdf, kind: ScatterKind::Smooth, transmitted: false })
+    }
+
+    /// Whether connecting to light sources can find anything: some lobe has a density.
+    #[inline]
+    pub fn has_smooth_lobes(&self) -> bool {
+        self.reflects() || self.transmits()
+    }
+
+    /// Whether `eval` can be nonzero on the viewer's side.
+    #[inline]
+    pub fn reflects(&self) -> bool {
+        self.lambert != Vec3::ZERO || self.layers.is_some_and(|layers| layers.reflects_broadly())
+    }
+
+    /// Whether `eval` can be nonzero on the other side.
+    #[inline]
+    pub fn transmits(&self) -> bool {
+        self.layers.is_some_and(|layers| layers.transmits_broadly())
+    }
+
+    /// Share of the light that is scattered towards the viewer under uniform light from everywhere: exact for a plain
+    /// diffuse surface, else close.
+    pub fn albedo_estimate(&self) -> Vec3 {
+        let diffuse = self.lambert * PI;
+        self.layers.map_or(diffuse, |layers| layers.albedo(diffuse))
+    }
+
+    /// Unit geometric normal on the viewer's side.
+    #[inline]
+    pub fn geometric_normal(&self) -> Vec3 {
+        self.ng
+    }
+
+    /// Unit shading normal on the viewer's side.
+    #[inline]
+    pub fn shading_normal(&self) -> Vec3 {
+        self.ns
+    }
+}
+
+/// An index of 0 means "reflects everything" in KHR_materials_ior; this one comes close and can be divided by.
+const MIN_IOR: f32 = 1e-3;
+
+/// Least cosine between viewer and shading normal: a viewer below the shading horizon would see no microfacet.
+const MIN_VIEW_COS: f32 = 0.01;
+
+/// Turns a shading normal as little as needed for the viewer to be above its horizon.
+fn turned_to_viewer(ns: Vec3, wo: Vec3) -> Vec3 {
+    let cos = ns.dot(wo);
+    if cos >= MIN_VIEW_COS { ns } else { (ns + wo * (MIN_VIEW_COS - cos)).normalize() }
+}
+
+/// A direction around +z with density cosθ/π.
+#[inline]
+fn cosine_direction(u: [f32; 2]) -> Vec3 {
+    let (sin, cos) = (TAU * u[0]).sin_cos();
+    let radius = u[1].sqrt();
+    Vec3::new(radius * cos, radius * sin, (1.0 - u[1]).sqrt())
+}
