@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "calls of functions compiled for AVX2, after it was detected")]
 
 use super::build::Tree;
-use super::fan::Beam;
+use super::fan::Fan;
 use super::lanes::Portable;
 use super::stack::{Room, with_room};
 use super::{Hit, Ray, traverse};
@@ -43,7 +43,7 @@ macro_rules! dispatched {
 
 dispatched!(closest, Ray, Option<Hit>);
 dispatched!(occluded, Ray, bool);
-dispatched!(beam_occluded, Beam, u16);
+dispatched!(fan_occluded, Fan, u16);
 
 mod baseline {
     use super::*;
@@ -56,8 +56,8 @@ mod baseline {
         traverse::occluded::<Portable<8>, Portable<4>>(tree, ray, room)
     }
 
-    pub fn beam_occluded(tree: &Tree, beam: &Beam, room: Room) -> u16 {
-        beam.occluded::<Portable<8>, Portable<4>>(tree, room)
+    pub fn fan_occluded(tree: &Tree, fan: &Fan, room: Room) -> u16 {
+        fan.occluded::<Portable<8>, Portable<4>>(tree, room)
     }
 }
 
@@ -77,7 +77,7 @@ mod avx2 {
     }
 
     #[target_feature(enable = "avx2,bmi1")]
-    pub fn beam_occluded(tree: &Tree, beam: &Beam, room: Room) -> u16 {
-        beam.occluded::<Lanes8, Lanes4>(tree, room)
+    pub fn fan_occluded(tree: &Tree, fan: &Fan, room: Room) -> u16 {
+        fan.occluded::<Lanes8, Lanes4>(tree, room)
     }
 }

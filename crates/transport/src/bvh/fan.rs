@@ -1,69 +1,136 @@
 //! Up to sixteen segments from one point, together through the tree: a node costs what it costs a single ray.
 //!
-//! Segments with the same longest axis and the same sense along it form a beam. With ζ the length along that axis, the beam
-//! covers slopes [s₀, s₁] on each of the other two; it meets a box where s₁ζ ≥ lower and s₀ζ ≤ upper for some ζ inside.
-//! Triangles get the very arithmetic of single rays, so that both see the same.
+//! Segments with the same longest axis and the same sense along it form a beam; a fan onto a lamp or a panel is mostly one.
 
 use glam::Vec3;
 
+use super::beam::{BoxBeam, Interval, TriangleBeam};
 use super::build::Tree;
 use super::lanes::{Lanes, three};
-use super::node::{BLOCK, Block, Child, FAR_SLACK, Node, WIDTH};
-use super::not_negative;
-use super::ray::{corners_of, row_of};
+use super::node::{BLOCK, Child, WIDTH};
 use super::stack::{Room, Stack, entry, unpack};
-use super::traverse::push_all;
-use super::triangle::{Edges, Shear, axes_of, component};
+use super::traverse::any;
+use super::triangle::Shear;
+use super::{SHORTEST, not_negative};
 
 /// Segments of a fan.
 pub(super) const FAN: usize = 16;
-const HALVES: usize = FAN / WIDTH;
+/// Registers of a fan.
+pub(super) const HALVES: usize = FAN / WIDTH;
 
-/// Segments from one point, of one face of the cube of directions.
-pub(super) struct Beam {
+/// Segments from one point.
+pub(super) struct Fan {
     origin: Vec3,
-    /// Components by axis, longest first; lanes that are not members repeat one.
+    /// From the origin to the targets: axis × segment.
     directions: [[f32; FAN]; 3],
-    axes: [usize; 3],
-    /// Against the longest axis.
-    backward: bool,
-    members: u16,
+    asked: u16,
     t_min: f32,
     t_max: f32,
 }
 
-impl Beam {
-    /// Takes out of `pending` (bit i: direction i) the lowest and all that go its way.
+/// Those segments of a fan that go along the same axis, the same way.
+pub(super) struct Beam {
+    pub origin: Vec3,
+    /// Axis × segment, longest axis first; lanes that are not members repeat one.
+    pub directions: [[f32; FAN]; 3],
+    pub axes: [usize; 3],
+    /// Against the longest axis.
+    pub backward: bool,
+    members: u16,
+    pub t_min: f32,
+    pub t_max: f32,
+}
+
+/// Segments by what their directions are like; bit i is segment i.
+struct Kinds {
+    /// Finite and not vanishing.
+    can_be_followed: u16,
+    /// By longest axis.
+    longest: [u16; 3],
+    /// By axis, those that go against it.
+    backward: [u16; 3],
+}
+
+impl Fan {
+    /// Segments to the targets whose bits are set in `asked`, for t between the two.
     #[inline(always)]
-    pub fn split_off(origin: Vec3, [t_min, t_max]: [f32; 2], directions: &[Vec3; FAN], pending: &mut u16) -> Beam {
-        let first = directions[pending.trailing_zeros() as usize];
-        let axes = axes_of(first);
-        let backward = first[axes[0]].is_sign_negative();
-        let mut beam = Beam {
-            origin,
-            directions: axes.map(|axis| [first[axis]; FAN]),
-            axes,
-            backward,
-            members: 0,
-            t_min: not_negative(t_min),
-            t_max,
-        };
-        for (lane, &direction) in directions.iter().enumerate() {
-            let goes_along = axes_of(direction) == axes && direction[axes[0]].is_sign_negative() == backward;
-            if *pending >> lane & 1 == 1 && goes_along {
-                beam.members |= 1 << lane;
-                for (components, axis) in beam.directions.iter_mut().zip(axes) {
-                    components[lane] = direction[axis];
-                }
-            }
+    pub fn new(origin: Vec3, targets: &[Vec3; FAN], asked: u16, [t_min, t_max]: [f32; 2]) -> Fan {
+        let mut directions = [[0.0; FAN]; 3];
+        for (segment, target) in targets.iter().enumerate() {
+            directions[0][segment] = target.x - origin.x;
+            directions[1][segment] = target.y - origin.y;
+            directions[2][segment] = target.z - origin.z;
         }
-        *pending &= !beam.members;
-        beam
+        Fan { origin, directions, asked, t_min: not_negative(t_min), t_max }
     }
 
+    /// The segments that hit something.
+    #[inline(always)]
+    pub fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, mut room: Room) -> u16 {
+        let kinds = self.kinds::<W>();
+        let mut pending = self.asked & kinds.can_be_followed;
+        let mut occluded = 0;
+        while pending != 0 {
+            let beam = self.beam(&kinds, pending);
+            occluded |= beam.occluded::<W, Q>(tree, room.lent());
+            pending &= !beam.members;
+        }
+        occluded
+    }
+
+    #[inline(always)]
+    fn kinds<W: Lanes<WIDTH>>(&self) -> Kinds {
+        let (zero, largest, shortest) = (W::splat(0.0), W::splat(f32::MAX), W::splat(SHORTEST));
+        let mut kinds = Kinds { can_be_followed: 0, longest: [0; 3], backward: [0; 3] };
+        for half in 0..HALVES {
+            let direction = three!(|axis| W::load(half_of(&self.directions[axis], half)));
+            let [x, y, z] = three!(|axis| direction[axis].max(zero - direction[axis]));
+            let finite = x.at_most(largest) & y.at_most(largest) & z.at_most(largest);
+            let followed = finite & shortest.at_most(x.max(y).max(z));
+            let along_x = y.below(x) & z.below(x);
+            let along_y = z.below(y) & !along_x;
+            let shift = half * WIDTH;
+            kinds.can_be_followed |= (followed << shift) as u16;
+            kinds.longest[0] |= (along_x << shift) as u16;
+            kinds.longest[1] |= (along_y << shift) as u16;
+            for (backward, components) in kinds.backward.iter_mut().zip(direction) {
+                *backward |= (components.below(zero) << shift) as u16;
+            }
+        }
+        kinds.longest[2] = !(kinds.longest[0] | kinds.longest[1]);
+        kinds
+    }
+
+    /// The first of `pending` and all that go its way.
+    #[inline(always)]
+    fn beam(&self, kinds: &Kinds, pending: u16) -> Beam {
+        let first = pending.trailing_zeros() as usize;
+        let has_first = |kind: u16| kind >> first & 1 == 1;
+        let axes = match kinds.longest.map(has_first) {
+            [true, _, _] => [0, 1, 2],
+            [_, true, _] => [1, 2, 0],
+            _ => [2, 0, 1],
+        };
+        let backward = has_first(kinds.backward[axes[0]]);
+        let same_way = if backward { kinds.backward[axes[0]] } else { !kinds.backward[axes[0]] };
+        let members = pending & kinds.longest[axes[0]] & same_way;
+        let mut directions = three!(|i| self.directions[axes[i]]);
+        let mut strangers = !members;
+        while strangers != 0 {
+            let stranger = strangers.trailing_zeros() as usize;
+            strangers &= strangers - 1;
+            for components in &mut directions {
+                components[stranger] = components[first];
+            }
+        }
+        Beam { origin: self.origin, directions, axes, backward, members, t_min: self.t_min, t_max: self.t_max }
+    }
+}
+
+impl Beam {
     /// The members that hit something.
     #[inline(always)]
-    pub fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, room: Room) -> u16 {
+    fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, room: Room) -> u16 {
         let shears = self.shears::<W>();
         let slopes_of = |i: usize| Interval::of(&[shears[0].slopes[i].store(), shears[1].slopes[i].store()]);
         let slopes = [slopes_of(0), slopes_of(1)];
@@ -73,15 +140,19 @@ impl Beam {
         let mut stack = Stack::new(room);
         stack.push(entry(0.0, Child::node(0)));
         while let Some(top) = stack.pop() {
-            let child = unpack(top).1;
+            let mut child = unpack(top).1;
+            while !child.is_block() {
+                let node = &tree.nodes[child.index()];
+                match any(node, boxes.enter(node), &mut stack) {
+                    Some(next) => child = next,
+                    None => break,
+                }
+            }
             if child.is_block() {
                 free &= !triangles.hits(&tree.blocks[child.index()], free);
                 if free == 0 {
                     break;
                 }
-            } else {
-                let node = &tree.nodes[child.index()];
-                push_all(node, boxes.enter(node), &mut stack);
             }
         }
         self.members & !free
@@ -95,7 +166,7 @@ impl Beam {
 
     /// The shortest and the longest member along the longest axis.
     #[inline(always)]
-    fn lengths(&self) -> Interval {
+    pub fn lengths(&self) -> Interval {
         let [low, high] = [0, 1].map(|half| half_of(&self.directions[0], half));
         let signed = Interval::of(&[*low, *high]);
         if self.backward { signed.negated() } else { signed }
@@ -105,200 +176,4 @@ impl Beam {
 #[inline(always)]
 fn half_of(values: &[f32; FAN], half: usize) -> &[f32; WIDTH] {
     values[half * WIDTH..][..WIDTH].try_into().expect("two halves make a fan")
-}
-
-#[derive(Clone, Copy)]
-struct Interval {
-    from: f32,
-    to: f32,
-}
-
-impl Interval {
-    #[inline(always)]
-    fn of(values: &[[f32; WIDTH]; HALVES]) -> Interval {
-        let both = |pick: fn(f32, f32) -> f32| {
-            let mut lanes: [f32; WIDTH] = std::array::from_fn(|i| pick(values[0][i], values[1][i]));
-            for step in [4, 2, 1] {
-                for i in 0..step {
-                    lanes[i] = pick(lanes[i], lanes[i + step]);
-                }
-            }
-            lanes[0]
-        };
-        Interval { from: both(|a, b| if a < b { a } else { b }), to: both(|a, b| if a > b { a } else { b }) }
-    }
-
-    #[inline(always)]
-    fn splat<Q: Lanes<BLOCK>>(self) -> [Q; 2] {
-        [Q::splat(self.from), Q::splat(self.to)]
-    }
-
-    #[inline(always)]
-    fn negated(self) -> Interval {
-        Interval { from: -self.to, to: -self.from }
-    }
-}
-
-/// One of the two planes of a slab as bounds on ζ.
-#[derive(Clone, Copy)]
-struct Bound<W> {
-    row: usize,
-    factor: W,
-}
-
-/// Slopes of the beam against the slabs of an axis.
-#[derive(Clone, Copy)]
-struct Slab<W> {
-    origin: W,
-    enter: Bound<W>,
-    leave: Bound<W>,
-    /// Slopes of both signs: the beam widens past either plane and never leaves.
-    straddles: bool,
-}
-
-impl<W: Lanes<WIDTH>> Slab<W> {
-    #[inline(always)]
-    fn new(beam: &Beam, i: usize, slopes: Interval) -> Self {
-        let (lower, upper) = (beam.axes[i], beam.axes[i] + 3);
-        let origin = component(beam.origin, beam.axes[i]);
-        let slopes = if beam.backward { slopes.negated() } else { slopes };
-        let bound = |row, factor: f32| Bound { row, factor: W::splat(factor) };
-        let (per_from, per_to) = (1.0 / slopes.from.abs(), 1.0 / slopes.to.abs());
-        let (enter, leave, straddles) = if slopes.from > 0.0 {
-            (bound(lower, per_to), bound(upper, per_from), false)
-        } else if slopes.to < 0.0 {
-            (bound(upper, -per_from), bound(lower, -per_to), false)
-        } else {
-            (bound(lower, per_to), bound(upper, -per_from), true)
-        };
-        Slab { origin: W::splat(origin), enter, leave, straddles }
-    }
-
-    #[inline(always)]
-    fn at(&self, node: &Node, bound: Bound<W>) -> W {
-        (W::load(row_of(node, bound.row)) - self.origin) * bound.factor
-    }
-}
-
-/// A beam against eight boxes.
-struct BoxBeam<W> {
-    near_row: usize,
-    far_row: usize,
-    origin: W,
-    sense: W,
-    nearest: W,
-    farthest: W,
-    slabs: [Slab<W>; 2],
-}
-
-impl<W: Lanes<WIDTH>> BoxBeam<W> {
-    #[inline(always)]
-    fn new(beam: &Beam, slopes: [Interval; 2]) -> Self {
-        let axis = beam.axes[0];
-        let lengths = beam.lengths();
-        BoxBeam {
-            near_row: if beam.backward { axis + 3 } else { axis },
-            far_row: if beam.backward { axis } else { axis + 3 },
-            origin: W::splat(component(beam.origin, axis)),
-            sense: W::splat(if beam.backward { -1.0 } else { 1.0 }),
-            nearest: W::splat(lengths.from * beam.t_min),
-            farthest: W::splat(lengths.to * beam.t_max),
-            slabs: [Slab::new(beam, 1, slopes[0]), Slab::new(beam, 2, slopes[1])],
-        }
-    }
-
-    /// The boxes that the beam meets, and perhaps some beside it.
-    #[inline(always)]
-    fn enter(&self, node: &Node) -> u32 {
-        let mut near = ((W::load(row_of(node, self.near_row)) - self.origin) * self.sense).max(self.nearest);
-        let mut far = ((W::load(row_of(node, self.far_row)) - self.origin) * self.sense).min(self.farthest);
-        for slab in &self.slabs {
-            near = slab.at(node, slab.enter).max(near);
-            let leave = slab.at(node, slab.leave);
-            if slab.straddles {
-                near = leave.max(near);
-            } else {
-                far = leave.min(far);
-            }
-        }
-        near.at_most(far * W::splat(FAR_SLACK))
-    }
-}
-
-/// A beam against four triangles.
-struct TriangleBeam<W, Q> {
-    axes: [usize; 3],
-    origin: [Q; 3],
-    /// Least and greatest slopes.
-    slopes: [[Q; 2]; 2],
-    shears: [Shear<W>; HALVES],
-    t_min: W,
-    t_max: W,
-}
-
-impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
-    #[inline(always)]
-    fn new(beam: &Beam, slopes: [Interval; 2], shears: [Shear<W>; HALVES]) -> Self {
-        TriangleBeam {
-            axes: beam.axes,
-            origin: three!(|i| Q::splat(component(beam.origin, beam.axes[i]))),
-            slopes: [slopes[0].splat(), slopes[1].splat()],
-            shears,
-            t_min: W::splat(beam.t_min),
-            t_max: W::splat(beam.t_max),
-        }
-    }
-
-    /// Those of `wanted` that hit a triangle of the block.
-    #[inline(always)]
-    fn hits(&self, block: &Block, wanted: u16) -> u16 {
-        let corners = corners_of(block, self.axes, self.origin);
-        let mut met = !self.beside(corners) & ((1 << BLOCK) - 1);
-        let mut hits = 0;
-        if met == 0 {
-            return hits;
-        }
-        let corners = three!(|vertex| three!(|i| corners[vertex][i].store()));
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let corners = three!(|vertex| three!(|i| W::splat(corners[vertex][i][lane])));
-            for half in 0..HALVES {
-                let of_half = ((1 << WIDTH) - 1) << (half * WIDTH);
-                if wanted & !hits & of_half != 0 {
-                    hits |= self.hits_of(half, corners) << (half * WIDTH);
-                }
-            }
-        }
-        hits & wanted
-    }
-
-    /// Triangles that lie to one side of the whole beam.
-    #[inline(always)]
-    fn beside(&self, corners: [[Q; 3]; 3]) -> u32 {
-        let zero = Q::splat(0.0);
-        let mut beside = 0;
-        for i in 0..2 {
-            let [from, to] = self.slopes[i];
-            let [a, b, c] = three!(|vertex| {
-                let [length, across] = [corners[vertex][0], corners[vertex][i + 1]];
-                let (at_from, at_to) = (from * length, to * length);
-                (across - at_from.max(at_to), across - at_from.min(at_to))
-            });
-            beside |= zero.below(a.0.min(b.0).min(c.0)) | a.1.max(b.1).max(c.1).below(zero);
-        }
-        beside
-    }
-
-    #[inline(always)]
-    fn hits_of(&self, half: usize, corners: [[W; 3]; 3]) -> u16 {
-        let shear = &self.shears[half];
-        let edges = Edges::new(corners, shear);
-        let inside = edges.inside();
-        if inside == 0 {
-            return 0;
-        }
-        let parameter = edges.parameter(shear);
-        (inside & self.t_min.below(parameter) & parameter.below(self.t_max)) as u16
-    }
 }

@@ -7,6 +7,7 @@
 //!
 //! Results depend on the triangles alone: neither on threads nor on the machine's vector instructions.
 
+mod beam;
 mod build;
 mod collapse;
 mod dispatch;
@@ -24,7 +25,7 @@ use glam::Vec3;
 
 use build::Tree;
 use dispatch::Instructions;
-use fan::{Beam, FAN};
+use fan::{FAN, Fan};
 use node::{Block, Node};
 
 /// Triangles that rays can be traced against, in world space (m).
@@ -86,12 +87,15 @@ impl Bvh {
 
     /// The closest hit; among hits at the same t, the smallest id. None for a ray that is not finite.
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        dispatch::closest(self.instructions, &self.tree, &traceable(ray)?)
+        if !can_be_followed(ray) {
+            return None;
+        }
+        dispatch::closest(self.instructions, &self.tree, ray)
     }
 
     /// Whether the ray hits anything: as [`Bvh::closest`], without looking for the closest.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        traceable(ray).is_some_and(|ray| dispatch::occluded(self.instructions, &self.tree, &ray))
+        can_be_followed(ray) && dispatch::occluded(self.instructions, &self.tree, ray)
     }
 
     /// Which of the segments from `origin` to the first `n` targets are free: bit i is set when [`Bvh::occluded`] is false for
@@ -102,15 +106,12 @@ impl Bvh {
     /// When `n` is more than 16.
     pub fn visible16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, t_min: f32, t_max: f32) -> u16 {
         assert!(n <= FAN, "a fan of {n} segments where {FAN} are the most");
-        let directions = targets.map(|target| target - origin);
-        let towards = |direction| traceable(&Ray { origin, direction, t_min, t_max });
-        let mut free = ((1_u32 << n) - 1) as u16;
-        let mut pending = (0..n).filter(|&i| towards(directions[i]).is_some()).fold(0, |mask, i| mask | 1 << i);
-        while pending != 0 {
-            let beam = Beam::split_off(origin, [t_min, t_max], &directions, &mut pending);
-            free &= !dispatch::beam_occluded(self.instructions, &self.tree, &beam);
+        let asked = ((1_u32 << n) - 1) as u16;
+        if !origin.is_finite() {
+            return asked;
         }
-        free
+        let fan = Fan::new(origin, targets, asked, [t_min, t_max]);
+        asked & !dispatch::fan_occluded(self.instructions, &self.tree, &fan)
     }
 
     /// The box around all triangles that can be hit.
@@ -129,16 +130,18 @@ impl Bvh {
     }
 }
 
-/// The ray, if arithmetic can follow it.
+/// Whether arithmetic can follow a ray.
 #[inline]
-fn traceable(ray: &Ray) -> Option<Ray> {
+fn can_be_followed(ray: &Ray) -> bool {
     let finite = ray.origin.is_finite() && ray.direction.is_finite();
-    let longest = ray.direction.abs().max_element();
-    (finite && longest >= f32::MIN_POSITIVE).then_some(Ray { t_min: not_negative(ray.t_min), ..*ray })
+    finite && ray.direction.abs().max_element() >= SHORTEST
 }
 
+/// The least longest component of a direction: below it the reciprocal overflows.
+const SHORTEST: f32 = f32::MIN_POSITIVE;
+
 /// The number, or +0 in place of what is negative or NaN.
-#[inline]
+#[inline(always)]
 fn not_negative(number: f32) -> f32 {
     if number > 0.0 { number } else { 0.0 }
 }

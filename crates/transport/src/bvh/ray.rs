@@ -4,7 +4,7 @@
 use super::lanes::{Lanes, three};
 use super::node::{BLOCK, Block, FAR_SLACK, Node, WIDTH};
 use super::triangle::{Edges, Shear, axes_of, component};
-use super::{Hit, Ray};
+use super::{Hit, Ray, not_negative};
 
 /// A ray against eight boxes.
 pub(super) struct BoxRay<W> {
@@ -24,7 +24,7 @@ impl<W: Lanes<WIDTH>> BoxRay<W> {
         BoxRay {
             origin: three!(|axis| W::splat(origin[axis])),
             reciprocal: three!(|axis| W::splat(reciprocal[axis])),
-            t_min: W::splat(ray.t_min),
+            t_min: W::splat(not_negative(ray.t_min)),
             near_rows,
             far_rows: three!(|axis| 2 * axis + 3 - near_rows[axis]),
         }
@@ -82,7 +82,7 @@ impl<Q: Lanes<BLOCK>> TriangleRay<Q> {
             axes,
             origin: three!(|i| Q::splat(component(ray.origin, axes[i]))),
             shear: Shear::new(three!(|i| Q::splat(component(ray.direction, axes[i])))),
-            t_min: Q::splat(ray.t_min),
+            t_min: Q::splat(not_negative(ray.t_min)),
         }
     }
 

@@ -32,6 +32,14 @@ pub(super) fn with_room<R>(depth: usize, visit: impl FnOnce(Room) -> R) -> R {
 /// Memory for the entries; long enough for the tree it was made for.
 pub(super) struct Room<'a>(&'a mut [MaybeUninit<Entry>]);
 
+impl Room<'_> {
+    /// The same room for one traversal of several.
+    #[inline(always)]
+    pub fn lent(&mut self) -> Room<'_> {
+        Room(self.0)
+    }
+}
+
 /// Last in, first out.
 pub(super) struct Stack<'a> {
     room: Room<'a>,

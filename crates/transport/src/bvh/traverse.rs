@@ -66,26 +66,34 @@ pub(super) fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(tree: &Tree, ray: &Ray,
     let mut stack = Stack::new(room);
     stack.push(entry(0.0, Child::node(0)));
     while let Some(top) = stack.pop() {
-        let child = unpack(top).1;
-        if child.is_block() {
-            if triangle_ray.hits(&tree.blocks[child.index()], ray.t_max) {
-                return true;
-            }
-        } else {
+        let mut child = unpack(top).1;
+        while !child.is_block() {
             let node = &tree.nodes[child.index()];
             let (entered, _) = box_ray.enter(node, ray.t_max);
-            push_all(node, entered, &mut stack);
+            match any(node, entered, &mut stack) {
+                Some(next) => child = next,
+                None => break,
+            }
+        }
+        if child.is_block() && triangle_ray.hits(&tree.blocks[child.index()], ray.t_max) {
+            return true;
         }
     }
     false
 }
 
-/// Every entered child goes on the stack.
+/// Any of the entered children; the others go on the stack.
 #[inline(always)]
-pub(super) fn push_all(node: &Node, mut entered: u32, stack: &mut Stack) {
-    while entered != 0 {
-        let slot = entered.trailing_zeros() as usize;
+pub(super) fn any(node: &Node, mut entered: u32, stack: &mut Stack) -> Option<Child> {
+    if entered == 0 {
+        return None;
+    }
+    loop {
+        let child = node.children[entered.trailing_zeros() as usize];
         entered &= entered - 1;
-        stack.push(entry(0.0, node.children[slot]));
+        if entered == 0 {
+            return Some(child);
+        }
+        stack.push(entry(0.0, child));
     }
 }

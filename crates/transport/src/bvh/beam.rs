@@ -1,0 +1,209 @@
+//! The segments of a beam against boxes and triangles, all at once.
+//!
+//! With ζ the length along the longest axis, a beam covers slopes [s₀, s₁] on each of the other two; it meets a box where
+//! s₁ζ ≥ lower and s₀ζ ≤ upper for some ζ inside. Triangles get the very arithmetic of single rays, so that both see the same.
+
+use super::fan::{Beam, HALVES};
+use super::lanes::{Lanes, three};
+use super::node::{BLOCK, Block, FAR_SLACK, Node, WIDTH};
+use super::ray::{corners_of, row_of};
+use super::triangle::{Edges, Shear, component};
+
+/// Numbers between two.
+#[derive(Clone, Copy)]
+pub(super) struct Interval {
+    from: f32,
+    to: f32,
+}
+
+impl Interval {
+    #[inline(always)]
+    /// The least that holds all values.
+    pub fn of(values: &[[f32; WIDTH]; HALVES]) -> Interval {
+        let both = |pick: fn(f32, f32) -> f32| {
+            let mut lanes: [f32; WIDTH] = std::array::from_fn(|i| pick(values[0][i], values[1][i]));
+            for step in [4, 2, 1] {
+                for i in 0..step {
+                    lanes[i] = pick(lanes[i], lanes[i + step]);
+                }
+            }
+            lanes[0]
+        };
+        Interval { from: both(|a, b| if a < b { a } else { b }), to: both(|a, b| if a > b { a } else { b }) }
+    }
+
+    #[inline(always)]
+    fn splat<Q: Lanes<BLOCK>>(self) -> [Q; 2] {
+        [Q::splat(self.from), Q::splat(self.to)]
+    }
+
+    #[inline(always)]
+    /// With the sense turned round.
+    pub fn negated(self) -> Interval {
+        Interval { from: -self.to, to: -self.from }
+    }
+}
+
+/// One of the two planes of a slab as bounds on ζ.
+#[derive(Clone, Copy)]
+struct Bound<W> {
+    row: usize,
+    factor: W,
+}
+
+/// Slopes of the beam against the slabs of an axis.
+#[derive(Clone, Copy)]
+struct Slab<W> {
+    origin: W,
+    enter: Bound<W>,
+    leave: Bound<W>,
+    /// Slopes of both signs: the beam widens past either plane and never leaves.
+    straddles: bool,
+}
+
+impl<W: Lanes<WIDTH>> Slab<W> {
+    #[inline(always)]
+    fn new(beam: &Beam, i: usize, slopes: Interval) -> Self {
+        let (lower, upper) = (beam.axes[i], beam.axes[i] + 3);
+        let origin = component(beam.origin, beam.axes[i]);
+        let slopes = if beam.backward { slopes.negated() } else { slopes };
+        let bound = |row, factor: f32| Bound { row, factor: W::splat(factor) };
+        let (per_from, per_to) = (1.0 / slopes.from.abs(), 1.0 / slopes.to.abs());
+        let (enter, leave, straddles) = if slopes.from > 0.0 {
+            (bound(lower, per_to), bound(upper, per_from), false)
+        } else if slopes.to < 0.0 {
+            (bound(upper, -per_from), bound(lower, -per_to), false)
+        } else {
+            (bound(lower, per_to), bound(upper, -per_from), true)
+        };
+        Slab { origin: W::splat(origin), enter, leave, straddles }
+    }
+
+    #[inline(always)]
+    fn at(&self, node: &Node, bound: Bound<W>) -> W {
+        (W::load(row_of(node, bound.row)) - self.origin) * bound.factor
+    }
+}
+
+/// A beam against eight boxes.
+pub(super) struct BoxBeam<W> {
+    near_row: usize,
+    far_row: usize,
+    origin: W,
+    sense: W,
+    nearest: W,
+    farthest: W,
+    slabs: [Slab<W>; 2],
+}
+
+impl<W: Lanes<WIDTH>> BoxBeam<W> {
+    #[inline(always)]
+    pub fn new(beam: &Beam, slopes: [Interval; 2]) -> Self {
+        let axis = beam.axes[0];
+        let lengths = beam.lengths();
+        BoxBeam {
+            near_row: if beam.backward { axis + 3 } else { axis },
+            far_row: if beam.backward { axis } else { axis + 3 },
+            origin: W::splat(component(beam.origin, axis)),
+            sense: W::splat(if beam.backward { -1.0 } else { 1.0 }),
+            nearest: W::splat(lengths.from * beam.t_min),
+            farthest: W::splat(lengths.to * beam.t_max),
+            slabs: [Slab::new(beam, 1, slopes[0]), Slab::new(beam, 2, slopes[1])],
+        }
+    }
+
+    /// The boxes that the beam meets, and perhaps some beside it.
+    #[inline(always)]
+    pub fn enter(&self, node: &Node) -> u32 {
+        let mut near = ((W::load(row_of(node, self.near_row)) - self.origin) * self.sense).max(self.nearest);
+        let mut far = ((W::load(row_of(node, self.far_row)) - self.origin) * self.sense).min(self.farthest);
+        for slab in &self.slabs {
+            near = slab.at(node, slab.enter).max(near);
+            let leave = slab.at(node, slab.leave);
+            if slab.straddles {
+                near = leave.max(near);
+            } else {
+                far = leave.min(far);
+            }
+        }
+        near.at_most(far * W::splat(FAR_SLACK))
+    }
+}
+
+/// A beam against four triangles.
+pub(super) struct TriangleBeam<W, Q> {
+    axes: [usize; 3],
+    origin: [Q; 3],
+    /// Least and greatest slopes.
+    slopes: [[Q; 2]; 2],
+    shears: [Shear<W>; HALVES],
+    t_min: W,
+    t_max: W,
+}
+
+impl<W: Lanes<WIDTH>, Q: Lanes<BLOCK>> TriangleBeam<W, Q> {
+    #[inline(always)]
+    pub fn new(beam: &Beam, slopes: [Interval; 2], shears: [Shear<W>; HALVES]) -> Self {
+        TriangleBeam {
+            axes: beam.axes,
+            origin: three!(|i| Q::splat(component(beam.origin, beam.axes[i]))),
+            slopes: [slopes[0].splat(), slopes[1].splat()],
+            shears,
+            t_min: W::splat(beam.t_min),
+            t_max: W::splat(beam.t_max),
+        }
+    }
+
+    /// Those of `wanted` that hit a triangle of the block.
+    #[inline(always)]
+    pub fn hits(&self, block: &Block, wanted: u16) -> u16 {
+        let corners = corners_of(block, self.axes, self.origin);
+        let mut met = !self.beside(corners) & ((1 << BLOCK) - 1);
+        let mut hits = 0;
+        if met == 0 {
+            return hits;
+        }
+        let corners = three!(|vertex| three!(|i| corners[vertex][i].store()));
+        while met != 0 {
+            let lane = met.trailing_zeros() as usize;
+            met &= met - 1;
+            let corners = three!(|vertex| three!(|i| W::splat(corners[vertex][i][lane])));
+            for half in 0..HALVES {
+                let of_half = ((1 << WIDTH) - 1) << (half * WIDTH);
+                if wanted & !hits & of_half != 0 {
+                    hits |= self.hits_of(half, corners) << (half * WIDTH);
+                }
+            }
+        }
+        hits & wanted
+    }
+
+    /// Triangles that lie to one side of the whole beam.
+    #[inline(always)]
+    fn beside(&self, corners: [[Q; 3]; 3]) -> u32 {
+        let zero = Q::splat(0.0);
+        let mut beside = 0;
+        for i in 0..2 {
+            let [from, to] = self.slopes[i];
+            let [a, b, c] = three!(|vertex| {
+                let [length, across] = [corners[vertex][0], corners[vertex][i + 1]];
+                let (at_from, at_to) = (from * length, to * length);
+                (across - at_from.max(at_to), across - at_from.min(at_to))
+            });
+            beside |= zero.below(a.0.min(b.0).min(c.0)) | a.1.max(b.1).max(c.1).below(zero);
+        }
+        beside
+    }
+
+    #[inline(always)]
+    fn hits_of(&self, half: usize, corners: [[W; 3]; 3]) -> u16 {
+        let shear = &self.shears[half];
+        let edges = Edges::new(corners, shear);
+        let inside = edges.inside();
+        if inside == 0 {
+            return 0;
+        }
+        let parameter = edges.parameter(shear);
+        (inside & self.t_min.below(parameter) & parameter.below(self.t_max)) as u16
+    }
+}
