@@ -1,0 +1,110 @@
+//! Materials in use, and the primitives of every node with theirs.
+
+use glam::DMat4;
+use rayon::prelude::*;
+
+use super::accessor::Reader;
+use super::document::{Document, Node, called};
+use super::geometry::{self, Built, Job};
+use super::hierarchy::{self, PlacedNode};
+use super::material::Converter;
+use super::report::Notes;
+use crate::scene::{Material, Scene};
+
+/// Index into `Scene::materials` for each material of the file, and for primitives that name none.
+pub(super) struct MaterialSlots {
+    of_file: Vec<Option<u32>>,
+    default: u32,
+}
+
+impl MaterialSlots {
+    fn of(&self, material: Option<usize>) -> u32 {
+        material.and_then(|index| self.of_file.get(index).copied().flatten()).unwrap_or(self.default)
+    }
+}
+
+/// Converts the materials in use, the default one first if any primitive needs it; also the textures that they use.
+pub(super) fn add_materials(
+    scene: &mut Scene,
+    document: &Document,
+    placed: &[PlacedNode],
+    notes: &mut Notes,
+) -> (MaterialSlots, Vec<usize>) {
+    let meshes = placed.iter().filter_map(|node| document.meshes.get(document.nodes[node.index].mesh?));
+    let mut used = vec![false; document.materials.len()];
+    let mut needs_default = false;
+    for primitive in meshes.flat_map(|mesh| &mesh.primitives) {
+        match primitive.material.map(|index| (index, used.get_mut(index))) {
+            Some((_, Some(used))) => *used = true,
+            Some((index, None)) => {
+                notes.warn(format!("material {index} does not exist: the default material is shown"));
+                needs_default = true;
+            }
+            None => needs_default = true,
+        }
+    }
+    if needs_default {
+        scene.materials.push(Material::default());
+    }
+    let mut converter = Converter { document, notes, textures: Vec::new() };
+    let mut of_file = Vec::with_capacity(used.len());
+    for (index, used) in used.into_iter().enumerate() {
+        of_file.push(used.then_some(scene.materials.len() as u32));
+        if used {
+            scene.materials.push(converter.convert(index));
+        }
+    }
+    (MaterialSlots { of_file, default: 0 }, converter.textures)
+}
+
+/// Every primitive of every node, in node order.
+pub(super) fn build_geometry(
+    reader: &Reader,
+    scene: &Scene,
+    placed: &[PlacedNode],
+    indices: &[Option<u32>],
+    slots: &MaterialSlots,
+    notes: &mut Notes,
+) -> Vec<Built> {
+    let document = reader.document;
+    let mut names = Vec::with_capacity(placed.len());
+    for node in placed {
+        names.push(called("node", node.index, document.nodes[node.index].name.as_ref()));
+    }
+    let mut jobs = Vec::new();
+    for ((placed, node_idx), name) in placed.iter().zip(indices).zip(&names) {
+        let node = &document.nodes[placed.index];
+        let (Some(mesh_idx), Some(node_idx)) = (node.mesh, *node_idx) else { continue };
+        let Some(mesh) = document.meshes.get(mesh_idx) else {
+            notes.warn(format!("{name}: mesh {mesh_idx} does not exist: it is left out"));
+            continue;
+        };
+        let weights = node.weights.as_ref().or(mesh.weights.as_ref()).map_or(&[][..], Vec::as_slice);
+        for world_from_mesh in transforms(reader, node, placed, name, notes) {
+            jobs.extend(mesh.primitives.iter().map(|primitive| {
+                let material = slots.of(primitive.material);
+                let normal_map = scene.materials[material as usize].normal_texture;
+                Job { primitive, weights, world_from_mesh, material, node: node_idx, normal_map, name }
+            }));
+        }
+    }
+    jobs.par_iter().map(|job| geometry::build(reader, job)).collect()
+}
+
+/// The node's own transform, or one per instance.
+fn transforms(reader: &Reader, node: &Node, placed: &PlacedNode, name: &str, notes: &mut Notes) -> Vec<DMat4> {
+    let Some(instancing) = &node.extensions.instancing else {
+        return vec![placed.world_from_node];
+    };
+    match hierarchy::instances(reader, instancing) {
+        Ok(instances) => instances
+            .into_iter()
+            .map(|node_from_instance| placed.world_from_node * node_from_instance)
+            .filter(DMat4::is_finite)
+            .collect(),
+        Err(reason) => {
+            notes.warn(format!("{name}: {reason}: its instances are left out"));
+            vec![placed.world_from_node]
+        }
+    }
+}

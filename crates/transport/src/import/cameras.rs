@@ -1,0 +1,59 @@
+//! Cameras of the file.
+
+use glam::{DMat4, DVec3, Mat4};
+
+use super::document::{Document, called};
+use super::report::Notes;
+use crate::camera::Camera;
+
+/// Vertical angles of view beyond these, in radians, show nothing useful.
+const YFOV_RANGE_RAD: (f32, f32) = (0.01, 3.0);
+
+/// Width over height if the file leaves it open.
+pub(super) const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
+
+/// The camera of a node, if it is a perspective one. `number` counts from 1, for cameras without a name.
+pub(super) fn camera(
+    document: &Document,
+    index: usize,
+    world_from_node: DMat4,
+    node_name: Option<&String>,
+    number: usize,
+    notes: &mut Notes,
+) -> Option<Camera> {
+    let Some(source) = document.cameras.get(index) else {
+        notes.warn(format!("camera {index} does not exist: it is left out"));
+        return None;
+    };
+    let line_name = called("camera", index, source.name.as_ref().or(node_name));
+    let Some(perspective) = &source.perspective else {
+        notes.unsupported(format!("{line_name}: only perspective cameras are shown: it is left out"));
+        return None;
+    };
+    let mut yfov_rad = perspective.yfov.clamp(YFOV_RANGE_RAD.0, YFOV_RANGE_RAD.1);
+    if !yfov_rad.is_finite() {
+        yfov_rad = 1.0;
+    }
+    if yfov_rad != perspective.yfov {
+        notes.warn(format!("{line_name}: its angle of view {} is out of range: {yfov_rad} is used", perspective.yfov));
+    }
+    let aspect = perspective.aspect_ratio.filter(|a| a.is_finite() && *a > 0.0).unwrap_or(DEFAULT_ASPECT);
+    let named = |name: &&String| !name.is_empty();
+    let name = source.name.as_ref().filter(named).or(node_name.filter(named));
+    Some(Camera {
+        name: name.cloned().unwrap_or_else(|| format!("camera {number}")),
+        world_from_camera: rigid(world_from_node),
+        yfov_rad,
+        aspect,
+    })
+}
+
+/// Rotation and translation alone: glTF lets no scale or shear of a node reach its camera.
+fn rigid(world_from_node: DMat4) -> Mat4 {
+    let back = world_from_node.z_axis.truncate().try_normalize().unwrap_or(DVec3::Z);
+    let up = world_from_node.y_axis.truncate();
+    let up = (up - back * back.dot(up)).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+    let right = up.cross(back);
+    let eye = world_from_node.w_axis.truncate();
+    DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0)).as_mat4()
+}

@@ -1,0 +1,101 @@
+//! Which extensions of a file are honored, in words.
+
+use super::ImportError;
+use super::document::Document;
+use super::report::Notes;
+
+/// Extensions that are honored, or approximated with a line of their own.
+const HONORED: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+];
+
+/// Extensions that change nothing in the picture.
+const WITHOUT_EFFECT: &[&str] =
+    &["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// What a known extension would have done, for the report.
+const LEFT_OUT: &[(&str, &str)] = &[
+    ("EXT_lights_ies", "lamps shine without their measured distribution"),
+    ("EXT_lights_image_based", "its environment light is left out"),
+    ("KHR_animation_pointer", "animations are not played"),
+    ("KHR_materials_anisotropy", "highlights are round"),
+    ("KHR_materials_clearcoat", "the clear coat is left out"),
+    ("KHR_materials_diffuse_transmission", "light does not shine through diffusely"),
+    ("KHR_materials_dispersion", "glass does not split colors"),
+    ("KHR_materials_iridescence", "thin-film colors are left out"),
+    ("KHR_materials_sheen", "the sheen is left out"),
+    ("KHR_materials_variants", "the default variant is shown"),
+    ("KHR_node_visibility", "hidden nodes are shown"),
+    ("KHR_texture_basisu", "KTX2 textures without a PNG or JPEG twin become a checkerboard"),
+    ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin become a checkerboard"),
+];
+
+/// Refuses files whose geometry cannot be read and lists what else is not shown.
+///
+/// # Errors
+/// When a compression is required that cannot be undone here.
+pub(super) fn check(name: &str, document: &Document, notes: &mut Notes) -> Result<(), ImportError> {
+    for extension in &document.extensions_required {
+        if let Some(compression) = compression_of(extension) {
+            return Err(ImportError::Extension {
+                name: name.to_owned(),
+                extension: extension.clone(),
+                remedy: format!(
+                    "export it again without {compression} compression, or run `gltf-transform copy IN.glb OUT.glb`"
+                ),
+            });
+        }
+    }
+    let mut names: Vec<&String> = document.extensions_used.iter().chain(&document.extensions_required).collect();
+    names.sort();
+    names.dedup();
+    for extension in names {
+        let known = extension.as_str();
+        if HONORED.contains(&known) || WITHOUT_EFFECT.contains(&known) {
+            continue;
+        }
+        let effect = LEFT_OUT.iter().find(|(name, _)| *name == known).map_or("it is ignored", |(_, effect)| effect);
+        notes.unsupported(format!("{extension}: {effect}{}", users(document, known)));
+    }
+    Ok(())
+}
+
+fn compression_of(extension: &str) -> Option<&'static str> {
+    match extension {
+        "KHR_draco_mesh_compression" => Some("Draco"),
+        "EXT_meshopt_compression" | "KHR_meshopt_compression" => Some("meshopt"),
+        _ => None,
+    }
+}
+
+/// ` (materials "a", "b" and 3 more)`, or nothing if no material uses the extension.
+fn users(document: &Document, extension: &str) -> String {
+    let named = |(index, material): (usize, &super::document::Material)| match &material.name {
+        Some(name) if !name.is_empty() => format!("\"{name}\""),
+        _ => index.to_string(),
+    };
+    let users: Vec<String> = document
+        .materials
+        .iter()
+        .enumerate()
+        .filter(|(_, material)| material.extensions.others.contains_key(extension))
+        .map(named)
+        .collect();
+    match users.len() {
+        0 => String::new(),
+        1 => format!(" (material {})", users[0]),
+        2..=4 => format!(" (materials {})", users.join(", ")),
+        n => format!(" (materials {} and {} more)", users[..3].join(", "), n - 3),
+    }
+}

@@ -1,0 +1,361 @@
+//! One primitive of one node: from accessors to world-space triangles.
+//!
+//! The order matters: unusable triangles go first, so that no vertex of theirs is looked at again; then the vertices that
+//! are left are gathered (split per triangle where the file has no normals), placed in the world, and given normals and
+//! tangents where theirs are missing.
+
+use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
+
+use super::accessor::{Integers, Reader};
+use super::document::{Attributes, Primitive};
+use super::report::Notes;
+use super::tangents;
+use crate::scene::{Mesh, TextureRef};
+
+/// A primitive to be read and where it goes.
+pub(super) struct Job<'a> {
+    pub primitive: &'a Primitive,
+    /// Weights of the morph targets.
+    pub weights: &'a [f32],
+    pub world_from_mesh: DMat4,
+    /// Index into `Scene::materials`.
+    pub material: u32,
+    /// Index into `Scene::nodes`.
+    pub node: u32,
+    /// Normal map of the material: without one no tangents are kept.
+    pub normal_map: Option<TextureRef>,
+    /// Name for report lines.
+    pub name: &'a str,
+}
+
+/// What became of a primitive.
+#[derive(Default)]
+pub(super) struct Built {
+    pub mesh: Mesh,
+    pub notes: Notes,
+    pub n_degenerate_triangles: usize,
+}
+
+/// Reads a primitive; what cannot be used is left out with a line in `notes`.
+pub(super) fn build(reader: &Reader, job: &Job) -> Built {
+    let mut built = Built::default();
+    match Vertices::read(reader, job, &mut built.notes) {
+        Ok(Some((vertices, triangles))) => assemble(job, vertices, triangles, &mut built),
+        Ok(None) => {}
+        Err(reason) => built.notes.warn(format!("{}: {reason}: this part of it is left out", job.name)),
+    }
+    built
+}
+
+/// Vertices and the triangles over them.
+type Surface = (Vertices, Vec<[u32; 3]>);
+
+/// Vertex attributes as the file has them; absent ones are empty.
+#[derive(Default)]
+struct Vertices {
+    positions: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    tangents: Vec<Vec4>,
+    uvs: [Vec<Vec2>; 2],
+    colors: Vec<Vec4>,
+}
+
+impl Vertices {
+    /// Attributes and triangles of a primitive, `None` if it has no surface.
+    fn read(reader: &Reader, job: &Job, notes: &mut Notes) -> Result<Option<Surface>, String> {
+        let attributes = &job.primitive.attributes;
+        let mode = Mode::of(job.primitive.mode)?;
+        if mode == Mode::WithoutSurface {
+            notes.unsupported(format!("{}: points and lines are left out", job.name));
+            return Ok(None);
+        }
+        let Some(position) = attributes.position else {
+            return Err("it has no vertex positions".to_owned());
+        };
+        if job.primitive.extensions.contains_key("KHR_draco_mesh_compression") && !reader.has_bytes(position) {
+            return Err("it is there in Draco compression only, which cannot be read".to_owned());
+        }
+        let mut vertices =
+            Vertices { positions: to_vec3(reader.floats(position, Integers::AsDeclared)?), ..Vertices::default() };
+        let n_vertices = vertices.positions.len();
+        let corners = match job.primitive.indices {
+            Some(index) => reader.indices(index)?,
+            None => (0..u32::try_from(n_vertices).map_err(|_| "it has too many vertices".to_owned())?).collect(),
+        };
+        vertices.read_attributes(reader, attributes, job, notes);
+        vertices.morph(reader, job, notes);
+        let triangles = usable_triangles(mode.triangles(&corners), &vertices.positions, job.name, notes);
+        Ok((!triangles.is_empty()).then_some((vertices, triangles)))
+    }
+
+    /// Everything but positions; an attribute that cannot be read is as if it were absent.
+    fn read_attributes(&mut self, reader: &Reader, attributes: &Attributes, job: &Job, notes: &mut Notes) {
+        let n_vertices = self.positions.len();
+        let mut checked = |what: &str, result: Result<usize, String>| match result {
+            Ok(count) if count == 0 || count == n_vertices => true,
+            Ok(count) => {
+                notes.warn(format!("{}: {count} {what} for {n_vertices} vertices: they are ignored", job.name));
+                false
+            }
+            Err(reason) => {
+                notes.warn(format!("{}: {reason}: its {what} are ignored", job.name));
+                false
+            }
+        };
+        let mut keep = |what: &str, read: Result<Vec<[f32; 3]>, String>| match checked(what, length(&read)) {
+            true => read.unwrap_or_default(),
+            false => Vec::new(),
+        };
+        self.normals =
+            to_vec3(keep("normals", optional(attributes.normal, |a| reader.floats(a, Integers::AsDeclared))));
+        let tangents = optional(attributes.tangent, |a| reader.floats::<4>(a, Integers::AsDeclared));
+        if job.normal_map.is_some() && checked("tangents", length(&tangents)) {
+            self.tangents = tangents.unwrap_or_default().into_iter().map(Vec4::from).collect();
+        }
+        for (set, accessor) in [attributes.uv0, attributes.uv1].into_iter().enumerate() {
+            let uvs = optional(accessor, |a| reader.floats::<2>(a, Integers::AsDeclared));
+            if checked("texture coordinates", length(&uvs)) {
+                let finite = |uv: [f32; 2]| Some(Vec2::from(uv)).filter(|uv| uv.is_finite()).unwrap_or_default();
+                self.uvs[set] = uvs.unwrap_or_default().into_iter().map(finite).collect();
+            }
+        }
+        let colors = optional(attributes.color, |a| reader.colors(a));
+        if checked("vertex colors", length(&colors)) {
+            let finite = |color: [f32; 4]| {
+                Some(Vec4::from(color)).filter(|color| color.is_finite()).unwrap_or(Vec4::ONE).max(Vec4::ZERO)
+            };
+            self.colors = colors.unwrap_or_default().into_iter().map(finite).collect();
+        }
+        if attributes.uv2.is_some() {
+            notes.unsupported(format!("{}: texture coordinate sets beyond the second are ignored", job.name));
+        }
+    }
+
+    /// Adds the weighted morph targets, as the file's default weights ask.
+    fn morph(&mut self, reader: &Reader, job: &Job, notes: &mut Notes) {
+        for (target, &weight) in job.primitive.targets.iter().zip(job.weights) {
+            if weight == 0.0 || !weight.is_finite() {
+                continue;
+            }
+            let mut add = |accessor: Option<usize>, to: &mut [Vec3]| match optional(accessor, |a| {
+                reader.floats::<3>(a, Integers::AsDeclared)
+            }) {
+                Ok(deltas) => {
+                    to.iter_mut().zip(deltas).for_each(|(value, delta)| *value += weight * Vec3::from(delta));
+                }
+                Err(reason) => notes.warn(format!("{}: {reason}: a morph target is ignored", job.name)),
+            };
+            add(target.position, &mut self.positions);
+            add(target.normal, &mut self.normals);
+        }
+    }
+
+    /// The vertices of a list, in its order.
+    fn gather(&self, list: &[u32]) -> Vertices {
+        Vertices {
+            positions: gathered(&self.positions, list),
+            normals: gathered(&self.normals, list),
+            tangents: gathered(&self.tangents, list),
+            uvs: [gathered(&self.uvs[0], list), gathered(&self.uvs[1], list)],
+            colors: gathered(&self.colors, list),
+        }
+    }
+}
+
+fn gathered<T: Copy>(values: &[T], list: &[u32]) -> Vec<T> {
+    if values.is_empty() { Vec::new() } else { list.iter().map(|&v| values[v as usize]).collect() }
+}
+
+fn optional<T>(accessor: Option<usize>, read: impl Fn(usize) -> Result<Vec<T>, String>) -> Result<Vec<T>, String> {
+    accessor.map_or_else(|| Ok(Vec::new()), read)
+}
+
+fn length<T>(read: &Result<Vec<T>, String>) -> Result<usize, String> {
+    read.as_ref().map(Vec::len).map_err(Clone::clone)
+}
+
+fn to_vec3(values: Vec<[f32; 3]>) -> Vec<Vec3> {
+    values.into_iter().map(Vec3::from).collect()
+}
+
+/// How corners make triangles.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Mode {
+    Triangles,
+    Strip,
+    Fan,
+    WithoutSurface,
+}
+
+impl Mode {
+    fn of(code: Option<u32>) -> Result<Mode, String> {
+        match code.unwrap_or(4) {
+            0..=3 => Ok(Mode::WithoutSurface),
+            4 => Ok(Mode::Triangles),
+            5 => Ok(Mode::Strip),
+            6 => Ok(Mode::Fan),
+            code => Err(format!("primitive mode {code} is not known")),
+        }
+    }
+
+    /// Every other triangle of a strip is turned, so that all face the same way.
+    fn triangles(self, corners: &[u32]) -> Vec<[u32; 3]> {
+        match self {
+            Mode::Triangles => corners.as_chunks::<3>().0.to_vec(),
+            Mode::Strip => corners
+                .windows(3)
+                .enumerate()
+                .map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] })
+                .collect(),
+            Mode::Fan => corners.windows(2).skip(1).map(|w| [w[0], w[1], corners[0]]).collect(),
+            Mode::WithoutSurface => Vec::new(),
+        }
+    }
+}
+
+/// Triangles whose corners exist and are finite; the others are counted in `notes`.
+fn usable_triangles(triangles: Vec<[u32; 3]>, positions: &[Vec3], name: &str, notes: &mut Notes) -> Vec<[u32; 3]> {
+    let n_all = triangles.len();
+    let exists = |triangle: &[u32; 3]| triangle.iter().all(|&v| (v as usize) < positions.len());
+    let finite = |triangle: &[u32; 3]| triangle.iter().all(|&v| positions[v as usize].is_finite());
+    let existing: Vec<_> = triangles.into_iter().filter(exists).collect();
+    let n_existing = existing.len();
+    let usable: Vec<_> = existing.into_iter().filter(finite).collect();
+    if n_existing < n_all {
+        notes.warn(format!(
+            "{name}: {} triangles use vertices that do not exist: they are left out",
+            n_all - n_existing
+        ));
+    }
+    if usable.len() < n_existing {
+        let n_infinite = n_existing - usable.len();
+        notes.warn(format!("{name}: {n_infinite} triangles have corners that are not finite: they are left out"));
+    }
+    usable
+}
+
+/// Places vertices in the world and completes them.
+fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut Built) {
+    let has_normals = !vertices.normals.is_empty();
+    let (list, triangles) =
+        if has_normals { compacted(&triangles, vertices.positions.len()) } else { split(&triangles) };
+    let mut vertices = vertices.gather(&list);
+    let mirrored = place(&mut vertices, job.world_from_mesh);
+
+    let mut mesh = Mesh {
+        positions: vertices.positions,
+        normals: vertices.normals,
+        tangents: Vec::new(),
+        uvs: vertices.uvs,
+        colors: vertices.colors,
+        triangles,
+        ..Mesh::default()
+    };
+    if mirrored {
+        mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    }
+    let n_before = mesh.triangles.len();
+    let visible = mesh.triangles.iter().copied().filter(|&triangle| has_area(&mesh.positions, triangle)).collect();
+    mesh.triangles = visible;
+    built.n_degenerate_triangles = n_before - mesh.triangles.len();
+    if mesh.triangles.is_empty() {
+        return;
+    }
+    complete_normals(&mut mesh, has_normals, job.name, &mut built.notes);
+    if let Some(normal_map) = job.normal_map {
+        // Tangents of a file belong to its normals: without these they are computed, as glTF asks.
+        if has_normals && !vertices.tangents.is_empty() {
+            mesh.tangents = tangents::orthonormalized(vertices.tangents, &mesh.normals);
+        } else {
+            tangents::compute(&mut mesh, normal_map);
+        }
+    }
+    mesh.triangle_material = vec![job.material; mesh.triangles.len()];
+    mesh.triangle_node = vec![job.node; mesh.triangles.len()];
+    built.mesh = mesh;
+}
+
+/// Only the vertices in use, in their order: source vertices, and triangles over them.
+fn compacted(triangles: &[[u32; 3]], n_vertices: usize) -> (Vec<u32>, Vec<[u32; 3]>) {
+    let mut compact = vec![u32::MAX; n_vertices];
+    triangles.iter().flatten().for_each(|&v| compact[v as usize] = 0);
+    let mut list = Vec::new();
+    for (v, slot) in compact.iter_mut().enumerate().filter(|(_, slot)| **slot == 0) {
+        *slot = list.len() as u32;
+        list.push(v as u32);
+    }
+    (list, triangles.iter().map(|triangle| triangle.map(|v| compact[v as usize])).collect())
+}
+
+/// Three vertices of its own for each triangle, so that normals can be flat.
+fn split(triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
+    let list = triangles.as_flattened().to_vec();
+    let triangles = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    (list, triangles)
+}
+
+/// Applies the world transform; true if it mirrors, so that fronts would become backs.
+fn place(vertices: &mut Vertices, world_from_mesh: DMat4) -> bool {
+    let linear = DMat3::from_mat4(world_from_mesh);
+    let mirrored = linear.determinant() < 0.0;
+    let sign = if mirrored { -1.0 } else { 1.0 };
+    // The cofactor matrix is the inverse transpose up to a factor, and exists where a scale is 0 too.
+    let scale = linear.to_cols_array().into_iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
+    let unit = linear * (1.0 / scale);
+    let normal_matrix = DMat3::from_cols(
+        unit.y_axis.cross(unit.z_axis),
+        unit.z_axis.cross(unit.x_axis),
+        unit.x_axis.cross(unit.y_axis),
+    ) * sign;
+    for position in &mut vertices.positions {
+        *position = world_from_mesh.transform_point3(position.as_dvec3()).as_vec3();
+    }
+    for normal in &mut vertices.normals {
+        *normal = unit_or_zero(normal_matrix * normal.as_dvec3());
+    }
+    for tangent in &mut vertices.tangents {
+        let direction = unit_or_zero(unit * tangent.truncate().as_dvec3());
+        let handedness = if (tangent.w < 0.0) == mirrored { 1.0 } else { -1.0 };
+        *tangent = direction.extend(handedness);
+    }
+    mirrored
+}
+
+fn unit_or_zero(v: DVec3) -> Vec3 {
+    v.normalize_or_zero().as_vec3()
+}
+
+fn has_area(positions: &[Vec3], triangle: [u32; 3]) -> bool {
+    let area = area_normal(positions, triangle).length_squared();
+    area > 0.0 && area.is_finite()
+}
+
+/// Twice the area times the unit normal; in f32 it underflows to no area exactly where hits are undefined too.
+fn area_normal(positions: &[Vec3], triangle: [u32; 3]) -> Vec3 {
+    let [a, b, c] = triangle.map(|v| positions[v as usize]);
+    (b - a).cross(c - a)
+}
+
+/// Geometric normals where the file has none, or none that can be normalized.
+fn complete_normals(mesh: &mut Mesh, has_normals: bool, name: &str, notes: &mut Notes) {
+    if !has_normals {
+        mesh.normals = vec![Vec3::ZERO; mesh.positions.len()];
+    }
+    let usable: Vec<bool> = mesh.normals.iter().map(|normal| normal.length_squared() > 0.5).collect();
+    if usable.iter().all(|&usable| usable) {
+        return;
+    }
+    let mut geometric = vec![Vec3::ZERO; mesh.positions.len()];
+    for &triangle in &mesh.triangles {
+        let normal = area_normal(&mesh.positions, triangle).normalize_or_zero();
+        triangle.iter().for_each(|&v| geometric[v as usize] += normal);
+    }
+    let mut n_replaced = 0;
+    for ((normal, geometric), _) in mesh.normals.iter_mut().zip(geometric).zip(usable).filter(|(_, usable)| !usable) {
+        *normal = geometric.normalize_or(Vec3::Y);
+        n_replaced += usize::from(geometric != Vec3::ZERO);
+    }
+    if has_normals && n_replaced > 0 {
+        notes.warn(format!("{name}: {n_replaced} normals have no direction: those of its triangles are used instead"));
+    }
+}

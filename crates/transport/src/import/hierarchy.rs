@@ -1,0 +1,103 @@
+//! Which nodes are shown, and where they stand.
+
+use glam::{DMat4, DQuat, DVec3};
+use serde_json::Value;
+
+use super::accessor::{Integers, Reader};
+use super::document::{Document, Instancing, Node, called};
+use super::report::Notes;
+
+/// A node of the displayed scene with its world transform.
+#[derive(Clone, Debug)]
+pub(super) struct PlacedNode {
+    /// Index in the file.
+    pub index: usize,
+    pub world_from_node: DMat4,
+}
+
+/// Nodes of the displayed scene in file order, each once.
+pub(super) fn place(document: &Document, notes: &mut Notes) -> Vec<PlacedNode> {
+    let mut visited = vec![false; document.nodes.len()];
+    let mut placed = Vec::new();
+    let mut pending: Vec<(usize, DMat4)> =
+        roots(document, notes).into_iter().rev().map(|root| (root, DMat4::IDENTITY)).collect();
+    while let Some((index, world_from_parent)) = pending.pop() {
+        let Some(node) = document.nodes.get(index) else {
+            notes.warn(format!("node {index} does not exist: it is left out"));
+            continue;
+        };
+        let name = called("node", index, node.name.as_ref());
+        if std::mem::replace(&mut visited[index], true) {
+            notes.warn(format!("{name} has two parents or is its own ancestor: it is shown once"));
+            continue;
+        }
+        let world_from_node = world_from_parent * local_transform(node);
+        if !world_from_node.is_finite() {
+            notes.warn(format!("{name} has a transform that is not finite: it is left out with all below it"));
+            continue;
+        }
+        placed.push(PlacedNode { index, world_from_node });
+        pending.extend(node.children.iter().rev().map(|&child| (child, world_from_node)));
+    }
+    placed.sort_by_key(|node| node.index);
+    placed
+}
+
+/// Roots of the scene that the file asks for, else of its first one, else all nodes that are no child.
+fn roots(document: &Document, notes: &mut Notes) -> Vec<usize> {
+    let asked = document.scene.and_then(|index| {
+        if index >= document.scenes.len() {
+            notes.warn(format!("scene {index} does not exist: what the file has besides is shown"));
+        }
+        document.scenes.get(index)
+    });
+    if let Some(scene) = asked.or(document.scenes.first()) {
+        return scene.nodes.clone();
+    }
+    let mut is_child = vec![false; document.nodes.len()];
+    for &child in document.nodes.iter().flat_map(|node| &node.children) {
+        if let Some(flag) = is_child.get_mut(child) {
+            *flag = true;
+        }
+    }
+    (0..is_child.len()).filter(|&index| !is_child[index]).collect()
+}
+
+/// The node's matrix, or its translation · rotation · scale.
+fn local_transform(node: &Node) -> DMat4 {
+    if let Some(matrix) = &node.matrix {
+        return DMat4::from_cols_array(matrix);
+    }
+    trs(node.translation, node.rotation, node.scale)
+}
+
+fn trs(translation: Option<[f64; 3]>, rotation: Option<[f64; 4]>, scale: Option<[f64; 3]>) -> DMat4 {
+    let rotation = rotation.map_or(DQuat::IDENTITY, |q| {
+        let q = DQuat::from_array(q);
+        if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY }
+    });
+    DMat4::from_scale_rotation_translation(
+        scale.map_or(DVec3::ONE, DVec3::from),
+        rotation,
+        translation.map_or(DVec3::ZERO, DVec3::from),
+    )
+}
+
+/// Transforms of EXT_mesh_gpu_instancing within the node, or the reason why they cannot be read.
+pub(super) fn instances(reader: &Reader, instancing: &Instancing) -> Result<Vec<DMat4>, String> {
+    let accessor = |name: &str| instancing.attributes.get(name).and_then(Value::as_u64).map(|index| index as usize);
+    let translations = accessor("TRANSLATION").map(|a| reader.floats::<3>(a, Integers::AsDeclared)).transpose()?;
+    let rotations = accessor("ROTATION").map(|a| reader.floats::<4>(a, Integers::Normalized)).transpose()?;
+    let scales = accessor("SCALE").map(|a| reader.floats::<3>(a, Integers::AsDeclared)).transpose()?;
+    let counts = [translations.as_ref().map(Vec::len), rotations.as_ref().map(Vec::len), scales.as_ref().map(Vec::len)];
+    let n_instances = counts.into_iter().flatten().min().unwrap_or(0);
+    Ok((0..n_instances)
+        .map(|i| {
+            trs(
+                translations.as_ref().map(|t| t[i].map(f64::from)),
+                rotations.as_ref().map(|r| r[i].map(f64::from)),
+                scales.as_ref().map(|s| s[i].map(f64::from)),
+            )
+        })
+        .collect())
+}

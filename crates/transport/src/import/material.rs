@@ -1,0 +1,202 @@
+//! Materials of the file into those of the scene.
+
+use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
+
+use super::document::{self, Document, SpecularGlossiness, TextureInfo, called};
+use super::report::Notes;
+use crate::scene::{AlphaMode, Encoding, Material, TextureRef};
+
+/// Reflectance at normal incidence is ((ior − 1) / (ior + 1))² · specular color; this makes the first factor 0.996.
+const FULLY_REFLECTING_IOR: f32 = 1000.0;
+
+/// Converts materials; textures get an index when a material first uses them.
+pub(super) struct Converter<'a> {
+    pub document: &'a Document,
+    pub notes: &'a mut Notes,
+    /// Index in the file of each texture of the scene.
+    pub textures: Vec<usize>,
+}
+
+impl Converter<'_> {
+    /// A material of the file, or the default one if there is none of that index.
+    pub fn convert(&mut self, index: usize) -> Material {
+        let Some(source) = self.document.materials.get(index) else {
+            self.notes.warn(format!("material {index} does not exist: the default material is shown"));
+            return Material::default();
+        };
+        let name = called("material", index, source.name.as_ref());
+        let mut material = Material { name: source.name.clone().unwrap_or_default(), ..Material::default() };
+        self.core(&mut material, source, &name);
+        self.extensions(&mut material, source, &name);
+        if let Some(old) = &source.extensions.specular_glossiness {
+            self.specular_glossiness(&mut material, old, &name);
+        }
+        material
+    }
+
+    fn core(&mut self, material: &mut Material, source: &document::Material, name: &str) {
+        let pbr = &source.pbr_metallic_roughness;
+        let base_color = pbr.base_color_factor.unwrap_or([1.0; 4]);
+        material.base_color = Vec4::from(self.unit_factors(base_color, 1.0, name, "base color"));
+        material.base_color_texture = self.texture(pbr.base_color_texture.as_ref(), Encoding::Srgb, name);
+        material.metallic = self.unit_factor(pbr.metallic_factor.unwrap_or(1.0), 1.0, name, "metallic factor");
+        material.roughness = self.unit_factor(pbr.roughness_factor.unwrap_or(1.0), 1.0, name, "roughness factor");
+        material.metallic_roughness_texture =
+            self.texture(pbr.metallic_roughness_texture.as_ref(), Encoding::Linear, name);
+        material.normal_texture = self.texture(source.normal_texture.as_ref(), Encoding::Linear, name);
+        material.normal_scale = source.normal_texture.as_ref().and_then(|info| info.scale).unwrap_or(1.0);
+        let emissive = source.emissive_factor.unwrap_or([0.0; 3]);
+        material.emissive = Vec3::from(self.positive_factors(emissive, 0.0, name, "emissive factor"));
+        material.emissive_texture = self.texture(source.emissive_texture.as_ref(), Encoding::Srgb, name);
+        material.double_sided = source.double_sided;
+        material.alpha = match source.alpha_mode.as_deref().unwrap_or("OPAQUE") {
+            "OPAQUE" => AlphaMode::Opaque,
+            "MASK" => AlphaMode::Mask { cutoff: source.alpha_cutoff.unwrap_or(0.5) },
+            "BLEND" => AlphaMode::Blend,
+            other => {
+                self.notes.warn(format!("{name}: alpha mode {other:?} is not known: it is shown opaque"));
+                AlphaMode::Opaque
+            }
+        };
+    }
+
+    fn extensions(&mut self, material: &mut Material, source: &document::Material, name: &str) {
+        let extensions = &source.extensions;
+        material.unlit = extensions.unlit.is_some();
+        let strength = extensions.emissive_strength.emissive_strength.unwrap_or(1.0);
+        [material.emissive_strength] = self.positive_factors([strength], 1.0, name, "emissive strength");
+        material.ior = self.ior(extensions.ior.ior.unwrap_or(1.5), name);
+        let transmission = &extensions.transmission;
+        material.transmission =
+            self.unit_factor(transmission.transmission_factor.unwrap_or(0.0), 0.0, name, "transmission factor");
+        material.transmission_texture =
+            self.texture(transmission.transmission_texture.as_ref(), Encoding::Linear, name);
+        let specular = &extensions.specular;
+        material.specular = self.unit_factor(specular.specular_factor.unwrap_or(1.0), 1.0, name, "specular factor");
+        material.specular_texture = self.texture(specular.specular_texture.as_ref(), Encoding::Linear, name);
+        let color = specular.specular_color_factor.unwrap_or([1.0; 3]);
+        material.specular_color = Vec3::from(self.positive_factors(color, 1.0, name, "specular color"));
+        material.specular_color_texture = self.texture(specular.specular_color_texture.as_ref(), Encoding::Srgb, name);
+        self.volume(material, &extensions.volume, name);
+    }
+
+    /// At least 1, but for glTF's 0, which stands for a reflectance of 1 at every angle.
+    fn ior(&mut self, ior: f32, name: &str) -> f32 {
+        if ior == 0.0 {
+            return FULLY_REFLECTING_IOR;
+        }
+        let sane = if ior.is_finite() { ior.max(1.0) } else { 1.5 };
+        if sane != ior {
+            self.notes.warn(format!("{name}: its index of refraction {ior} is out of range: {sane} is used"));
+        }
+        sane
+    }
+
+    fn volume(&mut self, material: &mut Material, volume: &document::Volume, name: &str) {
+        [material.thickness] =
+            self.positive_factors([volume.thickness_factor.unwrap_or(0.0)], 0.0, name, "thickness factor");
+        let color = volume.attenuation_color.unwrap_or([1.0; 3]);
+        material.attenuation_color = Vec3::from(self.unit_factors(color, 1.0, name, "attenuation color"));
+        material.attenuation_distance = match volume.attenuation_distance {
+            Some(distance) if distance > 0.0 => distance,
+            _ => f32::INFINITY,
+        };
+        if volume.thickness_texture.is_some() && material.thickness > 0.0 {
+            self.notes.unsupported(format!("{name}: its thickness texture is ignored, as the shape itself is traced"));
+        }
+    }
+
+    /// Specular color at normal incidence stands in for the metal: a dielectric with that reflection.
+    fn specular_glossiness(&mut self, material: &mut Material, old: &SpecularGlossiness, name: &str) {
+        let diffuse = old.diffuse_factor.unwrap_or([1.0; 4]);
+        material.base_color = Vec4::from(self.unit_factors(diffuse, 1.0, name, "diffuse factor"));
+        material.base_color_texture = self.texture(old.diffuse_texture.as_ref(), Encoding::Srgb, name);
+        let glossiness = self.unit_factor(old.glossiness_factor.unwrap_or(1.0), 1.0, name, "glossiness factor");
+        material.roughness = 1.0 - glossiness;
+        material.metallic = 0.0;
+        material.metallic_roughness_texture = None;
+        let specular =
+            Vec3::from(self.unit_factors(old.specular_factor.unwrap_or([1.0; 3]), 1.0, name, "specular factor"));
+        material.ior = FULLY_REFLECTING_IOR;
+        material.specular_color = specular;
+        let mut line = format!("{name}: specular-glossiness is approximated by roughness and a specular color");
+        if old.specular_glossiness_texture.is_some() {
+            // Its factors alone would make a mirror of every texture-driven surface.
+            material.ior = 1.5;
+            material.specular_color = Vec3::ONE;
+            material.roughness = material.roughness.max(0.5);
+            line.push_str(", without its texture");
+        }
+        self.notes.unsupported(line);
+    }
+
+    /// A use of a texture; its index in the scene is made up on first use.
+    fn texture(&mut self, info: Option<&TextureInfo>, encoding: Encoding, name: &str) -> Option<TextureRef> {
+        let info = info?;
+        if info.index >= self.document.textures.len() {
+            self.notes.warn(format!("{name}: texture {} does not exist: it is left out", info.index));
+            return None;
+        }
+        let transform = info.extensions.transform.as_ref();
+        let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
+        if uv_set > 1 {
+            self.notes.unsupported(format!("{name}: a texture uses coordinate set {uv_set}, set 0 is shown instead"));
+        }
+        let known = self.textures.iter().position(|&texture| texture == info.index);
+        let texture = known.unwrap_or_else(|| {
+            self.textures.push(info.index);
+            self.textures.len() - 1
+        });
+        Some(TextureRef {
+            texture: texture as u32,
+            uv_set: if uv_set == 1 { 1 } else { 0 },
+            transform: transform.map_or(Affine2::IDENTITY, uv_transform),
+            encoding,
+        })
+    }
+
+    fn unit_factor(&mut self, value: f32, fallback: f32, name: &str, what: &str) -> f32 {
+        let [value] = self.unit_factors([value], fallback, name, what);
+        value
+    }
+
+    fn unit_factors<const N: usize>(&mut self, values: [f32; N], fallback: f32, name: &str, what: &str) -> [f32; N] {
+        self.factors(values, 1.0, fallback, name, what)
+    }
+
+    fn positive_factors<const N: usize>(
+        &mut self,
+        values: [f32; N],
+        fallback: f32,
+        name: &str,
+        what: &str,
+    ) -> [f32; N] {
+        self.factors(values, f32::MAX, fallback, name, what)
+    }
+
+    /// Values within 0 … `most`; what is not a number becomes `fallback`. Both are reported.
+    fn factors<const N: usize>(
+        &mut self,
+        values: [f32; N],
+        most: f32,
+        fallback: f32,
+        name: &str,
+        what: &str,
+    ) -> [f32; N] {
+        let sane = values.map(|value| if value.is_finite() { value.clamp(0.0, most) } else { fallback });
+        if sane != values {
+            self.notes.warn(format!("{name}: its {what} {values:?} is out of range: {sane:?} is used"));
+        }
+        sane
+    }
+}
+
+/// `translation · rotation · scale` of KHR_texture_transform; its rotation is clockwise on a v that points down.
+fn uv_transform(transform: &document::TextureTransform) -> Affine2 {
+    let rotation = transform.rotation.unwrap_or(0.0);
+    let (sin, cos) = rotation.sin_cos();
+    let rotation = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
+    let scale = Mat2::from_diagonal(Vec2::from(transform.scale.unwrap_or([1.0; 2])));
+    let affine = Affine2::from_mat2_translation(rotation * scale, Vec2::from(transform.offset.unwrap_or([0.0; 2])));
+    if affine.is_finite() { affine } else { Affine2::IDENTITY }
+}

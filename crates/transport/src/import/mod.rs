@@ -1,0 +1,233 @@
+//! glTF 2.0 import: a file into a [`Scene`], with a report in words of what it holds that is not shown.
+//!
+//! Every index and every range of bytes is looked up, never trusted, so that a broken file ends in an error or a line of
+//! the report. What is missing in part (an image, a material, one primitive) is replaced or left out; only a file without
+//! readable geometry is refused.
+
+mod accessor;
+mod assemble;
+mod cameras;
+mod container;
+mod document;
+mod extensions;
+mod geometry;
+mod hierarchy;
+mod images;
+mod lamps;
+mod material;
+mod merge;
+mod report;
+mod tangents;
+#[cfg(test)]
+mod tests;
+mod uri;
+mod viewpoint;
+
+use std::path::{Path, PathBuf};
+
+use accessor::Reader;
+use container::Buffers;
+use document::{Document, Preamble, called};
+use hierarchy::PlacedNode;
+use report::Notes;
+use uri::Locator;
+
+pub use report::ImportReport;
+
+use crate::scene::{Scene, SceneNode};
+
+/// Why a file could not be loaded at all.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImportError {
+    /// The file itself cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// Which file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// The GLB chunks make no sense.
+    #[error("{name} is not a readable GLB file: {reason}")]
+    Container {
+        /// Which file.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The JSON is broken or of another shape than glTF's.
+    #[error("{name} is not valid glTF: {source}")]
+    Json {
+        /// Which file.
+        name: String,
+        /// Where and what.
+        source: serde_json::Error,
+    },
+    /// Another version of glTF.
+    #[error("{name} is glTF version {version:?}, only version 2 can be read: export it again as glTF 2.0")]
+    Version {
+        /// Which file.
+        name: String,
+        /// Version that it states.
+        version: String,
+    },
+    /// Its geometry is encoded in a way that cannot be decoded.
+    #[error("{name} requires {extension}, which is not supported: {remedy}")]
+    Extension {
+        /// Which file.
+        name: String,
+        /// glTF extension.
+        extension: String,
+        /// What to do about it.
+        remedy: String,
+    },
+    /// A buffer that geometry or images need is not there.
+    #[error("buffer {index} of {name} cannot be had: {reason}")]
+    Buffer {
+        /// Which file.
+        name: String,
+        /// Index of the buffer.
+        index: usize,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// A loaded file.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    /// What to render.
+    pub scene: Scene,
+    /// What to tell people.
+    pub report: ImportReport,
+}
+
+/// Loads a `.glb` or `.gltf` file with the files that it refers to.
+///
+/// # Errors
+/// When the file, its JSON or a buffer cannot be read, or geometry is compressed.
+pub fn load(path: &Path) -> Result<Imported, ImportError> {
+    let bytes = std::fs::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    let locator = Locator { folder: Some(path.parent().unwrap_or(Path::new("")).to_owned()) };
+    import(&name, &bytes, &locator)
+}
+
+/// Loads a GLB, or a JSON glTF with data URIs, from memory.
+///
+/// # Errors
+/// As [`load`]; a reference to another file counts as missing.
+pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    import(name, bytes, &Locator { folder: None })
+}
+
+fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, ImportError> {
+    let container = container::split(name, bytes)?;
+    let document = parse(name, container.json)?;
+    let mut notes = Notes::default();
+    extensions::check(name, &document, &mut notes)?;
+    let buffers = Buffers::fetch(name, &document, container.bin, locator, &mut notes)?;
+    let reader = Reader { document: &document, buffers: &buffers };
+
+    let placed = hierarchy::place(&document, &mut notes);
+    let mut scene = Scene { name: name.to_owned(), ..Scene::default() };
+    let indices = add_nodes(&mut scene, &document, &placed, &mut notes);
+    let (slots, textures) = assemble::add_materials(&mut scene, &document, &placed, &mut notes);
+    let mut n_degenerate_triangles = 0;
+    for built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes) {
+        notes.absorb(built.notes);
+        n_degenerate_triangles += built.n_degenerate_triangles;
+        if !merge::append(&mut scene.mesh, built.mesh) {
+            notes.warn("the scene has more than 4 billion vertices: the rest is left out".to_owned());
+            break;
+        }
+    }
+    merge::pad_attributes(&mut scene.mesh);
+    scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
+    if scene.cameras.is_empty() {
+        scene.cameras.extend(viewpoint::make(&scene.mesh, &scene.materials));
+    }
+    note_motion(&document, &placed, &mut notes);
+    let report = ImportReport {
+        unsupported: notes.unsupported,
+        warnings: notes.warnings,
+        n_nodes: document.nodes.len(),
+        n_meshes: document.meshes.len(),
+        n_cameras: document.cameras.len(),
+        n_materials: document.materials.len(),
+        n_images: document.images.len(),
+        n_punctual: document.extensions.lights.lights.len(),
+        n_degenerate_triangles,
+    };
+    Ok(Imported { scene, report })
+}
+
+fn parse(name: &str, json: &[u8]) -> Result<Document, ImportError> {
+    let broken = |source| ImportError::Json { name: name.to_owned(), source };
+    let version = serde_json::from_slice::<Preamble>(json).map_err(broken)?.asset.version;
+    if version.split('.').next() != Some("2") {
+        return Err(ImportError::Version { name: name.to_owned(), version });
+    }
+    serde_json::from_slice(json).map_err(broken)
+}
+
+/// Fills nodes, lamps and cameras; for each placed node its index in `Scene::nodes`, if it carries something.
+fn add_nodes(scene: &mut Scene, document: &Document, placed: &[PlacedNode], notes: &mut Notes) -> Vec<Option<u32>> {
+    let mut indices = Vec::with_capacity(placed.len());
+    for &PlacedNode { index, world_from_node } in placed {
+        let node = &document.nodes[index];
+        let light = node.extensions.light.as_ref().map(|light| light.light);
+        if node.mesh.is_none() && node.camera.is_none() && light.is_none() {
+            indices.push(None);
+            continue;
+        }
+        let node_idx = scene.nodes.len() as u32;
+        let name = node.name.clone().filter(|name| !name.is_empty());
+        let panel = panel_side(node, index, notes);
+        scene.nodes.push(SceneNode { index: index as u32, name, panel });
+        scene.punctual.extend(light.and_then(|light| lamps::lamp(document, light, world_from_node, node_idx, notes)));
+        let number = scene.cameras.len() + 1;
+        scene.cameras.extend(
+            node.camera.and_then(|camera| {
+                cameras::camera(document, camera, world_from_node, node.name.as_ref(), number, notes)
+            }),
+        );
+        indices.push(Some(node_idx));
+    }
+    indices
+}
+
+/// Texels per side of a panel.
+const PANEL_SIDES: std::ops::RangeInclusive<u64> = 4..=64;
+
+/// `extras: {"clerestory": {"panel": 32}}`.
+fn panel_side(node: &document::Node, index: usize, notes: &mut Notes) -> Option<u32> {
+    let asked = node.extras.get("clerestory")?.get("panel")?;
+    match asked.as_u64().filter(|side| PANEL_SIDES.contains(side)) {
+        Some(side) => Some(side as u32),
+        None => {
+            let name = called("node", index, node.name.as_ref());
+            notes.warn(format!(
+                "{name}: a panel of {asked} texels a side is not possible (4 to 64): it is a plain light"
+            ));
+            None
+        }
+    }
+}
+
+/// What moves in the file stands still here.
+fn note_motion(document: &Document, placed: &[PlacedNode], notes: &mut Notes) {
+    let n_animations = document.animations.len();
+    if n_animations > 0 {
+        notes
+            .unsupported(format!("{n_animations} animations: they are not played, everything stands as the nodes say"));
+    }
+    for node in placed.iter().filter(|node| document.nodes[node.index].skin.is_some()) {
+        let name = called("node", node.index, document.nodes[node.index].name.as_ref());
+        notes.unsupported(format!(
+            "{name}: its skeleton ({} in the file) is ignored, it is shown in rest pose",
+            document.skins.len()
+        ));
+    }
+}

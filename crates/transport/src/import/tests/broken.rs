@@ -1,0 +1,121 @@
+use serde_json::{Value, json};
+
+use super::fixture::Fixture;
+use crate::import::{ImportError, load_bytes};
+
+/// A file that uses everything that has an index in it.
+fn rich() -> Fixture {
+    let mut fixture = Fixture::triangle();
+    let floats = fixture.floats("VEC3", &[0.5; 9]);
+    let colors = fixture.floats("VEC4", &[0.5; 12]);
+    let uvs = fixture.floats("VEC2", &[0.5; 6]);
+    let indices = fixture.accessor("SCALAR", 5121, 3, &[0, 1, 2]);
+    let places = fixture.view(&[1]);
+    fixture.root["accessors"][floats]["sparse"] = json!({"count": 1,
+        "indices": {"bufferView": places, "componentType": 5121}, "values": {"bufferView": 0, "byteOffset": 0}});
+    fixture.root["bufferViews"][0]["byteStride"] = json!(12);
+    fixture.root["images"] = json!([{"bufferView": 0}]);
+    fixture.root["samplers"] = json!([{"wrapS": 33071}]);
+    fixture.root["textures"] = json!([{"source": 0, "sampler": 0}]);
+    fixture.root["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1.0, "aspectRatio": 1.0}}]);
+    fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "spot", "color": [1, 1, 1], "intensity": 1.0, "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.2}}]}});
+    fixture.root["nodes"] = json!([{"children": [1], "camera": 0}, {"mesh": 0, "scale": [1, 1, 1], "weights": [1.0],
+        "rotation": [0, 0, 0, 1], "translation": [0, 0, 0],
+        "extensions": {"KHR_lights_punctual": {"light": 0}, "EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}}]);
+    fixture.root["meshes"][0]["primitives"][0] = json!({"indices": indices, "mode": 4, "material": 0,
+        "attributes": {"POSITION": 0, "NORMAL": floats, "COLOR_0": colors, "TEXCOORD_0": uvs, "TANGENT": colors},
+        "targets": [{"POSITION": floats}]});
+    let texture = json!({"index": 0, "texCoord": 0, "scale": 1.0,
+        "extensions": {"KHR_texture_transform": {"offset": [0, 0], "rotation": 0.5, "scale": [1, 1], "texCoord": 0}}});
+    fixture.root["materials"] = json!([{"normalTexture": texture, "emissiveTexture": texture, "alphaCutoff": 0.5,
+        "emissiveFactor": [1, 1, 1], "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 1], "roughnessFactor": 0.5},
+        "extensions": {"KHR_materials_ior": {"ior": 1.5}, "KHR_materials_emissive_strength": {"emissiveStrength": 2.0}}}]);
+    fixture
+}
+
+/// Every number below a value, as a path of keys.
+fn numbers(value: &Value, path: &str, found: &mut Vec<String>) {
+    match value {
+        Value::Number(_) => found.push(path.to_owned()),
+        Value::Array(items) => {
+            items.iter().enumerate().for_each(|(i, item)| numbers(item, &format!("{path}/{i}"), found));
+        }
+        Value::Object(members) => {
+            members.iter().for_each(|(key, item)| numbers(item, &format!("{path}/{key}"), found));
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn no_single_wrong_number_brings_it_down() {
+    assert_eq!(rich().load().scene.mesh.triangles.len(), 3, "the sound file loads");
+    let mut paths = Vec::new();
+    numbers(&rich().root, "", &mut paths);
+    assert!(paths.len() > 100, "{}", paths.len());
+    let wrong =
+        [json!(-1), json!(1), json!(7), json!(255), json!(1u64 << 32), json!(u64::MAX), json!(1e38), json!(0.5)];
+    for path in &paths {
+        for value in &wrong {
+            let mut fixture = rich();
+            *fixture.root.pointer_mut(path).expect("a path that was found") = value.clone();
+            if let Err(error) = load_bytes("wrong.gltf", &fixture.json()) {
+                assert!(error.to_string().contains("wrong.gltf"), "{error}");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_truncation_brings_it_down() {
+    let glb = rich().glb();
+    for length in 0..glb.len() {
+        if let Ok(imported) = load_bytes("cut.glb", &glb[..length]) {
+            assert!(!imported.report.warnings.is_empty(), "{length} of {} bytes load without a word", glb.len());
+        }
+    }
+}
+
+#[test]
+fn compressed_geometry_is_refused_with_a_remedy() {
+    for extension in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
+        let mut fixture = Fixture::triangle();
+        fixture.root["extensionsRequired"] = json!([extension]);
+        let error = load_bytes("tight.glb", &fixture.glb()).expect_err("refused");
+        assert!(matches!(error, ImportError::Extension { .. }));
+        let text = error.to_string();
+        assert!(text.contains(extension) && text.contains("tight.glb") && text.contains("export it again"), "{text}");
+    }
+}
+
+#[test]
+fn gltf_1_is_named() {
+    let error = load_bytes("old.gltf", br#"{"asset": {"version": "1.0"}, "nodes": {"a": {}}}"#).expect_err("refused");
+    assert!(matches!(error, ImportError::Version { .. }), "{error}");
+}
+
+#[test]
+fn a_missing_buffer_is_named() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["buffers"] = json!([{"byteLength": 36, "uri": "there%20is%20none.bin"}]);
+    let bytes = serde_json::to_vec(&fixture.root).expect("plain JSON");
+    let error = load_bytes("alone.gltf", &bytes).expect_err("refused");
+    assert!(error.to_string().contains("there is none.bin"), "{error}");
+}
+
+#[test]
+fn cycles_shared_children_and_long_chains_end() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["nodes"] = json!([{"mesh": 0, "children": [1, 1]}, {"mesh": 0, "children": [0]}]);
+    let imported = fixture.load();
+    assert_eq!(imported.scene.mesh.triangles.len(), 2);
+    assert_eq!(imported.report.warnings.len(), 2);
+
+    let mut fixture = Fixture::triangle();
+    let n_nodes = 100_000;
+    let mut nodes: Vec<Value> = (1..n_nodes).map(|i| json!({"children": [i]})).collect();
+    nodes.push(json!({"mesh": 0}));
+    fixture.root["nodes"] = json!(nodes);
+    assert_eq!(fixture.load().scene.mesh.triangles.len(), 1);
+}

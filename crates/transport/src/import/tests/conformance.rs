@@ -1,0 +1,123 @@
+//! Over files of other hands, where `CLERESTORY_SHARED` names their folder.
+
+use std::path::{Path, PathBuf};
+
+use glam::{Vec2, Vec3};
+
+use crate::import::{ImportError, Imported, load};
+
+/// The shared folder; without one the test says so and ends.
+fn shared() -> Option<PathBuf> {
+    let folder = std::env::var_os("CLERESTORY_SHARED").map(PathBuf::from);
+    if folder.is_none() {
+        println!("skipped: no shared data");
+    }
+    folder
+}
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a readable folder").map(|entry| entry.expect("an entry").path()) {
+        match entry.extension().and_then(|extension| extension.to_str()) {
+            _ if entry.is_dir() => files.extend(files_below(&entry)),
+            Some("glb" | "gltf") => files.push(entry),
+            _ => {}
+        }
+    }
+    files.sort();
+    files
+}
+
+fn conformance(shared: &Path, file: &str) -> Imported {
+    load(&shared.join("conformance").join(file)).expect(file)
+}
+
+#[test]
+fn every_conformance_file_loads_or_says_why_not() {
+    let Some(shared) = shared() else { return };
+    let files = files_below(&shared.join("conformance"));
+    assert!(files.len() > 50, "{}", files.len());
+    for file in files {
+        let in_words = file.to_string_lossy().into_owned();
+        match load(&file) {
+            Ok(Imported { scene, .. }) => {
+                let n_vertices = scene.mesh.positions.len();
+                assert_eq!(scene.mesh.normals.len(), n_vertices, "{in_words}");
+                assert!(scene.mesh.normals.iter().all(|n| (n.length() - 1.0).abs() < 1e-4), "{in_words}");
+                assert!(scene.mesh.triangles.iter().flatten().all(|&v| (v as usize) < n_vertices), "{in_words}");
+                assert!(scene.mesh.triangle_material.iter().all(|&m| (m as usize) < scene.materials.len()));
+                assert_eq!(scene.cameras.is_empty(), scene.mesh.triangles.is_empty(), "{in_words}");
+            }
+            Err(ImportError::Extension { remedy, .. }) => assert!(remedy.contains("compression"), "{in_words}"),
+            Err(ImportError::Json { .. }) => assert!(in_words.contains("malformed"), "{in_words}"),
+            Err(error) => panic!("{in_words}: {error}"),
+        }
+    }
+}
+
+#[test]
+fn triangle_counts_are_those_of_the_files() {
+    let Some(shared) = shared() else { return };
+    for (file, n_triangles) in [
+        ("NegativeScaleTest/NegativeScaleTest.glb", 7724),
+        ("SimpleSparseAccessor/SimpleSparseAccessor.gltf", 12),
+        ("BoxInterleaved/BoxInterleaved.glb", 12),
+        ("VertexColorTest/VertexColorTest.glb", 36),
+        ("Duck-Quantized/Duck.gltf", 4212),
+        ("atteneder-NoScene/NoScene.gltf", 12),
+        ("atteneder-Empty/Empty.gltf", 0),
+        ("SimpleInstancing/SimpleInstancing.glb", 12 * 125),
+        ("malformed/assimp-AllIndicesOutOfRange/AllIndicesOutOfRange.gltf", 0),
+        ("malformed/assimp-BoxWithInfinites/BoxWithInfinites.glb", 0),
+        ("malformed/assimp-BoxBadNormals/BoxBadNormals.glb", 12),
+    ] {
+        assert_eq!(conformance(&shared, file).scene.mesh.triangles.len(), n_triangles, "{file}");
+    }
+}
+
+#[test]
+fn fronts_of_mirrored_nodes_agree_with_their_normals() {
+    let Some(shared) = shared() else { return };
+    let mesh = conformance(&shared, "NegativeScaleTest/NegativeScaleTest.glb").scene.mesh;
+    let agrees = |t: &u32| {
+        let normal: Vec3 = mesh.triangles[*t as usize].iter().map(|&v| mesh.normals[v as usize]).sum();
+        normal.dot(mesh.area_normal(*t)) > 0.0
+    };
+    let n_agreeing = (0..mesh.triangles.len() as u32).filter(agrees).count();
+    assert!(n_agreeing as f32 > 0.999 * mesh.triangles.len() as f32, "{n_agreeing} of {}", mesh.triangles.len());
+}
+
+#[test]
+fn attributes_of_the_samples_arrive() {
+    let Some(shared) = shared() else { return };
+    let two_sets = conformance(&shared, "MultiUVTest/MultiUVTest.glb").scene;
+    assert!(two_sets.mesh.uvs.iter().all(|uvs| uvs.len() == two_sets.mesh.positions.len()));
+    let colored = conformance(&shared, "BoxVertexColors/BoxVertexColors.glb").scene.mesh;
+    assert!(colored.colors.iter().any(|color| color.truncate().max_element() < 0.9 || color.truncate() != Vec3::ONE));
+    let modes = conformance(&shared, "MeshPrimitiveModes/MeshPrimitiveModes.gltf");
+    assert_eq!(modes.report.unsupported.iter().filter(|line| line.contains("points and lines")).count(), 4);
+    let duck = conformance(&shared, "Duck-Quantized/Duck.gltf").scene;
+    let (lo, hi) = duck.mesh.bounds().expect("a duck");
+    assert!((0.5..5.0).contains(&(hi - lo).max_element()), "{lo} to {hi}");
+    let placed = duck.materials[0].base_color_texture.expect("a yellow duck");
+    assert!(duck.mesh.uvs[0].iter().all(|&uv| {
+        let uv = placed.transform.transform_point2(uv);
+        uv.cmpgt(Vec2::splat(-0.01)).all() && uv.cmplt(Vec2::splat(1.01)).all()
+    }));
+}
+
+#[test]
+fn lamps_cameras_and_images_of_the_samples_arrive() {
+    let Some(shared) = shared() else { return };
+    assert_eq!(conformance(&shared, "LightsPunctualLamp/LightsPunctualLamp.gltf").scene.punctual.len(), 5);
+    let cameras = conformance(&shared, "Cameras/Cameras.gltf");
+    assert_eq!((cameras.scene.cameras.len(), cameras.report.n_cameras), (1, 2));
+    assert!(cameras.report.unsupported[0].contains("perspective"));
+    let spaces = conformance(&shared, "Box With Spaces/Box With Spaces.gltf");
+    assert_eq!((spaces.scene.textures.len(), spaces.report.warnings.len()), (3, 0), "{:?}", spaces.report.warnings);
+    let moved = conformance(&shared, "TextureTransformTest/TextureTransformTest.gltf").scene;
+    let transforms = moved.materials.iter().filter_map(|material| material.base_color_texture);
+    assert!(transforms.filter(|texture| texture.transform != glam::Affine2::IDENTITY).count() >= 5);
+    let basis = conformance(&shared, "StainedGlassLamp-KTX-BasisU/StainedGlassLamp.gltf");
+    assert!(basis.report.warnings.iter().any(|line| line.contains("KTX2")));
+}

@@ -1,0 +1,8 @@
+//! Laws of the import: over glTF written here, over broken files, and over the shared conformance files.
+
+mod broken;
+mod conformance;
+mod fixture;
+mod geometry;
+mod scenes;
+mod surfaces;

@@ -1,0 +1,137 @@
+use glam::Vec3;
+use serde_json::json;
+
+use super::fixture::Fixture;
+use crate::scene::PunctualKind;
+
+#[test]
+fn lamps_shine_along_minus_z_of_their_node() {
+    let mut fixture = Fixture::new();
+    fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "spot", "intensity": 300, "color": [1, 0.5, 0.25], "range": 4, "spot": {}}, {"type": "point"},
+        {"type": "directional"}, {"type": "laser"}]}});
+    let lit = |light: usize| json!({"extensions": {"KHR_lights_punctual": {"light": light}}});
+    fixture.root["nodes"] = json!([lit(0), lit(1), lit(2), lit(3), lit(9)]);
+    fixture.root["nodes"][0]["name"] = json!("desk");
+    fixture.root["nodes"][0]["translation"] = json!([1, 2, 3]);
+    fixture.root["nodes"][0]["rotation"] =
+        json!([-std::f32::consts::FRAC_1_SQRT_2, 0, 0, std::f32::consts::FRAC_1_SQRT_2]);
+    fixture.root["scenes"][0]["nodes"] = json!([4, 3, 2, 1, 0]);
+    let imported = fixture.load();
+    let [spot, point, directional] = &imported.scene.punctual[..] else { panic!("three known lamps") };
+    assert_eq!(spot.kind, PunctualKind::Spot { inner_rad: 0.0, outer_rad: std::f32::consts::FRAC_PI_4 });
+    assert!(spot.direction.distance(Vec3::NEG_Y) < 1e-6, "{}", spot.direction);
+    assert_eq!((spot.position, spot.intensity), (Vec3::new(1.0, 2.0, 3.0), 300.0));
+    assert_eq!((point.kind, point.intensity, point.color), (PunctualKind::Point, 1.0, Vec3::ONE));
+    assert_eq!((directional.kind, directional.direction), (PunctualKind::Directional, Vec3::NEG_Z));
+    assert_eq!(imported.scene.nodes[spot.node as usize].name.as_deref(), Some("desk"));
+    assert!(imported.scene.nodes.is_sorted_by_key(|node| node.index));
+    assert_eq!(imported.report.warnings.len(), 2, "{:?}", imported.report.warnings);
+    assert!(imported.report.unsupported[0].contains("range"));
+}
+
+#[test]
+fn panels_come_from_extras() {
+    let panel = |asked| Fixture::triangle().node(json!({"extras": {"clerestory": {"panel": asked}}})).load();
+    assert_eq!(panel(json!(32)).scene.nodes[0].panel, Some(32));
+    for asked in [json!(3), json!(65), json!(-4), json!("many")] {
+        let imported = panel(asked);
+        assert_eq!(imported.scene.nodes[0].panel, None);
+        assert_eq!(imported.report.warnings.len(), 1);
+    }
+}
+
+#[test]
+fn cameras_keep_rotation_and_place_alone() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "aspectRatio": 1.5, "znear": 1}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 1}}]);
+    fixture.root["nodes"] = json!([
+        {"camera": 0, "name": "door", "translation": [0, 0, 5], "scale": [-3, 2, 4]}, {"camera": 1}, {"camera": 0}, {"mesh": 0}]);
+    fixture.root["scenes"][0]["nodes"] = json!([0, 1, 2, 3]);
+    let imported = fixture.load();
+    let [door, second] = &imported.scene.cameras[..] else { panic!("two perspective cameras") };
+    assert_eq!((door.name.as_str(), second.name.as_str()), ("door", "camera 2"));
+    assert_eq!((door.yfov_rad, door.aspect, door.position()), (0.8, 1.5, Vec3::new(0.0, 0.0, 5.0)));
+    let linear = glam::Mat3::from_mat4(door.world_from_camera);
+    assert!((linear.determinant() - 1.0).abs() < 1e-6 && linear.z_axis == Vec3::Z);
+    assert_eq!(imported.report.unsupported.len(), 1);
+}
+
+#[test]
+fn scenes_are_chosen_as_gltf_says() {
+    let triangle = || {
+        let mut fixture = Fixture::triangle();
+        fixture.root["nodes"] =
+            json!([{"mesh": 0, "name": "a", "children": [1]}, {"mesh": 0, "name": "b"}, {"mesh": 0}]);
+        fixture.root["scenes"] = json!([{"nodes": [2]}, {"nodes": [0]}, {}]);
+        fixture
+    };
+    let n_triangles = |mut fixture: Fixture, scene: serde_json::Value| {
+        fixture.root["scene"] = scene;
+        fixture.load().scene.mesh.triangles.len()
+    };
+    assert_eq!(n_triangles(triangle(), json!(1)), 2);
+    assert_eq!(n_triangles(triangle(), json!(2)), 0);
+    assert_eq!(n_triangles(triangle(), json!(null)), 1);
+    let mut without_scenes = triangle();
+    without_scenes.root["scenes"] = json!([]);
+    assert_eq!(n_triangles(without_scenes, json!(null)), 3);
+}
+
+#[test]
+fn instances_stand_where_they_are_told() {
+    let mut fixture = Fixture::triangle();
+    let translations = fixture.floats("VEC3", &[0.0, 0.0, 0.0, 5.0, 0.0, 0.0]);
+    let scene = fixture
+        .node(json!({"extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": translations}}},
+            "translation": [0, 1, 0]}))
+        .load()
+        .scene;
+    assert_eq!(scene.mesh.triangle_node, vec![0, 0]);
+    assert_eq!((scene.mesh.corners(0)[0], scene.mesh.corners(1)[0]), (Vec3::Y, Vec3::new(5.0, 1.0, 0.0)));
+}
+
+/// Corners of the twelve triangles of a box, seen from outside.
+fn box_corners(size: Vec3) -> Vec<[f32; 3]> {
+    const FACES: [[usize; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    let corner = |i: usize| (Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) * size).to_array();
+    FACES.iter().flat_map(|f| [f[0], f[1], f[2], f[0], f[2], f[3]]).map(corner).collect()
+}
+
+#[test]
+fn a_room_is_seen_from_inside_at_eye_height() {
+    let size = Vec3::new(8.0, 3.0, 5.0);
+    let mut corners = box_corners(size);
+    corners.chunks_mut(3).for_each(|triangle| triangle.swap(1, 2));
+    let camera = &Fixture::mesh(&corners).load().scene.cameras[0];
+    let eye = camera.position();
+    assert!((eye.y - 1.6).abs() < 1e-3 && eye.cmpgt(Vec3::ZERO).all() && eye.cmplt(size).all(), "{eye}");
+    let forward = -camera.world_from_camera.z_axis.truncate();
+    let to_center = 0.5 * size - eye;
+    assert!(forward.dot(to_center) > 0.0, "from {eye} it looks {forward}, away from the room");
+    assert!(eye.with_y(0.0).distance(Vec3::new(4.0, 0.0, 2.5)) > 2.0, "{eye} is no corner");
+}
+
+#[test]
+fn an_object_is_seen_whole_from_outside() {
+    for material in [json!({}), json!({"doubleSided": true})] {
+        let mut fixture = Fixture::mesh(&box_corners(Vec3::splat(3.0)));
+        fixture.root["nodes"] = json!([{"children": [1, 2]}, {"mesh": 0}, {"mesh": 0, "translation": [12, 0, 0]}]);
+        let scene = fixture.material(material).load().scene;
+        let camera = &scene.cameras[0];
+        let film = crate::camera::Film { width: 160, height: 90 };
+        for &position in &scene.mesh.positions {
+            let px = camera.project(film, position).expect("in front of it");
+            assert!(px.cmpgt(glam::Vec2::ZERO).all() && px.cmplt(glam::Vec2::new(160.0, 90.0)).all(), "{px}");
+        }
+    }
+}
+
+#[test]
+fn nothing_to_see_needs_no_camera() {
+    let imported = Fixture::new().load();
+    assert!(imported.scene.cameras.is_empty() && imported.scene.nodes.is_empty());
+    let bare = crate::import::load_bytes("bare.gltf", br#"{"asset": {"version": "2.0"}}"#).expect("valid glTF");
+    assert!(bare.scene.mesh.triangles.is_empty());
+}

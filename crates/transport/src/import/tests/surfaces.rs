@@ -1,0 +1,119 @@
+use std::io::Cursor;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3, Vec4};
+use serde_json::json;
+
+use super::fixture::Fixture;
+use crate::scene::{AlphaMode, Encoding, Filter, Material, Wrap};
+
+/// A 2 × 1 PNG: red, then green.
+fn png() -> Vec<u8> {
+    let pixels = image::RgbaImage::from_raw(2, 1, vec![255, 0, 0, 255, 0, 255, 0, 255]).expect("two pixels");
+    let mut out = Cursor::new(Vec::new());
+    pixels.write_to(&mut out, image::ImageFormat::Png).expect("memory takes it");
+    out.into_inner()
+}
+
+#[test]
+fn a_primitive_without_material_has_the_default_one() {
+    let scene = Fixture::triangle().load().scene;
+    assert_eq!(scene.materials, vec![Material::default()]);
+    assert_eq!(scene.mesh.triangle_material, vec![0]);
+}
+
+#[test]
+fn extensions_reach_the_material() {
+    let scene = Fixture::triangle()
+        .material(json!({
+            "name": "glass", "alphaMode": "MASK", "alphaCutoff": 0.25, "doubleSided": true, "emissiveFactor": [1, 0.5, 0],
+            "extensions": {
+                "KHR_materials_emissive_strength": {"emissiveStrength": 40}, "KHR_materials_ior": {"ior": 1.33},
+                "KHR_materials_transmission": {"transmissionFactor": 0.75}, "KHR_materials_unlit": {},
+                "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 2, 3]},
+                "KHR_materials_volume": {"thicknessFactor": 0.1, "attenuationDistance": 2, "attenuationColor": [0, 1, 0]},
+            },
+        }))
+        .load()
+        .scene;
+    let material = &scene.materials[0];
+    assert_eq!(material.name, "glass");
+    assert_eq!(material.alpha, AlphaMode::Mask { cutoff: 0.25 });
+    assert_eq!(material.emitted_radiance(), Vec3::new(40.0, 20.0, 0.0));
+    assert_eq!((material.ior, material.transmission, material.specular), (1.33, 0.75, 0.5));
+    assert_eq!(material.specular_color, Vec3::new(1.0, 2.0, 3.0));
+    assert_eq!((material.thickness, material.attenuation_distance), (0.1, 2.0));
+    assert!(material.unlit && material.double_sided);
+}
+
+#[test]
+fn factors_out_of_range_are_brought_back_and_reported() {
+    let imported = Fixture::triangle()
+        .material(json!({"pbrMetallicRoughness": {"baseColorFactor": [-1, 0.5, 2, 1], "roughnessFactor": 7}}))
+        .load();
+    assert_eq!(imported.scene.materials[0].base_color, Vec4::new(0.0, 0.5, 1.0, 1.0));
+    assert_eq!(imported.scene.materials[0].roughness, 1.0);
+    assert_eq!(imported.report.warnings.len(), 2);
+}
+
+#[test]
+fn one_image_is_decoded_once_for_all_its_textures() {
+    let mut fixture = Fixture::triangle();
+    let view = fixture.view(&png());
+    fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
+    fixture.root["samplers"] = json!([{"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}]);
+    fixture.root["textures"] = json!([{"source": 0, "sampler": 0}, {"source": 0}]);
+    let scene = fixture
+        .material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 1, "texCoord": 1},
+            "metallicRoughnessTexture": {"index": 0}}}))
+        .load()
+        .scene;
+    let [base, rough] = [scene.materials[0].base_color_texture, scene.materials[0].metallic_roughness_texture];
+    let (base, rough) = (base.expect("given"), rough.expect("given"));
+    assert_eq!((base.encoding, base.uv_set, rough.encoding, rough.uv_set), (Encoding::Srgb, 1, Encoding::Linear, 0));
+    let texture = &scene.textures[rough.texture as usize];
+    assert_eq!((texture.wrap, texture.filter), ([Wrap::Clamp, Wrap::Mirror], Filter::Nearest));
+    assert_eq!(texture.image.texels, vec![[255, 0, 0, 255], [0, 255, 0, 255]]);
+    assert!(Arc::ptr_eq(&scene.textures[0].image, &scene.textures[1].image));
+}
+
+#[test]
+fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
+    let broken =
+        [json!({"uri": "nowhere.png"}), json!({"uri": "data:image/png;base64,AAAA"}), json!({"bufferView": 77})];
+    for image in broken {
+        let mut fixture = Fixture::triangle();
+        fixture.root["images"] = json!([image]);
+        fixture.root["textures"] = json!([{"source": 0}]);
+        let imported = fixture.material(json!({"emissiveTexture": {"index": 0}})).load();
+        assert_eq!(imported.scene.textures[0].image.texels[0], [255, 0, 255, 255]);
+        assert!(imported.report.warnings[0].contains("checkerboard"), "{:?}", imported.report.warnings);
+    }
+}
+
+#[test]
+fn the_example_of_texture_transform_uses_the_lower_left_quadrant() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["textures"] = json!([{}]);
+    let scene = fixture
+        .material(json!({"emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform":
+            {"offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5], "texCoord": 1}}}}))
+        .load()
+        .scene;
+    let texture = scene.materials[0].emissive_texture.expect("given");
+    assert_eq!(texture.uv_set, 1);
+    for (uv, expected) in [(Vec2::ZERO, Vec2::Y), (Vec2::X, Vec2::new(0.0, 0.5)), (Vec2::Y, Vec2::new(0.5, 1.0))] {
+        let there = texture.transform.transform_point2(uv);
+        assert!(there.distance(expected) < 1e-6, "{uv} goes to {there}");
+    }
+}
+
+#[test]
+fn unknown_material_extensions_are_named_with_their_material() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_materials_ior"]);
+    fixture.root["extensionsRequired"] = json!(["KHR_materials_clearcoat"]);
+    let imported = fixture.material(json!({"name": "lacquer", "extensions": {"KHR_materials_clearcoat": {}}})).load();
+    let [line] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
+    assert!(line.contains("KHR_materials_clearcoat") && line.contains("lacquer"), "{line}");
+}
