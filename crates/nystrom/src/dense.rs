@@ -52,22 +52,30 @@ impl<T: RealField + Copy> Dense<T> {
 
     /// Some rows, in the order asked for.
     pub(crate) fn gather_rows(&self, rows: impl Iterator<Item = usize>) -> Self {
-        let data: Vec<T> = rows.flat_map(|row| self.row(row).iter().copied()).collect();
-        Self { n_rows: data.len() / self.n_cols.max(1), n_cols: self.n_cols, data }
+        let mut out = Self { n_rows: 0, n_cols: self.n_cols, data: Vec::new() };
+        for row in rows {
+            out.data.extend_from_slice(self.row(row));
+            out.n_rows += 1;
+        }
+        out
     }
 
     /// The first columns.
     pub(crate) fn first_cols(&self, n_cols: usize) -> Self {
         let n_cols = n_cols.min(self.n_cols);
-        let data = (0..self.n_rows).flat_map(|row| self.row(row)[..n_cols].iter().copied()).collect();
+        let mut data = Vec::with_capacity(self.n_rows * n_cols);
+        (0..self.n_rows).for_each(|row| data.extend_from_slice(&self.row(row)[..n_cols]));
         Self { n_rows: self.n_rows, n_cols, data }
     }
 
     /// Puts matrices of equally many rows side by side.
     pub(crate) fn side_by_side(parts: &[Self], n_rows: usize) -> Self {
         let n_cols = parts.iter().map(|part| part.n_cols).sum();
-        let data = (0..n_rows).flat_map(|row| parts.iter().flat_map(move |part| part.row(row).iter().copied()));
-        Self { n_rows, n_cols, data: data.collect() }
+        let mut data = Vec::with_capacity(n_rows * n_cols);
+        for row in 0..n_rows {
+            parts.iter().for_each(|part| data.extend_from_slice(part.row(row)));
+        }
+        Self { n_rows, n_cols, data }
     }
 }
 

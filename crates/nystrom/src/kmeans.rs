@@ -78,8 +78,14 @@ fn move_to_means(points: &Dense<f32>, weights: &[f32], cluster: &[usize], center
 }
 
 fn nearest(point: &[f32], centers: &Dense<f32>) -> usize {
-    let distance = |k: &usize| distance_squared(point, centers.row(*k));
-    (0..centers.n_rows).min_by(|i, j| distance(i).total_cmp(&distance(j))).unwrap_or(0)
+    let mut best = (f32::INFINITY, 0);
+    for k in 0..centers.n_rows {
+        let distance = distance_squared(point, centers.row(k));
+        if distance < best.0 {
+            best = (distance, k);
+        }
+    }
+    best.1
 }
 
 fn distance_squared(a: &[f32], b: &[f32]) -> f32 {

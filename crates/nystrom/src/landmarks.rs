@@ -106,9 +106,11 @@ impl Candidates<'_> {
 
     /// Clusters bundles by what all their rows hold in some columns.
     fn bundles_by_means(&self, columns: &[usize], count: usize, rng: &mut Random) -> Vec<usize> {
-        let rows = |&bundle: &usize| bundle * self.bundle_len..(bundle + 1) * self.bundle_len;
-        let entries = self.bundles.iter().flat_map(rows).flat_map(|row| columns.iter().map(move |&col| (row, col)));
-        let data = entries.map(|(row, col)| self.values[row * self.n_cols + col]).collect();
+        let mut data = Vec::with_capacity(self.bundles.len() * self.bundle_len * columns.len());
+        for row in self.bundles.iter().flat_map(|&bundle| bundle * self.bundle_len..(bundle + 1) * self.bundle_len) {
+            let values = &self.values[row * self.n_cols..][..self.n_cols];
+            data.extend(columns.iter().map(|&col| values[col]));
+        }
         let points = Dense { n_rows: self.bundles.len(), n_cols: self.bundle_len * columns.len(), data };
         representatives(&points, self.weights, count, rng).into_iter().map(|i| self.bundles[i]).collect()
     }
@@ -117,8 +119,10 @@ impl Candidates<'_> {
     fn columns_by_means(&self, bundles: &[usize], count: usize, rng: &mut Random) -> Vec<usize> {
         let rows: Vec<usize> =
             bundles.iter().flat_map(|&bundle| bundle * self.bundle_len..(bundle + 1) * self.bundle_len).collect();
-        let entries = (0..self.n_cols).flat_map(|col| rows.iter().map(move |&row| (row, col)));
-        let data = entries.map(|(row, col)| self.values[row * self.n_cols + col]).collect();
+        let mut data = Vec::with_capacity(self.n_cols * rows.len());
+        for col in 0..self.n_cols {
+            data.extend(rows.iter().map(|row| self.values[row * self.n_cols + col]));
+        }
         let points = Dense { n_rows: self.n_cols, n_cols: rows.len(), data };
         representatives(&points, &vec![1.0; self.n_cols], count, rng)
     }

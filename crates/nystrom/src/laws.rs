@@ -341,8 +341,11 @@ fn the_projected_core_survives_what_breaks_the_inverted_one() {
 /// Prints what a block costs; run with `--nocapture`.
 #[test]
 fn the_cost_of_a_block_is_printed() {
-    for (noise, n_cols) in [(0.0, 256), (0.5, 256), (0.5, 8), (0.5, 1)] {
-        let matrix = Known::new(decaying(768, n_cols, 6, 0.7, &mut Random::new([43, 0])), 3, noise);
+    for (noise, n_cols, rank) in
+        [(0.0, 256, 6), (0.5, 256, 6), (0.5, 8, 6), (0.5, 1, 1), (0.1, 256, 60), (0.1, 1024, 30)]
+    {
+        let decay = 0.03f32.powf(1.0 / rank as f32);
+        let matrix = Known::new(decaying(768, n_cols, rank, decay, &mut Random::new([43, 0])), 3, noise);
         let halves = matrix.halves(1);
         let config = config(Tolerance::AbsoluteMeanSquare(0.01), n_cols, 1);
         let samples =
@@ -350,10 +353,14 @@ fn the_cost_of_a_block_is_printed() {
         let mut secs = Vec::new();
         for block in 0..20 {
             let start = std::time::Instant::now();
-            assert!(compress_block(&samples, &config, block).unwrap()[0].rank <= 6);
+            assert!(compress_block(&samples, &config, block).unwrap()[0].rank <= rank as u32);
             secs.push(start.elapsed().as_secs_f64());
         }
         secs.sort_by(f64::total_cmp);
-        println!("768 × {n_cols}, noise {noise}: {:.2} ms, at best {:.2} ms", secs[10] * 1e3, secs[0] * 1e3);
+        println!(
+            "768 × {n_cols}, rank {rank}, noise {noise}: {:.2} ms, at best {:.2} ms",
+            secs[10] * 1e3,
+            secs[0] * 1e3
+        );
     }
 }

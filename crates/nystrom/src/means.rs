@@ -33,15 +33,10 @@ impl Means {
         columns: &Range<usize>,
         n_samples: u32,
     ) -> Result<(), usize> {
-        let n_rows = halves[0].len() / n_cols;
         let mut largest = 0.0f32;
-        for row in 0..n_rows {
+        for row in 0..halves[0].len() / n_cols {
             for half in halves {
-                let values = &half[row * n_cols..][columns.clone()];
-                if !values.iter().fold(0.0, |sum, x| sum + x * 0.0).is_finite() {
-                    return Err(row);
-                }
-                largest = values.iter().fold(largest, |largest, x| largest.max(x.abs()));
+                largest = largest.max(greatest_magnitude(&half[row * n_cols..][columns.clone()]).ok_or(row)?);
             }
         }
         let exponent = if largest > 0.0 { f64::from(largest).log2().floor() as i32 } else { 0 };
@@ -63,13 +58,27 @@ impl Means {
         self.noise.clear();
         for row in 0..n_rows {
             let [a, b] = halves.map(|half| &half[row * n_cols..][columns.clone()]);
-            let (out_a, out_b, out_mean) = (self.a.row_mut(row), self.b.row_mut(row), self.mean.row_mut(row));
+            let (out_a, out_b) = (self.a.row_mut(row), self.b.row_mut(row));
             let (mut cross, mut noise) = ([0.0f32; 8], [0.0f32; 8]);
-            for i in 0..a.len() {
-                let (x, y) = (a[i] * first * second, b[i] * first * second);
-                (out_a[i], out_b[i], out_mean[i]) = (x, y, 0.5 * (x + y));
-                cross[i % 8] += x * y;
-                noise[i % 8] += 0.25 * (x - y) * (x - y);
+            let mut eight = |a: &[f32; 8], b: &[f32; 8]| {
+                let [x, y] = [a, b].map(|half| half.map(|x| x * first * second));
+                for lane in 0..8 {
+                    cross[lane] += x[lane] * y[lane];
+                    noise[lane] += 0.25 * (x[lane] - y[lane]) * (x[lane] - y[lane]);
+                }
+                (x, y)
+            };
+            let ((a, a_rest), (b, b_rest)) = (a.as_chunks(), b.as_chunks());
+            let (out_a, out_a_rest) = out_a.as_chunks_mut();
+            let (out_b, out_b_rest) = out_b.as_chunks_mut();
+            for (((a, b), out_a), out_b) in a.iter().zip(b).zip(out_a).zip(out_b) {
+                (*out_a, *out_b) = eight(a, b);
+            }
+            let (x, y) = eight(&padded(a_rest), &padded(b_rest));
+            out_a_rest.copy_from_slice(&x[..a_rest.len()]);
+            out_b_rest.copy_from_slice(&y[..a_rest.len()]);
+            for (out, (a, b)) in self.mean.row_mut(row).iter_mut().zip(self.a.row(row).iter().zip(self.b.row(row))) {
+                *out = 0.5 * (a + b);
             }
             self.cross.push(cross.iter().map(|&x| f64::from(x)).sum());
             self.noise.push(noise.iter().map(|&x| f64::from(x)).sum());
@@ -80,4 +89,19 @@ impl Means {
     pub(crate) fn n_entries(&self) -> f64 {
         (self.mean.n_rows * self.mean.n_cols) as f64
     }
+}
+
+/// `None` if a value is not finite.
+fn greatest_magnitude(values: &[f32]) -> Option<f32> {
+    // As unsigned numbers, magnitudes keep their order, and whatever is not finite comes last.
+    let bits = values.iter().fold(0, |greatest, x| (x.to_bits() & 0x7fff_ffff).max(greatest));
+    let greatest = f32::from_bits(bits);
+    greatest.is_finite().then_some(greatest)
+}
+
+/// Less than eight values, and zeros.
+fn padded(values: &[f32]) -> [f32; 8] {
+    let mut out = [0.0; 8];
+    out[..values.len()].copy_from_slice(values);
+    out
 }

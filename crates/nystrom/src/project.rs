@@ -6,6 +6,8 @@
 //! *other*, independent half confirms it; the mean of both halves has half the variance, so a component pays as soon as its
 //! squared signal exceeds half of its noise: `3 · uᵀ B v > σ`.
 
+use std::ops::Range;
+
 use crate::{
     compress::{CompressConfig, Tolerance},
     dense::{Dense, eigen, product},
@@ -106,16 +108,23 @@ fn refined(
         confirmed(&signals).min(enough.unwrap_or(signals.len()))
     };
     let width = (worth(&half_a).max(worth(&half_b)) + OVERSAMPLING).min(limit + OVERSAMPLING);
-    let pair = |judging: &Dense<f64>, half: &(Vec<f64>, Dense<f64>), own: &Dense<f32>, other: &Dense<f32>| {
-        let range = range(judging, half, width);
-        (product(range.t(), own.view()), product(range.t(), other.view()))
-    };
-    let of_a = pair(&judging_a, &half_a, &means.a, &means.b);
-    let of_b = pair(&judging_b, &half_b, &means.b, &means.a);
     let mut mean = a.masked(&split.is_training).to_f64();
     mean.data.iter_mut().zip(&b.masked(&split.is_training).data).for_each(|(x, &y)| *x = 0.5 * (*x + f64::from(y)));
-    let range = range(&mean, &eigen(&product(mean.t(), mean.view())), width);
-    (of_a, of_b, product(range.t(), means.mean.view()))
+    let ranges = [
+        range(&judging_a, &half_a, width),
+        range(&judging_b, &half_b, width),
+        range(&mean, &eigen(&product(mean.t(), mean.view())), width),
+    ];
+    // All three ranges meet a half at once: reading it is what costs.
+    let together = Dense::side_by_side(&ranges, means.mean.n_rows);
+    let [with_a, with_b] = [&means.a, &means.b].map(|half| product(together.t(), half.view()));
+    let (first, second) = (ranges[0].n_cols, ranges[0].n_cols + ranges[1].n_cols);
+    let rows = |of: &Dense<f32>, rows: Range<usize>| of.gather_rows(rows);
+    let mut of_mean = rows(&with_a, second..with_a.n_rows);
+    of_mean.data.iter_mut().zip(&with_b.data[second * with_b.n_cols..]).for_each(|(x, y)| *x = 0.5 * (*x + y));
+    let of_a = (rows(&with_a, 0..first), rows(&with_b, 0..first));
+    let of_b = (rows(&with_b, first..second), rows(&with_a, first..second));
+    (of_a, of_b, of_mean)
 }
 
 /// Leading left singular vectors, rows × at most `width`.

@@ -123,13 +123,14 @@ impl<'a> Growth<'a> {
     }
 
     /// What more landmarks would not tell: rounding, the spread of the product of two independent noises, and the share of
-    /// each component that the landmarks' own noise turns out of the span (the refinement turns it back).
+    /// each component that the landmarks' own noise turns out of the span (the refinement turns it back; weak components
+    /// lose more than the mean one, hence the factor).
     fn least_rest(&self) -> f64 {
         let n_cols = self.means.mean.n_cols as f64;
         let noise = self.sum_of_others(|row| self.means.noise[row]);
         let variance = self.sum_of_others(|row| (2.0 * self.means.noise[row]).powi(2) / n_cols);
         let turned = if noise > 0.0 { self.n_components() as f64 * noise / self.basis.n_rows as f64 } else { 0.0 };
-        (ROUNDING * self.sum_of_others(|row| self.means.cross[row])).max(2.0 * variance.sqrt()).max(1.5 * turned)
+        (ROUNDING * self.sum_of_others(|row| self.means.cross[row])).max(2.0 * variance.sqrt()).max(3.0 * turned)
     }
 
     /// Components in the span that stand out of the noise.
