@@ -1,0 +1,127 @@
+//! The command line: same engine, no window. Every error becomes words and an exit code here and nowhere else.
+
+pub mod args;
+pub(crate) mod bake;
+mod console;
+mod info;
+pub(crate) mod relight;
+mod trace;
+pub(crate) mod view;
+
+use std::ffi::OsString;
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use serde_json::json;
+
+use crate::compare::{compare, read_exr};
+use args::{Arguments, Command, CompareArgs};
+pub use console::{Answer, Console};
+
+/// Exit code of a failed command.
+const FAILED: u8 = 1;
+/// Exit code of a command line that makes no sense.
+const WRONG_USAGE: u8 = 2;
+
+/// Runs a command line, the program's name first. Answers go to `stdout`, warnings and errors to `stderr`.
+pub fn run<T: Into<OsString> + Clone>(
+    args: impl IntoIterator<Item = T>,
+    stdout: &mut (dyn Write + Send),
+    stderr: &mut (dyn Write + Send),
+) -> ExitCode {
+    let started = Instant::now();
+    let arguments = match Arguments::try_parse_from(args) {
+        Ok(arguments) => arguments,
+        Err(error) if error.use_stderr() => {
+            let _ = write!(stderr, "{}", error.render());
+            return ExitCode::from(WRONG_USAGE);
+        }
+        Err(help) => return finish(write!(stdout, "{}", help.render()).map_err(Into::into), stderr),
+    };
+    let mut console = Console::new(started, stdout, stderr);
+    let result = dispatch(&arguments, &mut console);
+    finish(result, stderr)
+}
+
+fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
+    let Some(command) = &arguments.command else {
+        return open_editor(arguments, console);
+    };
+    let (answer, json) = match command {
+        Command::Bake(args) => (bake::bake(args, console)?, args.answer.json),
+        Command::Relight(args) => (relight::relight(args, console)?, args.answer.json),
+        Command::Render(args) => (relight::render(args, console)?, args.answer.json),
+        Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
+        Command::Compare(args) => (compare_files(args)?, args.answer.json),
+        Command::Info(args) => (info::info(&args.file, console)?, args.answer.json),
+    };
+    console.answer(&answer, json || arguments.json)
+}
+
+/// Says an error in words. A reader that went away early (`| head`) is no error.
+fn finish(result: Result<()>, stderr: &mut (dyn Write + Send)) -> ExitCode {
+    let Err(error) = result else {
+        return ExitCode::SUCCESS;
+    };
+    let reader_left = |cause: &(dyn std::error::Error + 'static)| {
+        cause.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+    };
+    if error.chain().any(reader_left) {
+        return ExitCode::SUCCESS;
+    }
+    // The front end has nowhere left to complain when stderr itself is closed.
+    let _ = writeln!(stderr, "error: {}", in_words(&error));
+    ExitCode::from(FAILED)
+}
+
+/// An error and its causes; a cause that the sentence before already told is not repeated.
+fn in_words(error: &anyhow::Error) -> String {
+    let mut sentences: Vec<String> = Vec::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if !sentences.last().is_some_and(|told| told.contains(&cause)) {
+            sentences.push(cause);
+        }
+    }
+    sentences.join(": ")
+}
+
+fn open_editor(arguments: &Arguments, console: &mut Console) -> Result<()> {
+    if let Some(scene) = &arguments.scene {
+        std::fs::metadata(scene).with_context(|| format!("cannot open {}: check the path", scene.display()))?;
+    }
+    let reason = if has_display() {
+        match crate::app::run(arguments.scene.clone()) {
+            Ok(()) => return Ok(()),
+            Err(error) => format!("the window could not be opened ({error:#})"),
+        }
+    } else {
+        "there is no display".to_string()
+    };
+    let answer = crate::headless::run(arguments.scene.as_deref(), &reason, console)?;
+    console.answer(&answer, arguments.json)
+}
+
+/// Whether a window can be hoped for. Only X11 and Wayland say beforehand.
+fn has_display() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    !cfg!(all(unix, not(target_os = "macos"))) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}
+
+fn compare_files(args: &CompareArgs) -> Result<Answer> {
+    let (a, b) = (read_exr(&args.a)?, read_exr(&args.b)?);
+    let comparison =
+        compare(&a, &b).with_context(|| format!("cannot compare {} with {}", args.a.display(), args.b.display()))?;
+    let percent = |value: Option<f64>| value.map_or("undefined".into(), |v| format!("{:+.4} %", 100.0 * v));
+    let words = format!(
+        "relative L2  {}\nmean bias    R {}, G {}, B {}\nPSNR         {}",
+        comparison.relative_l2.map_or("undefined".into(), |v| format!("{v:.6}")),
+        percent(comparison.mean_bias[0]),
+        percent(comparison.mean_bias[1]),
+        percent(comparison.mean_bias[2]),
+        comparison.psnr_db.map_or("infinite (nothing differs)".into(), |v| format!("{v:.2} dB")),
+    );
+    Ok(Answer { json: json!(comparison), words })
+}

@@ -1,0 +1,314 @@
+//! What can be typed: subcommands, options, defaults, and the range of every number.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::PanelRequest;
+
+/// Most pixels of a picture, 8192 × 8192.
+const MAX_PIXELS: u64 = 1 << 26;
+
+/// Relights a scene as fast as you can turn a knob: bakes its light transport once, then multiplies.
+#[derive(Debug, Parser)]
+#[command(name = "clerestory", version, args_conflicts_with_subcommands = true, after_help = EDITOR_EXAMPLE)]
+pub struct Arguments {
+    /// What to do; without it the editor opens.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Scene that the editor opens, .gltf or .glb; the built-in gallery if left out.
+    pub scene: Option<PathBuf>,
+    /// Print figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+const EDITOR_EXAMPLE: &str = "Example: clerestory room.glb\n\
+    Without a display the scene is baked, relit under three looks, and written to frames/ in the current folder.";
+const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16";
+const RELIGHT_EXAMPLE: &str =
+    "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights";
+const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128";
+const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024";
+const COMPARE_EXAMPLE: &str = "Example: clerestory compare evening.exr reference.exr --json";
+const INFO_EXAMPLE: &str = "Example: clerestory info room.transport --json";
+
+/// The subcommands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Compute the light transport of a scene and write it to a file.
+    ///
+    /// A bake that was stopped is taken up where it stood by the same command.
+    #[command(after_help = BAKE_EXAMPLE)]
+    Bake(BakeArgs),
+    /// Light a baked scene and write the picture.
+    #[command(after_help = RELIGHT_EXAMPLE)]
+    Relight(RelightArgs),
+    /// Bake and relight in one go, without a transport file.
+    #[command(after_help = RENDER_EXAMPLE)]
+    Render(RenderArgs),
+    /// Path trace a picture without a matrix: the reference.
+    #[command(after_help = TRACE_EXAMPLE)]
+    Trace(TraceArgs),
+    /// Hold picture A against the reference B.
+    #[command(after_help = COMPARE_EXAMPLE)]
+    Compare(CompareArgs),
+    /// Say what is in a scene, a transport file or a look.
+    #[command(after_help = INFO_EXAMPLE)]
+    Info(InfoArgs),
+}
+
+/// Options that every subcommand has.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct OutputArgs {
+    /// Print figures as one JSON object on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Which picture of a scene, and how well.
+#[derive(Clone, Debug, Args)]
+pub struct ViewArgs {
+    /// Camera by name, or by number counted from 0 [default: the first].
+    #[arg(long, value_name = "NAME|N")]
+    pub camera: Option<String>,
+    /// Size in pixels; the camera's vertical angle stays [default: 960 wide at the camera's aspect].
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<Film>,
+    /// Light paths per pixel.
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub spp: u32,
+    /// Most bounces; 0 is direct light only [default: unlimited, with Russian roulette].
+    #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(0..=65_536))]
+    pub bounces: Option<u32>,
+    /// Make a planar emissive node a panel of M × M texels, M from 4 to 64; may be repeated.
+    #[arg(long = "panel", value_name = "NODE=M", value_parser = parse_panel)]
+    pub panels: Vec<PanelRequest>,
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads to use [default: one per core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+}
+
+/// Options of a bake, wherever it goes.
+#[derive(Clone, Debug, Args)]
+pub struct BakeOptions {
+    /// Picture and quality.
+    #[command(flatten)]
+    pub view: ViewArgs,
+    /// Signal to error in decibels that the bake aims at.
+    #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
+    pub tolerance: f32,
+    /// Start over, even if an earlier bake of the same name was stopped half way.
+    #[arg(long)]
+    pub fresh: bool,
+}
+
+/// `clerestory bake`.
+#[derive(Debug, Args)]
+pub struct BakeArgs {
+    /// Scene, .gltf or .glb.
+    pub scene: PathBuf,
+    /// Transport file to write.
+    #[arg(short, long, value_name = "FILE.transport")]
+    pub output: PathBuf,
+    /// How to bake.
+    #[command(flatten)]
+    pub options: BakeOptions,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// How to light and what to write.
+#[derive(Clone, Debug, Args)]
+pub struct RelightOptions {
+    /// Look to light it with [default: as the scene says].
+    #[arg(long, value_name = "FILE.look")]
+    pub look: Option<PathBuf>,
+    /// Picture to write: linear .exr or display-encoded .png.
+    #[arg(short, long, value_name = "OUT.exr|OUT.png")]
+    pub output: PathBuf,
+    /// What multiplies; `auto` is a real GPU if there is one, `gpu` takes any adapter or fails.
+    #[arg(long, value_enum, default_value_t = Device::Auto)]
+    pub device: Device,
+    /// Layers beside the picture itself (EXR only); `lights` adds KEY.R, KEY.G, KEY.B for every light.
+    #[arg(long, value_enum, default_value_t = Layers::None)]
+    pub layers: Layers,
+}
+
+/// `clerestory relight`.
+#[derive(Debug, Args)]
+pub struct RelightArgs {
+    /// Transport file of an earlier bake.
+    pub transport: PathBuf,
+    /// How to light.
+    #[command(flatten)]
+    pub options: RelightOptions,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// `clerestory render`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// Scene, .gltf or .glb.
+    pub scene: PathBuf,
+    /// How to bake; nothing is kept, so every render is a fresh one.
+    #[command(flatten)]
+    pub bake: BakeOptions,
+    /// How to light.
+    #[command(flatten)]
+    pub relight: RelightOptions,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// `clerestory trace`.
+#[derive(Debug, Args)]
+pub struct TraceArgs {
+    /// Scene, .gltf or .glb.
+    pub scene: PathBuf,
+    /// Look to light it with [default: as the scene says].
+    #[arg(long, value_name = "FILE.look")]
+    pub look: Option<PathBuf>,
+    /// Picture to write: linear .exr or display-encoded .png.
+    #[arg(short, long, value_name = "OUT.exr|OUT.png")]
+    pub output: PathBuf,
+    /// Picture and quality.
+    #[command(flatten)]
+    pub view: ViewArgs,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// `clerestory compare`.
+#[derive(Debug, Args)]
+pub struct CompareArgs {
+    /// Picture, linear .exr.
+    pub a: PathBuf,
+    /// Reference, linear .exr of the same size.
+    pub b: PathBuf,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// `clerestory info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// Scene, transport file or look.
+    pub file: PathBuf,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// What multiplies factors and coefficients.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Device {
+    /// A hardware GPU if there is one, else the CPU.
+    Auto,
+    /// Any graphics adapter, software ones too; fails without.
+    Gpu,
+    /// The processor.
+    Cpu,
+}
+
+/// Which layers an EXR gets beside R, G, B.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Layers {
+    /// None.
+    None,
+    /// One per light.
+    Lights,
+}
+
+fn parse_size(text: &str) -> Result<Film, String> {
+    let problem = || format!("write WIDTHxHEIGHT such as 960x540, each from 1 to {}", Film::MAX_SIDE);
+    let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(problem)?;
+    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=Film::MAX_SIDE).contains(side));
+    let (width, height) = side(width).zip(side(height)).ok_or_else(problem)?;
+    if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(format!("at most {MAX_PIXELS} pixels in all (8192x8192)"));
+    }
+    Ok(Film { width, height })
+}
+
+fn parse_panel(text: &str) -> Result<PanelRequest, String> {
+    // A node's name may hold '=', a number cannot.
+    let (node, resolution) = text.rsplit_once('=').ok_or("write NODE=M such as Ceiling=16")?;
+    let resolution: u32 = resolution.parse().map_err(|_| "M must be a whole number from 4 to 64")?;
+    if node.is_empty() || !(4..=64).contains(&resolution) {
+        return Err("write NODE=M with the name of a node and M from 4 to 64".into());
+    }
+    Ok(PanelRequest { node: node.into(), resolution })
+}
+
+fn parse_tolerance(text: &str) -> Result<f32, String> {
+    let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
+    decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_manual() {
+        let arguments = Arguments::try_parse_from(["clerestory", "bake", "a.glb", "-o", "a.transport"]).unwrap();
+        let Some(Command::Bake(bake)) = arguments.command else { panic!("bake was asked for") };
+        let view = &bake.options.view;
+        assert_eq!((view.spp, view.bounces, view.size, view.seed), (256, None, None, 0));
+        assert_eq!((bake.options.tolerance, bake.options.fresh), (40.0, false));
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused() {
+        let bad = [
+            ["--spp", "0"],
+            ["--spp", "-3"],
+            ["--size", "0x4"],
+            ["--size", "20000x20"],
+            ["--size", "12"],
+            ["--size", "16384x16384"],
+            ["--tolerance", "nan"],
+            ["--tolerance", "inf"],
+            ["--tolerance", "-4"],
+            ["--panel", "a=3"],
+            ["--panel", "a=65"],
+            ["--panel", "=8"],
+            ["--panel", "a"],
+            ["--bounces", "-1"],
+            ["--threads", "0"],
+        ];
+        for [option, value] in bad {
+            let line = ["clerestory", "bake", "a.glb", "-o", "a.transport", option, value];
+            assert!(Arguments::try_parse_from(line).is_err(), "{option} {value} was accepted");
+        }
+    }
+
+    #[test]
+    fn a_panel_name_may_hold_an_equals_sign() {
+        let request = parse_panel("a=b=16").unwrap();
+        assert_eq!((request.node.as_str(), request.resolution), ("a=b", 16));
+    }
+
+    #[test]
+    fn a_scene_alone_opens_the_editor() {
+        let arguments = Arguments::try_parse_from(["clerestory", "room.glb"]).unwrap();
+        assert!(arguments.command.is_none() && arguments.scene == Some("room.glb".into()));
+    }
+}

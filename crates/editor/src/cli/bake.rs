@@ -1,0 +1,136 @@
+//! `clerestory bake`: light transport into a file.
+
+use std::ops::ControlFlow;
+
+use anyhow::{Context, Result, bail};
+use clerestory_transport::archive::{self, Restart};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Passes};
+use indicatif::ProgressBar;
+use serde_json::{Value, json};
+
+use super::args::{BakeArgs, BakeOptions};
+use super::console::{Answer, Console, advance, bytes_words, duration_words};
+use super::view::{View, on_threads, open_view};
+use crate::output::PendingFile;
+
+/// What a bake took.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct BakeTimes {
+    /// From the start of the bake to its end.
+    pub bake_secs: f64,
+    /// From the start of the command to the first whole picture.
+    pub preview_secs: Option<f64>,
+}
+
+pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
+    // A place that cannot be written is found out before the long work, not after it.
+    drop(PendingFile::create(&args.output)?);
+    let view = open_view(&args.scene, &args.options.view, console)?;
+    let job = job(view, &args.options, Passes::PreviewAndFinal);
+    let restart = if args.options.fresh { Restart::Fresh } else { Restart::Resume };
+    let (bake, times) = run_with_progress(console, &args.options, |on_event| {
+        archive::bake_to_file(job, &args.output, restart, on_event)
+    })
+    .with_context(|| format!("cannot bake {} to {}", args.scene.display(), args.output.display()))?;
+    let mut answer = baked(&bake, times, &args.options, console)?;
+    answer.json["output"] = json!(args.output.display().to_string());
+    answer.words = format!("{}: {}", args.output.display(), answer.words);
+    Ok(answer)
+}
+
+/// The job that was asked for.
+pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob {
+    let config = BakeConfig {
+        spp: options.view.spp,
+        tolerance_db: options.tolerance,
+        bounces: options.view.bounces,
+        seed: options.view.seed,
+    };
+    BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes }
+}
+
+/// Runs a bake with a bar, on the threads asked for, and keeps the time.
+pub(crate) fn run_with_progress<R>(console: &mut Console, options: &BakeOptions, run: R) -> Result<(Bake, BakeTimes)>
+where
+    R: FnOnce(&mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send)) -> Result<Option<Bake>, BakeError> + Send,
+{
+    let begun = std::time::Instant::now();
+    let bar = console.start_progress("baking");
+    let mut times = BakeTimes::default();
+    let result = on_threads(options.view.threads, || {
+        run(&mut |event| {
+            observe(event, &bar, &mut times, console);
+            ControlFlow::Continue(())
+        })
+    });
+    console.end_progress();
+    let Some(bake) = result?? else {
+        bail!("the bake was stopped before its end");
+    };
+    times.bake_secs = begun.elapsed().as_secs_f64();
+    Ok((bake, times))
+}
+
+fn observe(event: BakeEvent, bar: &ProgressBar, times: &mut BakeTimes, console: &mut Console) {
+    match event {
+        BakeEvent::PassDone { pass: 0, .. } => {
+            times.preview_secs.get_or_insert(console.started.elapsed().as_secs_f64());
+        }
+        BakeEvent::Progress { done, secs_left, .. } => {
+            advance(bar, done);
+            if let Some(secs) = secs_left {
+                bar.set_message(format!("{} left", duration_words(f64::from(secs))));
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Times and figures of a finished bake.
+pub(crate) fn baked(bake: &Bake, times: BakeTimes, options: &BakeOptions, console: &Console) -> Result<Answer> {
+    let figures = serde_json::to_value(bake.figures()).context("the figures of a bake always have a JSON form")?;
+    let threads = options.view.threads.map_or_else(rayon::current_num_threads, usize::from);
+    let mut json = json!({
+        "bake_secs": times.bake_secs,
+        "preview_secs": times.preview_secs,
+        "device": "cpu",
+        "threads": threads,
+        "warnings": console.warnings(),
+    });
+    merge(&mut json, figures.clone());
+    let words =
+        format!("baked in {} on {threads} threads\n{}", duration_words(times.bake_secs), figure_words(&figures));
+    Ok(Answer { json, words })
+}
+
+/// Adds the members of one object to another.
+pub(crate) fn merge(into: &mut Value, from: Value) {
+    if let (Some(into), Value::Object(from)) = (into.as_object_mut(), from) {
+        into.extend(from);
+    }
+}
+
+/// The figures of a transport for people.
+pub(crate) fn figure_words(figures: &Value) -> String {
+    let number = |name: &str| figures[name].as_f64().unwrap_or(f64::NAN);
+    let decibels =
+        |name: &str| figures["error_db"][name].as_f64().map_or("unmeasured".into(), |db| format!("{db:.1} dB"));
+    format!(
+        "pixels      {} with {} columns\n\
+         blocks      {}, mean rank {:.2}, highest {}\n\
+         size        {} (dense {}, {:.1} times smaller)\n\
+         error       {} in all: truncation {}, sampling {}; noise of the samples {}",
+        number("pixels"),
+        number("columns"),
+        number("blocks"),
+        number("mean_rank"),
+        number("max_rank"),
+        bytes_words(number("bytes")),
+        bytes_words(number("dense_bytes")),
+        number("ratio"),
+        decibels("total"),
+        decibels("truncation"),
+        decibels("sampling"),
+        decibels("noise"),
+    )
+}

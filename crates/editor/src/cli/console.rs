@@ -1,0 +1,116 @@
+//! Where words go: answers to stdout, warnings to stderr, progress to a terminal.
+
+use std::io::{IsTerminal, Write};
+use std::time::Instant;
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::Value;
+
+/// What a command found out, for programs and for people.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// One JSON object.
+    pub json: Value,
+    /// Lines without the last line break.
+    pub words: String,
+}
+
+/// Both output streams, and when the command began.
+pub struct Console<'a> {
+    /// Start of the command.
+    pub started: Instant,
+    stdout: &'a mut (dyn Write + Send),
+    stderr: &'a mut (dyn Write + Send),
+    progress: ProgressBar,
+    warnings: Vec<String>,
+}
+
+impl<'a> Console<'a> {
+    /// A console without progress so far.
+    pub fn new(started: Instant, stdout: &'a mut (dyn Write + Send), stderr: &'a mut (dyn Write + Send)) -> Self {
+        Console { started, stdout, stderr, progress: ProgressBar::hidden(), warnings: Vec::new() }
+    }
+
+    /// Prints the answer of the command.
+    ///
+    /// # Errors
+    /// If stdout is closed or full.
+    pub fn answer(&mut self, answer: &Answer, json: bool) -> Result<()> {
+        if json {
+            writeln!(self.stdout, "{}", answer.json)?;
+        } else {
+            writeln!(self.stdout, "{}", answer.words)?;
+        }
+        Ok(self.stdout.flush()?)
+    }
+
+    /// Says what is going on, at once.
+    pub fn note(&mut self, sentence: &str) {
+        let stderr = &mut *self.stderr;
+        self.progress.suspend(|| drop(writeln!(stderr, "note: {sentence}")));
+    }
+
+    /// Says a warning once and keeps it for the answer.
+    pub fn warn(&mut self, sentence: &str) {
+        if self.warnings.iter().any(|said| said == sentence) {
+            return;
+        }
+        self.warnings.push(sentence.to_string());
+        let stderr = &mut *self.stderr;
+        // A closed stderr must not stop a bake; the answer still holds the warning.
+        self.progress.suspend(|| drop(writeln!(stderr, "warning: {sentence}")));
+    }
+
+    /// Says all of them; see [`Console::warn`].
+    pub fn warn_all(&mut self, sentences: impl IntoIterator<Item = impl AsRef<str>>) {
+        for sentence in sentences {
+            self.warn(sentence.as_ref());
+        }
+    }
+
+    /// Warnings so far.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Shows a bar on a terminal; nothing in a pipe.
+    pub fn start_progress(&mut self, task: &'static str) -> ProgressBar {
+        let target =
+            if std::io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let style = ProgressStyle::with_template("{prefix:>8} {bar:40} {percent:>3} %  {msg}")
+            .expect("the template is a constant that indicatif accepts");
+        self.progress = ProgressBar::with_draw_target(Some(1000), target).with_style(style).with_prefix(task);
+        self.progress.clone()
+    }
+
+    /// Removes the bar.
+    pub fn end_progress(&mut self) {
+        self.progress.finish_and_clear();
+        self.progress = ProgressBar::hidden();
+    }
+}
+
+/// Moves a bar to a share of the whole, 0…1.
+pub fn advance(bar: &ProgressBar, share: f32) {
+    bar.set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
+}
+
+/// A duration for people.
+pub fn duration_words(secs: f64) -> String {
+    match secs {
+        s if s < 90.0 => format!("{s:.1} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+/// A number of bytes for people.
+pub fn bytes_words(bytes: f64) -> String {
+    match bytes {
+        b if b < 1e3 => format!("{b:.0} B"),
+        b if b < 1e6 => format!("{:.1} kB", b / 1e3),
+        b if b < 1e9 => format!("{:.1} MB", b / 1e6),
+        b => format!("{:.2} GB", b / 1e9),
+    }
+}

@@ -1,0 +1,164 @@
+//! `clerestory info`: what is in a scene, a transport file or a look.
+
+use std::io::Read;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use clerestory_transport::archive;
+use clerestory_transport::basis::LightSource;
+use clerestory_transport::emitters::Lighting;
+use serde_json::{Value, json};
+
+use super::bake::{figure_words, merge};
+use super::console::{Answer, Console};
+use super::view::load_scene;
+use crate::look::Look;
+
+/// First bytes of a transport file.
+const TRANSPORT_MAGIC: &[u8] = b"CLERTRAN";
+
+/// The kinds of file that this program knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum FileKind {
+    Scene,
+    Transport,
+    Look,
+}
+
+pub(super) fn info(path: &Path, console: &mut Console) -> Result<Answer> {
+    match file_kind(path)? {
+        FileKind::Scene => scene(path, console),
+        FileKind::Transport => transport(path),
+        FileKind::Look => look(path, console),
+    }
+}
+
+/// By its name, else by its first bytes.
+fn file_kind(path: &Path) -> Result<FileKind> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match extension.as_deref() {
+        Some("gltf" | "glb") => return Ok(FileKind::Scene),
+        Some("transport") => return Ok(FileKind::Transport),
+        Some("look") => return Ok(FileKind::Look),
+        Some("part") => bail!(
+            "{} is a bake that has not ended; run the same `clerestory bake` command again to finish it",
+            path.display()
+        ),
+        _ => {}
+    }
+    let mut start = Vec::new();
+    let file = std::fs::File::open(path).with_context(|| format!("cannot read {}: check the path", path.display()))?;
+    let read = file.take(1 << 20).read_to_end(&mut start);
+    read.with_context(|| format!("cannot read {}: give a file", path.display()))?;
+    let holds = |text: &[u8]| start.windows(text.len()).any(|window| window == text);
+    match () {
+        () if start.starts_with(b"glTF") || holds(b"\"asset\"") => Ok(FileKind::Scene),
+        () if start.starts_with(TRANSPORT_MAGIC) => Ok(FileKind::Transport),
+        () if holds(b"\"clerestory\"") => Ok(FileKind::Look),
+        () => bail!("{} is no scene (.gltf, .glb), no .transport and no .look", path.display()),
+    }
+}
+
+fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
+    let imported = load_scene(path, console)?;
+    let (scene, report) = (&imported.scene, &imported.report);
+    // A light that cannot be made a column is a warning here: the file itself is what was asked about.
+    let sources = match Lighting::new(scene, &[]) {
+        Ok((lighting, warnings)) => {
+            console.warn_all(warnings);
+            lighting.basis.sources
+        }
+        Err(error) => {
+            console.warn(&error.to_string());
+            Vec::new()
+        }
+    };
+    let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
+    let cameras: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    let json = json!({
+        "triangles": scene.mesh.triangles.len(),
+        "nodes": report.n_nodes,
+        "cameras": cameras.len(),
+        "camera_names": cameras,
+        "lights": keys,
+        "light_details": sources.iter().map(light_detail).collect::<Vec<_>>(),
+        "materials": report.n_materials,
+        "unsupported": report.unsupported,
+        "warnings": console.warnings(),
+    });
+    let words = format!(
+        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}\nnot supported  {}",
+        path.display(),
+        scene.mesh.triangles.len(),
+        report.n_nodes,
+        report.n_materials,
+        listed(&cameras),
+        listed(&sources.iter().map(light_words).collect::<Vec<_>>()),
+        listed(&report.unsupported),
+    );
+    Ok(Answer { json, words })
+}
+
+fn light_detail(source: &LightSource) -> Value {
+    json!({
+        "key": source.key, "kind": source.kind, "columns": source.columns.len(),
+        "color": source.color.to_array(), "strength": source.strength, "unit": source.kind.unit(),
+    })
+}
+
+fn light_words(source: &LightSource) -> String {
+    let columns = match source.columns.len() {
+        1 => String::new(),
+        n => format!(", {n} columns"),
+    };
+    format!("{} ({} {}{columns})", source.key, source.strength, source.kind.unit())
+}
+
+/// A list for people.
+fn listed(items: &[impl AsRef<str>]) -> String {
+    if items.is_empty() { "none".into() } else { items.iter().map(AsRef::as_ref).collect::<Vec<_>>().join(", ") }
+}
+
+fn transport(path: &Path) -> Result<Answer> {
+    let bake = archive::read(path).with_context(|| format!("cannot read the transport {}", path.display()))?;
+    let header = &bake.header;
+    let figures = serde_json::to_value(bake.figures()).context("the figures of a bake always have a JSON form")?;
+    let keys: Vec<&str> = header.basis.sources.iter().map(|source| source.key.as_str()).collect();
+    let words = format!(
+        "{}: {} seen by {}, {}×{}\nlights      {}\n{}",
+        path.display(),
+        header.scene,
+        header.camera,
+        header.width,
+        header.height,
+        listed(&keys),
+        figure_words(&figures),
+    );
+    let mut json = figures;
+    let about = json!({
+        "scene": header.scene, "camera": header.camera, "width": header.width, "height": header.height,
+        "lights": keys, "config": header.config,
+    });
+    merge(&mut json, about);
+    Ok(Answer { json, words })
+}
+
+fn look(path: &Path, console: &mut Console) -> Result<Answer> {
+    let (look, warnings) = Look::load(path)?;
+    console.warn_all(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
+    let lights: Vec<&String> = look.lights.lights.keys().collect();
+    let panels: Vec<String> =
+        look.lights.panels.iter().map(|(key, spots)| format!("{key} ({} spots)", spots.len())).collect();
+    let exposure = look.display.exposure_ev.map_or("automatic".into(), |ev| format!("{ev:+} EV"));
+    let tone = serde_json::to_value(look.display.tone).context("a tone curve always has a JSON form")?;
+    let words = format!(
+        "{}\nlights    {}\npanels    {}\nexposure  {exposure}, tone curve {}",
+        path.display(),
+        listed(&lights),
+        listed(&panels),
+        tone.as_str().unwrap_or("unnamed"),
+    );
+    let mut json: Value = serde_json::from_str(&look.to_json()).context("a look that was read can be written")?;
+    merge(&mut json, json!({ "warnings": console.warnings() }));
+    Ok(Answer { json, words })
+}

@@ -1,0 +1,152 @@
+//! `clerestory relight` and `clerestory render`: factors times coefficients, into a file.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight};
+use clerestory_transport::archive;
+use clerestory_transport::bake::{Bake, Passes};
+use serde_json::{Value, json};
+
+use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
+use super::bake::{baked, job, merge, run_with_progress};
+use super::console::{Answer, Console, duration_words};
+use super::view::{load_look, open_view, warn_of_unknown_lights};
+use crate::export::{ImageFormat, LightLayer, Picture};
+use crate::look::Look;
+use crate::output::PendingFile;
+
+pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+    let target = Target::new(&args.options, console)?;
+    let bake = archive::read(&args.transport)
+        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    target.finish(&bake, &args.options, console)
+}
+
+pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
+    let target = Target::new(&args.relight, console)?;
+    let view = open_view(&args.scene, &args.bake.view, console)?;
+    let job = job(view, &args.bake, Passes::FinalOnly);
+    let (bake, times) = run_with_progress(console, &args.bake, |on_event| job.run(on_event))
+        .with_context(|| format!("cannot bake {}", args.scene.display()))?;
+    let mut answer = baked(&bake, times, &args.bake, console)?;
+    let relit = target.finish(&bake, &args.relight, console)?;
+    merge(&mut answer.json, relit.json);
+    answer.words = format!("{}\n{}", answer.words, relit.words);
+    Ok(answer)
+}
+
+/// Everything about the output that can fail before the long work.
+struct Target {
+    format: ImageFormat,
+    place: PendingFile,
+    look: Look,
+    gpu: Option<Gpu>,
+}
+
+impl Target {
+    fn new(options: &RelightOptions, console: &mut Console) -> Result<Target> {
+        let format = ImageFormat::of(&options.output)?;
+        if options.layers == Layers::Lights && format == ImageFormat::Png {
+            bail!("{} cannot hold layers; write an .exr, or leave out --layers", options.output.display());
+        }
+        let place = PendingFile::create(&options.output)?;
+        let look = load_look(options.look.as_deref(), console)?;
+        Ok(Target { format, place, look, gpu: open_gpu(options.device)? })
+    }
+
+    fn finish(self, bake: &Bake, options: &RelightOptions, console: &mut Console) -> Result<Answer> {
+        warn_of_unknown_lights(&bake.header.basis, &self.look, console);
+        let mut relighter = Relighter::new(bake, self.gpu)?;
+        let coefficients = bake.header.coefficients(&self.look.lights);
+        let begun = Instant::now();
+        let radiance = relighter.relight(&coefficients)?;
+        let relight_secs = begun.elapsed().as_secs_f64();
+        let layers = match options.layers {
+            Layers::None => Vec::new(),
+            Layers::Lights => relighter.layers(bake, &coefficients)?,
+        };
+        let picture = Picture { radiance: &radiance, layers: &layers, look: &self.look };
+        let exposure_ev = picture.write(self.place, self.format)?;
+        let output = options.output.display().to_string();
+        let words = format!(
+            "{output}: {}×{}, relit in {} on the {}",
+            radiance.width,
+            radiance.height,
+            duration_words(relight_secs),
+            relighter.words(),
+        );
+        let mut json = json!({
+            "output": output, "width": radiance.width, "height": radiance.height, "relight_secs": relight_secs,
+            "exposure_ev": exposure_ev, "layers": layers.len(), "warnings": console.warnings(),
+        });
+        merge(&mut json, relighter.json());
+        Ok(Answer { json, words })
+    }
+}
+
+fn open_gpu(device: Device) -> Result<Option<Gpu>> {
+    match device {
+        Device::Cpu => Ok(None),
+        Device::Gpu => {
+            let gpu = Gpu::headless(DeviceChoice::Any);
+            Ok(Some(gpu.context("--device gpu found no graphics device; use --device auto or --device cpu")?))
+        }
+        Device::Auto => Ok(Gpu::headless(DeviceChoice::Hardware).ok()),
+    }
+}
+
+/// The frame of a bake, as a relighter takes it. Blocks are shared, not copied.
+pub(crate) fn frame_of(bake: &Bake) -> Frame {
+    Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups.clone() }
+}
+
+/// A relighter with the name of what runs it.
+pub(crate) struct Relighter {
+    relight: Box<dyn Relight>,
+    adapter: Option<String>,
+}
+
+impl Relighter {
+    /// On the given GPU, else on the CPU.
+    pub(crate) fn new(bake: &Bake, gpu: Option<Gpu>) -> Result<Relighter> {
+        let frame = frame_of(bake);
+        let adapter = gpu.as_ref().map(|gpu| gpu.description());
+        let relight: Box<dyn Relight> = match &gpu {
+            Some(gpu) => Box::new(GpuRelighter::new(gpu, &frame)?),
+            None => Box::new(CpuRelighter::new(&frame)?),
+        };
+        Ok(Relighter { relight, adapter })
+    }
+
+    /// The picture under the given coefficients, one RGB per column of each group.
+    pub(crate) fn relight(&mut self, coefficients: &[Vec<[f32; 3]>]) -> Result<Radiance> {
+        let mut radiance = Radiance::default();
+        self.relight.relight(coefficients, &mut radiance).context("cannot relight")?;
+        Ok(radiance)
+    }
+
+    /// What each light adds to the picture.
+    fn layers(&mut self, bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Result<Vec<LightLayer>> {
+        let basis = &bake.header.basis;
+        let alone = |columns: &Range<u32>| -> Vec<Vec<[f32; 3]>> {
+            let groups = basis.groups.iter().zip(coefficients);
+            let kept = groups.map(|(group, coefficients)| {
+                let lit = group.columns.clone().zip(coefficients);
+                lit.map(|(column, rgb)| if columns.contains(&column) { *rgb } else { [0.0; 3] }).collect()
+            });
+            kept.collect()
+        };
+        let sources = basis.sources.iter();
+        sources.map(|s| Ok(LightLayer { key: s.key.clone(), radiance: self.relight(&alone(&s.columns))? })).collect()
+    }
+
+    fn words(&self) -> String {
+        self.adapter.as_ref().map_or("CPU".into(), |name| format!("GPU ({name})"))
+    }
+
+    fn json(&self) -> Value {
+        json!({ "device": if self.adapter.is_some() { "gpu" } else { "cpu" }, "adapter": self.adapter })
+    }
+}

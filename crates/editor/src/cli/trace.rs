@@ -1,0 +1,55 @@
+//! `clerestory trace`: a picture by plain path tracing, the reference of everything else.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clerestory_relight::Radiance;
+use clerestory_transport::trace::{self, TraceConfig};
+use serde_json::json;
+
+use super::args::TraceArgs;
+use super::console::{Answer, Console, advance, duration_words};
+use super::view::{load_look, on_threads, open_view, warn_of_unknown_lights};
+use crate::export::{ImageFormat, Picture};
+use crate::output::PendingFile;
+
+pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
+    let format = ImageFormat::of(&args.output)?;
+    let place = PendingFile::create(&args.output)?;
+    let look = load_look(args.look.as_deref(), console)?;
+    let view = open_view(&args.scene, &args.view, console)?;
+    let basis = &view.scene.lighting.basis;
+    warn_of_unknown_lights(basis, &look, console);
+    let coefficients = basis.project(&look.lights);
+
+    let config = TraceConfig { spp: args.view.spp, bounces: args.view.bounces, seed: args.view.seed };
+    let begun = Instant::now();
+    let bar = console.start_progress("tracing");
+    let progress = |done: f32| {
+        advance(&bar, done);
+        ControlFlow::Continue(())
+    };
+    let pixels = on_threads(args.view.threads, || {
+        trace::trace(&view.scene, &view.camera, view.film, &coefficients, &config, &progress)
+    });
+    console.end_progress();
+    let pixels = pixels?.context("the picture was stopped before its end")?;
+    let trace_secs = begun.elapsed().as_secs_f64();
+
+    let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
+    let exposure_ev = Picture { radiance: &radiance, layers: &[], look: &look }.write(place, format)?;
+    let output = args.output.display().to_string();
+    let words = format!(
+        "{output}: {}×{} at {} spp in {}",
+        radiance.width,
+        radiance.height,
+        config.spp,
+        duration_words(trace_secs)
+    );
+    let json = json!({
+        "output": output, "width": radiance.width, "height": radiance.height, "spp": config.spp,
+        "trace_secs": trace_secs, "exposure_ev": exposure_ev, "device": "cpu", "warnings": console.warnings(),
+    });
+    Ok(Answer { json, words })
+}

@@ -1,0 +1,118 @@
+//! From what was typed to what can be traced: scene, camera, film and look.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use clerestory_transport::basis::LightBasis;
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::import::{self, Imported};
+use clerestory_transport::prepared::PreparedScene;
+
+use super::args::ViewArgs;
+use super::console::Console;
+use crate::look::Look;
+
+/// Width of a picture whose size was not given.
+const DEFAULT_WIDTH_PX: u32 = 960;
+
+/// One picture of one scene.
+pub(crate) struct View {
+    pub scene: Arc<PreparedScene>,
+    pub camera: Camera,
+    pub film: Film,
+}
+
+/// Loads a scene and says what was left behind.
+pub(crate) fn load_scene(path: &Path, console: &mut Console) -> Result<Imported> {
+    let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
+    let name = path.display();
+    console
+        .warn_all(imported.report.unsupported.iter().map(|what| format!("{name}: not supported and left out: {what}")));
+    console.warn_all(imported.report.warnings.iter().map(|what| format!("{name}: {what}")));
+    Ok(imported)
+}
+
+/// Opens a scene for tracing.
+pub(crate) fn open_view(path: &Path, args: &ViewArgs, console: &mut Console) -> Result<View> {
+    let imported = load_scene(path, console)?;
+    prepare_view(imported, &path.display().to_string(), args, console)
+}
+
+/// Chooses camera and film and builds what tracing needs.
+pub(crate) fn prepare_view(imported: Imported, name: &str, args: &ViewArgs, console: &mut Console) -> Result<View> {
+    let scene = imported.scene;
+    if scene.mesh.triangles.is_empty() {
+        bail!("{name} has no triangles, so there is nothing to see; give a scene with surfaces");
+    }
+    let camera = pick_camera(&scene.cameras, args.camera.as_deref()).with_context(|| format!("cannot see {name}"))?;
+    let camera = camera.clone();
+    let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
+    let (scene, warnings) =
+        PreparedScene::new(scene, &args.panels).with_context(|| format!("cannot prepare the scene {name}"))?;
+    console.warn_all(warnings);
+    Ok(View { scene: Arc::new(scene), camera, film })
+}
+
+/// The camera of that name, else of that number, else the first.
+fn pick_camera<'a>(cameras: &'a [Camera], wanted: Option<&str>) -> Result<&'a Camera> {
+    let Some(first) = cameras.first() else {
+        bail!("it has no camera and none could be made; add a perspective camera");
+    };
+    let Some(wanted) = wanted else {
+        return Ok(first);
+    };
+    let by_number = || wanted.parse::<usize>().ok().and_then(|n| cameras.get(n));
+    cameras.iter().find(|camera| camera.name == wanted).or_else(by_number).with_context(|| {
+        let known: Vec<String> = cameras.iter().enumerate().map(|(n, c)| format!("{n} `{}`", c.name)).collect();
+        format!("no camera is called or numbered `{wanted}`; there are: {}", known.join(", "))
+    })
+}
+
+/// Reads a look, the scene's own if none is named, and reports what in it means nothing.
+pub(crate) fn load_look(path: Option<&Path>, console: &mut Console) -> Result<Look> {
+    let Some(path) = path else {
+        return Ok(Look::default());
+    };
+    let (look, warnings) = Look::load(path)?;
+    console.warn_all(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
+    Ok(look)
+}
+
+/// A warning for each light that a look sets and the scene does not have.
+pub(crate) fn warn_of_unknown_lights(basis: &LightBasis, look: &Look, console: &mut Console) {
+    for key in basis.unknown_keys(&look.lights) {
+        console.warn(&format!("the look sets `{key}`, which this scene does not have; it is ignored"));
+    }
+}
+
+/// Runs `work` on the given number of threads.
+pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T + Send) -> Result<T> {
+    match threads {
+        None => Ok(work()),
+        Some(n) => {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n.into()).build();
+            Ok(pool.with_context(|| format!("cannot start {n} threads; ask for fewer"))?.install(work))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn a_camera_answers_to_its_name_before_its_number() {
+        let camera = |name: &str| Camera::look_at(name, Vec3::ZERO, Vec3::X, 1.0, 1.0);
+        let cameras = [camera("1"), camera("door"), camera("window")];
+        let name = |wanted| pick_camera(&cameras, wanted).map(|c| c.name.clone());
+        assert_eq!(name(None).unwrap(), "1");
+        assert_eq!(name(Some("1")).unwrap(), "1");
+        assert_eq!(name(Some("2")).unwrap(), "window");
+        assert_eq!(name(Some("door")).unwrap(), "door");
+        assert!(name(Some("3")).unwrap_err().to_string().contains("`window`"));
+        assert!(pick_camera(&[], None).is_err());
+    }
+}

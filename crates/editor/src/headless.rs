@@ -1,0 +1,132 @@
+//! What the bare command does without a display: bake, relight under three looks, write frames, say so.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use clerestory_transport::bake::{Bake, Passes};
+use clerestory_transport::basis::LightBasis;
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::light::LightSetting;
+use serde_json::json;
+
+use crate::cli::args::{BakeOptions, ViewArgs};
+use crate::cli::bake::{baked, job, merge, run_with_progress};
+use crate::cli::relight::Relighter;
+use crate::cli::view::{load_scene, prepare_view, warn_of_unknown_lights};
+use crate::cli::{Answer, Console};
+use crate::export::Picture;
+use crate::look::Look;
+
+/// The built-in scene, a gallery with daylight high in the wall.
+pub const GALLERY: &[u8] = include_bytes!("../../../assets/scenes/gallery.glb");
+
+/// Looks of the built-in scene by the names of their frames.
+pub const GALLERY_LOOKS: [(&str, &str); 3] = [
+    ("as-designed", include_str!("../../../assets/looks/as-designed.look")),
+    ("evening", include_str!("../../../assets/looks/evening.look")),
+    ("exhibition", include_str!("../../../assets/looks/exhibition.look")),
+];
+
+/// Folder of the frames, in the current one.
+const FOLDER: &str = "frames";
+/// Width of the frames, so that they are there in a minute or two on two cores.
+const WIDTH_PX: u32 = 640;
+/// Light paths per pixel, for the same reason.
+const SPP: u32 = 64;
+
+/// Bakes a scene (the built-in one if none is named) and writes its frames. `reason` says why there is no window.
+///
+/// # Errors
+/// If the scene cannot be loaded or a frame cannot be written.
+pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<Answer> {
+    let name = scene.map_or("the built-in gallery".into(), |path| path.display().to_string());
+    console.note(&format!("{reason}: baking {name} and writing frames to {FOLDER}/ instead of opening the editor"));
+    std::fs::create_dir_all(FOLDER)
+        .with_context(|| format!("cannot create the folder {FOLDER}; run in a folder that can be written"))?;
+
+    let imported = match scene {
+        Some(path) => load_scene(path, console)?,
+        None => import::load_bytes("gallery.glb", GALLERY).context("cannot load the built-in scene")?,
+    };
+    let mut options = options();
+    options.view.size = imported.scene.cameras.first().map(|camera| Film::of_width(WIDTH_PX, camera));
+    let view = prepare_view(imported, &name, &options.view, console)?;
+    let looks = match scene {
+        Some(_) => plain_looks(&view.scene.lighting.basis),
+        None => gallery_looks()?,
+    };
+    let job = job(view, &options, Passes::FinalOnly);
+    let (bake, times) = run_with_progress(console, &options, |on_event| job.run(on_event))?;
+    let mut answer = baked(&bake, times, &options, console)?;
+
+    let mut frames = Vec::new();
+    for (look_name, look) in looks {
+        frames.extend(write_frame(&bake, look_name, &look, console)?);
+    }
+    let frames: Vec<String> = frames.iter().map(|path| path.display().to_string()).collect();
+    answer.words = format!(
+        "{name} {}\n\nframes (display-encoded .png, linear .exr):\n  {}\n\n\
+         With a display (DISPLAY or WAYLAND_DISPLAY set, and a Vulkan driver) this command opens the editor:\n\
+         the picture live while you drag a light's intensity or color, spots on panels, exposure and tone curve,\n\
+         a bake that refines in the background, undo, and export. `clerestory --help` lists what works without one.",
+        answer.words,
+        frames.join("\n  "),
+    );
+    merge(&mut answer.json, json!({ "frames": frames }));
+    Ok(answer)
+}
+
+fn options() -> BakeOptions {
+    let view =
+        ViewArgs { camera: None, size: None, spp: SPP, bounces: None, panels: Vec::new(), seed: 0, threads: None };
+    BakeOptions { view, tolerance: 40.0, fresh: true }
+}
+
+fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {
+    let read = |(name, json): (&'static str, &str)| {
+        let (look, _) = Look::from_json(json).with_context(|| format!("the built-in look {name} is damaged"))?;
+        Ok((name, look))
+    };
+    GALLERY_LOOKS.into_iter().map(read).collect()
+}
+
+/// Three looks that make sense for any scene: as it is, all lamps warm, all lamps cool.
+fn plain_looks(basis: &LightBasis) -> Vec<(&'static str, Look)> {
+    let tinted = |kelvin: f32| {
+        let mut look = Look::default();
+        let setting = LightSetting { kelvin: Some(kelvin), ..LightSetting::default() };
+        look.lights.lights = basis.sources.iter().map(|source| (source.key.clone(), setting)).collect();
+        look
+    };
+    vec![("as-designed", Look::default()), ("warm", tinted(2700.0)), ("cool", tinted(8000.0))]
+}
+
+fn write_frame(bake: &Bake, name: &str, look: &Look, console: &mut Console) -> Result<[PathBuf; 2]> {
+    warn_of_unknown_lights(&bake.header.basis, look, console);
+    let radiance = Relighter::new(bake, None)?.relight(&bake.header.coefficients(&look.lights))?;
+    let paths = ["png", "exr"].map(|extension| Path::new(FOLDER).join(format!("{name}.{extension}")));
+    for path in &paths {
+        Picture { radiance: &radiance, layers: &[], look }.save(path)?;
+    }
+    Ok(paths)
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::emitters::Lighting;
+
+    use super::*;
+
+    #[test]
+    fn every_light_of_the_built_in_looks_exists_in_the_gallery() {
+        let scene = import::load_bytes("gallery.glb", GALLERY).unwrap().scene;
+        let basis = Lighting::new(&scene, &[]).unwrap().0.basis;
+        assert!(basis.sources.len() >= 12, "{} lights", basis.sources.len());
+        for (name, json) in GALLERY_LOOKS {
+            let (look, warnings) = Look::from_json(json).unwrap();
+            assert!(warnings.is_empty(), "{name}: {warnings:?}");
+            assert_eq!(basis.unknown_keys(&look.lights), Vec::<&str>::new(), "{name}");
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! The one undoable document: how the lights are set and how the picture is shown. A `.look` file is this, as JSON.
+
+mod parse;
+mod write;
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use clerestory_relight::display::Tone;
+use clerestory_transport::light::LightRig;
+
+use crate::output::write_whole;
+
+/// Version that this program writes and the newest that it reads.
+pub const LOOK_VERSION: u64 = 1;
+
+/// How a scene is lit and shown. What it leaves out keeps the scene's value.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Look {
+    /// Settings by lamp, and spots by panel.
+    pub lights: LightRig,
+    /// How radiance becomes a picture.
+    pub display: Display,
+}
+
+/// How radiance becomes a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Display {
+    /// Stops; `None` finds an exposure that suits the picture.
+    pub exposure_ev: Option<f32>,
+    /// Tone curve.
+    pub tone: Tone,
+}
+
+impl Look {
+    /// Reads a look, and a sentence for each key that is not known.
+    ///
+    /// # Errors
+    /// Names the key whose value is missing, of the wrong type or out of range.
+    pub fn from_json(json: &str) -> Result<(Look, Vec<String>)> {
+        parse::look(json)
+    }
+
+    /// Readable JSON with what differs from the scene.
+    pub fn to_json(&self) -> String {
+        write::json(self)
+    }
+
+    /// Reads a file; see [`Look::from_json`].
+    ///
+    /// # Errors
+    /// If the file cannot be read or holds no look.
+    pub fn load(path: &Path) -> Result<(Look, Vec<String>)> {
+        let json = std::fs::read_to_string(path)
+            .with_context(|| format!("cannot read the look {}: check the path", path.display()))?;
+        Look::from_json(&json).with_context(|| format!("cannot use the look {}", path.display()))
+    }
+
+    /// Writes a file, whole or not at all.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        write_whole(path, self.to_json().as_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::light::{LightSetting, PanelSpot};
+
+    use super::*;
+
+    fn rich() -> Look {
+        let mut look = Look { display: Display { exposure_ev: Some(-1.25), ..Display::default() }, ..Look::default() };
+        let setting = LightSetting { intensity: 0.2, color: Some([1.0, 0.1, 0.0]), kelvin: Some(3000.0), muted: true };
+        look.lights.lights.insert("Pendant, \"A\"\n#2".into(), setting);
+        let spot = PanelSpot { position: [0.5, -0.25], radius: 0.2, color: None, intensity: 1.5 };
+        look.lights.panels.insert("Ceiling".into(), vec![spot, PanelSpot { color: Some([0.3; 3]), ..spot }]);
+        look.lights.panels.insert("Dark".into(), vec![]);
+        look
+    }
+
+    #[test]
+    fn what_is_written_comes_back_without_a_warning() {
+        for look in [Look::default(), rich()] {
+            let json = look.to_json();
+            let (back, warnings) = Look::from_json(&json).unwrap();
+            assert_eq!(back, look, "{json}");
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+    }
+
+    #[test]
+    fn settings_that_change_nothing_are_left_out() {
+        let mut look = Look::default();
+        look.lights.lights.insert("same".into(), LightSetting::default());
+        assert!(!look.to_json().contains("same"));
+    }
+
+    #[test]
+    fn the_example_of_the_manual_is_read() {
+        let json = r#"{"clerestory": 1, "lights": {"KEY": {"intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}},
+            "panels": {"KEY": [{"position": [0.5, 0.5], "radius": 0.2, "color": [1, 1, 1], "intensity": 1.0}]},
+            "display": {"exposure_ev": 0.0, "tone": "agx"}}"#;
+        let (look, warnings) = Look::from_json(json).unwrap();
+        assert!(warnings.is_empty(), "{warnings:?}");
+        assert_eq!(look.lights.lights["KEY"].kelvin, Some(3000.0));
+        assert_eq!(look.lights.panels["KEY"][0].radius, 0.2);
+        assert_eq!(look.display.exposure_ev, Some(0.0));
+    }
+
+    #[test]
+    fn unknown_keys_are_reported_at_every_level() {
+        let json = r#"{"clerestory": 1, "a": 0, "lights": {"L": {"b": 0}}, "panels": {"P": [{"c": 0, "position": [0, 0],
+            "radius": 1}]}, "display": {"d": 0}}"#;
+        let (_, warnings) = Look::from_json(json).unwrap();
+        assert_eq!(warnings.len(), 4, "{warnings:?}");
+        for key in ["a", "lights.L.b", "panels.P[0].c", "display.d"] {
+            assert!(warnings.iter().any(|w| w.contains(&format!("`{key}`"))), "{key} is not in {warnings:?}");
+        }
+    }
+
+    #[test]
+    fn bad_values_are_refused_by_name() {
+        let cases = [
+            (r#"{"clerestory": 2}"#, "newer"),
+            (r#"{"clerestory": "1"}"#, "`clerestory`"),
+            (r#"{"clerestory": 1, "lights": []}"#, "`lights`"),
+            (r#"{"clerestory": 1, "lights": {"L": {"intensity": -1}}}"#, "`lights.L.intensity`"),
+            (r#"{"clerestory": 1, "lights": {"L": {"intensity": 1e300}}}"#, "`lights.L.intensity`"),
+            (r#"{"clerestory": 1, "lights": {"L": {"intensity": "1"}}}"#, "`lights.L.intensity`"),
+            (r#"{"clerestory": 1, "lights": {"L": {"color": [1, 1]}}}"#, "`lights.L.color`"),
+            (r#"{"clerestory": 1, "lights": {"L": {"kelvin": 0}}}"#, "`lights.L.kelvin`"),
+            (r#"{"clerestory": 1, "lights": {"L": {"muted": 1}}}"#, "`lights.L.muted`"),
+            (r#"{"clerestory": 1, "panels": {"P": [{"radius": 1}]}}"#, "`panels.P[0].position`"),
+            (r#"{"clerestory": 1, "panels": {"P": [{"position": [0, 0], "radius": -1}]}}"#, "`panels.P[0].radius`"),
+            (r#"{"clerestory": 1, "display": {"exposure_ev": 1e9}}"#, "`display.exposure_ev`"),
+            (r#"{"clerestory": 1, "display": {"tone": "sepia"}}"#, "`display.tone`"),
+            (r#"{"clerestory": 1, "lights": {"L": {"intensity": NaN}}}"#, "not JSON"),
+            (r#"{"asset": {"version": "2.0"}}"#, "no look"),
+        ];
+        for (json, wanted) in cases {
+            let error = format!("{:#}", Look::from_json(json).unwrap_err());
+            assert!(error.contains(wanted), "{json}: {error}");
+        }
+    }
+}

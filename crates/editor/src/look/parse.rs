@@ -1,0 +1,195 @@
+//! JSON to look, by hand: every complaint names its key, and unknown keys are reported instead of refused.
+
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+
+use anyhow::{Context, Result, anyhow, bail};
+use clerestory_relight::display::Tone;
+use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
+use serde_json::{Map, Value};
+
+use super::{Display, LOOK_VERSION, Look};
+
+/// Multipliers of a lamp.
+const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
+/// Channels of a linear color.
+const CHANNEL: RangeInclusive<f64> = 0.0..=1e6;
+/// Correlated color temperature.
+const KELVIN: RangeInclusive<f64> = 500.0..=100_000.0;
+/// Panel coordinates; a spot may stand beside its panel.
+const POSITION: RangeInclusive<f64> = -100.0..=100.0;
+/// Radius of a spot in shorter sides of its panel.
+const RADIUS: RangeInclusive<f64> = 0.0..=1000.0;
+/// Exposure in stops.
+const EXPOSURE_EV: RangeInclusive<f64> = -60.0..=60.0;
+
+/// A place in the document, and what was noticed on the way.
+struct Reader<'a> {
+    warnings: &'a mut Vec<String>,
+    path: String,
+}
+
+/// Reads a look; see [`Look::from_json`].
+pub(super) fn look(json: &str) -> Result<(Look, Vec<String>)> {
+    let json = json.strip_prefix('\u{feff}').unwrap_or(json);
+    let value: Value = serde_json::from_str(json).context("it is not JSON; see the example in docs/cli.md")?;
+    let mut warnings = Vec::new();
+    let mut reader = Reader { warnings: &mut warnings, path: String::new() };
+    let document = reader.object(&value)?;
+    check_version(document, &mut reader)?;
+    reader.report_unknown(document, &["clerestory", "lights", "panels", "display"]);
+    let lights = LightRig {
+        lights: reader.entries(document, "lights", |reader, value| reader.setting(value))?,
+        panels: reader.entries(document, "panels", |reader, value| reader.spots(value))?,
+    };
+    let display = match document.get("display") {
+        Some(value) => reader.at("display", |reader| reader.display(value))?,
+        None => Display::default(),
+    };
+    Ok((Look { lights, display }, warnings))
+}
+
+/// Refuses what a newer program wrote, and what is no look at all.
+fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<()> {
+    let Some(version) = document.get("clerestory") else {
+        if !document.is_empty() && !["lights", "panels", "display"].iter().any(|key| document.contains_key(*key)) {
+            bail!("it is no look: it has none of `clerestory`, `lights`, `panels`, `display`");
+        }
+        reader.warnings.push(format!("the look does not say `\"clerestory\": {LOOK_VERSION}`; read as that version"));
+        return Ok(());
+    };
+    let version = version.as_u64().filter(|v| *v >= 1);
+    let version = version.ok_or_else(|| anyhow!("`clerestory` must be the version number {LOOK_VERSION}"))?;
+    if version > LOOK_VERSION {
+        bail!(
+            "it was written by a newer clerestory (look version {version}, this program knows {LOOK_VERSION}); update this program"
+        );
+    }
+    Ok(())
+}
+
+impl Reader<'_> {
+    /// Reads something one step deeper, so that complaints carry the whole path.
+    fn at<T>(&mut self, step: &str, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<T> {
+        let separator = if self.path.is_empty() || step.starts_with('[') { "" } else { "." };
+        let path = format!("{}{separator}{step}", self.path);
+        read(&mut Reader { warnings: self.warnings, path })
+    }
+
+    /// The name of this place for people.
+    fn name(&self) -> &str {
+        if self.path.is_empty() { "the look" } else { &self.path }
+    }
+
+    fn object<'v>(&self, value: &'v Value) -> Result<&'v Map<String, Value>> {
+        value.as_object().ok_or_else(|| anyhow!("`{}` must be an object {{…}}", self.name()))
+    }
+
+    fn array<'v>(&self, value: &'v Value) -> Result<&'v Vec<Value>> {
+        value.as_array().ok_or_else(|| anyhow!("`{}` must be a list […]", self.name()))
+    }
+
+    fn report_unknown(&mut self, object: &Map<String, Value>, known: &[&str]) {
+        for key in object.keys().filter(|key| !known.contains(&key.as_str())) {
+            let separator = if self.path.is_empty() { "" } else { "." };
+            let sentence = format!("the look has an unknown key `{}{separator}{key}`; it is ignored", self.path);
+            self.warnings.push(sentence);
+        }
+    }
+
+    /// All entries of an object of the document, by key; empty if it is left out.
+    fn entries<T>(
+        &mut self,
+        document: &Map<String, Value>,
+        name: &str,
+        read: impl Fn(&mut Reader, &Value) -> Result<T>,
+    ) -> Result<BTreeMap<String, T>> {
+        let Some(value) = document.get(name) else {
+            return Ok(BTreeMap::new());
+        };
+        self.at(name, |reader| {
+            let object = reader.object(value)?;
+            object.iter().map(|(key, value)| Ok((key.clone(), reader.at(key, |r| read(r, value))?))).collect()
+        })
+    }
+
+    fn number(&self, value: &Value, range: &RangeInclusive<f64>) -> Result<f32> {
+        let number = value.as_f64().filter(|number| range.contains(number));
+        let number = number.ok_or_else(|| {
+            anyhow!("`{}` must be a number from {} to {}, not {value}", self.name(), range.start(), range.end())
+        })?;
+        Ok(number as f32)
+    }
+
+    fn numbers<const N: usize>(&mut self, value: &Value, range: &RangeInclusive<f64>) -> Result<[f32; N]> {
+        let list = self.array(value)?;
+        if list.len() != N {
+            bail!("`{}` must be a list of {N} numbers, not {}", self.name(), list.len());
+        }
+        let mut numbers = [0.0; N];
+        for (idx, value) in list.iter().enumerate() {
+            numbers[idx] = self.number(value, range)?;
+        }
+        Ok(numbers)
+    }
+
+    /// A value that may be left out or `null`.
+    fn optional<T>(
+        &mut self,
+        object: &Map<String, Value>,
+        key: &str,
+        read: impl FnOnce(&mut Reader, &Value) -> Result<T>,
+    ) -> Result<Option<T>> {
+        match object.get(key) {
+            None | Some(Value::Null) => Ok(None),
+            Some(value) => self.at(key, |reader| read(reader, value)).map(Some),
+        }
+    }
+
+    fn setting(&mut self, value: &Value) -> Result<LightSetting> {
+        let object = self.object(value)?;
+        self.report_unknown(object, &["intensity", "color", "kelvin", "muted"]);
+        Ok(LightSetting {
+            intensity: self.optional(object, "intensity", |r, v| r.number(v, &INTENSITY))?.unwrap_or(1.0),
+            color: self.optional(object, "color", |r, v| r.numbers(v, &CHANNEL))?,
+            kelvin: self.optional(object, "kelvin", |r, v| r.number(v, &KELVIN))?,
+            muted: self.optional(object, "muted", |r, v| r.truth(v))?.unwrap_or(false),
+        })
+    }
+
+    fn truth(&self, value: &Value) -> Result<bool> {
+        value.as_bool().ok_or_else(|| anyhow!("`{}` must be true or false, not {value}", self.name()))
+    }
+
+    fn spots(&mut self, value: &Value) -> Result<Vec<PanelSpot>> {
+        let list = self.array(value)?;
+        list.iter().enumerate().map(|(idx, value)| self.at(&format!("[{idx}]"), |reader| reader.spot(value))).collect()
+    }
+
+    fn spot(&mut self, value: &Value) -> Result<PanelSpot> {
+        let object = self.object(value)?;
+        self.report_unknown(object, &["position", "radius", "color", "intensity"]);
+        let missing = |reader: &Reader, key: &str| anyhow!("`{}.{key}` is missing: a spot needs it", reader.name());
+        let position = self.optional(object, "position", |r, v| r.numbers(v, &POSITION))?;
+        let radius = self.optional(object, "radius", |r, v| r.number(v, &RADIUS))?;
+        Ok(PanelSpot {
+            position: position.ok_or_else(|| missing(self, "position"))?,
+            radius: radius.ok_or_else(|| missing(self, "radius"))?,
+            color: self.optional(object, "color", |r, v| r.numbers(v, &CHANNEL))?,
+            intensity: self.optional(object, "intensity", |r, v| r.number(v, &INTENSITY))?.unwrap_or(1.0),
+        })
+    }
+
+    fn display(&mut self, value: &Value) -> Result<Display> {
+        let object = self.object(value)?;
+        self.report_unknown(object, &["exposure_ev", "tone"]);
+        Ok(Display {
+            exposure_ev: self.optional(object, "exposure_ev", |r, v| r.number(v, &EXPOSURE_EV))?,
+            tone: self.optional(object, "tone", |r, v| r.tone(v))?.unwrap_or_default(),
+        })
+    }
+
+    fn tone(&self, value: &Value) -> Result<Tone> {
+        serde_json::from_value(value.clone()).with_context(|| format!("`{}` names no tone curve", self.name()))
+    }
+}

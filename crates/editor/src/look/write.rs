@@ -1,0 +1,68 @@
+//! Look to JSON: one lamp or spot per line, only what differs from the scene.
+
+use clerestory_transport::light::{LightSetting, PanelSpot};
+use serde::Serialize;
+
+use super::{Display, LOOK_VERSION, Look};
+
+/// Readable JSON; see [`Look::to_json`].
+pub(super) fn json(look: &Look) -> String {
+    let mut members = vec![format!("  \"clerestory\": {LOOK_VERSION}")];
+    let changed = look.lights.lights.iter().filter(|(_, setting)| **setting != LightSetting::default());
+    let lights: Vec<String> = changed.map(|(key, s)| format!("    {}: {}", value(key), setting(s))).collect();
+    if !lights.is_empty() {
+        members.push(format!("  \"lights\": {{\n{}\n  }}", lights.join(",\n")));
+    }
+    let panels = look.lights.panels.iter().map(|(key, s)| format!("    {}: {}", value(key), spots(s)));
+    let panels: Vec<String> = panels.collect();
+    if !panels.is_empty() {
+        members.push(format!("  \"panels\": {{\n{}\n  }}", panels.join(",\n")));
+    }
+    let display = display(&look.display);
+    if !display.is_empty() {
+        members.push(format!("  \"display\": {{ {} }}", display.join(", ")));
+    }
+    format!("{{\n{}\n}}\n", members.join(",\n"))
+}
+
+/// JSON of a number, text or color on one line; numbers as short as an f32 allows.
+fn value(of: &(impl Serialize + ?Sized)) -> String {
+    serde_json::to_string(of).expect("numbers, texts and colors always have a JSON form")
+}
+
+fn member(name: &str, of: &(impl Serialize + ?Sized)) -> String {
+    format!("\"{name}\": {}", value(of).replace(',', ", "))
+}
+
+fn setting(setting: &LightSetting) -> String {
+    let members = [
+        (setting.intensity != 1.0).then(|| member("intensity", &setting.intensity)),
+        setting.color.map(|color| member("color", &color)),
+        setting.kelvin.map(|kelvin| member("kelvin", &kelvin)),
+        setting.muted.then(|| member("muted", &true)),
+    ];
+    format!("{{ {} }}", members.into_iter().flatten().collect::<Vec<_>>().join(", "))
+}
+
+fn spots(spots: &[PanelSpot]) -> String {
+    if spots.is_empty() {
+        return "[]".into();
+    }
+    let lines: Vec<String> = spots.iter().map(|s| format!("      {}", spot(s))).collect();
+    format!("[\n{}\n    ]", lines.join(",\n"))
+}
+
+fn spot(spot: &PanelSpot) -> String {
+    let members = [
+        Some(member("position", &spot.position)),
+        Some(member("radius", &spot.radius)),
+        spot.color.map(|color| member("color", &color)),
+        (spot.intensity != 1.0).then(|| member("intensity", &spot.intensity)),
+    ];
+    format!("{{ {} }}", members.into_iter().flatten().collect::<Vec<_>>().join(", "))
+}
+
+fn display(display: &Display) -> Vec<String> {
+    let tone = (display.tone != Display::default().tone).then(|| member("tone", &display.tone));
+    [display.exposure_ev.map(|ev| member("exposure_ev", &ev)), tone].into_iter().flatten().collect()
+}

@@ -1,0 +1,105 @@
+//! Files that appear whole or not at all: written beside their place under a temporary name, then renamed.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+/// A file on its way: the place is known to be writable, nothing is there yet. Dropped before
+/// [`PendingFile::commit`] it leaves nothing behind.
+#[derive(Debug)]
+pub struct PendingFile {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: Option<File>,
+}
+
+impl PendingFile {
+    /// Reserves a place; what stands there stays until [`PendingFile::commit`].
+    ///
+    /// # Errors
+    /// If the folder is missing or not writable, or a folder stands in the way.
+    pub fn create(path: &Path) -> Result<PendingFile> {
+        let Some(name) = path.file_name() else {
+            bail!("cannot write {}: it names no file; add a file name", path.display());
+        };
+        if path.is_dir() {
+            bail!("cannot write {}: it is a folder; add a file name", path.display());
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            bail!("cannot write {}: the folder {} does not exist; create it first", path.display(), folder.display());
+        }
+        let mut temporary_name = std::ffi::OsString::from(".");
+        temporary_name.push(name);
+        temporary_name.push(format!(".{}.tmp", std::process::id()));
+        let temporary = folder.join(temporary_name);
+        let file = File::create(&temporary)
+            .with_context(|| format!("cannot write {}: choose a folder that can be written", path.display()))?;
+        Ok(PendingFile { path: path.to_path_buf(), temporary, file: Some(file) })
+    }
+
+    /// Writes the contents through `write` and puts the file in its place.
+    ///
+    /// # Errors
+    /// If anything cannot be written (a full disk, for instance); the partial file is gone then.
+    pub fn commit(mut self, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
+        let problem = format!("cannot write {}: check that there is room on the disk", self.path.display());
+        let file = self.file.take().expect("only commit takes the file, and it consumes the place");
+        let mut writer = BufWriter::new(file);
+        write(&mut writer).with_context(|| problem.clone())?;
+        let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error).with_context(|| problem.clone())?;
+        file.sync_all().with_context(|| problem.clone())?;
+        drop(file);
+        fs::rename(&self.temporary, &self.path).with_context(|| problem)
+    }
+}
+
+impl Drop for PendingFile {
+    fn drop(&mut self) {
+        // After a rename there is nothing left under this name; before it there is nothing worth keeping.
+        drop(self.file.take());
+        let _ = fs::remove_file(&self.temporary);
+    }
+}
+
+/// Writes a whole file, or leaves what was there.
+///
+/// # Errors
+/// As [`PendingFile::create`] and [`PendingFile::commit`].
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    PendingFile::create(path)?.commit(|writer| Ok(writer.write_all(bytes)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_failed_write_keeps_the_old_file_and_leaves_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.look");
+        write_whole(&path, b"old").unwrap();
+        let failed = PendingFile::create(&path).unwrap().commit(|writer| {
+            writer.write_all(b"half")?;
+            bail!("no room")
+        });
+        assert!(failed.is_err());
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(folder.path()), ["a.look"]);
+    }
+
+    #[test]
+    fn missing_folders_and_folders_in_the_way_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = PendingFile::create(&folder.path().join("none/a.exr")).unwrap_err().to_string();
+        assert!(missing.contains("does not exist"), "{missing}");
+        let in_the_way = PendingFile::create(folder.path()).unwrap_err().to_string();
+        assert!(in_the_way.contains("is a folder"), "{in_the_way}");
+    }
+}

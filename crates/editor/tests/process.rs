@@ -1,0 +1,139 @@
+//! What only a process of its own can show: kills, exit codes, pipes, and the command without a display.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// A closed room with a lamp, as a glTF file with its buffer inside.
+const ROOM: &str = include_str!("room.gltf");
+
+fn clerestory(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_clerestory"));
+    command.current_dir(folder).stdin(Stdio::null()).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
+    command
+}
+
+fn desk() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("room.gltf"), ROOM).unwrap();
+    folder
+}
+
+fn run(folder: &Path, line: &str) -> Output {
+    clerestory(folder).args(line.split_whitespace()).output().unwrap()
+}
+
+#[track_caller]
+fn succeeds(folder: &Path, line: &str) -> Output {
+    let output = run(folder, line);
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+const BAKE: &str = "bake room.gltf --size 160x120 --spp 96 --threads 1 -o";
+
+#[test]
+fn a_killed_bake_is_taken_up_and_ends_with_the_same_bytes() {
+    let folder = desk();
+    let (part, whole) = (folder.path().join("b.transport.part"), folder.path().join("b.transport"));
+    succeeds(folder.path(), &format!("{BAKE} a.transport"));
+    let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
+
+    let mut child = clerestory(folder.path()).args(format!("{BAKE} b.transport").split_whitespace()).spawn().unwrap();
+    // Killed once something worth keeping was written.
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while std::fs::metadata(&part).map_or(0, |m| m.len()) < 20_000 && !whole.exists() {
+        assert!(Instant::now() < deadline, "nothing was written in a minute");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!whole.exists(), "the bake ended before it could be killed: make it longer");
+    assert!(part.exists(), "a killed bake keeps what was done");
+
+    succeeds(folder.path(), &format!("{BAKE} b.transport"));
+    assert!(std::fs::read(&whole).unwrap() == reference, "an interrupted bake has other bytes");
+    assert!(!part.exists(), "the half-done file stays behind");
+}
+
+#[test]
+fn a_cut_off_part_file_does_no_harm_and_fresh_starts_over() {
+    let folder = desk();
+    const SMALL: &str = "bake room.gltf --size 40x30 --spp 8 -o";
+    succeeds(folder.path(), &format!("{SMALL} a.transport"));
+    let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
+    std::fs::write(folder.path().join("b.transport.part"), b"not a bake at all").unwrap();
+    succeeds(folder.path(), &format!("{SMALL} b.transport --fresh"));
+    assert!(std::fs::read(folder.path().join("b.transport")).unwrap() == reference);
+}
+
+#[test]
+fn exit_codes_tell_success_failure_and_wrong_usage_apart() {
+    let folder = desk();
+    for (line, code) in [
+        ("--help", 0),
+        ("--version", 0),
+        ("info room.gltf", 0),
+        ("info none.glb", 1),
+        ("none.glb", 1),
+        ("info", 2),
+        ("bake room.gltf", 2),
+        ("bake room.gltf -o a.transport --spp none", 2),
+        ("trace room.gltf -o a.exr --nonsense", 2),
+    ] {
+        let output = run(folder.path(), line);
+        assert_eq!(output.status.code(), Some(code), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(output.stdout.is_empty(), code != 0, "{line}");
+        assert_eq!(output.stderr.is_empty(), code == 0, "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    }
+}
+
+#[test]
+fn files_that_are_no_scenes_fail_with_words() {
+    let folder = desk();
+    let files: [(&str, &[u8]); 6] = [
+        ("empty.glb", b""),
+        ("text.glb", b"hello"),
+        ("short.glb", b"glTF\x02\0\0\0\xff\xff\0\0"),
+        ("broken.gltf", b"{\"asset\": "),
+        ("list.gltf", b"[1, 2, 3]"),
+        ("old.gltf", b"{\"asset\": {\"version\": \"1.0\"}}"),
+    ];
+    for (name, bytes) in files {
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+        let output = run(folder.path(), &format!("info {name}"));
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{name}: {said}");
+        assert!(said.starts_with("error: ") && said.contains(name) && !said.contains("panicked"), "{name}: {said}");
+    }
+}
+
+#[test]
+fn a_reader_that_leaves_early_is_no_error() {
+    let folder = desk();
+    let mut child = clerestory(folder.path()).args(["info", "room.gltf"]).stdout(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn nothing_but_the_answer_is_written_to_a_pipe() {
+    let folder = desk();
+    let output = succeeds(folder.path(), "trace room.gltf -o a.exr --size 16x12 --spp 2 --json");
+    let lines = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(lines.lines().count(), 1, "{lines}");
+    assert!(!String::from_utf8_lossy(&output.stderr).contains("tracing"), "a pipe has no progress bar");
+}
+
+#[test]
+fn without_a_display_three_looks_become_frames() {
+    let folder = desk();
+    let output = succeeds(folder.path(), "room.gltf");
+    let said = String::from_utf8(output.stdout).unwrap();
+    let frames = std::fs::read_dir(folder.path().join("frames")).unwrap();
+    let names: Vec<String> = frames.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    for extension in [".png", ".exr"] {
+        assert_eq!(names.iter().filter(|name| name.ends_with(extension)).count(), 3, "{names:?}");
+    }
+    assert!(said.contains("frames/") && said.contains("display"), "{said}");
+}

@@ -1,0 +1,111 @@
+//! The arrows of `docs/architecture.md`, read from the manifests and the lock file.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use toml::Table;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests package lies in the workspace").to_path_buf()
+}
+
+fn manifest(path: &str) -> Table {
+    let text = std::fs::read_to_string(root().join(path)).unwrap();
+    text.parse().unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// What a crate needs to be built, without what only its tests need.
+fn dependencies(crate_name: &str) -> BTreeSet<String> {
+    let manifest = manifest(&format!("crates/{crate_name}/Cargo.toml"));
+    let mut found = BTreeSet::new();
+    for section in ["dependencies", "build-dependencies"] {
+        found.extend(manifest.get(section).and_then(|s| s.as_table()).into_iter().flat_map(|t| t.keys().cloned()));
+    }
+    assert!(
+        manifest.get("target").is_none(),
+        "{crate_name} has dependencies by platform, which this test does not read"
+    );
+    found
+}
+
+#[test]
+fn every_crate_uses_only_what_its_arrows_allow() {
+    let arrows = [
+        ("nystrom", "half nalgebra rayon thiserror"),
+        ("transport", "bytemuck clerestory-nystrom exr glam gltf half image obvhs rayon serde serde_json thiserror"),
+        ("relight", "bytemuck clerestory-nystrom half pollster rayon serde thiserror wgpu"),
+        (
+            "editor",
+            "anyhow clap clerestory-nystrom clerestory-relight clerestory-transport eframe egui_plot egui_tiles exr glam \
+             image indicatif rayon rfd serde serde_json tracing tracing-subscriber",
+        ),
+    ];
+    for (crate_name, allowed) in arrows {
+        let allowed: BTreeSet<String> = allowed.split_whitespace().map(str::to_string).collect();
+        let used = dependencies(crate_name);
+        let forbidden: Vec<_> = used.difference(&allowed).collect();
+        assert!(forbidden.is_empty(), "{crate_name} may not use {forbidden:?}");
+    }
+}
+
+#[test]
+fn nobody_needs_the_tests_and_only_the_editor_is_untyped_about_errors() {
+    for crate_name in ["nystrom", "transport", "relight", "editor"] {
+        let used = dependencies(crate_name);
+        assert!(!used.contains("workspace-tests"), "{crate_name} uses the tests");
+        assert_eq!(used.contains("anyhow"), crate_name == "editor", "{crate_name}");
+    }
+}
+
+#[test]
+fn all_crates_share_the_lints_and_the_licence() {
+    for path in ["crates/nystrom", "crates/transport", "crates/relight", "crates/editor", "tests"] {
+        let manifest = manifest(&format!("{path}/Cargo.toml"));
+        assert_eq!(manifest["lints"]["workspace"].as_bool(), Some(true), "{path} has lints of its own");
+        assert_eq!(manifest["package"]["license"]["workspace"].as_bool(), Some(true), "{path} has another licence");
+    }
+}
+
+#[test]
+fn one_wgpu_and_one_egui_are_locked() {
+    let lock = manifest("Cargo.lock");
+    let packages = lock["package"].as_array().unwrap();
+    for name in ["wgpu", "naga", "egui", "eframe", "egui-wgpu"] {
+        let of_name = packages.iter().filter(|package| package["name"].as_str() == Some(name));
+        let versions: Vec<_> = of_name.filter_map(|package| package["version"].as_str()).collect();
+        assert_eq!(versions.len(), 1, "{name} is locked in versions {versions:?}");
+    }
+}
+
+#[test]
+fn words_of_one_room_stay_out_of_the_others() {
+    let rooms = [
+        ("nystrom", &["wgpu", "egui", "gltf", "pixel", "std::fs"][..]),
+        ("transport", &["wgpu", "egui", "println!", "std::thread::spawn"][..]),
+        ("relight", &["clerestory_transport", "gltf", "egui", "std::fs", "println!"][..]),
+    ];
+    for (crate_name, never) in rooms {
+        for file in sources(&root().join("crates").join(crate_name).join("src")) {
+            let text = std::fs::read_to_string(&file).unwrap();
+            let code: String = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
+            for word in never {
+                assert!(!code.contains(word), "{} names {word}", file.display());
+            }
+        }
+    }
+}
+
+/// Rust files below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+    assert!(!found.is_empty(), "{} has no sources", folder.display());
+    found
+}

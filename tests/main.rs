@@ -1,0 +1,16 @@
+//! House tests: what the four crates promise together. One binary; this file is its table of contents.
+
+/// The arrows between the crates, and one version of what must be one.
+mod architecture;
+/// Scenes whose radiance is known by hand: closed spheres and furnaces.
+mod energy;
+/// Light adds up.
+mod linearity;
+/// glTF in, EXR out, through the command line.
+mod pipeline;
+/// `trace` against pictures that another renderer made.
+mod references;
+/// Scenes, statistics, and devices for all of the above.
+mod support;
+/// Two ways to one answer: tracing and relighting, CPU and GPU.
+mod twins;

@@ -1,0 +1,238 @@
+//! glTF in, EXR out, through the command line in process.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clerestory::compare::read_exr;
+use serde_json::{Value, json};
+
+use crate::support::{SceneFile, Shape, two_lamps_and_a_panel};
+
+/// A folder of its own for every test, with a scene in it.
+struct Desk(tempfile::TempDir);
+
+/// What a command said.
+struct Said {
+    code: ExitCode,
+    stdout: String,
+    stderr: String,
+}
+
+impl Desk {
+    fn new() -> Desk {
+        let desk = Desk(tempfile::tempdir().unwrap());
+        std::fs::write(desk.path("room.glb"), two_lamps_and_a_panel().glb()).unwrap();
+        desk
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs a command line; words that name files of the desk (`@room.glb`) become their paths.
+    fn run(&self, line: &str) -> Said {
+        let words = line.split_whitespace().map(|word| match word.strip_prefix('@') {
+            Some(name) => self.path(name).into_os_string(),
+            None => word.into(),
+        });
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let args = std::iter::once("clerestory".into()).chain(words);
+        let code = clerestory::cli::run::<std::ffi::OsString>(args, &mut stdout, &mut stderr);
+        Said { code, stdout: String::from_utf8(stdout).unwrap(), stderr: String::from_utf8(stderr).unwrap() }
+    }
+
+    #[track_caller]
+    fn json(&self, line: &str) -> Value {
+        let said = self.run(&format!("{line} --json"));
+        assert_eq!(said.code, ExitCode::SUCCESS, "{line}: {}", said.stderr);
+        serde_json::from_str(&said.stdout).unwrap_or_else(|error| panic!("{line}: {error}: {}", said.stdout))
+    }
+
+    #[track_caller]
+    fn fails(&self, line: &str, code: u8, words: &str) {
+        let said = self.run(line);
+        assert_eq!(said.code, ExitCode::from(code), "{line}: {}", said.stderr);
+        assert!(said.stderr.contains(words), "{line} should say {words:?}, but says: {}", said.stderr);
+        assert_eq!(said.stdout, "", "{line}");
+    }
+
+    fn names(&self) -> Vec<String> {
+        let mut names: Vec<String> = std::fs::read_dir(self.0.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+}
+
+const VIEW: &str = "--size 48x32 --spp 32";
+
+#[test]
+fn a_scene_becomes_a_picture_that_agrees_with_the_reference() {
+    let desk = Desk::new();
+    let look = json!({
+        "clerestory": 1, "lights": { "warm": { "intensity": 0.5, "kelvin": 4000 } },
+        "panels": { "panel": [{ "position": [0.3, 0.5], "radius": 0.25, "intensity": 2.0 }] },
+    });
+    std::fs::write(desk.path("a.look"), look.to_string()).unwrap();
+    let bake = desk.json(&format!("bake @room.glb -o @room.transport {VIEW}"));
+    assert!(bake["bake_secs"].as_f64().unwrap() >= 0.0 && bake["preview_secs"].as_f64().unwrap() > 0.0, "{bake}");
+    assert_eq!(bake["device"], "cpu");
+    let relit = desk.json("relight @room.transport --look @a.look -o @relit.exr --layers lights --device cpu");
+    assert_eq!((&relit["device"], &relit["layers"]), (&json!("cpu"), &json!(3)));
+    desk.json(&format!("trace @room.glb --look @a.look -o @traced.exr {VIEW} --spp 128").replace("--spp 32 ", ""));
+
+    let compared = desk.json("compare @relit.exr @traced.exr");
+    assert!(compared["relative_l2"].as_f64().unwrap() < 0.15, "{compared}");
+    assert!(compared["psnr_db"].as_f64().unwrap() > 24.0, "{compared}");
+    for bias in compared["mean_bias"].as_array().unwrap() {
+        assert!(bias.as_f64().unwrap().abs() < 0.03, "{compared}");
+    }
+}
+
+#[test]
+fn info_says_what_is_in_scene_transport_and_look() {
+    let desk = Desk::new();
+    let scene = desk.json("info @room.glb");
+    assert_eq!(scene["lights"], json!(["warm", "cool", "panel"]));
+    assert_eq!((&scene["nodes"], &scene["cameras"], &scene["triangles"]), (&json!(6), &json!(1), &json!(26)));
+    assert!(scene["unsupported"].as_array().unwrap().is_empty(), "{scene}");
+
+    desk.json("bake @room.glb -o @room.transport --size 20x18 --spp 4");
+    let transport = desk.json("info @room.transport");
+    assert_eq!((&transport["pixels"], &transport["columns"]), (&json!(360), &json!(18)));
+    assert_eq!(transport["dense_bytes"], json!(360 * 18 * 3 * 4));
+    for name in ["blocks", "mean_rank", "max_rank", "bytes", "ratio"] {
+        assert!(transport[name].as_f64().unwrap() > 0.0, "{name} of {transport}");
+    }
+    for name in ["truncation", "sampling", "noise", "total"] {
+        assert!(transport["error_db"][name].as_f64().is_some(), "{name} of {transport}");
+    }
+    assert!(transport["skipped"].is_object());
+
+    std::fs::write(desk.path("a.look"), r#"{"clerestory": 1, "lights": {"warm": {"muted": true}}, "x": 1}"#).unwrap();
+    let look = desk.json("info @a.look");
+    assert_eq!(look["lights"]["warm"]["muted"], json!(true));
+    assert!(look["warnings"][0].as_str().unwrap().contains("`x`"));
+}
+
+#[test]
+fn render_is_bake_and_relight_in_one_go() {
+    let desk = Desk::new();
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW}"));
+    desk.json("relight @room.transport -o @two.exr --device cpu");
+    desk.json(&format!("render @room.glb -o @one.exr {VIEW} --device cpu"));
+    assert_eq!(read_exr(&desk.path("one.exr")).unwrap(), read_exr(&desk.path("two.exr")).unwrap());
+    let png = desk.json(&format!("render @room.glb -o @one.png {VIEW}"));
+    assert!(png["exposure_ev"].as_f64().unwrap().is_finite());
+    assert_eq!(image::open(desk.path("one.png")).unwrap().width(), 48);
+}
+
+#[test]
+fn the_same_bake_gives_the_same_bytes() {
+    let desk = Desk::new();
+    for (name, threads) in [("a", 1), ("b", 2)] {
+        desk.json(&format!("bake @room.glb -o @{name}.transport --size 40x24 --spp 8 --threads {threads}"));
+    }
+    desk.json("bake @room.glb -o @c.transport --size 40x24 --spp 8 --seed 1");
+    let bytes = ["a", "b", "c"].map(|name| std::fs::read(desk.path(&format!("{name}.transport"))).unwrap());
+    assert!(bytes[0] == bytes[1], "the number of threads shows in the file");
+    assert!(bytes[0] != bytes[2], "the seed does nothing");
+    assert_eq!(desk.names(), ["a.transport", "b.transport", "c.transport", "room.glb"]);
+}
+
+#[test]
+fn compare_refuses_other_sizes_and_finds_no_difference_in_equals() {
+    let desk = Desk::new();
+    desk.json("trace @room.glb -o @small.exr --size 8x6 --spp 1");
+    desk.json("trace @room.glb -o @large.exr --size 8x7 --spp 1");
+    let same = desk.json("compare @small.exr @small.exr");
+    assert_eq!((&same["relative_l2"], &same["psnr_db"]), (&json!(0.0), &Value::Null));
+    desk.fails("compare @small.exr @large.exr", 1, "sizes differ");
+}
+
+#[test]
+fn scenes_without_surfaces_have_information_but_no_picture() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("empty.gltf"), r#"{"asset": {"version": "2.0"}}"#).unwrap();
+    let info = desk.json("info @empty.gltf");
+    assert_eq!((&info["triangles"], &info["cameras"]), (&json!(0), &json!(0)));
+    for command in ["bake @empty.gltf -o @a.transport", "trace @empty.gltf -o @a.exr", "render @empty.gltf -o @a.exr"] {
+        desk.fails(command, 1, "no triangles");
+    }
+    assert_eq!(desk.names(), ["empty.gltf", "room.glb"], "a failed command leaves files behind");
+}
+
+#[test]
+fn a_scene_without_a_camera_is_seen_anyway() {
+    let desk = Desk::new();
+    let room = Shape::room(glam::Vec3::splat(2.0));
+    let file = SceneFile::default().surface("room", &room, SceneFile::lambert([0.5; 3], [0.5; 3]));
+    std::fs::write(desk.path("blind.glb"), file.glb()).unwrap();
+    desk.json("trace @blind.glb -o @a.exr --size 16x12 --spp 16");
+    // Inside the closed room every pixel is 1, so the camera must stand inside.
+    let picture = read_exr(&desk.path("a.exr")).unwrap();
+    let mean = picture.pixels.iter().map(|rgb| rgb[0]).sum::<f32>() / picture.pixels.len() as f32;
+    assert!((mean - 1.0).abs() < 0.1, "{mean}");
+}
+
+#[test]
+fn what_cannot_be_done_is_said_in_words() {
+    let desk = Desk::new();
+    desk.fails("bake @none.glb -o @a.transport", 1, "none.glb");
+    desk.fails("bake @room.glb -o @none/a.transport", 1, "does not exist");
+    desk.fails("bake @room.glb -o @a.transport --camera Balcony", 1, "`door`");
+    desk.fails("bake @room.glb -o @a.transport --panel Nowhere=8", 1, "Nowhere");
+    desk.fails("trace @room.glb -o @a.jpg", 1, ".exr or .png");
+    desk.fails("relight @room.glb -o @a.exr", 1, "not a .transport file");
+    desk.fails("relight @room.transport -o @a.png --layers lights", 1, "layers");
+    desk.fails("info @none.glb", 1, "none.glb");
+    desk.fails("bake @room.glb", 2, "--output");
+    desk.fails("bake @room.glb -o @a.transport --spp 0", 2, "--spp");
+    desk.fails("paint", 1, "cannot open paint");
+    std::fs::write(desk.path("a.look"), r#"{"clerestory": 1, "lights": {"warm": {"intensity": "much"}}}"#).unwrap();
+    desk.fails("trace @room.glb --look @a.look -o @a.exr", 1, "`lights.warm.intensity`");
+    assert_eq!(desk.names(), ["a.look", "room.glb"], "a failed command leaves files behind");
+}
+
+#[test]
+fn a_look_for_another_scene_is_reported_and_ignored() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("a.look"), r#"{"clerestory": 1, "lights": {"Chandelier": {"muted": true}}}"#).unwrap();
+    let said = desk.run("trace @room.glb --look @a.look -o @a.exr --size 8x6 --spp 1");
+    assert_eq!(said.code, ExitCode::SUCCESS);
+    assert!(said.stderr.contains("`Chandelier`"), "{}", said.stderr);
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let desk = Desk::new();
+    for command in ["", "bake", "relight", "render", "trace", "compare", "info"] {
+        let said = desk.run(&format!("{command} --help"));
+        assert_eq!(said.code, ExitCode::SUCCESS, "{command}");
+        assert!(said.stdout.contains(&format!("Example: clerestory {command}")), "{command}: {}", said.stdout);
+    }
+}
+
+#[test]
+fn damaged_transport_files_are_refused() {
+    let desk = Desk::new();
+    desk.json("bake @room.glb -o @room.transport --size 20x18 --spp 4");
+    let whole = std::fs::read(desk.path("room.transport")).unwrap();
+    let damaged = |name: &str, bytes: &[u8]| {
+        std::fs::write(desk.path(name), bytes).unwrap();
+        let said = desk.run(&format!("info @{name}"));
+        assert_eq!(said.code, ExitCode::from(1), "{name} was believed");
+        assert!(said.stderr.starts_with("error: "), "{}", said.stderr);
+    };
+    for cut in [0, 4, 12, 100, whole.len() / 2, whole.len() - 1] {
+        damaged(&format!("cut{cut}.transport"), &whole[..cut]);
+    }
+    for at in (0..whole.len()).step_by(whole.len() / 40) {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x40;
+        damaged(&format!("flip{at}.transport"), &bytes);
+    }
+    assert!(Path::new(&desk.path("room.transport")).exists());
+}

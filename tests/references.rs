@@ -1,0 +1,101 @@
+//! `trace` against pictures of the Cornell box that Mitsuba made from the very same files (4096 samples per pixel, six
+//! bounces, box filter). Needs the shared data.
+
+use std::path::PathBuf;
+
+use clerestory::compare::read_exr;
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::light::LightRig;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::trace::TraceConfig;
+
+use crate::support::{block_means, shared, traced};
+
+const TILE: usize = 8;
+/// Largest difference of a channel's mean.
+const MEAN_TOLERANCE: f64 = 3e-3;
+/// A block is off where it differs by more standard errors than this.
+const Z_MAX: f64 = 3.5;
+/// Share of blocks that must not be off.
+const SHARE: f64 = 0.995;
+
+/// What is known of a reference.
+struct Reference {
+    name: &'static str,
+    /// Pixels are clipped here on both sides, so that fireflies do not decide.
+    clip: f32,
+    /// Root mean square error of one of its pixels, from its README.
+    rmse: f64,
+    /// Our samples per pixel in each of two independent pictures.
+    spp: u32,
+}
+
+/// Blocks of two independent pictures of ours against those of a reference.
+struct Blocks {
+    /// z of each block.
+    z: Vec<f64>,
+    /// Mean of ours over mean of the reference, minus 1.
+    bias: f64,
+}
+
+fn channel(pixels: &[[f32; 3]], channel: usize, clip: f32) -> Vec<f64> {
+    pixels.iter().map(|rgb| f64::from(rgb[channel].min(clip))).collect()
+}
+
+impl Reference {
+    fn paths(&self) -> Option<[PathBuf; 2]> {
+        let path = |extension: &str| shared(&format!("references/{}.{extension}", self.name));
+        Some([path("glb")?, path("exr")?])
+    }
+
+    fn blocks(&self, ours: &[Vec<[f32; 3]>; 2], theirs: &[[f32; 3]], idx: usize, width: usize) -> Blocks {
+        let [a, b] = [0, 1].map(|i| channel(&ours[i], idx, self.clip));
+        let theirs = channel(theirs, idx, self.clip);
+        let n = (TILE * TILE) as f64;
+        // The mean of two pixels has the variance (a − b)² / 4; that of a block's mean is estimated by its 64 pixels.
+        let variance: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2) / 4.0).collect();
+        let difference: Vec<f64> = (0..a.len()).map(|i| 0.5 * (a[i] + b[i]) - theirs[i]).collect();
+        let variances = block_means(&variance, width, TILE);
+        let z = block_means(&difference, width, TILE).iter().zip(&variances);
+        let z = z.map(|(d, v)| d / ((v + self.rmse * self.rmse) / n).sqrt()).collect();
+        Blocks { z, bias: difference.iter().sum::<f64>() / theirs.iter().sum::<f64>() }
+    }
+
+    fn check(&self) {
+        let Some([glb, exr]) = self.paths() else { return };
+        let theirs = read_exr(&exr).unwrap();
+        let imported = import::load(&glb).unwrap();
+        let (scene, _) = PreparedScene::new(imported.scene, &[]).unwrap();
+        let film = Film { width: theirs.width, height: theirs.height };
+        let config = |seed| TraceConfig { spp: self.spp, bounces: Some(6), seed };
+        let ours = [1, 2].map(|seed| traced(&scene, &LightRig::default(), film, &config(seed)));
+        for idx in 0..3 {
+            let blocks = self.blocks(&ours, &theirs.pixels, idx, film.width as usize);
+            let n_off = blocks.z.iter().filter(|z| z.abs() > Z_MAX).count();
+            let share = 1.0 - n_off as f64 / blocks.z.len() as f64;
+            let spread = (blocks.z.iter().map(|z| z * z).sum::<f64>() / blocks.z.len() as f64).sqrt();
+            println!(
+                "{} channel {idx}: bias {:+.5}, blocks within {share:.4}, spread of z {spread:.3}",
+                self.name, blocks.bias
+            );
+            assert!(
+                blocks.bias.abs() <= MEAN_TOLERANCE,
+                "{} channel {idx}: mean off by {:+.5}",
+                self.name,
+                blocks.bias
+            );
+            assert!(share >= SHARE, "{} channel {idx}: only {share:.4} of the blocks agree", self.name);
+        }
+    }
+}
+
+#[test]
+fn tracing_agrees_with_the_diffuse_cornell_box() {
+    Reference { name: "cornell-diffuse", clip: f32::INFINITY, rmse: 0.0015, spp: 96 }.check();
+}
+
+#[test]
+fn tracing_agrees_with_mirrors_glass_and_caustics() {
+    Reference { name: "cornell-specular", clip: 3.0, rmse: 0.0043, spp: 128 }.check();
+}
