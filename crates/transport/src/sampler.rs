@@ -7,14 +7,14 @@
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler {
     key: u64,
-    index: u32,
+    reversed_index: u32,
     pair: u32,
 }
 
 impl Sampler {
     /// Sample `index` of a stream. Samples 0, 1, 2, … of one stream are stratified together; streams are independent.
     pub fn new(seed: u64, stream: u64, index: u32) -> Sampler {
-        Sampler { key: mix(mix(seed).wrapping_add(stream)), index, pair: 0 }
+        Sampler { key: mix(mix(seed).wrapping_add(stream)), reversed_index: index.reverse_bits(), pair: 0 }
     }
 
     /// The next dimension, uniform in [0, 1).
@@ -36,7 +36,8 @@ impl Sampler {
     /// A stream of its own for one of several continuations; equal salts at equal places stay stratified over samples.
     pub fn fork(&self, salt: u32) -> Sampler {
         let place = u64::from(self.pair) << 32 | u64::from(salt);
-        Sampler { key: mix(self.key ^ mix(place.wrapping_add(0x9E6C_63D0_876A_68DE))), index: self.index, pair: 0 }
+        let key = mix(self.key ^ mix(place.wrapping_add(0x9E6C_63D0_876A_68DE)));
+        Sampler { key, reversed_index: self.reversed_index, pair: 0 }
     }
 
     /// Shuffled index of the next pair, and the seeds of its two dimensions.
@@ -45,7 +46,7 @@ impl Sampler {
         self.pair += 1;
         let seeds = mix(self.key.wrapping_add(u64::from(self.pair).wrapping_mul(0x9E37_79B9_7F4A_7C15)));
         let shuffle = (seeds.wrapping_mul(0xD6E8_FEB8_6659_FD93) >> 32) as u32;
-        (scramble(self.index.reverse_bits(), shuffle).reverse_bits(), seeds)
+        (scramble(self.reversed_index, shuffle).reverse_bits(), seeds)
     }
 }
 
@@ -96,7 +97,9 @@ mod tests {
     fn pairs(seed: u64, stream: u64, n: u32, pair: u32) -> Vec<[f32; 2]> {
         let nth = |index| {
             let mut sampler = Sampler::new(seed, stream, index);
-            (0..pair).for_each(|_| drop(sampler.next_2d()));
+            for _ in 0..pair {
+                sampler.next_2d();
+            }
             sampler.next_2d()
         };
         (0..n).map(nth).collect()

@@ -2,9 +2,9 @@
 //!
 //! glTF couples the diffuse lobe to its coat by `1 − F(V·H)`. Near grazing view the coat alone reflects almost
 //! everything, yet that factor lets most of the diffuse light through as well: together they would return up to 1.5 times
-//! the light that came. So the diffuse lobe is also multiplied by the smaller of two factors, one per direction, each
-//! small enough that coat and base together return at most what came. The smaller of the two is symmetric, so reciprocity
-//! holds. Wherever there is no excess the factors are 1 and the model is glTF's own.
+//! the light that came. So the diffuse lobe is also multiplied by an allowance, small enough that coat and base together
+//! return at most what came. It is taken at the more grazing one of the two directions, where it is smaller, so that
+//! reciprocity holds. Wherever there is no excess the allowance is 1 and the model is glTF's own.
 
 use std::sync::LazyLock;
 
@@ -55,18 +55,34 @@ impl Coat {
     }
 
     /// Share of the diffuse lobe that energy allows in a direction, 0…1.
+    #[inline]
     pub(super) fn allowance(self, cos: f32) -> f32 {
+        let (passed, left) = self.passed_and_left(cos);
+        (left / passed).min(1.0)
+    }
+
+    /// Mean share of the diffuse lobe that is seen from a direction, 0…1.
+    pub(super) fn base_share(self, cos: f32) -> f32 {
+        let (passed, left) = self.passed_and_left(cos);
+        passed.min(left)
+    }
+
+    /// Mean of `1 − F(V·H)` over the diffuse lobe, and what the coat's own reflection leaves.
+    #[inline]
+    fn passed_and_left(self, cos: f32) -> (f32, f32) {
         let (column, weight) = place(cos);
         let [per_f0, per_f90] = self.split(column, weight);
         let grazing = &ALBEDOS.grazing;
         let mean_grazing = grazing[column] + (grazing[column + 1] - grazing[column]) * weight;
-        let base = 1.0 - self.f0 - (self.f90 - self.f0) * mean_grazing;
-        ((1.0 - self.f0 * per_f0 - self.f90 * per_f90) / base.max(1e-6)).clamp(0.0, 1.0)
+        let passed = 1.0 - self.f0 - (self.f90 - self.f0) * mean_grazing;
+        (passed.max(1e-6), (1.0 - self.f0 * per_f0 - self.f90 * per_f90).max(0.0))
     }
 
     fn split(self, column: usize, weight: f32) -> Split {
         let rows = &ALBEDOS.coat[self.row as usize..self.row as usize + 2];
-        let along = |row: &[Split; N_COS], part: usize| row[column][part] + (row[column + 1][part] - row[column][part]) * weight;
+        let along = |row: &[Split; N_COS], part: usize| {
+            row[column][part] + (row[column + 1][part] - row[column][part]) * weight
+        };
         [0, 1].map(|part| {
             let (low, high) = (along(&rows[0], part), along(&rows[1], part));
             low + (high - low) * self.between
@@ -102,13 +118,14 @@ fn coat_albedo(alpha: f32, wo: Vec3) -> Split {
         return [1.0 - x, x];
     }
     let ggx = Ggx::new(alpha);
+    let lambda_o = ggx.lambda(wo.z);
     let [mut per_f0, mut per_f90] = [0.0, 0.0];
     for u in grid() {
         let wm = ggx.sample(wo, u);
         let cos_half = wo.dot(wm);
         let cos_i = 2.0 * cos_half * wm.z - wo.z;
         if cos_i > 0.0 {
-            let weight = ggx.g2(wo.z, cos_i) / ggx.g1(wo.z);
+            let weight = (1.0 + lambda_o) / (1.0 + lambda_o + ggx.lambda(cos_i));
             per_f0 += weight * (1.0 - grazing(cos_half));
             per_f90 += weight * grazing(cos_half);
         }

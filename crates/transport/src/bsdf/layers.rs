@@ -48,6 +48,7 @@ pub(super) struct Layers {
     passing: f32,
     behind: Behind,
     ggx: Ggx,
+    lambda_o: f32,
     rough_coat: bool,
     rough_pass: bool,
     coat: Coat,
@@ -64,6 +65,7 @@ impl Layers {
         let rough_coat = alpha >= MIRROR_ALPHA;
         let matched = fresnel::is_matched(params.ior);
         let bends = params.thickness > 0.0 && !matched;
+        let ggx = Ggx::new(alpha);
         let coat_alpha = if rough_coat { alpha } else { 0.0 };
         let coat = Coat::new(coat_alpha, dielectric.f0.max_element(), dielectric.f90);
         let wo = Vec3::new(wo.dot(tangent), wo.dot(bitangent), wo.dot(ns));
@@ -76,7 +78,8 @@ impl Layers {
             opaque: (1.0 - params.metallic) * (1.0 - params.transmission),
             passing: (1.0 - params.metallic) * params.transmission,
             behind: if bends { Behind::Solid { eta } } else { Behind::ThinWall },
-            ggx: Ggx::new(alpha),
+            ggx,
+            lambda_o: ggx.lambda(wo.z),
             rough_coat,
             rough_pass: rough_coat && !matched,
             coat,
@@ -88,13 +91,13 @@ impl Layers {
     }
 
     #[inline]
-    pub(super) fn to_local(&self, w: Vec3) -> Vec3 {
+    pub(super) fn local_from_world(&self, w: Vec3) -> Vec3 {
         let [x, y, z] = self.frame;
         Vec3::new(w.dot(x), w.dot(y), w.dot(z))
     }
 
     #[inline]
-    pub(super) fn to_world(&self, w: Vec3) -> Vec3 {
+    pub(super) fn world_from_local(&self, w: Vec3) -> Vec3 {
         let [x, y, z] = self.frame;
         x * w.x + y * w.y + z * w.z
     }
@@ -137,8 +140,7 @@ impl Layers {
 
     fn choose(&self) -> Choice {
         let cos = self.wo.z;
-        let coat = self.dielectric.at(grazing(cos)).max_element();
-        let diffuse = mean(self.base_color) * self.opaque * (1.0 - coat) * self.allowance_o;
+        let diffuse = mean(self.base_color) * self.opaque * self.coat.base_share(cos);
         let (reflected, passed) = (mean(self.reflectance(cos)), mean(self.transmittance(cos)));
         let (mirror, mut facets) = if self.rough_coat { (0.0, reflected) } else { (reflected, 0.0) };
         let mut clear = passed;
@@ -167,6 +169,18 @@ impl Layers {
         if reflected + passed > 0.0 { reflected / (reflected + passed) } else { 1.0 }
     }
 
+    /// Share of the facets that the viewer sees.
+    #[inline]
+    fn g1(&self) -> f32 {
+        1.0 / (1.0 + self.lambda_o)
+    }
+
+    /// Share of the facets seen by the viewer and from another direction, correlated by height. [Heitz2014]
+    #[inline]
+    fn g2(&self, cos_i: f32) -> f32 {
+        1.0 / (1.0 + self.lambda_o + self.ggx.lambda(cos_i))
+    }
+
     /// `f·|cosθ|` and density of a local direction; `cos_g` is its cosine with the geometric normal.
     pub(super) fn eval(&self, wi: Vec3, cos_g: f32, lambert: Vec3) -> (Vec3, f32) {
         if wi.z > 0.0 && cos_g > 0.0 {
@@ -187,14 +201,14 @@ impl Layers {
         let mut value = Vec3::ZERO;
         if lambert != Vec3::ZERO {
             let coat = self.dielectric.at(grazing(cos_half)).max_element();
-            let allowance = self.allowance_o.min(self.coat.allowance(wi.z));
+            let allowance = if wi.z < self.wo.z { self.coat.allowance(wi.z) } else { self.allowance_o };
             value = lambert * ((1.0 - coat) * allowance * wi.z);
         }
         let mut pdf = self.choice.diffuse * wi.z * FRAC_1_PI;
         if self.rough_coat {
             let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
-            value += self.reflectance(cos_half) * (quarter * self.ggx.g2(self.wo.z, wi.z));
-            pdf += self.choice.facets * self.reflect_probability(cos_half) * quarter * self.ggx.g1(self.wo.z);
+            value += self.reflectance(cos_half) * (quarter * self.g2(wi.z));
+            pdf += self.choice.facets * self.reflect_probability(cos_half) * quarter * self.g1();
         }
         (value, pdf)
     }
@@ -205,9 +219,9 @@ impl Layers {
         let wm = (mirrored + self.wo).normalize();
         let cos_half = self.wo.dot(wm);
         let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
-        let value = self.transmittance(cos_half) * (quarter * self.ggx.g2(self.wo.z, mirrored.z));
+        let value = self.transmittance(cos_half) * (quarter * self.g2(mirrored.z));
         let passed = 1.0 - self.reflect_probability(cos_half);
-        (value, self.choice.facets * passed * quarter * self.ggx.g1(self.wo.z))
+        (value, self.choice.facets * passed * quarter * self.g1())
     }
 
     /// Refraction by facets [Walter2007, eq. 21], as radiance: squeezed by η² where it entered the denser side.
@@ -222,9 +236,9 @@ impl Layers {
         let root = cos_i + cos_o / eta;
         let jacobian = -cos_i / (root * root);
         let density = self.ggx.d(wm) * cos_o / self.wo.z * jacobian;
-        let value = self.transmittance(cos_o) * (density * self.ggx.g2(self.wo.z, wi.z) / (eta * eta));
+        let value = self.transmittance(cos_o) * (density * self.g2(wi.z) / (eta * eta));
         let passed = 1.0 - self.reflect_probability(cos_o);
-        (value, self.choice.facets * passed * density * self.ggx.g1(self.wo.z))
+        (value, self.choice.facets * passed * density * self.g1())
     }
 
     /// A local direction, with its weight if it came from a lobe without density.
@@ -257,27 +271,33 @@ impl Layers {
     fn sample_facet(&self, u_side: f32, u: [f32; 2]) -> Option<Vec3> {
         let wm = self.ggx.sample(self.wo, u);
         let cos_half = self.wo.dot(wm);
-        let mirrored = wm * (2.0 * cos_half) - self.wo;
-        let wi = if u_side < self.reflect_probability(cos_half) {
-            Some(mirrored)
-        } else if let Behind::Solid { eta } = self.behind {
-            return fresnel::refract(self.wo, wm, eta).filter(|wi| wi.z < 0.0);
-        } else {
-            Some(Vec3::new(mirrored.x, mirrored.y, -mirrored.z))
-        };
-        wi.filter(|_| mirrored.z > 0.0)
+        if cos_half <= 0.0 {
+            return None;
+        }
+        let reflects = u_side < self.reflect_probability(cos_half);
+        match self.behind {
+            Behind::Solid { eta } if !reflects => fresnel::refract(self.wo, wm, eta).filter(|wi| wi.z < 0.0),
+            _ => {
+                let mirrored = wm * (2.0 * cos_half) - self.wo;
+                let side = if reflects { 1.0 } else { -1.0 };
+                (mirrored.z > 0.0).then_some(Vec3::new(mirrored.x, mirrored.y, side * mirrored.z))
+            }
+        }
     }
 
     /// Share of uniform light that comes back to the viewer, given the albedo of the diffuse base.
     pub(super) fn albedo(&self, diffuse: Vec3) -> Vec3 {
         let cos = self.wo.z;
-        let coat = self.dielectric.at(grazing(cos)).max_element();
-        let base = diffuse * ((1.0 - coat) * self.allowance_o);
         let [per_f0, per_f90] = self.coat.albedo(cos);
         let coated = self.dielectric.f0 * per_f0 + Vec3::splat(self.dielectric.f90 * per_f90);
         let metal = self.base_color * per_f0 + Vec3::splat(per_f90);
-        let passing = self.passing_reflectance(cos) * self.passing;
-        base + metal * self.metal + coated * self.opaque + passing + self.transmittance(cos)
+        let passing = self.passing_reflectance(cos) * self.passing + self.transmittance(cos);
+        let unshadowed = match self.behind {
+            Behind::ThinWall => per_f0 + per_f90,
+            // What a facet of glass shadows of its reflection mostly refracts.
+            Behind::Solid { .. } => 1.0,
+        };
+        diffuse * self.coat.base_share(cos) + coated * self.opaque + metal * self.metal + passing * unshadowed
     }
 }
 

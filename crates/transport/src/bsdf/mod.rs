@@ -86,7 +86,7 @@ impl Bsdf {
     pub fn eval(&self, wi: Vec3) -> (Vec3, f32) {
         match &self.layers {
             None => self.eval_diffuse(wi),
-            Some(layers) => layers.eval(layers.to_local(wi), wi.dot(self.ng), self.lambert),
+            Some(layers) => layers.eval(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
         }
     }
 
@@ -111,7 +111,7 @@ impl Bsdf {
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let Some(layers) = &self.layers else { return self.sample_diffuse(u) };
         let (local, delta) = layers.sample(u_lobe, u)?;
-        let wi = layers.to_world(local);
+        let wi = layers.world_from_local(local);
         let cos_g = wi.dot(self.ng);
         let transmitted = local.z < 0.0;
         if transmitted != (cos_g < 0.0) || cos_g == 0.0 {
