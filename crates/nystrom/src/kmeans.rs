@@ -1,4 +1,4 @@
-//! Weighted k-means with k-means++ seeds [Arthur2007]; what is asked for are members, not means.
+//! Weighted k-means with k-means++ seeds \[Arthur2007\]; what is asked for are members, not means.
 
 use crate::{
     dense::{Dense, add_scaled},

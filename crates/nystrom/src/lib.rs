@@ -10,10 +10,10 @@
 //!
 //! **Decision.** The core is *projected*. Landmark rows, chosen by k-means as in the algorithms this crate grew from
 //! ([`Selection`]), span the space of rows; all rows are met with an orthonormal basis of that span, and a small decomposition
-//! finds the components that both halves confirm. **Refused:** the classic Nyström core `C · W⁺ · R` [Drineas2005], also after a
-//! nonlinear map of the entries [Wang2009]. The intersection W of chosen rows and columns is singular as soon as two of them
+//! finds the components that both halves confirm. **Refused:** the classic Nyström core `C · W⁺ · R` \[Drineas2005\], also after a
+//! nonlinear map of the entries \[Wang2009\]. The intersection W of chosen rows and columns is singular as soon as two of them
 //! are alike, and with noise its inverse multiplies it without bound; [`baseline`] keeps it for comparison.
-//! (The "Block-Nyström" of [GargDerezinski2025] averages several small approximations of one positive kernel: another method
+//! (The "Block-Nyström" of \[Garg2025\] averages several small approximations of one positive kernel: another method
 //! of the same name.)
 //!
 //! ```
