@@ -10,7 +10,7 @@ use crate::textures::{Codec, draw, fractal, hex, random, smoothstep};
 /// Bands of hills before a low sun; 4 : 5.
 pub fn horizon() -> EncodedImage {
     let hills = [0xe7a977, 0xd9805f, 0xb4555a, 0x7c3f58, 0x472c4c, 0x231d38].map(hex);
-    draw("horizon", (512, 640), Codec::Jpeg(88), |p| {
+    draw("horizon", (512, 512), Codec::Jpeg(88), |p| {
         let mut color = hex(0xf6dfc0).lerp(hex(0xf0b98a), smoothstep(0.0, 0.6, p.y));
         if vec2(p.x - 0.62, (p.y - 0.36) * 1.25).length() < 0.155 {
             color = hex(0xd8452e);
@@ -54,7 +54,7 @@ pub fn orbits() -> EncodedImage {
 /// Quarter circles on a grid of 4 × 5; 4 : 5.
 pub fn quarters() -> EncodedImage {
     let palette = [0x1d3557, 0xe63946, 0xf1c453, 0x457b9d, 0xf4f1de, 0x2a9d8f, 0xf4a261].map(hex);
-    draw("quarters", (512, 640), Codec::Png, |p| {
+    draw("quarters", (512, 512), Codec::Png, |p| {
         let q = p * vec2(4.0, 5.0);
         let (column, row) = (q.x as i32, q.y as i32);
         let pick = |seed: u32| (random(column, row, seed) * palette.len() as f32) as usize;
@@ -70,7 +70,7 @@ pub fn quarters() -> EncodedImage {
 
 /// Threads in a slow current; 1 : 1.
 pub fn drift() -> EncodedImage {
-    draw("drift", (640, 640), Codec::Jpeg(86), |p| {
+    draw("drift", (512, 512), Codec::Jpeg(86), |p| {
         let current = fractal(p * 0.7 + 0.13, (3, 3), 2, 51);
         let level = p.y * 15.0 + current * 16.0;
         let thread = level.floor();
@@ -84,7 +84,7 @@ pub fn drift() -> EncodedImage {
 
 /// Two floating fields of color; 3 : 4.
 pub fn fields() -> EncodedImage {
-    draw("fields", (384, 512), Codec::Jpeg(88), |p| {
+    draw("fields", (512, 512), Codec::Jpeg(88), |p| {
         let cloud = fractal(p, (4, 5), 4, 61) - 0.5;
         let field = |low: f32, high: f32| {
             let edge = 0.03 + 0.05 * (cloud + 0.5);
@@ -101,7 +101,7 @@ pub fn fields() -> EncodedImage {
 pub fn strata() -> EncodedImage {
     let tones = [0x0b3c49, 0x126e72, 0x3fa7a0, 0xa9d6c9, 0xf5ead6, 0xf2b880, 0xe07a5f, 0xb23a48, 0x5b2333, 0x14283c];
     let tones = tones.map(hex);
-    draw("strata", (1152, 768), Codec::Jpeg(86), |p| {
+    draw("strata", (1024, 1024), Codec::Jpeg(86), |p| {
         let fold = fractal(p * vec2(0.9, 0.6) + 0.05, (3, 2), 3, 71);
         let sway = 0.06 * (p.x * TAU * 0.8 + 0.6).sin() + 0.02 * (p.x * 14.0 + fold * 5.0).sin();
         let level = (p.y + sway) * 7.5 + fold * 5.5;

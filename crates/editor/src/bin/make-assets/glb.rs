@@ -77,6 +77,7 @@ pub struct Document {
     extensions: BTreeSet<&'static str>,
     binary: Vec<u8>,
     textured: Vec<bool>,
+    relieved: Vec<bool>,
     emitting: Vec<bool>,
     mesh_triangles: Vec<usize>,
     mesh_emits: Vec<bool>,
@@ -131,6 +132,7 @@ impl Document {
         }
         self.materials.push(Value::Object(out));
         self.textured.push(material.texture.is_some() || material.normal.is_some());
+        self.relieved.push(material.normal.is_some());
         self.emitting.push(strength > 0.0);
         MaterialId(self.materials.len() - 1)
     }
@@ -193,6 +195,10 @@ impl Document {
         self.accessors[position]["max"] = json!(fold(mesh, Vec3::max).to_array());
         attributes.insert("POSITION".into(), json!(position));
         attributes.insert("NORMAL".into(), json!(self.floats(&normals, n_vertices, "VEC3")));
+        if self.relieved[material.0] {
+            let tangents = mesh.tangents();
+            attributes.insert("TANGENT".into(), json!(self.floats(tangents.as_flattened(), n_vertices, "VEC4")));
+        }
         if matches!(uvs, Uvs::Written) {
             let uvs: Vec<f32> = mesh.vertices.iter().flat_map(|v| v.uv.to_array()).collect();
             attributes.insert("TEXCOORD_0".into(), json!(self.floats(&uvs, n_vertices, "VEC2")));
@@ -219,7 +225,8 @@ impl Document {
         let component = if short { 5123 } else { 5125 };
         let view = self.buffer_view(&bytes, Some(34963));
         let count = mesh.triangles.len() * 3;
-        self.accessors.push(json!({ "bufferView": view, "componentType": component, "count": count, "type": "SCALAR" }));
+        self.accessors
+            .push(json!({ "bufferView": view, "componentType": component, "count": count, "type": "SCALAR" }));
         self.accessors.len() - 1
     }
 

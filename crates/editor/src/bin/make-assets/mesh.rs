@@ -75,6 +75,29 @@ impl Mesh {
         self
     }
 
+    /// Unit tangents along u for each vertex, `w` the sign that makes `w · normal × tangent` point up the image.
+    pub fn tangents(&self) -> Vec<[f32; 4]> {
+        let mut sums = vec![(Vec3::ZERO, Vec3::ZERO); self.vertices.len()];
+        for triangle in &self.triangles {
+            let [a, b, c] = triangle.map(|i| self.vertices[i as usize]);
+            let (edge_b, edge_c) = (b.position - a.position, c.position - a.position);
+            let (uv_b, uv_c) = (b.uv - a.uv, c.uv - a.uv);
+            let orientation = uv_b.perp_dot(uv_c).signum();
+            let along_u = (edge_b * uv_c.y - edge_c * uv_b.y) * orientation;
+            let along_v = (edge_c * uv_b.x - edge_b * uv_c.x) * orientation;
+            for &i in triangle {
+                sums[i as usize].0 += along_u;
+                sums[i as usize].1 += along_v;
+            }
+        }
+        let tangent = |(vertex, (along_u, along_v)): (&Vertex, (Vec3, Vec3))| {
+            let tangent = along_u.reject_from_normalized(vertex.normal).normalize();
+            let up = vertex.normal.cross(tangent).dot(-along_v);
+            tangent.extend(up.signum()).to_array()
+        };
+        self.vertices.iter().zip(sums).map(tangent).collect()
+    }
+
     /// Drops triangles without area and turns the others to the side of their normals.
     fn faced(mut self) -> Mesh {
         let vertices = &self.vertices;

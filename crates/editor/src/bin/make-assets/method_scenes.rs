@@ -20,9 +20,9 @@ pub fn diffuse() -> Document {
     room.matte_blocks();
     room.posts();
     let clay = Material::lambert("clay", vec3(0.62, 0.32, 0.18));
-    room.put("clay sphere", sphere(0.42, 64).at(0.95, 0.42, 0.45), clay);
-    room.put("chalk sphere", sphere(0.22, 48).at(-0.1, 0.22, 1.05), Material::lambert("chalk", Vec3::splat(0.8)));
-    room.seen_from(vec3(0.0, 1.5, 1.95), vec3(0.0, 1.05, -1.0), 62.0)
+    room.put("clay sphere", sphere(0.42, 64).at(0.9, 0.42, -0.05), clay);
+    room.put("chalk sphere", sphere(0.22, 48).at(-0.1, 0.22, 0.2), Material::lambert("chalk", Vec3::splat(0.8)));
+    room.seen_from(vec3(0.0, 1.75, 1.95), vec3(0.0, 0.85, -1.0), 60.0)
 }
 
 /// Glossy checkers below a mirror ball, a mirror box and a glossy ball.
@@ -32,20 +32,20 @@ pub fn reflections() -> Document {
     room.mirror_ball(vec3(-0.75, 0.55, -0.5));
     room.mirror_box(vec3(0.95, 0.0, -0.75));
     let glossy = Material::plain("glossy red", vec3(0.55, 0.04, 0.03), 0.15);
-    room.put("glossy sphere", sphere(0.36, 64).at(0.15, 0.36, 0.55), glossy);
+    room.put("glossy sphere", sphere(0.36, 64).at(0.25, 0.36, 0.05), glossy);
     let brushed = Material::metal("brushed copper", vec3(0.93, 0.6, 0.46), 0.3);
-    room.put("copper cylinder", cylinder(0.2, 0.7, 64).at(-1.25, 0.0, 0.75), brushed);
-    room.seen_from(vec3(0.0, 1.5, 1.95), vec3(0.0, 0.95, -1.0), 62.0)
+    room.put("copper cylinder", cylinder(0.17, 0.5, 64).at(1.15, 0.0, 0.0), brushed);
+    room.seen_from(vec3(0.0, 1.75, 1.95), vec3(0.0, 0.8, -1.0), 60.0)
 }
 
 /// Glass and metal that gather the light of a small panel on a matte floor.
 pub fn caustics() -> Document {
     let mut room = Room::new(Floor::Matte);
     room.panel(vec3(-1.2, 2.7, -0.9), Quat::from_rotation_z(0.35) * Quat::from_rotation_x(FRAC_PI_2), 0.7);
-    room.glass_ball(vec3(-0.45, 0.5, -0.35));
-    let ring = torus(0.36, 0.11).turned(Quat::from_rotation_x(0.25)).at(0.85, 0.21, -0.75);
+    room.glass_ball(vec3(-0.6, 0.5, -0.45));
+    let ring = torus(0.36, 0.11).turned(Quat::from_rotation_x(0.25)).at(0.8, 0.21, -0.95);
     room.put("glass torus", ring, clear_glass());
-    room.metal_ring(vec3(0.45, 0.0, 0.6));
+    room.metal_ring(vec3(0.35, 0.0, 0.1));
     room.seen_from(vec3(0.1, 1.85, 1.95), vec3(0.1, 0.45, -0.6), 58.0)
 }
 
@@ -54,14 +54,14 @@ pub fn mixed() -> Document {
     let mut room = Room::new(Floor::GlossyCheckers);
     room.panel(vec3(0.0, 1.95, -1.97), Quat::IDENTITY, 1.3);
     room.mirror_ball(vec3(-0.95, 0.42, -0.75));
-    room.glass_ball(vec3(0.1, 0.34, 0.35));
-    room.metal_ring(vec3(-0.85, 0.0, 0.65));
+    room.glass_ball(vec3(0.15, 0.34, -0.1));
+    room.metal_ring(vec3(-0.7, 0.0, 0.1));
     room.posts();
     let tall = rounded_block(vec3(0.55, 1.1, 0.55), 0.01).turned(Quat::from_rotation_y(0.5)).at(1.05, 0.55, -0.6);
     room.put("tall box", tall, Material::lambert("chalk", Vec3::splat(0.75)));
     let glossy = Material::plain("glossy red", vec3(0.55, 0.04, 0.03), 0.15);
-    room.put("glossy sphere", sphere(0.27, 64).at(0.95, 0.27, 0.5), glossy);
-    room.seen_from(vec3(0.0, 1.4, 1.95), vec3(0.0, 1.15, -1.0), 64.0)
+    room.put("glossy sphere", sphere(0.27, 64).at(0.9, 0.27, 0.1), glossy);
+    room.seen_from(vec3(0.0, 1.7, 1.95), vec3(0.0, 0.88, -1.0), 62.0)
 }
 
 /// What the floor is made of.

@@ -100,7 +100,8 @@ pub fn terrazzo() -> EncodedImage {
         for (n_cells, seed) in [(96, 5), (46, 3)] {
             if let Some(chip) = chip(p, n_cells, seed) {
                 let stone = stones[(chip * 997.0) as usize % stones.len()];
-                color = stone * (0.9 + 0.12 * fractal(p, (32, 32), 3, 17));
+                let stone = ground.lerp(stone, 0.62);
+                color = stone * (0.94 + 0.1 * fractal(p, (32, 32), 3, 17));
             }
         }
         let joint = p.x.min(p.y).min(1.0 - p.x).min(1.0 - p.y) < 0.0012;
@@ -142,7 +143,7 @@ pub fn oak() -> EncodedImage {
 /// Trowelled plaster as a normal map: a tile of 1.5 m × 1.5 m.
 pub fn plaster_relief() -> EncodedImage {
     let height = |p: Vec2| 0.010 * fractal(p, (9, 9), 3, 31) + 0.004 * fractal(p, (40, 16), 2, 37);
-    relief("plaster relief", (384, 384), height)
+    relief("plaster relief", (512, 512), height)
 }
 
 /// Leather grain as a normal map: a tile of 0.25 m × 0.25 m.

@@ -9,7 +9,7 @@ use crate::shapes::{block, cylinder, lathe, leaf, rounded_block, sphere};
 use crate::textures::random;
 
 /// Where the reading table stands and how high its top is, in meters.
-pub const TABLE: Vec3 = vec3(-1.75, 0.0, -1.0);
+pub const TABLE: Vec3 = vec3(-1.75, 0.0, -1.3);
 pub const TABLE_TOP_M: f32 = 0.75;
 /// Where the bench stands.
 pub const BENCH: Vec3 = vec3(0.75, 0.0, -0.7);
@@ -37,9 +37,8 @@ fn table(stage: &mut Stage) {
     let top = rounded_block(vec3(0.82, 0.04, 2.5), 0.012).at(0.0, TABLE_TOP_M - 0.02, 0.0);
     // A trestle at each end: two uprights and a foot.
     let trestle = |z: f32| {
-        let bar = |low: (f32, f32), high: (f32, f32)| {
-            block(vec3(low.0, low.1, z - 0.02), vec3(high.0, high.1, z + 0.02))
-        };
+        let bar =
+            |low: (f32, f32), high: (f32, f32)| block(vec3(low.0, low.1, z - 0.02), vec3(high.0, high.1, z + 0.02));
         Mesh::join([
             bar((-0.33, 0.0), (-0.29, 0.71)),
             bar((0.29, 0.0), (0.33, 0.71)),
@@ -74,9 +73,28 @@ fn books(stage: &mut Stage) {
 fn glassware(stage: &mut Stage) {
     // Up the outside, over the lip, down the inside: one closed solid.
     let profile = [
-        (0.0, 0.0), (0.05, 0.0), (0.058, 0.006), (0.075, 0.06), (0.086, 0.11), (0.085, 0.15), (0.07, 0.20), (0.05, 0.24),
-        (0.04, 0.275), (0.042, 0.305), (0.056, 0.335), (0.053, 0.3375), (0.049, 0.335), (0.036, 0.305), (0.034, 0.275),
-        (0.044, 0.24), (0.064, 0.20), (0.079, 0.15), (0.08, 0.11), (0.069, 0.06), (0.05, 0.025), (0.0, 0.02),
+        (0.0, 0.0),
+        (0.05, 0.0),
+        (0.058, 0.006),
+        (0.075, 0.06),
+        (0.086, 0.11),
+        (0.085, 0.15),
+        (0.07, 0.20),
+        (0.05, 0.24),
+        (0.04, 0.275),
+        (0.042, 0.305),
+        (0.056, 0.335),
+        (0.053, 0.3375),
+        (0.049, 0.335),
+        (0.036, 0.305),
+        (0.034, 0.275),
+        (0.044, 0.24),
+        (0.064, 0.20),
+        (0.079, 0.15),
+        (0.08, 0.11),
+        (0.069, 0.06),
+        (0.05, 0.025),
+        (0.0, 0.02),
     ];
     let vase = stage.document.mesh("vase", &[(lathe(&profile, 56), stage.materials.solid_glass)]);
     stage.place("vase", vase, TABLE + vec3(-0.02, TABLE_TOP_M + 0.0005, -0.15), Quat::IDENTITY);
@@ -87,7 +105,16 @@ fn glassware(stage: &mut Stage) {
 /// A rubber tree in a clay pot: three stems with leaves in spirals.
 fn plant(stage: &mut Stage) {
     let pot = lathe(
-        &[(0.0, 0.0), (0.15, 0.0), (0.17, 0.02), (0.205, 0.36), (0.205, 0.38), (0.185, 0.38), (0.18, 0.33), (0.0, 0.33)],
+        &[
+            (0.0, 0.0),
+            (0.15, 0.0),
+            (0.17, 0.02),
+            (0.205, 0.36),
+            (0.205, 0.38),
+            (0.185, 0.38),
+            (0.18, 0.33),
+            (0.0, 0.33),
+        ],
         48,
     );
     let stems = [(0.0, 0.0, 1.35), (0.07, 2.3, 1.05), (0.06, 4.4, 0.85)];
@@ -96,21 +123,21 @@ fn plant(stage: &mut Stage) {
     for (index, (offset, turn, height)) in (0_i32..).zip(stems) {
         let tilt = Quat::from_rotation_y(turn) * Quat::from_rotation_z(-1.6 * offset);
         wood.push(cylinder(0.011, height, 10).turned(tilt).at(0.0, 0.32, 0.0));
-        let n_leaves = (height * 15.0) as i32;
+        let n_leaves = (height * 17.0) as i32;
         for i in 0..n_leaves {
             let chance = |seed: u32| random(i, index, seed);
             let along = 0.3 + 0.7 * (i as f32 + 0.5) / n_leaves as f32;
-            let rise = 0.15 + 0.9 * along * along + 0.2 * chance(1);
-            let blade = leaf(0.24 + 0.10 * chance(2) - 0.08 * along, 0.125 - 0.03 * along, 1.1 + 0.5 * chance(3));
+            let rise = 0.35 + 0.8 * along * along + 0.25 * chance(1);
+            let blade = leaf(0.28 + 0.08 * chance(2) - 0.08 * along, 0.155 - 0.04 * along, 0.8 + 0.5 * chance(3));
             let around = Quat::from_rotation_y(2.4 * i as f32 + 0.5 * chance(4)) * Quat::from_rotation_z(rise);
             let foot = tilt * vec3(0.0, along * height, 0.0);
             leaves.push(blade.turned(around).at(foot.x, foot.y + 0.32, foot.z));
         }
     }
-    let green = Material { sides: Sides::Both, ..Material::plain("leaf", vec3(0.045, 0.13, 0.035), 0.32) };
+    let green = Material { sides: Sides::Both, ..Material::plain("leaf", vec3(0.055, 0.16, 0.045), 0.32) };
     let green = stage.document.material(green);
     let bark = stage.document.material(Material::plain("bark", vec3(0.16, 0.11, 0.07), 0.8));
     let parts = [(pot, stage.materials.stone), (Mesh::join(wood), bark), (Mesh::join(leaves), green)];
     let mesh = stage.document.mesh("plant", &parts);
-    stage.place("plant", mesh, vec3(-2.45, 0.0, 1.0), Quat::IDENTITY);
+    stage.place("plant", mesh, vec3(-2.4, 0.0, 0.45), Quat::IDENTITY);
 }

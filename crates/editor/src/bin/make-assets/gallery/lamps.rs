@@ -100,8 +100,9 @@ fn track(stage: &mut Stage) {
         let rotation = facing(target - place);
         let back = rotation * vec3(0.0, 0.0, 0.1);
         stage.place(&format!("spot {i} stem"), stem, place + back, Quat::IDENTITY);
-        let color = tint(3500.0) / tint(3500.0).max_element();
-        let spot = Spot { color, candela: 2600.0, inner_rad: 0.16, outer_rad: 0.40 };
+        // glTF wants colors of at most 1: the strongest channel goes into the intensity.
+        let (warm, strongest) = (tint(3500.0), tint(3500.0).max_element());
+        let spot = Spot { color: warm / strongest, candela: 3000.0 * strongest, inner_rad: 0.16, outer_rad: 0.40 };
         let (mesh, spot) = (Some(can), Some(spot));
         let name = format!("spot {i}");
         stage.document.node(Node { name, translation: place, rotation, mesh, spot, ..Node::default() });
@@ -155,7 +156,7 @@ fn floor_lamp(stage: &mut Stage) {
     let m = &stage.materials;
     let parts = [(shade, linen), (Mesh::join([foot, pole]), m.brass), (lids, m.white)];
     let mesh = stage.document.mesh("floor lamp", &parts);
-    stage.place("floor lamp", mesh, vec3(2.5, 0.0, -3.95), Quat::IDENTITY);
+    stage.place("floor lamp", mesh, vec3(2.5, 0.0, -4.05), Quat::IDENTITY);
 }
 
 /// A mushroom of opal glass on the reading table.

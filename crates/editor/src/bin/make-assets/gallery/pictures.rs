@@ -54,11 +54,8 @@ fn hang(stage: &mut Stage, name: &str, image: EncodedImage, framing: &Framing, p
     let canvas = Material { texture: Some(texture), ..Material::plain(title, Vec3::ONE, 0.65) };
     let canvas = stage.document.material(canvas);
     let (half_x, half_y) = (framing.size_m.0 / 2.0, framing.size_m.1 / 2.0);
-    let image = picture(
-        vec3(-half_x, -half_y, DEPTH_M - 0.008),
-        vec3(2.0 * half_x, 0.0, 0.0),
-        vec3(0.0, 2.0 * half_y, 0.0),
-    );
+    let image =
+        picture(vec3(-half_x, -half_y, DEPTH_M - 0.008), vec3(2.0 * half_x, 0.0, 0.0), vec3(0.0, 2.0 * half_y, 0.0));
     let (x, y) = (half_x + framing.margin_m, half_y + framing.margin_m);
     let bar = |low: (f32, f32), high: (f32, f32)| block(vec3(low.0, low.1, 0.0), vec3(high.0, high.1, DEPTH_M));
     let frame = Mesh::join([

@@ -105,9 +105,8 @@ fn mullions(stage: &mut Stage) {
 
 fn door(stage: &mut Stage) {
     let wall = LOW.z;
-    let rail = |x: (f32, f32), y: (f32, f32), depth: f32| {
-        block(vec3(x.0, y.0, wall - 0.01), vec3(x.1, y.1, wall + depth))
-    };
+    let rail =
+        |x: (f32, f32), y: (f32, f32), depth: f32| block(vec3(x.0, y.0, wall - 0.01), vec3(x.1, y.1, wall + depth));
     let frame = Mesh::join([
         rail((-2.74, -2.66), (0.0, 2.18), 0.06),
         rail((-1.76, -1.68), (0.0, 2.18), 0.06),
