@@ -192,7 +192,8 @@ fn relight_group(
         }
 
         let [x, _, width, height] = partition.rect(block_idx);
-        let place = Place { x: x as usize, width: width as usize, height: height as usize, stride: frame.width as usize };
+        let place =
+            Place { x: x as usize, width: width as usize, height: height as usize, stride: frame.width as usize };
         let n_bytes = expand_block(kernel, factors, &z_new, &input.planes, place, &mut row.radiance);
         stats.n_bytes += n_bytes;
         if n_bytes > 0 {

@@ -99,7 +99,11 @@ impl Frame {
                 return fail(format!("group {group} has {} rows per pixel instead of 3", low_rank.bundle_len));
             }
             if low_rank.blocks.len() != own.n_blocks() {
-                return fail(format!("group {group} has {} blocks for {} tiles", low_rank.blocks.len(), own.n_blocks()));
+                return fail(format!(
+                    "group {group} has {} blocks for {} tiles",
+                    low_rank.blocks.len(),
+                    own.n_blocks()
+                ));
             }
         }
         Ok(())
@@ -108,7 +112,8 @@ impl Frame {
     fn check_block(&self, group: usize, block: usize) -> Result<(), RelightError> {
         let Some(factors) = self.block(group, block) else { return Ok(()) };
         let [_, _, w, h] = self.groups[group].partition.rect(block);
-        let (rows, cols, rank) = (3 * w as usize * h as usize, self.groups[group].n_cols as usize, factors.rank as usize);
+        let (rows, cols, rank) =
+            (3 * w as usize * h as usize, self.groups[group].n_cols as usize, factors.rank as usize);
         let fits = [
             ("rows", factors.n_rows as usize, rows),
             ("columns", factors.n_cols as usize, cols),

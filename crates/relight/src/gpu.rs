@@ -112,7 +112,8 @@ impl Gpu {
 }
 
 fn computes(adapter: &wgpu::Adapter) -> bool {
-    adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS)
+    let needed = wgpu::DownlevelFlags::COMPUTE_SHADERS | wgpu::DownlevelFlags::SHADER_F16_IN_F32;
+    adapter.get_downlevel_capabilities().flags.contains(needed)
         && adapter.limits().max_storage_buffers_per_shader_stage >= 7
 }
 

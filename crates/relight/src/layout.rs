@@ -83,10 +83,15 @@ mod tests {
     fn every_shader_is_valid_and_has_its_entry_point() {
         use naga::valid::{Capabilities, ValidationFlags, Validator};
         for (name, source) in SHADERS {
-            let module = naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(source)));
-            let info = Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32).validate(&module);
+            let module =
+                naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(source)));
+            let info =
+                Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32).validate(&module);
             info.unwrap_or_else(|e| panic!("{name}: {e:?}"));
-            assert!(module.entry_points.iter().any(|e| e.name == name && e.stage == naga::ShaderStage::Compute), "{name}");
+            assert!(
+                module.entry_points.iter().any(|e| e.name == name && e.stage == naga::ShaderStage::Compute),
+                "{name}"
+            );
         }
     }
 

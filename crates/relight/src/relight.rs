@@ -104,7 +104,8 @@ pub trait Relight {
     /// Takes over the blocks `changed` (group, block) of `frame`; everything, where the shape of the frame is new.
     ///
     /// # Errors
-    /// [`RelightError::Frame`] or [`RelightError::Block`] for factors that do not fit; the previous frame stays.
+    /// [`RelightError::Frame`] or [`RelightError::Block`] for factors that do not fit; the previous frame stays. After an
+    /// error of the device, make a new relighter.
     fn update(&mut self, frame: &Frame, changed: &[(usize, usize)]) -> Result<(), RelightError>;
 
     /// Fills `out` with the picture under `coefficients`: one slice per group, one RGB triple per column.

@@ -46,7 +46,8 @@ impl Recipe {
     pub fn frame(&self) -> Frame {
         let partition = Partition { width: self.width, height: self.height, tile: self.tile };
         let group = |(group, &n_cols): (usize, &u32)| {
-            let blocks = (0..partition.n_blocks()).into_par_iter().map(|block| self.block(&partition, group, block, n_cols));
+            let blocks =
+                (0..partition.n_blocks()).into_par_iter().map(|block| self.block(&partition, group, block, n_cols));
             BlockLowRank { partition: partition.clone(), bundle_len: 3, n_cols, blocks: blocks.collect() }
         };
         Frame { width: self.width, height: self.height, groups: self.n_cols.iter().enumerate().map(group).collect() }
@@ -73,7 +74,11 @@ impl Recipe {
         let scale = (0..rank).map(|_| 2f32.powi(random.below(7) as i32 - 3)).collect();
         let n_sparse = random.below(self.n_sparse + 1);
         let mut sparse: Vec<_> = (0..n_sparse)
-            .map(|_| SparseEntry { row: random.below(n_rows), col: random.below(n_cols), value: 50.0 * random.signed() })
+            .map(|_| SparseEntry {
+                row: random.below(n_rows),
+                col: random.below(n_cols),
+                value: 50.0 * random.signed(),
+            })
             .collect();
         sparse.sort_by_key(|entry| (entry.row, entry.col));
         sparse.dedup_by_key(|entry| (entry.row, entry.col));

@@ -1,7 +1,7 @@
 //! The two inner products, plain and for AVX2 with F16C.
 //!
-//! Left and right factors are read once per picture, so the work is converting f16 at the speed of memory. Loads take
-//! whole lanes and may run into the next row of the matrix: the other operand is zero there.
+//! Left and right factors are read once per picture, so the work is converting f16 at the speed of memory. Loads of left
+//! factors take whole lanes and may run into the next row of the matrix: `z` is zero there.
 #![cfg_attr(
     target_arch = "x86_64",
     expect(unsafe_code, reason = "f16 conversion and FMA behind run-time detection; `plain` is the safe twin")
@@ -31,13 +31,24 @@ impl Kernel {
         Self::Plain
     }
 
-    /// Sum over columns of `right[col] · x[channel][col]`, per channel. `right` starts at the row and may go on after it.
-    pub(super) fn project(self, right: &[f16], n_cols: usize, planes: &Planes) -> [f32; 3] {
-        match self {
-            Self::Plain => plain::project(right, n_cols, planes),
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: this variant exists only where `detect` found the three features.
-            Self::Avx2 => unsafe { avx2::project(right, n_cols, planes) },
+    /// Sum over columns of `right[component][col] · x[channel][col]`, per component and channel. `right` is row-major,
+    /// components × `n_cols`; without columns there is nothing to put.
+    pub(super) fn project(self, right: &[f16], n_cols: usize, planes: &Planes, mut put: impl FnMut(usize, [f32; 3])) {
+        let mut n_done = 0;
+        if n_cols == 0 {
+            return;
+        }
+        #[cfg(target_arch = "x86_64")]
+        if self == Self::Avx2 {
+            for (i, rows) in right.chunks_exact(4 * n_cols).enumerate() {
+                // SAFETY: this variant exists only where `detect` found the three features.
+                let sums = unsafe { avx2::project(rows, n_cols, planes) };
+                (4 * i..).zip(sums).for_each(|(component, sums)| put(component, sums));
+                n_done = 4 * (i + 1);
+            }
+        }
+        for (component, row) in right.chunks_exact(n_cols).enumerate().skip(n_done) {
+            put(component, plain::project(row, planes));
         }
     }
 
@@ -57,10 +68,10 @@ impl Kernel {
 mod plain {
     use super::*;
 
-    pub(super) fn project(right: &[f16], n_cols: usize, planes: &Planes) -> [f32; 3] {
+    pub(super) fn project(row: &[f16], planes: &Planes) -> [f32; 3] {
         let mut sums = [[0.0; LANES]; 3];
         for &col in &planes.active {
-            add_lanes(&right[col..n_cols.min(col + LANES)], col, planes, &mut sums);
+            add_lanes(&row[col..row.len().min(col + LANES)], col, planes, &mut sums);
         }
         sums.map(|lanes| lanes.iter().sum())
     }
@@ -105,26 +116,27 @@ mod avx2 {
 
     use super::*;
 
+    /// Four components at a time, so that a coefficient is loaded once for all of them.
     #[target_feature(enable = "avx2,fma,f16c")]
-    pub(super) fn project(right: &[f16], n_cols: usize, planes: &Planes) -> [f32; 3] {
-        let mut sums = [_mm256_setzero_ps(); 3];
+    pub(super) fn project(right: &[f16], n_cols: usize, planes: &Planes) -> [[f32; 3]; 4] {
+        let rows: [&[f16]; 4] = std::array::from_fn(|component| &right[component * n_cols..][..n_cols]);
+        let x: [&[f32]; 3] = std::array::from_fn(|channel| &planes.x[channel * planes.stride..][..planes.stride]);
+        let mut sums = [[_mm256_setzero_ps(); 4]; 3];
         for &col in &planes.active {
-            let row = if col + LANES <= right.len() {
-                load_f16(&right[col..col + LANES])
-            } else {
-                // The last columns of the last row: nothing may be read behind them.
-                let mut padded = [f16::ZERO; LANES];
-                padded[..n_cols - col].copy_from_slice(&right[col..n_cols]);
-                load_f16(&padded)
-            };
-            for (channel, sum) in sums.iter_mut().enumerate() {
-                *sum = _mm256_fmadd_ps(row, load(&planes.x[channel * planes.stride + col..][..LANES]), *sum);
+            let x = x.map(|x| load(&x[col..col + LANES]));
+            for component in 0..4 {
+                let lanes = match rows[component].get(col..col + LANES) {
+                    Some(lanes) => load_f16(lanes),
+                    None => load_f16_padded(&rows[component][col..]),
+                };
+                for channel in 0..3 {
+                    sums[channel][component] = _mm256_fmadd_ps(lanes, x[channel], sums[channel][component]);
+                }
             }
         }
-        let zero = _mm256_setzero_ps();
-        let mut out = [0.0; 4];
-        store(&mut out, sum_rows([sums[0], sums[1], sums[2], zero]));
-        [out[0], out[1], out[2]]
+        let mut out = [[0.0; 4]; 3];
+        (0..3).for_each(|channel| store(&mut out[channel], sum_rows(sums[channel])));
+        std::array::from_fn(|component| out.map(|channel| channel[component]))
     }
 
     /// Does four pixels at a time, as long as whole lanes lie within `left`; returns how many pixels are done.
@@ -154,12 +166,20 @@ mod avx2 {
     #[target_feature(enable = "avx2,fma,f16c")]
     fn dots<const QUARTER: usize>(rows: &[f16], rank: usize, z: &[f32]) -> [__m256; 4] {
         let stride = z.len() / 3;
+        assert!(
+            stride.is_multiple_of(LANES) && rows.len() >= (4 * QUARTER + 3) * rank + stride,
+            "lanes lie in the rows"
+        );
         let mut sums = [_mm256_setzero_ps(); 4];
         for k in (0..stride).step_by(LANES) {
             for (j, sum) in sums.iter_mut().enumerate() {
                 let row = 4 * QUARTER + j;
-                let left = load_f16(&rows[row * rank + k..][..LANES]);
-                *sum = _mm256_fmadd_ps(left, load(&z[row % 3 * stride + k..][..LANES]), *sum);
+                // SAFETY: k + 8 ≤ stride and row ≤ 4 · QUARTER + 3, so the assertion keeps both ranges inside.
+                let (left, z) = unsafe {
+                    let left = rows.get_unchecked(row * rank + k..row * rank + k + LANES);
+                    (left, z.get_unchecked(row % 3 * stride + k..row % 3 * stride + k + LANES))
+                };
+                *sum = _mm256_fmadd_ps(load_f16(left), load(z), *sum);
             }
         }
         sums
@@ -179,6 +199,15 @@ mod avx2 {
         assert!(from.len() == LANES, "eight halves, not {}", from.len());
         // SAFETY: `from` holds 8 × 2 bytes, the load takes 16 and needs no alignment.
         _mm256_cvtph_ps(unsafe { _mm_loadu_si128(from.as_ptr().cast()) })
+    }
+
+    /// The last columns of a row: nothing is read behind them.
+    #[inline]
+    #[target_feature(enable = "avx2,fma,f16c")]
+    fn load_f16_padded(from: &[f16]) -> __m256 {
+        let mut padded = [f16::ZERO; LANES];
+        padded[..from.len()].copy_from_slice(from);
+        load_f16(&padded)
     }
 
     #[inline]

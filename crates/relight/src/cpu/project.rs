@@ -44,12 +44,10 @@ pub(super) fn project_block(kernel: Kernel, factors: Option<&BlockFactors>, plan
     let rank = factors.rank as usize;
     let stride = rank.next_multiple_of(LANES);
     z.resize(3 * stride, 0.0);
-    for component in 0..rank {
-        let first = component * factors.n_cols as usize;
-        let sums = kernel.project(&factors.right[first..], factors.n_cols as usize, planes);
+    kernel.project(&factors.right, factors.n_cols as usize, planes, |component, sums| {
         for channel in 0..3 {
             z[channel * stride + component] = factors.scale[component] * sums[channel];
         }
-    }
+    });
     (rank * planes.active.len() * LANES.min(factors.n_cols as usize) * 2) as u64
 }

@@ -103,7 +103,8 @@ impl Chunk {
 impl Bindings {
     fn new(gpu: &Gpu, stages: &Stages, packed: &Packed) -> Self {
         let blocks = filled(gpu, "blocks", &packed.blocks);
-        let [left, right] = [("left", &packed.left), ("right", &packed.right)].map(|(name, words)| filled(gpu, name, words));
+        let [left, right] =
+            [("left", &packed.left), ("right", &packed.right)].map(|(name, words)| filled(gpu, name, words));
         let scale = filled(gpu, "scale", &packed.scale);
         let z = storage(gpu, "z", 16 * packed.scale.len() as u64, wgpu::BufferUsages::empty());
         let starts = filled(gpu, "sparse_starts", &packed.sparse_starts);

@@ -125,7 +125,8 @@ fn pack_left(factors: &BlockFactors, n_pixels: usize, words: &mut [u32]) {
 
 fn pack_right(factors: &BlockFactors, words: &mut [u32]) {
     let n_cols = factors.n_cols as usize;
-    let rows = words.chunks_exact_mut(n_cols.div_ceil(2)).zip(factors.right.chunks_exact(n_cols));
+    // A group without columns has no words; the length of a run may still not be 0.
+    let rows = words.chunks_exact_mut(n_cols.div_ceil(2).max(1)).zip(factors.right.chunks_exact(n_cols.max(1)));
     for (words, row) in rows {
         for (word, pair) in words.iter_mut().zip(row.chunks(2)) {
             *word = word_of(pair[0], pair.get(1));

@@ -96,14 +96,7 @@ impl GpuRelighter {
         display: &DisplayParams,
     ) -> Result<&wgpu::TextureView, RelightError> {
         check_coefficients(&self.frame, coefficients)?;
-        let gpu = self.gpu.clone();
-        gpu.guarded(|| {
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            self.record(&mut encoder, coefficients);
-            self.record_display(&mut encoder, display);
-            gpu.queue.submit([encoder.finish()]);
-            Ok(())
-        })?;
+        self.submit(coefficients, Some(display))?;
         Ok(&self.output.view)
     }
 
@@ -125,6 +118,25 @@ impl GpuRelighter {
             encoder.copy_texture_to_buffer(self.output.texture.as_image_copy(), target, self.output.texture.size());
         })?;
         Ok(bytes.chunks_exact(stride as usize).flat_map(|row| &row[..4 * width as usize]).copied().collect())
+    }
+
+    /// Submits all stages that are due, and display where asked for; after a failure everything is due again.
+    fn submit(&mut self, coefficients: &[Vec<[f32; 3]>], display: Option<&DisplayParams>) -> Result<(), RelightError> {
+        let gpu = self.gpu.clone();
+        let result = gpu.guarded(|| {
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            self.record(&mut encoder, coefficients);
+            if let Some(display) = display {
+                self.record_display(&mut encoder, display);
+            }
+            gpu.queue.submit([encoder.finish()]);
+            Ok(())
+        });
+        if result.is_err() {
+            self.state = OutputState::Stale;
+            self.groups.iter_mut().for_each(|group| group.projected = None);
+        }
+        result
     }
 
     /// Records project and expand where the coefficients, or blocks, are others than those shown.
@@ -242,13 +254,7 @@ impl Relight for GpuRelighter {
 
     fn relight(&mut self, coefficients: &[Vec<[f32; 3]>], out: &mut Radiance) -> Result<(), RelightError> {
         check_coefficients(&self.frame, coefficients)?;
-        let gpu = self.gpu.clone();
-        gpu.guarded(|| {
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            self.record(&mut encoder, coefficients);
-            gpu.queue.submit([encoder.finish()]);
-            Ok(())
-        })?;
+        self.submit(coefficients, None)?;
         out.resize(self.frame.width, self.frame.height);
         let n_bytes = 16 * out.pixels.len() as u64;
         let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
@@ -354,7 +360,11 @@ fn check_size(gpu: &Gpu, frame: &Frame) -> Result<(), RelightError> {
     let limits = gpu.device.limits();
     let (side, most) = (frame.width.max(frame.height), limits.max_texture_dimension_2d);
     if side > most {
-        return Err(RelightError::TooLarge { what: "the longer side of the frame", size: side.into(), limit: most.into() });
+        return Err(RelightError::TooLarge {
+            what: "the longer side of the frame",
+            size: side.into(),
+            limit: most.into(),
+        });
     }
     let (size, limit) = (radiance_bytes(frame), limits.max_storage_buffer_binding_size.min(limits.max_buffer_size));
     if size > limit {

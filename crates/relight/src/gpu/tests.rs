@@ -38,6 +38,7 @@ fn gpu_and_cpu_agree_on_every_shape() {
         Recipe::default(),
         Recipe { width: 1, height: 1, tile: 16, n_cols: vec![1], rank: Ranks::Fixed(1), ..Recipe::default() },
         Recipe { tile: 16, n_cols: vec![129, 1, 7], n_sparse: 40, seed: 5, ..Recipe::default() },
+        Recipe { n_cols: vec![5, 0], rank: Ranks::Fixed(3), n_sparse: 0, seed: 3, ..Recipe::default() },
         Recipe { n_cols: vec![6], rank: Ranks::Fixed(0), seed: 6, ..Recipe::default() },
         Recipe { width: 200, height: 90, n_cols: vec![33], rank: Ranks::Mixed(9), seed: 7, ..Recipe::default() },
     ];
