@@ -116,7 +116,7 @@ fn wall_washer(stage: &mut Stage) {
     let face = picture(vec3(-half, 0.0, -0.02), vec3(2.0 * half, 0.0, 0.0), vec3(0.0, 0.0, 0.04));
     let housing = block(vec3(-half - 0.02, 0.004, -0.028), vec3(half + 0.02, 0.05, 0.028));
     let arm = |x: f32| block(vec3(x - 0.01, 0.02, -0.38), vec3(x + 0.01, 0.04, 0.0));
-    let tilt = Quat::from_rotation_x(-0.5);
+    let tilt = Quat::from_rotation_x(0.5);
     let metal = Mesh::join([housing.turned(tilt), arm(-half * 0.8), arm(half * 0.8)]);
     let mesh = stage.document.mesh("wall washer", &[(face.turned(tilt), light), (metal, stage.materials.black)]);
     stage.place("wall washer", mesh, vec3(LARGE.x, 3.05, LOW.z + 0.36), Quat::IDENTITY);
