@@ -1,0 +1,132 @@
+//! Requests that are not edits of the look: pushed while the window is drawn, applied before the next frame.
+
+use std::path::PathBuf;
+
+use crate::picture::DeviceWish;
+
+/// What a person asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// Ask for a file, in the desktop's dialog and in a path field.
+    Ask(FileTask),
+    /// Open a scene or a finished bake.
+    Open(PathBuf),
+    /// Open the scene that is part of the program.
+    OpenBuiltIn,
+    /// Take over a look.
+    OpenLook(PathBuf),
+    /// Save the look.
+    SaveLook(PathBuf),
+    /// Save the look where it was saved last, else ask.
+    SaveLookAgain,
+    /// Write the picture that is seen.
+    ExportImage(PathBuf),
+    /// Keep the bake for `clerestory relight`.
+    SaveBake(PathBuf),
+    /// Bake with the settings of the bake panel.
+    StartBake,
+    /// Stop the bake and keep what was done.
+    CancelBake,
+    /// Turn an emissive rectangle into a panel of texels and bake again.
+    ChoosePanel {
+        /// Key of the light.
+        node: String,
+        /// Texels along each side.
+        resolution: u32,
+    },
+    /// Take back the last edit.
+    Undo,
+    /// Do again what was taken back.
+    Redo,
+    /// Everything as the scene has it.
+    ResetLook,
+    /// Relight on another device.
+    UseDevice(DeviceWish),
+    /// Show the whole picture.
+    FitPicture,
+    /// Show or hide the list of keyboard shortcuts.
+    ToggleShortcuts,
+    /// Close the window, whatever was not saved.
+    Quit,
+}
+
+/// What a file is wanted for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileTask {
+    /// A scene or a bake to open.
+    OpenScene,
+    /// A look to open.
+    OpenLook,
+    /// A place for the look.
+    SaveLook,
+    /// A place for the picture.
+    Export,
+    /// A place for the bake.
+    SaveBake,
+}
+
+impl FileTask {
+    /// Title of its dialog.
+    pub fn title(self) -> &'static str {
+        match self {
+            FileTask::OpenScene => "Open a scene",
+            FileTask::OpenLook => "Open a look",
+            FileTask::SaveLook => "Save the look",
+            FileTask::Export => "Export the picture",
+            FileTask::SaveBake => "Save the bake",
+        }
+    }
+
+    /// What the files are, for people, and their endings; the first one is added where a name has none.
+    pub fn extensions(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            FileTask::OpenScene => ("glTF scenes and bakes", &["glb", "gltf", "transport"]),
+            FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
+            FileTask::Export => ("Pictures", &["png", "exr"]),
+            FileTask::SaveBake => ("Bakes", &["transport"]),
+        }
+    }
+
+    /// Whether a file is written.
+    pub fn writes(self) -> bool {
+        matches!(self, FileTask::SaveLook | FileTask::Export | FileTask::SaveBake)
+    }
+
+    /// What happens once a file is chosen.
+    pub fn action(self, mut path: PathBuf) -> Action {
+        if self.writes() && path.extension().is_none() {
+            path.set_extension(self.extensions().1[0]);
+        }
+        match self {
+            FileTask::OpenScene => Action::Open(path),
+            FileTask::OpenLook => Action::OpenLook(path),
+            FileTask::SaveLook => Action::SaveLook(path),
+            FileTask::Export => Action::ExportImage(path),
+            FileTask::SaveBake => Action::SaveBake(path),
+        }
+    }
+}
+
+/// What to do with a file that was dropped on the window: looks are taken over, everything else is opened.
+pub fn dropped(path: PathBuf) -> Action {
+    let is_look = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("look"));
+    if is_look { Action::OpenLook(path) } else { Action::Open(path) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_without_an_ending_gets_one_and_others_keep_theirs() {
+        assert_eq!(FileTask::Export.action("a".into()), Action::ExportImage("a.png".into()));
+        assert_eq!(FileTask::Export.action("a.exr".into()), Action::ExportImage("a.exr".into()));
+        assert_eq!(FileTask::OpenScene.action("a".into()), Action::Open("a".into()));
+    }
+
+    #[test]
+    fn dropped_looks_are_taken_over_and_scenes_opened() {
+        assert_eq!(dropped("warm.LOOK".into()), Action::OpenLook("warm.LOOK".into()));
+        assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
+    }
+}

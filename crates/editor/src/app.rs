@@ -1,0 +1,523 @@
+//! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
+
+mod follow;
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Result, anyhow};
+use clerestory_transport::bake::{BakeConfig, Passes};
+use clerestory_transport::camera::Film;
+use eframe::egui::{self, Context, Panel, ThemePreference, Ui, ViewportCommand, util::undoer::Undoer};
+use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
+use eframe::{CreationContext, Storage, wgpu};
+
+use crate::action::{Action, FileTask, dropped};
+use crate::look::Look;
+use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
+use crate::panels::dialogs::{FileQuestion, UnsavedAnswer, unsaved_ui};
+use crate::panels::display::display_ui;
+use crate::panels::lights::{LightsState, lights_ui};
+use crate::panels::shortcuts::{shortcuts_ui, take_keys};
+use crate::panels::status::{MessageTone, Status, status_ui};
+use crate::panels::toolbar::{ToolbarState, toolbar_ui};
+use crate::session::{BakeSettings, Notice, Session, Source};
+use crate::theme;
+use crate::viewport::{ViewState, Viewed, viewport_ui};
+use follow::Follower;
+
+/// Width of a picture that is baked without being asked for.
+const DEFAULT_WIDTH_PX: u32 = 640;
+/// Cores from which the standard quality is what a bake starts with.
+const MANY_CORES: usize = 8;
+/// Recent files that are remembered.
+const MAX_RECENT: usize = 8;
+const RECENT_KEY: &str = "recent";
+
+/// How the window starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// What is opened.
+    pub source: Source,
+    /// How scenes are baked; by default one that suits the machine.
+    pub settings: Option<BakeSettings>,
+}
+
+/// The window.
+pub struct App {
+    session: Session,
+    look: Look,
+    saved_look: Look,
+    look_path: Option<PathBuf>,
+    undoer: Undoer<Look>,
+    settings: BakeSettings,
+    fixed_settings: Option<BakeSettings>,
+    lights: LightsState,
+    view: ViewState,
+    follower: Follower,
+    actions: Vec<Action>,
+    question: Option<FileQuestion>,
+    unsaved: Option<Action>,
+    /// What waits until the look is saved.
+    after_saving: Option<Action>,
+    shortcuts: bool,
+    message: (String, MessageTone),
+    recent: Vec<PathBuf>,
+    title: String,
+}
+
+/// Opens the window and stays until it is closed.
+///
+/// # Errors
+/// If there is no display or no graphics driver.
+pub fn run(open: Option<PathBuf>) -> Result<()> {
+    let source = open.map_or(Source::BuiltIn, Source::File);
+    let mut options = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_title("Clerestory")
+            .with_app_id("clerestory")
+            .with_inner_size([1440.0, 900.0])
+            .with_min_inner_size([900.0, 600.0])
+            .with_drag_and_drop(true),
+        renderer: eframe::Renderer::Wgpu,
+        ..Default::default()
+    };
+    options.wgpu_options.wgpu_setup = WgpuSetup::CreateNew(WgpuSetupCreateNew {
+        device_descriptor: Arc::new(device_descriptor),
+        ..WgpuSetupCreateNew::without_display_handle()
+    });
+    let start = Start { source, settings: None };
+    let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
+    result.map_err(|error| anyhow!("{error}"))
+}
+
+/// Everything that the adapter can do: factors of a large bake exceed the default limits.
+fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
+    wgpu::DeviceDescriptor { label: Some("clerestory"), required_limits: adapter.limits(), ..Default::default() }
+}
+
+impl App {
+    /// Makes the window's content and starts to open `start.source`.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn new(cc: &CreationContext<'_>, start: Start) -> Result<App> {
+        theme::apply(&cc.egui_ctx);
+        if cc.storage.is_none_or(|storage| storage.get_string(RECENT_KEY).is_none()) {
+            cc.egui_ctx.set_theme(ThemePreference::Dark);
+        }
+        let recent = cc.storage.and_then(|storage| eframe::get_value(storage, RECENT_KEY)).unwrap_or_default();
+        let ctx = cc.egui_ctx.clone();
+        let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
+        let mut session = Session::new(wake.clone());
+        session.open(start.source);
+        Ok(App {
+            session,
+            look: Look::default(),
+            saved_look: Look::default(),
+            look_path: None,
+            undoer: Undoer::default(),
+            settings: start.settings.clone().unwrap_or_else(default_settings),
+            fixed_settings: start.settings,
+            lights: LightsState::default(),
+            view: ViewState::default(),
+            follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
+            actions: Vec::new(),
+            question: None,
+            unsaved: None,
+            after_saving: None,
+            shortcuts: false,
+            message: (String::new(), MessageTone::Calm),
+            recent,
+            title: String::new(),
+        })
+    }
+
+    /// The look as it is now.
+    pub fn look(&self) -> &Look {
+        &self.look
+    }
+
+    /// What is open and what runs.
+    pub fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// How the bake panel is set.
+    pub fn settings(&self) -> &BakeSettings {
+        &self.settings
+    }
+
+    /// Number of pictures that were made since the window opened.
+    pub fn n_pictures(&self) -> u64 {
+        self.follower.n_pictures()
+    }
+
+    /// Exposure of the picture that is shown, EV.
+    pub fn shown_ev(&self) -> f32 {
+        self.follower.shown_ev()
+    }
+
+    fn is_unsaved(&self) -> bool {
+        self.look != self.saved_look
+    }
+
+    fn say(&mut self, words: impl Into<String>) {
+        self.message = (words.into(), MessageTone::Calm);
+    }
+
+    fn complain(&mut self, words: impl Into<String>) {
+        self.message = (words.into(), MessageTone::Problem);
+    }
+
+    fn notice(&mut self, notice: Notice) {
+        match notice {
+            Notice::Opened => self.scene_opened(),
+            Notice::PanelsChanged => self.start_bake(),
+            Notice::Said(words) => self.say(words),
+            Notice::Failed(words) => self.complain(words),
+        }
+    }
+
+    fn scene_opened(&mut self) {
+        (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+        self.undoer = Undoer::default();
+        self.lights = LightsState::default();
+        self.view.fit();
+        self.follower.forget();
+        self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
+        if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
+            self.settings.camera_idx = 0;
+            self.settings.film = Film::of_width(DEFAULT_WIDTH_PX, camera);
+        }
+        self.start_bake();
+    }
+
+    fn start_bake(&mut self) {
+        self.session.start_bake(&self.settings, Passes::Progressive);
+    }
+
+    fn apply(&mut self, ctx: &Context, action: Action) {
+        match action {
+            Action::Ask(task) => self.ask(task),
+            Action::Open(path) => self.unless_unsaved(Action::Open(path.clone()), |app| app.open(path)),
+            Action::OpenBuiltIn => self.unless_unsaved(Action::OpenBuiltIn, |app| app.session.open(Source::BuiltIn)),
+            Action::OpenLook(path) => self.open_look(path),
+            Action::SaveLook(path) => self.save_look(path),
+            Action::SaveLookAgain => self.save_look_again(),
+            Action::ExportImage(path) => self.export(path),
+            Action::SaveBake(path) => self.session.save_bake(path),
+            Action::StartBake => self.start_bake(),
+            Action::CancelBake => self.session.cancel_bake(),
+            Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
+            Action::Undo => self.undo(),
+            Action::Redo => self.redo(),
+            Action::ResetLook => self.look = Look::default(),
+            Action::UseDevice(wish) => self.follower.use_device(wish),
+            Action::FitPicture => self.view.fit(),
+            Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
+            Action::Quit => self.quit(ctx),
+        }
+    }
+
+    /// Does something that loses the look, or asks first.
+    fn unless_unsaved(&mut self, again: Action, job: impl FnOnce(&mut App)) {
+        if self.is_unsaved() {
+            self.unsaved = Some(again);
+        } else {
+            job(self);
+        }
+    }
+
+    fn quit(&mut self, ctx: &Context) {
+        self.saved_look = self.look.clone();
+        ctx.send_viewport_cmd(ViewportCommand::Close);
+    }
+
+    fn ask(&mut self, task: FileTask) {
+        let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());
+        let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+        let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
+        let suggestion = match task {
+            FileTask::OpenScene | FileTask::OpenLook => String::new(),
+            FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
+            FileTask::Export => format!("{stem}.png"),
+            FileTask::SaveBake => format!("{stem}.transport"),
+        };
+        self.question = Some(FileQuestion::new(task, &suggestion));
+    }
+
+    fn open(&mut self, path: PathBuf) {
+        let absolute = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+        self.recent.retain(|other| *other != absolute);
+        self.recent.insert(0, absolute);
+        self.recent.truncate(MAX_RECENT);
+        self.session.open(Source::File(path));
+    }
+
+    fn open_look(&mut self, path: PathBuf) {
+        match Look::load(&path) {
+            Ok((look, mut warnings)) => {
+                let unknown = self.session.basis().map_or(Vec::new(), |basis| basis.unknown_keys(&look.lights));
+                warnings.extend(unknown.iter().map(|key| format!("no light is called `{key}`")));
+                self.look = look.clone();
+                (self.saved_look, self.look_path) = (look, Some(path.clone()));
+                match warnings.as_slice() {
+                    [] => self.say(format!("Opened {}", path.display())),
+                    some => self.complain(format!("{}: {}", path.display(), some.join(", "))),
+                }
+            }
+            Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
+    fn save_look(&mut self, path: PathBuf) {
+        match self.look.save(&path) {
+            Ok(()) => {
+                self.say(format!("Saved {}", path.display()));
+                (self.saved_look, self.look_path) = (self.look.clone(), Some(path));
+                self.actions.extend(self.after_saving.take());
+            }
+            Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
+    fn save_look_again(&mut self) {
+        match self.look_path.clone() {
+            Some(path) => self.save_look(path),
+            None => self.ask(FileTask::SaveLook),
+        }
+    }
+
+    /// What is seen is what is written, a solo included.
+    fn export(&mut self, path: PathBuf) {
+        let mut seen = self.look.clone();
+        if let Some(basis) = self.session.basis() {
+            seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
+        }
+        self.say(format!("Writing {}", path.display()));
+        self.session.export(seen, path);
+    }
+
+    fn undo(&mut self) {
+        if let Some(look) = self.undoer.undo(&self.look).cloned() {
+            self.look = look;
+        }
+    }
+
+    fn redo(&mut self) {
+        if let Some(look) = self.undoer.redo(&self.look).cloned() {
+            self.look = look;
+        }
+    }
+
+    /// One drag is one step: while a button is down nothing is fed, when it comes up the state is kept at once.
+    fn feed_undoer(&mut self, ctx: &Context) {
+        let (now, is_down, came_up) =
+            ctx.input(|input| (input.time, input.pointer.any_down(), input.pointer.any_released()));
+        if is_down {
+            return;
+        }
+        self.undoer.feed_state(now, &self.look);
+        if came_up {
+            self.undoer.add_undo(&self.look);
+        }
+    }
+
+    fn close_or_ask(&mut self, ctx: &Context) {
+        if ctx.input(|input| input.viewport().close_requested()) && self.is_unsaved() {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.unsaved = Some(Action::Quit);
+        }
+    }
+
+    fn dialogs_ui(&mut self, ctx: &Context) {
+        if let Some(question) = &mut self.question {
+            let answer = question.ui(ctx);
+            self.answered(answer);
+        }
+        if self.unsaved.is_some()
+            && let Some(answer) = unsaved_ui(ctx)
+        {
+            let waiting = self.unsaved.take();
+            match answer {
+                UnsavedAnswer::Stay => {}
+                UnsavedAnswer::Save => {
+                    self.after_saving = waiting;
+                    self.actions.push(Action::SaveLookAgain);
+                }
+                UnsavedAnswer::Discard => {
+                    self.saved_look = self.look.clone();
+                    self.actions.extend(waiting);
+                }
+            }
+        }
+        shortcuts_ui(ctx, &mut self.shortcuts);
+        hovered_files_ui(ctx);
+    }
+
+    fn answered(&mut self, answer: Option<Option<PathBuf>>) {
+        let Some(path) = answer else { return };
+        if let (Some(question), Some(path)) = (self.question.take(), path) {
+            self.actions.push(question.action(path));
+        } else {
+            self.after_saving = None;
+        }
+    }
+
+    fn set_title(&mut self, ctx: &Context) {
+        let name = self.session.opened.as_ref().map_or("", |opened| opened.name.as_str());
+        let mark = if self.is_unsaved() { "• " } else { "" };
+        let title = if name.is_empty() { "Clerestory".into() } else { format!("{mark}{name} – Clerestory") };
+        if title != self.title {
+            ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
+    }
+
+    fn side_panels_ui(&mut self, ui: &mut Ui) {
+        let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
+        Panel::left("lights").frame(frame).default_size(372.0).size_range(300.0..=620.0).show(ui, |ui| {
+            if let Some(basis) = self.session.basis().cloned() {
+                lights_ui(ui, &basis, &mut self.look, &mut self.lights, &mut self.actions);
+            } else {
+                theme::section(ui, "Lights");
+            }
+            ui.take_available_space();
+        });
+        Panel::right("bake").frame(frame).default_size(280.0).size_range(240.0..=460.0).show(ui, |ui| {
+            egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| {
+                let (shown, metered) = (self.follower.shown_ev(), self.follower.metered_ev());
+                display_ui(ui, &mut self.look.display, shown, metered);
+                ui.add_space(10.0);
+                self.bake_panel_ui(ui);
+            });
+        });
+    }
+
+    fn bake_panel_ui(&mut self, ui: &mut Ui) {
+        let opened = self.session.opened.as_ref();
+        let view = BakeView {
+            cameras: self.session.cameras(),
+            state: &self.session.bake,
+            figures: self.session.figures.as_ref(),
+            error_db: self.session.error_db,
+            has_scene: opened.is_some_and(|opened| opened.scene.is_some()),
+            report: opened.map_or(&[], |opened| &opened.report),
+        };
+        bake_ui(ui, &mut self.settings, &view, &mut self.actions);
+    }
+
+    fn bars_ui(&mut self, ui: &mut Ui) {
+        let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 7));
+        Panel::top("toolbar").frame(frame).show(ui, |ui| {
+            let state = ToolbarState {
+                can_undo: self.undoer.has_undo(&self.look),
+                can_redo: self.undoer.has_redo(&self.look),
+                has_picture: self.follower.picture().is_some(),
+                is_unsaved: self.is_unsaved(),
+                recent: &self.recent,
+            };
+            toolbar_ui(ui, &state, &mut self.actions);
+        });
+        let frame = frame.inner_margin(egui::Margin::symmetric(12, 3));
+        Panel::bottom("status").frame(frame).show(ui, |ui| {
+            let device = self.follower.device();
+            let status = Status {
+                message: &self.message.0,
+                tone: self.message.1,
+                bake: &self.session.bake,
+                device: &device,
+                wish: self.follower.wish(),
+                size: self.follower.picture().map(|(_, size)| size),
+                millis: self.follower.millis(),
+            };
+            status_ui(ui, &status, &mut self.actions);
+        });
+    }
+
+    fn picture_ui(&mut self, ui: &mut Ui) {
+        let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
+        let scene = self.session.opened.as_ref().and_then(|opened| opened.scene.as_deref());
+        let viewed = Viewed {
+            picture: self.follower.picture(),
+            stage: &self.session.stage,
+            bake: &self.session.bake,
+            scene: scene.zip(shown_camera),
+        };
+        egui::CentralPanel::no_frame().show(ui, |ui| {
+            let chosen = &mut self.lights.spot;
+            viewport_ui(ui, &viewed, &mut self.view, &mut self.look, chosen, &mut self.actions);
+        });
+    }
+}
+
+impl eframe::App for App {
+    fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
+        for notice in self.session.drain() {
+            self.notice(notice);
+        }
+        if let Some(answer) = self.question.as_mut().and_then(|question| question.poll(ctx)) {
+            self.answered(Some(answer));
+        }
+        let files = ctx.input(|input| input.raw.dropped_files.clone());
+        self.actions.extend(files.iter().map(|file| dropped(file.path().to_path_buf())));
+        take_keys(ctx, &mut self.actions);
+        for action in std::mem::take(&mut self.actions) {
+            self.apply(ctx, action);
+        }
+        self.feed_undoer(ctx);
+        self.close_or_ask(ctx);
+        self.set_title(ctx);
+        if let Err(words) = self.follower.follow(ctx, &mut self.session, &self.look, &self.lights.solo) {
+            self.complain(words);
+        }
+    }
+
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        let before = self.look.clone();
+        let solo_before: BTreeSet<String> = self.lights.solo.clone();
+        self.bars_ui(ui);
+        self.side_panels_ui(ui);
+        self.picture_ui(ui);
+        let ctx = ui.ctx().clone();
+        self.dialogs_ui(&ctx);
+        // The worker starts on the new picture while this frame is still being painted.
+        if (self.look != before || self.lights.solo != solo_before)
+            && let Err(words) = self.follower.follow(&ctx, &mut self.session, &self.look, &self.lights.solo)
+        {
+            self.complain(words);
+        }
+        if !self.actions.is_empty() || self.look != before {
+            ctx.request_repaint();
+        }
+    }
+
+    fn save(&mut self, storage: &mut dyn Storage) {
+        eframe::set_value(storage, RECENT_KEY, &self.recent);
+    }
+
+    fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
+        visuals.panel_fill.to_normalized_gamma_f32()
+    }
+}
+
+fn hovered_files_ui(ctx: &Context) {
+    if ctx.input(|input| input.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("dropping"));
+    let (painter, area) = (ctx.layer_painter(layer), ctx.content_rect());
+    painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
+    let font = egui::FontId::proportional(22.0);
+    painter.text(area.center(), egui::Align2::CENTER_CENTER, "Drop to open", font, theme::ACCENT);
+}
+
+/// Quality that suits the machine, until a scene says which size.
+fn default_settings() -> BakeSettings {
+    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let quality = QUALITIES[usize::from(n_cores >= MANY_CORES)];
+    let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
+    BakeSettings { camera_idx: 0, film: Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 }, config }
+}

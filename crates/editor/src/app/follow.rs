@@ -1,0 +1,217 @@
+//! Keeps the picture in step with look and matrix: asks for a new one whenever either changed, shows the newest.
+
+use std::collections::BTreeSet;
+
+use anyhow::Result;
+use clerestory_relight::DisplayParams;
+use clerestory_transport::light::LightRig;
+use eframe::egui::{Context, TextureHandle, TextureId, TextureOptions};
+use eframe::egui_wgpu::RenderState;
+
+use crate::look::{Display, Look};
+use crate::panels::lights::heard;
+use crate::picture::{Changed, DeviceWish, GpuPainter};
+use crate::session::worker::{Order, Relit, Wanted, Worker};
+use crate::session::{Session, Shown, Wake};
+
+/// What the last picture was asked for.
+#[derive(Clone, Debug, PartialEq)]
+struct Asked {
+    rig: LightRig,
+    display: Display,
+}
+
+/// Asks for pictures and keeps the newest.
+pub(super) struct Follower {
+    worker: Worker,
+    gpu: Option<GpuPainter>,
+    wish: DeviceWish,
+    /// The graphics device failed; the CPU takes over.
+    gpu_failed: bool,
+    /// The worker metered another exposure than the graphics device shows.
+    exposure_moved: bool,
+    asked: Option<Asked>,
+    texture: Option<TextureHandle>,
+    gpu_picture: Option<(TextureId, [u32; 2])>,
+    shown_ev: f32,
+    metered_ev: f32,
+    millis: Option<f32>,
+    n_pictures: u64,
+}
+
+impl Follower {
+    pub fn new(state: Option<&RenderState>, wake: Wake) -> Result<Follower> {
+        Ok(Follower {
+            worker: Worker::start(wake)?,
+            gpu: state.map(GpuPainter::new),
+            wish: DeviceWish::Auto,
+            gpu_failed: false,
+            exposure_moved: false,
+            asked: None,
+            texture: None,
+            gpu_picture: None,
+            shown_ev: 0.0,
+            metered_ev: 0.0,
+            millis: None,
+            n_pictures: 0,
+        })
+    }
+
+    pub fn n_pictures(&self) -> u64 {
+        self.n_pictures
+    }
+
+    pub fn shown_ev(&self) -> f32 {
+        self.shown_ev
+    }
+
+    pub fn metered_ev(&self) -> f32 {
+        self.metered_ev
+    }
+
+    pub fn millis(&self) -> Option<f32> {
+        self.millis
+    }
+
+    pub fn wish(&self) -> DeviceWish {
+        self.wish
+    }
+
+    /// What multiplies, for people.
+    pub fn device(&self) -> String {
+        match self.painter_name() {
+            Some(name) => name,
+            None => match rayon::current_num_threads() {
+                1 => "CPU (1 thread)".into(),
+                n => format!("CPU ({n} threads)"),
+            },
+        }
+    }
+
+    fn painter_name(&self) -> Option<String> {
+        self.uses_gpu().then(|| self.gpu.as_ref().map(GpuPainter::description)).flatten()
+    }
+
+    fn uses_gpu(&self) -> bool {
+        let Some(gpu) = self.gpu.as_ref().filter(|_| !self.gpu_failed) else { return false };
+        match self.wish {
+            DeviceWish::Auto => gpu.is_hardware(),
+            DeviceWish::Cpu => false,
+            DeviceWish::Gpu => true,
+        }
+    }
+
+    /// Changes the device; the next picture comes from there.
+    pub fn use_device(&mut self, wish: DeviceWish) {
+        (self.wish, self.gpu_failed) = (wish, false);
+        self.start_over();
+    }
+
+    /// No picture of the last scene is left.
+    pub fn forget(&mut self) {
+        (self.texture, self.gpu_picture, self.millis) = (None, None, None);
+        self.start_over();
+    }
+
+    fn start_over(&mut self) {
+        self.asked = None;
+        if let Some(gpu) = &mut self.gpu {
+            gpu.forget();
+        }
+    }
+
+    /// The newest picture and its size in pixels.
+    pub fn picture(&self) -> Option<(TextureId, [u32; 2])> {
+        let of_worker = self.texture.as_ref().map(|t| (t.id(), t.size().map(|side| side as u32)));
+        if self.uses_gpu() { self.gpu_picture.or(of_worker) } else { of_worker }
+    }
+
+    /// Takes the newest picture in and asks for another if something changed. Fails with words for people.
+    pub fn follow(
+        &mut self,
+        ctx: &Context,
+        session: &mut Session,
+        look: &Look,
+        solo: &BTreeSet<String>,
+    ) -> Result<(), String> {
+        let problem = match self.worker.take() {
+            Some(Ok(relit)) => {
+                self.show(ctx, relit, look);
+                None
+            }
+            Some(Err(error)) => Some(error.to_string()),
+            None => None,
+        };
+        let changed = session.take_changed();
+        if let Some(shown) = &session.shown {
+            let asked = Asked { rig: heard(&shown.header.basis, &look.lights, solo), display: look.display };
+            let gpu_waits = self.uses_gpu() && self.gpu.as_ref().is_some_and(GpuPainter::has_waiting);
+            let gpu_waits = std::mem::take(&mut self.exposure_moved) || gpu_waits;
+            if !changed.is_empty() || gpu_waits || self.asked.as_ref() != Some(&asked) {
+                let first = self.asked.is_none();
+                self.ask(ctx, shown, if first { Changed::All } else { changed }, &asked);
+                self.asked = Some(asked);
+            }
+        }
+        problem.map_or(Ok(()), Err)
+    }
+
+    fn ask(&mut self, ctx: &Context, shown: &Shown, changed: Changed, asked: &Asked) {
+        let coefficients = shown.header.coefficients(&asked.rig);
+        let mut wanted = Wanted::Picture;
+        if self.uses_gpu() {
+            match self.paint(ctx, shown, changed.clone(), &coefficients, asked) {
+                Ok(()) => wanted = Wanted::Exposure,
+                Err(_) => self.gpu_failed = true,
+            }
+        }
+        // With a fixed exposure there is nothing to meter while the graphics device paints.
+        if wanted == Wanted::Picture || asked.display.exposure_ev.is_none() || !changed.is_empty() {
+            let frame = shown.frame.clone();
+            self.worker.order(Order { frame, changed, coefficients, display: asked.display, wanted });
+        }
+    }
+
+    fn paint(
+        &mut self,
+        ctx: &Context,
+        shown: &Shown,
+        changed: Changed,
+        coefficients: &[Vec<[f32; 3]>],
+        asked: &Asked,
+    ) -> Result<(), clerestory_relight::RelightError> {
+        let Some(gpu) = &mut self.gpu else { return Ok(()) };
+        let started = std::time::Instant::now();
+        let exposure_ev = asked.display.exposure_ev.unwrap_or(self.shown_ev);
+        let display = DisplayParams { tone: asked.display.tone, exposure_ev };
+        let now = ctx.input(|input| input.time);
+        let texture = gpu.show(&shown.frame, changed, coefficients, &display, now)?;
+        self.gpu_picture = Some((texture, [shown.frame.width, shown.frame.height]));
+        if gpu.has_waiting() {
+            ctx.request_repaint_after(std::time::Duration::from_millis(450));
+        }
+        self.shown_ev = exposure_ev;
+        self.millis = Some(1e3 * started.elapsed().as_secs_f32());
+        self.n_pictures += 1;
+        Ok(())
+    }
+
+    fn show(&mut self, ctx: &Context, relit: Relit, look: &Look) {
+        if look.display.exposure_ev.is_none() {
+            self.metered_ev = relit.exposure_ev;
+        }
+        match (relit.image, &mut self.texture) {
+            (Some(image), Some(texture)) if texture.size() == image.size => texture.set(image, TextureOptions::LINEAR),
+            (Some(image), slot) => *slot = Some(ctx.load_texture("picture", image, TextureOptions::LINEAR)),
+            // The exposure came from here, the picture is made elsewhere: paint it again if that moved.
+            (None, _) => {
+                if (relit.exposure_ev - self.shown_ev).abs() > 1e-3 && look.display.exposure_ev.is_none() {
+                    (self.shown_ev, self.exposure_moved) = (relit.exposure_ev, true);
+                }
+                return;
+            }
+        }
+        (self.shown_ev, self.millis) = (relit.exposure_ev, Some(relit.millis));
+        self.n_pictures += 1;
+    }
+}

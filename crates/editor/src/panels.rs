@@ -1,0 +1,11 @@
+//! The panels around the picture: free functions that edit the look in place and push requests.
+
+pub mod bake;
+pub mod color;
+pub mod dialogs;
+pub mod display;
+pub mod lights;
+pub mod shortcuts;
+pub mod spots;
+pub mod status;
+pub mod toolbar;

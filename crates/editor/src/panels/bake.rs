@@ -1,0 +1,217 @@
+//! Quality, size and camera of the bake; what it does, and what came of it.
+
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::figures::{ErrorDb, Figures};
+use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui};
+
+use super::status::duration;
+use crate::action::{Action, FileTask};
+use crate::session::{BakeSettings, BakeState};
+use crate::theme;
+
+/// A name for samples per pixel and tolerance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality {
+    /// For people.
+    pub name: &'static str,
+    /// Samples per pixel, at most.
+    pub spp: u32,
+    /// Error at which a block is done, dB.
+    pub tolerance_db: f32,
+}
+
+/// What there is to choose from.
+pub const QUALITIES: [Quality; 3] = [
+    Quality { name: "Draft", spp: 64, tolerance_db: 32.0 },
+    Quality { name: "Standard", spp: 256, tolerance_db: 40.0 },
+    Quality { name: "High", spp: 1024, tolerance_db: 46.0 },
+];
+
+/// Most pixels of a bake in the window.
+const MAX_SIDE: u32 = 8192;
+
+/// What the panel shows.
+pub struct BakeView<'a> {
+    /// Cameras of the scene.
+    pub cameras: &'a [Camera],
+    /// Where the bake stands.
+    pub state: &'a BakeState,
+    /// Ranks and bytes of what is shown.
+    pub figures: Option<&'a Figures>,
+    /// Error of the last pass.
+    pub error_db: Option<ErrorDb>,
+    /// Whether there is a scene, so that it can be baked.
+    pub has_scene: bool,
+    /// What was left behind on import, in words.
+    pub report: &'a [String],
+}
+
+/// Draws it.
+pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
+    theme::section(ui, "Bake");
+    ui.add_enabled_ui(view.has_scene, |ui| settings_ui(ui, settings, view.cameras));
+    ui.add_space(4.0);
+    progress_ui(ui, view, actions);
+    if let Some(figures) = view.figures {
+        ui.add_space(2.0);
+        figures_ui(ui, figures, view.error_db.unwrap_or(figures.error_db), view.state, actions);
+    }
+    if !view.report.is_empty() {
+        report_ui(ui, view.report);
+    }
+}
+
+fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera]) {
+    egui::Grid::new("bake settings").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
+        let label = ui.label("Camera");
+        camera_ui(ui, settings, cameras, label.id);
+        ui.end_row();
+        ui.label("Size");
+        size_ui(ui, &mut settings.film);
+        ui.end_row();
+        let label = ui.label("Quality");
+        quality_ui(ui, &mut settings.config, label.id);
+        ui.end_row();
+        ui.label("");
+        ui.horizontal(|ui| {
+            let spp = DragValue::new(&mut settings.config.spp).range(2..=65_536).suffix(" spp");
+            ui.add(spp).on_hover_text("Samples per pixel, at most").accessible_name("Samples per pixel");
+            let tolerance = DragValue::new(&mut settings.config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
+            ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
+        });
+        ui.end_row();
+    });
+}
+
+fn camera_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera], label: egui::Id) {
+    let name = cameras.get(settings.camera_idx).map_or("none", |camera| camera.name.as_str());
+    let before = settings.camera_idx;
+    let combo = egui::ComboBox::from_id_salt("camera").width(ui.available_width()).truncate().selected_text(name);
+    let combo = combo.show_ui(ui, |ui| {
+        for (idx, camera) in cameras.iter().enumerate() {
+            ui.selectable_value(&mut settings.camera_idx, idx, &camera.name);
+        }
+    });
+    combo.response.labelled_by(label);
+    if settings.camera_idx != before {
+        settings.film = Film::of_width(settings.film.width, &cameras[settings.camera_idx]);
+    }
+}
+
+fn size_ui(ui: &mut Ui, film: &mut Film) {
+    ui.horizontal(|ui| {
+        let aspect = film.width as f32 / film.height as f32;
+        let width = ui.add(DragValue::new(&mut film.width).range(16..=MAX_SIDE)).accessible_name("Width");
+        if width.changed() {
+            film.height = ((film.width as f32 / aspect).round() as u32).clamp(16, MAX_SIDE);
+        }
+        ui.label("×");
+        ui.add(DragValue::new(&mut film.height).range(16..=MAX_SIDE)).accessible_name("Height");
+    });
+}
+
+fn quality_ui(ui: &mut Ui, config: &mut BakeConfig, label: egui::Id) {
+    let current = QUALITIES.iter().find(|q| (q.spp, q.tolerance_db) == (config.spp, config.tolerance_db));
+    let combo = egui::ComboBox::from_id_salt("quality").width(ui.available_width());
+    let combo = combo.selected_text(current.map_or("Custom", |q| q.name)).show_ui(ui, |ui| {
+        for quality in &QUALITIES {
+            if ui.selectable_label(current == Some(quality), quality.name).clicked() {
+                (config.spp, config.tolerance_db) = (quality.spp, quality.tolerance_db);
+            }
+        }
+    });
+    combo.response.labelled_by(label);
+}
+
+fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
+    let width = egui::vec2(ui.available_width(), 28.0);
+    if view.state.is_running() {
+        let (done, text) = match view.state {
+            BakeState::Running { done, secs_left, pass, n_passes } => (*done, pass_words(*pass, *n_passes, *secs_left)),
+            _ => (0.0, "Measuring the lights".into()),
+        };
+        ui.add(ProgressBar::new(done).text(RichText::new(text).small()));
+        if ui.add(Button::new("Cancel").min_size(width)).on_hover_text("What is done stays").clicked() {
+            actions.push(Action::CancelBake);
+        }
+        return;
+    }
+    let start = Button::new(RichText::new("Start bake").color(theme::ON_ACCENT)).fill(theme::ACCENT).min_size(width);
+    if ui.add_enabled(view.has_scene, start).on_disabled_hover_text("Open a scene first").clicked() {
+        actions.push(Action::StartBake);
+    }
+    match view.state {
+        BakeState::Failed(why) => {
+            ui.colored_label(ui.visuals().error_fg_color, why);
+        }
+        BakeState::Stopped => {
+            ui.label(RichText::new("Stopped, what was done is shown").weak());
+        }
+        _ => {}
+    }
+}
+
+fn pass_words(pass: u32, n_passes: u32, secs_left: Option<f32>) -> String {
+    let what = if pass == 0 { "Preview".into() } else { format!("Pass {pass} of {}", n_passes.saturating_sub(1)) };
+    secs_left.map_or(what.clone(), |secs| format!("{what}, {} left", duration(secs)))
+}
+
+fn figures_ui(ui: &mut Ui, figures: &Figures, error: ErrorDb, state: &BakeState, actions: &mut Vec<Action>) {
+    let rows = [
+        ("Lights", format!("{} columns", figures.columns), "Columns of the matrix"),
+        ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
+        ("Rank", format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank), "Terms that each block needs"),
+        ("Memory", format!("{}, {:.0}× smaller", bytes(figures.bytes), figures.ratio), "Against the full matrix"),
+        ("Truncation", decibels(error.truncation), "What the ranks leave out"),
+        ("Sampling", decibels(error.sampling), "Noise that stays"),
+        ("Total error", decibels(error.total), "Truncation and sampling, below the peak of the columns"),
+    ];
+    egui::Grid::new("figures").num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
+        for (name, value, hint) in rows {
+            ui.label(RichText::new(name).weak()).on_hover_text(hint);
+            ui.label(value);
+            ui.end_row();
+        }
+    });
+    if *state == BakeState::Done && ui.button("Save bake…").on_hover_text("Open it later without baking again").clicked() {
+        actions.push(Action::Ask(FileTask::SaveBake));
+    }
+}
+
+fn report_ui(ui: &mut Ui, report: &[String]) {
+    let title = format!("Report ({})", report.len());
+    egui::CollapsingHeader::new(title).id_salt("report").show(ui, |ui| {
+        for line in report {
+            ui.label(RichText::new(line).small());
+        }
+    });
+}
+
+fn decibels(db: f32) -> String {
+    if db.is_finite() && db != 0.0 { format!("−{db:.1} dB") } else { "not measured yet".into() }
+}
+
+fn bytes(n: usize) -> String {
+    match n as f64 {
+        n if n < 1e6 => format!("{:.0} kB", n / 1e3),
+        n if n < 1e9 => format!("{:.1} MB", n / 1e6),
+        n => format!("{:.2} GB", n / 1e9),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_standard_quality_is_the_default_of_the_command_line() {
+        let config = BakeConfig::default();
+        assert_eq!((QUALITIES[1].spp, QUALITIES[1].tolerance_db), (config.spp, config.tolerance_db));
+    }
+
+    #[test]
+    fn sizes_read_in_the_unit_that_fits() {
+        assert_eq!([5_000, 2_500_000, 3_000_000_000].map(bytes), ["5 kB", "2.5 MB", "3.00 GB"]);
+    }
+}

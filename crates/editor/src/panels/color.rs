@@ -1,0 +1,181 @@
+//! The color of a light: as the file has it, any color, or a color temperature.
+
+use clerestory_transport::light::planckian_tint;
+use eframe::egui::{
+    self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind, TextureOptions, Ui,
+    ecolor::{Hsva, HsvaGamma},
+    pos2, vec2,
+};
+use glam::Vec3;
+
+/// How a light is tinted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tint {
+    /// Linear Rec. 709; replaces the file's color.
+    pub color: Option<[f32; 3]>,
+    /// Replaces the color by that of a black body.
+    pub kelvin: Option<f32>,
+}
+
+/// Color temperatures with a name.
+const KELVINS: [(&str, f32); 5] =
+    [("Candle", 1900.0), ("Warm", 2700.0), ("White", 4000.0), ("Daylight", 6500.0), ("Shade", 8000.0)];
+const PICKER_WIDTH: f32 = 220.0;
+const N: usize = 32;
+
+/// A swatch that opens the editor; answers whether the tint changed. `file_color` is linear. Without `kelvin_choice`
+/// (spots) there is no color temperature to choose.
+pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelvin_choice: KelvinChoice) -> bool {
+    let shown = match *tint {
+        Tint { kelvin: Some(kelvin), .. } => planckian_tint(kelvin),
+        Tint { color: Some(color), .. } => Vec3::from(color),
+        Tint { .. } => file_color,
+    };
+    let response = swatch(ui, swatch_color(shown), *tint != Tint::default()).accessible_name(format!("{label} color"));
+    let before = *tint;
+    Popup::menu(&response).close_behavior(PopupCloseBehavior::CloseOnClickOutside).show(|ui| {
+        ui.set_width(PICKER_WIDTH);
+        mode_ui(ui, tint, shown, kelvin_choice);
+        match *tint {
+            Tint { kelvin: Some(kelvin), .. } => kelvin_ui(ui, label, kelvin, tint),
+            Tint { color: Some(color), .. } => {
+                if let Some(color) = picker_ui(ui, color) {
+                    tint.color = Some(color);
+                }
+            }
+            Tint { .. } => {
+                ui.label(egui::RichText::new("The color that the scene gives it").weak());
+            }
+        }
+    });
+    *tint != before
+}
+
+/// Whether a color temperature can be chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KelvinChoice {
+    /// It can.
+    Offered,
+    /// Only colors.
+    Hidden,
+}
+
+fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoice) {
+    ui.horizontal(|ui| {
+        if ui.selectable_label(*tint == Tint::default(), "From file").clicked() {
+            *tint = Tint::default();
+        }
+        let is_color = tint.color.is_some() && tint.kelvin.is_none();
+        if ui.selectable_label(is_color, "Color").clicked() && !is_color {
+            let color = tint.color.unwrap_or((shown / shown.max_element().max(1e-6)).to_array());
+            *tint = Tint { color: Some(color), kelvin: None };
+        }
+        let offered = kelvin_choice == KelvinChoice::Offered;
+        if offered && ui.selectable_label(tint.kelvin.is_some(), "Kelvin").clicked() && tint.kelvin.is_none() {
+            tint.kelvin = Some(3000.0);
+        }
+    });
+    ui.add_space(4.0);
+}
+
+fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
+    ui.spacing_mut().slider_width = PICKER_WIDTH - 78.0;
+    let slider = Slider::new(&mut kelvin, 1700.0..=12_000.0).logarithmic(true).fixed_decimals(0).suffix(" K").trailing_fill(false);
+    if ui.add(slider).accessible_name(format!("{label} kelvin")).changed() {
+        tint.kelvin = Some(kelvin.clamp(500.0, 100_000.0));
+    }
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for (name, kelvin) in KELVINS {
+            if ui.small_button(name).on_hover_text(format!("{kelvin:.0} K")).clicked() {
+                tint.kelvin = Some(kelvin);
+            }
+        }
+    });
+}
+
+fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(26.0, 18.0), Sense::click());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ColorWell, ui.is_enabled(), "Color"));
+    if ui.is_rect_visible(rect) {
+        let stroke = if is_changed || response.hovered() {
+            Stroke::new(1.5, ui.visuals().strong_text_color())
+        } else {
+            Stroke::new(1.0, ui.visuals().widgets.hovered.bg_fill)
+        };
+        ui.painter().rect(rect, 4.0, color, stroke, StrokeKind::Inside);
+    }
+    response.on_hover_text("Color")
+}
+
+/// sRGB of a linear color, as bright as can be shown.
+fn swatch_color(linear: Vec3) -> Color32 {
+    let [r, g, b] = (linear / linear.max_element().max(1e-6)).to_array();
+    egui::Rgba::from_rgb(r, g, b).into()
+}
+
+/// Square of saturation and value over a bar of hues; answers with the new color if it was moved. The hue of a gray,
+/// which its color does not tell, is remembered while the picker is open.
+fn picker_ui(ui: &mut Ui, linear: [f32; 3]) -> Option<[f32; 3]> {
+    let id = ui.scope_id().with("picked");
+    let remembered: Option<([f32; 3], HsvaGamma)> = ui.data(|data| data.get_temp(id));
+    let mut hsv = match remembered {
+        Some((color, hsv)) if color == linear => hsv,
+        _ => HsvaGamma::from(Hsva::from_rgb(linear.map(|v| v.clamp(0.0, 1.0)))),
+    };
+    let square = field(ui, "Saturation and value", PICKER_WIDTH * 0.62, |s, v| HsvaGamma { s, v, ..hsv });
+    let mut moved = false;
+    if let Some([s, v]) = square.moved(ui, [hsv.s, hsv.v]) {
+        (hsv.s, hsv.v, moved) = (s, v, true);
+    }
+    let bar = field(ui, "Hue", 16.0, |h, _| HsvaGamma { h, s: 1.0, v: 1.0, a: 1.0 });
+    if let Some([h, _]) = bar.moved(ui, [hsv.h, 0.5]) {
+        (hsv.h, moved) = (h, true);
+    }
+    let color = if moved { Hsva::from(hsv).to_rgb() } else { linear };
+    ui.data_mut(|data| data.insert_temp(id, (color, hsv)));
+    moved.then_some(color)
+}
+
+/// A rectangle of colors.
+struct Field(Response);
+
+fn field(ui: &mut Ui, name: &str, height: f32, color: impl Fn(f32, f32) -> HsvaGamma) -> Field {
+    let (rect, response) = ui.allocate_exact_size(vec2(PICKER_WIDTH, height), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, ui.is_enabled(), name));
+    let pixels = (0..N * N).map(|i| {
+        let at = |i: usize| i as f32 / (N - 1) as f32;
+        Color32::from(color(at(i % N), 1.0 - at(i / N)))
+    });
+    let image = ColorImage::new([N, N], pixels.collect());
+    let texture = ui.ctx().load_texture_cached(name, response.id, image, TextureOptions::LINEAR);
+    ui.painter().image(texture.id(), rect, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    Field(response)
+}
+
+impl Field {
+    /// Draws the mark, and answers where it was dragged: 0…1 to the right and up.
+    fn moved(&self, ui: &Ui, at: [f32; 2]) -> Option<[f32; 2]> {
+        let rect = self.0.rect;
+        let moved = self.0.interact_pointer_pos().map(|p| {
+            let to = (p - rect.min) / rect.size();
+            [to.x.clamp(0.0, 1.0), 1.0 - to.y.clamp(0.0, 1.0)]
+        });
+        let [x, y] = moved.unwrap_or(at);
+        let center = rect.min + vec2(x, 1.0 - y) * rect.size();
+        ui.painter().circle_stroke(center, 6.0, Stroke::new(3.0, Color32::from_black_alpha(160)));
+        ui.painter().circle_stroke(center, 6.0, Stroke::new(1.5, Color32::WHITE));
+        moved
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_swatch_shows_the_hue_of_lamps_of_any_brightness() {
+        assert_eq!(swatch_color(Vec3::new(40.0, 0.0, 0.0)), Color32::from_rgb(255, 0, 0));
+        assert_eq!(swatch_color(Vec3::ZERO), Color32::from_rgb(0, 0, 0));
+    }
+}

@@ -1,0 +1,152 @@
+//! Windows in front of everything: choosing a file, and what to do with a look that was not saved.
+
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context as TaskContext, Poll, Wake, Waker};
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Button, Context, Key, Modal, RichText, TextEdit, Ui};
+
+use crate::action::{Action, FileTask};
+use crate::theme;
+
+type Answer = Pin<Box<dyn Future<Output = Option<rfd::FileHandle>>>>;
+
+/// A dialog of the desktop that ends sooner than this without an answer was never shown: there is none here.
+const NEVER_SHOWN: Duration = Duration::from_millis(600);
+
+/// A file is being asked for: in the desktop's own dialog where there is one, and in a path field at any rate.
+pub struct FileQuestion {
+    task: FileTask,
+    path: String,
+    native: Option<(Answer, Instant)>,
+    is_fresh: bool,
+}
+
+struct Repaint(Context);
+
+impl Wake for Repaint {
+    fn wake(self: Arc<Self>) {
+        self.0.request_repaint();
+    }
+}
+
+impl FileQuestion {
+    /// Asks. The desktop's dialog is opened as well unless only the field is wanted.
+    pub fn new(task: FileTask, suggestion: &str) -> FileQuestion {
+        let mut question = FileQuestion { task, path: suggestion.into(), native: None, is_fresh: true };
+        question.browse();
+        question
+    }
+
+    /// Asks in the field alone, for tests and desktops without dialogs.
+    pub fn in_field(task: FileTask, suggestion: &str) -> FileQuestion {
+        FileQuestion { task, path: suggestion.into(), native: None, is_fresh: true }
+    }
+
+    fn browse(&mut self) {
+        let (what, extensions) = self.task.extensions();
+        let dialog = rfd::AsyncFileDialog::new().set_title(self.task.title()).add_filter(what, extensions);
+        let answer: Answer = if self.task.writes() {
+            Box::pin(dialog.set_file_name(&self.path).save_file())
+        } else {
+            Box::pin(dialog.pick_file())
+        };
+        self.native = Some((answer, Instant::now()));
+    }
+
+    /// Looks whether the desktop's dialog has answered. `Some(None)` closes the question without an answer.
+    pub fn poll(&mut self, ctx: &Context) -> Option<Option<PathBuf>> {
+        let (answer, asked_at) = self.native.as_mut()?;
+        let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
+        let Poll::Ready(file) = answer.as_mut().poll(&mut TaskContext::from_waker(&waker)) else {
+            return None;
+        };
+        let was_shown = asked_at.elapsed() > NEVER_SHOWN;
+        self.native = None;
+        match file {
+            Some(file) => Some(Some(file.path().to_path_buf())),
+            None => was_shown.then_some(None),
+        }
+    }
+
+    /// Draws the field; answers with `Some(None)` when it was closed.
+    pub fn ui(&mut self, ctx: &Context) -> Option<Option<PathBuf>> {
+        let modal = Modal::new(egui::Id::unique("file question")).show(ctx, |ui| {
+            ui.set_width(460.0);
+            ui.label(RichText::new(self.task.title()).heading().strong());
+            ui.add_space(6.0);
+            self.field_ui(ui)
+        });
+        if modal.inner.is_none() && modal.should_close() { Some(None) } else { modal.inner }
+    }
+
+    fn field_ui(&mut self, ui: &mut Ui) -> Option<Option<PathBuf>> {
+        let edit = TextEdit::singleline(&mut self.path).hint_text("Path of the file").desired_width(f32::INFINITY);
+        let field = ui.add(edit).accessible_name("Path");
+        if std::mem::take(&mut self.is_fresh) {
+            field.request_focus();
+        }
+        let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+        let (_, extensions) = self.task.extensions();
+        ui.label(RichText::new(format!("Ends in .{}", extensions.join(", ."))).weak().small());
+        ui.add_space(8.0);
+        let mut answer = None;
+        ui.horizontal(|ui| {
+            if ui.add_enabled(self.native.is_none(), Button::new("Browse…")).clicked() {
+                self.browse();
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let verb = if self.task.writes() { "Save" } else { "Open" };
+                let ok = Button::new(RichText::new(verb).color(theme::ON_ACCENT)).fill(theme::ACCENT);
+                let has_path = !self.path.trim().is_empty();
+                if (ui.add_enabled(has_path, ok).clicked() || entered) && has_path {
+                    answer = Some(Some(PathBuf::from(self.path.trim())));
+                }
+                if ui.button("Cancel").clicked() {
+                    answer = Some(None);
+                }
+            });
+        });
+        answer
+    }
+
+    /// What is done with the answer.
+    pub fn action(&self, path: PathBuf) -> Action {
+        self.task.action(path)
+    }
+}
+
+/// What a person wants done with a look that was not saved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UnsavedAnswer {
+    /// Save it first.
+    Save,
+    /// Lose it.
+    Discard,
+    /// Go back.
+    Stay,
+}
+
+/// Asks before a look is lost.
+pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
+    let modal = Modal::new(egui::Id::unique("unsaved")).show(ctx, |ui| {
+        ui.set_width(360.0);
+        ui.label(RichText::new("Save the look?").heading().strong());
+        ui.add_space(4.0);
+        ui.label("The lights were changed since the look was last saved");
+        ui.add_space(10.0);
+        ui.horizontal(|ui| {
+            let discard = ui.button("Discard").clicked().then_some(UnsavedAnswer::Discard);
+            let right = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let save = Button::new(RichText::new("Save look…").color(theme::ON_ACCENT)).fill(theme::ACCENT);
+                let save = ui.add(save).clicked().then_some(UnsavedAnswer::Save);
+                save.or(ui.button("Cancel").clicked().then_some(UnsavedAnswer::Stay))
+            });
+            discard.or(right.inner)
+        })
+        .inner
+    });
+    if modal.inner.is_none() && modal.should_close() { Some(UnsavedAnswer::Stay) } else { modal.inner }
+}

@@ -1,0 +1,91 @@
+//! Keys: which there are, what they do, and the window that lists them.
+
+use eframe::egui::{self, Context, Key, KeyboardShortcut, Modifiers};
+
+use crate::action::{Action, FileTask};
+
+const fn command(key: Key) -> KeyboardShortcut {
+    KeyboardShortcut::new(Modifiers::COMMAND, key)
+}
+
+/// Takes back the last edit.
+pub const UNDO: KeyboardShortcut = command(Key::Z);
+/// Does again what was taken back.
+pub const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
+const REDO_TOO: KeyboardShortcut = command(Key::Y);
+const OPEN: KeyboardShortcut = command(Key::O);
+const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::O);
+const SAVE: KeyboardShortcut = command(Key::S);
+const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
+const EXPORT: KeyboardShortcut = command(Key::E);
+const BAKE: KeyboardShortcut = command(Key::B);
+const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
+const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
+const HELP_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Questionmark);
+
+/// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it.
+pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
+    let mut take = |shortcut: &KeyboardShortcut, action: Action| {
+        if ctx.input_mut(|input| input.consume_shortcut(shortcut)) {
+            actions.push(action);
+        }
+    };
+    take(&HELP, Action::ToggleShortcuts);
+    // The longer ones first: a plain Ctrl+S also matches Ctrl+Shift+S.
+    take(&OPEN_LOOK, Action::Ask(FileTask::OpenLook));
+    take(&OPEN, Action::Ask(FileTask::OpenScene));
+    take(&SAVE_AS, Action::Ask(FileTask::SaveLook));
+    take(&SAVE, Action::SaveLookAgain);
+    take(&EXPORT, Action::Ask(FileTask::Export));
+    take(&BAKE, Action::StartBake);
+    if ctx.text_edit_focused() {
+        return;
+    }
+    take(&REDO, Action::Redo);
+    take(&UNDO, Action::Undo);
+    take(&REDO_TOO, Action::Redo);
+    take(&FIT, Action::FitPicture);
+    take(&HELP_TOO, Action::ToggleShortcuts);
+}
+
+/// The list of keys and gestures.
+pub fn shortcuts_ui(ctx: &Context, open: &mut bool) {
+    egui::Window::new("Keyboard and mouse")
+        .open(open)
+        .collapsible(false)
+        .resizable(false)
+        .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
+        .show(ctx, |ui| {
+            egui::Grid::new("shortcuts").num_columns(2).spacing([28.0, 7.0]).show(ui, |ui| {
+                for (keys, what) in rows(ctx) {
+                    ui.label(egui::RichText::new(keys).strong());
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
+        });
+}
+
+fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
+    let keys = |shortcut: &KeyboardShortcut| ctx.format_shortcut(shortcut);
+    let words = |words: &str| words.to_string();
+    vec![
+        (keys(&OPEN), "Open a scene or a bake"),
+        (keys(&OPEN_LOOK), "Open a look"),
+        (keys(&SAVE), "Save the look"),
+        (keys(&SAVE_AS), "Save the look under another name"),
+        (keys(&EXPORT), "Export the picture"),
+        (keys(&BAKE), "Start the bake"),
+        (keys(&UNDO), "Undo"),
+        (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),
+        (words("F"), "Show the whole picture"),
+        (words("Wheel, pinch"), "Zoom at the pointer"),
+        (words("Middle drag, Space + drag"), "Move the picture"),
+        (words("Drag on a panel in the picture"), "Place or move a spot of light"),
+        (words("Double-click on a panel"), "Add a spot"),
+        (words("Double-click on a name"), "Reset the light"),
+        (words("Right-click on a name"), "More about the light"),
+        (words("Shift while dragging a number"), "Finer steps"),
+        (words("F1 or ?"), "This list"),
+    ]
+}

@@ -1,0 +1,91 @@
+//! The bar at the bottom: what just happened, what runs, and on which device.
+
+use eframe::egui::{self, ProgressBar, RichText, Ui};
+
+use crate::action::Action;
+use crate::picture::DeviceWish;
+use crate::session::BakeState;
+
+/// What the bar shows.
+pub struct Status<'a> {
+    /// What was said last, and whether it is a problem.
+    pub message: &'a str,
+    /// Whether the message tells of something that went wrong.
+    pub tone: MessageTone,
+    /// The bake.
+    pub bake: &'a BakeState,
+    /// What multiplies.
+    pub device: &'a str,
+    /// Which device is wanted.
+    pub wish: DeviceWish,
+    /// Size of the picture in pixels.
+    pub size: Option<[u32; 2]>,
+    /// From edit to picture.
+    pub millis: Option<f32>,
+}
+
+/// How a message is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MessageTone {
+    /// For information.
+    Calm,
+    /// Something went wrong.
+    Problem,
+}
+
+/// Draws it.
+pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.menu_button(format!("Relight: {}", status.device), |ui| device_menu(ui, status.wish, actions));
+            if let Some(millis) = status.millis {
+                ui.label(RichText::new(format!("{millis:.1} ms")).weak()).on_hover_text("From an edit to the picture");
+            }
+            if let Some([width, height]) = status.size {
+                ui.label(RichText::new(format!("{width} × {height}")).weak());
+            }
+            if let BakeState::Running { done, secs_left, .. } = status.bake {
+                let text = secs_left.map_or_else(|| format!("{:.0} %", 100.0 * done), |secs| format!("{} left", duration(secs)));
+                let bar = ProgressBar::new(*done).desired_width(150.0).desired_height(14.0).text(RichText::new(text).small());
+                ui.add(bar);
+                ui.label(RichText::new("Baking").weak());
+            }
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+                let text = match status.tone {
+                    MessageTone::Calm => RichText::new(status.message).weak(),
+                    MessageTone::Problem => RichText::new(status.message).color(ui.visuals().error_fg_color),
+                };
+                ui.add(egui::Label::new(text).truncate()).on_hover_text(status.message);
+            });
+        });
+    });
+}
+
+fn device_menu(ui: &mut Ui, wish: DeviceWish, actions: &mut Vec<Action>) {
+    for (device, name) in DeviceWish::ALL {
+        if ui.radio(wish == device, name).clicked() {
+            actions.push(Action::UseDevice(device));
+            ui.close();
+        }
+    }
+}
+
+/// Seconds in words, coarser the longer.
+pub fn duration(secs: f32) -> String {
+    let secs = secs.max(0.0).round() as u64;
+    match secs {
+        0..60 => format!("{secs} s"),
+        60..3600 => format!("{} min {} s", secs / 60, secs % 60),
+        _ => format!("{} h {} min", secs / 3600, secs / 60 % 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_read_like_a_clock() {
+        assert_eq!([0.4, 59.4, 61.0, 7300.0].map(duration), ["0 s", "59 s", "1 min 1 s", "2 h 1 min"]);
+    }
+}

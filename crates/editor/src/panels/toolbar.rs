@@ -1,0 +1,96 @@
+//! The bar at the top: files, undo, theme.
+
+use std::path::PathBuf;
+
+use eframe::egui::{self, Button, ThemePreference, Ui};
+
+use super::shortcuts;
+use crate::action::{Action, FileTask};
+
+/// What the toolbar needs to know.
+pub struct ToolbarState<'a> {
+    /// Whether there is something to take back.
+    pub can_undo: bool,
+    /// Whether something was taken back.
+    pub can_redo: bool,
+    /// Whether there is a picture.
+    pub has_picture: bool,
+    /// Whether the look differs from its file.
+    pub is_unsaved: bool,
+    /// Files opened lately, newest first.
+    pub recent: &'a [PathBuf],
+}
+
+/// Draws it.
+pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        file_buttons(ui, state, actions);
+        ui.separator();
+        let mut button = |ui: &mut Ui, enabled: bool, label: &str, keys: &egui::KeyboardShortcut, action: Action| {
+            let hint = ui.ctx().format_shortcut(keys);
+            if ui.add_enabled(enabled, Button::new(label)).on_hover_text(hint).clicked() {
+                actions.push(action);
+            }
+        };
+        button(ui, state.can_undo, "Undo", &shortcuts::UNDO, Action::Undo);
+        button(ui, state.can_redo, "Redo", &shortcuts::REDO, Action::Redo);
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if ui.button("Shortcuts").on_hover_text("F1").clicked() {
+                actions.push(Action::ToggleShortcuts);
+            }
+            ui.menu_button("Theme", theme_menu);
+        });
+    });
+}
+
+fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
+    if ui.button("Open…").on_hover_text("Open a glTF scene or a finished bake, Ctrl+O").clicked() {
+        actions.push(Action::Ask(FileTask::OpenScene));
+    }
+    ui.menu_button("Recent", |ui| recent_menu(ui, state.recent, actions));
+    ui.separator();
+    if ui.button("Open look…").clicked() {
+        actions.push(Action::Ask(FileTask::OpenLook));
+    }
+    let response = ui.button("Save look…").on_hover_text("Ctrl+S");
+    if response.clicked() {
+        actions.push(Action::SaveLookAgain);
+    }
+    if state.is_unsaved {
+        let dot = response.rect.right_top() + egui::vec2(-4.0, 4.0);
+        ui.painter().circle_filled(dot, 2.5, crate::theme::ACCENT);
+    }
+    let export = ui.add_enabled(state.has_picture, Button::new("Export…"));
+    if export.on_hover_text("Write the picture as PNG or linear EXR, Ctrl+E").clicked() {
+        actions.push(Action::Ask(FileTask::Export));
+    }
+}
+
+fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
+    for path in recent {
+        let name = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
+        if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+            actions.push(Action::Open(path.clone()));
+            ui.close();
+        }
+    }
+    if !recent.is_empty() {
+        ui.separator();
+    }
+    if ui.button("Built-in gallery").clicked() {
+        actions.push(Action::OpenBuiltIn);
+        ui.close();
+    }
+}
+
+fn theme_menu(ui: &mut Ui) {
+    let current = ui.ctx().options(|options| options.theme_preference);
+    let choices =
+        [(ThemePreference::Dark, "Dark"), (ThemePreference::Light, "Light"), (ThemePreference::System, "As the system")];
+    for (theme, name) in choices {
+        if ui.radio(current == theme, name).clicked() {
+            ui.ctx().set_theme(theme);
+            ui.close();
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Where the picture is multiplied: on the host's graphics device without a detour, or by the worker on the CPU.
+
+use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Relight, RelightError};
+use eframe::egui::TextureId;
+use eframe::egui_wgpu::RenderState;
+use eframe::wgpu;
+
+/// Which device a person wants.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DeviceWish {
+    /// The graphics device if it is a real one, else the CPU.
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The graphics device, a software one too.
+    Gpu,
+}
+
+impl DeviceWish {
+    /// All of them, with their names.
+    pub const ALL: [(DeviceWish, &'static str); 3] =
+        [(DeviceWish::Auto, "Automatic"), (DeviceWish::Cpu, "CPU"), (DeviceWish::Gpu, "Graphics device")];
+}
+
+/// Which blocks of a frame are new.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Changed {
+    /// The whole frame.
+    All,
+    /// Group and block of each.
+    Blocks(Vec<(usize, usize)>),
+}
+
+impl Default for Changed {
+    fn default() -> Self {
+        Changed::Blocks(Vec::new())
+    }
+}
+
+impl Changed {
+    /// Whether nothing is new.
+    pub fn is_empty(&self) -> bool {
+        matches!(self, Changed::Blocks(blocks) if blocks.is_empty())
+    }
+
+    /// Takes over what is newer.
+    pub fn absorb(&mut self, newer: Changed) {
+        match (&mut *self, newer) {
+            (Changed::All, _) => {}
+            (_, Changed::All) => *self = Changed::All,
+            (Changed::Blocks(own), Changed::Blocks(newer)) => own.extend(newer),
+        }
+    }
+}
+
+/// Relights on the window's own device, into a texture that the window draws.
+pub struct GpuPainter {
+    state: RenderState,
+    gpu: Gpu,
+    relighter: Option<GpuRelighter>,
+    texture: Option<TextureId>,
+    /// Blocks that are not on the device yet: whole chunks are uploaded, so they wait for company.
+    waiting: Changed,
+    uploaded_at: f64,
+}
+
+/// Seconds between two uploads of new blocks.
+const UPLOAD_EVERY_SECS: f64 = 0.4;
+
+impl GpuPainter {
+    /// Borrows the window's device.
+    pub fn new(state: &RenderState) -> GpuPainter {
+        let gpu = Gpu::from_host(state.device.clone(), state.queue.clone());
+        GpuPainter { state: state.clone(), gpu, relighter: None, texture: None, waiting: Changed::All, uploaded_at: f64::MIN }
+    }
+
+    /// Whether it is a real graphics device.
+    pub fn is_hardware(&self) -> bool {
+        !self.gpu.is_software()
+    }
+
+    /// Name of the device, for people.
+    pub fn description(&self) -> String {
+        self.gpu.description()
+    }
+
+    /// Starts over with the next frame.
+    pub fn forget(&mut self) {
+        self.relighter = None;
+        self.waiting = Changed::All;
+    }
+
+    /// Relights and returns the texture to draw. `now` in seconds.
+    ///
+    /// # Errors
+    /// A frame or coefficients that do not fit, or a failing device.
+    pub fn show(
+        &mut self,
+        frame: &Frame,
+        changed: Changed,
+        coefficients: &[Vec<[f32; 3]>],
+        display: &DisplayParams,
+        now: f64,
+    ) -> Result<TextureId, RelightError> {
+        self.waiting.absorb(changed);
+        let due = self.waiting == Changed::All || now - self.uploaded_at > UPLOAD_EVERY_SECS;
+        if due && !self.waiting.is_empty() {
+            self.upload(frame)?;
+            self.uploaded_at = now;
+        }
+        let Some(relighter) = &mut self.relighter else {
+            return Err(RelightError::Device("no frame was uploaded".into()));
+        };
+        let view = relighter.relight_to_texture(coefficients, display)?.clone();
+        let mut renderer = self.state.renderer.write();
+        let device = &self.state.device;
+        match self.texture {
+            Some(id) => renderer.update_egui_texture_from_wgpu_texture(device, &view, wgpu::FilterMode::Linear, id),
+            None => self.texture = Some(renderer.register_native_texture(device, &view, wgpu::FilterMode::Linear)),
+        }
+        Ok(self.texture.expect("registered just above"))
+    }
+
+    /// Whether blocks wait for an upload, so that another frame is due.
+    pub fn has_waiting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
+    fn upload(&mut self, frame: &Frame) -> Result<(), RelightError> {
+        match (&mut self.relighter, std::mem::take(&mut self.waiting)) {
+            (Some(relighter), Changed::Blocks(blocks)) => relighter.update(frame, &blocks),
+            _ => {
+                self.relighter = None;
+                self.relighter = Some(GpuRelighter::new(&self.gpu, frame)?);
+                Ok(())
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_frame_swallows_single_blocks() {
+        let mut changed = Changed::default();
+        assert!(changed.is_empty());
+        changed.absorb(Changed::Blocks(vec![(0, 1)]));
+        changed.absorb(Changed::Blocks(vec![(1, 2)]));
+        assert_eq!(changed, Changed::Blocks(vec![(0, 1), (1, 2)]));
+        changed.absorb(Changed::All);
+        changed.absorb(Changed::Blocks(vec![(0, 0)]));
+        assert_eq!(changed, Changed::All);
+    }
+}

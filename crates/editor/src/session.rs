@@ -1,0 +1,476 @@
+//! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
+
+mod task;
+pub mod worker;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use clerestory_relight::Frame;
+use clerestory_transport::archive;
+use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, Passes};
+use clerestory_transport::basis::LightBasis;
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::prepared::PreparedScene;
+
+use crate::export::Picture;
+use crate::look::Look;
+use crate::picture::Changed;
+pub use task::{Loaded, Source};
+use task::{Fact, Post, Task, words};
+
+/// Asks for a repaint after the given time; called from any thread.
+pub type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
+
+/// Facts that may wait for the window.
+const CHANNEL_LEN: usize = 4096;
+/// Time between two counts of ranks and bytes while a bake runs.
+const FIGURES_EVERY: Duration = Duration::from_secs(1);
+
+/// How the bake panel is set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BakeSettings {
+    /// Index of the camera in the scene.
+    pub camera_idx: usize,
+    /// Size of the picture.
+    pub film: Film,
+    /// How exactly.
+    pub config: BakeConfig,
+}
+
+/// A scene or a bake that is open.
+pub struct Opened {
+    /// For people.
+    pub name: String,
+    /// The scene; a bake that was opened from a file has none.
+    pub scene: Option<Arc<PreparedScene>>,
+    /// What was left behind or had to be guessed, in words.
+    pub report: Vec<String>,
+    /// Panels that were chosen in the window.
+    pub panels: Vec<PanelRequest>,
+}
+
+/// The matrix that is shown.
+pub struct Shown {
+    /// What it is of.
+    pub header: Arc<BakeHeader>,
+    /// The camera, where the scene is known.
+    pub camera: Option<Camera>,
+    /// Its blocks as far as they are there.
+    pub frame: Frame,
+}
+
+/// Where opening stands.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stage {
+    /// Nothing was opened.
+    Empty,
+    /// A file is being read and prepared.
+    Loading(String),
+    /// It could not be opened: what, and why.
+    Failed(String, String),
+    /// Something is open.
+    Ready,
+}
+
+/// Where the bake stands.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BakeState {
+    /// None was started.
+    Idle,
+    /// The columns are being measured.
+    Preparing,
+    /// Blocks come in.
+    Running {
+        /// Pass that runs, 0 is the preview.
+        pass: u32,
+        /// Number of passes.
+        n_passes: u32,
+        /// 0…1 over all passes.
+        done: f32,
+        /// Seconds left, once that can be judged.
+        secs_left: Option<f32>,
+    },
+    /// All of it is there.
+    Done,
+    /// Stopped by a person; what was done is shown.
+    Stopped,
+    /// It failed, in words.
+    Failed(String),
+}
+
+impl BakeState {
+    /// Whether it runs.
+    pub fn is_running(&self) -> bool {
+        matches!(self, BakeState::Preparing | BakeState::Running { .. })
+    }
+}
+
+/// What the window has to react to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Notice {
+    /// A scene or bake is open; settings and look start over unless its panels alone changed.
+    Opened,
+    /// The same scene with other panels is open.
+    PanelsChanged,
+    /// Something worth saying.
+    Said(String),
+    /// Something went wrong, in words.
+    Failed(String),
+}
+
+/// What is open and what runs.
+pub struct Session {
+    wake: Wake,
+    sender: SyncSender<(u64, Fact)>,
+    receiver: Option<Receiver<(u64, Fact)>>,
+    n_tasks: u64,
+    loading: Option<Task>,
+    baking: Option<Task>,
+    /// Tasks whose facts no longer count, and writers of files.
+    others: Vec<Task>,
+    /// Where opening stands.
+    pub stage: Stage,
+    /// What is open.
+    pub opened: Option<Opened>,
+    /// Where the bake stands.
+    pub bake: BakeState,
+    /// The matrix that is shown.
+    pub shown: Option<Shown>,
+    /// A bake that replaces it once its preview is whole.
+    incoming: Option<Shown>,
+    /// What is new in `shown` since it was last asked for.
+    changed: Changed,
+    /// Error measured at the end of the last pass.
+    pub error_db: Option<ErrorDb>,
+    /// Ranks and bytes of what is shown.
+    pub figures: Option<Figures>,
+    figures_at: Instant,
+}
+
+impl Session {
+    /// Nothing open, nothing running.
+    pub fn new(wake: Wake) -> Session {
+        let (sender, receiver) = sync_channel(CHANNEL_LEN);
+        Session {
+            wake,
+            sender,
+            receiver: Some(receiver),
+            n_tasks: 0,
+            loading: None,
+            baking: None,
+            others: Vec::new(),
+            stage: Stage::Empty,
+            opened: None,
+            bake: BakeState::Idle,
+            shown: None,
+            incoming: None,
+            changed: Changed::default(),
+            error_db: None,
+            figures: None,
+            figures_at: Instant::now(),
+        }
+    }
+
+    /// The columns of what is open, as soon as they are known.
+    pub fn basis(&self) -> Option<&LightBasis> {
+        let of_scene = || self.opened.as_ref()?.scene.as_ref().map(|scene| &scene.lighting.basis);
+        self.shown.as_ref().map(|shown| &shown.header.basis).or_else(of_scene)
+    }
+
+    /// Cameras of the scene that is open.
+    pub fn cameras(&self) -> &[Camera] {
+        let scene = self.opened.as_ref().and_then(|opened| opened.scene.as_ref());
+        scene.map_or(&[], |scene| &scene.scene.cameras)
+    }
+
+    /// What is new in the matrix since the last call.
+    pub fn take_changed(&mut self) -> Changed {
+        std::mem::take(&mut self.changed)
+    }
+
+    /// Opens something in the background; what is open stays until it is there.
+    pub fn open(&mut self, source: Source) {
+        self.stop_loading();
+        self.stage = Stage::Loading(source.name());
+        self.loading = self.spawn("open", move |post| {
+            let name = source.name();
+            let loaded = task::load(source).map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::Loaded(name, loaded), Duration::ZERO);
+        });
+    }
+
+    /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
+    pub fn choose_panel(&mut self, node: String, resolution: u32) {
+        let Some((scene, mut panels)) =
+            self.opened.as_ref().and_then(|o| Some((o.scene.clone()?, o.panels.clone())))
+        else {
+            return;
+        };
+        panels.retain(|panel| panel.node != node);
+        panels.push(PanelRequest { node, resolution });
+        self.stop_loading();
+        self.loading = self.spawn("panel", move |post| {
+            let prepared = PreparedScene::new(scene.scene.clone(), &panels).map_err(words);
+            let prepared = prepared.map(|(scene, warnings)| (Box::new(scene), panels, warnings));
+            let _ = post.send(Fact::Panels(prepared), Duration::ZERO);
+        });
+    }
+
+    /// Starts a bake of the open scene, ending one that runs.
+    pub fn start_bake(&mut self, settings: &BakeSettings, passes: Passes) {
+        let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
+            return;
+        };
+        let Some(camera) = scene.scene.cameras.get(settings.camera_idx).cloned() else {
+            self.bake = BakeState::Failed("the scene has no camera and no surfaces to look at; open a scene with meshes".into());
+            return;
+        };
+        self.stop_baking();
+        let job = BakeJob { scene, camera, film: settings.film, config: settings.config.clone(), passes };
+        self.bake = BakeState::Preparing;
+        self.baking = self.spawn("bake", move |post| task::bake(job, post));
+    }
+
+    /// Stops the bake; what was done stays.
+    pub fn cancel_bake(&mut self) {
+        if self.bake.is_running() {
+            self.stop_baking();
+            self.bake = BakeState::Stopped;
+        }
+    }
+
+    /// Writes the picture under `look` in the background.
+    pub fn export(&mut self, look: Look, path: PathBuf) {
+        let Some(shown) = &self.shown else { return };
+        let (frame, coefficients) = (shown.frame.clone(), shown.header.coefficients(&look.lights));
+        self.write(path.clone(), move || {
+            let radiance = task::relight_once(&frame, &coefficients)?;
+            Picture { radiance: &radiance, layers: &[], look: &look }.save(&path)?;
+            Ok(())
+        });
+    }
+
+    /// Writes the bake that is shown in the background.
+    pub fn save_bake(&mut self, path: PathBuf) {
+        let Some(shown) = &self.shown else { return };
+        let bake = Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
+        self.write(path.clone(), move || Ok(archive::write(&bake, &path)?));
+    }
+
+    fn write(&mut self, path: PathBuf, job: impl FnOnce() -> anyhow::Result<()> + Send + 'static) {
+        let task = self.spawn("write", move |post| {
+            let result = job().map(|()| format!("Saved {}", path.display())).map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::Written(result), Duration::ZERO);
+        });
+        self.others.extend(task);
+    }
+
+    fn spawn(&mut self, name: &str, body: impl FnOnce(Post) + Send + 'static) -> Option<Task> {
+        self.n_tasks += 1;
+        let post = Post::new(self.n_tasks, self.sender.clone(), self.wake.clone());
+        match Task::start(name, post, body) {
+            Ok(task) => Some(task),
+            Err(error) => {
+                // Sending to ourselves cannot block: the channel is drained on this very thread.
+                let _ = self.sender.try_send((self.n_tasks, Fact::Written(Err(format!("no thread could be started: {error}")))));
+                None
+            }
+        }
+    }
+
+    fn stop_loading(&mut self) {
+        self.others.extend(self.loading.take().map(Task::stopped));
+    }
+
+    fn stop_baking(&mut self) {
+        self.others.extend(self.baking.take().map(Task::stopped));
+        self.incoming = None;
+    }
+
+    /// Takes in every fact that has arrived.
+    pub fn drain(&mut self) -> Vec<Notice> {
+        // Looked at before the channel: what a thread said before it ended is then in the channel.
+        let ended = [&self.loading, &self.baking].map(|task| task.as_ref().filter(|t| t.is_finished()).map(Task::id));
+        let facts: Vec<(u64, Fact)> = self.receiver.iter().flat_map(Receiver::try_iter).collect();
+        let mut notices = Vec::new();
+        for (id, fact) in facts {
+            self.take(id, fact, &mut notices);
+        }
+        self.reap(ended, &mut notices);
+        notices
+    }
+
+    fn take(&mut self, id: u64, fact: Fact, notices: &mut Vec<Notice>) {
+        let is_of = |task: &Option<Task>| task.as_ref().is_some_and(|task| task.id() == id);
+        match fact {
+            Fact::Loaded(name, result) if is_of(&self.loading) => self.loaded(name, result, notices),
+            Fact::Panels(result) if is_of(&self.loading) => self.panels_chosen(result, notices),
+            Fact::Bake(event) if is_of(&self.baking) => self.bake_event(event),
+            Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
+            Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
+            Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
+            // Facts of a task that was stopped no longer count.
+            Fact::Loaded(..) | Fact::Panels(_) | Fact::Bake(_) | Fact::BakeEnded(_) => {}
+        }
+    }
+
+    fn loaded(&mut self, name: String, result: Result<Loaded, String>, notices: &mut Vec<Notice>) {
+        self.others.extend(self.loading.take());
+        let loaded = match result {
+            Ok(loaded) => loaded,
+            Err(why) if self.opened.is_some() => {
+                self.stage = Stage::Ready;
+                notices.push(Notice::Failed(format!("{name} could not be opened: {why}")));
+                return;
+            }
+            Err(why) => {
+                self.stage = Stage::Failed(name, why);
+                return;
+            }
+        };
+        self.stop_baking();
+        (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
+        self.stage = Stage::Ready;
+        match loaded {
+            Loaded::Scene { scene, report } => {
+                self.opened = Some(Opened { name, scene: Some(Arc::from(scene)), report, panels: Vec::new() });
+            }
+            Loaded::Bake(bake) => {
+                self.opened = Some(Opened { name, scene: None, report: Vec::new(), panels: Vec::new() });
+                let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
+                self.show(Shown { header: bake.header, camera: None, frame });
+                self.bake = BakeState::Done;
+                self.count();
+            }
+        }
+        notices.push(Notice::Opened);
+    }
+
+    fn panels_chosen(&mut self, result: task::Panels, notices: &mut Vec<Notice>) {
+        self.others.extend(self.loading.take());
+        match (result, &mut self.opened) {
+            (Ok((scene, panels, warnings)), Some(opened)) => {
+                opened.scene = Some(Arc::from(scene));
+                opened.panels = panels;
+                opened.report.extend(warnings);
+                self.stop_baking();
+                (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
+                notices.push(Notice::PanelsChanged);
+            }
+            (Ok(_), None) => {}
+            (Err(why), _) => notices.push(Notice::Failed(why)),
+        }
+    }
+
+    fn bake_event(&mut self, event: BakeEvent) {
+        match event {
+            BakeEvent::Started { header, n_passes, .. } => self.bake_started(header, n_passes),
+            BakeEvent::BlockDone { block_idx, factors, .. } => self.block_done(block_idx, &factors),
+            BakeEvent::Progress { pass, done, secs_left } => {
+                if let BakeState::Running { n_passes, .. } = self.bake {
+                    self.bake = BakeState::Running { pass, n_passes, done, secs_left };
+                }
+                if self.figures_at.elapsed() > FIGURES_EVERY {
+                    self.count();
+                }
+            }
+            BakeEvent::PassDone { error_db, .. } => {
+                if let Some(incoming) = self.incoming.take() {
+                    self.show(incoming);
+                }
+                self.error_db = Some(error_db);
+                self.count();
+            }
+        }
+    }
+
+    fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
+        self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, secs_left: None };
+        let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
+        let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
+        let started = Shown { header, camera, frame };
+        // A picture of the same view stays until the new one is whole; another view starts from black.
+        let is_same_view = |shown: &Shown| {
+            let (a, b) = (&shown.header, &started.header);
+            (a.width, a.height, &a.camera, &a.basis) == (b.width, b.height, &b.camera, &b.basis)
+        };
+        if self.shown.as_ref().is_some_and(is_same_view) {
+            self.incoming = Some(started);
+        } else {
+            self.show(started);
+        }
+    }
+
+    fn block_done(&mut self, block_idx: usize, factors: &[Arc<clerestory_nystrom::BlockFactors>]) {
+        let is_shown = self.incoming.is_none();
+        let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
+        for (group, factors) in shown.frame.groups.iter_mut().zip(factors) {
+            group.blocks[block_idx] = Some(factors.clone());
+        }
+        if is_shown {
+            self.changed.absorb(Changed::Blocks((0..factors.len()).map(|group| (group, block_idx)).collect()));
+        }
+    }
+
+    fn bake_ended(&mut self, result: Result<Option<Bake>, String>, notices: &mut Vec<Notice>) {
+        self.others.extend(self.baking.take());
+        self.incoming = None;
+        self.bake = match result {
+            Ok(Some(bake)) => {
+                let figures = bake.figures();
+                notices.push(Notice::Said(format!("Baked at {:.1} dB", figures.error_db.total)));
+                self.error_db = Some(figures.error_db);
+                BakeState::Done
+            }
+            Ok(None) => BakeState::Stopped,
+            Err(why) => BakeState::Failed(why),
+        };
+        self.count();
+    }
+
+    fn show(&mut self, shown: Shown) {
+        self.shown = Some(shown);
+        self.changed = Changed::All;
+    }
+
+    /// Counts ranks and bytes of what is there.
+    fn count(&mut self) {
+        let bake = |shown: &Shown| Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
+        self.figures = self.shown.as_ref().map(|shown| bake(shown).figures());
+        self.figures_at = Instant::now();
+    }
+
+    /// Joins threads that have ended; one that ended without a last word has panicked.
+    fn reap(&mut self, ended: [Option<u64>; 2], notices: &mut Vec<Notice>) {
+        const CRASHED: &str = "it ended unexpectedly; start the program from a terminal to see why, and please report it";
+        let has_crashed = |task: &Option<Task>, ended: Option<u64>| ended.is_some() && task.as_ref().map(Task::id) == ended;
+        if has_crashed(&self.loading, ended[0]) {
+            self.others.extend(self.loading.take());
+            self.stage = if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), CRASHED.into()) };
+            notices.push(Notice::Failed(format!("opening failed: {CRASHED}")));
+        }
+        if has_crashed(&self.baking, ended[1]) {
+            self.others.extend(self.baking.take());
+            self.bake = BakeState::Failed(CRASHED.into());
+        }
+        let (done, running) = std::mem::take(&mut self.others).into_iter().partition(Task::is_finished);
+        self.others = running;
+        let done: Vec<Task> = done;
+        done.into_iter().for_each(Task::join);
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.stop_loading();
+        self.stop_baking();
+        // Without a receiver nobody waits for room in the channel.
+        self.receiver = None;
+        self.others.drain(..).for_each(Task::join);
+    }
+}

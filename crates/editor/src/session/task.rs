@@ -1,0 +1,197 @@
+//! Threads with a number, a stop flag and one channel to the window.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
+use clerestory_transport::archive;
+use clerestory_transport::bake::{Bake, BakeEvent, BakeJob};
+use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::import;
+use clerestory_transport::prepared::PreparedScene;
+
+use super::Wake;
+use crate::headless::GALLERY;
+
+/// Something to open.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Source {
+    /// The scene that is part of the program.
+    BuiltIn,
+    /// A scene or a finished bake.
+    File(PathBuf),
+    /// A glTF file in memory.
+    Bytes {
+        /// For people.
+        name: String,
+        /// GLB or JSON.
+        bytes: Vec<u8>,
+    },
+}
+
+impl Source {
+    /// For people.
+    pub fn name(&self) -> String {
+        match self {
+            Source::BuiltIn => "Gallery".into(),
+            Source::File(path) => path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into()),
+            Source::Bytes { name, .. } => name.clone(),
+        }
+    }
+}
+
+/// What was opened.
+pub enum Loaded {
+    /// A scene, ready to be baked.
+    Scene {
+        /// With its lights.
+        scene: Box<PreparedScene>,
+        /// What was left behind, in words.
+        report: Vec<String>,
+    },
+    /// A bake from a file.
+    Bake(Bake),
+}
+
+/// A scene that was prepared again for other panels, and warnings.
+pub(super) type Panels = Result<(Box<PreparedScene>, Vec<PanelRequest>, Vec<String>), String>;
+
+/// What a thread has to say.
+pub(super) enum Fact {
+    /// Something was opened, or why not.
+    Loaded(String, Result<Loaded, String>),
+    /// Panels were chosen, or why not.
+    Panels(Panels),
+    /// The bake goes on.
+    Bake(BakeEvent),
+    /// The bake ended; with nothing if it was stopped.
+    BakeEnded(Result<Option<Bake>, String>),
+    /// A file was written, or why not.
+    Written(Result<String, String>),
+}
+
+/// A thread's end of the channel.
+pub(super) struct Post {
+    id: u64,
+    sender: SyncSender<(u64, Fact)>,
+    wake: Wake,
+    stop: Arc<AtomicBool>,
+}
+
+impl Post {
+    pub fn new(id: u64, sender: SyncSender<(u64, Fact)>, wake: Wake) -> Post {
+        Post { id, sender, wake, stop: Arc::default() }
+    }
+
+    /// Tells the window, which looks within `soon`; breaks if nobody wants to hear more.
+    pub fn send(&self, fact: Fact, soon: Duration) -> ControlFlow<()> {
+        if self.sender.send((self.id, fact)).is_err() || self.stop.load(Ordering::Relaxed) {
+            return ControlFlow::Break(());
+        }
+        (self.wake)(soon);
+        ControlFlow::Continue(())
+    }
+}
+
+/// A running thread.
+pub(super) struct Task {
+    id: u64,
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<()>,
+}
+
+impl Task {
+    pub fn start(name: &str, post: Post, body: impl FnOnce(Post) + Send + 'static) -> std::io::Result<Task> {
+        let (id, stop, wake) = (post.id, post.stop.clone(), post.wake.clone());
+        let thread = std::thread::Builder::new().name(name.into()).spawn(move || {
+            // Whatever happens to the body, the window looks once more.
+            let _woken_at_the_end = WakeOnDrop(wake);
+            body(post);
+        })?;
+        Ok(Task { id, stop, thread })
+    }
+
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    pub fn is_finished(&self) -> bool {
+        self.thread.is_finished()
+    }
+
+    /// Asks it to end soon.
+    pub fn stopped(self) -> Task {
+        self.stop.store(true, Ordering::Relaxed);
+        self
+    }
+
+    pub fn join(self) {
+        // A panic was printed by the thread itself and is reported where its last word is missed.
+        let _ = self.thread.join();
+    }
+}
+
+struct WakeOnDrop(Wake);
+
+impl Drop for WakeOnDrop {
+    fn drop(&mut self) {
+        // A little later: the thread must be seen to have ended.
+        (self.0)(Duration::from_millis(50));
+    }
+}
+
+/// An error with all its causes.
+pub(super) fn words(error: impl std::error::Error + Send + Sync + 'static) -> String {
+    format!("{:#}", anyhow::Error::from(error))
+}
+
+/// Reads and prepares something.
+pub(super) fn load(source: Source) -> Result<Loaded> {
+    let imported = match source {
+        Source::BuiltIn => import::load_bytes("Gallery", GALLERY)?,
+        Source::Bytes { name, bytes } => import::load_bytes(&name, &bytes)?,
+        Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("transport")) => {
+            return Ok(Loaded::Bake(archive::read(&path)?));
+        }
+        Source::File(path) => import::load(&path)?,
+    };
+    anyhow::ensure!(
+        !imported.scene.mesh.triangles.is_empty(),
+        "it has no surfaces, so there is nothing to see; open a scene with meshes"
+    );
+    let unsupported = imported.report.unsupported.iter().map(|what| format!("Left out: {what}"));
+    let mut report: Vec<String> = unsupported.chain(imported.report.warnings.iter().cloned()).collect();
+    let (scene, warnings) = PreparedScene::new(imported.scene, &[]).context("its lights cannot be used")?;
+    report.extend(warnings);
+    Ok(Loaded::Scene { scene: Box::new(scene), report })
+}
+
+/// How long facts about blocks may wait: a handful of repaints per second is enough to watch a bake.
+const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
+
+/// Bakes on all cores but one, which stays with the window.
+pub(super) fn bake(job: BakeJob, post: Post) {
+    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads((n_cores - 1).max(1)).build();
+    let result = match pool {
+        Ok(pool) => pool.install(|| job.run(|event| {
+            let soon = if matches!(event, BakeEvent::PassDone { .. }) { Duration::ZERO } else { BLOCKS_WITHIN };
+            post.send(Fact::Bake(event), soon)
+        })).map_err(words),
+        Err(error) => Err(words(error)),
+    };
+    let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
+}
+
+/// One picture, for a file.
+pub(super) fn relight_once(frame: &Frame, coefficients: &[Vec<[f32; 3]>]) -> Result<Radiance> {
+    let mut radiance = Radiance::default();
+    CpuRelighter::new(frame)?.relight(coefficients, &mut radiance)?;
+    Ok(radiance)
+}

@@ -1,0 +1,218 @@
+//! Relights on the CPU in the background: newest order wins, newest picture is shown, the window never waits.
+
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError, auto_exposure_ev, encode};
+use eframe::egui::ColorImage;
+use eframe::egui::Color32;
+
+use super::Wake;
+use crate::look::Display;
+use crate::picture::Changed;
+
+/// What is wanted of an order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// The picture.
+    Picture,
+    /// Only the exposure that suits it, for a picture that is made elsewhere.
+    Exposure,
+}
+
+/// A frame under some light.
+#[derive(Clone, Debug)]
+pub struct Order {
+    /// The factors; blocks are shared.
+    pub frame: Frame,
+    /// What is new in it since the last order.
+    pub changed: Changed,
+    /// One RGB triple per column and group.
+    pub coefficients: Vec<Vec<[f32; 3]>>,
+    /// How it is shown.
+    pub display: Display,
+    /// What for.
+    pub wanted: Wanted,
+}
+
+/// A picture, ready to be drawn.
+pub struct Relit {
+    /// Display-encoded pixels; none where only the exposure was wanted.
+    pub image: Option<ColorImage>,
+    /// Exposure that it is shown at, EV.
+    pub exposure_ev: f32,
+    /// From order to picture, milliseconds.
+    pub millis: f32,
+}
+
+#[derive(Default)]
+struct Mail {
+    order: Option<Order>,
+    result: Option<Result<Relit, RelightError>>,
+    closed: bool,
+}
+
+#[derive(Default)]
+struct Mailbox {
+    mail: Mutex<Mail>,
+    posted: Condvar,
+}
+
+/// The worker; it ends when this is dropped.
+pub struct Worker {
+    mailbox: Arc<Mailbox>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Worker {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn start(wake: Wake) -> std::io::Result<Worker> {
+        let mailbox = Arc::<Mailbox>::default();
+        let own = mailbox.clone();
+        let thread = std::thread::Builder::new().name("relight".into()).spawn(move || work(&own, &wake))?;
+        Ok(Worker { mailbox, thread: Some(thread) })
+    }
+
+    /// Leaves an order; one that was not begun yet is replaced.
+    pub fn order(&self, mut order: Order) {
+        let mut mail = self.mailbox.lock();
+        if let Some(older) = mail.order.take() {
+            let mut changed = older.changed;
+            changed.absorb(order.changed);
+            order.changed = changed;
+        }
+        mail.order = Some(order);
+        self.mailbox.posted.notify_one();
+    }
+
+    /// The newest picture, once.
+    pub fn take(&self) -> Option<Result<Relit, RelightError>> {
+        self.mailbox.lock().result.take()
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.mailbox.lock().closed = true;
+        self.mailbox.posted.notify_one();
+        if let Some(thread) = self.thread.take() {
+            // A worker that panicked has said so on its own; there is nothing left to do here.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Mailbox {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Mail> {
+        // Mail is replaced as a whole, so it is sound even after a panic elsewhere.
+        self.mail.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn next(&self) -> Option<Order> {
+        let mut mail = self.lock();
+        loop {
+            if mail.closed {
+                return None;
+            }
+            if let Some(order) = mail.order.take() {
+                return Some(order);
+            }
+            mail = self.posted.wait(mail).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+fn work(mailbox: &Mailbox, wake: &Wake) {
+    let (mut relighter, mut radiance) = (None, Radiance::default());
+    while let Some(order) = mailbox.next() {
+        let result = relight(&mut relighter, &mut radiance, &order);
+        if result.is_err() {
+            relighter = None;
+        }
+        mailbox.lock().result = Some(result);
+        wake(Duration::ZERO);
+    }
+}
+
+fn relight(
+    relighter: &mut Option<CpuRelighter>,
+    radiance: &mut Radiance,
+    order: &Order,
+) -> Result<Relit, RelightError> {
+    let started = Instant::now();
+    let relighter = match (&mut *relighter, &order.changed) {
+        (Some(own), Changed::Blocks(blocks)) => {
+            own.update(&order.frame, blocks)?;
+            own
+        }
+        (slot, _) => slot.insert(CpuRelighter::new(&order.frame)?),
+    };
+    relighter.relight(&order.coefficients, radiance)?;
+    let exposure_ev = order.display.exposure_ev.unwrap_or_else(|| metered_ev(&order.frame, radiance));
+    let image = (order.wanted == Wanted::Picture).then(|| {
+        let bytes = encode(radiance, &DisplayParams { tone: order.display.tone, exposure_ev });
+        let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
+        ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
+    });
+    Ok(Relit { image, exposure_ev, millis: 1e3 * started.elapsed().as_secs_f32() })
+}
+
+/// Exposure that suits what is there of a picture: blocks that are not baked yet do not count as black.
+fn metered_ev(frame: &Frame, radiance: &Radiance) -> f32 {
+    let partition = frame.partition();
+    let present: Vec<usize> = (0..partition.n_blocks()).filter(|&b| frame.block(0, b).is_some()).collect();
+    if present.len() == partition.n_blocks() {
+        return auto_exposure_ev(radiance);
+    }
+    let (mut bundles, mut pixels) = (Vec::new(), Vec::new());
+    for block in present {
+        partition.bundles(block, &mut bundles);
+        pixels.extend(bundles.iter().map(|&pixel| radiance.pixels[pixel as usize]));
+    }
+    auto_exposure_ev(&Radiance { width: pixels.len() as u32, height: 1, pixels })
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_relight::synthetic::{Ranks, Recipe};
+
+    use super::*;
+
+    fn wait_for(worker: &Worker) -> Relit {
+        for _ in 0..2000 {
+            if let Some(result) = worker.take() {
+                return result.unwrap();
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        panic!("no picture came");
+    }
+
+    #[test]
+    fn twice_the_light_is_one_stop_less_exposure() {
+        let frame = Recipe { rank: Ranks::Fixed(6), ..Recipe::default() }.frame();
+        let worker = Worker::start(Arc::new(|_| {})).unwrap();
+        let coefficients = |value: f32| -> Vec<Vec<[f32; 3]>> {
+            frame.groups.iter().map(|g| vec![[value; 3]; g.n_cols as usize]).collect()
+        };
+        let mut order = Order {
+            frame: frame.clone(),
+            changed: Changed::All,
+            coefficients: coefficients(1.0),
+            display: Display::default(),
+            wanted: Wanted::Picture,
+        };
+        worker.order(order.clone());
+        let dim = wait_for(&worker);
+        assert_eq!(dim.image.unwrap().size, [frame.width as usize, frame.height as usize]);
+        (order.coefficients, order.changed, order.wanted) = (coefficients(2.0), Changed::default(), Wanted::Exposure);
+        worker.order(order);
+        let bright = wait_for(&worker);
+        assert!(bright.image.is_none());
+        assert!((dim.exposure_ev - bright.exposure_ev - 1.0).abs() < 1e-3, "{} {}", dim.exposure_ev, bright.exposure_ev);
+    }
+}

@@ -1,0 +1,98 @@
+//! How the window looks: calm grays that do not tint the eye, one warm accent.
+
+use eframe::egui::{self, Color32, CornerRadius, FontId, Margin, Stroke, TextStyle, Theme, Visuals};
+
+/// Warm accent: what is lit, selected or soloed.
+pub const ACCENT: Color32 = Color32::from_rgb(232, 170, 84);
+/// Muted lamps and things that went wrong.
+pub const ALERT: Color32 = Color32::from_rgb(214, 96, 88);
+/// Text on top of [`ACCENT`] and [`ALERT`].
+pub const ON_ACCENT: Color32 = Color32::from_rgb(24, 18, 10);
+
+/// Neutral gray around the picture, the same in both themes: a colored or bright surround would change what is judged.
+pub const SURROUND: Color32 = Color32::from_gray(18);
+
+/// Gives both themes their colors, sizes and spacing.
+pub fn apply(ctx: &egui::Context) {
+    ctx.set_visuals_of(Theme::Dark, dark());
+    ctx.set_visuals_of(Theme::Light, light());
+    ctx.all_styles_mut(|style| {
+        style.text_styles.insert(TextStyle::Body, FontId::proportional(13.5));
+        style.text_styles.insert(TextStyle::Button, FontId::proportional(13.5));
+        style.text_styles.insert(TextStyle::Small, FontId::proportional(11.5));
+        style.text_styles.insert(TextStyle::Heading, FontId::proportional(15.0));
+        style.spacing.item_spacing = egui::vec2(7.0, 6.0);
+        style.spacing.button_padding = egui::vec2(9.0, 4.0);
+        style.spacing.interact_size.y = 22.0;
+        style.spacing.window_margin = Margin::same(14);
+        style.spacing.menu_margin = Margin::same(8);
+        style.spacing.slider_rail_height = 4.0;
+        style.animation_time = 0.08;
+    });
+}
+
+fn dark() -> Visuals {
+    let mut v = Visuals::dark();
+    let corner = CornerRadius::same(4);
+    v.panel_fill = Color32::from_gray(30);
+    v.window_fill = Color32::from_gray(36);
+    v.window_stroke = Stroke::new(1.0, Color32::from_gray(62));
+    v.extreme_bg_color = Color32::from_gray(20);
+    v.faint_bg_color = Color32::from_gray(35);
+    v.selection.bg_fill = Color32::from_rgb(122, 88, 42);
+    v.selection.stroke = Stroke::new(1.0, Color32::from_rgb(255, 232, 200));
+    v.hyperlink_color = ACCENT;
+    v.warn_fg_color = ACCENT;
+    v.error_fg_color = ALERT;
+    v.slider_trailing_fill = true;
+    v.handle_shape = egui::style::HandleShape::Circle;
+    v.widgets.noninteractive.bg_stroke = Stroke::new(1.0, Color32::from_gray(46));
+    v.widgets.noninteractive.fg_stroke = Stroke::new(1.0, Color32::from_gray(188));
+    v.widgets.inactive.weak_bg_fill = Color32::from_gray(46);
+    v.widgets.inactive.bg_fill = Color32::from_gray(56);
+    v.widgets.inactive.fg_stroke = Stroke::new(1.0, Color32::from_gray(208));
+    v.widgets.hovered.weak_bg_fill = Color32::from_gray(58);
+    v.widgets.hovered.bg_fill = Color32::from_gray(70);
+    v.widgets.hovered.bg_stroke = Stroke::new(1.0, Color32::from_gray(84));
+    v.widgets.hovered.fg_stroke = Stroke::new(1.0, Color32::from_gray(240));
+    v.widgets.active.bg_stroke = Stroke::new(1.0, ACCENT);
+    v.widgets.active.fg_stroke = Stroke::new(1.5, Color32::WHITE);
+    for widget in widgets(&mut v) {
+        widget.corner_radius = corner;
+        widget.expansion = 0.0;
+    }
+    v
+}
+
+fn light() -> Visuals {
+    let mut v = Visuals::light();
+    v.panel_fill = Color32::from_gray(238);
+    v.window_fill = Color32::from_gray(246);
+    v.selection.bg_fill = Color32::from_rgb(240, 200, 140);
+    v.selection.stroke = Stroke::new(1.0, Color32::from_rgb(74, 46, 8));
+    v.hyperlink_color = Color32::from_rgb(150, 92, 12);
+    v.warn_fg_color = Color32::from_rgb(160, 96, 10);
+    v.error_fg_color = Color32::from_rgb(178, 50, 42);
+    v.slider_trailing_fill = true;
+    v.handle_shape = egui::style::HandleShape::Circle;
+    v.widgets.noninteractive.fg_stroke = Stroke::new(1.0, Color32::from_gray(58));
+    v.widgets.inactive.weak_bg_fill = Color32::from_gray(222);
+    v.widgets.inactive.bg_fill = Color32::from_gray(208);
+    for widget in widgets(&mut v) {
+        widget.corner_radius = CornerRadius::same(4);
+        widget.expansion = 0.0;
+    }
+    v
+}
+
+fn widgets(v: &mut Visuals) -> [&mut egui::style::WidgetVisuals; 5] {
+    let w = &mut v.widgets;
+    [&mut w.noninteractive, &mut w.inactive, &mut w.hovered, &mut w.active, &mut w.open]
+}
+
+/// Heading of a section, with a thin line under it.
+pub fn section(ui: &mut egui::Ui, title: &str) {
+    ui.add_space(4.0);
+    ui.label(egui::RichText::new(title).heading().strong());
+    ui.separator();
+}

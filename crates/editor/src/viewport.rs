@@ -1,0 +1,251 @@
+//! The picture: fit, zoom, pan, and spots of light that are dragged in it.
+
+pub mod handles;
+
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::prepared::PreparedScene;
+use eframe::egui::{
+    self, Align2, Color32, CursorIcon, FontId, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId, Ui, Vec2, pos2,
+    vec2,
+};
+
+use crate::action::{Action, FileTask};
+use crate::look::Look;
+use crate::session::{BakeState, Stage};
+use crate::theme;
+use handles::{Grab, PanelPicker};
+
+/// What is shown.
+pub struct Viewed<'a> {
+    /// The picture and its size in pixels.
+    pub picture: Option<(TextureId, [u32; 2])>,
+    /// Where opening stands.
+    pub stage: &'a Stage,
+    /// Where the bake stands.
+    pub bake: &'a BakeState,
+    /// Scene and camera of the picture, where they are known.
+    pub scene: Option<(&'a PreparedScene, &'a Camera)>,
+}
+
+/// How it is looked at.
+#[derive(Clone, Debug, Default)]
+pub struct ViewState {
+    /// Points per pixel; none shows the whole picture.
+    zoom: Option<f32>,
+    /// Center of the picture from the center of the area, points.
+    offset: Vec2,
+    /// What the pointer holds.
+    grab: Option<Grab>,
+}
+
+/// Room around a picture that fits, points.
+const MARGIN: f32 = 14.0;
+/// Zoom range in points per pixel.
+const ZOOM: std::ops::RangeInclusive<f32> = 0.05..=48.0;
+/// Zoom per point of scrolling.
+const ZOOM_PER_POINT: f32 = 0.005;
+
+impl ViewState {
+    /// Shows the whole picture.
+    pub fn fit(&mut self) {
+        (self.zoom, self.offset) = (None, Vec2::ZERO);
+    }
+
+    fn image_rect(&self, area: Rect, size: Vec2) -> Rect {
+        let zoom = self.zoom.unwrap_or_else(|| fitting(area, size));
+        Rect::from_center_size(area.center() + self.offset, size * zoom)
+    }
+
+    /// Zooms so that what is under the pointer stays there.
+    fn zoom_at(&mut self, area: Rect, size: Vec2, pointer: Pos2, factor: f32) {
+        let old = self.zoom.unwrap_or_else(|| fitting(area, size));
+        let new = (old * factor).clamp(*ZOOM.start(), *ZOOM.end());
+        let from_center = pointer - area.center();
+        self.offset = from_center + (self.offset - from_center) * (new / old);
+        self.zoom = Some(new);
+    }
+}
+
+fn fitting(area: Rect, size: Vec2) -> f32 {
+    let room = (area.size() - Vec2::splat(2.0 * MARGIN)).max(Vec2::splat(1.0));
+    (room.x / size.x).min(room.y / size.y)
+}
+
+/// Draws picture and handles, or says in words what is going on.
+pub fn viewport_ui(
+    ui: &mut Ui,
+    viewed: &Viewed,
+    state: &mut ViewState,
+    look: &mut Look,
+    chosen: &mut Option<(String, usize)>,
+    actions: &mut Vec<Action>,
+) {
+    let area = ui.available_rect_before_wrap();
+    ui.painter().rect_filled(area, 0.0, theme::SURROUND);
+    let Some((texture, [width, height])) = viewed.picture else {
+        words_ui(ui, area, viewed, actions);
+        return;
+    };
+    let response = ui.allocate_rect(area, Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
+    let size = vec2(width as f32, height as f32);
+    navigate(ui, &response, state, area, size);
+    let image = state.image_rect(area, size);
+    let painter = ui.painter_at(area);
+    painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    if let Some((scene, camera)) = viewed.scene {
+        let picker = PanelPicker { scene, camera, film: Film { width, height }, image };
+        drag_spots(ui, &response, &picker, state, look, chosen);
+        picker.paint(&painter, look, chosen.as_ref());
+    } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
+        state.grab = Some(Grab::Picture);
+    }
+    if matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
+        busy_corner(ui, area, &busy_words(viewed));
+    }
+}
+
+/// Zoom with the wheel, pan with the middle button or space; a double click shows the whole picture.
+fn navigate(ui: &Ui, response: &Response, state: &mut ViewState, area: Rect, size: Vec2) {
+    if let Some(pointer) = response.hover_pos() {
+        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+        let factor = (scroll * ZOOM_PER_POINT).exp() * pinch;
+        if factor != 1.0 {
+            state.zoom_at(area, size, pointer, factor);
+        }
+    }
+    let with_space = ui.input(|input| input.key_down(Key::Space));
+    if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && with_space) {
+        state.grab = Some(Grab::Picture);
+    }
+    if state.grab == Some(Grab::Picture) && response.dragged() {
+        state.zoom = Some(state.zoom.unwrap_or_else(|| fitting(area, size)));
+        state.offset += response.drag_delta();
+        ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+    }
+    if response.drag_stopped() {
+        state.grab = None;
+    }
+}
+
+/// A press on a panel takes the spot under it, or the nearest, or makes the first one; elsewhere it takes the picture.
+fn drag_spots(
+    ui: &Ui,
+    response: &Response,
+    picker: &PanelPicker,
+    state: &mut ViewState,
+    look: &mut Look,
+    chosen: &mut Option<(String, usize)>,
+) {
+    if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
+        let press = ui.input(|input| input.pointer.press_origin());
+        state.grab = Some(press.and_then(|at| picker.grab(at, look)).unwrap_or(Grab::Picture));
+    }
+    if let Some(Grab::Spot { panel, idx }) = &state.grab {
+        if let Some(at) = response.interact_pointer_pos() {
+            picker.drag(panel, *idx, at, look);
+        }
+        *chosen = Some((panel.clone(), *idx));
+        ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+    }
+    if response.double_clicked() {
+        match response.interact_pointer_pos().and_then(|at| picker.add(at, look)) {
+            Some(added) => *chosen = Some(added),
+            None => state.fit(),
+        }
+    }
+    let idle = state.grab.is_none();
+    if let Some(hint) = response.hover_pos().filter(|_| idle).and_then(|at| picker.hint(at, look)) {
+        ui.ctx().set_cursor_icon(CursorIcon::Grab);
+        let at = response.rect.left_bottom() + vec2(12.0, -10.0);
+        let painter = ui.painter();
+        let galley = painter.layout_no_wrap(hint, FontId::proportional(12.5), Color32::from_gray(230));
+        let place = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());
+        painter.rect_filled(place.expand2(vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(170));
+        painter.galley(place.min, galley, Color32::WHITE);
+    }
+}
+
+fn busy_words(viewed: &Viewed) -> String {
+    match (viewed.stage, viewed.bake) {
+        (Stage::Loading(name), _) => format!("Opening {name}"),
+        (_, BakeState::Preparing) => "Measuring the lights".into(),
+        (_, BakeState::Running { .. }) => "Baking the first picture".into(),
+        _ => "Preparing the picture".into(),
+    }
+}
+
+/// A small sign that something new is on its way.
+fn busy_corner(ui: &mut Ui, area: Rect, words: &str) {
+    let place = Rect::from_min_size(area.left_top() + vec2(14.0, 12.0), vec2(260.0, 22.0));
+    ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
+        ui.horizontal(|ui| {
+            ui.add(egui::Spinner::new().size(16.0).color(theme::ACCENT));
+            ui.label(RichText::new(words).color(Color32::from_gray(220)));
+        });
+    });
+}
+
+/// What to see while there is no picture.
+fn words_ui(ui: &mut Ui, area: Rect, viewed: &Viewed, actions: &mut Vec<Action>) {
+    let bright = Color32::from_gray(225);
+    let dim = Color32::from_gray(150);
+    let place = Rect::from_center_size(area.center(), vec2((area.width() - 40.0).min(520.0), 150.0));
+    ui.allocate_rect(area, Sense::hover());
+    ui.scope_builder(egui::UiBuilder::new().max_rect(place).layout(egui::Layout::top_down(egui::Align::Center)), |ui| {
+        let title = |ui: &mut Ui, words: &str| {
+            ui.label(RichText::new(words).size(18.0).color(bright));
+            ui.add_space(6.0);
+        };
+        let open = |ui: &mut Ui, actions: &mut Vec<Action>| {
+            ui.add_space(10.0);
+            if ui.button("Open another scene…").clicked() {
+                actions.push(Action::Ask(FileTask::OpenScene));
+            }
+        };
+        match (viewed.stage, viewed.bake) {
+            (Stage::Empty, _) => {
+                title(ui, "Nothing is open");
+                ui.label(RichText::new("Drop a glTF file here").color(dim));
+                open(ui, actions);
+            }
+            (Stage::Failed(name, why), _) => {
+                title(ui, &format!("Could not open {name}"));
+                ui.label(RichText::new(why).color(dim));
+                open(ui, actions);
+            }
+            (Stage::Ready, BakeState::Failed(why)) => {
+                title(ui, "The bake failed");
+                ui.label(RichText::new(why).color(dim));
+                open(ui, actions);
+            }
+            (Stage::Ready, BakeState::Idle | BakeState::Stopped) => {
+                title(ui, "No picture yet");
+                ui.label(RichText::new("Start the bake").color(dim));
+            }
+            _ => {
+                ui.add(egui::Spinner::new().size(30.0).color(theme::ACCENT));
+                ui.add_space(10.0);
+                ui.label(RichText::new(busy_words(viewed)).size(15.0).color(bright));
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zooming_keeps_what_is_under_the_pointer() {
+        let (area, size) = (Rect::from_min_size(pos2(10.0, 20.0), vec2(800.0, 600.0)), vec2(400.0, 200.0));
+        let mut state = ViewState::default();
+        let pointer = pos2(150.0, 300.0);
+        let before = (pointer - state.image_rect(area, size).min) / state.image_rect(area, size).size();
+        state.zoom_at(area, size, pointer, 2.5);
+        let after = (pointer - state.image_rect(area, size).min) / state.image_rect(area, size).size();
+        assert!((before - after).length() < 1e-4, "{before:?} {after:?}");
+        state.fit();
+        assert!(area.contains_rect(state.image_rect(area, size)));
+    }
+}

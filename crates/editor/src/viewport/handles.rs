@@ -1,0 +1,169 @@
+//! Spots of light in the picture: which panel is under the pointer, and where a spot goes when it is dragged.
+
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::emitters::PanelEmitter;
+use clerestory_transport::light::PanelSpot;
+use clerestory_transport::prepared::PreparedScene;
+use eframe::egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, vec2};
+use glam::Vec2;
+
+use crate::look::Look;
+use crate::panels::spots::{HANDLE_REACH, NEW_SPOT, nearest};
+use crate::theme;
+
+/// What the pointer holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Grab {
+    /// The picture itself.
+    Picture,
+    /// A spot of a panel.
+    Spot {
+        /// Key of the panel.
+        panel: String,
+        /// Which of its spots.
+        idx: usize,
+    },
+}
+
+/// The panels of a scene as they are seen in the picture.
+pub struct PanelPicker<'a> {
+    /// The scene.
+    pub scene: &'a PreparedScene,
+    /// Where it is seen from.
+    pub camera: &'a Camera,
+    /// Size of the picture in pixels.
+    pub film: Film,
+    /// Where the picture is drawn, points.
+    pub image: Rect,
+}
+
+/// Radius of a handle in points.
+const HANDLE_RADIUS: f32 = 7.0;
+
+impl PanelPicker<'_> {
+    fn panels(&self) -> impl Iterator<Item = (&str, &PanelEmitter)> {
+        let sources = &self.scene.lighting.basis.sources;
+        self.scene.lighting.panels().map(|(idx, panel)| (sources[idx].key.as_str(), panel))
+    }
+
+    fn panel(&self, key: &str) -> Option<&PanelEmitter> {
+        self.panels().find(|(k, _)| *k == key).map(|(_, panel)| panel)
+    }
+
+    fn ray(&self, at: Pos2) -> glam::Vec3 {
+        let px = (at - self.image.min) / self.image.size() * vec2(self.film.width as f32, self.film.height as f32);
+        self.camera.direction(self.film, Vec2::new(px.x, px.y))
+    }
+
+    /// Where a point of a panel is seen, in points; nothing behind the camera.
+    fn seen_at(&self, panel: &PanelEmitter, uv: Vec2) -> Option<Pos2> {
+        let px = self.camera.project(self.film, panel.point(uv))?;
+        let scale = vec2(self.image.width() / self.film.width as f32, self.image.height() / self.film.height as f32);
+        Some(self.image.min + vec2(px.x, px.y) * scale)
+    }
+
+    /// Whether the shining side is turned to the camera.
+    fn faces(&self, panel: &PanelEmitter) -> bool {
+        panel.double_sided || (self.camera.position() - panel.origin).dot(panel.normal) > 0.0
+    }
+
+    /// The panel under the pointer that nothing hides, and where on it.
+    fn hit(&self, at: Pos2) -> Option<(&str, Vec2)> {
+        if !self.image.contains(at) {
+            return None;
+        }
+        let (origin, direction) = (self.camera.position(), self.ray(at));
+        let hits = self.panels().filter_map(|(key, panel)| Some((key, panel, panel.intersect(origin, direction)?)));
+        let (key, panel, (_, uv)) = hits.min_by(|a, b| a.2.0.total_cmp(&b.2.0))?;
+        (self.scene.transmittance(origin, panel.point(uv)) > 0.5).then_some((key, uv))
+    }
+
+    /// Point of a panel's plane under the pointer, held within the panel.
+    fn on_plane(&self, panel: &PanelEmitter, at: Pos2) -> Option<[f32; 2]> {
+        let (origin, direction) = (self.camera.position(), self.ray(at));
+        let t = (panel.origin - origin).dot(panel.normal) / direction.dot(panel.normal);
+        let uv = panel.uv_of(origin + direction * t).clamp(Vec2::ZERO, Vec2::ONE);
+        (t.is_finite() && t > 0.0 && uv.is_finite()).then_some(uv.to_array())
+    }
+
+    /// The handle within reach of the pointer.
+    fn handle(&self, at: Pos2, look: &Look) -> Option<(&str, usize)> {
+        let handles = self.panels().filter(|(_, panel)| self.faces(panel)).flat_map(|(key, panel)| {
+            let spots = look.lights.panels.get(key).map_or(&[] as &[PanelSpot], Vec::as_slice);
+            spots.iter().enumerate().filter_map(move |(idx, spot)| {
+                Some((key, idx, self.seen_at(panel, spot.position.into())?.distance(at)))
+            })
+        });
+        let (key, idx, distance) = handles.min_by(|a, b| a.2.total_cmp(&b.2))?;
+        (distance < HANDLE_REACH).then_some((key, idx))
+    }
+
+    /// What a press takes hold of. On a panel without spots it makes the first one.
+    pub fn grab(&self, at: Pos2, look: &mut Look) -> Option<Grab> {
+        if let Some((key, idx)) = self.handle(at, look) {
+            return Some(Grab::Spot { panel: key.to_string(), idx });
+        }
+        let (key, uv) = self.hit(at)?;
+        let spots = look.lights.panels.entry(key.to_string()).or_default();
+        if spots.is_empty() {
+            spots.push(PanelSpot { position: uv.to_array(), ..NEW_SPOT });
+        }
+        let idx = nearest(spots.iter().map(|spot| Vec2::from(spot.position).distance(uv)))?;
+        Some(Grab::Spot { panel: key.to_string(), idx })
+    }
+
+    /// Moves a spot to where the pointer is.
+    pub fn drag(&self, panel: &str, idx: usize, at: Pos2, look: &mut Look) {
+        let to = self.panel(panel).and_then(|panel| self.on_plane(panel, at));
+        let spot = look.lights.panels.get_mut(panel).and_then(|spots| spots.get_mut(idx));
+        if let (Some(to), Some(spot)) = (to, spot) {
+            spot.position = to;
+        }
+    }
+
+    /// Adds a spot where the pointer is on a panel; answers which.
+    pub fn add(&self, at: Pos2, look: &mut Look) -> Option<(String, usize)> {
+        let (key, uv) = self.hit(at)?;
+        let spots = look.lights.panels.entry(key.to_string()).or_default();
+        let like = spots.last().copied().unwrap_or(NEW_SPOT);
+        spots.push(PanelSpot { position: uv.to_array(), ..like });
+        Some((key.to_string(), spots.len() - 1))
+    }
+
+    /// What can be done where the pointer is.
+    pub fn hint(&self, at: Pos2, look: &Look) -> Option<String> {
+        if let Some((key, idx)) = self.handle(at, look) {
+            return Some(format!("{key}, spot {}, drag to move it", idx + 1));
+        }
+        let (key, _) = self.hit(at)?;
+        let has_spots = look.lights.panels.get(key).is_some_and(|spots| !spots.is_empty());
+        let what = if has_spots { "drag to move the nearest spot, double-click to add one" } else { "drag to place a spot of light" };
+        Some(format!("{key}, {what}"))
+    }
+
+    /// Draws a handle for each spot, and the outline of the chosen one on its panel.
+    pub fn paint(&self, painter: &Painter, look: &Look, chosen: Option<&(String, usize)>) {
+        for (key, panel) in self.panels().filter(|(_, panel)| self.faces(panel)) {
+            for (idx, spot) in look.lights.panels.get(key).into_iter().flatten().enumerate() {
+                let is_chosen = chosen.is_some_and(|(k, i)| k == key && *i == idx);
+                let Some(center) = self.seen_at(panel, spot.position.into()) else { continue };
+                let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
+                if is_chosen {
+                    painter.add(Shape::closed_line(self.outline(panel, spot), Stroke::new(1.2, color.gamma_multiply(0.7))));
+                }
+                painter.circle_stroke(center, HANDLE_RADIUS, Stroke::new(4.0, Color32::from_black_alpha(130)));
+                painter.circle_stroke(center, HANDLE_RADIUS, Stroke::new(2.0, color));
+                painter.circle_filled(center, 2.0, color);
+            }
+        }
+    }
+
+    /// The rim of a spot as it is seen; empty where part of it lies behind the camera.
+    fn outline(&self, panel: &PanelEmitter, spot: &PanelSpot) -> Vec<Pos2> {
+        let sides = Vec2::new(panel.u_edge.length(), panel.v_edge.length());
+        let radius = Vec2::splat(spot.radius * sides.min_element()) / sides;
+        let rim = (0..48).map(|i| Vec2::from_angle(i as f32 / 48.0 * std::f32::consts::TAU));
+        let seen = rim.map(|at| self.seen_at(panel, Vec2::from(spot.position) + at * radius));
+        seen.collect::<Option<Vec<Pos2>>>().unwrap_or_default()
+    }
+}
