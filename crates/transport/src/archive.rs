@@ -255,7 +255,7 @@ fn read_block(bytes: &[u8], groups: &mut [BlockLowRank], block_idx: usize) -> Re
         if fits {
             group.blocks[block_idx] = Some(Arc::new(factors));
         } else if factors != BlockFactors::default() {
-            return Err(CodecError::Damaged);
+            return Err(CodecError::Malformed("a block does not fit its place in the picture"));
         }
         offset += len;
     }

@@ -99,6 +99,12 @@ pub struct PanelEmitter {
     pub double_sided: bool,
     /// Turns emitted radiance into the white column's radiance, per channel.
     pub whiten: Vec3,
+    /// The white column's radiance where no texture changes it: 1, or 0 in a channel that the file does not emit.
+    pub white: Vec3,
+    /// Whether a texture changes the radiance from place to place.
+    pub textured: bool,
+    /// One over `resolution`.
+    pub texel_side: f32,
     /// Area of a texel, m².
     pub texel_area: f32,
 }
@@ -271,7 +277,8 @@ fn surface_source(scene: &Scene, key: String, triangles: Vec<u32>) -> (LightSour
 
 fn panel_source(scene: &Scene, key: String, panel: PanelEmitter) -> (LightSource, Emitter) {
     let (color, strength) = file_emission(scene, &[panel.triangle]);
-    let panel = PanelEmitter { whiten: whiten(color, strength), ..panel };
+    let whiten = whiten(color, strength);
+    let panel = PanelEmitter { whiten, white: whiten * color * strength, ..panel };
     let size_m = [panel.u_edge.length(), panel.v_edge.length()];
     let kind = SourceKind::Panel { resolution: panel.resolution, size_m };
     let columns = 0..panel.resolution * panel.resolution;
@@ -340,6 +347,9 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
         uv_frame,
         double_sided: material.double_sided,
         whiten: Vec3::ONE,
+        white: Vec3::ONE,
+        textured: material.emissive_texture.is_some(),
+        texel_side: 1.0 / resolution as f32,
         texel_area,
     })
 }

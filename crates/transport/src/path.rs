@@ -6,6 +6,7 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::basis::SourceKind;
 use crate::bsdf::{Bsdf, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
@@ -55,9 +56,18 @@ pub struct Integrator<'a, P> {
     scene: &'a PreparedScene,
     plan: &'a P,
     bounces: u32,
-    column_source: Vec<u32>,
+    columns: Vec<ColumnPlace>,
     sky_column: Option<u32>,
     far: f32,
+}
+
+/// Where the light of a column comes from.
+#[derive(Clone, Copy)]
+struct ColumnPlace {
+    /// Source of the basis.
+    source: u32,
+    /// Texel of a panel along u and v, else 0.
+    texel: [u16; 2],
 }
 
 /// Buffers of a thread, reused from walk to walk.
@@ -105,14 +115,19 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     /// `bounces` counts scattering events beyond the first, as Cycles does; `None` leaves the end to roulette.
     pub fn new(scene: &'a PreparedScene, plan: &'a P, bounces: Option<u32>) -> Self {
         let basis = &scene.lighting.basis;
-        let mut column_source = vec![0; basis.n_cols()];
-        for (idx, source) in basis.sources.iter().enumerate() {
-            column_source[source.columns.start as usize..source.columns.end as usize].fill(idx as u32);
-        }
+        let places = basis.sources.iter().enumerate().flat_map(|(idx, source)| {
+            let side = match source.kind {
+                SourceKind::Panel { resolution, .. } => resolution,
+                _ => 1,
+            };
+            let texel = move |nth: u32| [(nth % side) as u16, (nth / side) as u16];
+            (0..source.columns.len() as u32).map(move |nth| ColumnPlace { source: idx as u32, texel: texel(nth) })
+        });
+        let columns = places.collect();
         let sky = scene.lighting.emitters.iter().position(|e| matches!(e, Emitter::Sky));
         let sky_column = sky.map(|idx| basis.sources[idx].columns.start);
         let far = 4.0 * scene.diameter();
-        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), column_source, sky_column, far }
+        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, sky_column, far }
     }
 
     /// One sample of a pixel: a random point of its square, all columns.
@@ -252,7 +267,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     fn collect_emission(&self, walk: &Walk, hit: &SurfaceHit, deposit: &mut impl Deposit) {
         let Some((column, radiance)) = self.scene.emitted(hit, -walk.direction) else { return };
-        let emitter = &self.scene.lighting.emitters[self.column_source[column as usize] as usize];
+        let emitter = &self.scene.lighting.emitters[self.columns[column as usize].source as usize];
         let area = match emitter {
             Emitter::Surface(surface) => surface.area,
             Emitter::Panel(panel) => panel.texel_area,
@@ -334,19 +349,16 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// A point on the light of a column, as seen from `position`; `None` where it sends nothing this way.
     fn light_point(&self, column: u32, position: Vec3, u: Vec2) -> Option<LightPoint> {
-        let source_idx = self.column_source[column as usize] as usize;
-        match &self.scene.lighting.emitters[source_idx] {
+        let ColumnPlace { source, texel } = self.columns[column as usize];
+        match &self.scene.lighting.emitters[source as usize] {
             Emitter::Panel(panel) => {
-                let texel = column - self.scene.lighting.basis.sources[source_idx].columns.start;
-                let corner = Vec2::new((texel % panel.resolution) as f32, (texel / panel.resolution) as f32);
-                let uv = (corner + u) / panel.resolution as f32;
+                let uv = (Vec2::new(f32::from(texel[0]), f32::from(texel[1])) + u) * panel.texel_side;
                 let target = panel.point(uv);
-                let material = self.scene.material(panel.triangle);
-                let radiance = if material.emissive_texture.is_some() {
+                let radiance = if panel.textured {
                     let uvs = panel.uv_frame.map(|[o, du, dv]| o + du * uv.x + dv * uv.y);
-                    self.scene.pattern(material, uvs) * panel.whiten
+                    self.scene.pattern(self.scene.material(panel.triangle), uvs) * panel.whiten
                 } else {
-                    Vec3::ONE
+                    panel.white
                 };
                 area_point(position, target, panel.normal, panel.double_sided, panel.texel_area, radiance)
             }

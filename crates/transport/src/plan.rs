@@ -14,6 +14,8 @@ use crate::sampler::Sampler;
 /// a group gets its equal share.
 pub struct MatrixPlan {
     groups: Vec<Range<u32>>,
+    /// All columns; texels of a panel tile by tile, so that sixteen neighbors look the same way.
+    all: Vec<Pick>,
     splits: u32,
 }
 
@@ -36,16 +38,43 @@ impl MatrixPlan {
             9..=64 => 2,
             _ => 4,
         };
-        MatrixPlan { groups, splits }
+        let all = lighting
+            .basis
+            .sources
+            .iter()
+            .filter(|source| groups.iter().any(|g| g.contains(&source.columns.start)))
+            .flat_map(|source| in_tiles(source.kind, source.columns.clone()))
+            .map(|column| Pick { column, inverse_rate: 1.0 })
+            .collect();
+        MatrixPlan { groups, all, splits }
     }
+}
+
+/// Side of the tiles in which a panel's texels are asked for.
+const FAN_TILE: u32 = 4;
+
+/// The columns of a source; those of a panel tile by tile.
+fn in_tiles(kind: SourceKind, columns: Range<u32>) -> Vec<u32> {
+    let mut order: Vec<u32> = columns.clone().collect();
+    if let SourceKind::Panel { resolution, .. } = kind {
+        order.sort_by_key(|column| {
+            let (i, j) = ((column - columns.start) % resolution, (column - columns.start) / resolution);
+            (j / FAN_TILE, i / FAN_TILE, j, i)
+        });
+    }
+    order
 }
 
 impl LightPlan for MatrixPlan {
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
         picks.clear();
+        if vertex == Vertex::First {
+            picks.extend_from_slice(&self.all);
+            return;
+        }
         for group in &self.groups {
             let n = group.len() as u32;
-            if vertex == Vertex::First || n <= LATER_PICKS {
+            if n <= LATER_PICKS {
                 picks.extend(group.clone().map(|column| Pick { column, inverse_rate: 1.0 }));
                 continue;
             }
