@@ -1,10 +1,11 @@
 //! Materials in use, and the primitives of every node with theirs.
 
 use glam::DMat4;
+use gltf::json::{self, Index, Node, Root};
 use rayon::prelude::*;
 
 use super::accessor::Reader;
-use super::document::{Document, Node, called};
+use super::document::called;
 use super::geometry::{self, Built, Job};
 use super::hierarchy::{self, PlacedNode};
 use super::material::Converter;
@@ -18,23 +19,23 @@ pub(super) struct MaterialSlots {
 }
 
 impl MaterialSlots {
-    fn of(&self, material: Option<usize>) -> u32 {
-        material.and_then(|index| self.of_file.get(index).copied().flatten()).unwrap_or(self.default)
+    fn of(&self, material: Option<Index<json::Material>>) -> u32 {
+        material.and_then(|index| self.of_file.get(index.value()).copied().flatten()).unwrap_or(self.default)
     }
 }
 
 /// Converts the materials in use, the default one first if any primitive needs it; also the textures that they use.
 pub(super) fn add_materials(
     scene: &mut Scene,
-    document: &Document,
+    document: &Root,
     placed: &[PlacedNode],
     notes: &mut Notes,
 ) -> (MaterialSlots, Vec<usize>) {
-    let meshes = placed.iter().filter_map(|node| document.meshes.get(document.nodes[node.index].mesh?));
+    let meshes = placed.iter().filter_map(|node| document.get(document.nodes[node.index].mesh?));
     let mut used = vec![false; document.materials.len()];
     let mut needs_default = false;
     for primitive in meshes.flat_map(|mesh| &mesh.primitives) {
-        match primitive.material.map(|index| (index, used.get_mut(index))) {
+        match primitive.material.map(|index| (index, used.get_mut(index.value()))) {
             Some((_, Some(used))) => *used = true,
             Some((index, None)) => {
                 notes.warn(format!("material {index} does not exist: the default material is shown"));
@@ -75,7 +76,7 @@ pub(super) fn build_geometry(
     for ((placed, node_idx), name) in placed.iter().zip(indices).zip(&names) {
         let node = &document.nodes[placed.index];
         let (Some(mesh_idx), Some(node_idx)) = (node.mesh, *node_idx) else { continue };
-        let Some(mesh) = document.meshes.get(mesh_idx) else {
+        let Some(mesh) = document.get(mesh_idx) else {
             notes.warn(format!("{name}: mesh {mesh_idx} does not exist: it is left out"));
             continue;
         };
@@ -93,7 +94,8 @@ pub(super) fn build_geometry(
 
 /// The node's own transform, or one per instance.
 fn transforms(reader: &Reader, node: &Node, placed: &PlacedNode, name: &str, notes: &mut Notes) -> Vec<DMat4> {
-    let Some(instancing) = &node.extensions.instancing else {
+    let extensions = node.extensions.as_ref();
+    let Some(instancing) = extensions.and_then(|extensions| extensions.others.get("EXT_mesh_gpu_instancing")) else {
         return vec![placed.world_from_node];
     };
     match hierarchy::instances(reader, instancing) {

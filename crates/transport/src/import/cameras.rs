@@ -1,8 +1,9 @@
 //! Cameras of the file.
 
 use glam::{DMat4, DVec3, Mat4};
+use gltf::json::{self, Index, Root};
 
-use super::document::{Document, called};
+use super::document::called;
 use super::report::Notes;
 use crate::camera::Camera;
 
@@ -14,18 +15,18 @@ pub(super) const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 
 /// The camera of a node, if it is a perspective one. `number` counts from 1, for cameras without a name.
 pub(super) fn camera(
-    document: &Document,
-    index: usize,
+    document: &Root,
+    index: Index<json::Camera>,
     world_from_node: DMat4,
     node_name: Option<&String>,
     number: usize,
     notes: &mut Notes,
 ) -> Option<Camera> {
-    let Some(source) = document.cameras.get(index) else {
+    let Some(source) = document.get(index) else {
         notes.warn(format!("camera {index} does not exist: it is left out"));
         return None;
     };
-    let line_name = called("camera", index, source.name.as_ref().or(node_name));
+    let line_name = called("camera", index.value(), source.name.as_ref().or(node_name));
     let Some(perspective) = &source.perspective else {
         notes.unsupported(format!("{line_name}: only perspective cameras are shown: it is left out"));
         return None;

@@ -2,58 +2,68 @@
 
 use std::borrow::Cow;
 
+use gltf::binary::{self, ChunkType, Glb};
+use gltf::json::Root;
+use gltf::json::buffer::View;
+
 use super::ImportError;
-use super::document::{BufferView, Document};
+use super::document::size;
 use super::report::Notes;
 use super::uri::Locator;
 
 const GLB_MAGIC: &[u8; 4] = b"glTF";
-const CHUNK_JSON: u32 = 0x4E4F_534A;
-const CHUNK_BIN: u32 = 0x004E_4942;
+const GLB_HEADER_BYTES: u32 = 12;
 
 /// JSON text and, for a GLB, its binary chunk.
 #[derive(Debug)]
 pub(super) struct Container<'a> {
-    pub json: &'a [u8],
-    pub bin: Option<&'a [u8]>,
+    pub json: Cow<'a, [u8]>,
+    pub bin: Option<Cow<'a, [u8]>>,
 }
 
 /// Splits a file into its chunks; a JSON glTF is one chunk.
 pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Container<'a>, ImportError> {
     if !bytes.starts_with(GLB_MAGIC) {
-        return Ok(Container { json: bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes), bin: None });
+        return Ok(Container { json: bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).into(), bin: None });
     }
-    let broken = |reason: &str| ImportError::Container { name: name.to_owned(), reason: reason.to_owned() };
-    let version = u32_at(bytes, 4).ok_or_else(|| broken("it ends within its header"))?;
-    if version != 2 {
-        return Err(ImportError::Version { name: name.to_owned(), version: version.to_string() });
+    let broken = |reason: String| ImportError::Container { name: name.to_owned(), reason };
+    let announced = bytes.get(8..12).map(|four| u32::from_le_bytes(four.try_into().expect("four bytes were sliced")));
+    // The crate subtracts the header from the length before it looks at either.
+    let length = announced.filter(|&length| length >= GLB_HEADER_BYTES);
+    let length = length.ok_or_else(|| broken("it ends within its header".to_owned()))? as usize;
+    match Glb::from_slice(&bytes[..length.min(bytes.len())]) {
+        Ok(Glb { json, bin, .. }) => Ok(Container { json, bin }),
+        Err(gltf::Error::Binary(binary::Error::Version(version))) => {
+            Err(ImportError::Version { name: name.to_owned(), version: version.to_string() })
+        }
+        Err(gltf::Error::Binary(error)) => Err(broken(in_words(&error, length, bytes.len()))),
+        Err(error) => Err(broken(error.to_string())),
     }
-    let (kind, json, rest) = chunk_at(bytes, 12).ok_or_else(|| broken("it ends before its first chunk"))?;
-    let whole = u32_at(bytes, 12).is_some_and(|length| length as usize == json.len());
-    if kind != CHUNK_JSON || !whole {
-        return Err(broken("its first chunk is not a whole JSON chunk"));
-    }
-    let bin = chunk_at(bytes, rest).filter(|&(kind, ..)| kind == CHUNK_BIN).map(|(_, bin, _)| bin);
-    Ok(Container { json, bin })
 }
 
-/// Kind, payload (cut at the end of the file) and the offset of the next chunk.
-fn chunk_at(bytes: &[u8], offset: usize) -> Option<(u32, &[u8], usize)> {
-    let length = u32_at(bytes, offset)? as usize;
-    let kind = u32_at(bytes, offset + 4)?;
-    let end = (offset + 8).saturating_add(length).min(bytes.len());
-    Some((kind, &bytes[offset + 8..end], end))
-}
-
-fn u32_at(bytes: &[u8], offset: usize) -> Option<u32> {
-    let four = bytes.get(offset..offset.checked_add(4)?)?;
-    Some(u32::from_le_bytes(four.try_into().expect("four bytes were sliced")))
+/// What is wrong with the chunks of a GLB that announces `length` bytes and has `n_bytes`.
+fn in_words(error: &binary::Error, length: usize, n_bytes: usize) -> String {
+    match error {
+        binary::Error::Length { .. } => {
+            format!("it announces {length} bytes and has {n_bytes}: is it downloaded in full?")
+        }
+        binary::Error::ChunkLength { ty: ChunkType::Json, .. } | binary::Error::ChunkType(ChunkType::Bin) => {
+            "its first chunk is not a whole JSON chunk".to_owned()
+        }
+        binary::Error::ChunkLength { ty: ChunkType::Bin, .. } => "its binary chunk is cut short".to_owned(),
+        binary::Error::ChunkType(ChunkType::Json) => "it has two JSON chunks".to_owned(),
+        binary::Error::UnknownChunkType(kind) => {
+            format!("it has a chunk of unknown type {:?}", kind.escape_ascii().to_string())
+        }
+        binary::Error::Io(_) => "it ends within the header of a chunk".to_owned(),
+        other => other.to_string(),
+    }
 }
 
 /// All buffers in memory.
 pub(super) struct Buffers<'a> {
     buffers: Vec<Cow<'a, [u8]>>,
-    views: &'a [BufferView],
+    views: &'a [View],
 }
 
 impl<'a> Buffers<'a> {
@@ -63,7 +73,7 @@ impl<'a> Buffers<'a> {
     /// When one of them cannot be had: without it there is no geometry.
     pub fn fetch(
         name: &str,
-        document: &'a Document,
+        document: &'a Root,
         bin: Option<&'a [u8]>,
         locator: &Locator,
         notes: &mut Notes,
@@ -75,11 +85,11 @@ impl<'a> Buffers<'a> {
                 (None, Some(bin)) if index == 0 => Ok(Cow::Borrowed(bin)),
                 (None, _) => Err("it has neither a URI nor a binary chunk".to_owned()),
             };
-            let needed = document.buffer_views.iter().any(|view| view.buffer == index);
+            let needed = document.buffer_views.iter().any(|view| view.buffer.value() == index);
             match content {
                 Ok(content) => {
-                    if content.len() < buffer.byte_length {
-                        let (have, want) = (content.len(), buffer.byte_length);
+                    if content.len() < size(buffer.byte_length) {
+                        let (have, want) = (content.len(), size(buffer.byte_length));
                         notes.warn(format!(
                             "buffer {index} has {have} bytes, {want} were announced: what lies beyond is left out"
                         ));
@@ -98,11 +108,13 @@ impl<'a> Buffers<'a> {
     /// Bytes of a view and its stride, or a reason in words.
     pub fn view(&self, index: usize) -> Result<(&[u8], Option<usize>), String> {
         let view = self.views.get(index).ok_or_else(|| format!("buffer view {index} does not exist"))?;
-        let buffer = self.buffers.get(view.buffer).ok_or_else(|| format!("buffer {} does not exist", view.buffer))?;
-        let end = view.byte_offset.saturating_add(view.byte_length);
+        let buffer =
+            self.buffers.get(view.buffer.value()).ok_or_else(|| format!("buffer {} does not exist", view.buffer))?;
+        let start = view.byte_offset.map_or(0, size);
+        let end = start.saturating_add(size(view.byte_length));
         let bytes = buffer
-            .get(view.byte_offset..end)
+            .get(start..end)
             .ok_or_else(|| format!("buffer view {index} reaches beyond the end of its buffer"))?;
-        Ok((bytes, view.byte_stride))
+        Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
 }

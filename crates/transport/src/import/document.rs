@@ -1,374 +1,141 @@
-//! The part of the glTF 2.0 schema that is read, as plain serde structs.
+//! The JSON of a file as `gltf::json::Root`, which the rest of the import reads.
 //!
-//! Nothing here is checked beyond JSON types: indices are `usize` that whoever follows them must look up with `get`. The
-//! `gltf` crate's own model is refused: it rejects valid files (a scene without `nodes`, pointer animations) and its
-//! accessors panic on indices out of range.
+//! That model is stricter than the files that people have: it refuses scenes without `nodes` and animations of kinds that
+//! it does not know. So the JSON is mended first. Nothing is validated: every index must be looked up with `get`.
 
+use gltf::json::material::NormalTexture;
+use gltf::json::texture::Info;
+use gltf::json::validation::USize64;
+use gltf::json::{Root, texture};
 use serde::Deserialize;
-use serde::de::IgnoredAny;
-use serde_json::{Map, Value};
+use serde::de::Error as _;
+use serde_json::{Map, Value, json};
 
-/// Root object.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
+use super::ImportError;
+
+/// A file's JSON.
 pub(super) struct Document {
-    pub accessors: Vec<Accessor>,
-    pub animations: Vec<IgnoredAny>,
-    pub buffers: Vec<Buffer>,
-    pub buffer_views: Vec<BufferView>,
-    pub cameras: Vec<Camera>,
-    pub extensions: RootExtensions,
-    pub extensions_required: Vec<String>,
-    pub extensions_used: Vec<String>,
-    pub images: Vec<Image>,
-    pub materials: Vec<Material>,
-    pub meshes: Vec<Mesh>,
-    pub nodes: Vec<Node>,
-    pub samplers: Vec<Sampler>,
-    pub scene: Option<usize>,
-    pub scenes: Vec<Scene>,
-    pub skins: Vec<IgnoredAny>,
-    pub textures: Vec<Texture>,
+    /// What is read of it.
+    pub root: Root,
+    /// Animations, which are not read.
+    pub n_animations: usize,
+    /// Skins, which are not read.
+    pub n_skins: usize,
 }
 
-/// `asset` alone, read before the rest so that glTF 1 can be named.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Preamble {
-    pub asset: Asset,
+/// Members that are never read, so that nothing odd in them matters: path from the root through all arrays, and name.
+const UNREAD: &[(&[&str], &str)] = &[
+    (&[], "animations"),
+    (&[], "skins"),
+    (&["accessors"], "max"),
+    (&["accessors"], "min"),
+    (&["bufferViews"], "target"),
+    (&["cameras"], "orthographic"),
+    (&["cameras", "perspective"], "zfar"),
+    (&["cameras", "perspective"], "znear"),
+    (&["images"], "mimeType"),
+    (&["materials"], "occlusionTexture"),
+    (&["samplers"], "minFilter"),
+];
+
+/// Members that the model demands: path from the root through all arrays, name, and the JSON that stands in.
+const DEMANDED: &[(&[&str], &str, &str)] = &[
+    (&["accessors"], "componentType", "0"),
+    (&["accessors"], "count", "0"),
+    (&["accessors"], "type", "\"\""),
+    (&["bufferViews"], "buffer", "0"),
+    (&["bufferViews"], "byteLength", "0"),
+    (&["cameras"], "type", "\"\""),
+    (&["cameras", "perspective"], "yfov", "0"),
+    (&["cameras", "perspective"], "znear", "0"),
+    (&["extensions", "KHR_lights_punctual"], "lights", "[]"),
+    (&["extensions", "KHR_lights_punctual", "lights"], "type", "\"\""),
+    (&["meshes"], "primitives", "[]"),
+    (&["meshes", "primitives"], "attributes", "{}"),
+    (&["scenes"], "nodes", "[]"),
+];
+
+/// Reads the JSON of a file.
+///
+/// # Errors
+/// When it is not JSON, of another version than 2, or of another shape than glTF's; the place is named.
+pub(super) fn read(name: &str, text: &[u8]) -> Result<Document, ImportError> {
+    let broken = |source| ImportError::Json { name: name.to_owned(), source };
+    let mut value: Value = serde_json::from_slice(text).map_err(broken)?;
+    let version = value.pointer("/asset/version").and_then(Value::as_str).unwrap_or_default();
+    if version.split('.').next() != Some("2") {
+        return Err(ImportError::Version { name: name.to_owned(), version: version.to_owned() });
+    }
+    let length = |key: &str| value.get(key).and_then(Value::as_array).map_or(0, Vec::len);
+    let (n_animations, n_skins) = (length("animations"), length("skins"));
+    mend(&mut value);
+    let root = Root::deserialize(&value).map_err(|error| broken(located(&value, error)))?;
+    Ok(Document { root, n_animations, n_skins })
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Asset {
-    pub version: String,
+fn mend(root: &mut Value) {
+    for (path, name) in UNREAD {
+        each_object(root, path, &mut |members| {
+            members.remove(*name);
+        });
+    }
+    for (path, name, text) in DEMANDED {
+        let stand_in: Value = serde_json::from_str(text).expect("the table holds JSON");
+        each_object(root, path, &mut |members| {
+            members.entry(*name).or_insert_with(|| stand_in.clone());
+        });
+    }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct RootExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub lights: Lights,
+/// Every object at a path of keys; arrays on the way are walked through.
+fn each_object(value: &mut Value, path: &[&str], change: &mut impl FnMut(&mut Map<String, Value>)) {
+    match (value, path.split_first()) {
+        (Value::Array(items), _) => items.iter_mut().for_each(|item| each_object(item, path, change)),
+        (Value::Object(members), None) => change(members),
+        (Value::Object(members), Some((first, rest))) => {
+            if let Some(member) = members.get_mut(*first) {
+                each_object(member, rest, change);
+            }
+        }
+        _ => {}
+    }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Lights {
-    pub lights: Vec<Light>,
+/// The error with the first element that causes one by itself, as `nodes[3]: …`.
+fn located(root: &Value, error: serde_json::Error) -> serde_json::Error {
+    for (key, member) in root.as_object().into_iter().flatten() {
+        for (index, item) in member.as_array().into_iter().flatten().enumerate() {
+            let alone = json!({"asset": {"version": "2.0"}, key.as_str(): [item]});
+            if let Err(reason) = Root::deserialize(&alone) {
+                return serde_json::Error::custom(format!("{key}[{index}]: {reason}"));
+            }
+        }
+    }
+    error
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Light {
-    pub name: Option<String>,
-    #[serde(rename = "type")]
-    pub kind: String,
-    pub color: Option<[f32; 3]>,
-    pub intensity: Option<f32>,
-    pub range: Option<f32>,
-    pub spot: Spot,
-    pub extensions: Map<String, Value>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Spot {
-    pub inner_cone_angle: Option<f32>,
-    pub outer_cone_angle: Option<f32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Scene {
-    pub nodes: Vec<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Node {
-    pub camera: Option<usize>,
-    pub children: Vec<usize>,
-    pub extensions: NodeExtensions,
-    pub extras: Value,
-    pub matrix: Option<[f64; 16]>,
-    pub mesh: Option<usize>,
-    pub name: Option<String>,
-    pub rotation: Option<[f64; 4]>,
-    pub scale: Option<[f64; 3]>,
-    pub skin: Option<usize>,
-    pub translation: Option<[f64; 3]>,
-    pub weights: Option<Vec<f32>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct NodeExtensions {
-    #[serde(rename = "KHR_lights_punctual")]
-    pub light: Option<LightUse>,
-    #[serde(rename = "EXT_mesh_gpu_instancing")]
-    pub instancing: Option<Instancing>,
-}
-
-#[derive(Debug, Deserialize)]
-pub(super) struct LightUse {
-    pub light: usize,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Instancing {
-    pub attributes: Map<String, Value>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Camera {
-    pub name: Option<String>,
-    pub perspective: Option<Perspective>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Perspective {
-    pub aspect_ratio: Option<f32>,
-    pub yfov: f32,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Mesh {
-    pub name: Option<String>,
-    pub primitives: Vec<Primitive>,
-    pub weights: Option<Vec<f32>>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Primitive {
-    pub attributes: Attributes,
-    pub extensions: Map<String, Value>,
-    pub indices: Option<usize>,
-    pub material: Option<usize>,
-    pub mode: Option<u32>,
-    pub targets: Vec<Attributes>,
-}
-
-/// Accessor indices by meaning.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Attributes {
-    #[serde(rename = "POSITION")]
-    pub position: Option<usize>,
-    #[serde(rename = "NORMAL")]
-    pub normal: Option<usize>,
-    #[serde(rename = "TANGENT")]
-    pub tangent: Option<usize>,
-    #[serde(rename = "TEXCOORD_0")]
-    pub uv0: Option<usize>,
-    #[serde(rename = "TEXCOORD_1")]
-    pub uv1: Option<usize>,
-    #[serde(rename = "TEXCOORD_2")]
-    pub uv2: Option<usize>,
-    #[serde(rename = "COLOR_0")]
-    pub color: Option<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Accessor {
-    pub buffer_view: Option<usize>,
-    pub byte_offset: usize,
-    pub component_type: u32,
-    pub count: usize,
-    pub normalized: bool,
-    pub sparse: Option<Sparse>,
-    #[serde(rename = "type")]
-    pub shape: String,
-}
-
-#[derive(Debug, Deserialize)]
-pub(super) struct Sparse {
-    pub count: usize,
-    pub indices: SparseIndices,
-    pub values: SparseValues,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseIndices {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: usize,
-    pub component_type: u32,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct SparseValues {
-    pub buffer_view: usize,
-    #[serde(default)]
-    pub byte_offset: usize,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Buffer {
-    pub byte_length: usize,
-    pub uri: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct BufferView {
-    pub buffer: usize,
-    pub byte_length: usize,
-    pub byte_offset: usize,
-    pub byte_stride: Option<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Image {
-    pub buffer_view: Option<usize>,
-    pub name: Option<String>,
-    pub uri: Option<String>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Sampler {
-    pub mag_filter: Option<u32>,
-    pub wrap_s: Option<u32>,
-    pub wrap_t: Option<u32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Texture {
-    pub extensions: Map<String, Value>,
-    pub sampler: Option<usize>,
-    pub source: Option<usize>,
-}
-
-/// A use of a texture; `scale` is that of a normal map.
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase")]
-pub(super) struct TextureInfo {
-    pub index: usize,
-    #[serde(default)]
-    pub tex_coord: usize,
-    pub scale: Option<f32>,
-    #[serde(default)]
-    pub extensions: TextureInfoExtensions,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct TextureInfoExtensions {
-    #[serde(rename = "KHR_texture_transform")]
-    pub transform: Option<TextureTransform>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct TextureTransform {
-    pub offset: Option<[f32; 2]>,
-    pub rotation: Option<f32>,
-    pub scale: Option<[f32; 2]>,
-    pub tex_coord: Option<usize>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Material {
-    pub alpha_cutoff: Option<f32>,
-    pub alpha_mode: Option<String>,
-    pub double_sided: bool,
-    pub emissive_factor: Option<[f32; 3]>,
-    pub emissive_texture: Option<TextureInfo>,
-    pub extensions: MaterialExtensions,
-    pub name: Option<String>,
-    pub normal_texture: Option<TextureInfo>,
-    pub pbr_metallic_roughness: MetallicRoughness,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct MetallicRoughness {
-    pub base_color_factor: Option<[f32; 4]>,
-    pub base_color_texture: Option<TextureInfo>,
-    pub metallic_factor: Option<f32>,
-    pub metallic_roughness_texture: Option<TextureInfo>,
-    pub roughness_factor: Option<f32>,
-}
-
-/// Material extensions that are honored, and the names of the others.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct MaterialExtensions {
-    #[serde(rename = "KHR_materials_emissive_strength")]
-    pub emissive_strength: EmissiveStrength,
-    #[serde(rename = "KHR_materials_ior")]
-    pub ior: Ior,
-    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
-    pub specular_glossiness: Option<SpecularGlossiness>,
-    #[serde(rename = "KHR_materials_specular")]
-    pub specular: Specular,
-    #[serde(rename = "KHR_materials_transmission")]
-    pub transmission: Transmission,
-    #[serde(rename = "KHR_materials_unlit")]
-    pub unlit: Option<IgnoredAny>,
-    #[serde(rename = "KHR_materials_volume")]
-    pub volume: Volume,
-    #[serde(flatten)]
-    pub others: Map<String, Value>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct EmissiveStrength {
-    pub emissive_strength: Option<f32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Ior {
-    pub ior: Option<f32>,
-}
-
+/// KHR_materials_pbrSpecularGlossiness.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub(super) struct SpecularGlossiness {
     pub diffuse_factor: Option<[f32; 4]>,
-    pub diffuse_texture: Option<TextureInfo>,
+    pub diffuse_texture: Option<Info>,
     pub glossiness_factor: Option<f32>,
     pub specular_factor: Option<[f32; 3]>,
-    pub specular_glossiness_texture: Option<TextureInfo>,
+    pub specular_glossiness_texture: Option<Info>,
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Specular {
-    pub specular_color_factor: Option<[f32; 3]>,
-    pub specular_color_texture: Option<TextureInfo>,
-    pub specular_factor: Option<f32>,
-    pub specular_texture: Option<TextureInfo>,
+/// A normal map as any other use of a texture, without its scale.
+pub(super) fn plain_use(normal: &NormalTexture) -> Info {
+    let transform = normal.extensions.as_ref().and_then(|extensions| extensions.others.get("KHR_texture_transform"));
+    let texture_transform = transform.and_then(|transform| Deserialize::deserialize(transform).ok());
+    let extensions = gltf::json::extensions::texture::Info { texture_transform, others: Map::new() };
+    texture::Info { index: normal.index, tex_coord: normal.tex_coord, extensions: Some(extensions), extras: None }
 }
 
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Transmission {
-    pub transmission_factor: Option<f32>,
-    pub transmission_texture: Option<TextureInfo>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-pub(super) struct Volume {
-    pub attenuation_color: Option<[f32; 3]>,
-    pub attenuation_distance: Option<f32>,
-    pub thickness_factor: Option<f32>,
-    pub thickness_texture: Option<TextureInfo>,
+/// A size in bytes or elements; what memory cannot hold is the largest one, which no buffer has.
+pub(super) fn size(value: USize64) -> usize {
+    usize::try_from(value.0).unwrap_or(usize::MAX)
 }
 
 /// A name for a report line: quoted if the file has one, else the index.

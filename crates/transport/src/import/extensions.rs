@@ -1,7 +1,8 @@
 //! Which extensions of a file are honored, in words.
 
+use gltf::json::{Material, Root};
+
 use super::ImportError;
-use super::document::Document;
 use super::report::Notes;
 
 /// Extensions that are honored, or approximated with a line of their own.
@@ -45,7 +46,7 @@ const LEFT_OUT: &[(&str, &str)] = &[
 ///
 /// # Errors
 /// When a compression is required that cannot be undone here.
-pub(super) fn check(name: &str, document: &Document, notes: &mut Notes) -> Result<(), ImportError> {
+pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<(), ImportError> {
     for extension in &document.extensions_required {
         if let Some(compression) = compression_of(extension) {
             return Err(ImportError::Extension {
@@ -80,8 +81,8 @@ fn compression_of(extension: &str) -> Option<&'static str> {
 }
 
 /// ` (materials "a", "b" and 3 more)`, or nothing if no material uses the extension.
-fn users(document: &Document, extension: &str) -> String {
-    let named = |(index, material): (usize, &super::document::Material)| match &material.name {
+fn users(document: &Root, extension: &str) -> String {
+    let named = |(index, material): (usize, &Material)| match &material.name {
         Some(name) if !name.is_empty() => format!("\"{name}\""),
         _ => index.to_string(),
     };
@@ -89,7 +90,7 @@ fn users(document: &Document, extension: &str) -> String {
         .materials
         .iter()
         .enumerate()
-        .filter(|(_, material)| material.extensions.others.contains_key(extension))
+        .filter(|(_, material)| material.extensions.as_ref().is_some_and(|all| all.others.contains_key(extension)))
         .map(named)
         .collect();
     match users.len() {

@@ -5,9 +5,12 @@
 //! tangents where theirs are missing.
 
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
+use gltf::Semantic;
+use gltf::json::mesh::{self, Primitive};
+use gltf::json::validation::Checked;
+use gltf::json::{Accessor, Index};
 
 use super::accessor::{Integers, Reader};
-use super::document::{Attributes, Primitive};
 use super::report::Notes;
 use super::tangents;
 use crate::scene::{Mesh, TextureRef};
@@ -63,33 +66,33 @@ struct Vertices {
 impl Vertices {
     /// Attributes and triangles of a primitive, `None` if it has no surface.
     fn read(reader: &Reader, job: &Job, notes: &mut Notes) -> Result<Option<Surface>, String> {
-        let attributes = &job.primitive.attributes;
         let mode = Mode::of(job.primitive.mode)?;
         if mode == Mode::WithoutSurface {
             notes.unsupported(format!("{}: points and lines are left out", job.name));
             return Ok(None);
         }
-        let Some(position) = attributes.position else {
+        let Some(position) = attribute(job.primitive, Semantic::Positions) else {
             return Err("it has no vertex positions".to_owned());
         };
-        if job.primitive.extensions.contains_key("KHR_draco_mesh_compression") && !reader.has_bytes(position) {
+        if is_draco(job.primitive) && !reader.has_bytes(position) {
             return Err("it is there in Draco compression only, which cannot be read".to_owned());
         }
         let mut vertices =
             Vertices { positions: to_vec3(reader.floats(position, Integers::AsDeclared)?), ..Vertices::default() };
         let n_vertices = vertices.positions.len();
         let corners = match job.primitive.indices {
-            Some(index) => reader.indices(index)?,
+            Some(index) => reader.indices(index.value())?,
             None => (0..u32::try_from(n_vertices).map_err(|_| "it has too many vertices".to_owned())?).collect(),
         };
-        vertices.read_attributes(reader, attributes, job, notes);
+        vertices.read_attributes(reader, job, notes);
         vertices.morph(reader, job, notes);
         let triangles = usable_triangles(mode.triangles(&corners), &vertices.positions, job.name, notes);
         Ok((!triangles.is_empty()).then_some((vertices, triangles)))
     }
 
     /// Everything but positions; an attribute that cannot be read is as if it were absent.
-    fn read_attributes(&mut self, reader: &Reader, attributes: &Attributes, job: &Job, notes: &mut Notes) {
+    fn read_attributes(&mut self, reader: &Reader, job: &Job, notes: &mut Notes) {
+        let accessor_of = |semantic: Semantic| attribute(job.primitive, semantic);
         let n_vertices = self.positions.len();
         let mut checked = |what: &str, result: Result<usize, String>| match result {
             Ok(count) if count == 0 || count == n_vertices => true,
@@ -106,47 +109,52 @@ impl Vertices {
             true => read.unwrap_or_default(),
             false => Vec::new(),
         };
-        self.normals =
-            to_vec3(keep("normals", optional(attributes.normal, |a| reader.floats(a, Integers::AsDeclared))));
-        let tangents = optional(attributes.tangent, |a| reader.floats::<4>(a, Integers::AsDeclared));
+        self.normals = to_vec3(keep(
+            "normals",
+            optional(accessor_of(Semantic::Normals), |a| reader.floats(a, Integers::AsDeclared)),
+        ));
+        let tangents = optional(accessor_of(Semantic::Tangents), |a| reader.floats::<4>(a, Integers::AsDeclared));
         if job.normal_map.is_some() && checked("tangents", length(&tangents)) {
             self.tangents = tangents.unwrap_or_default().into_iter().map(Vec4::from).collect();
         }
-        for (set, accessor) in [attributes.uv0, attributes.uv1].into_iter().enumerate() {
-            let uvs = optional(accessor, |a| reader.floats::<2>(a, Integers::AsDeclared));
+        for set in 0..self.uvs.len() {
+            let uvs =
+                optional(accessor_of(Semantic::TexCoords(set as u32)), |a| reader.floats::<2>(a, Integers::AsDeclared));
             if checked("texture coordinates", length(&uvs)) {
                 let finite = |uv: [f32; 2]| Some(Vec2::from(uv)).filter(|uv| uv.is_finite()).unwrap_or_default();
                 self.uvs[set] = uvs.unwrap_or_default().into_iter().map(finite).collect();
             }
         }
-        let colors = optional(attributes.color, |a| reader.colors(a));
+        let colors = optional(accessor_of(Semantic::Colors(0)), |a| reader.colors(a));
         if checked("vertex colors", length(&colors)) {
             let finite = |color: [f32; 4]| {
                 Some(Vec4::from(color)).filter(|color| color.is_finite()).unwrap_or(Vec4::ONE).max(Vec4::ZERO)
             };
             self.colors = colors.unwrap_or_default().into_iter().map(finite).collect();
         }
-        if attributes.uv2.is_some() {
+        let beyond = |key: &Checked<Semantic>| matches!(key, Checked::Valid(Semantic::TexCoords(2..)));
+        if job.primitive.attributes.keys().any(beyond) {
             notes.unsupported(format!("{}: texture coordinate sets beyond the second are ignored", job.name));
         }
     }
 
     /// Adds the weighted morph targets, as the file's default weights ask.
     fn morph(&mut self, reader: &Reader, job: &Job, notes: &mut Notes) {
-        for (target, &weight) in job.primitive.targets.iter().zip(job.weights) {
+        for (target, &weight) in job.primitive.targets.iter().flatten().zip(job.weights) {
             if weight == 0.0 || !weight.is_finite() {
                 continue;
             }
-            let mut add = |accessor: Option<usize>, to: &mut [Vec3]| match optional(accessor, |a| {
-                reader.floats::<3>(a, Integers::AsDeclared)
-            }) {
-                Ok(deltas) => {
-                    to.iter_mut().zip(deltas).for_each(|(value, delta)| *value += weight * Vec3::from(delta));
-                }
-                Err(reason) => notes.warn(format!("{}: {reason}: a morph target is ignored", job.name)),
-            };
-            add(target.position, &mut self.positions);
-            add(target.normal, &mut self.normals);
+            let mut add =
+                |accessor: Option<Index<Accessor>>, to: &mut [Vec3]| match optional(accessor.map(|a| a.value()), |a| {
+                    reader.floats::<3>(a, Integers::AsDeclared)
+                }) {
+                    Ok(deltas) => {
+                        to.iter_mut().zip(deltas).for_each(|(value, delta)| *value += weight * Vec3::from(delta));
+                    }
+                    Err(reason) => notes.warn(format!("{}: {reason}: a morph target is ignored", job.name)),
+                };
+            add(target.positions, &mut self.positions);
+            add(target.normals, &mut self.normals);
         }
     }
 
@@ -160,6 +168,15 @@ impl Vertices {
             colors: gathered(&self.colors, list),
         }
     }
+}
+
+/// Accessor of an attribute.
+fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
+    primitive.attributes.get(&Checked::Valid(semantic)).map(|accessor| accessor.value())
+}
+
+fn is_draco(primitive: &Primitive) -> bool {
+    primitive.extensions.as_ref().is_some_and(|all| all.others.contains_key("KHR_draco_mesh_compression"))
 }
 
 fn gathered<T: Copy>(values: &[T], list: &[u32]) -> Vec<T> {
@@ -188,14 +205,18 @@ enum Mode {
 }
 
 impl Mode {
-    fn of(code: Option<u32>) -> Result<Mode, String> {
-        match code.unwrap_or(4) {
-            0..=3 => Ok(Mode::WithoutSurface),
-            4 => Ok(Mode::Triangles),
-            5 => Ok(Mode::Strip),
-            6 => Ok(Mode::Fan),
-            code => Err(format!("primitive mode {code} is not known")),
-        }
+    fn of(mode: Checked<mesh::Mode>) -> Result<Mode, String> {
+        let Checked::Valid(mode) = mode else {
+            return Err("its primitive mode is not known".to_owned());
+        };
+        Ok(match mode {
+            mesh::Mode::Triangles => Mode::Triangles,
+            mesh::Mode::TriangleStrip => Mode::Strip,
+            mesh::Mode::TriangleFan => Mode::Fan,
+            mesh::Mode::Points | mesh::Mode::Lines | mesh::Mode::LineLoop | mesh::Mode::LineStrip => {
+                Mode::WithoutSurface
+            }
+        })
     }
 
     /// Every other triangle of a strip is turned, so that all face the same way.

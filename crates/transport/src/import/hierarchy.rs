@@ -1,10 +1,11 @@
 //! Which nodes are shown, and where they stand.
 
 use glam::{DMat4, DQuat, DVec3};
+use gltf::json::{Node, Root};
 use serde_json::Value;
 
 use super::accessor::{Integers, Reader};
-use super::document::{Document, Instancing, Node, called};
+use super::document::called;
 use super::report::Notes;
 
 /// A node of the displayed scene with its world transform.
@@ -16,7 +17,7 @@ pub(super) struct PlacedNode {
 }
 
 /// Nodes of the displayed scene in file order, each once.
-pub(super) fn place(document: &Document, notes: &mut Notes) -> Vec<PlacedNode> {
+pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
     let mut visited = vec![false; document.nodes.len()];
     let mut placed = Vec::new();
     let mut pending: Vec<(usize, DMat4)> =
@@ -37,26 +38,26 @@ pub(super) fn place(document: &Document, notes: &mut Notes) -> Vec<PlacedNode> {
             continue;
         }
         placed.push(PlacedNode { index, world_from_node });
-        pending.extend(node.children.iter().rev().map(|&child| (child, world_from_node)));
+        pending.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world_from_node)));
     }
     placed.sort_by_key(|node| node.index);
     placed
 }
 
 /// Roots of the scene that the file asks for, else of its first one, else all nodes that are no child.
-fn roots(document: &Document, notes: &mut Notes) -> Vec<usize> {
+fn roots(document: &Root, notes: &mut Notes) -> Vec<usize> {
     let asked = document.scene.and_then(|index| {
-        if index >= document.scenes.len() {
+        if index.value() >= document.scenes.len() {
             notes.warn(format!("scene {index} does not exist: what the file has besides is shown"));
         }
-        document.scenes.get(index)
+        document.get(index)
     });
     if let Some(scene) = asked.or(document.scenes.first()) {
-        return scene.nodes.clone();
+        return scene.nodes.iter().map(|node| node.value()).collect();
     }
     let mut is_child = vec![false; document.nodes.len()];
-    for &child in document.nodes.iter().flat_map(|node| &node.children) {
-        if let Some(flag) = is_child.get_mut(child) {
+    for child in document.nodes.iter().flat_map(|node| node.children.iter().flatten()) {
+        if let Some(flag) = is_child.get_mut(child.value()) {
             *flag = true;
         }
     }
@@ -66,26 +67,27 @@ fn roots(document: &Document, notes: &mut Notes) -> Vec<usize> {
 /// The node's matrix, or its translation · rotation · scale.
 fn local_transform(node: &Node) -> DMat4 {
     if let Some(matrix) = &node.matrix {
-        return DMat4::from_cols_array(matrix);
+        return DMat4::from_cols_array(&matrix.map(f64::from));
     }
-    trs(node.translation, node.rotation, node.scale)
+    trs(node.translation, node.rotation.map(|rotation| rotation.0), node.scale)
 }
 
-fn trs(translation: Option<[f64; 3]>, rotation: Option<[f64; 4]>, scale: Option<[f64; 3]>) -> DMat4 {
+fn trs(translation: Option<[f32; 3]>, rotation: Option<[f32; 4]>, scale: Option<[f32; 3]>) -> DMat4 {
     let rotation = rotation.map_or(DQuat::IDENTITY, |q| {
-        let q = DQuat::from_array(q);
+        let q = DQuat::from_array(q.map(f64::from));
         if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY }
     });
     DMat4::from_scale_rotation_translation(
-        scale.map_or(DVec3::ONE, DVec3::from),
+        scale.map_or(DVec3::ONE, |s| s.map(f64::from).into()),
         rotation,
-        translation.map_or(DVec3::ZERO, DVec3::from),
+        translation.map_or(DVec3::ZERO, |t| t.map(f64::from).into()),
     )
 }
 
 /// Transforms of EXT_mesh_gpu_instancing within the node, or the reason why they cannot be read.
-pub(super) fn instances(reader: &Reader, instancing: &Instancing) -> Result<Vec<DMat4>, String> {
-    let accessor = |name: &str| instancing.attributes.get(name).and_then(Value::as_u64).map(|index| index as usize);
+pub(super) fn instances(reader: &Reader, instancing: &Value) -> Result<Vec<DMat4>, String> {
+    let attributes = instancing.get("attributes");
+    let accessor = |name: &str| attributes?.get(name)?.as_u64().map(|index| index as usize);
     let translations = accessor("TRANSLATION").map(|a| reader.floats::<3>(a, Integers::AsDeclared)).transpose()?;
     let rotations = accessor("ROTATION").map(|a| reader.floats::<4>(a, Integers::Normalized)).transpose()?;
     let scales = accessor("SCALE").map(|a| reader.floats::<3>(a, Integers::AsDeclared)).transpose()?;
@@ -93,11 +95,7 @@ pub(super) fn instances(reader: &Reader, instancing: &Instancing) -> Result<Vec<
     let n_instances = counts.into_iter().flatten().min().unwrap_or(0);
     Ok((0..n_instances)
         .map(|i| {
-            trs(
-                translations.as_ref().map(|t| t[i].map(f64::from)),
-                rotations.as_ref().map(|r| r[i].map(f64::from)),
-                scales.as_ref().map(|s| s[i].map(f64::from)),
-            )
+            trs(translations.as_ref().map(|t| t[i]), rotations.as_ref().map(|r| r[i]), scales.as_ref().map(|s| s[i]))
         })
         .collect())
 }

@@ -4,12 +4,14 @@ use std::borrow::Cow;
 use std::io::Cursor;
 use std::sync::Arc;
 
+use gltf::json::texture::{MagFilter, WrappingMode};
+use gltf::json::validation::Checked;
+use gltf::json::{self, Root};
 use image::{ImageReader, Limits};
 use rayon::prelude::*;
-use serde_json::Value;
 
 use super::container::Buffers;
-use super::document::{self, Document, called};
+use super::document::called;
 use super::report::Notes;
 use super::uri::Locator;
 use crate::scene::{Filter, Image, Texture, Wrap};
@@ -17,66 +19,71 @@ use crate::scene::{Filter, Image, Texture, Wrap};
 /// Longest side of an image in texels.
 const MAX_SIDE: u32 = 16_384;
 
+/// What the JSON model has where a texture names no source.
+const NO_SOURCE: usize = u32::MAX as usize;
+
 /// Most bytes that decoding one image may take.
 const MAX_DECODE_BYTES: u64 = 2 << 30;
 
 /// Decodes the images of some textures, given by their indices in the file, each image once.
 pub(super) fn decode(
-    document: &Document,
+    document: &Root,
     textures: &[usize],
     buffers: &Buffers,
     locator: &Locator,
     notes: &mut Notes,
 ) -> Vec<Texture> {
-    let sources: Vec<Result<usize, String>> = textures.iter().map(|&texture| source_of(document, texture)).collect();
-    let mut wanted: Vec<usize> = sources.iter().filter_map(|source| source.as_ref().ok().copied()).collect();
+    let sources: Vec<Vec<usize>> = textures.iter().map(|&texture| sources_of(document, texture)).collect();
+    let mut wanted: Vec<&Vec<usize>> = sources.iter().collect();
     wanted.sort_unstable();
     wanted.dedup();
-    let images: Vec<Result<Image, String>> =
-        wanted.par_iter().map(|&index| decode_image(document, index, buffers, locator)).collect();
-
+    let name_of =
+        |index: usize| called("image", index, document.images.get(index).and_then(|image| image.name.as_ref()));
     let placeholder = Arc::new(checkerboard());
-    let decoded: Vec<Arc<Image>> = images
-        .into_iter()
-        .zip(&wanted)
-        .map(|(image, &index)| match image {
-            Ok(image) => Arc::new(image),
-            Err(reason) => {
-                let name = document.images.get(index).and_then(|image| image.name.as_ref());
-                notes.warn(format!("{}: {reason}: a checkerboard is shown", called("image", index, name)));
-                Arc::clone(&placeholder)
+    let first_readable = |sources: &Vec<usize>| {
+        let mut notes = Notes::default();
+        for (place, &index) in sources.iter().enumerate() {
+            match decode_image(document, index, buffers, locator) {
+                Ok(image) => return (Arc::new(image), notes),
+                Err(reason) => {
+                    let name = name_of(index);
+                    let instead = sources.get(place + 1).map_or("a checkerboard".to_owned(), |&next| name_of(next));
+                    notes.warn(format!("{name}: {reason}: {instead} is shown"));
+                }
             }
-        })
-        .collect();
-    let mut image_of = |source: Result<usize, String>| match source {
-        Ok(source) => Arc::clone(&decoded[wanted.binary_search(&source).expect("every source is wanted")]),
-        Err(reason) => {
-            notes.warn(format!("{reason}: a checkerboard is shown"));
-            Arc::clone(&placeholder)
         }
+        (Arc::clone(&placeholder), notes)
     };
+    let decoded: Vec<(Arc<Image>, Notes)> = wanted.par_iter().map(|sources| first_readable(sources)).collect();
+    let mut images = Vec::with_capacity(decoded.len());
+    for (image, lines) in decoded {
+        notes.absorb(lines);
+        images.push(image);
+    }
     textures
         .iter()
-        .zip(sources)
-        .map(|(&texture, source)| {
+        .zip(&sources)
+        .map(|(&texture, sources)| {
+            if sources.is_empty() {
+                notes.warn(format!("texture {texture} has no image: a checkerboard is shown"));
+            }
+            let place = wanted.binary_search(&sources).expect("every source is wanted");
             let (wrap, filter) = sampler_of(document, texture);
-            Texture { image: image_of(source), wrap, filter }
+            Texture { image: Arc::clone(&images[place]), wrap, filter }
         })
         .collect()
 }
 
-/// The image of a texture: its plain source, else that of the WebP or Basis extension.
-fn source_of(document: &Document, index: usize) -> Result<usize, String> {
-    let texture = document.textures.get(index).ok_or_else(|| format!("texture {index} does not exist"))?;
-    let extended = |name: &str| texture.extensions.get(name)?.get("source").and_then(Value::as_u64);
+/// The images of a texture in the order in which they are tried: its plain source, then those of extensions.
+fn sources_of(document: &Root, index: usize) -> Vec<usize> {
+    let Some(texture) = document.textures.get(index) else { return Vec::new() };
+    let plain = Some(texture.source.value()).filter(|&source| source != NO_SOURCE);
+    let extended = |name: &&str| texture.extensions.as_ref()?.others.get(*name)?.get("source")?.as_u64();
     let alternatives = ["EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"];
-    texture
-        .source
-        .or_else(|| alternatives.iter().find_map(|name| extended(name)).map(|source| source as usize))
-        .ok_or_else(|| format!("texture {index} has no image"))
+    plain.into_iter().chain(alternatives.iter().filter_map(extended).map(|source| source as usize)).collect()
 }
 
-fn decode_image(document: &Document, index: usize, buffers: &Buffers, locator: &Locator) -> Result<Image, String> {
+fn decode_image(document: &Root, index: usize, buffers: &Buffers, locator: &Locator) -> Result<Image, String> {
     let source = document.images.get(index).ok_or("it does not exist")?;
     let bytes = fetch(source, buffers, locator)?;
     if bytes.starts_with(b"\xABKTX") {
@@ -98,26 +105,26 @@ fn decode_image(document: &Document, index: usize, buffers: &Buffers, locator: &
     Ok(Image { width, height, texels: pixels.into_raw().as_chunks::<4>().0.to_vec() })
 }
 
-fn fetch<'a>(source: &document::Image, buffers: &'a Buffers, locator: &Locator) -> Result<Cow<'a, [u8]>, String> {
+fn fetch<'a>(source: &json::Image, buffers: &'a Buffers, locator: &Locator) -> Result<Cow<'a, [u8]>, String> {
     match (&source.uri, source.buffer_view) {
         (Some(uri), _) => locator.fetch(uri).map(Cow::Owned),
-        (None, Some(view)) => buffers.view(view).map(|(bytes, _)| Cow::Borrowed(bytes)),
+        (None, Some(view)) => buffers.view(view.value()).map(|(bytes, _)| Cow::Borrowed(bytes)),
         (None, None) => Err("it names no bytes".to_owned()),
     }
 }
 
-fn sampler_of(document: &Document, texture: usize) -> ([Wrap; 2], Filter) {
+fn sampler_of(document: &Root, texture: usize) -> ([Wrap; 2], Filter) {
     let texture = document.textures.get(texture);
-    let Some(sampler) = texture.and_then(|texture| texture.sampler).and_then(|index| document.samplers.get(index))
-    else {
+    let Some(sampler) = texture.and_then(|texture| texture.sampler).and_then(|index| document.get(index)) else {
         return ([Wrap::Repeat; 2], Filter::Linear);
     };
-    let wrap = |code: Option<u32>| match code {
-        Some(33_071) => Wrap::Clamp,
-        Some(33_648) => Wrap::Mirror,
-        _ => Wrap::Repeat,
+    let wrap = |mode: Checked<WrappingMode>| match mode {
+        Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+        Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+        Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
     };
-    let filter = if sampler.mag_filter == Some(9728) { Filter::Nearest } else { Filter::Linear };
+    let nearest = sampler.mag_filter == Some(Checked::Valid(MagFilter::Nearest));
+    let filter = if nearest { Filter::Nearest } else { Filter::Linear };
     ([wrap(sampler.wrap_s), wrap(sampler.wrap_t)], filter)
 }
 

@@ -3,36 +3,40 @@
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use glam::{DMat4, DVec3, Vec3};
+use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type};
+use gltf::json::validation::Checked;
+use gltf::json::{Index, Root};
+use serde_json::{Map, Value};
 
-use super::document::{Document, Light, called};
+use super::document::called;
 use super::report::Notes;
 use crate::scene::{PunctualKind, PunctualLight};
 
 /// The lamp of a node, if it has one that is known. `node_idx` is the index into `Scene::nodes`.
 pub(super) fn lamp(
-    document: &Document,
-    index: usize,
+    document: &Root,
+    index: Index<Light>,
     world_from_node: DMat4,
     node_idx: u32,
     notes: &mut Notes,
 ) -> Option<PunctualLight> {
-    let Some(light) = document.extensions.lights.lights.get(index) else {
+    let Some(light) = document.get(index) else {
         notes.warn(format!("lamp {index} does not exist: it is left out"));
         return None;
     };
-    let name = called("lamp", index, light.name.as_ref());
+    let name = called("lamp", index.value(), light.name.as_ref());
     let Some(kind) = kind(light) else {
-        notes.warn(format!("{name}: its type {:?} is not known: it is left out", light.kind));
+        notes.warn(format!("{name}: its type is not known: it is left out"));
         return None;
     };
     if light.range.is_some() {
         notes.unsupported(format!("{name}: its range is ignored, light falls off with the square of the distance"));
     }
-    if light.extensions.contains_key("EXT_lights_ies") {
+    if has_distribution(light) {
         notes.unsupported(format!("{name}: its measured distribution (IES) is ignored"));
     }
-    let color = Vec3::from(light.color.unwrap_or([1.0; 3]));
-    let intensity = light.intensity.unwrap_or(1.0);
+    let color = Vec3::from(light.color);
+    let intensity = light.intensity;
     let sane = |x: f32| x.is_finite() && x >= 0.0;
     if !(sane(intensity) && color.to_array().into_iter().all(sane)) {
         notes.warn(format!("{name}: its color {color} times intensity {intensity} is out of range: it is left out"));
@@ -44,16 +48,23 @@ pub(super) fn lamp(
     Some(PunctualLight { node: node_idx, kind, position: position.as_vec3(), direction, color, intensity })
 }
 
+fn has_distribution(light: &Light) -> bool {
+    let extensions = light.extensions.as_ref().map(|raw| serde_json::from_str::<Map<String, Value>>(raw.get()));
+    extensions.is_some_and(|all| all.is_ok_and(|all| all.contains_key("EXT_lights_ies")))
+}
+
 fn kind(light: &Light) -> Option<PunctualKind> {
-    match light.kind.as_str() {
-        "point" => Some(PunctualKind::Point),
-        "directional" => Some(PunctualKind::Directional),
-        "spot" => {
-            let angle = |value: Option<f32>, default: f32| value.filter(|x| x.is_finite()).unwrap_or(default);
-            let outer_rad = angle(light.spot.outer_cone_angle, FRAC_PI_4).clamp(1e-3, FRAC_PI_2);
-            let inner_rad = angle(light.spot.inner_cone_angle, 0.0).clamp(0.0, outer_rad);
-            Some(PunctualKind::Spot { inner_rad, outer_rad })
+    let Checked::Valid(kind) = light.type_ else { return None };
+    Some(match kind {
+        Type::Point => PunctualKind::Point,
+        Type::Directional => PunctualKind::Directional,
+        Type::Spot => {
+            let (inner, outer) =
+                light.spot.as_ref().map_or((0.0, FRAC_PI_4), |spot| (spot.inner_cone_angle, spot.outer_cone_angle));
+            let angle = |value: f32, default: f32| if value.is_finite() { value } else { default };
+            let outer_rad = angle(outer, FRAC_PI_4).clamp(1e-3, FRAC_PI_2);
+            let inner_rad = angle(inner, 0.0).clamp(0.0, outer_rad);
+            PunctualKind::Spot { inner_rad, outer_rad }
         }
-        _ => None,
-    }
+    })
 }

@@ -1,8 +1,14 @@
 //! Materials of the file into those of the scene.
 
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
+use gltf::json;
+use gltf::json::extensions::material::Volume;
+use gltf::json::extensions::texture::TextureTransform;
+use gltf::json::texture::Info;
+use gltf::json::validation::Checked;
+use serde::Deserialize;
 
-use super::document::{self, Document, SpecularGlossiness, TextureInfo, called};
+use super::document::{SpecularGlossiness, called, plain_use};
 use super::report::Notes;
 use crate::scene::{AlphaMode, Encoding, Material, TextureRef};
 
@@ -11,7 +17,7 @@ const FULLY_REFLECTING_IOR: f32 = 1000.0;
 
 /// Converts materials; textures get an index when a material first uses them.
 pub(super) struct Converter<'a> {
-    pub document: &'a Document,
+    pub document: &'a json::Root,
     pub notes: &'a mut Notes,
     /// Index in the file of each texture of the scene.
     pub textures: Vec<usize>,
@@ -28,56 +34,72 @@ impl Converter<'_> {
         let mut material = Material { name: source.name.clone().unwrap_or_default(), ..Material::default() };
         self.core(&mut material, source, &name);
         self.extensions(&mut material, source, &name);
-        if let Some(old) = &source.extensions.specular_glossiness {
-            self.specular_glossiness(&mut material, old, &name);
-        }
         material
     }
 
-    fn core(&mut self, material: &mut Material, source: &document::Material, name: &str) {
+    fn core(&mut self, material: &mut Material, source: &json::Material, name: &str) {
         let pbr = &source.pbr_metallic_roughness;
-        let base_color = pbr.base_color_factor.unwrap_or([1.0; 4]);
+        let base_color = pbr.base_color_factor.0;
         material.base_color = Vec4::from(self.unit_factors(base_color, 1.0, name, "base color"));
         material.base_color_texture = self.texture(pbr.base_color_texture.as_ref(), Encoding::Srgb, name);
-        material.metallic = self.unit_factor(pbr.metallic_factor.unwrap_or(1.0), 1.0, name, "metallic factor");
-        material.roughness = self.unit_factor(pbr.roughness_factor.unwrap_or(1.0), 1.0, name, "roughness factor");
+        material.metallic = self.unit_factor(pbr.metallic_factor.0, 1.0, name, "metallic factor");
+        material.roughness = self.unit_factor(pbr.roughness_factor.0, 1.0, name, "roughness factor");
         material.metallic_roughness_texture =
             self.texture(pbr.metallic_roughness_texture.as_ref(), Encoding::Linear, name);
-        material.normal_texture = self.texture(source.normal_texture.as_ref(), Encoding::Linear, name);
-        material.normal_scale = source.normal_texture.as_ref().and_then(|info| info.scale).unwrap_or(1.0);
-        let emissive = source.emissive_factor.unwrap_or([0.0; 3]);
+        material.normal_texture =
+            self.texture(source.normal_texture.as_ref().map(plain_use).as_ref(), Encoding::Linear, name);
+        material.normal_scale = source.normal_texture.as_ref().map_or(1.0, |info| info.scale);
+        let emissive = source.emissive_factor.0;
         material.emissive = Vec3::from(self.positive_factors(emissive, 0.0, name, "emissive factor"));
         material.emissive_texture = self.texture(source.emissive_texture.as_ref(), Encoding::Srgb, name);
         material.double_sided = source.double_sided;
-        material.alpha = match source.alpha_mode.as_deref().unwrap_or("OPAQUE") {
-            "OPAQUE" => AlphaMode::Opaque,
-            "MASK" => AlphaMode::Mask { cutoff: source.alpha_cutoff.unwrap_or(0.5) },
-            "BLEND" => AlphaMode::Blend,
-            other => {
-                self.notes.warn(format!("{name}: alpha mode {other:?} is not known: it is shown opaque"));
+        material.alpha = match source.alpha_mode {
+            Checked::Valid(json::material::AlphaMode::Opaque) => AlphaMode::Opaque,
+            Checked::Valid(json::material::AlphaMode::Mask) => {
+                AlphaMode::Mask { cutoff: source.alpha_cutoff.unwrap_or_default().0 }
+            }
+            Checked::Valid(json::material::AlphaMode::Blend) => AlphaMode::Blend,
+            Checked::Invalid => {
+                self.notes.warn(format!("{name}: its alpha mode is not known: it is shown opaque"));
                 AlphaMode::Opaque
             }
         };
     }
 
-    fn extensions(&mut self, material: &mut Material, source: &document::Material, name: &str) {
-        let extensions = &source.extensions;
+    fn extensions(&mut self, material: &mut Material, source: &json::Material, name: &str) {
+        let Some(extensions) = &source.extensions else { return };
         material.unlit = extensions.unlit.is_some();
-        let strength = extensions.emissive_strength.emissive_strength.unwrap_or(1.0);
-        [material.emissive_strength] = self.positive_factors([strength], 1.0, name, "emissive strength");
-        material.ior = self.ior(extensions.ior.ior.unwrap_or(1.5), name);
-        let transmission = &extensions.transmission;
-        material.transmission =
-            self.unit_factor(transmission.transmission_factor.unwrap_or(0.0), 0.0, name, "transmission factor");
-        material.transmission_texture =
-            self.texture(transmission.transmission_texture.as_ref(), Encoding::Linear, name);
-        let specular = &extensions.specular;
-        material.specular = self.unit_factor(specular.specular_factor.unwrap_or(1.0), 1.0, name, "specular factor");
-        material.specular_texture = self.texture(specular.specular_texture.as_ref(), Encoding::Linear, name);
-        let color = specular.specular_color_factor.unwrap_or([1.0; 3]);
-        material.specular_color = Vec3::from(self.positive_factors(color, 1.0, name, "specular color"));
-        material.specular_color_texture = self.texture(specular.specular_color_texture.as_ref(), Encoding::Srgb, name);
-        self.volume(material, &extensions.volume, name);
+        if let Some(json::extensions::material::EmissiveStrength { emissive_strength }) = &extensions.emissive_strength
+        {
+            [material.emissive_strength] = self.positive_factors([emissive_strength.0], 1.0, name, "emissive strength");
+        }
+        if let Some(ior) = &extensions.ior {
+            material.ior = self.ior(ior.ior.0, name);
+        }
+        if let Some(transmission) = &extensions.transmission {
+            let factor = transmission.transmission_factor.0;
+            material.transmission = self.unit_factor(factor, 0.0, name, "transmission factor");
+            material.transmission_texture =
+                self.texture(transmission.transmission_texture.as_ref(), Encoding::Linear, name);
+        }
+        if let Some(specular) = &extensions.specular {
+            material.specular = self.unit_factor(specular.specular_factor.0, 1.0, name, "specular factor");
+            material.specular_texture = self.texture(specular.specular_texture.as_ref(), Encoding::Linear, name);
+            let color = specular.specular_color_factor.0;
+            material.specular_color = Vec3::from(self.positive_factors(color, 1.0, name, "specular color"));
+            material.specular_color_texture =
+                self.texture(specular.specular_color_texture.as_ref(), Encoding::Srgb, name);
+        }
+        if let Some(volume) = &extensions.volume {
+            self.volume(material, volume, name);
+        }
+        match extensions.others.get("KHR_materials_pbrSpecularGlossiness").map(SpecularGlossiness::deserialize) {
+            Some(Ok(old)) => self.specular_glossiness(material, &old, name),
+            Some(Err(error)) => {
+                self.notes.warn(format!("{name}: its specular-glossiness cannot be read ({error}): it is ignored"));
+            }
+            None => {}
+        }
     }
 
     /// At least 1, but for glTF's 0, which stands for a reflectance of 1 at every angle.
@@ -92,13 +114,12 @@ impl Converter<'_> {
         sane
     }
 
-    fn volume(&mut self, material: &mut Material, volume: &document::Volume, name: &str) {
-        [material.thickness] =
-            self.positive_factors([volume.thickness_factor.unwrap_or(0.0)], 0.0, name, "thickness factor");
-        let color = volume.attenuation_color.unwrap_or([1.0; 3]);
+    fn volume(&mut self, material: &mut Material, volume: &Volume, name: &str) {
+        [material.thickness] = self.positive_factors([volume.thickness_factor.0], 0.0, name, "thickness factor");
+        let color = volume.attenuation_color.0;
         material.attenuation_color = Vec3::from(self.unit_factors(color, 1.0, name, "attenuation color"));
-        material.attenuation_distance = match volume.attenuation_distance {
-            Some(distance) if distance > 0.0 => distance,
+        material.attenuation_distance = match volume.attenuation_distance.0 {
+            distance if distance > 0.0 => distance,
             _ => f32::INFINITY,
         };
         if volume.thickness_texture.is_some() && material.thickness > 0.0 {
@@ -131,20 +152,21 @@ impl Converter<'_> {
     }
 
     /// A use of a texture; its index in the scene is made up on first use.
-    fn texture(&mut self, info: Option<&TextureInfo>, encoding: Encoding, name: &str) -> Option<TextureRef> {
+    fn texture(&mut self, info: Option<&Info>, encoding: Encoding, name: &str) -> Option<TextureRef> {
         let info = info?;
-        if info.index >= self.document.textures.len() {
-            self.notes.warn(format!("{name}: texture {} does not exist: it is left out", info.index));
+        let index = info.index.value();
+        if index >= self.document.textures.len() {
+            self.notes.warn(format!("{name}: texture {index} does not exist: it is left out"));
             return None;
         }
-        let transform = info.extensions.transform.as_ref();
+        let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
         let uv_set = transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord);
         if uv_set > 1 {
             self.notes.unsupported(format!("{name}: a texture uses coordinate set {uv_set}, set 0 is shown instead"));
         }
-        let known = self.textures.iter().position(|&texture| texture == info.index);
+        let known = self.textures.iter().position(|&texture| texture == index);
         let texture = known.unwrap_or_else(|| {
-            self.textures.push(info.index);
+            self.textures.push(index);
             self.textures.len() - 1
         });
         Some(TextureRef {
@@ -192,11 +214,11 @@ impl Converter<'_> {
 }
 
 /// `translation · rotation · scale` of KHR_texture_transform; its rotation is clockwise on a v that points down.
-fn uv_transform(transform: &document::TextureTransform) -> Affine2 {
-    let rotation = transform.rotation.unwrap_or(0.0);
+fn uv_transform(transform: &TextureTransform) -> Affine2 {
+    let rotation = transform.rotation.0;
     let (sin, cos) = rotation.sin_cos();
     let rotation = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
-    let scale = Mat2::from_diagonal(Vec2::from(transform.scale.unwrap_or([1.0; 2])));
-    let affine = Affine2::from_mat2_translation(rotation * scale, Vec2::from(transform.offset.unwrap_or([0.0; 2])));
+    let scale = Mat2::from_diagonal(Vec2::from(transform.scale.0));
+    let affine = Affine2::from_mat2_translation(rotation * scale, Vec2::from(transform.offset.0));
     if affine.is_finite() { affine } else { Affine2::IDENTITY }
 }

@@ -27,9 +27,12 @@ use std::path::{Path, PathBuf};
 
 use accessor::Reader;
 use container::Buffers;
-use document::{Document, Preamble, called};
+use document::{Document, called};
+use gltf::json::extensions::scene::khr_lights_punctual::Light;
+use gltf::json::{Node, Root};
 use hierarchy::PlacedNode;
 use report::Notes;
+use serde_json::Value;
 use uri::Locator;
 
 pub use report::ImportReport;
@@ -124,10 +127,10 @@ pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
 
 fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, ImportError> {
     let container = container::split(name, bytes)?;
-    let document = parse(name, container.json)?;
+    let Document { root: document, n_animations, n_skins } = document::read(name, &container.json)?;
     let mut notes = Notes::default();
     extensions::check(name, &document, &mut notes)?;
-    let buffers = Buffers::fetch(name, &document, container.bin, locator, &mut notes)?;
+    let buffers = Buffers::fetch(name, &document, container.bin.as_deref(), locator, &mut notes)?;
     let reader = Reader { document: &document, buffers: &buffers };
 
     let placed = hierarchy::place(&document, &mut notes);
@@ -148,7 +151,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
     if scene.cameras.is_empty() {
         scene.cameras.extend(viewpoint::make(&scene.mesh, &scene.materials));
     }
-    note_motion(&document, &placed, &mut notes);
+    note_motion(&document, &placed, n_animations, n_skins, &mut notes);
     let report = ImportReport {
         unsupported: notes.unsupported,
         warnings: notes.warnings,
@@ -157,27 +160,18 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
         n_cameras: document.cameras.len(),
         n_materials: document.materials.len(),
         n_images: document.images.len(),
-        n_punctual: document.extensions.lights.lights.len(),
+        n_punctual: AsRef::<[Light]>::as_ref(&document).len(),
         n_degenerate_triangles,
     };
     Ok(Imported { scene, report })
 }
 
-fn parse(name: &str, json: &[u8]) -> Result<Document, ImportError> {
-    let broken = |source| ImportError::Json { name: name.to_owned(), source };
-    let version = serde_json::from_slice::<Preamble>(json).map_err(broken)?.asset.version;
-    if version.split('.').next() != Some("2") {
-        return Err(ImportError::Version { name: name.to_owned(), version });
-    }
-    serde_json::from_slice(json).map_err(broken)
-}
-
 /// Fills nodes, lamps and cameras; for each placed node its index in `Scene::nodes`, if it carries something.
-fn add_nodes(scene: &mut Scene, document: &Document, placed: &[PlacedNode], notes: &mut Notes) -> Vec<Option<u32>> {
+fn add_nodes(scene: &mut Scene, document: &Root, placed: &[PlacedNode], notes: &mut Notes) -> Vec<Option<u32>> {
     let mut indices = Vec::with_capacity(placed.len());
     for &PlacedNode { index, world_from_node } in placed {
         let node = &document.nodes[index];
-        let light = node.extensions.light.as_ref().map(|light| light.light);
+        let light = node.extensions.as_ref().and_then(|all| Some(all.khr_lights_punctual.as_ref()?.light));
         if node.mesh.is_none() && node.camera.is_none() && light.is_none() {
             indices.push(None);
             continue;
@@ -202,8 +196,9 @@ fn add_nodes(scene: &mut Scene, document: &Document, placed: &[PlacedNode], note
 const PANEL_SIDES: std::ops::RangeInclusive<u64> = 4..=64;
 
 /// `extras: {"clerestory": {"panel": 32}}`.
-fn panel_side(node: &document::Node, index: usize, notes: &mut Notes) -> Option<u32> {
-    let asked = node.extras.get("clerestory")?.get("panel")?;
+fn panel_side(node: &Node, index: usize, notes: &mut Notes) -> Option<u32> {
+    let extras: Value = serde_json::from_str(node.extras.as_ref()?.get()).ok()?;
+    let asked = extras.get("clerestory")?.get("panel")?;
     match asked.as_u64().filter(|side| PANEL_SIDES.contains(side)) {
         Some(side) => Some(side as u32),
         None => {
@@ -217,17 +212,13 @@ fn panel_side(node: &document::Node, index: usize, notes: &mut Notes) -> Option<
 }
 
 /// What moves in the file stands still here.
-fn note_motion(document: &Document, placed: &[PlacedNode], notes: &mut Notes) {
-    let n_animations = document.animations.len();
+fn note_motion(document: &Root, placed: &[PlacedNode], n_animations: usize, n_skins: usize, notes: &mut Notes) {
     if n_animations > 0 {
         notes
             .unsupported(format!("{n_animations} animations: they are not played, everything stands as the nodes say"));
     }
     for node in placed.iter().filter(|node| document.nodes[node.index].skin.is_some()) {
         let name = called("node", node.index, document.nodes[node.index].name.as_ref());
-        notes.unsupported(format!(
-            "{name}: its skeleton ({} in the file) is ignored, it is shown in rest pose",
-            document.skins.len()
-        ));
+        notes.unsupported(format!("{name}: its skeleton ({n_skins} in the file) is ignored, it is shown in rest pose"));
     }
 }
