@@ -1,8 +1,9 @@
 //! A camera for a scene that has none: inside a room, outside an object.
 //!
 //! A point is inside a room if most rays from it end on surfaces that face it; inside a solid they end on backs, and in
-//! the open they end nowhere. Backs of double-sided surfaces tell neither: such a space must be most of the scene. Among points at eye height over a floor the one with the longest view is taken, which lands
-//! in a corner and looks along the diagonal.
+//! the open they end nowhere, or far away. Backs of double-sided surfaces tell neither: such a space must be most of the
+//! scene. Points are tried where triangles are many, as a ground or a sky around a house has few. Among those at eye
+//! height over a floor the one with the longest view is taken, which lands in a corner and looks along the diagonal.
 
 use std::f32::consts::{PI, TAU};
 
@@ -23,14 +24,24 @@ const INDOOR_YFOV_RAD: f32 = PI / 3.0;
 /// Vertical angle of view of an object, radians.
 const OBJECT_YFOV_RAD: f32 = PI / 4.5;
 
-/// Candidates along each horizontal side of the core box.
+/// Candidates along each horizontal side of a core box.
 const GRID: usize = 9;
+
+/// Compass directions that are looked in.
+const N_DIRECTIONS: usize = 24;
+
+/// Heights over distance at which a view is judged.
+const SLOPES: [f32; 3] = [-0.4, -0.1, 0.2];
 
 /// Smallest height and width of a scene that could be a room, meters.
 const MIN_ROOM_M: f32 = 1.8;
 
-/// Share of the corners of triangles beyond either side of the core box.
-const OUTLYING: f32 = 0.01;
+/// Shares of the corners of triangles beyond either side of a core box, in the order in which the boxes are searched: the
+/// ground is more than a hundredth of a house that has few triangles.
+const OUTLYING: [f32; 2] = [0.01, 0.1];
+
+/// A scene this many times as large as its first core box is mostly surroundings: the box is shown instead.
+const SURROUNDED: f32 = 3.0;
 
 /// Smallest share of all rays that hit something, and of those the smallest that hit a front.
 const MIN_ENCLOSED: f32 = 0.75;
@@ -43,12 +54,16 @@ const MAX_ROOM_HEIGHT_M: f32 = 60.0;
 
 /// A camera, if there is anything to see.
 pub(super) fn make(mesh: &Mesh, materials: &[Material]) -> Option<Camera> {
-    let (lo, hi) = mesh.bounds()?;
-    Some(indoors(mesh, materials).unwrap_or_else(|| outdoors(lo, hi)))
+    let bounds = mesh.bounds()?;
+    let boxes = OUTLYING.map(|share| core_box(mesh, share));
+    Some(indoors(mesh, materials, &boxes).unwrap_or_else(|| {
+        let surrounded = diagonal(bounds) > SURROUNDED * diagonal(boxes[0]);
+        outdoors(if surrounded { boxes[0] } else { bounds })
+    }))
 }
 
 /// A three-quarter view from outside that holds the bounding sphere.
-fn outdoors(lo: Vec3, hi: Vec3) -> Camera {
+fn outdoors((lo, hi): Corners) -> Camera {
     let center = 0.5 * (lo + hi);
     let radius = (0.5 * (hi - lo).length()).max(1e-6);
     let distance = 1.05 * radius / (0.5 * OBJECT_YFOV_RAD).sin();
@@ -56,25 +71,36 @@ fn outdoors(lo: Vec3, hi: Vec3) -> Camera {
     Camera::look_at("made: outside", eye, center, OBJECT_YFOV_RAD, DEFAULT_ASPECT)
 }
 
-/// The box of most corners of triangles: a ground or a sky around a house has few, but is all of its bounds.
-fn core_box(mesh: &Mesh) -> (Vec3, Vec3) {
+/// Lowest and highest corner of a box, meters.
+type Corners = (Vec3, Vec3);
+
+fn diagonal((lo, hi): Corners) -> f32 {
+    (hi - lo).length()
+}
+
+/// The box of the corners of triangles but for a share beyond each of its sides.
+fn core_box(mesh: &Mesh, outlying: f32) -> Corners {
     let quantile = |axis: usize, share: f32| {
         let mut values: Vec<f32> = mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize][axis]).collect();
         let place = ((values.len() - 1) as f32 * share).round() as usize;
         *values.select_nth_unstable_by(place, f32::total_cmp).1
     };
     let corner = |share: f32| Vec3::new(quantile(0, share), quantile(1, share), quantile(2, share));
-    (corner(OUTLYING), corner(1.0 - OUTLYING))
+    (corner(outlying), corner(1.0 - outlying))
 }
 
-/// The best view from within a room, `None` if there is no room.
-fn indoors(mesh: &Mesh, materials: &[Material]) -> Option<Camera> {
-    let (lo, hi) = core_box(mesh);
+/// The best view from within a room in the first box that has one, `None` if there is no room.
+fn indoors(mesh: &Mesh, materials: &[Material], boxes: &[Corners]) -> Option<Camera> {
+    let could_hold_a_room = |&&(lo, hi): &&Corners| (hi - lo).min_element() >= MIN_ROOM_M;
+    boxes.iter().find(could_hold_a_room)?;
+    let room = Room::new(mesh, materials, diagonal(boxes[0]));
+    let best = boxes.iter().filter(could_hold_a_room).find_map(|&corners| best_view(&room, corners))?;
+    Some(Camera::look_at("made: inside", best.eye, best.eye + best.forward, INDOOR_YFOV_RAD, DEFAULT_ASPECT))
+}
+
+/// The best view from a grid of points in a box.
+fn best_view(room: &Room, (lo, hi): Corners) -> Option<View> {
     let size = hi - lo;
-    if size.min_element() < MIN_ROOM_M {
-        return None;
-    }
-    let room = Room::new(mesh, materials, size.length());
     let heights = [lo.y + EYE_HEIGHT_M.min(0.5 * size.y), 0.5 * (lo.y + hi.y)];
     let candidates: Vec<Vec3> = heights
         .into_iter()
@@ -85,8 +111,7 @@ fn indoors(mesh: &Mesh, materials: &[Material]) -> Option<Camera> {
         })
         .collect();
     let views: Vec<Option<View>> = candidates.par_iter().map(|&candidate| room.view_from(candidate)).collect();
-    let best = views.into_iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score))?;
-    Some(Camera::look_at("made: inside", best.eye, best.eye + best.forward, INDOOR_YFOV_RAD, DEFAULT_ASPECT))
+    views.into_iter().flatten().max_by(|a, b| a.score.total_cmp(&b.score))
 }
 
 /// A possible camera; a higher score sees more.
@@ -101,7 +126,7 @@ struct Room<'a> {
     bvh: Bvh,
     mesh: &'a Mesh,
     materials: &'a [Material],
-    /// Diagonal of the core box, meters.
+    /// Diagonal of the first core box, meters.
     extent: f32,
 }
 
@@ -136,32 +161,33 @@ impl<'a> Room<'a> {
             if height > MAX_ROOM_HEIGHT_M { 0.4 * height.min(self.extent) } else { EYE_HEIGHT_M.min(0.6 * height) };
         let eye = point.with_y(floor + above_floor);
         let enclosure = self.enclosure(eye)?;
-        const N_DIRECTIONS: usize = 24;
-        let around: Vec<f32> =
-            (0..N_DIRECTIONS).map(|i| self.sight(eye, TAU * i as f32 / N_DIRECTIONS as f32)).collect();
-        let nearest = around.iter().copied().fold(f32::INFINITY, f32::min);
-        let longest = around.iter().copied().fold(0.0, f32::max);
+        let angle = |i: usize| TAU * i as f32 / N_DIRECTIONS as f32;
+        let hits: Vec<f32> = (0..N_DIRECTIONS).filter_map(|i| self.sight(eye, angle(i), 0.0)).collect();
+        // An open window is no obstacle, and nothing to look at.
+        let nearest = hits.iter().copied().fold(f32::INFINITY, f32::min);
+        let longest = hits.into_iter().fold(0.0, f32::max);
         let small = enclosure == Enclosure::ByBacks && longest < MIN_SHARE_OF_SCENE * self.extent;
         if small || nearest < (0.03 * self.extent).min(0.4) {
             return None;
         }
-        // A picture of 16:9 and 60° is about ±45° wide: three directions to each side. The longest of them alone would
-        // choose a view through a keyhole.
+        // A picture of 16:9 and 60° is about ±45° wide and ±30° high: three directions to each side, and as many heights.
+        // The longest of them alone would choose a view through a keyhole.
+        let seen = |i: usize| {
+            let lengths = SLOPES.into_iter().filter_map(|slope| self.sight(eye, angle(i), slope));
+            lengths.map(f32::sqrt).sum::<f32>()
+        };
+        let seen: Vec<f32> = (0..N_DIRECTIONS).map(seen).collect();
         let (direction, score) = (0..N_DIRECTIONS)
-            .map(|i| {
-                let within = |k: usize| around[(i + N_DIRECTIONS + k - 3) % N_DIRECTIONS];
-                (i, (0..7).map(|k| within(k).sqrt()).sum::<f32>())
-            })
+            .map(|i| (i, (0..7).map(|k| seen[(i + N_DIRECTIONS + k - 3) % N_DIRECTIONS]).sum::<f32>()))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
-        let angle = TAU * direction as f32 / N_DIRECTIONS as f32;
-        let forward = Vec3::new(angle.cos(), -0.12, angle.sin()).normalize();
+        let forward = Vec3::new(angle(direction).cos(), -0.12, angle(direction).sin()).normalize();
         Some(View { eye, forward, score })
     }
 
-    /// Free length along the horizon, at most the extent of the scene.
-    fn sight(&self, eye: Vec3, angle: f32) -> f32 {
-        let direction = Vec3::new(angle.cos(), 0.0, angle.sin());
-        self.cast(eye, direction).map_or(0.0, |(distance, _)| distance.min(self.extent))
+    /// Free length in a compass direction and a slope in meters, `None` if it leads out of the scene.
+    fn sight(&self, eye: Vec3, angle: f32, slope: f32) -> Option<f32> {
+        let direction = Vec3::new(angle.cos(), slope, angle.sin()).normalize();
+        self.cast(eye, direction).map(|(distance, _)| distance).filter(|&distance| distance <= self.extent)
     }
 
     /// What most rays end on, over a Fibonacci sphere of directions; `None` in the open and inside a solid.
@@ -173,8 +199,10 @@ impl<'a> Room<'a> {
                 let y = 1.0 - 2.0 * (i as f32 + 0.5) / N_RAYS as f32;
                 let (sin, cos) = (golden_angle * i as f32).sin_cos();
                 let across = (1.0 - y * y).sqrt();
-                self.cast(eye, Vec3::new(cos * across, y, sin * across)).map(|(_, side)| side)
+                self.cast(eye, Vec3::new(cos * across, y, sin * across))
             })
+            .filter(|&(distance, _)| distance <= self.extent)
+            .map(|(_, side)| side)
             .collect();
         let n_of = |side: Side| sides.iter().filter(|&&other| other == side).count();
         let most = MIN_ENCLOSED * sides.len() as f32;

@@ -90,6 +90,29 @@ fn compressed_geometry_is_refused_with_a_remedy() {
 }
 
 #[test]
+fn what_is_not_read_may_be_anything() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["animations"] = json!([{"channels": [{"target": {"path": "pointer"}}]}]);
+    fixture.root["skins"] = json!([7]);
+    fixture.root["cameras"] = json!([{"type": "fisheye"}]);
+    fixture.root["samplers"] = json!([{"minFilter": "soft", "wrapS": 1}]);
+    fixture.root["accessors"][0]["min"] = json!("none");
+    fixture.root["materials"] = json!([{"occlusionTexture": 3, "alphaMode": "DITHER"}]);
+    fixture.root["scenes"] = json!([{"nodes": [0]}, {"name": "empty"}]);
+    let imported = fixture.load();
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    assert!(imported.report.unsupported[0].contains("1 animations"), "{:?}", imported.report.unsupported);
+}
+
+#[test]
+fn the_element_at_fault_is_named() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["materials"] = json!([{}, {"doubleSided": "yes"}]);
+    let error = load_bytes("torn.gltf", &fixture.json()).expect_err("refused");
+    assert!(error.to_string().contains("materials[1]"), "{error}");
+}
+
+#[test]
 fn gltf_1_is_named() {
     let error = load_bytes("old.gltf", br#"{"asset": {"version": "1.0"}, "nodes": {"a": {}}}"#).expect_err("refused");
     assert!(matches!(error, ImportError::Version { .. }), "{error}");

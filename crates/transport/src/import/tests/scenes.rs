@@ -114,6 +114,37 @@ fn a_room_is_seen_from_inside_at_eye_height() {
 }
 
 #[test]
+fn a_house_on_a_wide_ground_is_entered_through_its_open_window() {
+    let size = Vec3::new(8.0, 3.0, 5.0);
+    let mut corners = box_corners(size);
+    corners.chunks_mut(3).for_each(|triangle| triangle.swap(1, 2));
+    // The window is the upper half of the wall at x = 8 m.
+    let (low, high) = (Vec3::new(8.0, 0.0, 0.0), Vec3::new(8.0, 1.2, 5.0));
+    let walls: Vec<[[f32; 3]; 3]> = corners.as_chunks::<3>().0.to_vec();
+    let is_window_wall = |triangle: &[[f32; 3]; 3]| triangle.iter().all(|corner| corner[0] == 8.0);
+    let mut corners: Vec<[f32; 3]> = walls.into_iter().filter(|wall| !is_window_wall(wall)).flatten().collect();
+    let sill = [low, low.with_z(5.0), high, low, high, high.with_z(0.0)];
+    corners.extend(sill.map(|corner| corner.to_array()));
+    let ground = [[-110.0, -0.1, -110.0], [-110.0, -0.1, 110.0], [110.0, -0.1, 110.0], [110.0, -0.1, -110.0]];
+    corners.extend([0, 1, 2, 0, 2, 3].map(|i: usize| ground[i]));
+    let camera = &Fixture::mesh(&corners).load().scene.cameras[0];
+    let eye = camera.position();
+    assert!(eye.cmpgt(Vec3::ZERO).all() && eye.cmplt(size).all(), "{eye}");
+}
+
+#[test]
+fn an_object_on_a_wide_ground_fills_the_picture() {
+    let mut fixture = Fixture::mesh(&box_corners(Vec3::splat(3.0)));
+    let mut nodes: Vec<serde_json::Value> =
+        (0..60).map(|i| json!({"mesh": 0, "scale": vec![1.0 - 0.01 * i as f64; 3]})).collect();
+    nodes.push(json!({"mesh": 0, "scale": [100, 0.001, 100], "translation": [-150, -0.1, -150]}));
+    fixture.root["nodes"] = json!(nodes);
+    fixture.root["scenes"][0]["nodes"] = json!((0..nodes.len()).collect::<Vec<_>>());
+    let eye = fixture.load().scene.cameras[0].position();
+    assert!(eye.length() < 15.0, "{eye}");
+}
+
+#[test]
 fn an_object_is_seen_whole_from_outside() {
     for material in [json!({}), json!({"doubleSided": true})] {
         let mut fixture = Fixture::mesh(&box_corners(Vec3::splat(3.0)));

@@ -92,6 +92,42 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
 }
 
 #[test]
+fn a_readable_twin_stands_in_for_an_unreadable_image() {
+    let load = |texture: serde_json::Value| {
+        let mut fixture = Fixture::triangle();
+        let (good, basis) = (fixture.view(&png()), fixture.view(b"\xABKTX 20\xBB\r\n\x1A\n"));
+        fixture.root["images"] = json!([{"bufferView": good}, {"bufferView": basis}, {"uri": "nowhere.png"}]);
+        fixture.root["textures"] = json!([texture]);
+        fixture.material(json!({"emissiveTexture": {"index": 0}})).load()
+    };
+    let basis = json!({"KHR_texture_basisu": {"source": 1}});
+    let webp = json!({"EXT_texture_webp": {"source": 0}});
+    for (texture, n_warnings) in [
+        (json!({"source": 0, "extensions": basis}), 0),
+        (json!({"source": 2, "extensions": webp}), 1),
+        (json!({"extensions": webp}), 0),
+    ] {
+        let imported = load(texture);
+        assert_eq!(imported.scene.textures[0].image.texels[0], [255, 0, 0, 255]);
+        assert_eq!(imported.report.warnings.len(), n_warnings, "{:?}", imported.report.warnings);
+    }
+    let imported = load(json!({"extensions": basis}));
+    assert_eq!(imported.scene.textures[0].image.width, 8, "a checkerboard");
+    assert!(imported.report.warnings[0].contains("KTX2"));
+}
+
+#[test]
+fn coordinate_sets_beyond_the_second_are_reported() {
+    let mut fixture = Fixture::triangle();
+    let uvs = fixture.floats("VEC2", &[0.5; 6]);
+    fixture.primitive()["attributes"]["TEXCOORD_5"] = json!(uvs);
+    fixture.root["textures"] = json!([{}]);
+    let imported = fixture.material(json!({"name": "map", "emissiveTexture": {"index": 0, "texCoord": 5}})).load();
+    let [used, given] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
+    assert!(used.contains("\"map\"") && used.contains("set 5") && given.contains("node 0"), "{used}, {given}");
+}
+
+#[test]
 fn the_example_of_texture_transform_uses_the_lower_left_quadrant() {
     let mut fixture = Fixture::triangle();
     fixture.root["textures"] = json!([{}]);
