@@ -154,6 +154,11 @@ impl App {
         self.follower.n_pictures()
     }
 
+    /// Whether no bake runs and the picture shows the look as it is.
+    pub fn is_settled(&self) -> bool {
+        !self.session.bake.is_running() && self.follower.is_idle()
+    }
+
     /// Exposure of the picture that is shown, EV.
     pub fn shown_ev(&self) -> f32 {
         self.follower.shown_ev()

@@ -72,7 +72,14 @@ impl GpuPainter {
     /// Borrows the window's device.
     pub fn new(state: &RenderState) -> GpuPainter {
         let gpu = Gpu::from_host(state.device.clone(), state.queue.clone());
-        GpuPainter { state: state.clone(), gpu, relighter: None, texture: None, waiting: Changed::All, uploaded_at: f64::MIN }
+        GpuPainter {
+            state: state.clone(),
+            gpu,
+            relighter: None,
+            texture: None,
+            waiting: Changed::All,
+            uploaded_at: f64::MIN,
+        }
     }
 
     /// Whether it is a real graphics device.

@@ -20,8 +20,8 @@ use clerestory_transport::prepared::PreparedScene;
 use crate::export::Picture;
 use crate::look::Look;
 use crate::picture::Changed;
-pub use task::{Loaded, Source};
 use task::{Fact, Post, Task, words};
+pub use task::{Loaded, Source};
 
 /// Asks for a repaint after the given time; called from any thread.
 pub type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
@@ -206,8 +206,7 @@ impl Session {
 
     /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
     pub fn choose_panel(&mut self, node: String, resolution: u32) {
-        let Some((scene, mut panels)) =
-            self.opened.as_ref().and_then(|o| Some((o.scene.clone()?, o.panels.clone())))
+        let Some((scene, mut panels)) = self.opened.as_ref().and_then(|o| Some((o.scene.clone()?, o.panels.clone())))
         else {
             return;
         };
@@ -227,7 +226,9 @@ impl Session {
             return;
         };
         let Some(camera) = scene.scene.cameras.get(settings.camera_idx).cloned() else {
-            self.bake = BakeState::Failed("the scene has no camera and no surfaces to look at; open a scene with meshes".into());
+            self.bake = BakeState::Failed(
+                "the scene has no camera and no surfaces to look at; open a scene with meshes".into(),
+            );
             return;
         };
         self.stop_baking();
@@ -277,7 +278,9 @@ impl Session {
             Ok(task) => Some(task),
             Err(error) => {
                 // Sending to ourselves cannot block: the channel is drained on this very thread.
-                let _ = self.sender.try_send((self.n_tasks, Fact::Written(Err(format!("no thread could be started: {error}")))));
+                let _ = self
+                    .sender
+                    .try_send((self.n_tasks, Fact::Written(Err(format!("no thread could be started: {error}")))));
                 None
             }
         }
@@ -447,11 +450,14 @@ impl Session {
 
     /// Joins threads that have ended; one that ended without a last word has panicked.
     fn reap(&mut self, ended: [Option<u64>; 2], notices: &mut Vec<Notice>) {
-        const CRASHED: &str = "it ended unexpectedly; start the program from a terminal to see why, and please report it";
-        let has_crashed = |task: &Option<Task>, ended: Option<u64>| ended.is_some() && task.as_ref().map(Task::id) == ended;
+        const CRASHED: &str =
+            "it ended unexpectedly; start the program from a terminal to see why, and please report it";
+        let has_crashed =
+            |task: &Option<Task>, ended: Option<u64>| ended.is_some() && task.as_ref().map(Task::id) == ended;
         if has_crashed(&self.loading, ended[0]) {
             self.others.extend(self.loading.take());
-            self.stage = if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), CRASHED.into()) };
+            self.stage =
+                if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), CRASHED.into()) };
             notices.push(Notice::Failed(format!("opening failed: {CRASHED}")));
         }
         if has_crashed(&self.baking, ended[1]) {

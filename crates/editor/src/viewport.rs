@@ -5,8 +5,8 @@ pub mod handles;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Align2, Color32, CursorIcon, FontId, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId, Ui, Vec2, pos2,
-    vec2,
+    self, Align2, Color32, CursorIcon, FontId, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId,
+    Ui, Vec2, pos2, vec2,
 };
 
 use crate::action::{Action, FileTask};
@@ -192,44 +192,47 @@ fn words_ui(ui: &mut Ui, area: Rect, viewed: &Viewed, actions: &mut Vec<Action>)
     let dim = Color32::from_gray(150);
     let place = Rect::from_center_size(area.center(), vec2((area.width() - 40.0).min(520.0), 150.0));
     ui.allocate_rect(area, Sense::hover());
-    ui.scope_builder(egui::UiBuilder::new().max_rect(place).layout(egui::Layout::top_down(egui::Align::Center)), |ui| {
-        let title = |ui: &mut Ui, words: &str| {
-            ui.label(RichText::new(words).size(18.0).color(bright));
-            ui.add_space(6.0);
-        };
-        let open = |ui: &mut Ui, actions: &mut Vec<Action>| {
-            ui.add_space(10.0);
-            if ui.button("Open another scene…").clicked() {
-                actions.push(Action::Ask(FileTask::OpenScene));
-            }
-        };
-        match (viewed.stage, viewed.bake) {
-            (Stage::Empty, _) => {
-                title(ui, "Nothing is open");
-                ui.label(RichText::new("Drop a glTF file here").color(dim));
-                open(ui, actions);
-            }
-            (Stage::Failed(name, why), _) => {
-                title(ui, &format!("Could not open {name}"));
-                ui.label(RichText::new(why).color(dim));
-                open(ui, actions);
-            }
-            (Stage::Ready, BakeState::Failed(why)) => {
-                title(ui, "The bake failed");
-                ui.label(RichText::new(why).color(dim));
-                open(ui, actions);
-            }
-            (Stage::Ready, BakeState::Idle | BakeState::Stopped) => {
-                title(ui, "No picture yet");
-                ui.label(RichText::new("Start the bake").color(dim));
-            }
-            _ => {
-                ui.add(egui::Spinner::new().size(30.0).color(theme::ACCENT));
+    ui.scope_builder(
+        egui::UiBuilder::new().max_rect(place).layout(egui::Layout::top_down(egui::Align::Center)),
+        |ui| {
+            let title = |ui: &mut Ui, words: &str| {
+                ui.label(RichText::new(words).size(18.0).color(bright));
+                ui.add_space(6.0);
+            };
+            let open = |ui: &mut Ui, actions: &mut Vec<Action>| {
                 ui.add_space(10.0);
-                ui.label(RichText::new(busy_words(viewed)).size(15.0).color(bright));
+                if ui.button("Open another scene…").clicked() {
+                    actions.push(Action::Ask(FileTask::OpenScene));
+                }
+            };
+            match (viewed.stage, viewed.bake) {
+                (Stage::Empty, _) => {
+                    title(ui, "Nothing is open");
+                    ui.label(RichText::new("Drop a glTF file here").color(dim));
+                    open(ui, actions);
+                }
+                (Stage::Failed(name, why), _) => {
+                    title(ui, &format!("Could not open {name}"));
+                    ui.label(RichText::new(why).color(dim));
+                    open(ui, actions);
+                }
+                (Stage::Ready, BakeState::Failed(why)) => {
+                    title(ui, "The bake failed");
+                    ui.label(RichText::new(why).color(dim));
+                    open(ui, actions);
+                }
+                (Stage::Ready, BakeState::Idle | BakeState::Stopped) => {
+                    title(ui, "No picture yet");
+                    ui.label(RichText::new("Start the bake").color(dim));
+                }
+                _ => {
+                    ui.add(egui::Spinner::new().size(30.0).color(theme::ACCENT));
+                    ui.add_space(10.0);
+                    ui.label(RichText::new(busy_words(viewed)).size(15.0).color(bright));
+                }
             }
-        }
-    });
+        },
+    );
 }
 
 #[cfg(test)]

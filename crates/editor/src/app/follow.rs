@@ -37,6 +37,8 @@ pub(super) struct Follower {
     metered_ev: f32,
     millis: Option<f32>,
     n_pictures: u64,
+    n_orders: u64,
+    last_answered: u64,
 }
 
 impl Follower {
@@ -54,11 +56,18 @@ impl Follower {
             metered_ev: 0.0,
             millis: None,
             n_pictures: 0,
+            n_orders: 0,
+            last_answered: 0,
         })
     }
 
     pub fn n_pictures(&self) -> u64 {
         self.n_pictures
+    }
+
+    /// Whether the last order was answered.
+    pub fn is_idle(&self) -> bool {
+        self.n_orders == self.last_answered
     }
 
     pub fn shown_ev(&self) -> f32 {
@@ -143,7 +152,9 @@ impl Follower {
             None => None,
         };
         let changed = session.take_changed();
-        if let Some(shown) = &session.shown {
+        // Before the first block there is nothing to see.
+        let has_blocks = |shown: &&Shown| shown.frame.groups.iter().any(|g| g.blocks.iter().any(Option::is_some));
+        if let Some(shown) = session.shown.as_ref().filter(has_blocks) {
             let asked = Asked { rig: heard(&shown.header.basis, &look.lights, solo), display: look.display };
             let gpu_waits = self.uses_gpu() && self.gpu.as_ref().is_some_and(GpuPainter::has_waiting);
             let gpu_waits = std::mem::take(&mut self.exposure_moved) || gpu_waits;
@@ -168,7 +179,9 @@ impl Follower {
         // With a fixed exposure there is nothing to meter while the graphics device paints.
         if wanted == Wanted::Picture || asked.display.exposure_ev.is_none() || !changed.is_empty() {
             let frame = shown.frame.clone();
-            self.worker.order(Order { frame, changed, coefficients, display: asked.display, wanted });
+            self.n_orders += 1;
+            let (display, serial) = (asked.display, self.n_orders);
+            self.worker.order(Order { frame, changed, coefficients, display, wanted, serial });
         }
     }
 
@@ -197,6 +210,7 @@ impl Follower {
     }
 
     fn show(&mut self, ctx: &Context, relit: Relit, look: &Look) {
+        self.last_answered = relit.serial;
         if look.display.exposure_ev.is_none() {
             self.metered_ev = relit.exposure_ev;
         }

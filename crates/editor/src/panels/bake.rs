@@ -55,7 +55,7 @@ pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
     progress_ui(ui, view, actions);
     if let Some(figures) = view.figures {
         ui.add_space(2.0);
-        figures_ui(ui, figures, view.error_db.unwrap_or(figures.error_db), view.state, actions);
+        figures_ui(ui, figures, view.error_db, view.state, actions);
     }
     if !view.report.is_empty() {
         report_ui(ui, view.report);
@@ -77,7 +77,8 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera]) {
         ui.horizontal(|ui| {
             let spp = DragValue::new(&mut settings.config.spp).range(2..=65_536).suffix(" spp");
             ui.add(spp).on_hover_text("Samples per pixel, at most").accessible_name("Samples per pixel");
-            let tolerance = DragValue::new(&mut settings.config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
+            let tolerance =
+                DragValue::new(&mut settings.config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
             ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
         });
         ui.end_row();
@@ -131,14 +132,15 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
             BakeState::Running { done, secs_left, pass, n_passes } => (*done, pass_words(*pass, *n_passes, *secs_left)),
             _ => (0.0, "Measuring the lights".into()),
         };
-        ui.add(ProgressBar::new(done).text(RichText::new(text).small()));
-        if ui.add(Button::new("Cancel").min_size(width)).on_hover_text("What is done stays").clicked() {
+        ui.add(ProgressBar::new(done).corner_radius(3).text(RichText::new(text).small()));
+        if ui.add_sized(width, Button::new("Cancel")).on_hover_text("What is done stays").clicked() {
             actions.push(Action::CancelBake);
         }
         return;
     }
-    let start = Button::new(RichText::new("Start bake").color(theme::ON_ACCENT)).fill(theme::ACCENT).min_size(width);
-    if ui.add_enabled(view.has_scene, start).on_disabled_hover_text("Open a scene first").clicked() {
+    let start = Button::new(RichText::new("Start bake").color(theme::ON_ACCENT)).fill(theme::ACCENT);
+    let start = ui.add_enabled_ui(view.has_scene, |ui| ui.add_sized(width, start)).inner;
+    if start.on_disabled_hover_text("Open a scene first").clicked() {
         actions.push(Action::StartBake);
     }
     match view.state {
@@ -157,15 +159,19 @@ fn pass_words(pass: u32, n_passes: u32, secs_left: Option<f32>) -> String {
     secs_left.map_or(what.clone(), |secs| format!("{what}, {} left", duration(secs)))
 }
 
-fn figures_ui(ui: &mut Ui, figures: &Figures, error: ErrorDb, state: &BakeState, actions: &mut Vec<Action>) {
+fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &BakeState, actions: &mut Vec<Action>) {
     let rows = [
         ("Lights", format!("{} columns", figures.columns), "Columns of the matrix"),
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
         ("Rank", format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank), "Terms that each block needs"),
         ("Memory", format!("{}, {:.0}× smaller", bytes(figures.bytes), figures.ratio), "Against the full matrix"),
-        ("Truncation", decibels(error.truncation), "What the ranks leave out"),
-        ("Sampling", decibels(error.sampling), "Noise that stays"),
-        ("Total error", decibels(error.total), "Truncation and sampling, below the peak of the columns"),
+        ("Truncation", decibels(error.map(|e| e.truncation)), "What the ranks leave out"),
+        ("Sampling", decibels(error.map(|e| e.sampling)), "Noise that stays"),
+        (
+            "Total error",
+            decibels(error.map(|e| e.total)),
+            "Truncation and sampling, below what the lights reach at their brightest",
+        ),
     ];
     egui::Grid::new("figures").num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
         for (name, value, hint) in rows {
@@ -174,7 +180,9 @@ fn figures_ui(ui: &mut Ui, figures: &Figures, error: ErrorDb, state: &BakeState,
             ui.end_row();
         }
     });
-    if *state == BakeState::Done && ui.button("Save bake…").on_hover_text("Open it later without baking again").clicked() {
+    if *state == BakeState::Done
+        && ui.button("Save bake…").on_hover_text("Open it later without baking again").clicked()
+    {
         actions.push(Action::Ask(FileTask::SaveBake));
     }
 }
@@ -188,8 +196,15 @@ fn report_ui(ui: &mut Ui, report: &[String]) {
     });
 }
 
-fn decibels(db: f32) -> String {
-    if db.is_finite() && db != 0.0 { format!("−{db:.1} dB") } else { "not measured yet".into() }
+/// Beyond this nothing is told apart in factors of 16 bits.
+const BEST_DB: f32 = 100.0;
+
+fn decibels(db: Option<f32>) -> String {
+    match db {
+        None => "not measured yet".into(),
+        Some(db) if db >= BEST_DB => "none".into(),
+        Some(db) => format!("{db:.1} dB below peak"),
+    }
 }
 
 fn bytes(n: usize) -> String {

@@ -2,7 +2,8 @@
 
 use clerestory_transport::light::planckian_tint;
 use eframe::egui::{
-    self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind, TextureOptions, Ui,
+    self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind,
+    TextureOptions, Ui,
     ecolor::{Hsva, HsvaGamma},
     pos2, vec2,
 };
@@ -80,7 +81,11 @@ fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoic
 
 fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
     ui.spacing_mut().slider_width = PICKER_WIDTH - 78.0;
-    let slider = Slider::new(&mut kelvin, 1700.0..=12_000.0).logarithmic(true).fixed_decimals(0).suffix(" K").trailing_fill(false);
+    let slider = Slider::new(&mut kelvin, 1700.0..=12_000.0)
+        .logarithmic(true)
+        .fixed_decimals(0)
+        .suffix(" K")
+        .trailing_fill(false);
     if ui.add(slider).accessible_name(format!("{label} kelvin")).changed() {
         tint.kelvin = Some(kelvin.clamp(500.0, 100_000.0));
     }
@@ -95,7 +100,7 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
 }
 
 fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
-    let (rect, response) = ui.allocate_exact_size(vec2(26.0, 18.0), Sense::click());
+    let (rect, response) = ui.allocate_exact_size(vec2(28.0, 22.0), Sense::click());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ColorWell, ui.is_enabled(), "Color"));
     if ui.is_rect_visible(rect) {
         let stroke = if is_changed || response.hovered() {
@@ -103,7 +108,7 @@ fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
         } else {
             Stroke::new(1.0, ui.visuals().widgets.hovered.bg_fill)
         };
-        ui.painter().rect(rect, 4.0, color, stroke, StrokeKind::Inside);
+        ui.painter().rect(rect.shrink2(vec2(0.0, 2.0)), 4.0, color, stroke, StrokeKind::Inside);
     }
     response.on_hover_text("Color")
 }

@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{self, Button, Color32, DragValue, Label, RichText, ScrollArea, Sense, Slider, SliderClamping, TextEdit, Ui};
+use eframe::egui::{
+    self, Button, Color32, DragValue, Label, RichText, ScrollArea, Sense, Slider, SliderClamping, TextEdit, Ui,
+};
 
 use super::color::{KelvinChoice, Tint, tint_ui};
 use super::spots::spots_ui;
@@ -81,18 +83,21 @@ fn solo_banner(ui: &mut Ui, state: &mut LightsState) {
     if state.solo.is_empty() {
         return;
     }
-    egui::Frame::new().fill(theme::ACCENT).corner_radius(4).inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
-        ui.horizontal(|ui| {
-            let names: Vec<&str> = state.solo.iter().map(String::as_str).collect();
-            let text = RichText::new("Solo active").color(theme::ON_ACCENT).strong();
-            ui.add(Label::new(text)).on_hover_text(names.join(", "));
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if ui.button("Clear solo").clicked() {
-                    state.solo.clear();
-                }
+    egui::Frame::new().fill(theme::ACCENT).corner_radius(4).inner_margin(egui::Margin::symmetric(8, 4)).show(
+        ui,
+        |ui| {
+            ui.horizontal(|ui| {
+                let names: Vec<&str> = state.solo.iter().map(String::as_str).collect();
+                let text = RichText::new("Solo active").color(theme::ON_ACCENT).strong();
+                ui.add(Label::new(text)).on_hover_text(names.join(", "));
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    if ui.button("Clear solo").clicked() {
+                        state.solo.clear();
+                    }
+                });
             });
-        });
-    });
+        },
+    );
 }
 
 fn light_ui(ui: &mut Ui, source: &LightSource, look: &mut Look, state: &mut LightsState, actions: &mut Vec<Action>) {
@@ -126,7 +131,8 @@ fn store(rig: &mut LightRig, key: &str, setting: LightSetting) {
 
 fn mute_and_solo_ui(ui: &mut Ui, key: &str, setting: &mut LightSetting, solo: &mut BTreeSet<String>) {
     let is_solo = solo.contains(key);
-    if letter_ui(ui, "S", is_solo, theme::ACCENT).accessible_name(format!("Solo {key}")).on_hover_text("Solo").clicked() {
+    if letter_ui(ui, "S", is_solo, theme::ACCENT).accessible_name(format!("Solo {key}")).on_hover_text("Solo").clicked()
+    {
         if is_solo {
             solo.remove(key);
         } else {
@@ -143,7 +149,7 @@ fn mute_and_solo_ui(ui: &mut Ui, key: &str, setting: &mut LightSetting, solo: &m
 fn letter_ui(ui: &mut Ui, letter: &str, is_on: bool, on_color: Color32) -> egui::Response {
     let text = RichText::new(letter).small().strong();
     let text = if is_on { text.color(theme::ON_ACCENT) } else { text.weak() };
-    let mut button = Button::new(text).min_size(egui::vec2(20.0, 20.0)).corner_radius(3);
+    let mut button = Button::new(text).min_size(egui::vec2(21.0, 21.0)).corner_radius(3);
     if is_on {
         button = button.fill(on_color);
     }
@@ -170,9 +176,10 @@ fn name_ui(
     } else if *setting != LightSetting::default() || look.lights.panels.contains_key(key) {
         text = text.strong();
     }
-    let width = (ui.available_width() * 0.42).max(60.0);
+    let width = (ui.available_width() * 0.38).max(60.0);
     let size = egui::vec2(width, ui.spacing().interact_size.y);
-    let layout = egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true).with_main_align(egui::Align::Min);
+    let layout =
+        egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true).with_main_align(egui::Align::Min);
     let name = ui.allocate_ui_with_layout(size, layout, |ui| {
         ui.add(Label::new(text).truncate().sense(Sense::click()).selectable(false))
     });
@@ -236,8 +243,9 @@ fn level_ui(ui: &mut Ui, source: &LightSource, setting: &mut LightSetting) {
 /// Number and slider of a factor to what the file says; laid out from right to left.
 pub fn intensity_ui(ui: &mut Ui, key: &str, intensity: &mut f32) {
     let speed = (0.01 * f64::from(*intensity)).max(0.002);
-    let number = DragValue::new(intensity).range(0.0..=INTENSITY_MAX).speed(speed).max_decimals(2).min_decimals(2).suffix("×");
-    ui.add_sized([54.0, 20.0], number).accessible_name(format!("{key} factor"));
+    let number =
+        DragValue::new(intensity).range(0.0..=INTENSITY_MAX).speed(speed).max_decimals(2).min_decimals(2).suffix("×");
+    ui.add_sized([54.0, 22.0], number).accessible_name(format!("{key} factor"));
     ui.spacing_mut().slider_width = (ui.available_width() - 2.0).max(40.0);
     let mut level = *intensity;
     let slider = Slider::new(&mut level, 0.0..=SLIDER_MAX)
@@ -257,7 +265,8 @@ mod tests {
     use super::*;
 
     fn basis() -> LightBasis {
-        let source = |key: &str, kind| LightSource { key: key.into(), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
+        let source =
+            |key: &str, kind| LightSource { key: key.into(), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
         LightBasis::new(vec![
             source("a", SourceKind::Point),
             source("b", SourceKind::Emitter),

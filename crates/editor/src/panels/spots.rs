@@ -82,13 +82,15 @@ fn paint_pad(ui: &Ui, rect: Rect, color: Vec3, spots: &[PanelSpot], chosen: usiz
         let strength = (0.25 + 0.75 * (spot.intensity / 2.0).min(1.0)).clamp(0.0, 1.0);
         let fill: Color32 = egui::Rgba::from_rgba_unmultiplied(r, g, b, strength).into();
         painter.circle_filled(center, (spot.radius * short_side).max(2.0), fill);
-        let stroke = if idx == chosen { Stroke::new(2.0, theme::ACCENT) } else { Stroke::new(1.0, Color32::from_gray(150)) };
+        let stroke =
+            if idx == chosen { Stroke::new(2.0, theme::ACCENT) } else { Stroke::new(1.0, Color32::from_gray(150)) };
         painter.circle_stroke(center, (spot.radius * short_side).max(4.0), stroke);
     }
     ui.painter().rect_stroke(rect, 3.0, ui.visuals().widgets.hovered.bg_stroke, StrokeKind::Outside);
 }
 
 fn spot_ui(ui: &mut Ui, key: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>, idx: &mut usize) {
+    ui.spacing_mut().item_spacing.y = 3.0;
     let n_spots = spots.len();
     ui.horizontal(|ui| {
         let title = if n_spots == 0 { "Dark".into() } else { format!("Spot {} of {n_spots}", *idx + 1) };
@@ -98,8 +100,12 @@ fn spot_ui(ui: &mut Ui, key: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>,
     if let Some(spot) = spots.get_mut(*idx) {
         let width = (ui.available_width() - 62.0).max(40.0);
         ui.spacing_mut().slider_width = width;
+        ui.label(RichText::new("Radius").small().weak());
         let radius = Slider::new(&mut spot.radius, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
-        ui.add(radius).on_hover_text("Radius, in shorter sides of the panel").accessible_name(format!("{key} spot radius"));
+        ui.add(radius)
+            .on_hover_text("Radius, in shorter sides of the panel")
+            .accessible_name(format!("{key} spot radius"));
+        ui.label(RichText::new("Intensity").small().weak());
         let mut level = spot.intensity;
         let intensity = Slider::new(&mut level, 0.0..=20.0).logarithmic(true).smallest_positive(0.02).fixed_decimals(2);
         let intensity = ui.add(intensity.clamping(egui::SliderClamping::Never)).on_hover_text("Intensity");

@@ -45,8 +45,13 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 ui.label(RichText::new(format!("{width} × {height}")).weak());
             }
             if let BakeState::Running { done, secs_left, .. } = status.bake {
-                let text = secs_left.map_or_else(|| format!("{:.0} %", 100.0 * done), |secs| format!("{} left", duration(secs)));
-                let bar = ProgressBar::new(*done).desired_width(150.0).desired_height(14.0).text(RichText::new(text).small());
+                let text = secs_left
+                    .map_or_else(|| format!("{:.0} %", 100.0 * done), |secs| format!("{} left", duration(secs)));
+                let bar = ProgressBar::new(*done)
+                    .desired_width(150.0)
+                    .desired_height(14.0)
+                    .corner_radius(3)
+                    .text(RichText::new(text).small());
                 ui.add(bar);
                 ui.label(RichText::new("Baking").weak());
             }

@@ -85,8 +85,11 @@ fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
 
 fn theme_menu(ui: &mut Ui) {
     let current = ui.ctx().options(|options| options.theme_preference);
-    let choices =
-        [(ThemePreference::Dark, "Dark"), (ThemePreference::Light, "Light"), (ThemePreference::System, "As the system")];
+    let choices = [
+        (ThemePreference::Dark, "Dark"),
+        (ThemePreference::Light, "Light"),
+        (ThemePreference::System, "As the system"),
+    ];
     for (theme, name) in choices {
         if ui.radio(current == theme, name).clicked() {
             ui.ctx().set_theme(theme);

@@ -40,7 +40,9 @@ impl Source {
     pub fn name(&self) -> String {
         match self {
             Source::BuiltIn => "Gallery".into(),
-            Source::File(path) => path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into()),
+            Source::File(path) => {
+                path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into())
+            }
             Source::Bytes { name, .. } => name.clone(),
         }
     }
@@ -180,10 +182,14 @@ pub(super) fn bake(job: BakeJob, post: Post) {
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads((n_cores - 1).max(1)).build();
     let result = match pool {
-        Ok(pool) => pool.install(|| job.run(|event| {
-            let soon = if matches!(event, BakeEvent::PassDone { .. }) { Duration::ZERO } else { BLOCKS_WITHIN };
-            post.send(Fact::Bake(event), soon)
-        })).map_err(words),
+        Ok(pool) => pool
+            .install(|| {
+                job.run(|event| {
+                    let soon = if matches!(event, BakeEvent::PassDone { .. }) { Duration::ZERO } else { BLOCKS_WITHIN };
+                    post.send(Fact::Bake(event), soon)
+                })
+            })
+            .map_err(words),
         Err(error) => Err(words(error)),
     };
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);

@@ -4,9 +4,11 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError, auto_exposure_ev, encode};
-use eframe::egui::ColorImage;
+use clerestory_relight::{
+    CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError, auto_exposure_ev, encode,
+};
 use eframe::egui::Color32;
+use eframe::egui::ColorImage;
 
 use super::Wake;
 use crate::look::Display;
@@ -34,6 +36,8 @@ pub struct Order {
     pub display: Display,
     /// What for.
     pub wanted: Wanted,
+    /// Number of the order.
+    pub serial: u64,
 }
 
 /// A picture, ready to be drawn.
@@ -44,6 +48,8 @@ pub struct Relit {
     pub exposure_ev: f32,
     /// From order to picture, milliseconds.
     pub millis: f32,
+    /// Number of the order that it answers.
+    pub serial: u64,
 }
 
 #[derive(Default)]
@@ -158,7 +164,8 @@ fn relight(
         let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
         ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
     });
-    Ok(Relit { image, exposure_ev, millis: 1e3 * started.elapsed().as_secs_f32() })
+    let millis = 1e3 * started.elapsed().as_secs_f32();
+    Ok(Relit { image, exposure_ev, millis, serial: order.serial })
 }
 
 /// Exposure that suits what is there of a picture: blocks that are not baked yet do not count as black.
@@ -205,6 +212,7 @@ mod tests {
             coefficients: coefficients(1.0),
             display: Display::default(),
             wanted: Wanted::Picture,
+            serial: 1,
         };
         worker.order(order.clone());
         let dim = wait_for(&worker);
@@ -213,6 +221,11 @@ mod tests {
         worker.order(order);
         let bright = wait_for(&worker);
         assert!(bright.image.is_none());
-        assert!((dim.exposure_ev - bright.exposure_ev - 1.0).abs() < 1e-3, "{} {}", dim.exposure_ev, bright.exposure_ev);
+        assert!(
+            (dim.exposure_ev - bright.exposure_ev - 1.0).abs() < 1e-3,
+            "{} {}",
+            dim.exposure_ev,
+            bright.exposure_ev
+        );
     }
 }

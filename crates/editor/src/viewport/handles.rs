@@ -137,7 +137,11 @@ impl PanelPicker<'_> {
         }
         let (key, _) = self.hit(at)?;
         let has_spots = look.lights.panels.get(key).is_some_and(|spots| !spots.is_empty());
-        let what = if has_spots { "drag to move the nearest spot, double-click to add one" } else { "drag to place a spot of light" };
+        let what = if has_spots {
+            "drag to move the nearest spot, double-click to add one"
+        } else {
+            "drag to place a spot of light"
+        };
         Some(format!("{key}, {what}"))
     }
 
@@ -149,7 +153,10 @@ impl PanelPicker<'_> {
                 let Some(center) = self.seen_at(panel, spot.position.into()) else { continue };
                 let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
                 if is_chosen {
-                    painter.add(Shape::closed_line(self.outline(panel, spot), Stroke::new(1.2, color.gamma_multiply(0.7))));
+                    painter.add(Shape::closed_line(
+                        self.outline(panel, spot),
+                        Stroke::new(1.2, color.gamma_multiply(0.7)),
+                    ));
                 }
                 painter.circle_stroke(center, HANDLE_RADIUS, Stroke::new(4.0, Color32::from_black_alpha(130)));
                 painter.circle_stroke(center, HANDLE_RADIUS, Stroke::new(2.0, color));

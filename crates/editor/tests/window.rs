@@ -1,0 +1,241 @@
+//! The window, driven by its labels: a tiny room with a lamp and a panel is opened, baked and relit.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use clerestory::app::{App, Start};
+use clerestory::look::Look;
+use clerestory::session::{BakeSettings, BakeState, Source, Stage};
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::camera::Film;
+use eframe::egui::{DroppedFile, Key, Modifiers, Pos2, Rect, Vec2, ViewportEvent, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT, Queryable};
+use glam::Vec3;
+use serde_json::{Value, json};
+
+type Window = Harness<'static, App>;
+
+/// The closed room of the process tests, with a panel of 4 × 4 texels under its ceiling.
+fn room() -> Vec<u8> {
+    let mut gltf: Value = serde_json::from_str(include_str!("room.gltf")).unwrap();
+    let push = |list: &mut Value, item: Value| {
+        let list = list.as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    };
+    // The fourth quad of the box faces down: placed in view, it is the panel.
+    let quad = json!({"bufferView": 1, "byteOffset": 36, "componentType": 5123, "count": 6, "type": "SCALAR"});
+    let indices = push(&mut gltf["accessors"], quad);
+    let material = push(&mut gltf["materials"], json!({"emissiveFactor": [1, 0.9, 0.8]}));
+    let primitive = json!({"attributes": {"POSITION": 0}, "indices": indices, "material": material});
+    let mesh = push(&mut gltf["meshes"], json!({"primitives": [primitive]}));
+    let panel = json!({"name": "panel", "mesh": mesh, "scale": [0.4, 0.2, 0.4], "translation": [0, 0.2, -0.5],
+        "extras": {"clerestory": {"panel": 4}}});
+    let node = push(&mut gltf["nodes"], panel);
+    push(&mut gltf["scenes"][0]["nodes"], json!(node));
+    serde_json::to_vec(&gltf).unwrap()
+}
+
+fn open(source: Source) -> Window {
+    let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
+    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
+    let start = Start { source, settings: Some(settings) };
+    Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
+}
+
+/// The room, baked, with its first picture.
+fn baked() -> Window {
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window
+}
+
+/// Steps until something is so. Pictures and bakes come from threads, so this takes real time.
+#[track_caller]
+fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
+    for _ in 0..4000 {
+        window.step();
+        if until(window.state()) {
+            window.run_steps(2);
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    panic!(
+        "it never came about; the bake: {:?}, the stage: {:?}",
+        window.state().session().bake,
+        window.state().session().stage
+    );
+}
+
+/// Drags from one point to another in small steps.
+fn drag(window: &mut Window, from: Pos2, to: Pos2) {
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    for step in 1..=5 {
+        window.hover_at(from + (to - from) * (step as f32 / 5.0));
+        window.run_steps(2);
+    }
+    window.drop_at(to);
+    window.run_steps(3);
+}
+
+fn click(window: &mut Window, label: &str) {
+    window.get_by_label(label).click();
+    window.run_steps(3);
+}
+
+/// Where a point of the room is on the screen.
+fn on_screen(window: &Window, point: Vec3) -> Pos2 {
+    let area: Rect = window.get_by_label("Picture").rect();
+    let shown = window.state().session().shown.as_ref().unwrap();
+    let film = Film { width: shown.header.width, height: shown.header.height };
+    let px = shown.camera.as_ref().unwrap().project(film, point).unwrap();
+    let size = vec2(film.width as f32, film.height as f32);
+    let room = area.size() - Vec2::splat(28.0);
+    let scale = (room.x / size.x).min(room.y / size.y);
+    area.center() + (vec2(px.x, px.y) - size / 2.0) * scale
+}
+
+#[test]
+fn a_dragged_slider_relights_and_is_one_step_of_undo() {
+    let mut window = baked();
+    let slider = window.get_by_label("lamp intensity").rect();
+    let n_before = window.state().n_pictures();
+    let ev_before = window.state().shown_ev();
+    let from = pos2(slider.left() + 0.6 * slider.width(), slider.center().y);
+    drag(&mut window, from, pos2(slider.right() - 6.0, slider.center().y));
+    let intensity = window.state().look().lights.lights["lamp"].intensity;
+    assert!(intensity > 2.0, "{intensity}");
+    wait(&mut window, |app| app.n_pictures() > n_before && app.shown_ev() < ev_before - 0.2);
+
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default(), "one drag is one step");
+    wait(&mut window, |app| (app.shown_ev() - ev_before).abs() < 1e-3);
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    window.run_steps(3);
+    assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+#[test]
+fn mute_is_in_the_look_and_solo_is_not() {
+    let mut window = baked();
+    let ev_before = window.state().shown_ev();
+    click(&mut window, "Solo panel");
+    assert_eq!(*window.state().look(), Look::default());
+    wait(&mut window, |app| (app.shown_ev() - ev_before).abs() > 1e-2);
+    click(&mut window, "Clear solo");
+    wait(&mut window, |app| (app.shown_ev() - ev_before).abs() < 1e-3);
+
+    click(&mut window, "Mute lamp");
+    assert!(window.state().look().lights.lights["lamp"].muted);
+    click(&mut window, "Mute lamp");
+    assert_eq!(*window.state().look(), Look::default(), "what is as the scene has it leaves no trace");
+}
+
+#[test]
+fn a_spot_is_placed_and_dragged_in_the_picture() {
+    let mut window = baked();
+    let panel = |x: f32, z: f32| Vec3::new(x, 0.4, z);
+    let (from, to) = (on_screen(&window, panel(-0.2, -0.7)), on_screen(&window, panel(0.2, -0.3)));
+    drag(&mut window, from, to);
+    let spots = window.state().look().lights.panels["panel"].clone();
+    assert_eq!(spots.len(), 1);
+    // The panel spans x from −0.4 to 0.4 and z from −0.9 to −0.1; its first edge runs along x, the second along z.
+    let [u, v] = spots[0].position;
+    assert!((u - 0.75).abs() < 0.02 && (v - 0.75).abs() < 0.02, "{u} {v}");
+
+    click(&mut window, "Add spot to panel");
+    assert_eq!(window.state().look().lights.panels["panel"].len(), 2);
+    click(&mut window, "Delete spot of panel");
+    click(&mut window, "Uniform");
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn exposure_and_tone_are_part_of_the_look() {
+    let mut window = baked();
+    let ev = window.state().shown_ev();
+    click(&mut window, "Auto");
+    let kept = window.state().look().display.exposure_ev.unwrap();
+    assert!((kept - ev).abs() < 0.01, "{kept} {ev}");
+    click(&mut window, "Tone curve");
+    click(&mut window, "Neutral");
+    assert_eq!(window.state().look().display.tone, clerestory_relight::Tone::Neutral);
+}
+
+#[test]
+fn the_bake_tells_its_figures_and_can_be_started_again() {
+    let mut window = baked();
+    let figures = window.state().session().figures.clone().unwrap();
+    assert_eq!((figures.pixels, figures.columns, figures.blocks), (64 * 48, 17, 12));
+    window.get_by_label("Save bake…");
+    click(&mut window, "Start bake");
+    assert!(window.state().session().shown.is_some(), "the picture stays until the next one is whole");
+    wait(&mut window, |app| app.session().bake == BakeState::Done);
+}
+
+#[test]
+fn a_file_that_is_no_scene_is_told_in_words_and_another_can_be_opened() {
+    let mut window = open(Source::Bytes { name: "letter.glb".into(), bytes: b"Dear Sir".to_vec() });
+    wait(&mut window, |app| matches!(app.session().stage, Stage::Failed(..)));
+    window.get_by_label("Could not open letter.glb");
+    window.get_by_label("Open another scene…");
+    assert!(window.get_by_label("Export…").accesskit_node().is_disabled(), "there is nothing to export");
+}
+
+#[test]
+fn the_keys_are_listed() {
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
+    window.run_steps(2);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    window.get_by_label("Keyboard and mouse");
+}
+
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+#[test]
+fn a_dropped_look_lights_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dim.look");
+    std::fs::write(&path, r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(Arc::new(Dropped(path)));
+    window.run_steps(3);
+    assert_eq!(window.state().look().lights.lights["lamp"].intensity, 0.25);
+}
+
+#[test]
+fn closing_asks_only_when_the_look_would_be_lost() {
+    let mut window = baked();
+    let close = |window: &mut Window| {
+        let input = window.input_mut();
+        let id = input.viewport_id;
+        input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+        window.run_steps(3);
+    };
+    close(&mut window);
+    assert!(window.query_by_label("Save the look?").is_none());
+    click(&mut window, "Mute lamp");
+    close(&mut window);
+    window.get_by_label("Save the look?");
+    click(&mut window, "Cancel");
+    assert!(window.query_by_label("Save the look?").is_none());
+}
