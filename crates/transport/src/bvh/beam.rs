@@ -37,6 +37,12 @@ impl Interval {
         [Q::splat(self.from), Q::splat(self.to)]
     }
 
+    /// From one end to the other.
+    #[inline(always)]
+    pub fn width(self) -> f32 {
+        self.to - self.from
+    }
+
     #[inline(always)]
     /// With the sense turned round.
     pub fn negated(self) -> Interval {

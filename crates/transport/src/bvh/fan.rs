@@ -9,14 +9,19 @@ use super::build::Tree;
 use super::lanes::{Lanes, three};
 use super::node::{BLOCK, Child, WIDTH};
 use super::stack::{Room, Stack, entry, unpack};
-use super::traverse::any;
+use super::traverse::{self, any};
 use super::triangle::Shear;
-use super::{SHORTEST, not_negative};
+use super::{Ray, SHORTEST, not_negative};
 
 /// Segments of a fan.
 pub(super) const FAN: usize = 16;
 /// Registers of a fan.
 pub(super) const HALVES: usize = FAN / WIDTH;
+
+/// Widest slopes at which segments stay together. Wider beams meet boxes that none of their members meets.
+const WIDEST: f32 = 0.4;
+/// Fewest segments that are worth a beam.
+const FEWEST: u32 = 3;
 
 /// Segments from one point.
 pub(super) struct Fan {
@@ -72,8 +77,27 @@ impl Fan {
         let mut occluded = 0;
         while pending != 0 {
             let beam = self.beam(&kinds, pending);
-            occluded |= beam.occluded::<W, Q>(tree, room.lent());
+            occluded |= match beam.occluded::<W, Q>(tree, room.lent()) {
+                Some(occluded) => occluded,
+                None => self.one_by_one::<W, Q>(beam.members, tree, &mut room),
+            };
             pending &= !beam.members;
+        }
+        occluded
+    }
+
+    /// The members that hit something, each followed by itself.
+    #[inline(always)]
+    fn one_by_one<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, members: u16, tree: &Tree, room: &mut Room) -> u16 {
+        let mut occluded = 0;
+        let mut pending = members;
+        while pending != 0 {
+            let segment = pending.trailing_zeros() as usize;
+            pending &= pending - 1;
+            let [x, y, z] = &self.directions;
+            let direction = Vec3::new(x[segment], y[segment], z[segment]);
+            let ray = Ray { origin: self.origin, direction, t_min: self.t_min, t_max: self.t_max };
+            occluded |= u16::from(traverse::occluded::<W, Q>(tree, &ray, room.lent())) << segment;
         }
         occluded
     }
@@ -128,12 +152,18 @@ impl Fan {
 }
 
 impl Beam {
-    /// The members that hit something.
+    /// The members that hit something; `None` for a beam so wide that it would meet most of the tree.
     #[inline(always)]
-    fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, room: Room) -> u16 {
+    fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, room: Room) -> Option<u16> {
+        if self.members.count_ones() < FEWEST {
+            return None;
+        }
         let shears = self.shears::<W>();
         let slopes_of = |i: usize| Interval::of(&[shears[0].slopes[i].store(), shears[1].slopes[i].store()]);
         let slopes = [slopes_of(0), slopes_of(1)];
+        if slopes[0].width().max(slopes[1].width()) > WIDEST {
+            return None;
+        }
         let boxes = BoxBeam::<W>::new(self, slopes);
         let triangles = TriangleBeam::<W, Q>::new(self, slopes, shears);
         let mut free = self.members;
@@ -155,7 +185,7 @@ impl Beam {
                 }
             }
         }
-        self.members & !free
+        Some(self.members & !free)
     }
 
     #[inline(always)]
