@@ -56,8 +56,6 @@ pub struct CompressConfig {
     pub selection: Selection,
     /// Greatest rank of a block.
     pub max_rank: u32,
-    /// Share of a block's bundles that measure the error and never teach; blocks of fewer than 16 bundles have none.
-    pub held_out: f32,
     /// The same seed gives the same factors.
     pub seed: u64,
 }
@@ -69,7 +67,6 @@ impl Default for CompressConfig {
             samples: SamplePlan { batch: 16, min: 16, max: 64 },
             selection: Selection::Alg4,
             max_rank: 96,
-            held_out: 1.0 / 32.0,
             seed: 0,
         }
     }

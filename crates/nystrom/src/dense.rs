@@ -3,6 +3,8 @@
 //! nalgebra multiplies strided views without a copy, so that a transpose costs nothing. Large matrices are `f32`; what is
 //! decomposed (Gram matrices as wide as a basis) is `f64`.
 
+use std::ops::Range;
+
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Dyn, RealField, SymmetricEigen};
 
 /// A row-major matrix, rows × columns.
@@ -62,10 +64,20 @@ impl<T: RealField + Copy> Dense<T> {
 
     /// The first columns.
     pub(crate) fn first_cols(&self, n_cols: usize) -> Self {
-        let n_cols = n_cols.min(self.n_cols);
-        let mut data = Vec::with_capacity(self.n_rows * n_cols);
-        (0..self.n_rows).for_each(|row| data.extend_from_slice(&self.row(row)[..n_cols]));
-        Self { n_rows: self.n_rows, n_cols, data }
+        self.cols(0..n_cols.min(self.n_cols))
+    }
+
+    /// Some columns.
+    pub(crate) fn cols(&self, cols: Range<usize>) -> Self {
+        let mut data = Vec::with_capacity(self.n_rows * cols.len());
+        (0..self.n_rows).for_each(|row| data.extend_from_slice(&self.row(row)[cols.clone()]));
+        Self { n_rows: self.n_rows, n_cols: cols.len(), data }
+    }
+
+    /// Some columns, in the order asked for.
+    pub(crate) fn gather_cols(&self, cols: &[usize]) -> Self {
+        let data = (0..self.n_rows).flat_map(|row| cols.iter().map(move |&col| self.row(row)[col])).collect();
+        Self { n_rows: self.n_rows, n_cols: cols.len(), data }
     }
 
     /// Puts matrices of equally many rows side by side.

@@ -7,10 +7,11 @@ use crate::matrix::SparseEntry;
 /// Mean squares per entry of a block, its sparse part aside.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BlockError {
-    /// What the chosen rank leaves out, measured on held-out rows (the product of two independent halves' residuals, so
-    /// that noise does not count; a single block's figure can be negative).
+    /// What the chosen rank leaves out whatever the noise does: the product of what two fits, each to one half of the
+    /// samples, miss of their halves (so that noise does not count; a single block's figure can be negative).
     pub truncation: f32,
-    /// Sampling noise that stays in the factors.
+    /// Sampling noise that stays in the factors, that which turned the bases included: a quarter of the squared difference
+    /// of the two fits. Together with `truncation` it is an unbiased figure for the mean of the two fits.
     pub sampling: f32,
     /// Sampling noise of the entries as they were sampled, before compression.
     pub noise: f32,

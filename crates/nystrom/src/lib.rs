@@ -3,6 +3,8 @@
 //! Somebody implements [`SampledMatrix`]: entries are estimates, rows are asked for in bundles, and the same question gets the
 //! same answer. [`compress()`] samples two independent halves of each block of a [`Partition`] until a [`Tolerance`] is met, and
 //! hands on [`BlockFactors`]: `left · diag(scale) · right + sparse`, with a rank of each block's own and three measured errors.
+//! The factors are fitted to all samples; for the figures each half is fitted by itself and examined by the other, so
+//! what is *held out* is the other half. The figures are a little cautious: a fit to half of the samples is a little worse.
 //! [`BlockLowRank`] holds all blocks and multiplies; [`codec`] turns blocks into bytes.
 //!
 //! It knows neither what rows and columns mean nor where samples come from; it opens no file, prints nothing, and leaves no
@@ -58,13 +60,13 @@ mod laws;
 pub mod low_rank;
 pub mod matrix;
 mod means;
+mod measure;
 pub mod partition;
 mod project;
 mod random;
 mod run;
 mod sketch;
 mod sparse;
-mod split;
 
 pub use codec::{CodecError, decode_block, encode_block};
 pub use compress::{

@@ -1,12 +1,13 @@
 //! The landmark rows' span: how many landmarks a block needs, and what all rows are in that span.
 
+use std::ops::Range;
+
 use crate::{
     compress::{CompressConfig, Tolerance},
     dense::{Dense, dot, eigen, extend_basis, product},
     landmarks::{Candidates, choose_from},
     means::Means,
     random::Random,
-    split::Split,
 };
 
 /// Landmark bundles of the first round; each further round doubles them.
@@ -16,13 +17,19 @@ const SMALL: usize = 24;
 /// Relative energy that single precision cannot tell from zero.
 const ROUNDING: f64 = 2e-7;
 
+/// Missed bundles that are added at a time, and how often after each choice by k-means.
+const N_MISSED: usize = 4;
+const N_MISSED_ROUNDS: usize = 4;
+/// Share of what is left that a missed bundle must hold to be added by itself.
+const MISSED_SHARE: f64 = 1.0 / 32.0;
+
 /// What a block is decomposed from.
 pub(crate) enum Sketch {
-    /// Coefficients of all rows of each half in the landmarks' span (rows × basis); rows that are no landmark.
-    Landmarks { a: Dense<f32>, b: Dense<f32>, is_other: Vec<bool> },
+    /// Coefficients of all rows of each half in the landmarks' span, rows × basis.
+    Landmarks { a: Dense<f32>, b: Dense<f32> },
     /// All columns: few columns, or landmarks that would be most of the block.
     Columns,
-    /// All training rows: fewer of them than columns.
+    /// All rows: fewer of them than columns.
     Rows,
 }
 
@@ -48,30 +55,31 @@ pub(crate) fn rank_limit(config: &CompressConfig, tolerance: Tolerance) -> usize
 
 /// Landmarks are added until what they leave of the other rows is within the truncation share of the tolerance.
 ///
-/// What is left is the product of both halves' rests, so noise does not count. The held-out rows are not asked.
+/// Each round is the papers' alternation, then what it missed. What is left is the product of both halves' rests, so noise
+/// does not count.
 pub(crate) fn sketch(
     means: &Means,
-    split: &Split,
     bundle_len: usize,
     tolerance: Tolerance,
     config: &CompressConfig,
     rng: &mut Random,
 ) -> Sketch {
-    let n_cols = means.mean.n_cols;
-    let whole = if n_cols <= split.training.len() * bundle_len { Sketch::Columns } else { Sketch::Rows };
-    if n_cols.min(split.training.len() * bundle_len) <= SMALL {
+    let (n_rows, n_cols) = (means.mean.n_rows, means.mean.n_cols);
+    let whole = if n_cols <= n_rows { Sketch::Columns } else { Sketch::Rows };
+    if n_cols.min(n_rows) <= SMALL {
         return whole;
     }
-    let mut growth = Growth::new(means, split, bundle_len);
+    let mut growth = Growth::new(means, bundle_len);
     let goal = 0.5 * allowed(means, tolerance) * n_cols as f64;
     let widest = 2 * rank_limit(config, tolerance) + SMALL;
     let mut target = N_FIRST;
     loop {
-        if 2 * target > split.training.len() || target * bundle_len >= n_cols {
+        if 2 * target * bundle_len > n_rows || target * bundle_len >= n_cols {
             return whole;
         }
         let before = growth.rest();
-        let grown = growth.add(target, config, rng);
+        let grown = growth.add_by_means(if target == N_FIRST { target } else { target / 2 }, config, rng);
+        (0..N_MISSED_ROUNDS).take_while(|_| growth.add_missed(goal)).for_each(drop);
         let rest = growth.rest();
         let within = rest <= goal * growth.n_others() as f64 || rest <= growth.least_rest();
         let stuck = target > N_FIRST && rest > 0.97 * before;
@@ -85,9 +93,7 @@ pub(crate) fn sketch(
 /// The landmarks so far.
 struct Growth<'a> {
     means: &'a Means,
-    split: &'a Split,
     bundle_len: usize,
-    landmarks: Vec<usize>,
     is_other: Vec<bool>,
     basis: Dense<f32>,
     coefficients: [Vec<Dense<f32>>; 2],
@@ -96,13 +102,11 @@ struct Growth<'a> {
 }
 
 impl<'a> Growth<'a> {
-    fn new(means: &'a Means, split: &'a Split, bundle_len: usize) -> Self {
+    fn new(means: &'a Means, bundle_len: usize) -> Self {
         Self {
             means,
-            split,
             bundle_len,
-            landmarks: Vec::new(),
-            is_other: split.is_training.clone(),
+            is_other: vec![true; means.mean.n_rows],
             basis: Dense::zeros(0, means.mean.n_cols),
             coefficients: [Vec::new(), Vec::new()],
             rest: means.cross.clone(),
@@ -145,10 +149,9 @@ impl<'a> Growth<'a> {
         eigen(&product(mean.t(), mean.view())).0.iter().filter(|value| **value > floor).count()
     }
 
-    /// Adds landmarks up to `target`; false if there is nothing to add.
-    fn add(&mut self, target: usize, config: &CompressConfig, rng: &mut Random) -> bool {
-        let bundles: Vec<usize> =
-            self.split.training.iter().copied().filter(|bundle| !self.landmarks.contains(bundle)).collect();
+    /// Adds `count` landmarks by k-means; false if there is nothing to add.
+    fn add_by_means(&mut self, count: usize, config: &CompressConfig, rng: &mut Random) -> bool {
+        let bundles = self.other_bundles();
         let weights: Vec<f32> = bundles.iter().map(|&bundle| self.weight(bundle)).collect();
         let mean = &self.means.mean;
         let candidates = Candidates {
@@ -158,23 +161,53 @@ impl<'a> Growth<'a> {
             bundles: &bundles,
             weights: &weights,
         };
-        let n_columns = 16.max(target).min(mean.n_cols);
-        let count = target - self.landmarks.len();
+        let n_columns = 16.max(count).min(mean.n_cols);
         let chosen = choose_from(&candidates, config.selection, count, n_columns, rng).bundles;
+        self.add(chosen)
+    }
+
+    /// Adds the bundles of which most is left, if that is more than their noise and more than the tolerance leaves to all:
+    /// a lone highlight is found here, whatever k-means made of it. False if there is none.
+    fn add_missed(&mut self, goal: f64) -> bool {
+        let total = self.rest();
+        if total <= goal * self.n_others() as f64 {
+            return false;
+        }
+        // Four standard deviations of the product of two independent noises, but never less than the noise itself, which a
+        // component of its own would keep.
+        let doubt = (8.0 / (self.means.mean.n_cols as f64).sqrt()).max(1.0);
+        let sum = |values: &[f64], bundle: usize| self.rows(bundle).map(|row| values[row]).sum::<f64>();
+        let mut missed: Vec<(f64, usize)> = self.other_bundles().into_iter().map(|b| (sum(&self.rest, b), b)).collect();
+        let stands_out =
+            |rest: f64, bundle| rest > MISSED_SHARE * total.abs() && rest > doubt * sum(&self.means.noise, bundle);
+        missed.retain(|&(rest, bundle)| stands_out(rest, bundle));
+        missed.sort_by(|x, y| y.0.total_cmp(&x.0).then(x.1.cmp(&y.1)));
+        self.add(missed.into_iter().take(N_MISSED).map(|(_, bundle)| bundle).collect())
+    }
+
+    fn rows(&self, bundle: usize) -> Range<usize> {
+        bundle * self.bundle_len..(bundle + 1) * self.bundle_len
+    }
+
+    /// Bundles that are no landmark.
+    fn other_bundles(&self) -> Vec<usize> {
+        (0..self.is_other.len() / self.bundle_len).filter(|bundle| self.is_other[bundle * self.bundle_len]).collect()
+    }
+
+    /// Adds landmarks; false if they add nothing to the span.
+    fn add(&mut self, chosen: Vec<usize>) -> bool {
         let n_before = self.basis.n_rows;
-        let rows: Vec<usize> =
-            chosen.iter().flat_map(|bundle| bundle * self.bundle_len..(bundle + 1) * self.bundle_len).collect();
+        let rows: Vec<usize> = chosen.iter().flat_map(|&bundle| self.rows(bundle)).collect();
         rows.iter().for_each(|&row| self.is_other[row] = false);
-        self.landmarks.extend(chosen);
-        extend_basis(&mut self.basis, mean.gather_rows(rows.into_iter()));
+        extend_basis(&mut self.basis, self.means.mean.gather_rows(rows.into_iter()));
         self.project(n_before);
         self.basis.n_rows > n_before
     }
 
     /// Chance of a bundle: all alike at first, then what the basis leaves of it.
     fn weight(&self, bundle: usize) -> f32 {
-        let rows = bundle * self.bundle_len..(bundle + 1) * self.bundle_len;
-        if self.landmarks.is_empty() {
+        let rows = self.rows(bundle);
+        if self.basis.n_rows == 0 {
             let empty = rows.clone().all(|row| self.means.mean.row(row).iter().all(|&x| x == 0.0));
             return if empty { 0.0 } else { 1.0 };
         }
@@ -195,6 +228,6 @@ impl<'a> Growth<'a> {
     fn finish(self) -> Sketch {
         let n_rows = self.means.mean.n_rows;
         let [a, b] = self.coefficients.map(|parts| Dense::side_by_side(&parts, n_rows));
-        Sketch::Landmarks { a, b, is_other: self.is_other }
+        Sketch::Landmarks { a, b }
     }
 }

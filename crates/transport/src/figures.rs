@@ -9,7 +9,7 @@ use crate::matrix::CHANNELS;
 /// Errors in dB below the columns' peaks: 10·log10(pk² / mean ΔT²) over all entries outside the sparse part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorDb {
-    /// What the chosen ranks leave out, measured on held-out pixels.
+    /// What the chosen ranks leave out, measured on held-out samples: each half by the other.
     pub truncation: f32,
     /// Sampling noise that stays in the factors.
     pub sampling: f32,
