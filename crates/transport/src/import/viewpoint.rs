@@ -30,8 +30,11 @@ const GRID: usize = 9;
 /// Compass directions that are looked in.
 const N_DIRECTIONS: usize = 24;
 
+/// Fewest of them that end on something: between many objects more lead out than through the windows of a room.
+const MIN_DIRECTIONS_CLOSED: usize = 16;
+
 /// Heights over distance at which a view is judged.
-const SLOPES: [f32; 3] = [-0.4, -0.1, 0.2];
+const SLOPES: [f32; 3] = [-0.3, 0.0, 0.2];
 
 /// Smallest height and width of a scene that could be a room, meters.
 const MIN_ROOM_M: f32 = 1.8;
@@ -157,12 +160,18 @@ impl<'a> Room<'a> {
         let floor = point.y - depth;
         let ceiling = self.cast(point, Vec3::Y).map_or(f32::INFINITY, |(height, _)| point.y + height);
         let height = ceiling - floor;
+        if height < MIN_ROOM_M {
+            return None;
+        }
         let above_floor =
             if height > MAX_ROOM_HEIGHT_M { 0.4 * height.min(self.extent) } else { EYE_HEIGHT_M.min(0.6 * height) };
         let eye = point.with_y(floor + above_floor);
         let enclosure = self.enclosure(eye)?;
         let angle = |i: usize| TAU * i as f32 / N_DIRECTIONS as f32;
         let hits: Vec<f32> = (0..N_DIRECTIONS).filter_map(|i| self.sight(eye, angle(i), 0.0)).collect();
+        if hits.len() < MIN_DIRECTIONS_CLOSED {
+            return None;
+        }
         // An open window is no obstacle, and nothing to look at.
         let nearest = hits.iter().copied().fold(f32::INFINITY, f32::min);
         let longest = hits.into_iter().fold(0.0, f32::max);

@@ -145,6 +145,16 @@ fn an_object_on_a_wide_ground_fills_the_picture() {
 }
 
 #[test]
+fn many_objects_close_together_are_no_room() {
+    let mut fixture = Fixture::mesh(&box_corners(Vec3::splat(2.1)));
+    let place = |i: usize| [i % 5, i / 5 % 5, i / 25].map(|k| 2.9 * k as f64);
+    let nodes: Vec<serde_json::Value> = (0..125).map(|i| json!({"mesh": 0, "translation": place(i)})).collect();
+    fixture.root["nodes"] = json!(nodes);
+    fixture.root["scenes"][0]["nodes"] = json!((0..nodes.len()).collect::<Vec<_>>());
+    assert_eq!(fixture.load().scene.cameras[0].name, "made: outside");
+}
+
+#[test]
 fn an_object_is_seen_whole_from_outside() {
     for material in [json!({}), json!({"doubleSided": true})] {
         let mut fixture = Fixture::mesh(&box_corners(Vec3::splat(3.0)));
