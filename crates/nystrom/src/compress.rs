@@ -32,6 +32,8 @@ pub struct ColumnGroup {
     pub columns: Range<usize>,
     /// What is asked of each block.
     pub tolerance: Tolerance,
+    /// One weight per column: the product with these weights comes out as it was sampled, whatever the rank. Empty: none.
+    pub preserved: Vec<f32>,
 }
 
 /// How many samples each row gets, per half: `batch`, then twice as many, until the tolerance is met.
@@ -156,7 +158,7 @@ pub(crate) fn compress_group(
         .fill(samples.halves, samples.n_cols, &group.columns, samples.n_samples)
         .map_err(|row| non_finite(row as u32))?;
     let rng = Random::new([config.seed, u64::from(block_idx)]);
-    let (mut factors, verdict) = factor(means, samples.bundle_len, group.tolerance, config, rng);
+    let (mut factors, verdict) = factor(means, samples.bundle_len, group, config, rng);
     factors.n_samples = 2 * samples.n_samples;
     factors.sparse = sparse_part(samples.sparse, &group.columns, 1.0 / f64::from(factors.n_samples));
     match factors.sparse.iter().find(|entry| !entry.value.is_finite()) {
@@ -189,8 +191,15 @@ fn check<M: SampledMatrix>(
 
 fn check_groups(config: &CompressConfig, n_cols: usize) -> Result<(), CompressError> {
     let bad = |group: &&ColumnGroup| group.columns.is_empty() || group.columns.end > n_cols;
-    match config.groups.iter().find(bad) {
-        Some(group) => Err(CompressError::Config(format!("columns {:?} are not among {n_cols}", group.columns))),
+    if let Some(group) = config.groups.iter().find(bad) {
+        return Err(CompressError::Config(format!("columns {:?} are not among {n_cols}", group.columns)));
+    }
+    let uneven = |group: &&ColumnGroup| !group.preserved.is_empty() && group.preserved.len() != group.columns.len();
+    match config.groups.iter().find(uneven) {
+        Some(group) => {
+            let (given, asked) = (group.preserved.len(), group.columns.len());
+            Err(CompressError::Config(format!("{given} preserved weights do not fit {asked} columns")))
+        }
         None => Ok(()),
     }
 }

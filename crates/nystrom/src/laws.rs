@@ -92,7 +92,7 @@ fn decaying(n_rows: usize, n_cols: usize, rank: usize, decay: f32, rng: &mut Ran
 }
 
 fn config(tolerance: Tolerance, n_cols: usize, n_samples: u32) -> CompressConfig {
-    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance }];
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new() }];
     let samples = SamplePlan { batch: n_samples, min: 1, max: n_samples };
     CompressConfig { groups, samples, max_rank: 1000, ..CompressConfig::default() }
 }
@@ -371,9 +371,9 @@ fn one_and_three_threads_give_the_same_bytes() {
     let matrix = Known::new(decaying(12 * 11 * 3, 64, 8, 0.6, &mut Random::new([39, 0])), 3, 0.3);
     let mut config = config(Tolerance::AbsoluteMeanSquare(0.02), 0, 0);
     config.groups = vec![
-        ColumnGroup { columns: 0..60, tolerance: Tolerance::AbsoluteMeanSquare(0.003) },
-        ColumnGroup { columns: 60..62, tolerance: Tolerance::AbsoluteMeanSquare(0.02) },
-        ColumnGroup { columns: 63..64, tolerance: Tolerance::Rank(1) },
+        ColumnGroup { columns: 0..60, tolerance: Tolerance::AbsoluteMeanSquare(0.003), preserved: Vec::new() },
+        ColumnGroup { columns: 60..62, tolerance: Tolerance::AbsoluteMeanSquare(0.02), preserved: Vec::new() },
+        ColumnGroup { columns: 63..64, tolerance: Tolerance::Rank(1), preserved: Vec::new() },
     ];
     config.samples = SamplePlan { batch: 2, min: 1, max: 12 };
     let [one, three] = [1, 3].map(|n_threads| compress_all(&matrix, &config, n_threads));
@@ -460,5 +460,26 @@ fn the_cost_of_a_block_is_printed() {
             secs[10] * 1e3,
             secs[0] * 1e3
         );
+    }
+}
+
+#[test]
+fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
+    let (n_rows, n_cols) = (96, 40);
+    let mut rng = Random::new([7, 7]);
+    let mut half = || -> Vec<f32> { (0..n_rows * n_cols).map(|_| rng.unit() as f32 - 0.2).collect() };
+    let (a, b) = (half(), half());
+    let weights: Vec<f32> = (0..n_cols).map(|c| 0.5 + (c % 3) as f32).collect();
+    for rank in [0, 1, 3] {
+        let group = ColumnGroup { columns: 0..n_cols, tolerance: Tolerance::Rank(rank), preserved: weights.clone() };
+        let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
+        let samples = BlockSamples { halves: [&a, &b], sparse: &[], n_cols, bundle_len: 3, n_samples: 1 };
+        let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
+        assert!(factors.rank <= rank + 1);
+        let got = factors.apply(&weights);
+        for row in 0..n_rows {
+            let sampled: f32 = (0..n_cols).map(|c| 0.5 * (a[row * n_cols + c] + b[row * n_cols + c]) * weights[c]).sum();
+            assert!((got[row] - sampled).abs() < 2e-3 * n_cols as f32, "rank {rank}, row {row}: {} for {sampled}", got[row]);
+        }
     }
 }

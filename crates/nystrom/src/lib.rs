@@ -36,7 +36,7 @@
 //! }
 //!
 //! let partition = Partition { width: 8, height: 8, tile: 4 };
-//! let group = ColumnGroup { columns: 0..10, tolerance: Tolerance::RelativeFrobenius(1e-2) };
+//! let group = ColumnGroup { columns: 0..10, tolerance: Tolerance::RelativeFrobenius(1e-2), preserved: Vec::new() };
 //! let config = CompressConfig { groups: vec![group], ..Default::default() };
 //! let mut matrix = BlockLowRank::new(partition.clone(), 1, 10);
 //! compress(&Products, &partition, &[0, 1, 2, 3], &config, |block, mut factors| {
@@ -62,6 +62,7 @@ pub mod matrix;
 mod means;
 mod measure;
 pub mod partition;
+mod preserve;
 mod project;
 mod random;
 mod run;

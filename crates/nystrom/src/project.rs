@@ -6,11 +6,12 @@
 //! so nothing is lost in them; the halves' own fits say how many components pay, and how far off they are (`measure`).
 
 use crate::{
-    compress::{CompressConfig, Tolerance},
+    compress::{ColumnGroup, CompressConfig, Tolerance},
     dense::{Dense, eigen, product},
     factors::{BlockError, BlockFactors},
     means::Means,
     measure::{Fit, Measured, least_agreement},
+    preserve::preserve,
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
 };
@@ -31,10 +32,12 @@ pub(crate) enum Verdict {
 pub(crate) fn factor(
     means: &Means,
     bundle_len: usize,
-    tolerance: Tolerance,
+    group: &ColumnGroup,
     config: &CompressConfig,
     mut rng: Random,
 ) -> (BlockFactors, Verdict) {
+    let ColumnGroup { tolerance, preserved, .. } = group;
+    let tolerance = *tolerance;
     let (n_rows, n_cols) = (means.mean.n_rows, means.mean.n_cols);
     let limit = rank_limit(config, tolerance).min(n_rows).min(n_cols);
     let goal = allowed(means, tolerance);
@@ -46,13 +49,15 @@ pub(crate) fn factor(
     let [of_a, of_b, mut of_mean] = fits(means, bases);
     let seeks_rank = matches!(tolerance, Tolerance::Rank(_));
     let measured = Measured::new(means, &of_a, &of_b, limit, if seeks_rank { None } else { Some(goal) });
-    let rank = of_mean.keep(measured.rank);
+    of_mean.keep(measured.rank);
     let mut left = of_mean.mean();
+    let added = preserve(means, &mut of_mean, &mut left, preserved);
+    let rank = left.n_cols;
     left.data.iter_mut().for_each(|x| *x = (f64::from(*x) * means.unit) as f32);
     let mut factors = BlockFactors::from_f32(&left.data, &of_mean.basis.data, n_rows, n_cols, rank);
     let noise = means.noise.iter().sum::<f64>() / means.n_entries();
-    let [truncation, sampling, total_noise] =
-        [measured.truncation, measured.sampling, noise].map(|x| (x * means.unit * means.unit) as f32);
+    let (truncation, sampling) = (measured.truncation + added[0], measured.sampling + added[1]);
+    let [truncation, sampling, total_noise] = [truncation, sampling, noise].map(|x| (x * means.unit * means.unit) as f32);
     factors.error = BlockError { truncation, sampling, noise: total_noise };
     let met = match tolerance {
         Tolerance::Rank(_) => noise == 0.0,

@@ -9,6 +9,7 @@ use std::time::Instant;
 use clerestory_nystrom::{
     BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, Partition, SamplePlan, Tolerance, compress,
 };
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -18,7 +19,7 @@ use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
 use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
-use crate::light::LightRig;
+use crate::light::{LightRig, luminance};
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
@@ -304,11 +305,16 @@ impl BakeJob {
         }
     }
 
-    fn compress_config(&self, samples_per_half: u32) -> CompressConfig {
+    /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
+    fn compress_config(&self, samples_per_half: u32, column_scale: &[f32]) -> CompressConfig {
+        let file_light = self.scene.lighting.basis.project(&LightRig::default());
+        let file_light: Vec<f32> =
+            file_light.iter().zip(column_scale).map(|(&light, scale)| luminance(Vec3::from(light)) / scale).collect();
         let tolerance = 10f32.powf(-self.config.tolerance_db / 10.0);
         let groups = self.scene.lighting.basis.groups.iter().map(|g| ColumnGroup {
             columns: g.columns.start as usize..g.columns.end as usize,
             tolerance: Tolerance::AbsoluteMeanSquare(tolerance),
+            preserved: file_light[g.columns.start as usize..g.columns.end as usize].to_vec(),
         });
         CompressConfig {
             groups: groups.collect(),
@@ -354,7 +360,7 @@ impl Run<'_> {
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
         let (matrix, partition) = (self.matrix, self.header.partition());
-        let config = self.job.compress_config(samples.unwrap_or(1));
+        let config = self.job.compress_config(samples.unwrap_or(1), &self.header.column_scale);
         let on_block = |block: u32, factors: Vec<BlockFactors>| {
             let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
             self.keep(block as usize, &factors);
