@@ -21,7 +21,7 @@ use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
 use crate::light::{LightRig, luminance};
 use crate::matrix::{CHANNELS, TransportMatrix};
-use crate::plan::MatrixPlan;
+use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::preview::preview;
 
@@ -218,7 +218,7 @@ impl BakeJob {
     /// See [`BakeError`].
     pub fn header(&self) -> Result<BakeHeader, BakeError> {
         self.check()?;
-        let plan = MatrixPlan::new(&self.scene.lighting);
+        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
         let matrix = self.matrix(&plan);
         Ok(BakeHeader {
             scene: self.scene.scene.name.clone(),
@@ -262,7 +262,7 @@ impl BakeJob {
         done: &[(usize, Vec<Arc<BlockFactors>>)],
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
-        let plan = MatrixPlan::new(&self.scene.lighting);
+        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
@@ -359,8 +359,9 @@ impl Run<'_> {
         clock: &mut Clock,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
-        let (matrix, partition) = (self.matrix, self.header.partition());
-        let config = self.job.compress_config(samples.unwrap_or(1), &self.header.column_scale);
+        let (job, header, matrix) = (self.job, self.header.clone(), self.matrix);
+        let partition = header.partition();
+        let config = job.compress_config(samples.unwrap_or(1), &header.column_scale);
         let on_block = |block: u32, factors: Vec<BlockFactors>| {
             let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
             self.keep(block as usize, &factors);
@@ -369,7 +370,12 @@ impl Run<'_> {
             on_event(BakeEvent::Progress { pass, done, secs_left })
         };
         let flow = match samples {
-            None => preview(matrix, &partition, blocks, &config, on_block)?,
+            None => {
+                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter);
+                let mut matrix = job.matrix(&plan);
+                matrix.set_column_scale(header.column_scale.clone());
+                preview(&matrix, &partition, blocks, &config, on_block)?
+            }
             Some(_) => compress(matrix, &partition, blocks, &config, on_block)?,
         };
         if flow.is_break() {

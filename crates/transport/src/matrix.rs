@@ -28,7 +28,7 @@ pub struct TransportMatrix<'a> {
 }
 
 /// Pixels that measure how bright each column is, and samples of each.
-const PILOT_PIXELS: usize = 4096;
+const PILOT_PIXELS: usize = 2048;
 const PILOT_SAMPLES: u32 = 2;
 /// Part of a column's entries that may be brighter than its peak.
 const PEAK_QUANTILE: f32 = 0.995;
@@ -55,7 +55,7 @@ impl<'a> TransportMatrix<'a> {
     /// that reaches none of them takes the median of the others.
     pub fn measure_column_scale(&self) -> Vec<f32> {
         let (n_cols, n_pixels) = (self.n_cols(), self.film.n_pixels());
-        let n_pilots = n_pixels.min((PILOT_PIXELS).min((1 << 26) / n_cols.max(1))).max(1);
+        let n_pilots = n_pixels.min(PILOT_PIXELS).min((1 << 26) / n_cols.max(1)).max(1);
         let pilots: Vec<u32> = (0..n_pilots).map(|i| (i * n_pixels / n_pilots) as u32).collect();
         let mut rows = vec![0.0; n_pilots * CHANNELS * n_cols];
         rows.par_chunks_mut(CHANNELS * n_cols).zip(&pilots).for_each(|(out, &pixel)| {

@@ -14,9 +14,22 @@ use crate::sampler::Sampler;
 /// a group gets its equal share.
 pub struct MatrixPlan {
     groups: Vec<Range<u32>>,
-    /// All columns; texels of a panel tile by tile, so that sixteen neighbors look the same way.
-    all: Vec<Pick>,
+    /// Columns of the first vertex; texels of a panel tile by tile, so that sixteen neighbors look the same way.
+    first: Vec<u32>,
+    /// Neighbors in `first` of which one is picked, the others left out.
+    stride: usize,
+    /// Expected picks of each column at the first vertex.
+    first_rate: Vec<f32>,
     splits: u32,
+}
+
+/// How many of the columns the first vertex connects to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Density {
+    /// All of them.
+    Full,
+    /// One of four neighboring texels of a panel, for a preview.
+    Quarter,
 }
 
 /// Columns of a group that a later vertex connects to.
@@ -24,29 +37,27 @@ const LATER_PICKS: u32 = 16;
 
 impl MatrixPlan {
     /// For all columns that can be connected to.
-    pub fn new(lighting: &Lighting) -> MatrixPlan {
-        let groups: Vec<_> = lighting
-            .basis
-            .groups
-            .iter()
-            .filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel))
-            .map(|g| g.columns.clone())
-            .collect();
+    pub fn new(lighting: &Lighting, density: Density) -> MatrixPlan {
+        let basis = &lighting.basis;
+        let connected = basis.groups.iter().filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel));
+        let groups: Vec<_> = connected.map(|g| g.columns.clone()).collect();
+        let sources = basis.sources.iter().filter(|s| groups.iter().any(|g| g.contains(&s.columns.start)));
+        let first: Vec<u32> = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone())).collect();
+        // Lamps are few and unlike each other; neighboring texels are many and alike.
+        let stride = if density == Density::Quarter && first.len() >= 128 { 4 } else { 1 };
+        let mut first_rate = vec![0.0; basis.n_cols()];
+        for chunk in first.chunks(stride) {
+            for &column in chunk {
+                first_rate[column as usize] = 1.0 / chunk.len() as f32;
+            }
+        }
         // A fan over many columns is dear, so its vertex is used for several continuations.
-        let splits = match groups.iter().map(|g| g.len()).sum::<usize>() {
+        let splits = match first.len() {
             0..=8 => 1,
             9..=64 => 2,
             _ => 4,
         };
-        let all = lighting
-            .basis
-            .sources
-            .iter()
-            .filter(|source| groups.iter().any(|g| g.contains(&source.columns.start)))
-            .flat_map(|source| in_tiles(source.kind, source.columns.clone()))
-            .map(|column| Pick { column, inverse_rate: 1.0 })
-            .collect();
-        MatrixPlan { groups, all, splits }
+        MatrixPlan { groups, first, stride, first_rate, splits }
     }
 }
 
@@ -69,7 +80,10 @@ impl LightPlan for MatrixPlan {
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
         picks.clear();
         if vertex == Vertex::First {
-            picks.extend_from_slice(&self.all);
+            for chunk in self.first.chunks(self.stride) {
+                let nth = if chunk.len() == 1 { 0 } else { (sampler.next_1d() * chunk.len() as f32) as usize };
+                picks.push(Pick { column: chunk[nth.min(chunk.len() - 1)], inverse_rate: chunk.len() as f32 });
+            }
             return;
         }
         for group in &self.groups {
@@ -88,11 +102,12 @@ impl LightPlan for MatrixPlan {
     }
 
     fn rate(&self, vertex: Vertex, column: u32) -> f32 {
-        let group = self.groups.iter().find(|g| g.contains(&column));
-        match group {
-            Some(group) if vertex == Vertex::Later => (LATER_PICKS as f32 / group.len() as f32).min(1.0),
-            Some(_) => 1.0,
-            None => 0.0,
+        match vertex {
+            Vertex::First => self.first_rate[column as usize],
+            Vertex::Later => {
+                let group = self.groups.iter().find(|g| g.contains(&column));
+                group.map_or(0.0, |group| (LATER_PICKS as f32 / group.len() as f32).min(1.0))
+            }
         }
     }
 
