@@ -85,7 +85,10 @@ fn words_of_one_room_stay_out_of_the_others() {
         ("relight", &["clerestory_transport", "gltf", "egui", "std::fs", "println!"][..]),
     ];
     for (crate_name, never) in rooms {
-        for file in sources(&root().join("crates").join(crate_name).join("src")) {
+        let source = root().join("crates").join(crate_name).join("src");
+        let files = sources(&source);
+        assert!(!files.is_empty(), "{} has no sources", source.display());
+        for file in files {
             let text = std::fs::read_to_string(&file).unwrap();
             let code: String = text.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
             for word in never {
@@ -97,19 +100,14 @@ fn words_of_one_room_stay_out_of_the_others() {
 
 /// Rust files below a folder, without those that only tests compile: a test may say what its numbers stand for.
 fn sources(folder: &Path) -> Vec<PathBuf> {
+    let is_test = |path: &Path| path.file_stem().is_some_and(|stem| stem == "tests" || stem == "laws");
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
+    for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).filter(|path| !is_test(path)) {
         if path.is_dir() {
             found.extend(sources(&path));
-        } else if path.extension().is_some_and(|extension| extension == "rs") && !is_test(&path) {
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
             found.push(path);
         }
     }
-    assert!(!found.is_empty(), "{} has no sources", folder.display());
     found
-}
-
-fn is_test(path: &Path) -> bool {
-    path.file_stem().is_some_and(|stem| stem == "tests" || stem == "laws")
 }

@@ -53,9 +53,10 @@ impl Reference {
     }
 
     fn blocks(&self, ours: &[Vec<[f32; 3]>; 2], theirs: &[[f32; 3]], idx: usize, width: usize) -> Blocks {
-        let mean = ours[0].iter().zip(&ours[1]).map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c])));
         // The mean is clipped, not its halves: less of what is clipped is noise.
-        let [mean, theirs] = [&mean.collect(), theirs].map(|pixels: &[[f32; 3]]| channel(pixels, idx, self.clip));
+        let pairs = ours[0].iter().zip(&ours[1]);
+        let mean: Vec<[f32; 3]> = pairs.map(|(a, b)| std::array::from_fn(|c| 0.5 * (a[c] + b[c]))).collect();
+        let [mean, theirs] = [&mean, theirs].map(|pixels: &[[f32; 3]]| channel(pixels, idx, self.clip));
         let [a, b] = [0, 1].map(|i| channel(&ours[i], idx, self.clip));
         // The mean of two pixels has the variance (a − b)² / 4, and the reference that of its many more samples; the
         // variance of a block's mean is estimated by its 64 pixels.
