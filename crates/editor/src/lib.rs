@@ -1,0 +1,18 @@
+//! The only room with windows: egui, command line, files, threads, words for people. It holds no physics and no linear
+//! algebra; those live in the three crates below, and what passes between them is carried across here.
+//!
+//! Everything is in this library so that tests can drive it; the binary only calls [`cli::run`].
+
+pub mod action;
+pub mod app;
+pub mod cli;
+pub mod compare;
+pub mod export;
+pub mod headless;
+pub mod look;
+pub mod output;
+pub mod panels;
+pub mod picture;
+pub mod session;
+pub mod theme;
+pub mod viewport;
