@@ -478,8 +478,13 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
         assert!(factors.rank <= rank + 1);
         let got = factors.apply(&weights);
         for row in 0..n_rows {
-            let sampled: f32 = (0..n_cols).map(|c| 0.5 * (a[row * n_cols + c] + b[row * n_cols + c]) * weights[c]).sum();
-            assert!((got[row] - sampled).abs() < 2e-3 * n_cols as f32, "rank {rank}, row {row}: {} for {sampled}", got[row]);
+            let sampled: f32 =
+                (0..n_cols).map(|c| 0.5 * (a[row * n_cols + c] + b[row * n_cols + c]) * weights[c]).sum();
+            assert!(
+                (got[row] - sampled).abs() < 2e-3 * n_cols as f32,
+                "rank {rank}, row {row}: {} for {sampled}",
+                got[row]
+            );
         }
     }
 }

@@ -57,7 +57,8 @@ pub(crate) fn factor(
     let mut factors = BlockFactors::from_f32(&left.data, &of_mean.basis.data, n_rows, n_cols, rank);
     let noise = means.noise.iter().sum::<f64>() / means.n_entries();
     let (truncation, sampling) = (measured.truncation + added[0], measured.sampling + added[1]);
-    let [truncation, sampling, total_noise] = [truncation, sampling, noise].map(|x| (x * means.unit * means.unit) as f32);
+    let [truncation, sampling, total_noise] =
+        [truncation, sampling, noise].map(|x| (x * means.unit * means.unit) as f32);
     factors.error = BlockError { truncation, sampling, noise: total_noise };
     let met = match tolerance {
         Tolerance::Rank(_) => noise == 0.0,

@@ -142,7 +142,8 @@ pub fn bake_to_file(
 /// [`ArchiveError::Io`].
 pub fn write(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
     let temporary = with_suffix(path, ".tmp");
-    let written = write_all(bake, &temporary).and_then(|()| fs::rename(&temporary, path).map_err(at("cannot rename to", path)));
+    let written =
+        write_all(bake, &temporary).and_then(|()| fs::rename(&temporary, path).map_err(at("cannot rename to", path)));
     if written.is_err() {
         let _ = fs::remove_file(&temporary);
     }
@@ -183,7 +184,8 @@ pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
     let (header, mut offset) = parse_header(MAGIC, &bytes, path)?;
     let mut groups = header.empty_groups();
     for block_idx in 0..header.partition().n_blocks() {
-        offset += read_block(&bytes[offset..], &mut groups, block_idx).map_err(|error| damaged(path, error.to_string()))?;
+        offset +=
+            read_block(&bytes[offset..], &mut groups, block_idx).map_err(|error| damaged(path, error.to_string()))?;
     }
     if offset != bytes.len() {
         return Err(damaged(path, "it is longer than its header says".into()));
@@ -204,7 +206,8 @@ fn parse_header(magic: &[u8; 8], bytes: &[u8], path: &Path) -> Result<(BakeHeade
     if version != VERSION {
         return Err(ArchiveError::Version { path: path.into(), version });
     }
-    let len = word(12).filter(|&len| len <= MAX_HEADER_BYTES).ok_or_else(|| damaged(path, "it ends in its header".into()))?;
+    let len =
+        word(12).filter(|&len| len <= MAX_HEADER_BYTES).ok_or_else(|| damaged(path, "it ends in its header".into()))?;
     let json = bytes.get(16..16 + len as usize).ok_or_else(|| damaged(path, "it ends in its header".into()))?;
     let header: BakeHeader = serde_json::from_slice(json).map_err(|e| damaged(path, format!("its header: {e}")))?;
     check_header(&header).map_err(|what| damaged(path, what.into()))?;

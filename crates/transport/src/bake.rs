@@ -204,10 +204,7 @@ impl BakeJob {
     ///
     /// # Errors
     /// See [`BakeError`].
-    pub fn run(
-        self,
-        on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
-    ) -> Result<Option<Bake>, BakeError> {
+    pub fn run(self, on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send) -> Result<Option<Bake>, BakeError> {
         let header = Arc::new(self.header()?);
         self.run_from(header, &[], on_event)
     }

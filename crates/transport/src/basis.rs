@@ -168,10 +168,12 @@ impl LightBasis {
 
     /// Keys of a rig that no light of this basis answers to.
     pub fn unknown_keys<'a>(&self, rig: &'a LightRig) -> Vec<&'a str> {
-        let panels = rig.panels.keys().filter(|key| {
-            !matches!(self.source(key), Some(LightSource { kind: SourceKind::Panel { .. }, .. }))
-        });
-        let mut unknown: Vec<&str> = rig.lights.keys().filter(|key| self.source(key).is_none()).map(String::as_str).collect();
+        let panels = rig
+            .panels
+            .keys()
+            .filter(|key| !matches!(self.source(key), Some(LightSource { kind: SourceKind::Panel { .. }, .. })));
+        let mut unknown: Vec<&str> =
+            rig.lights.keys().filter(|key| self.source(key).is_none()).map(String::as_str).collect();
         unknown.extend(panels.map(String::as_str));
         unknown.dedup();
         unknown
@@ -282,7 +284,8 @@ mod tests {
     #[test]
     fn repeated_names_count_and_collisions_stay_unique() {
         let mut keys = KeyMaker::default();
-        let got = [keys.key(Some("lamp"), 0), keys.key(Some("lamp"), 1), keys.key(None, 7), keys.key(Some("lamp#2"), 8)];
+        let got =
+            [keys.key(Some("lamp"), 0), keys.key(Some("lamp"), 1), keys.key(None, 7), keys.key(Some("lamp#2"), 8)];
         assert_eq!(got, ["lamp", "lamp#2", "node:7", "lamp#2#2"]);
     }
 }

@@ -197,7 +197,10 @@ fn find_lights(scene: &Scene, requests: &[PanelRequest], warnings: &mut Vec<Stri
         for light in scene.punctual.iter().filter(|light| light.node as usize == node_idx) {
             let key = keys.key(node.name.as_deref(), node.index);
             let (color, strength) = (light.color, light.intensity);
-            found.push((LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength }, Emitter::Punctual(light.clone())));
+            found.push((
+                LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength },
+                Emitter::Punctual(light.clone()),
+            ));
         }
         let Some(triangles) = triangles_of_node.remove(&(node_idx as u32)) else { continue };
         let key = keys.key(node.name.as_deref(), node.index);
@@ -361,12 +364,19 @@ fn add_sky_and_constant(scene: &Scene, found: &mut Found, warnings: &mut Vec<Str
     }
     if found.is_empty() {
         warnings.push("the scene has no light; a uniform sky of 1 nit lights it".into());
-        let source = LightSource { key: keys.key(Some("sky"), 0), kind: SourceKind::Sky, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
+        let source = LightSource {
+            key: keys.key(Some("sky"), 0),
+            kind: SourceKind::Sky,
+            columns: 0..1,
+            color: Vec3::ONE,
+            strength: 1.0,
+        };
         found.push((source, Emitter::Sky));
     }
     if scene.mesh.triangle_material.iter().any(|&m| scene.materials[m as usize].unlit) {
         let kind = SourceKind::Constant;
-        let source = LightSource { key: keys.key(Some("unlit"), 0), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
+        let source =
+            LightSource { key: keys.key(Some("unlit"), 0), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
         found.push((source, Emitter::Constant));
     }
 }

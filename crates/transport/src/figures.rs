@@ -103,7 +103,8 @@ impl Bake {
         let factors = || self.groups.iter().flat_map(|g| g.blocks.iter().flatten());
         let full = (self.header.config.spp / 2).max(1) * 2;
         // All groups of a block share their samples: the first group speaks for all.
-        let taken: Vec<u32> = self.groups.first().map_or(vec![], |g| g.blocks.iter().flatten().map(|b| b.n_samples).collect());
+        let taken: Vec<u32> =
+            self.groups.first().map_or(vec![], |g| g.blocks.iter().flatten().map(|b| b.n_samples).collect());
         let share = taken.iter().map(|&n| f64::from(n)).sum::<f64>() / (f64::from(full) * taken.len().max(1) as f64);
         Skipped {
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),

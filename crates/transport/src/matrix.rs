@@ -35,7 +35,14 @@ const PEAK_QUANTILE: f32 = 0.995;
 
 impl<'a> TransportMatrix<'a> {
     /// With columns as they are, before their scale is known.
-    pub fn new(scene: &'a PreparedScene, plan: &'a MatrixPlan, camera: Camera, film: Film, bounces: Option<u32>, seed: u64) -> Self {
+    pub fn new(
+        scene: &'a PreparedScene,
+        plan: &'a MatrixPlan,
+        camera: Camera,
+        film: Film,
+        bounces: Option<u32>,
+        seed: u64,
+    ) -> Self {
         let column_scale = vec![1.0; scene.lighting.basis.n_cols()];
         TransportMatrix { integrator: Integrator::new(scene, plan, bounces), camera, film, seed, column_scale }
     }
@@ -60,7 +67,13 @@ impl<'a> TransportMatrix<'a> {
         let mut rows = vec![0.0; n_pilots * CHANNELS * n_cols];
         rows.par_chunks_mut(CHANNELS * n_cols).zip(&pilots).for_each(|(out, &pixel)| {
             // A stream of its own: the bake's samples stay independent of the scale.
-            self.deposit_pixel(pixel, 0..PILOT_SAMPLES, 2, &mut Scratch::default(), &mut RowDeposit::new(out, n_cols, &self.column_scale));
+            self.deposit_pixel(
+                pixel,
+                0..PILOT_SAMPLES,
+                2,
+                &mut Scratch::default(),
+                &mut RowDeposit::new(out, n_cols, &self.column_scale),
+            );
         });
         let n_rows = n_pilots * CHANNELS;
         let peaks: Vec<f32> = (0..n_cols)
@@ -77,7 +90,14 @@ impl<'a> TransportMatrix<'a> {
         scale_of_peaks(&peaks)
     }
 
-    fn deposit_pixel(&self, pixel: u32, samples: Range<u32>, half: u64, scratch: &mut Scratch, deposit: &mut impl Deposit) {
+    fn deposit_pixel(
+        &self,
+        pixel: u32,
+        samples: Range<u32>,
+        half: u64,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
         let at = [pixel % self.film.width, pixel / self.film.width];
         for sample in samples {
             let sampler = Sampler::new(self.seed, u64::from(pixel) * 4 + half, sample);
@@ -106,7 +126,14 @@ impl SampledMatrix for TransportMatrix<'_> {
         CHANNELS
     }
 
-    fn add_rows(&self, bundles: &[u32], samples: Range<u32>, half: Half, out: &mut [f32], sparse: &mut Vec<SparseEntry>) {
+    fn add_rows(
+        &self,
+        bundles: &[u32],
+        samples: Range<u32>,
+        half: Half,
+        out: &mut [f32],
+        sparse: &mut Vec<SparseEntry>,
+    ) {
         let n_cols = self.n_cols();
         let mut scratch = Scratch::default();
         let half = u64::from(half == Half::B);

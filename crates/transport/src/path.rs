@@ -207,11 +207,18 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     /// Whether a surface scatters broadly enough for its indirect light to be shared with its neighbors.
     fn is_broad(&self, hit: &SurfaceHit) -> bool {
         let material = self.scene.material(hit.triangle);
-        material.transmission == 0.0 && (material.roughness > 0.3 || material.specular == 0.0) && material.metallic < 0.5
+        material.transmission == 0.0
+            && (material.roughness > 0.3 || material.specular == 0.0)
+            && material.metallic < 0.5
     }
 
     /// The broad surface that a camera ray meets, turned towards the camera: its hit and unit normal.
-    pub(crate) fn broad_surface(&self, origin: Vec3, direction: Vec3, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
+    pub(crate) fn broad_surface(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        sampler: &mut Sampler,
+    ) -> Option<(SurfaceHit, Vec3)> {
         let hit = self.scene.closest(&Walk::from_camera(origin, direction).ray(), sampler)?;
         let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
         self.is_broad(&hit).then_some((hit, normal))
@@ -328,7 +335,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let origin = offset_origin(hit.position, outward);
         let mut fan = Fan::new(origin);
         for (nth, pick) in scratch.picks.iter().enumerate() {
-            let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else { continue };
+            let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else {
+                continue;
+            };
             let (f_cos, pdf) = bsdf.eval(light.wi);
             let mut value = walk.throughput * f_cos * light.factor * pick.inverse_rate;
             if value.max_element() <= 0.0 {
@@ -387,7 +396,12 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 let wi = to_light / distance_squared.sqrt();
                 let falloff = punctual_falloff(light, -wi.dot(light.direction));
                 let factor = Vec3::splat(falloff / distance_squared);
-                (falloff > 0.0 && distance_squared > 0.0).then_some(LightPoint { target: light.position, wi, factor, pdf: 0.0 })
+                (falloff > 0.0 && distance_squared > 0.0).then_some(LightPoint {
+                    target: light.position,
+                    wi,
+                    factor,
+                    pdf: 0.0,
+                })
             }
             Emitter::Sky | Emitter::Constant => None,
         }

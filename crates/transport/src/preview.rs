@@ -9,7 +9,10 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use clerestory_nystrom::{BlockFactors, BlockSamples, CompressConfig, CompressError, Half, Partition, SampledMatrix, SparseEntry, compress_block};
+use clerestory_nystrom::{
+    BlockFactors, BlockSamples, CompressConfig, CompressError, Half, Partition, SampledMatrix, SparseEntry,
+    compress_block,
+};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -96,7 +99,14 @@ impl Nodes {
     }
 
     /// Adds the indirect light at a point of a surface, times `albedo`; false where no node lies on the same surface.
-    fn add_indirect(&self, film_px: Vec2, (position, normal): (Vec3, Vec3), half: Half, albedo: Vec3, rows: &mut [f32]) -> bool {
+    fn add_indirect(
+        &self,
+        film_px: Vec2,
+        (position, normal): (Vec3, Vec3),
+        half: Half,
+        albedo: Vec3,
+        rows: &mut [f32],
+    ) -> bool {
         let at = film_px / self.spacing as f32 - 0.5;
         let base = at.floor();
         let fraction = at - base;
@@ -138,7 +148,13 @@ impl Nodes {
     }
 }
 
-fn gather_node(matrix: &TransportMatrix<'_>, node: u64, film_px: Vec2, light: &mut [f32], scratch: &mut Scratch) -> Option<(Vec3, Vec3)> {
+fn gather_node(
+    matrix: &TransportMatrix<'_>,
+    node: u64,
+    film_px: Vec2,
+    light: &mut [f32],
+    scratch: &mut Scratch,
+) -> Option<(Vec3, Vec3)> {
     let n_cols = matrix.n_cols();
     let half_len = CHANNELS * n_cols;
     let direction = matrix.camera.direction(matrix.film, film_px);
