@@ -1,5 +1,7 @@
 //! House tests: what the four crates promise together. One binary; this file is its table of contents.
 
+#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by a panic and says what it skips")]
+
 /// The arrows between the crates, and one version of what must be one.
 mod architecture;
 /// Scenes whose radiance is known by hand: closed spheres and furnaces.

@@ -113,10 +113,10 @@ impl Picture<'_> {
         }
         let (mut missed, mut whole) = (0.0, 0.0);
         for (idx, pixel) in self.radiance.pixels.iter().enumerate() {
-            for channel in 0..3 {
+            for (channel, value) in pixel.iter().enumerate() {
                 let sum: f64 = self.layers.iter().map(|layer| f64::from(layer.radiance.pixels[idx][channel])).sum();
-                missed += (sum - f64::from(pixel[channel])).powi(2);
-                whole += f64::from(pixel[channel]).powi(2);
+                missed += (sum - f64::from(*value)).powi(2);
+                whole += f64::from(*value).powi(2);
             }
         }
         if missed.sqrt() > LAYER_TOLERANCE * whole.sqrt() {

@@ -1,5 +1,7 @@
 //! What only a process of its own can show: kills, exit codes, pipes, and the command without a display.
 
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};

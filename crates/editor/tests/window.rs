@@ -1,5 +1,7 @@
 //! The window, driven by its labels: a tiny room with a lamp and a panel is opened, baked and relit.
 
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
