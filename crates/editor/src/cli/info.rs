@@ -75,11 +75,8 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
     };
     let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
     let cameras: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
-    // Of the file: those without area are there, though no light meets them.
-    let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
     let json = json!({
-        "triangles": triangles,
-        "degenerate_triangles": report.n_degenerate_triangles,
+        "triangles": scene.mesh.triangles.len(),
         "nodes": report.n_nodes,
         "cameras": cameras.len(),
         "camera_names": cameras,
@@ -92,7 +89,7 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
     let words = format!(
         "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}\nnot supported  {}",
         path.display(),
-        triangles,
+        scene.mesh.triangles.len(),
         report.n_nodes,
         report.n_materials,
         listed(&cameras),
