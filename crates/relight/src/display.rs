@@ -1,8 +1,8 @@
 //! From linear radiance to display-encoded pixels: exposure, tone curve, sRGB.
 //!
 //! Exposure 0 EV shows a radiance of 1 nit as 1.0 before the tone curve; each EV doubles it. The curves map linear
-//! Rec. 709 to linear Rec. 709 between 0 and 1: AgX is Troy Sobotka's [Sobotka2022] in the small form with a polynomial
-//! contrast curve [Wrensch2023]; neutral is the Khronos PBR neutral curve [Khronos2024]; linear clips.
+//! Rec. 709 to linear Rec. 709 between 0 and 1: AgX is Troy Sobotka's \[Sobotka2022\] in the small form with a polynomial
+//! contrast curve \[Wrensch2023\]; neutral is the Khronos PBR neutral curve \[Khronos2024\]; linear clips.
 //! `shaders/display.wgsl` is the twin and agrees within one step of 255.
 
 use rayon::prelude::*;
@@ -114,19 +114,19 @@ fn finite(v: f32) -> f32 {
     if v.is_finite() { v } else { 0.0 }
 }
 
-/// sRGB encoding of a linear value between 0 and 1 [IEC61966-2-1].
+/// sRGB encoding of a linear value between 0 and 1 \[IEC61966-2-1\].
 pub fn srgb_from_linear(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Row-major; into the space in which AgX bends each channel [Wrensch2023].
+/// Row-major; into the space in which AgX bends each channel \[Wrensch2023\].
 const AGX_INSET: [[f32; 3]; 3] = [
     [0.842_479_06, 0.078_433_6, 0.079_223_745],
     [0.042_328_242, 0.878_468_64, 0.079_166_13],
     [0.042_375_655, 0.078_433_6, 0.879_143],
 ];
 
-/// Row-major; out of it again [Wrensch2023].
+/// Row-major; out of it again \[Wrensch2023\].
 const AGX_OUTSET: [[f32; 3]; 3] = [
     [1.196_879, -0.098_020_88, -0.099_029_74],
     [-0.052_896_85, 1.151_903_1, -0.098_961_18],
@@ -151,12 +151,12 @@ fn agx(rgb: [f32; 3]) -> [f32; 3] {
     mul(&AGX_OUTSET, bent)
 }
 
-/// The contrast curve, sixth order: of the two that are published, the one that reaches black and white [Wrensch2023].
+/// The contrast curve, sixth order: of the two that are published, the one that reaches black and white \[Wrensch2023\].
 fn agx_contrast(x: f32) -> f32 {
     (((((15.5 * x - 40.14) * x + 31.96) * x - 6.868) * x + 0.4298) * x + 0.1191) * x - 0.002_32
 }
 
-/// The Khronos PBR neutral curve [Khronos2024].
+/// The Khronos PBR neutral curve \[Khronos2024\].
 fn neutral([r, g, b]: [f32; 3]) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;

@@ -87,7 +87,7 @@ impl Recipe {
     }
 }
 
-/// SplitMix64 [Steele2014].
+/// SplitMix64 \[Steele2014\].
 #[derive(Clone, Debug)]
 struct Random(u64);
 

@@ -84,7 +84,7 @@ impl PanelSpot {
 
 /// Linear Rec. 709 color of a black body at luminance 1. Clamped to 1667…25000 K and to the gamut.
 ///
-/// Chromaticity by the rational fit of [Kim2002] for the Planckian locus.
+/// Chromaticity by the rational fit of \[Kim2002\] for the Planckian locus.
 pub fn planckian_tint(kelvin: f32) -> Vec3 {
     let t = f64::from(if kelvin.is_finite() { kelvin.clamp(1667.0, 25_000.0) } else { 6500.0 });
     let x = if t <= 4000.0 {

@@ -2,7 +2,7 @@
 //!
 //! One walk serves all columns at once. At each vertex with a lobe that is not a mirror, light sources are sampled (which,
 //! and how many, a [`LightPlan`] says), and emitters that the walk meets by itself are weighed against that with the power
-//! heuristic [Veach1995]. The first such vertex connects to every column, later ones to a few, stratified.
+//! heuristic \[Veach1995\]. The first such vertex connects to every column, later ones to a few, stratified.
 
 use glam::{Vec2, Vec3};
 
@@ -482,13 +482,13 @@ fn area_point(
     Some(LightPoint { target, wi, factor: radiance / pdf, pdf })
 }
 
-/// Share of one of two ways to sample the same path, by squared densities. [Veach1995]
+/// Share of one of two ways to sample the same path, by squared densities. \[Veach1995\]
 fn power_heuristic(own: f32, other: f32) -> f32 {
     let ratio = other / own;
     1.0 / (1.0 + ratio * ratio)
 }
 
-/// The `nth` point of a lattice that is shifted by a random offset: every point is uniform, neighbors differ. [Roberts2018]
+/// The `nth` point of a lattice that is shifted by a random offset: every point is uniform, neighbors differ. \[Roberts2018\]
 fn jittered(offset: [u32; 2], nth: u32) -> Vec2 {
     const STEP: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
     let unit = |offset: u32, step: u32| (offset.wrapping_add(nth.wrapping_mul(step)) >> 8) as f32 / 16_777_216.0;

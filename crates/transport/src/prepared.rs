@@ -219,7 +219,7 @@ fn next_after(t: f32) -> f32 {
 }
 
 /// Moves a point off its surface to the side of `normal`, far enough that a ray from there does not meet the surface
-/// again. [Wachter2019]
+/// again. \[Wachter2019\]
 pub fn offset_origin(position: Vec3, normal: Vec3) -> Vec3 {
     const NEAR_ZERO: f32 = 1.0 / 32.0;
     const FLOAT_SCALE: f32 = 1.0 / 65_536.0;

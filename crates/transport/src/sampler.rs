@@ -1,7 +1,7 @@
 //! Counter-based random numbers: what a number is depends on seed, stream, sample index and dimension alone.
 //!
 //! Every pair of dimensions is an Owen-scrambled Sobol (0,2)-sequence with its own shuffled index, so that consecutive
-//! samples of a stream are stratified in each pair and different pairs know nothing of each other. [Burley2020]
+//! samples of a stream are stratified in each pair and different pairs know nothing of each other. \[Burley2020\]
 
 /// A cursor over the dimensions of one sample of a stream. Cheap to copy.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +61,7 @@ fn to_unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// A permutation of 64-bit words whose every output bit depends on every input bit. [Steele2014]
+/// A permutation of 64-bit words whose every output bit depends on every input bit. \[Steele2014\]
 #[inline]
 fn mix(key: u64) -> u64 {
     let x = (key ^ (key >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -69,7 +69,7 @@ fn mix(key: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Nested uniform scramble of bit-reversed words: each bit is flipped depending on the lower ones alone. [Laine2011]
+/// Nested uniform scramble of bit-reversed words: each bit is flipped depending on the lower ones alone. \[Laine2011\]
 #[inline]
 fn scramble(reversed: u32, seed: u32) -> u32 {
     let mut x = reversed ^ reversed.wrapping_mul(0x3D20_ADEA);

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-/// Reflectance of a layer after Schlick: `f0` at normal incidence, `f90` at grazing. [Schlick1994]
+/// Reflectance of a layer after Schlick: `f0` at normal incidence, `f90` at grazing. \[Schlick1994\]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schlick {
     pub(super) f0: Vec3,

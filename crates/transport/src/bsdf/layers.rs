@@ -175,7 +175,7 @@ impl Layers {
         1.0 / (1.0 + self.lambda_o)
     }
 
-    /// Share of the facets seen by the viewer and from another direction, correlated by height. [Heitz2014]
+    /// Share of the facets seen by the viewer and from another direction, correlated by height. \[Heitz2014\]
     #[inline]
     fn g2(&self, cos_i: f32) -> f32 {
         1.0 / (1.0 + self.lambda_o + self.ggx.lambda(cos_i))
@@ -224,7 +224,7 @@ impl Layers {
         (value, self.choice.facets * passed * quarter * self.g1())
     }
 
-    /// Refraction by facets [Walter2007, eq. 21], as radiance: squeezed by η² where it entered the denser side.
+    /// Refraction by facets \[Walter2007, eq. 21\], as radiance: squeezed by η² where it entered the denser side.
     fn eval_refraction(&self, wi: Vec3, eta: f32) -> (Vec3, f32) {
         let Some(wm) = (wi * eta + self.wo).try_normalize() else { return (Vec3::ZERO, 0.0) };
         let wm = if wm.z < 0.0 { -wm } else { wm };

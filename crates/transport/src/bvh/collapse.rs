@@ -1,4 +1,4 @@
-//! From two children a node to eight, at the least expected cost [Ylitie2017].
+//! From two children a node to eight, at the least expected cost \[Ylitie2017\].
 //!
 //! `cost[n][i]` is the cheapest way to hold the subtree of `n` in at most i trees, each a block or a wide node. Blocks of a
 //! few triangles cost the same whether full or not, as all lanes are tested at once.

@@ -1,9 +1,9 @@
 //! Where rays meet triangles: a tree of boxes, eight to a node, exact at edges and corners.
 //!
-//! obvhs clusters the triangles into a binary tree [Meister2018a] and improves it by reinsertion [Meister2018b]; a dynamic
-//! program collapses that to eight children a node [Ylitie2017]. Rays test the eight boxes of a node at once, then blocks of
-//! four triangles, with edge functions that leave no gap between neighbors [Woop2013] and boxes that lose nothing to
-//! rounding [Ize2013]. Light that leaks through an edge would stay in a light-transport matrix for good.
+//! obvhs clusters the triangles into a binary tree \[Meister2018a\] and improves it by reinsertion \[Meister2018b\]; a dynamic
+//! program collapses that to eight children a node \[Ylitie2017\]. Rays test the eight boxes of a node at once, then blocks of
+//! four triangles, with edge functions that leave no gap between neighbors \[Woop2013\] and boxes that lose nothing to
+//! rounding \[Ize2013\]. Light that leaks through an edge would stay in a light-transport matrix for good.
 //!
 //! Results depend on the triangles alone: neither on threads nor on the machine's vector instructions.
 

@@ -10,7 +10,7 @@ use super::Aabb;
 pub(super) const WIDTH: usize = 8;
 /// Triangles of a block.
 pub(super) const BLOCK: usize = 4;
-/// Factor on the far side of a box, so that rounding never loses a triangle inside it. [Ize2013]
+/// Factor on the far side of a box, so that rounding never loses a triangle inside it. \[Ize2013\]
 pub(super) const FAR_SLACK: f32 = 1.0 + 1.0 / (1 << 20) as f32;
 
 /// Eight boxes and what is inside them.

@@ -1,4 +1,4 @@
-//! The watertight intersection of rays and triangles [Woop2013].
+//! The watertight intersection of rays and triangles \[Woop2013\].
 //!
 //! Vertices are sheared so that the ray becomes an axis; then signs of edge functions decide. The two products of an edge
 //! function must round alike: the neighbor across the edge then computes its exact negative, and no ray slips between.
