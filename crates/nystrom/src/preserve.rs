@@ -53,10 +53,10 @@ fn append(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, unit: &[f64], hel
     fit.basis.data.extend(lacking.iter().map(|&x| x as f32));
     fit.basis.n_rows += 1;
     let mut wider = Dense::zeros(left.n_rows, left.n_cols + 1);
-    for row in 0..left.n_rows {
+    for (row, own) in column.into_iter().enumerate() {
         let out = wider.row_mut(row);
         out[..left.n_cols].copy_from_slice(left.row(row));
-        out[left.n_cols] = column[row];
+        out[left.n_cols] = own;
     }
     *left = wider;
 }

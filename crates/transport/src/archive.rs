@@ -227,10 +227,12 @@ fn check_header(header: &BakeHeader) -> Result<(), &'static str> {
             return Err("its header has columns out of order");
         }
         next = source.columns.end;
-        if let crate::basis::SourceKind::Panel { resolution, .. } = source.kind {
-            if source.columns.len() as u32 != resolution.saturating_mul(resolution) {
-                return Err("its header has a panel with missing texels");
-            }
+        let texels = match source.kind {
+            crate::basis::SourceKind::Panel { resolution, .. } => resolution.saturating_mul(resolution),
+            _ => 1,
+        };
+        if source.columns.len() as u32 != texels {
+            return Err("its header has a light with missing columns");
         }
     }
     let mut next = 0;

@@ -75,8 +75,11 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
     };
     let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
     let cameras: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    // Of the file: those without area are there, though no light meets them.
+    let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
     let json = json!({
-        "triangles": scene.mesh.triangles.len(),
+        "triangles": triangles,
+        "degenerate_triangles": report.n_degenerate_triangles,
         "nodes": report.n_nodes,
         "cameras": cameras.len(),
         "camera_names": cameras,
@@ -89,7 +92,7 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
     let words = format!(
         "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}\nnot supported  {}",
         path.display(),
-        scene.mesh.triangles.len(),
+        triangles,
         report.n_nodes,
         report.n_materials,
         listed(&cameras),
