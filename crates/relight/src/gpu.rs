@@ -57,11 +57,8 @@ impl Gpu {
     /// # Errors
     /// [`RelightError::NoAdapter`] where nothing suitable is installed, [`RelightError::NoDevice`] where the driver refuses.
     pub fn headless(choice: DeviceChoice) -> Result<Self, RelightError> {
-        // OpenGL is left out: its drivers complain on stderr where there is no display, and few of them compute.
-        let backends = wgpu::Backends::PRIMARY;
-        let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { backends, ..descriptor });
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(backends));
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
         adapters.retain(|a| choice.takes(a.get_info().device_type) && computes(a));
         adapters.sort_by_key(|a| slowness(&a.get_info()));
         let adapter = adapters.first().ok_or(RelightError::NoAdapter { wanted: choice.words() })?;
