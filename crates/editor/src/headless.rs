@@ -31,9 +31,9 @@ pub const GALLERY_LOOKS: [(&str, &str); 3] = [
 /// Folder of the frames, in the current one.
 const FOLDER: &str = "frames";
 /// Width of the frames, so that they are there in a minute or two on two cores.
-const WIDTH_PX: u32 = 480;
+const WIDTH_PX: u32 = 448;
 /// Light paths per pixel, for the same reason.
-const SPP: u32 = 24;
+const SPP: u32 = 16;
 
 /// Bakes a scene (the built-in one if none is named) and writes its frames. `reason` says why there is no window.
 ///

@@ -2,8 +2,8 @@
 //!
 //! On a coarse grid of nodes, a few walks each gather the light that arrives from other surfaces, for all columns. A
 //! pixel adds its own direct light and takes the indirect light of the nodes around it that lie on the same surface;
-//! where there are none, and on surfaces that mirror, it follows walks of its own. This is biased at contacts, and so it
-//! is only the preview: the passes after it share nothing.
+//! where there are none, and on surfaces that mirror, it follows walks of its own. This is biased at contacts and where few walks
+//! carry much, and so it is only the preview: the passes after it share nothing.
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
@@ -26,6 +26,8 @@ const NODE_SPACING: u32 = 4;
 const NODE_WALKS: u32 = 8;
 /// Most memory that nodes may take.
 const NODE_BYTES: usize = 256 << 20;
+/// Times the median of its neighbors that a node may shine.
+const OUTSHINES: f32 = 2.0;
 /// Streams of random numbers that no other pass uses.
 const NODE_STREAM: u64 = 1 << 62;
 const PIXEL_STREAM: u64 = 1 << 61;
@@ -95,7 +97,31 @@ impl Nodes {
                 gather_node(matrix, node as u64, center.min(size - 0.5), light, scratch)
             })
             .collect();
-        Nodes { spacing, nx, ny, surfaces, light }
+        let mut nodes = Nodes { spacing, nx, ny, surfaces, light };
+        nodes.calm(node_len);
+        nodes
+    }
+
+    /// Dims nodes that outshine their neighbors by far: a rare bright walk would show as a spot as wide as its node. The
+    /// passes after the preview clamp nothing.
+    fn calm(&mut self, node_len: usize) {
+        let total = |light: &[f32]| light.iter().sum::<f32>();
+        let totals: Vec<f32> = self.light.par_chunks(node_len).map(total).collect();
+        let (nx, ny) = (self.nx as usize, self.ny as usize);
+        self.light.par_chunks_mut(node_len).enumerate().for_each(|(node, light)| {
+            let (x, y) = (node % nx, node / nx);
+            let rows = y.saturating_sub(1)..(y + 2).min(ny);
+            let around = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(nx)).map(move |x| y * nx + x));
+            let mut around: Vec<f32> = around.map(|n| totals[n]).filter(|t| *t > 0.0).collect();
+            if around.is_empty() {
+                return;
+            }
+            let middle = around.len() / 2;
+            let limit = OUTSHINES * *around.select_nth_unstable_by(middle, f32::total_cmp).1;
+            if totals[node] > limit {
+                light.iter_mut().for_each(|x| *x *= limit / totals[node]);
+            }
+        });
     }
 
     /// Adds the indirect light at a point of a surface, times `albedo`; false where no node lies on the same surface.
