@@ -57,7 +57,7 @@ fn report(quick: bool) -> Result<PathBuf> {
 }
 
 fn cases(root: &Path, quick: bool) -> Vec<Case> {
-    let (size, spp) = if quick { ("128x96", "32") } else { ("512x384", "128") };
+    let (size, spp) = if quick { ("192x144", "16") } else { ("512x384", "128") };
     let mut cases: Vec<Case> = ["gallery", "diffuse", "reflections", "caustics", "mixed"]
         .iter()
         .map(|name| Case { path: root.join(format!("assets/scenes/{name}.glb")), size, spp, tolerance: "40" })
@@ -133,7 +133,7 @@ fn page(rows: &str, quick: bool) -> String {
          last column holds the relit picture (all lights as in the file) against a path-traced one of {} samples, whose own noise counts.\n\n\
          | scene | size | columns | preview | bake | rank mean / max | MB | dense / file | error dB | PSNR against trace |\n\
          |---|---|---|---|---|---|---|---|---|---|\n{rows}",
-        if quick { "32" } else { "128" },
+        if quick { "16" } else { "128" },
         REFERENCE_SPP[usize::from(quick)],
     )
 }
