@@ -60,7 +60,7 @@ pub enum BakeError {
 /// How exactly a scene is baked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BakeConfig {
-    /// Most samples per pixel, both halves together.
+    /// Most samples per pixel, both halves together; at least one is taken for each half.
     pub spp: u32,
     /// Truncation and sampling error at which a block is done, in dB: 10·log10(pk² / mean ΔT²).
     pub tolerance_db: f32,
@@ -243,8 +243,8 @@ impl BakeJob {
             return Err(BakeError::Size { width, height });
         }
         let complain = |what: &str| Err(BakeError::Config { what: what.into() });
-        if config.spp < 2 {
-            return complain("a bake needs at least 2 samples per pixel, one for each half");
+        if config.spp == 0 {
+            return complain("a bake needs at least 1 sample per pixel");
         }
         if !(0.0..=120.0).contains(&config.tolerance_db) {
             return complain("the tolerance must be between 0 and 120 dB");
