@@ -259,7 +259,7 @@ impl BakeJob {
         done: &[(usize, Vec<Arc<BlockFactors>>)],
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
+        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).with_roulette(&header.column_scale);
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
@@ -368,7 +368,7 @@ impl Run<'_> {
         };
         let flow = match samples {
             None => {
-                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter);
+                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter).with_roulette(&header.column_scale);
                 let mut matrix = job.matrix(&plan);
                 matrix.set_column_scale(header.column_scale.clone());
                 preview(&matrix, &partition, blocks, &config, on_block)?

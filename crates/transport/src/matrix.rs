@@ -10,6 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Film};
+use crate::light::{LightRig, luminance};
 use crate::path::{Deposit, Integrator, Scratch};
 use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
@@ -32,6 +33,9 @@ const PILOT_PIXELS: usize = 2048;
 const PILOT_SAMPLES: u32 = 2;
 /// Part of a column's entries that may be brighter than its peak.
 const PEAK_QUANTILE: f32 = 0.995;
+/// Share of the median peak below which a column is not measured against its own: the light of a lamp that hardly reaches
+/// the picture comes by rare walks, and would cost more than all others.
+const DIMMEST: f32 = 0.125;
 
 impl<'a> TransportMatrix<'a> {
     /// With columns as they are, before their scale is known.
@@ -58,8 +62,8 @@ impl<'a> TransportMatrix<'a> {
         self.column_scale = column_scale;
     }
 
-    /// Measures the brightness of each column on a few thousand pixels and returns one over its 99.5 percentile. A column
-    /// that reaches none of them takes the median of the others.
+    /// Measures the brightness of each column on a few thousand pixels and returns one over its 99.5 percentile, for dim
+    /// columns one over an eighth of the median column's, both under the light of the file.
     pub fn measure_column_scale(&self) -> Vec<f32> {
         let (n_cols, n_pixels) = (self.n_cols(), self.film.n_pixels());
         let n_pilots = n_pixels.min(PILOT_PIXELS).min((1 << 26) / n_cols.max(1)).max(1);
@@ -87,7 +91,9 @@ impl<'a> TransportMatrix<'a> {
             })
             .map(|sum| sum / PILOT_SAMPLES as f32)
             .collect();
-        scale_of_peaks(&peaks)
+        let light = self.integrator.scene().lighting.basis.project(&LightRig::default());
+        let light: Vec<f32> = light.into_iter().map(|rgb| luminance(Vec3::from(rgb))).collect();
+        scale_of_peaks(&peaks, &light)
     }
 
     fn deposit_pixel(
@@ -106,11 +112,25 @@ impl<'a> TransportMatrix<'a> {
     }
 }
 
-fn scale_of_peaks(peaks: &[f32]) -> Vec<f32> {
-    let mut lit: Vec<f32> = peaks.iter().copied().filter(|p| *p > 0.0 && p.is_finite()).collect();
-    let middle = lit.len() / 2;
-    let median = if lit.is_empty() { 1.0 } else { *lit.select_nth_unstable_by(middle, f32::total_cmp).1 };
-    peaks.iter().map(|&p| 1.0 / if p > 0.0 && p.is_finite() { p } else { median }).collect()
+/// One over the peak of each column; of lamps whose light in the file stays dim in the picture, one over a share of the
+/// median peak. `light` is the luminance that the file gives each column.
+fn scale_of_peaks(peaks: &[f32], light: &[f32]) -> Vec<f32> {
+    let lit = |p: f32| p > 0.0 && p.is_finite();
+    let median_peak = median(peaks.iter().copied().filter(|&p| lit(p))).unwrap_or(1.0);
+    let shown = peaks.iter().zip(light).map(|(p, l)| p * l);
+    let least_shown = median(shown.filter(|&p| lit(p))).map_or(0.0, |shown| DIMMEST * shown);
+    let scale = |(&peak, &light): (&f32, &f32)| {
+        let least = if light > 0.0 { least_shown / light } else { 0.0 };
+        let peak = if lit(peak) { peak.max(least) } else { least };
+        1.0 / if lit(peak) { peak } else { median_peak }
+    };
+    peaks.iter().zip(light).map(scale).collect()
+}
+
+fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
+    let mut values: Vec<f32> = values.collect();
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
 impl SampledMatrix for TransportMatrix<'_> {
@@ -186,5 +206,24 @@ impl Deposit for RowDeposit<'_> {
         for (channel, value) in value.to_array().into_iter().enumerate().filter(|(_, v)| *v != 0.0) {
             self.sparse.push(SparseEntry { row: self.first_row + channel as u32, col: column, value });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_scaled_to_their_peak_but_dim_ones_to_an_eighth_of_the_median() {
+        let scale = scale_of_peaks(&[2.0, 1.0, 4.0, 1e-3, 0.0], &[1.0; 5]);
+        assert_eq!(scale, [0.5, 1.0, 0.25, 4.0, 4.0]);
+    }
+
+    #[test]
+    fn a_small_lamp_that_the_file_turns_up_counts_as_much_as_a_large_one() {
+        let scale = scale_of_peaks(&[1.0, 1.0, 1e-3], &[1.0, 1.0, 1e3]);
+        assert_eq!(scale, [1.0, 1.0, 1e3]);
+        // A lamp that is off in the file keeps its own peak; one that lights nothing takes the median.
+        assert_eq!(scale_of_peaks(&[1.0, 1e-3, 0.0], &[1.0, 0.0, 0.0]), [1.0, 1e3, 1.0]);
     }
 }

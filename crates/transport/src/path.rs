@@ -28,7 +28,9 @@ pub trait Deposit {
 pub enum Vertex {
     /// The first vertex with a lobe that is not a mirror.
     First,
-    /// Every later one.
+    /// A later one to which a few picks would bring too much each.
+    Close,
+    /// Every other later one.
     Later,
 }
 
@@ -43,12 +45,16 @@ pub struct Pick {
 
 /// Chooses the columns that a vertex connects to.
 pub trait LightPlan: Sync {
+    /// Which kind of later vertex a point is: `peak` is the greatest product of throughput and `f·|cosθ|`, 1/sr.
+    fn later(&self, position: Vec3, peak: f32) -> Vertex;
     /// Fills `picks`.
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>);
     /// Expected number of picks of a column.
     fn rate(&self, vertex: Vertex, column: u32) -> f32;
     /// Continuations from the first vertex.
     fn splits(&self) -> u32;
+    /// One over the radiance of a column below which a connection is left to roulette; infinite for none.
+    fn worth(&self, column: u32) -> f32;
 }
 
 /// Follows walks through a scene.
@@ -86,8 +92,12 @@ pub(crate) struct Walk {
     share: f32,
     /// Solid-angle density of `direction` times the number of continuations; 0 after a mirror and at the camera.
     density: f32,
+    /// Length from where `density` was chosen to the origin, through clear panes.
+    passed: f32,
     /// Where light was sampled last, `None` while only mirrors and clear glass were met.
     sampled_at: Option<Vertex>,
+    /// Where `density` was chosen, a vertex that also sampled light.
+    rival: Option<Vertex>,
     /// Every scattering so far was by a mirror or clear glass.
     specular: bool,
     /// Surfaces met.
@@ -130,6 +140,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, sky_column, far }
     }
 
+    /// The scene that walks are followed through.
+    pub(crate) fn scene(&self) -> &'a PreparedScene {
+        self.scene
+    }
+
     /// One sample of a pixel: a random point of its square, all columns.
     pub fn sample_pixel(
         &self,
@@ -165,7 +180,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let bsdf = self.scene.bsdf(hit, -walk.direction);
         let mut splits = 1;
         if bsdf.has_smooth_lobes() {
-            let vertex = if walk.sampled_at.is_none() { Vertex::First } else { Vertex::Later };
+            let vertex = match walk.sampled_at {
+                None => Vertex::First,
+                Some(_) => self.plan.later(hit.position, walk.throughput.max_element() * bsdf.peak_estimate()),
+            };
             splits = if vertex == Vertex::First { self.plan.splits() } else { 1 };
             self.connect(walk, (vertex, splits), (hit, &bsdf), sampler, scratch, deposit);
             walk.sampled_at = Some(vertex);
@@ -240,6 +258,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         // Emitters count nothing here: whoever asks has sampled them all.
         walk.density = f32::MIN_POSITIVE;
         walk.sampled_at = Some(Vertex::First);
+        walk.rival = Some(Vertex::First);
         walk.specular = false;
         walk.n_hits = 1;
         self.follow(walk, sampler, scratch, deposit);
@@ -283,9 +302,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if walk.specular {
             return deposit.seen(column, walk.throughput * radiance);
         }
-        let weight = match walk.sampled_at {
+        let weight = match walk.rival {
             Some(vertex) if walk.density > 0.0 => {
-                let pdf = hit.t * hit.t / (hit.normal.dot(walk.direction).abs() * area);
+                let distance = walk.passed + hit.t;
+                let pdf = distance * distance / (hit.normal.dot(walk.direction).abs() * area);
                 power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf)
             }
             _ => 1.0,
@@ -300,9 +320,17 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if walk.throughput.max_element() <= 0.0 {
             return false;
         }
-        let delta = sample.kind == ScatterKind::Delta;
-        walk.density = if delta { 0.0 } else { sample.pdf * splits as f32 };
-        walk.specular &= delta;
+        if sample.kind == ScatterKind::Through && self.scene.material(hit.triangle).is_clear_pane() {
+            // As shadow rays see it: the same path, a little dimmer, and no surface that counts.
+            walk.passed += hit.t;
+            walk.n_hits -= 1;
+        } else {
+            let smooth = sample.kind == ScatterKind::Smooth;
+            walk.density = if smooth { sample.pdf * splits as f32 } else { 0.0 };
+            walk.rival = walk.sampled_at;
+            walk.passed = 0.0;
+            walk.specular &= !smooth;
+        }
         walk.direction = sample.wi;
         let inside = sample.wi.dot(hit.normal) < 0.0;
         walk.origin = offset_origin(hit.position, if inside { -hit.normal } else { hit.normal });
@@ -329,7 +357,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         deposit: &mut impl Deposit,
     ) {
         self.plan.pick(vertex, sampler, &mut scratch.picks);
-        let jitter = sampler.next_2d().map(|u| (f64::from(u) * 4_294_967_296.0) as u32);
+        let jitter = sampler.next_2d().map(bits_of);
+        let roulette = bits_of(sampler.next_1d());
         let front = hit.normal.dot(walk.direction) < 0.0;
         let outward = if front { hit.normal } else { -hit.normal };
         let origin = offset_origin(hit.position, outward);
@@ -345,6 +374,15 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             }
             if light.pdf > 0.0 {
                 value *= power_heuristic(light.pdf / pick.inverse_rate, pdf * splits as f32);
+            }
+            // Roulette: a connection that carries little is seldom asked for, and then carries more.
+            let carried = value.max_element() * self.plan.worth(pick.column);
+            if carried < 1.0 {
+                let die = (roulette.wrapping_add((nth as u32).wrapping_mul(GOLDEN)) >> 8) as f32 / 16_777_216.0;
+                if die >= carried {
+                    continue;
+                }
+                value /= carried;
             }
             if light.wi.dot(outward) > 0.0 {
                 fan.push(self.scene, light.target, pick.column, value, deposit);
@@ -416,7 +454,9 @@ impl Walk {
             throughput: Vec3::ONE,
             share: 1.0,
             density: 0.0,
+            passed: 0.0,
             sampled_at: None,
+            rival: None,
             specular: true,
             n_hits: 0,
             extinction: Vec3::ZERO,
@@ -451,11 +491,11 @@ impl Fan {
     }
 
     fn flush(&mut self, scene: &PreparedScene, deposit: &mut impl Deposit) {
-        let mut passed = [0.0; 16];
+        let mut passed = [Vec3::ZERO; 16];
         if self.n > 0 {
             scene.transmittance16(self.origin, &self.targets, self.n, &mut passed);
         }
-        for i in (0..self.n).filter(|&i| passed[i] > 0.0) {
+        for i in (0..self.n).filter(|&i| passed[i] != Vec3::ZERO) {
             deposit.scattered(self.columns[i], self.values[i] * passed[i]);
         }
         self.n = 0;
@@ -487,6 +527,14 @@ fn power_heuristic(own: f32, other: f32) -> f32 {
     let ratio = other / own;
     1.0 / (1.0 + ratio * ratio)
 }
+
+/// A number in 0…1 as 32 bits.
+fn bits_of(u: f32) -> u32 {
+    (f64::from(u) * 4_294_967_296.0) as u32
+}
+
+/// Steps of the golden ratio: numbers that neighbors draw are far apart.
+const GOLDEN: u32 = 0x9E37_79B9;
 
 /// The `nth` point of a lattice that is shifted by a random offset: every point is uniform, neighbors differ. \[Roberts2018\]
 fn jittered(offset: [u32; 2], nth: u32) -> Vec2 {

@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
-use crate::basis::{ColumnKind, SourceKind};
-use crate::emitters::{Emitter, Lighting};
+use crate::basis::{ColumnGroup, ColumnKind, SourceKind};
+use crate::emitters::{Emitter, Lighting, PanelEmitter};
 use crate::light::luminance;
 use crate::path::{LightPlan, Pick, Vertex};
 use crate::sampler::Sampler;
@@ -13,7 +13,8 @@ use crate::sampler::Sampler;
 /// For a matrix: every column at the first vertex, at later ones a few of each group, stratified, so that each column of
 /// a group gets its equal share.
 pub struct MatrixPlan {
-    groups: Vec<Range<u32>>,
+    /// Columns that later vertices connect to, group by group, with the number of picks.
+    later: Vec<(Range<u32>, u32)>,
     /// Columns of the first vertex; texels of a panel tile by tile, so that sixteen neighbors look the same way.
     first: Vec<u32>,
     /// Neighbors in `first` of which one is picked, the others left out.
@@ -21,6 +22,19 @@ pub struct MatrixPlan {
     /// Expected picks of each column at the first vertex.
     first_rate: Vec<f32>,
     splits: u32,
+    /// See [`LightPlan::worth`].
+    worth: Vec<f32>,
+    /// Panels of which later vertices see a few texels only.
+    thinned: Vec<ThinnedPanel>,
+}
+
+/// A panel of which one texel in `stretch` is connected to.
+struct ThinnedPanel {
+    panel: PanelEmitter,
+    stretch: f32,
+    /// Greatest [`LightPlan::worth`] of its texels.
+    worth: f32,
+    columns: Range<u32>,
 }
 
 /// How many of the columns the first vertex connects to.
@@ -32,16 +46,26 @@ pub enum Density {
     Quarter,
 }
 
-/// Columns of a group that a later vertex connects to.
-const LATER_PICKS: u32 = 16;
+/// Columns of a panel that a later vertex connects to.
+const LATER_TEXELS: u32 = 8;
+/// Columns of lamps that a later vertex connects to: unlike texels each has a place of its own, and roulette takes the weak.
+const LATER_LAMPS: u32 = 32;
+/// Radiance, in peaks of its column, below which a connection is left to roulette.
+const ROULETTE_BELOW: f32 = 0.5;
+/// Radiance, in the unit of [`LightPlan::worth`], that a single pick of few may carry; where it would be more, all are taken.
+const MOST_PER_PICK: f32 = 50.0;
 
 impl MatrixPlan {
     /// For all columns that can be connected to.
     pub fn new(lighting: &Lighting, density: Density) -> MatrixPlan {
         let basis = &lighting.basis;
         let connected = basis.groups.iter().filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel));
-        let groups: Vec<_> = connected.map(|g| g.columns.clone()).collect();
-        let sources = basis.sources.iter().filter(|s| groups.iter().any(|g| g.contains(&s.columns.start)));
+        let picks = |group: &ColumnGroup| match group.kind {
+            ColumnKind::Panel => LATER_TEXELS.min(group.columns.len() as u32),
+            _ => LATER_LAMPS.min(group.columns.len() as u32),
+        };
+        let later: Vec<_> = connected.map(|g| (g.columns.clone(), picks(g))).collect();
+        let sources = basis.sources.iter().filter(|s| later.iter().any(|(g, _)| g.contains(&s.columns.start)));
         let first: Vec<u32> = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone())).collect();
         // Lamps are few and unlike each other; neighboring texels are many and alike.
         let stride = if density == Density::Quarter && first.len() >= 128 { 4 } else { 1 };
@@ -57,7 +81,31 @@ impl MatrixPlan {
             9..=64 => 2,
             _ => 4,
         };
-        MatrixPlan { groups, first, stride, first_rate, splits }
+        let worth = vec![f32::INFINITY; basis.n_cols()];
+        let mut plan = MatrixPlan { later, first, stride, first_rate, splits, worth, thinned: Vec::new() };
+        plan.thinned = plan.thinned_panels(lighting);
+        plan
+    }
+
+    /// Leaves connections that carry little to roulette, given what each column is multiplied by.
+    pub fn with_roulette(self, column_scale: &[f32]) -> MatrixPlan {
+        let worth = column_scale.iter().map(|scale| scale / ROULETTE_BELOW).collect();
+        let mut plan = MatrixPlan { worth, ..self };
+        for panel in &mut plan.thinned {
+            let worth = &plan.worth[panel.columns.start as usize..panel.columns.end as usize];
+            panel.worth = worth.iter().copied().fold(0.0, f32::max);
+        }
+        plan
+    }
+
+    fn thinned_panels(&self, lighting: &Lighting) -> Vec<ThinnedPanel> {
+        let thin = |(source, panel): (usize, &PanelEmitter)| {
+            let columns = lighting.basis.sources[source].columns.clone();
+            let stretch = 1.0 / self.rate(Vertex::Later, columns.start);
+            let worth = f32::INFINITY;
+            (stretch > 1.0).then(|| ThinnedPanel { panel: panel.clone(), stretch, worth, columns })
+        };
+        lighting.panels().filter_map(thin).collect()
     }
 }
 
@@ -76,9 +124,30 @@ fn in_tiles(kind: SourceKind, columns: Range<u32>) -> Vec<u32> {
     order
 }
 
+impl ThinnedPanel {
+    /// Whether one pick of few could bring more than [`MOST_PER_PICK`].
+    fn is_close(&self, position: Vec3, peak: f32) -> bool {
+        let panel = &self.panel;
+        let toward = panel.uv_of(position).clamp(Vec2::ZERO, Vec2::ONE);
+        let distance_squared = (position - panel.point(toward)).length_squared();
+        let solid_angle = panel.texel_area / distance_squared.max(panel.texel_area);
+        let faces = panel.double_sided || (position - panel.origin).dot(panel.normal) > 0.0;
+        faces && self.worth.is_finite() && peak * solid_angle * self.stretch * self.worth > MOST_PER_PICK
+    }
+}
+
 impl LightPlan for MatrixPlan {
+    fn later(&self, position: Vec3, peak: f32) -> Vertex {
+        let close = self.thinned.iter().any(|panel| panel.is_close(position, peak));
+        if close { Vertex::Close } else { Vertex::Later }
+    }
+
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
         picks.clear();
+        if vertex == Vertex::Close {
+            picks.extend(self.first.iter().map(|&column| Pick { column, inverse_rate: 1.0 }));
+            return;
+        }
         if vertex == Vertex::First {
             for chunk in self.first.chunks(self.stride) {
                 let nth = if chunk.len() == 1 { 0 } else { (sampler.next_1d() * chunk.len() as f32) as usize };
@@ -86,15 +155,15 @@ impl LightPlan for MatrixPlan {
             }
             return;
         }
-        for group in &self.groups {
+        for (group, n_picks) in &self.later {
             let n = group.len() as u32;
-            if n <= LATER_PICKS {
+            if n == *n_picks {
                 picks.extend(group.clone().map(|column| Pick { column, inverse_rate: 1.0 }));
                 continue;
             }
             // One column from each of equal stretches of the group.
-            let stretch = n as f32 / LATER_PICKS as f32;
-            for nth in 0..LATER_PICKS {
+            let stretch = n as f32 / *n_picks as f32;
+            for nth in 0..*n_picks {
                 let at = (nth as f32 + sampler.next_1d()) * stretch;
                 picks.push(Pick { column: group.start + (at as u32).min(n - 1), inverse_rate: stretch });
             }
@@ -104,15 +173,20 @@ impl LightPlan for MatrixPlan {
     fn rate(&self, vertex: Vertex, column: u32) -> f32 {
         match vertex {
             Vertex::First => self.first_rate[column as usize],
+            Vertex::Close => 1.0,
             Vertex::Later => {
-                let group = self.groups.iter().find(|g| g.contains(&column));
-                group.map_or(0.0, |group| (LATER_PICKS as f32 / group.len() as f32).min(1.0))
+                let stratum = self.later.iter().find(|(group, _)| group.contains(&column));
+                stratum.map_or(0.0, |(group, n_picks)| *n_picks as f32 / group.len() as f32)
             }
         }
     }
 
     fn splits(&self) -> u32 {
         self.splits
+    }
+
+    fn worth(&self, column: u32) -> f32 {
+        self.worth[column as usize]
     }
 }
 
@@ -155,11 +229,15 @@ impl PicturePlan {
     }
 
     fn picks_at(vertex: Vertex) -> u32 {
-        PicturePlan::PICKS[usize::from(vertex == Vertex::Later)]
+        PicturePlan::PICKS[usize::from(vertex != Vertex::First)]
     }
 }
 
 impl LightPlan for PicturePlan {
+    fn later(&self, _: Vec3, _: f32) -> Vertex {
+        Vertex::Later
+    }
+
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
         picks.clear();
         let Some(&(_, total)) = self.cumulative.last() else { return };
@@ -178,5 +256,9 @@ impl LightPlan for PicturePlan {
 
     fn splits(&self) -> u32 {
         1
+    }
+
+    fn worth(&self, _: u32) -> f32 {
+        f32::INFINITY
     }
 }

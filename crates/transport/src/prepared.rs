@@ -16,8 +16,8 @@ pub struct PreparedScene {
     pub lighting: Lighting,
     /// Opaque triangles.
     solid: Bvh,
-    /// Triangles with alpha, `None` where the scene has none.
-    coverage: Option<Bvh>,
+    /// Triangles with alpha and clear panes, `None` where the scene has none: shadow rays may pass them.
+    sheer: Option<Bvh>,
     /// Whether a material attenuates light inside (KHR_materials_volume).
     pub attenuates: bool,
 }
@@ -46,26 +46,26 @@ impl PreparedScene {
         let (lighting, warnings) = Lighting::new(&scene, panels)?;
         let is_solid = |t: &u32| {
             let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
-            material.alpha == AlphaMode::Opaque
+            material.alpha == AlphaMode::Opaque && !material.is_clear_pane()
         };
         let all = 0..scene.mesh.triangles.len() as u32;
-        let (solid, covered): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
+        let (solid, sheer): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
         let build = |ids: &[u32]| {
             let corners: Vec<[Vec3; 3]> = ids.iter().map(|&t| scene.mesh.corners(t)).collect();
             Bvh::build(&corners, ids)
         };
-        let (solid, coverage) = (build(&solid), (!covered.is_empty()).then(|| build(&covered)));
+        let (solid, sheer) = (build(&solid), (!sheer.is_empty()).then(|| build(&sheer)));
         let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
-        Ok((PreparedScene { scene, lighting, solid, coverage, attenuates }, warnings))
+        Ok((PreparedScene { scene, lighting, solid, sheer, attenuates }, warnings))
     }
 
     /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.
     pub fn closest(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
         let mut nearest = self.solid.closest(ray);
-        if let Some(coverage) = &self.coverage {
+        if let Some(sheer) = &self.sheer {
             let mut segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
             // Surfaces that are not there are passed one by one.
-            while let Some(hit) = coverage.closest(&segment) {
+            while let Some(hit) = sheer.closest(&segment) {
                 if sampler.next_1d() < self.alpha(&hit) {
                     nearest = Some(hit);
                     break;
@@ -76,35 +76,34 @@ impl PreparedScene {
         nearest.map(|hit| self.surface_hit(&hit))
     }
 
-    /// Share of light that passes from `origin` to `target`: 0 behind a solid surface.
-    pub fn transmittance(&self, origin: Vec3, target: Vec3) -> f32 {
-        let ray = Ray { origin, direction: target - origin, t_min: 0.0, t_max: SHADOW_END };
-        if self.solid.occluded(&ray) { 0.0 } else { self.coverage_transmittance(ray) }
+    /// Share of light that passes from `origin` to `target`: 0 behind a solid surface, less than 1 behind a clear pane.
+    pub fn transmittance(&self, origin: Vec3, target: Vec3) -> Vec3 {
+        let ray = shadow_ray(origin, target);
+        if self.solid.occluded(&ray) { Vec3::ZERO } else { self.sheer_transmittance(ray) }
     }
 
-    /// Adds to `out` the share of light that passes from `origin` to each of up to 16 targets.
-    pub fn transmittance16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, out: &mut [f32; 16]) {
+    /// The share of light that passes from `origin` to each of up to 16 targets.
+    pub fn transmittance16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, out: &mut [Vec3; 16]) {
         let visible = self.solid.visible16(origin, targets, n, 0.0, SHADOW_END);
         for i in 0..n {
-            out[i] = f32::from((visible >> i) & 1);
-            if self.coverage.is_some() && out[i] > 0.0 {
-                out[i] = self.coverage_transmittance(Ray {
-                    origin,
-                    direction: targets[i] - origin,
-                    t_min: 0.0,
-                    t_max: SHADOW_END,
-                });
-            }
+            let free = (visible >> i) & 1 == 1;
+            out[i] = if free { self.sheer_transmittance(shadow_ray(origin, targets[i])) } else { Vec3::ZERO };
         }
     }
 
-    fn coverage_transmittance(&self, mut ray: Ray) -> f32 {
-        let mut passed = 1.0;
-        let Some(coverage) = &self.coverage else { return passed };
-        while let Some(hit) = coverage.closest(&ray) {
-            passed *= 1.0 - self.alpha(&hit);
-            if passed <= 0.0 {
-                return 0.0;
+    fn sheer_transmittance(&self, mut ray: Ray) -> Vec3 {
+        let mut passed = Vec3::ONE;
+        let Some(sheer) = &self.sheer else { return passed };
+        while let Some(hit) = sheer.closest(&ray) {
+            let alpha = self.alpha(&hit);
+            let through = if alpha > 0.0 && self.material(hit.triangle).is_clear_pane() {
+                self.bsdf(&self.surface_hit(&hit), -ray.direction.normalize()).straight_through()
+            } else {
+                Vec3::ZERO
+            };
+            passed *= Vec3::splat(1.0 - alpha) + through * alpha;
+            if passed == Vec3::ZERO {
+                return passed;
             }
             ray.t_min = next_after(hit.t);
         }
@@ -213,6 +212,10 @@ impl PreparedScene {
 
 /// Shadow rays end just before the light's own surface.
 const SHADOW_END: f32 = 0.9999;
+
+fn shadow_ray(origin: Vec3, target: Vec3) -> Ray {
+    Ray { origin, direction: target - origin, t_min: 0.0, t_max: SHADOW_END }
+}
 
 fn next_after(t: f32) -> f32 {
     (t * (1.0 + 1e-6)).max(t.next_up())

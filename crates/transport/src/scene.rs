@@ -190,6 +190,14 @@ impl Material {
     pub fn is_emitter(&self) -> bool {
         !self.unlit && self.emitted_radiance().max_element() > 0.0
     }
+
+    /// Whether light that the surface lets pass goes straight on whatever its textures say: smooth glass without
+    /// thickness, or without an interface. Shadow rays pass it as walks do.
+    pub fn is_clear_pane(&self) -> bool {
+        let (matched, smooth) = (crate::bsdf::is_matched(self.ior), crate::bsdf::is_mirror(self.roughness));
+        let absorbs = self.thickness > 0.0 && self.attenuation_distance.is_finite();
+        !self.unlit && self.transmission > 0.0 && !absorbs && (matched || (smooth && self.thickness == 0.0))
+    }
 }
 
 /// How the bytes of a texture are to be read.

@@ -36,7 +36,7 @@ pub(super) fn grazing(cos: f32) -> f32 {
 }
 
 /// Whether an index of refraction leaves no interface.
-pub(super) fn is_matched(ior: f32) -> bool {
+pub(crate) fn is_matched(ior: f32) -> bool {
     (ior - 1.0).abs() < 1e-4
 }
 

@@ -62,7 +62,7 @@ impl Layers {
         let (tangent, bitangent) = ns.any_orthonormal_pair();
         let dielectric = Schlick::dielectric(params.ior, params.specular, params.specular_color);
         let alpha = params.roughness * params.roughness;
-        let rough_coat = alpha >= MIRROR_ALPHA;
+        let rough_coat = !is_mirror(params.roughness);
         let matched = fresnel::is_matched(params.ior);
         let bends = params.thickness > 0.0 && !matched;
         let ggx = Ggx::new(alpha);
@@ -88,6 +88,11 @@ impl Layers {
         };
         layers.choice = layers.choose();
         layers
+    }
+
+    /// Towards the viewer, in the local frame.
+    pub(super) fn viewer(&self) -> Vec3 {
+        self.wo
     }
 
     #[inline]
@@ -136,6 +141,21 @@ impl Layers {
             return Vec3::ZERO;
         }
         self.base_color * (self.passing * (1.0 - self.passing_reflectance(cos).max_element()))
+    }
+
+    /// Share of light that goes straight on, through a thin wall that is smooth.
+    pub(super) fn straight_through(&self) -> Vec3 {
+        let clear = matches!(self.behind, Behind::ThinWall) && self.choice.clear > 0.0;
+        if clear { self.transmittance(self.wo.z) } else { Vec3::ZERO }
+    }
+
+    /// About the greatest `f·|cosθ|` of the facets' reflection.
+    pub(super) fn facet_peak(&self) -> f32 {
+        if !self.rough_coat {
+            return 0.0;
+        }
+        let facing = self.ggx.d(Vec3::Z) / (4.0 * self.wo.z) * self.g2(self.wo.z);
+        self.reflectance(self.wo.z).max_element() * facing
     }
 
     fn choose(&self) -> Choice {
@@ -299,6 +319,11 @@ impl Layers {
         };
         diffuse * self.coat.base_share(cos) + coated * self.opaque + metal * self.metal + passing * unshadowed
     }
+}
+
+/// Whether a roughness is taken for perfectly smooth.
+pub(crate) fn is_mirror(roughness: f32) -> bool {
+    roughness * roughness < MIRROR_ALPHA
 }
 
 fn mean(color: Vec3) -> f32 {

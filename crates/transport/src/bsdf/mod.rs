@@ -22,6 +22,9 @@ use glam::Vec3;
 
 pub use self::params::{SurfaceParams, alpha, shading_normal, surface_params};
 
+pub(crate) use self::fresnel::is_matched;
+pub(crate) use self::layers::is_mirror;
+
 use self::layers::Layers;
 
 /// Scattering at one point towards one viewer.
@@ -42,8 +45,10 @@ pub struct Bsdf {
 pub enum ScatterKind {
     /// From a lobe that `eval` knows.
     Smooth,
-    /// From a mirror or clear glass: a single direction, which `eval` never returns.
+    /// From a mirror or a smooth solid: a single direction, which `eval` never returns.
     Delta,
+    /// Straight on through a thin wall, as if it only took some of the light away.
+    Through,
 }
 
 /// A sampled direction.
@@ -51,9 +56,9 @@ pub enum ScatterKind {
 pub struct BsdfSample {
     /// Towards the light.
     pub wi: Vec3,
-    /// `f·|cosθ| / pdf`, for `Delta` the fraction itself over the probability of choosing it.
+    /// `f·|cosθ| / pdf`, for the others the fraction itself over the probability of choosing it.
     pub weight: Vec3,
-    /// Density per solid angle, 0 for `Delta`.
+    /// Density per solid angle, 0 for all but `Smooth`.
     pub pdf: f32,
     /// Which kind of lobe it came from.
     pub kind: ScatterKind,
@@ -118,7 +123,8 @@ impl Bsdf {
             return None;
         }
         if let Some(weight) = delta {
-            return Some(BsdfSample { wi, weight, pdf: 0.0, kind: ScatterKind::Delta, transmitted });
+            let kind = if local == -layers.viewer() { ScatterKind::Through } else { ScatterKind::Delta };
+            return Some(BsdfSample { wi, weight, pdf: 0.0, kind, transmitted });
         }
         let (f_cos, pdf) = layers.eval(local, cos_g, self.lambert);
         (pdf > 0.0).then(|| BsdfSample { wi, weight: f_cos / pdf, pdf, kind: ScatterKind::Smooth, transmitted })
@@ -136,6 +142,16 @@ impl Bsdf {
         }
         let (weight, pdf) = (self.lambert * PI, local.z * FRAC_1_PI);
         Some(BsdfSample { wi, weight, pdf, kind: ScatterKind::Smooth, transmitted: false })
+    }
+
+    /// Share of light that goes straight on, through a thin wall that is smooth: what a shadow ray keeps.
+    pub fn straight_through(&self) -> Vec3 {
+        self.layers.map_or(Vec3::ZERO, |layers| layers.straight_through())
+    }
+
+    /// About the greatest value of `f·|cosθ|`, 1/sr: where connections may carry much.
+    pub fn peak_estimate(&self) -> f32 {
+        self.lambert.max_element() + self.layers.map_or(0.0, |layers| layers.facet_peak())
     }
 
     /// Whether connecting to light sources can find anything: some lobe has a density.
