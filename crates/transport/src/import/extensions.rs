@@ -7,6 +7,7 @@ use super::report::Notes;
 
 /// Extensions that are honored, or approximated with a line of their own.
 const HONORED: &[&str] = &[
+    "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
     "KHR_lights_punctual",
@@ -27,7 +28,6 @@ const WITHOUT_EFFECT: &[&str] =
 
 /// What a known extension would have done, for the report.
 const LEFT_OUT: &[(&str, &str)] = &[
-    ("EXT_lights_ies", "lamps shine without their measured distribution"),
     ("EXT_lights_image_based", "its environment light is left out"),
     ("KHR_animation_pointer", "animations are not played"),
     ("KHR_materials_anisotropy", "highlights are round"),
