@@ -1,6 +1,7 @@
 //! Which extensions of a file are honored, in words.
 
 use gltf::json::{Material, Root};
+use serde_json::Value;
 
 use super::ImportError;
 use super::report::Notes;
@@ -9,6 +10,7 @@ use super::report::Notes;
 const HONORED: &[&str] = &[
     "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -19,12 +21,16 @@ const HONORED: &[&str] = &[
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 
 /// Extensions that change nothing in the picture.
-const WITHOUT_EFFECT: &[&str] =
-    &["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
+const WITHOUT_EFFECT: &[&str] = &["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression"];
+
+/// Several materials for one surface, to choose from.
+const VARIANTS: &str = "KHR_materials_variants";
 
 /// What a known extension would have done, for the report.
 const LEFT_OUT: &[(&str, &str)] = &[
@@ -36,8 +42,7 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("KHR_materials_dispersion", "glass does not split colors"),
     ("KHR_materials_iridescence", "thin-film colors are left out"),
     ("KHR_materials_sheen", "the sheen is left out"),
-    ("KHR_materials_variants", "the default variant is shown"),
-    ("KHR_node_visibility", "hidden nodes are shown"),
+    (VARIANTS, "the materials that the file shows by default are shown"),
     ("KHR_texture_basisu", "KTX2 textures without a PNG or JPEG twin become a checkerboard"),
     ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin become a checkerboard"),
 ];
@@ -47,16 +52,12 @@ const LEFT_OUT: &[(&str, &str)] = &[
 /// # Errors
 /// When a compression is required that cannot be undone here.
 pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<(), ImportError> {
-    for extension in &document.extensions_required {
-        if let Some(compression) = compression_of(extension) {
-            return Err(ImportError::Extension {
-                name: name.to_owned(),
-                extension: extension.clone(),
-                remedy: format!(
-                    "export it again without {compression} compression, or run `gltf-transform copy IN.glb OUT.glb`"
-                ),
-            });
-        }
+    if let Some(extension) = document.extensions_required.iter().find(|name| *name == "KHR_draco_mesh_compression") {
+        return Err(ImportError::Extension {
+            name: name.to_owned(),
+            extension: extension.clone(),
+            remedy: "export it again without Draco compression, or run `gltf-transform copy IN.glb OUT.glb`".to_owned(),
+        });
     }
     let mut names: Vec<&String> = document.extensions_used.iter().chain(&document.extensions_required).collect();
     names.sort();
@@ -67,16 +68,21 @@ pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<()
             continue;
         }
         let effect = LEFT_OUT.iter().find(|(name, _)| *name == known).map_or("it is ignored", |(_, effect)| effect);
-        notes.unsupported(format!("{extension}: {effect}{}", users(document, known)));
+        let whose = if known == VARIANTS { variants(document) } else { users(document, known) };
+        notes.unsupported(format!("{extension}: {effect}{whose}"));
     }
     Ok(())
 }
 
-fn compression_of(extension: &str) -> Option<&'static str> {
-    match extension {
-        "KHR_draco_mesh_compression" => Some("Draco"),
-        "EXT_meshopt_compression" | "KHR_meshopt_compression" => Some("meshopt"),
-        _ => None,
+/// `, not those of "a", "b" and 3 more`, or nothing if the file names no variants.
+fn variants(document: &Root) -> String {
+    let extension = document.extensions.as_ref().and_then(|all| all.others.get(VARIANTS)?.get("variants")?.as_array());
+    let named = |variant: &Value| Some(format!("\"{}\"", variant.get("name")?.as_str()?));
+    let names: Vec<String> = extension.into_iter().flatten().filter_map(named).collect();
+    match names.len() {
+        0 => String::new(),
+        1..=4 => format!(", not those of {}", names.join(", ")),
+        n => format!(", not those of {} and {} more", names[..3].join(", "), n - 3),
     }
 }
 

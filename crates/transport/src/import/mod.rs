@@ -16,6 +16,7 @@ mod images;
 mod lamps;
 mod material;
 mod merge;
+mod meshopt;
 mod profiles;
 mod report;
 mod tangents;
@@ -179,11 +180,13 @@ fn add_nodes(
     notes: &mut Notes,
 ) -> Vec<Option<u32>> {
     let mut indices = Vec::with_capacity(placed.len());
-    for &PlacedNode { index, world_from_node } in placed {
+    for &PlacedNode { index, visible, world_from_node } in placed {
         let node = &document.nodes[index];
-        let light = node.extensions.as_ref().and_then(|all| Some(all.khr_lights_punctual.as_ref()?.light));
-        let measured = node.extensions.as_ref().and_then(|all| all.others.get("EXT_lights_ies"));
-        if node.mesh.is_none() && node.camera.is_none() && light.is_none() && measured.is_none() {
+        let extensions = node.extensions.as_ref().filter(|_| visible);
+        let light = extensions.and_then(|all| Some(all.khr_lights_punctual.as_ref()?.light));
+        let measured = extensions.and_then(|all| all.others.get("EXT_lights_ies"));
+        let has_mesh = visible && node.mesh.is_some();
+        if !has_mesh && node.camera.is_none() && light.is_none() && measured.is_none() {
             indices.push(None);
             continue;
         }
