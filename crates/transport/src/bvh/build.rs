@@ -1,6 +1,8 @@
 //! Builds the tree: obvhs clusters triangles into a binary one, which is then collapsed to eight children a node.
 
-use glam::Vec3;
+use std::collections::HashMap;
+
+use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb as BuilderAabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -17,6 +19,12 @@ const BLIND_LEVELS: usize = 0;
 const REINSERTED: f32 = 0.1;
 /// Beyond this coordinate (m) the areas of boxes leave the range of `f32`.
 const FARTHEST: f32 = 1e18;
+
+/// Most equal boxes that the builder gets. It pairs boxes that are each other's nearest; among equals these are two a pass, so
+/// that its time is quadratic and its tree a chain.
+const MAX_EQUAL: u32 = 1000;
+/// Most by which the others grow, relative to their longest side.
+const MOST_GROWTH: f32 = 1e-3;
 
 /// A tree without the code that walks it.
 #[derive(Clone, Debug)]
@@ -46,7 +54,8 @@ impl Tree {
         if kept.is_empty() {
             return tree;
         }
-        let boxes: Vec<BuilderAabb> = kept.iter().map(|&index| box_of(&triangles[index as usize])).collect();
+        let mut boxes: Vec<BuilderAabb> = kept.iter().map(|&index| box_of(&triangles[index as usize])).collect();
+        tell_apart(&mut boxes);
         let binary = build_binary(&boxes);
         drop(boxes);
         tree.bounds = bounds_of(&binary, 0);
@@ -96,6 +105,26 @@ fn build_binary(boxes: &[BuilderAabb]) -> Bvh2 {
     );
     ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
     binary
+}
+
+/// Grows boxes that many others equal, each by another amount, about its center.
+fn tell_apart(boxes: &mut [BuilderAabb]) {
+    let mut n_equal: HashMap<u64, u32> = HashMap::with_capacity(boxes.len());
+    for bounds in boxes {
+        let bits = [bounds.min.to_array(), bounds.max.to_array()].as_flattened().iter().fold(0_u64, |hash, side| {
+            (hash ^ u64::from(side.to_bits())).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29)
+        });
+        let nth = n_equal.entry(bits).or_insert(0);
+        *nth += 1;
+        if *nth > MAX_EQUAL {
+            // Multiples of the golden ratio: near ones differ.
+            let share = (nth.wrapping_mul(0x9E37_79B9) >> 8) as f32 / 16_777_216.0;
+            let longest = (bounds.max - bounds.min).max_element();
+            let resolvable = 64.0 * f32::EPSILON * bounds.min.abs().max(bounds.max.abs()).max_element();
+            let growth = Vec3A::splat(share * (MOST_GROWTH * longest + resolvable));
+            (bounds.min, bounds.max) = (bounds.min - growth, bounds.max + growth);
+        }
+    }
 }
 
 /// Whether a triangle has an area and corners that arithmetic can hold.

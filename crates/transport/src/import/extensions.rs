@@ -47,6 +47,13 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin become a checkerboard"),
 ];
 
+/// Names of all extensions that something is said about.
+#[cfg(test)]
+pub(super) fn known() -> Vec<&'static str> {
+    let left_out = LEFT_OUT.iter().map(|(name, _)| *name);
+    HONORED.iter().chain(WITHOUT_EFFECT).copied().chain(left_out).collect()
+}
+
 /// Refuses files whose geometry cannot be read and lists what else is not shown.
 ///
 /// # Errors
