@@ -63,7 +63,7 @@ fn in_words(error: &binary::Error, length: usize, n_bytes: usize) -> String {
 }
 
 /// Most bytes that all compressed views of a file may become.
-const MAX_DECODED_BYTES: usize = 4 << 30;
+const MAX_DECODED_BYTES: usize = 2 << 30;
 
 /// All buffers in memory.
 pub(super) struct Buffers<'a> {

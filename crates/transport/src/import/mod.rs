@@ -166,6 +166,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
         n_materials: document.materials.len(),
         n_images: document.images.len(),
         n_punctual: AsRef::<[Light]>::as_ref(&document).len(),
+        n_profiles: scene.profiles.len(),
         n_degenerate_triangles,
     };
     Ok(Imported { scene, report })

@@ -230,7 +230,9 @@ fn damaged_files_never_panic() {
         for _ in 0..dice.below(4) {
             let at = dice.below(bytes.len().max(1));
             let other = [b'-', b'9', b' ', b'\n', b'.', b'e', 0xFF, dice.below(256) as u8][dice.below(8)];
-            bytes.get_mut(at).map(|byte| *byte = other);
+            if let Some(byte) = bytes.get_mut(at) {
+                *byte = other;
+            }
         }
         if let Ok(profile) = PhotometricProfile::parse(&bytes, ["a.ies", "a.ldt"][nth / 2 % 2]) {
             n_read += 1;

@@ -80,7 +80,7 @@ fn encode(elements: &[u8], stride: usize, version: u8, dice: &mut Dice) -> Vec<u
     let modes: Vec<u8> = (0..stride / 4)
         .map(|_| match dice.next() % 3 {
             _ if version == 0 => 0,
-            2 => 2 | (dice.next() % 16) as u8 * 16,
+            2 => ((dice.next() % 16) << 4) as u8 | 2,
             mode => mode as u8,
         })
         .collect();
@@ -168,19 +168,17 @@ fn triangles_decode_as_the_specification_tells() {
     let expected = [[0, 1, 2], [2, 1, 3], [4, 6, 5], [4, 5, 6], [4, 6, 6], [4, 6, 5], [0, 1, 2]];
     let expected: Vec<u8> = expected.iter().flatten().flat_map(|&index: &u16| index.to_le_bytes()).collect();
     assert_eq!(view("TRIANGLES", "NONE", 21, 2, stream.len()).decode(&stream), Ok(expected));
-    let changes: [(fn(&mut Vec<u8>), &str); 5] = [
-        (|stream| stream[1] = 0x00, "was not there yet"),
-        (|stream| stream.insert(13, 0), "too many"),
-        (|stream| stream[0] = 0xE0, "no stream of triangles"),
-        (|stream| *stream.last_mut().expect("a tail") = 1, "table"),
-        (|stream| stream.truncate(12), "too early"),
-    ];
-    for (change, reason) in changes {
+    let refused = |change: fn(&mut Vec<u8>), reason: &str| {
         let mut stream = stream.clone();
         change(&mut stream);
         let error = view("TRIANGLES", "NONE", 21, 2, stream.len()).decode(&stream).expect_err(reason);
         assert!(error.contains(reason), "{error}");
-    }
+    };
+    refused(|stream| stream[1] = 0x00, "was not there yet");
+    refused(|stream| stream.insert(13, 0), "too many");
+    refused(|stream| stream[0] = 0xE0, "no stream of triangles");
+    refused(|stream| *stream.last_mut().expect("a tail") = 1, "table");
+    refused(|stream| stream.truncate(12), "too early");
 }
 
 #[test]
@@ -272,7 +270,7 @@ fn damaged_streams_never_panic() {
             let at = dice.next() as usize % stream.len();
             stream[at] = dice.next() as u8;
         }
-        if dice.next() % 4 == 0 {
+        if dice.next().is_multiple_of(4) {
             stream.truncate(dice.next() as usize % stream.len());
         }
         let decoded = view(mode, filter, count, stride, 4096).decode(&stream);

@@ -1,12 +1,17 @@
+use std::ops::ControlFlow;
+
 use glam::Vec3;
 use serde_json::{Value, json};
 
 use super::fixture::Fixture;
+use crate::camera::{Camera, Film};
 use crate::emitters::{Lighting, punctual_falloff};
 use crate::import::Imported;
 use crate::light::LightRig;
 use crate::photometry::{AssignError, PhotometricProfile, assign};
+use crate::prepared::PreparedScene;
 use crate::scene::{PunctualKind, Scene};
+use crate::trace::{TraceConfig, trace};
 
 /// 400 cd along the aim; across it 100 cd along X, 200 cd along Y, 300 cd along −X.
 const LAMP: &str =
@@ -51,6 +56,35 @@ fn profiles_shine_with_their_candela_as_their_node_turns_them() {
     }
     let mirrored = lit(&data(), json!({"light": 0}), json!({"scale": [-1, 1, 1]}));
     assert!(candela(&mirrored.scene, Vec3::X).distance(Vec3::splat(300.0)) < 0.1);
+}
+
+#[test]
+fn a_floor_under_a_measured_lamp_is_as_bright_as_the_law_of_distance_says() {
+    let corner = [[-50.0, 0.0, -50.0], [-50.0, 0.0, 50.0], [50.0, 0.0, 50.0], [50.0, 0.0, -50.0]];
+    let mut fixture = Fixture::mesh(&[0, 1, 2, 0, 2, 3].map(|i: usize| corner[i])).material(json!({
+        "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0},
+        "extensions": {"KHR_materials_specular": {"specularFactor": 0}}}));
+    fixture.root["extensions"] = json!({"EXT_lights_ies": {"lights": [{"uri": data()}]}});
+    let down = [-std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2];
+    fixture.root["nodes"] = json!([{"mesh": 0}, {"translation": [0, 2, 0], "rotation": down,
+        "extensions": {"EXT_lights_ies": {"light": 0}}}]);
+    fixture.root["scenes"][0]["nodes"] = json!([0, 1]);
+    let (scene, _) = PreparedScene::new(fixture.load().scene, &[]).expect("a lit scene");
+    let coefficients = scene.lighting.basis.project(&LightRig::default());
+    // At 45° from the aim the profile is the mean of its 400 cd and what it has across.
+    for (x, z, candela) in
+        [(2.0, 0.0, 250.0), (-2.0, 0.0, 350.0), (0.0, 2.0, 300.0), (0.0, -2.0, 300.0), (0.0, 0.0, 400.0)]
+    {
+        let target = Vec3::new(x, 0.0, z);
+        let camera = Camera::look_at("low", target + Vec3::new(1.0, 3.0, 2.0), target, 1e-4, 1.0);
+        let config = TraceConfig { spp: 4, bounces: Some(0), seed: 1 };
+        let film = Film { width: 1, height: 1 };
+        let picture = trace(&scene, &camera, film, &coefficients, &config, &|_| ControlFlow::Continue(()));
+        let radiance = picture.expect("nobody stopped it")[0][1];
+        let distance = target.distance(2.0 * Vec3::Y);
+        let known = 0.5 / std::f32::consts::PI * candela * (2.0 / distance) / (distance * distance);
+        assert!((radiance / known - 1.0).abs() < 2e-3, "at {target}: {radiance} nit, not {known}");
+    }
 }
 
 #[test]
