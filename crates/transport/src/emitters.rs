@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 use thiserror::Error;
 
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
+use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene};
 
 /// A node whose emissive quad is to become a panel.
@@ -412,8 +413,14 @@ fn assign_triangles(scene: &Scene, emitters: &[Emitter]) -> Vec<u32> {
     triangle_source
 }
 
-/// glTF's spot falloff times intensity 1: `saturate(cosθ · scale + offset)²`.
-pub fn punctual_falloff(light: &PunctualLight, cos_angle: f32) -> f32 {
+/// Intensity of a lamp at strength 1 towards a unit direction in world space: what its profile measures there over the most
+/// it measures, else glTF's spot falloff `saturate(cosθ · scale + offset)²`.
+pub fn punctual_falloff(light: &PunctualLight, profiles: &[PhotometricProfile], toward: Vec3) -> f32 {
+    let cos_angle = toward.dot(light.direction);
+    if let Some(profile) = light.profile.and_then(|profile| profiles.get(profile as usize)) {
+        let [x, y] = light.across.map(|axis| toward.dot(axis));
+        return profile.candela(Vec3::new(x, y, -cos_angle)) / profile.max_candela();
+    }
     match light.kind {
         PunctualKind::Spot { inner_rad, outer_rad } => {
             let scale = 1.0 / (inner_rad.cos() - outer_rad.cos()).max(0.001);

@@ -30,6 +30,9 @@ pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
     hash.bytes(bytemuck::cast_slice(&mesh.triangles));
     hash.bytes(bytemuck::cast_slice(&mesh.triangle_material));
     hash.bytes(format!("{:?} {:?} {camera:?}", scene.materials, scene.punctual).as_bytes());
+    for profile in &scene.profiles {
+        hash.bytes(&profile.light_bytes());
+    }
     for texture in &scene.textures {
         hash.bytes(bytemuck::cast_slice(&texture.image.texels));
         hash.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());

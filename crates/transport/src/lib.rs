@@ -12,6 +12,7 @@ pub mod import;
 pub mod light;
 pub mod matrix;
 pub mod path;
+pub mod photometry;
 pub mod plan;
 pub mod prepared;
 mod preview;

@@ -432,7 +432,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 let to_light = light.position - position;
                 let distance_squared = to_light.length_squared();
                 let wi = to_light / distance_squared.sqrt();
-                let falloff = punctual_falloff(light, -wi.dot(light.direction));
+                let falloff = punctual_falloff(light, &self.scene.scene.profiles, -wi);
                 let factor = Vec3::splat(falloff / distance_squared);
                 (falloff > 0.0 && distance_squared > 0.0).then_some(LightPoint {
                     target: light.position,

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
 use crate::camera::Camera;
+use crate::photometry::PhotometricProfile;
 
 /// A scene in world space.
 #[derive(Clone, Debug, Default)]
@@ -26,6 +27,8 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Punctual lamps in node order.
     pub punctual: Vec<PunctualLight>,
+    /// Measured distributions that lamps refer to.
+    pub profiles: Vec<PhotometricProfile>,
 }
 
 /// A node of the file that carries a mesh, a lamp or a camera.
@@ -282,7 +285,7 @@ pub enum PunctualKind {
     Directional,
 }
 
-/// A lamp of KHR_lights_punctual at its node.
+/// A lamp of KHR_lights_punctual or EXT_lights_ies at its node.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PunctualLight {
     /// Index into `Scene::nodes`.
@@ -293,8 +296,12 @@ pub struct PunctualLight {
     pub position: Vec3,
     /// World-space unit direction in which it shines (the node's −Z).
     pub direction: Vec3,
+    /// World-space unit directions of the node's +X and +Y, across `direction`.
+    pub across: [Vec3; 2],
+    /// Index into `Scene::profiles` of the distribution that stands in for the kind's own.
+    pub profile: Option<u32>,
     /// Linear RGB.
     pub color: Vec3,
-    /// Candela, or lux for a directional lamp.
+    /// Candela (with a profile: its largest), or lux for a directional lamp.
     pub intensity: f32,
 }

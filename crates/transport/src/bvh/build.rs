@@ -1,10 +1,13 @@
 //! Builds the tree: obvhs clusters triangles into a binary one, which is then collapsed to eight children a node.
 
-use glam::Vec3;
+use std::collections::HashMap;
+
+use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb as BuilderAabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use rayon::prelude::*;
 
 use super::Aabb;
 use super::collapse::Collapse;
@@ -17,6 +20,12 @@ const BLIND_LEVELS: usize = 0;
 const REINSERTED: f32 = 0.1;
 /// Beyond this coordinate (m) the areas of boxes leave the range of `f32`.
 const FARTHEST: f32 = 1e18;
+
+/// Most equal boxes that the builder gets. It pairs boxes that are each other's nearest; among equals these are two a pass, so
+/// that its time is quadratic and its tree a chain.
+const MAX_EQUAL: usize = 1000;
+/// Most by which the others grow, relative to their longest side.
+const MOST_GROWTH: f32 = 1e-3;
 
 /// A tree without the code that walks it.
 #[derive(Clone, Debug)]
@@ -46,7 +55,8 @@ impl Tree {
         if kept.is_empty() {
             return tree;
         }
-        let boxes: Vec<BuilderAabb> = kept.iter().map(|&index| box_of(&triangles[index as usize])).collect();
+        let mut boxes: Vec<BuilderAabb> = kept.iter().map(|&index| box_of(&triangles[index as usize])).collect();
+        tell_apart(&mut boxes);
         let binary = build_binary(&boxes);
         drop(boxes);
         tree.bounds = bounds_of(&binary, 0);
@@ -96,6 +106,36 @@ fn build_binary(boxes: &[BuilderAabb]) -> Bvh2 {
     );
     ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
     binary
+}
+
+/// Grows boxes that many others equal, each by another amount, about its center.
+fn tell_apart(boxes: &mut [BuilderAabb]) {
+    let hashes: Vec<u64> = boxes.par_iter().map(hash_of).collect();
+    let mut sorted = hashes.clone();
+    sorted.par_sort_unstable();
+    // In nearly all scenes that is all: a run of equal ones is found without counting any.
+    if sorted.iter().zip(sorted.iter().skip(MAX_EQUAL)).all(|(one, other)| one != other) {
+        return;
+    }
+    let mut n_equal: HashMap<u64, usize> = HashMap::new();
+    for (bounds, hash) in boxes.iter_mut().zip(hashes) {
+        let nth = n_equal.entry(hash).or_insert(0);
+        *nth += 1;
+        if *nth > MAX_EQUAL {
+            // Multiples of the golden ratio: near ones differ.
+            let share = ((*nth as u32).wrapping_mul(0x9E37_79B9) >> 8) as f32 / 16_777_216.0;
+            let longest = (bounds.max - bounds.min).max_element();
+            let resolvable = 64.0 * f32::EPSILON * bounds.min.abs().max(bounds.max.abs()).max_element();
+            let growth = Vec3A::splat(share * (MOST_GROWTH * longest + resolvable));
+            (bounds.min, bounds.max) = (bounds.min - growth, bounds.max + growth);
+        }
+    }
+}
+
+fn hash_of(bounds: &BuilderAabb) -> u64 {
+    [bounds.min.to_array(), bounds.max.to_array()].as_flattened().iter().fold(0, |hash: u64, side| {
+        (hash ^ u64::from(side.to_bits())).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(29)
+    })
 }
 
 /// Whether a triangle has an area and corners that arithmetic can hold.

@@ -310,3 +310,21 @@ fn of_coincident_triangles_the_smallest_id_is_hit_however_deep_the_tree() {
         assert_eq!(bvh.tree.depth > 31, n == 1000, "{} levels for {n}", bvh.tree.depth);
     }
 }
+
+#[test]
+fn thousands_of_coincident_triangles_do_not_make_a_chain() {
+    let mut random = Random(52);
+    for scale in [1.0, 1e6] {
+        let mut triangles = vec![soup(&mut random, 1, 1.0, scale)[0]; 20_000];
+        let center = (triangles[0][0] + triangles[0][1] + triangles[0][2]) / 3.0;
+        let above = Vec3::Y * 100.0 * scale;
+        triangles.extend(soup(&mut random, 50, 0.1, scale).into_iter().map(|far| far.map(|corner| corner + above)));
+        let bvh = build(&triangles);
+        for _ in 0..20 {
+            let origin = random.point() * 3.0 * scale;
+            let hit = bvh.closest(&endless(origin, center - origin)).expect("its center is not to be missed");
+            assert!(hit.triangle == 0 && (hit.t - 1.0).abs() < 1e-3, "{hit:?}");
+        }
+        assert!(bvh.tree.depth < 250, "{} levels", bvh.tree.depth);
+    }
+}

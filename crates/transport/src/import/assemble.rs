@@ -31,7 +31,8 @@ pub(super) fn add_materials(
     placed: &[PlacedNode],
     notes: &mut Notes,
 ) -> (MaterialSlots, Vec<usize>) {
-    let meshes = placed.iter().filter_map(|node| document.get(document.nodes[node.index].mesh?));
+    let visible = placed.iter().filter(|node| node.visible);
+    let meshes = visible.filter_map(|node| document.get(document.nodes[node.index].mesh?));
     let mut used = vec![false; document.materials.len()];
     let mut needs_default = false;
     for primitive in meshes.flat_map(|mesh| &mesh.primitives) {
@@ -75,7 +76,7 @@ pub(super) fn build_geometry(
     let mut jobs = Vec::new();
     for ((placed, node_idx), name) in placed.iter().zip(indices).zip(&names) {
         let node = &document.nodes[placed.index];
-        let (Some(mesh_idx), Some(node_idx)) = (node.mesh, *node_idx) else { continue };
+        let (Some(mesh_idx), Some(node_idx), true) = (node.mesh, *node_idx, placed.visible) else { continue };
         let Some(mesh) = document.get(mesh_idx) else {
             notes.warn(format!("{name}: mesh {mesh_idx} does not exist: it is left out"));
             continue;

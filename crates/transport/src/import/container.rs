@@ -5,9 +5,11 @@ use std::borrow::Cow;
 use gltf::binary::{self, ChunkType, Glb};
 use gltf::json::Root;
 use gltf::json::buffer::View;
+use rayon::prelude::*;
 
 use super::ImportError;
 use super::document::size;
+use super::meshopt::Compressed;
 use super::report::Notes;
 use super::uri::Locator;
 
@@ -60,11 +62,19 @@ fn in_words(error: &binary::Error, length: usize, n_bytes: usize) -> String {
     }
 }
 
+/// Most bytes that all compressed views of a file may become.
+const MAX_DECODED_BYTES: usize = 2 << 30;
+
 /// All buffers in memory.
 pub(super) struct Buffers<'a> {
     buffers: Vec<Cow<'a, [u8]>>,
     views: &'a [View],
+    /// Bytes and stride of each compressed view, `None` for the others.
+    decoded: Vec<Option<Result<Decoded, String>>>,
 }
+
+/// Bytes of a view that was compressed, and of one element.
+type Decoded = (Vec<u8>, usize);
 
 impl<'a> Buffers<'a> {
     /// Fetches every buffer that a buffer view refers to.
@@ -78,6 +88,7 @@ impl<'a> Buffers<'a> {
         locator: &Locator,
         notes: &mut Notes,
     ) -> Result<Self, ImportError> {
+        let compressed: Vec<_> = document.buffer_views.iter().map(Compressed::of).collect();
         let mut buffers = Vec::with_capacity(document.buffers.len());
         for (index, buffer) in document.buffers.iter().enumerate() {
             let content = match (&buffer.uri, bin) {
@@ -85,7 +96,11 @@ impl<'a> Buffers<'a> {
                 (None, Some(bin)) if index == 0 => Ok(Cow::Borrowed(bin)),
                 (None, _) => Err("it has neither a URI nor a binary chunk".to_owned()),
             };
-            let needed = document.buffer_views.iter().any(|view| view.buffer.value() == index);
+            let needed = document.buffer_views.iter().zip(&compressed).any(|(view, compressed)| match compressed {
+                Some(Ok(compressed)) => compressed.buffer == index,
+                Some(Err(_)) => false,
+                None => view.buffer.value() == index,
+            });
             match content {
                 Ok(content) => {
                     if content.len() < size(buffer.byte_length) {
@@ -102,12 +117,21 @@ impl<'a> Buffers<'a> {
                 Err(_) => buffers.push(Cow::Borrowed(&[])),
             }
         }
-        Ok(Buffers { buffers, views: &document.buffer_views })
+        let decoded = decode(&buffers, compressed);
+        Ok(Buffers { buffers, views: &document.buffer_views, decoded })
     }
 
     /// Bytes of a view and its stride, or a reason in words.
     pub fn view(&self, index: usize) -> Result<(&[u8], Option<usize>), String> {
         let view = self.views.get(index).ok_or_else(|| format!("buffer view {index} does not exist"))?;
+        match self.decoded.get(index).and_then(Option::as_ref) {
+            Some(Ok((bytes, stride))) => return Ok((bytes, view.byte_stride.map(|own| own.0).or(Some(*stride)))),
+            // Some files carry the same bytes uncompressed, for readers that do not know the extension.
+            Some(Err(reason)) if self.buffers.get(view.buffer.value()).is_none_or(|buffer| buffer.is_empty()) => {
+                return Err(format!("buffer view {index} cannot be decompressed: {reason}"));
+            }
+            _ => {}
+        }
         let buffer =
             self.buffers.get(view.buffer.value()).ok_or_else(|| format!("buffer {} does not exist", view.buffer))?;
         let start = view.byte_offset.map_or(0, size);
@@ -117,4 +141,25 @@ impl<'a> Buffers<'a> {
             .ok_or_else(|| format!("buffer view {index} reaches beyond the end of its buffer"))?;
         Ok((bytes, view.byte_stride.map(|stride| stride.0)))
     }
+}
+
+/// Decodes compressed views, in parallel.
+fn decode(
+    buffers: &[Cow<[u8]>],
+    compressed: Vec<Option<Result<Compressed, String>>>,
+) -> Vec<Option<Result<Decoded, String>>> {
+    let mut n_bytes = 0_usize;
+    let mut within_limit = |compressed: Compressed| {
+        n_bytes = n_bytes.saturating_add(compressed.n_bytes());
+        let most = MAX_DECODED_BYTES;
+        if n_bytes <= most { Ok(compressed) } else { Err(format!("all views together have more than {most} bytes")) }
+    };
+    let checked: Vec<_> = compressed.into_iter().map(|view| Some(view?.and_then(&mut within_limit))).collect();
+    let decode_one = |view: Compressed| {
+        let end = view.byte_offset.saturating_add(view.byte_length);
+        let stream = buffers.get(view.buffer).and_then(|buffer| buffer.get(view.byte_offset..end));
+        let bytes = view.decode(stream.ok_or("its stream reaches beyond the end of its buffer")?)?;
+        Ok((bytes, view.byte_stride))
+    };
+    checked.into_par_iter().map(|view| Some(view?.and_then(decode_one))).collect()
 }

@@ -1,13 +1,16 @@
 //! Which extensions of a file are honored, in words.
 
 use gltf::json::{Material, Root};
+use serde_json::Value;
 
 use super::ImportError;
 use super::report::Notes;
 
 /// Extensions that are honored, or approximated with a line of their own.
 const HONORED: &[&str] = &[
+    "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -18,16 +21,19 @@ const HONORED: &[&str] = &[
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 
 /// Extensions that change nothing in the picture.
-const WITHOUT_EFFECT: &[&str] =
-    &["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"];
+const WITHOUT_EFFECT: &[&str] = &["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression"];
+
+/// Several materials for one surface, to choose from.
+const VARIANTS: &str = "KHR_materials_variants";
 
 /// What a known extension would have done, for the report.
 const LEFT_OUT: &[(&str, &str)] = &[
-    ("EXT_lights_ies", "lamps shine without their measured distribution"),
     ("EXT_lights_image_based", "its environment light is left out"),
     ("KHR_animation_pointer", "animations are not played"),
     ("KHR_materials_anisotropy", "highlights are round"),
@@ -36,27 +42,29 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("KHR_materials_dispersion", "glass does not split colors"),
     ("KHR_materials_iridescence", "thin-film colors are left out"),
     ("KHR_materials_sheen", "the sheen is left out"),
-    ("KHR_materials_variants", "the default variant is shown"),
-    ("KHR_node_visibility", "hidden nodes are shown"),
+    (VARIANTS, "the materials that the file shows by default are shown"),
     ("KHR_texture_basisu", "KTX2 textures without a PNG or JPEG twin become a checkerboard"),
     ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin become a checkerboard"),
 ];
+
+/// Names of all extensions that something is said about.
+#[cfg(test)]
+pub(super) fn known() -> Vec<&'static str> {
+    let left_out = LEFT_OUT.iter().map(|(name, _)| *name);
+    HONORED.iter().chain(WITHOUT_EFFECT).copied().chain(left_out).collect()
+}
 
 /// Refuses files whose geometry cannot be read and lists what else is not shown.
 ///
 /// # Errors
 /// When a compression is required that cannot be undone here.
 pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<(), ImportError> {
-    for extension in &document.extensions_required {
-        if let Some(compression) = compression_of(extension) {
-            return Err(ImportError::Extension {
-                name: name.to_owned(),
-                extension: extension.clone(),
-                remedy: format!(
-                    "export it again without {compression} compression, or run `gltf-transform copy IN.glb OUT.glb`"
-                ),
-            });
-        }
+    if let Some(extension) = document.extensions_required.iter().find(|name| *name == "KHR_draco_mesh_compression") {
+        return Err(ImportError::Extension {
+            name: name.to_owned(),
+            extension: extension.clone(),
+            remedy: "export it again without Draco compression, or run `gltf-transform copy IN.glb OUT.glb`".to_owned(),
+        });
     }
     let mut names: Vec<&String> = document.extensions_used.iter().chain(&document.extensions_required).collect();
     names.sort();
@@ -67,16 +75,21 @@ pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<()
             continue;
         }
         let effect = LEFT_OUT.iter().find(|(name, _)| *name == known).map_or("it is ignored", |(_, effect)| effect);
-        notes.unsupported(format!("{extension}: {effect}{}", users(document, known)));
+        let whose = if known == VARIANTS { variants(document) } else { users(document, known) };
+        notes.unsupported(format!("{extension}: {effect}{whose}"));
     }
     Ok(())
 }
 
-fn compression_of(extension: &str) -> Option<&'static str> {
-    match extension {
-        "KHR_draco_mesh_compression" => Some("Draco"),
-        "EXT_meshopt_compression" | "KHR_meshopt_compression" => Some("meshopt"),
-        _ => None,
+/// `, not those of "a", "b" and 3 more`, or nothing if the file names no variants.
+fn variants(document: &Root) -> String {
+    let extension = document.extensions.as_ref().and_then(|all| all.others.get(VARIANTS)?.get("variants")?.as_array());
+    let named = |variant: &Value| Some(format!("\"{}\"", variant.get("name")?.as_str()?));
+    let names: Vec<String> = extension.into_iter().flatten().filter_map(named).collect();
+    match names.len() {
+        0 => String::new(),
+        1..=4 => format!(", not those of {}", names.join(", ")),
+        n => format!(", not those of {} and {} more", names[..3].join(", "), n - 3),
     }
 }
 

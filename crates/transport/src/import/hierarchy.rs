@@ -13,6 +13,8 @@ use super::report::Notes;
 pub(super) struct PlacedNode {
     /// Index in the file.
     pub index: usize,
+    /// Neither it nor a node above it is hidden by KHR_node_visibility; a hidden node still carries its camera.
+    pub visible: bool,
     pub world_from_node: DMat4,
 }
 
@@ -20,9 +22,9 @@ pub(super) struct PlacedNode {
 pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
     let mut visited = vec![false; document.nodes.len()];
     let mut placed = Vec::new();
-    let mut pending: Vec<(usize, DMat4)> =
-        roots(document, notes).into_iter().rev().map(|root| (root, DMat4::IDENTITY)).collect();
-    while let Some((index, world_from_parent)) = pending.pop() {
+    let mut pending: Vec<(usize, DMat4, bool)> =
+        roots(document, notes).into_iter().rev().map(|root| (root, DMat4::IDENTITY, true)).collect();
+    while let Some((index, world_from_parent, parent_visible)) = pending.pop() {
         let Some(node) = document.nodes.get(index) else {
             notes.warn(format!("node {index} does not exist: it is left out"));
             continue;
@@ -37,11 +39,18 @@ pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
             notes.warn(format!("{name} has a transform that is not finite: it is left out with all below it"));
             continue;
         }
-        placed.push(PlacedNode { index, world_from_node });
-        pending.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world_from_node)));
+        let visible = parent_visible && is_visible(node);
+        placed.push(PlacedNode { index, visible, world_from_node });
+        pending.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world_from_node, visible)));
     }
     placed.sort_by_key(|node| node.index);
     placed
+}
+
+/// KHR_node_visibility, without the nodes above.
+fn is_visible(node: &Node) -> bool {
+    let extension = node.extensions.as_ref().and_then(|all| all.others.get("KHR_node_visibility")?.get("visible"));
+    extension.and_then(Value::as_bool).unwrap_or(true)
 }
 
 /// Roots of the scene that the file asks for, else of its first one, else all nodes that are no child.

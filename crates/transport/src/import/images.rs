@@ -87,7 +87,10 @@ fn decode_image(document: &Root, index: usize, buffers: &Buffers, locator: &Loca
     let source = document.images.get(index).ok_or("it does not exist")?;
     let bytes = fetch(source, buffers, locator)?;
     if bytes.starts_with(b"\xABKTX") {
-        return Err("KTX2 cannot be read (export it as PNG or JPEG)".to_owned());
+        return Err(
+            "KTX2 cannot be read (export it as PNG or JPEG, or run `gltf-transform ktxdecompress IN.glb OUT.glb`)"
+                .to_owned(),
+        );
     }
     let mut reader = ImageReader::new(Cursor::new(&bytes))
         .with_guessed_format()

@@ -6,7 +6,6 @@ use glam::{DMat4, DVec3, Vec3};
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type};
 use gltf::json::validation::Checked;
 use gltf::json::{Index, Root};
-use serde_json::{Map, Value};
 
 use super::document::called;
 use super::report::Notes;
@@ -32,9 +31,6 @@ pub(super) fn lamp(
     if light.range.is_some() {
         notes.unsupported(format!("{name}: its range is ignored, light falls off with the square of the distance"));
     }
-    if has_distribution(light) {
-        notes.unsupported(format!("{name}: its measured distribution (IES) is ignored"));
-    }
     let color = Vec3::from(light.color);
     let intensity = light.intensity;
     let sane = |x: f32| x.is_finite() && x >= 0.0;
@@ -42,15 +38,27 @@ pub(super) fn lamp(
         notes.warn(format!("{name}: its color {color} times intensity {intensity} is out of range: it is left out"));
         return None;
     }
-    let position = world_from_node.w_axis.truncate();
-    let direction = -world_from_node.z_axis.truncate();
-    let direction = direction.try_normalize().unwrap_or(DVec3::NEG_Z).as_vec3();
-    Some(PunctualLight { node: node_idx, kind, position: position.as_vec3(), direction, color, intensity })
+    Some(PunctualLight { kind, color, intensity, ..white_point(world_from_node, node_idx) })
 }
 
-fn has_distribution(light: &Light) -> bool {
-    let extensions = light.extensions.as_ref().map(|raw| serde_json::from_str::<Map<String, Value>>(raw.get()));
-    extensions.is_some_and(|all| all.is_ok_and(|all| all.contains_key("EXT_lights_ies")))
+/// A white point lamp of 1 candela at a node.
+pub(super) fn white_point(world_from_node: DMat4, node_idx: u32) -> PunctualLight {
+    let back = world_from_node.z_axis.truncate().try_normalize().unwrap_or(DVec3::Z);
+    let across = |axis: DVec3| (axis - back * back.dot(axis)).try_normalize();
+    let x = across(world_from_node.x_axis.truncate()).unwrap_or_else(|| back.any_orthonormal_vector());
+    // A mirrored node mirrors the distribution of its lamp.
+    let y = back.cross(x);
+    let y = if world_from_node.y_axis.truncate().dot(y) < 0.0 { -y } else { y };
+    PunctualLight {
+        node: node_idx,
+        kind: PunctualKind::Point,
+        position: world_from_node.w_axis.truncate().as_vec3(),
+        direction: -back.as_vec3(),
+        across: [x.as_vec3(), y.as_vec3()],
+        profile: None,
+        color: Vec3::ONE,
+        intensity: 1.0,
+    }
 }
 
 fn kind(light: &Light) -> Option<PunctualKind> {

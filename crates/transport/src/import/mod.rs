@@ -16,6 +16,8 @@ mod images;
 mod lamps;
 mod material;
 mod merge;
+mod meshopt;
+mod profiles;
 mod report;
 mod tangents;
 #[cfg(test)]
@@ -31,6 +33,7 @@ use document::{Document, called};
 use gltf::json::extensions::scene::khr_lights_punctual::Light;
 use gltf::json::{Node, Root};
 use hierarchy::PlacedNode;
+use profiles::Profiles;
 use report::Notes;
 use serde_json::Value;
 use uri::Locator;
@@ -135,7 +138,9 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
 
     let placed = hierarchy::place(&document, &mut notes);
     let mut scene = Scene { name: name.to_owned(), ..Scene::default() };
-    let indices = add_nodes(&mut scene, &document, &placed, &mut notes);
+    let mut profiles = Profiles::new(&document, &buffers, locator);
+    let indices = add_nodes(&mut scene, &document, &placed, &mut profiles, &mut notes);
+    scene.profiles = profiles.loaded;
     let (slots, textures) = assemble::add_materials(&mut scene, &document, &placed, &mut notes);
     let mut n_degenerate_triangles = 0;
     for built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes) {
@@ -161,18 +166,28 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
         n_materials: document.materials.len(),
         n_images: document.images.len(),
         n_punctual: AsRef::<[Light]>::as_ref(&document).len(),
+        n_profiles: scene.profiles.len(),
         n_degenerate_triangles,
     };
     Ok(Imported { scene, report })
 }
 
 /// Fills nodes, lamps and cameras; for each placed node its index in `Scene::nodes`, if it carries something.
-fn add_nodes(scene: &mut Scene, document: &Root, placed: &[PlacedNode], notes: &mut Notes) -> Vec<Option<u32>> {
+fn add_nodes(
+    scene: &mut Scene,
+    document: &Root,
+    placed: &[PlacedNode],
+    profiles: &mut Profiles,
+    notes: &mut Notes,
+) -> Vec<Option<u32>> {
     let mut indices = Vec::with_capacity(placed.len());
-    for &PlacedNode { index, world_from_node } in placed {
+    for &PlacedNode { index, visible, world_from_node } in placed {
         let node = &document.nodes[index];
-        let light = node.extensions.as_ref().and_then(|all| Some(all.khr_lights_punctual.as_ref()?.light));
-        if node.mesh.is_none() && node.camera.is_none() && light.is_none() {
+        let extensions = node.extensions.as_ref().filter(|_| visible);
+        let light = extensions.and_then(|all| Some(all.khr_lights_punctual.as_ref()?.light));
+        let measured = extensions.and_then(|all| all.others.get("EXT_lights_ies"));
+        let has_mesh = visible && node.mesh.is_some();
+        if !has_mesh && node.camera.is_none() && light.is_none() && measured.is_none() {
             indices.push(None);
             continue;
         }
@@ -180,7 +195,15 @@ fn add_nodes(scene: &mut Scene, document: &Root, placed: &[PlacedNode], notes: &
         let name = node.name.clone().filter(|name| !name.is_empty());
         let panel = panel_side(node, index, notes);
         scene.nodes.push(SceneNode { index: index as u32, name, panel });
-        scene.punctual.extend(light.and_then(|light| lamps::lamp(document, light, world_from_node, node_idx, notes)));
+        let plain = light.and_then(|light| lamps::lamp(document, light, world_from_node, node_idx, notes));
+        scene.punctual.extend(match measured {
+            Some(instance) => {
+                let bare = lamps::white_point(world_from_node, node_idx);
+                let line_name = called("node", index, node.name.as_ref());
+                profiles.lamp(instance, plain, bare, &line_name, notes)
+            }
+            None => plain,
+        });
         let number = scene.cameras.len() + 1;
         scene.cameras.extend(
             node.camera.and_then(|camera| {

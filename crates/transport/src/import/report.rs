@@ -21,6 +21,8 @@ pub struct ImportReport {
     pub n_images: usize,
     /// Punctual lamps in the file.
     pub n_punctual: usize,
+    /// Measured light distributions that lamps of the file use.
+    pub n_profiles: usize,
     /// Triangles without area that were left out.
     pub n_degenerate_triangles: usize,
 }

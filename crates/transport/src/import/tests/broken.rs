@@ -79,13 +79,37 @@ fn no_truncation_brings_it_down() {
 
 #[test]
 fn compressed_geometry_is_refused_with_a_remedy() {
-    for extension in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
+    let mut fixture = Fixture::triangle();
+    fixture.root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"]);
+    let error = load_bytes("tight.glb", &fixture.glb()).expect_err("refused");
+    assert!(matches!(error, ImportError::Extension { .. }));
+    let text = error.to_string();
+    for part in ["Draco", "tight.glb", "export it again", "gltf-transform copy"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+#[test]
+fn a_broken_compressed_view_costs_its_mesh_alone() {
+    // Indices 0, 1, 2 as differences from the one before.
+    let stream = [0xD1, 0, 4, 4, 0, 0, 0, 0];
+    for (first, n_triangles) in [(0xD1, 2), (0xD0, 1)] {
         let mut fixture = Fixture::triangle();
-        fixture.root["extensionsRequired"] = json!([extension]);
-        let error = load_bytes("tight.glb", &fixture.glb()).expect_err("refused");
-        assert!(matches!(error, ImportError::Extension { .. }));
-        let text = error.to_string();
-        assert!(text.contains(extension) && text.contains("tight.glb") && text.contains("export it again"), "{text}");
+        let compressed = fixture.view(&[&[first], &stream[1..]].concat());
+        let indices = fixture.accessor("SCALAR", 5123, 3, &[0; 6]);
+        let offset = fixture.root["bufferViews"][compressed]["byteOffset"].clone();
+        let view = fixture.root["accessors"][indices]["bufferView"].as_u64().expect("a view") as usize;
+        fixture.root["bufferViews"][view] = json!({"buffer": 1, "byteLength": 6, "extensions": {"KHR_meshopt_compression":
+            {"buffer": 0, "byteOffset": offset, "byteLength": 8, "byteStride": 2, "count": 3, "mode": "INDICES"}}});
+        let mut second = fixture.primitive().clone();
+        second["indices"] = json!(indices);
+        fixture.root["meshes"][0]["primitives"].as_array_mut().expect("primitives").push(second);
+        fixture.root["buffers"] = json!([{}, {"byteLength": 6}]);
+        fixture.root["extensionsRequired"] = json!(["KHR_meshopt_compression"]);
+        let imported = load_bytes("tight.glb", &fixture.glb()).expect("a loadable file");
+        assert_eq!(imported.scene.mesh.triangles.len(), n_triangles);
+        let told = imported.report.warnings.iter().any(|line| line.contains("cannot be decompressed"));
+        assert_eq!(told, n_triangles == 1, "{:?}", imported.report.warnings);
     }
 }
 

@@ -56,6 +56,17 @@ fn every_conformance_file_loads_or_says_why_not() {
 }
 
 #[test]
+fn the_table_of_features_has_every_extension_that_is_known() {
+    let table = include_str!("../../../../../docs/conformance.md");
+    let known = crate::import::extensions::known();
+    assert!(known.len() > 20);
+    for name in known {
+        let short = name.strip_prefix("KHR_materials").unwrap_or(name);
+        assert!(table.contains(&format!("`{name}`")) || table.contains(&format!("`{short}`")), "{name} is missing");
+    }
+}
+
+#[test]
 fn triangle_counts_are_those_of_the_files() {
     let Some(shared) = shared() else { return };
     for (file, n_triangles) in [
@@ -67,6 +78,10 @@ fn triangle_counts_are_those_of_the_files() {
         ("atteneder-NoScene/NoScene.gltf", 12),
         ("atteneder-Empty/Empty.gltf", 0),
         ("SimpleInstancing/SimpleInstancing.glb", 12 * 125),
+        ("BoxMeshopt/BoxMeshopt.glb", 12),
+        ("BoxMeshopt-gltf/BoxMeshopt.gltf", 12),
+        // Its buffer is a stub of a version control system.
+        ("atteneder-RainbowCuboid-meshopt-cc-vpn/RainbowCuboid-meshopt-cc-vpn.gltf", 0),
         ("malformed/assimp-AllIndicesOutOfRange/AllIndicesOutOfRange.gltf", 0),
         ("malformed/assimp-BoxWithInfinites/BoxWithInfinites.glb", 0),
         ("malformed/assimp-BoxBadNormals/BoxBadNormals.glb", 12),
@@ -120,4 +135,22 @@ fn lamps_cameras_and_images_of_the_samples_arrive() {
     assert!(transforms.filter(|texture| texture.transform != glam::Affine2::IDENTITY).count() >= 5);
     let basis = conformance(&shared, "StainedGlassLamp-KTX-BasisU/StainedGlassLamp.gltf");
     assert!(basis.report.warnings.iter().any(|line| line.contains("KTX2")));
+}
+
+#[test]
+fn compressed_views_hold_what_their_accessors_state() {
+    let Some(shared) = shared() else { return };
+    let cube = conformance(&shared, "BoxMeshopt/BoxMeshopt.glb").scene.mesh;
+    let (lo, hi) = cube.bounds().expect("a box");
+    assert!((hi - lo - Vec3::ONE).abs().max_element() < 1e-3, "{lo} to {hi}");
+    let straight = |t: u32| cube.normals[cube.triangles[t as usize][0] as usize].dot(cube.area_normal(t).normalize());
+    assert!((0..12).all(|t| straight(t) > 0.999), "normals of a box stand on its faces");
+
+    let Imported { scene, report } = load(&shared.join("scenes/dream-apartment-meshopt.glb")).expect("an apartment");
+    assert_eq!((scene.mesh.triangles.len() + report.n_degenerate_triangles, report.warnings.len()), (177_934, 0));
+    let (lo, hi) = scene.mesh.bounds().expect("an apartment");
+    // The smallest and largest corners that the file states for its 67 parts.
+    let (known_lo, known_hi) = (Vec3::new(0.44376, -0.09928, -11.43372), Vec3::new(12.80558, 2.68052, -0.12999));
+    assert!((lo - known_lo).abs().max_element() < 1e-4 && (hi - known_hi).abs().max_element() < 1e-4, "{lo} to {hi}");
+    assert!(scene.mesh.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-3));
 }

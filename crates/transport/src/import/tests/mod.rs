@@ -4,5 +4,6 @@ mod broken;
 mod conformance;
 mod fixture;
 mod geometry;
+mod profiles;
 mod scenes;
 mod surfaces;

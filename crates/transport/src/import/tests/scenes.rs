@@ -80,6 +80,26 @@ fn scenes_are_chosen_as_gltf_says() {
 }
 
 #[test]
+fn hidden_nodes_show_nothing_but_carry_their_cameras() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 1}}]);
+    fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point"}]},
+        "KHR_materials_variants": {"variants": [{"name": "beach"}, {"name": "street"}]}});
+    let visible = |visible: bool| json!({"visible": visible});
+    fixture.root["nodes"] = json!([
+        {"mesh": 0, "children": [1, 2], "extensions": {"KHR_node_visibility": visible(false)}},
+        {"mesh": 0, "extensions": {"KHR_node_visibility": visible(true), "KHR_lights_punctual": {"light": 0}}},
+        {"camera": 0, "mesh": 0}, {"mesh": 0, "extensions": {"KHR_node_visibility": visible(true)}}]);
+    fixture.root["scenes"][0]["nodes"] = json!([0, 3]);
+    fixture.root["extensionsUsed"] = json!(["KHR_node_visibility", "KHR_materials_variants"]);
+    let imported = fixture.load();
+    assert_eq!((imported.scene.mesh.triangles.len(), imported.scene.punctual.len()), (1, 0));
+    assert_eq!((imported.scene.cameras.len(), imported.scene.nodes.len()), (1, 2));
+    let [variants] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
+    assert!(variants.contains("\"beach\", \"street\""), "{variants}");
+}
+
+#[test]
 fn instances_stand_where_they_are_told() {
     let mut fixture = Fixture::triangle();
     let translations = fixture.floats("VEC3", &[0.0, 0.0, 0.0, 5.0, 0.0, 0.0]);

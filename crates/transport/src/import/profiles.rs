@@ -1,0 +1,120 @@
+//! EXT_lights_ies: measured distributions, and the lamps that use them.
+//!
+//! A node that also has a lamp of KHR_lights_punctual has one lamp, not two: exporters write the plain one for those who
+//! cannot read the profile.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+use gltf::json::Root;
+use serde_json::Value;
+
+use super::container::Buffers;
+use super::report::Notes;
+use super::uri::Locator;
+use crate::photometry::PhotometricProfile;
+use crate::scene::{PunctualKind, PunctualLight};
+
+/// Intensity of a lamp whose profile cannot be read, candela: about that of a light bulb.
+const SUBSTITUTE_CD: f32 = 100.0;
+
+/// Profiles of a file, each read when a node first asks for it.
+pub(super) struct Profiles<'a> {
+    document: &'a Root,
+    buffers: &'a Buffers<'a>,
+    locator: &'a Locator,
+    /// Index into `loaded` by index in the file, `None` for those that cannot be had.
+    of_file: HashMap<usize, Option<u32>>,
+    /// What `Scene::profiles` becomes.
+    pub loaded: Vec<PhotometricProfile>,
+}
+
+impl<'a> Profiles<'a> {
+    pub fn new(document: &'a Root, buffers: &'a Buffers<'a>, locator: &'a Locator) -> Profiles<'a> {
+        Profiles { document, buffers, locator, of_file: HashMap::new(), loaded: Vec::new() }
+    }
+
+    /// The lamp of a node with the extension: its plain lamp, or a bare one, with the profile that it names.
+    pub fn lamp(
+        &mut self,
+        instance: &Value,
+        plain: Option<PunctualLight>,
+        bare: PunctualLight,
+        name: &str,
+        notes: &mut Notes,
+    ) -> Option<PunctualLight> {
+        if plain.as_ref().is_some_and(|lamp| lamp.kind == PunctualKind::Directional) {
+            notes.warn(format!("{name}: a directional lamp cannot have a measured distribution: it is ignored"));
+            return plain;
+        }
+        let multiplier = multiplier(instance).unwrap_or_else(|| {
+            notes.warn(format!("{name}: the multiplier of its distribution is out of range: 1 is used"));
+            1.0
+        });
+        let index = instance.get("light").and_then(Value::as_u64).and_then(|index| usize::try_from(index).ok());
+        let profile = match index {
+            Some(index) => self.profile(index, notes),
+            None => None,
+        };
+        if let (None, Some(plain)) = (profile, &plain) {
+            notes.warn(format!("{name}: its measured distribution cannot be had: its plain lamp shines instead"));
+            return Some(plain.clone());
+        }
+        let lamp = plain.unwrap_or(bare);
+        let color = lamp.color * color(instance).unwrap_or(Vec3::ONE);
+        let max_candela = profile.map(|profile| self.loaded[profile as usize].max_candela());
+        if max_candela.is_none() {
+            notes.warn(format!(
+                "{name}: its measured distribution cannot be had: it shines all around with {SUBSTITUTE_CD} cd instead"
+            ));
+        }
+        let intensity = max_candela.unwrap_or(SUBSTITUTE_CD) * multiplier;
+        Some(PunctualLight { profile, color, intensity, ..lamp })
+    }
+
+    /// Index into `loaded`, `None` (with a line in the report) if the profile cannot be had.
+    fn profile(&mut self, index: usize, notes: &mut Notes) -> Option<u32> {
+        if let Some(known) = self.of_file.get(&index) {
+            return *known;
+        }
+        let found = match self.read(index) {
+            Ok(profile) => {
+                self.loaded.push(profile);
+                Some(self.loaded.len() as u32 - 1)
+            }
+            Err(reason) => {
+                notes.warn(format!("light profile {index}: {reason}"));
+                None
+            }
+        };
+        self.of_file.insert(index, found);
+        found
+    }
+
+    fn read(&self, index: usize) -> Result<PhotometricProfile, String> {
+        let extension = self.document.extensions.as_ref().and_then(|all| all.others.get("EXT_lights_ies"));
+        let entry = extension.and_then(|extension| extension.get("lights")?.get(index));
+        let entry = entry.ok_or("it does not exist")?;
+        let uri = entry.get("uri").and_then(Value::as_str);
+        let view = entry.get("bufferView").and_then(Value::as_u64).and_then(|view| usize::try_from(view).ok());
+        let parse = |bytes: &[u8], name: &str| PhotometricProfile::parse(bytes, name).map_err(|e| e.to_string());
+        match (uri, view) {
+            (Some(uri), _) if uri.starts_with("data:") => parse(&self.locator.fetch(uri)?, "its data"),
+            (Some(uri), _) => parse(&self.locator.fetch(uri)?, uri),
+            (None, Some(view)) => parse(self.buffers.view(view)?.0, "its data"),
+            (None, None) => Err("it names no bytes".to_owned()),
+        }
+    }
+}
+
+/// 1 where the file says nothing, `None` for what is no factor.
+fn multiplier(instance: &Value) -> Option<f32> {
+    let Some(multiplier) = instance.get("multiplier") else { return Some(1.0) };
+    multiplier.as_f64().map(|x| x as f32).filter(|x| x.is_finite() && *x >= 0.0)
+}
+
+/// Linear RGB, each 0 to 1; `None` where the file gives none.
+fn color(instance: &Value) -> Option<Vec3> {
+    let channel = |c: usize| Some(instance.get("color")?.get(c)?.as_f64()? as f32);
+    Some(Vec3::new(channel(0)?, channel(1)?, channel(2)?).clamp(Vec3::ZERO, Vec3::ONE))
+}

@@ -1,0 +1,93 @@
+//! IES LM-63 of 1986, 1991, 1995, 2002 and 2019. \[LM63\]
+
+use super::numbers::{Comma, Fault, Numbers};
+use super::table::{Measured, Planes, Symmetry, Table};
+
+/// Most angles of a kind, and most tilt angles.
+const MAX_ANGLES: usize = 2000;
+/// Most intensities.
+const MAX_VALUES: usize = 1 << 20;
+/// Angles of a file closer than this are meant to be equal, degrees.
+const NEAR_DEG: f64 = 0.01;
+
+/// Index of the line that ends the head of an IES file.
+pub(super) fn tilt_line(lines: &[&str]) -> Option<usize> {
+    lines.iter().position(|line| line.trim_start().get(..5).is_some_and(|head| head.eq_ignore_ascii_case("TILT=")))
+}
+
+/// Reads what follows the head; `tilt` is the index of its last line.
+pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Table, Fault> {
+    let mut numbers = Numbers::new(lines, tilt + 1, Comma::Separates);
+    if lines[tilt].trim()[5..].trim().eq_ignore_ascii_case("INCLUDE") {
+        skip_tilt(&mut numbers)?;
+    }
+    numbers.next("the number of lamps")?;
+    numbers.next("the lumens of a lamp")?;
+    let multiplier = numbers.factor("the multiplier")?;
+    let n_vertical = numbers.count("the number of vertical angles", 2..=MAX_ANGLES)?;
+    let n_horizontal = numbers.count("the number of horizontal angles", 1..=MAX_ANGLES)?;
+    if n_vertical * n_horizontal > MAX_VALUES {
+        return Err(numbers.fault(format!("{n_vertical} × {n_horizontal} intensities are more than can be read")));
+    }
+    let planes = match numbers.count("the type of photometry", 1..=3)? {
+        1 => Planes::C,
+        2 => Planes::B,
+        _ => {
+            return Err(numbers.fault(
+                "it is of type A, which is made for vehicle lamps and not read: have it converted to type C".into(),
+            ));
+        }
+    };
+    for what in ["the unit of length", "the width", "the length", "the height"] {
+        numbers.next(what)?;
+    }
+    let ballast = numbers.factor("the ballast factor")?;
+    let ballast_lamp = numbers.next("the ballast lamp factor")?;
+    let scale = multiplier * ballast * if has_ballast_lamp_factor(lines[0]) { ballast_lamp } else { 1.0 };
+    numbers.next("the power in watts")?;
+    if scale <= 0.0 {
+        return Err(numbers.fault("the ballast lamp factor before is not more than 0".into()));
+    }
+    let ranges = match planes {
+        Planes::C => [(0.0, 180.0), (0.0, 360.0)],
+        Planes::B => [(-90.0, 90.0), (-180.0, 180.0)],
+    };
+    let vertical_deg = numbers.angles(n_vertical, "vertical angle", ranges[0])?;
+    let horizontal_deg = numbers.angles(n_horizontal, "horizontal angle", ranges[1])?;
+    let symmetry = symmetry(planes, &horizontal_deg).map_err(|reason| numbers.fault(reason))?;
+    let candela = numbers.candela(n_vertical * n_horizontal, scale)?;
+    Ok(Measured { planes, vertical_deg, horizontal_deg, candela }.into_table(symmetry))
+}
+
+/// How intensities change as the luminaire is tilted; it hangs here as it was measured.
+fn skip_tilt(numbers: &mut Numbers) -> Result<(), Fault> {
+    numbers.next("the lamp's place in the luminaire")?;
+    let n = numbers.count("the number of tilt angles", 1..=MAX_ANGLES)?;
+    numbers.list(n, "tilt angle")?;
+    numbers.list(n, "tilt factor")?;
+    Ok(())
+}
+
+/// Up to 1995 the field is a factor; it is reserved in 2002 and a code for the origin of the file in 2019.
+fn has_ballast_lamp_factor(first_line: &str) -> bool {
+    let year = first_line.trim().rsplit("LM-63-").next().unwrap_or_default();
+    !(first_line.contains("LM-63-") && ["02", "2002", "19", "2019"].contains(&year))
+}
+
+/// What the first and the last horizontal angle say about the planes between the others.
+fn symmetry(planes: Planes, angles: &[f64]) -> Result<Symmetry, String> {
+    let (first, last) = (angles[0], angles[angles.len() - 1]);
+    let spans = |from: f64, to: f64| (first - from).abs() < NEAR_DEG && (last - to).abs() < NEAR_DEG;
+    match planes {
+        Planes::B if angles.len() < 2 => Err("a file of type B needs two horizontal angles or more".to_owned()),
+        Planes::B => Ok(Symmetry::None),
+        Planes::C if angles.len() == 1 => Ok(Symmetry::Rotational),
+        Planes::C if spans(0.0, 90.0) => Ok(Symmetry::Quadrant),
+        Planes::C if spans(0.0, 180.0) => Ok(Symmetry::AboutC0),
+        Planes::C if spans(90.0, 270.0) => Ok(Symmetry::AboutC90),
+        Planes::C if first < NEAR_DEG && last > 180.0 => Ok(Symmetry::None),
+        Planes::C => Err(format!(
+            "horizontal angles from {first}° to {last}° are none of 0°, 0° to 90°, 0° to 180°, 90° to 270°, 0° to 360°"
+        )),
+    }
+}

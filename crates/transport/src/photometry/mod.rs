@@ -1,0 +1,131 @@
+//! Measured light distributions of luminaires: IES LM-63 \[LM63\] and EULUMDAT \[Stockmar1990\] files.
+//!
+//! A luminaire aims along −Z, as a spot of glTF does; EXT_lights_ies puts the zero point of a profile there and its zero
+//! plane into X/Z. Directions are found from the angles of a file so:
+//! - C planes (LM-63 type C, EULUMDAT): the vertical angle γ counts from −Z, the horizontal angle φ from +X towards +Y, which
+//!   is counterclockwise for who looks from behind along the aim: (sin γ cos φ, sin γ sin φ, −cos γ).
+//! - Type B: all planes meet in the X axis. The horizontal angle H counts from −Z towards −Y (clockwise seen from +X), the
+//!   vertical angle V from the Y/Z plane towards +X: (sin V, −cos V sin H, −cos V cos H).
+//!
+//! Type A, made for vehicle lamps, is refused with advice.
+
+mod assign;
+mod ies;
+mod ldt;
+mod numbers;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use glam::Vec3;
+use thiserror::Error;
+
+pub use assign::{AssignError, assign};
+use numbers::Fault;
+use table::Table;
+
+/// Largest file that is read; the largest ones of makers have a few hundred kilobytes.
+const MAX_BYTES: usize = 32 << 20;
+
+/// Why a photometric file cannot be used.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PhotometryError {
+    /// More bytes than any such file has.
+    #[error("{name} has {n_bytes} bytes, which is more than a photometric file can have: is it another kind of file?")]
+    TooLarge {
+        /// Name of the file.
+        name: String,
+        /// Its size.
+        n_bytes: usize,
+    },
+    /// Neither format.
+    #[error(
+        "{name} is neither an IES file (it has no line `TILT=`) nor an EULUMDAT file (its name does not end in .ldt)"
+    )]
+    UnknownFormat {
+        /// Name of the file.
+        name: String,
+    },
+    /// Something in a line is wrong.
+    #[error("line {line} of {name}: {reason}")]
+    Line {
+        /// Name of the file.
+        name: String,
+        /// Number of the line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A lamp that sends no light.
+    #[error("{name} measures 0 candela in every direction: ask its maker for another file")]
+    Dark {
+        /// Name of the file.
+        name: String,
+    },
+}
+
+/// Luminous intensity over all directions, in the frame of the luminaire (see the module's page).
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhotometricProfile {
+    name: String,
+    table: Table,
+    max_candela: f32,
+}
+
+impl PhotometricProfile {
+    /// Reads an IES or EULUMDAT file. `file_name` tells the format where the bytes leave it open, and stands in errors.
+    ///
+    /// # Errors
+    /// When the file is neither, is broken (the line is named), is of type A, or is dark.
+    pub fn parse(bytes: &[u8], file_name: &str) -> Result<PhotometricProfile, PhotometryError> {
+        let name = file_name.to_owned();
+        if bytes.len() > MAX_BYTES {
+            return Err(PhotometryError::TooLarge { name, n_bytes: bytes.len() });
+        }
+        // Names of makers may be in any encoding; what counts here is ASCII.
+        let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes));
+        let lines: Vec<&str> = text.lines().collect();
+        let is_ldt = file_name.rsplit('.').next().is_some_and(|end| end.eq_ignore_ascii_case("ldt"));
+        let read = match ies::tilt_line(&lines) {
+            Some(tilt) => ies::read(&lines, tilt),
+            None if is_ldt => ldt::read(&lines),
+            None => return Err(PhotometryError::UnknownFormat { name }),
+        };
+        let table = match read {
+            Ok(table) => table,
+            Err(Fault { line, reason }) => return Err(PhotometryError::Line { name, line, reason }),
+        };
+        let max_candela = table.max();
+        if max_candela <= 0.0 {
+            return Err(PhotometryError::Dark { name });
+        }
+        Ok(PhotometricProfile { name, table, max_candela })
+    }
+
+    /// Name of the file.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Luminous intensity in candela towards a direction of any length in the luminaire's frame; bilinear in the angles, and
+    /// 0 where the file measures nothing.
+    pub fn candela(&self, direction: Vec3) -> f32 {
+        self.table.at(direction)
+    }
+
+    /// Largest luminous intensity in candela; more than 0.
+    pub fn max_candela(&self) -> f32 {
+        self.max_candela
+    }
+
+    /// Luminous flux in lumen, integrated over all directions.
+    pub fn flux_lm(&self) -> f32 {
+        self.table.flux_lm() as f32
+    }
+
+    /// All that its light depends on, as bytes.
+    pub(crate) fn light_bytes(&self) -> Vec<u8> {
+        self.table.bytes()
+    }
+}

@@ -1,0 +1,204 @@
+//! Intensities over two angles: completed by their symmetry when they are read, looked up bilinearly, integrated exactly.
+
+use std::f32::consts::TAU;
+
+use glam::Vec3;
+
+/// How the planes of a file lie; see the page of [`super`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Planes {
+    /// All planes meet in the aim.
+    C,
+    /// All planes meet in the X axis, across the aim.
+    B,
+}
+
+/// Which C planes a file leaves out because they equal others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Symmetry {
+    /// None.
+    None,
+    /// All but one.
+    Rotational,
+    /// The mirror images of its planes in the plane C0–C180.
+    AboutC0,
+    /// The mirror images of its planes in the plane C90–C270.
+    AboutC90,
+    /// Both kinds of mirror images.
+    Quadrant,
+}
+
+/// Intensities as a file has them.
+pub(super) struct Measured {
+    pub planes: Planes,
+    /// Rising, at least two; degrees.
+    pub vertical_deg: Vec<f64>,
+    /// At least one for C planes and two for B planes; degrees.
+    pub horizontal_deg: Vec<f64>,
+    /// Planes × vertical angles.
+    pub candela: Vec<f32>,
+}
+
+/// Intensities over a grid of angles that covers all that was measured or is known by symmetry.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Table {
+    planes: Planes,
+    /// Rising, at least two; radians.
+    vertical: Vec<f32>,
+    /// Rising, at least two, radians; C planes go once round, so that the last is the first.
+    horizontal: Vec<f32>,
+    /// Horizontal × vertical.
+    candela: Vec<f32>,
+}
+
+/// Two angles of a file closer than this are one, degrees.
+const SAME_DEG: f64 = 1e-3;
+/// Directions so little outside of the table are within, radians.
+const SLACK: f32 = 1e-4;
+
+/// Angles in degrees with the index of the row or column that holds their values.
+type Places = Vec<(f64, usize)>;
+
+impl Measured {
+    /// Completes C planes by a symmetry. B planes say by their first angle, 0, that they are mirrored.
+    pub fn into_table(self, symmetry: Symmetry) -> Table {
+        let (rows, columns) = match self.planes {
+            Planes::C => (full_circle(&self.horizontal_deg, symmetry), as_they_are(&self.vertical_deg)),
+            Planes::B => (mirrored(&self.horizontal_deg), mirrored(&self.vertical_deg)),
+        };
+        let n_vertical = self.vertical_deg.len();
+        let row = |&(_, row): &(f64, usize)| {
+            let values = &self.candela[row * n_vertical..][..n_vertical];
+            columns.iter().map(move |&(_, column)| values[column])
+        };
+        let radians = |places: &Places| places.iter().map(|(angle, _)| angle.to_radians() as f32).collect();
+        Table {
+            planes: self.planes,
+            vertical: radians(&columns),
+            horizontal: radians(&rows),
+            candela: rows.iter().flat_map(row).collect(),
+        }
+    }
+}
+
+fn as_they_are(angles: &[f64]) -> Places {
+    angles.iter().copied().zip(0..).collect()
+}
+
+/// Angles that begin at 0 with their negatives.
+fn mirrored(angles: &[f64]) -> Places {
+    let mut places = as_they_are(angles);
+    if angles.first().is_some_and(|first| first.abs() < SAME_DEG) {
+        places.extend(as_they_are(angles).into_iter().map(|(angle, index)| (-angle, index)));
+    }
+    sorted(places)
+}
+
+/// All C planes from the first one round to itself.
+fn full_circle(angles: &[f64], symmetry: Symmetry) -> Places {
+    let mut places = Places::new();
+    for (index, &angle) in angles.iter().enumerate() {
+        let images = match symmetry {
+            Symmetry::None | Symmetry::Rotational => &[angle][..],
+            Symmetry::AboutC0 => &[angle, -angle],
+            Symmetry::AboutC90 => &[angle, 180.0 - angle],
+            Symmetry::Quadrant => &[angle, -angle, 180.0 - angle, 180.0 + angle],
+        };
+        places.extend(images.iter().map(|image| (once_round(*image), index)));
+    }
+    let mut places = sorted(places);
+    let (first, index) = places[0];
+    places.push((first + 360.0, index));
+    places
+}
+
+/// The same angle from 0 to less than 360.
+fn once_round(angle: f64) -> f64 {
+    let angle = angle.rem_euclid(360.0);
+    if angle > 360.0 - SAME_DEG { 0.0 } else { angle }
+}
+
+fn sorted(mut places: Places) -> Places {
+    places.sort_by(|a, b| a.0.total_cmp(&b.0));
+    places.dedup_by(|next, kept| next.0 - kept.0 < SAME_DEG);
+    places
+}
+
+impl Table {
+    /// Candela towards a direction of any length.
+    pub fn at(&self, direction: Vec3) -> f32 {
+        let Vec3 { x, y, z } = direction;
+        let (vertical, horizontal) = match self.planes {
+            Planes::C => {
+                let first = self.horizontal[0];
+                (x.hypot(y).atan2(-z), first + (y.atan2(x) - first).rem_euclid(TAU))
+            }
+            // Along the axis every plane is met, and the signs of the zeros would choose one.
+            Planes::B if y == 0.0 && z == 0.0 => (x.atan2(0.0), 0.0),
+            Planes::B => (x.atan2(y.hypot(z)), (-y).atan2(-z)),
+        };
+        let (Some((column, v)), Some((row, h))) =
+            (bracket(&self.vertical, vertical), bracket(&self.horizontal, horizontal))
+        else {
+            return 0.0;
+        };
+        let along = |row: usize| {
+            let at = row * self.vertical.len() + column;
+            self.candela[at] * (1.0 - v) + self.candela[at + 1] * v
+        };
+        along(row) * (1.0 - h) + along(row + 1) * h
+    }
+
+    /// Largest value in candela.
+    pub fn max(&self) -> f32 {
+        self.candela.iter().copied().fold(0.0, f32::max)
+    }
+
+    /// The integral over all directions, lumen.
+    pub fn flux_lm(&self) -> f64 {
+        let n = self.vertical.len();
+        let mut flux = 0.0;
+        for (row, h) in self.horizontal.windows(2).enumerate() {
+            let width = f64::from(h[1]) - f64::from(h[0]);
+            for (column, v) in self.vertical.windows(2).enumerate() {
+                let mean = |column: usize| {
+                    let of_row = |row: usize| f64::from(self.candela[row * n + column]);
+                    0.5 * (of_row(row) + of_row(row + 1))
+                };
+                let ends = [f64::from(v[0]), f64::from(v[1])];
+                flux += width * self.integral(ends, [mean(column), mean(column + 1)]);
+            }
+        }
+        flux
+    }
+
+    /// What is linear from one vertical angle to another, times the width of a plane's wedge there, integrated.
+    fn integral(&self, [from, to]: [f64; 2], [first, last]: [f64; 2]) -> f64 {
+        let slope = (last - first) / (to - from);
+        match self.planes {
+            Planes::C => first * from.cos() - last * to.cos() + slope * (to.sin() - from.sin()),
+            Planes::B => last * to.sin() - first * from.sin() + slope * (to.cos() - from.cos()),
+        }
+    }
+
+    /// Everything as bytes.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut bytes = vec![u8::from(self.planes == Planes::B)];
+        for values in [&self.vertical, &self.horizontal, &self.candela] {
+            bytes.extend_from_slice(&(values.len() as u64).to_le_bytes());
+            bytes.extend_from_slice(bytemuck::cast_slice(values));
+        }
+        bytes
+    }
+}
+
+/// Index of the angle below, and how far it is to the next one, 0…1; `None` outside.
+fn bracket(angles: &[f32], angle: f32) -> Option<(usize, f32)> {
+    let (first, last) = (*angles.first()?, *angles.last()?);
+    if !(first - SLACK..=last + SLACK).contains(&angle) {
+        return None;
+    }
+    let upper = angles.partition_point(|&a| a <= angle).clamp(1, angles.len() - 1);
+    let share = (angle - angles[upper - 1]) / (angles[upper] - angles[upper - 1]);
+    Some((upper - 1, share.clamp(0.0, 1.0)))
+}

@@ -1,0 +1,270 @@
+use std::f32::consts::{PI, TAU};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use glam::Vec3;
+
+use super::*;
+
+const X: Vec3 = Vec3::X;
+const Y: Vec3 = Vec3::Y;
+const AIM: Vec3 = Vec3::NEG_Z;
+
+/// An LM-63 file of a type with a row of intensities per horizontal angle; line 5 has the counts, 7 the first angles.
+fn ies(photometry: u32, vertical: &[f64], horizontal: &[f64], candela: &[f64]) -> String {
+    let words = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
+    let (n_vertical, n_horizontal) = (vertical.len(), horizontal.len());
+    let mut text = "IESNA:LM-63-2002\r\n[TEST] by hand\r\n[MANUFAC] nobody\r\nTILT=NONE\r\n".to_owned();
+    write!(text, "1 1000 1.0 {n_vertical} {n_horizontal} {photometry} 2 0 0 0\r\n1.0 1.0 10\r\n").unwrap();
+    write!(text, "{}\r\n{}\r\n", words(vertical), words(horizontal)).unwrap();
+    for row in candela.chunks(n_vertical) {
+        write!(text, "{}\r\n", words(row)).unwrap();
+    }
+    text
+}
+
+/// A EULUMDAT file of four planes, three angles, 500 lm, factor 2: intensities in the file are candela.
+fn ldt(isym: u32, candela: &[f64]) -> String {
+    let mut lines = vec![String::from("0"); 42];
+    for (number, value) in [(3, isym), (4, 4), (6, 3), (24, 2), (26, 1), (27, 1), (29, 500)] {
+        lines[number - 1] = value.to_string();
+    }
+    lines[1] = "nobody's lamp, 5".into();
+    lines.extend(["0", "90", "180", "270", "0", "90", "180"].map(String::from));
+    lines.extend(candela.iter().map(|value| value.to_string().replace('.', ",")));
+    lines.join("\n")
+}
+
+fn parsed(text: &str) -> PhotometricProfile {
+    let name = if text.contains("TILT") { "test.ies" } else { "test.ldt" };
+    PhotometricProfile::parse(text.as_bytes(), name).expect("a valid file")
+}
+
+fn expect(profile: &PhotometricProfile, known: &[(Vec3, f32)]) {
+    for &(direction, candela) in known {
+        let got = profile.candela(direction);
+        assert!((got - candela).abs() <= 1e-3 * candela.max(1.0), "towards {direction}: {got}, not {candela}");
+    }
+}
+
+/// One plane's three intensities: 7 at the aim, 5 behind, and what lies between at 90°.
+fn ring(values: &[f64]) -> Vec<f64> {
+    values.iter().flat_map(|&value| [7.0, value, 5.0]).collect()
+}
+
+#[test]
+fn type_c_planes_turn_from_x_to_y_and_complete_themselves() {
+    let at = |horizontal: &[f64], values: &[f64]| parsed(&ies(1, &[0.0, 90.0, 180.0], horizontal, &ring(values)));
+    let one = at(&[0.0], &[100.0]);
+    expect(
+        &one,
+        &[(AIM, 7.0), (-AIM, 5.0), (X, 100.0), (Y, 100.0), (-X - Y, 100.0), (X + AIM, 53.5), (9.0 * Y, 100.0)],
+    );
+    let quadrant = at(&[0.0, 45.0, 90.0], &[100.0, 200.0, 300.0]);
+    expect(&quadrant, &[(X, 100.0), (-X, 100.0), (Y, 300.0), (-Y, 300.0)]);
+    expect(&quadrant, &[(X + Y, 200.0), (Y - X, 200.0), (-X - Y, 200.0), (X - Y, 200.0)]);
+    let eighth = PI / 8.0;
+    expect(&quadrant, &[(Vec3::new(eighth.cos(), -eighth.sin(), 0.0), 150.0)]);
+    let half = at(&[0.0, 90.0, 180.0], &[100.0, 200.0, 300.0]);
+    expect(&half, &[(X, 100.0), (Y, 200.0), (-Y, 200.0), (-X, 300.0), (-X - Y, 250.0)]);
+    let other_half = at(&[90.0, 180.0, 270.0], &[100.0, 200.0, 300.0]);
+    expect(&other_half, &[(Y, 100.0), (-X, 200.0), (X, 200.0), (-Y, 300.0), (X - Y, 250.0)]);
+    for (planes, values) in [(5, [100.0, 200.0, 300.0, 400.0, 100.0]), (4, [100.0, 200.0, 300.0, 400.0, 0.0])] {
+        let all = at(&[0.0, 90.0, 180.0, 270.0, 360.0][..planes], &values[..planes]);
+        expect(&all, &[(X, 100.0), (Y, 200.0), (-X, 300.0), (-Y, 400.0), (X - Y, 250.0), (X + Y, 150.0)]);
+    }
+}
+
+#[test]
+fn type_b_planes_meet_in_x_and_turn_clockwise() {
+    let full = [1.0, 10.0, 2.0, 1.0, 20.0, 2.0, 1.0, 30.0, 2.0];
+    let profile = parsed(&ies(2, &[-90.0, 0.0, 90.0], &[-90.0, 0.0, 90.0], &full));
+    expect(&profile, &[(AIM, 20.0), (-Y, 30.0), (Y, 10.0), (X, 2.0), (-X, 1.0), (AIM - Y, 25.0), (AIM + X, 11.0)]);
+    expect(&profile, &[(-AIM, 0.0), (-AIM + Y, 0.0)]);
+    let mirrored = parsed(&ies(2, &[0.0, 90.0], &[0.0, 90.0], &[20.0, 2.0, 30.0, 2.0]));
+    expect(&mirrored, &[(AIM, 20.0), (-Y, 30.0), (Y, 30.0), (X, 2.0), (-X, 2.0), (AIM - X, 11.0), (-AIM, 0.0)]);
+}
+
+#[test]
+fn eulumdat_planes_complete_themselves() {
+    let full = parsed(&ldt(0, &ring(&[100.0, 200.0, 300.0, 400.0])));
+    expect(&full, &[(AIM, 7.0), (X, 100.0), (Y, 200.0), (-X, 300.0), (-Y, 400.0), (X - Y, 250.0)]);
+    let round = parsed(&ldt(1, &ring(&[100.5])));
+    expect(&round, &[(X, 100.5), (-Y, 100.5), (-AIM, 5.0)]);
+    let about_c0 = parsed(&ldt(2, &ring(&[100.0, 200.0, 300.0])));
+    expect(&about_c0, &[(X, 100.0), (Y, 200.0), (-Y, 200.0), (-X, 300.0)]);
+    let about_c90 = parsed(&ldt(3, &ring(&[100.0, 200.0, 300.0])));
+    expect(&about_c90, &[(-Y, 100.0), (X, 200.0), (-X, 200.0), (Y, 300.0), (X + Y, 250.0)]);
+    let quadrant = parsed(&ldt(4, &ring(&[100.0, 200.0])));
+    expect(&quadrant, &[(X, 100.0), (-X, 100.0), (Y, 200.0), (-Y, 200.0), (X + AIM, 53.5)]);
+}
+
+#[test]
+fn factors_of_the_file_scale_intensities() {
+    let plain = ies(1, &[0.0, 90.0], &[0.0], &[100.0, 100.0]);
+    let scaled = plain.replace("1 1000 1.0 2", "1 1000 2.0 2").replace("1.0 1.0 10", "0.5 3.0 10");
+    assert_eq!(parsed(&scaled).candela(AIM), 100.0, "the last factor is reserved since 2002");
+    assert_eq!(parsed(&scaled.replace("2002", "1995")).candela(AIM), 300.0);
+    let tilted = scaled.replace("TILT=NONE", "TILT=INCLUDE\r\n1\r\n2\r\n0, 90\r\n1.0 0.8");
+    assert_eq!(parsed(&tilted).candela(AIM), 100.0);
+    assert_eq!(parsed(&tilted[tilted.find("TILT").expect("a head")..]).max_candela(), 300.0, "1986 has no first line");
+}
+
+#[test]
+fn flux_of_known_distributions_is_known() {
+    let near = |flux: f32, known: f32| assert!((flux - known).abs() < 2e-3 * known, "{flux} lm, not {known}");
+    near(parsed(&ies(1, &[0.0, 90.0, 180.0], &[0.0, 90.0], &[9.0; 6])).flux_lm(), 2.0 * TAU * 9.0);
+    near(parsed(&ies(2, &[-90.0, 0.0, 90.0], &[-90.0, 90.0], &[9.0; 6])).flux_lm(), TAU * 9.0);
+    near(parsed(&ies(2, &[0.0, 90.0], &[0.0, 90.0], &[9.0; 4])).flux_lm(), TAU * 9.0);
+    let degrees: Vec<f64> = (0..=45).map(|i| 2.0 * f64::from(i)).collect();
+    let cosine: Vec<f64> = degrees.iter().map(|degrees| 9.0 * degrees.to_radians().cos()).collect();
+    near(parsed(&ies(1, &degrees, &[0.0], &cosine)).flux_lm(), 9.0 * PI);
+    for (isym, planes) in [(0, 4), (1, 1), (2, 3), (3, 3), (4, 2)] {
+        near(parsed(&ldt(isym, &[9.0; 12][..3 * planes])).flux_lm(), 2.0 * TAU * 9.0);
+    }
+}
+
+/// Mean over a Fibonacci lattice of directions.
+fn lattice_flux(profile: &PhotometricProfile) -> f32 {
+    const N: usize = 200_000;
+    let golden = PI * (3.0 - 5.0_f32.sqrt());
+    let candela = |i: usize| {
+        let z = 1.0 - (2 * i + 1) as f32 / N as f32;
+        let (sin, cos) = ((i as f64 * f64::from(golden)) % std::f64::consts::TAU).sin_cos();
+        let across = (1.0 - z * z).sqrt();
+        f64::from(profile.candela(Vec3::new(across * cos as f32, across * sin as f32, z)))
+    };
+    ((0..N).map(candela).sum::<f64>() / N as f64) as f32 * 2.0 * TAU
+}
+
+#[test]
+fn flux_is_the_integral_of_candela() {
+    let values: Vec<f64> = (0..20).map(|i| f64::from(i * i % 13)).collect();
+    for profile in [
+        parsed(&ies(1, &[0.0, 30.0, 70.0, 120.0], &[0.0, 20.0, 100.0, 190.0, 350.0], &values)),
+        parsed(&ies(1, &[20.0, 30.0, 70.0, 180.0], &[90.0, 120.0, 180.0, 250.0, 270.0], &values)),
+        parsed(&ies(2, &[-90.0, -20.0, 35.0, 90.0], &[-80.0, -10.0, 5.0, 50.0, 90.0], &values)),
+    ] {
+        let (sum, exact) = (lattice_flux(&profile), profile.flux_lm());
+        assert!((sum - exact).abs() < 2e-3 * exact, "{sum} lm by sum, {exact} lm by formula");
+    }
+}
+
+#[test]
+fn faults_are_named_with_their_lines() {
+    let good = ies(1, &[0.0, 45.0, 90.0], &[0.0, 90.0], &[9.0; 6]);
+    let good_ldt = ldt(4, &[9.0; 6]);
+    for (from, to, line, reason) in [
+        ("3 2 1 2 0", "3 2 3 2 0", 5, "type A"),
+        ("3 2 1 2 0", "3 2 4 2 0", 5, "type of photometry is 4"),
+        ("3 2 1 2 0", "4000000000 2 1 2 0", 5, "number of vertical angles is 4000000000"),
+        ("3 2 1 2 0", "3 2.5 1 2 0", 5, "whole number"),
+        ("3 2 1 2 0", "3 -2 1 2 0", 5, "number of horizontal angles is -2"),
+        ("3 2 1 2 0", "1999 1999 1 2 0", 5, "more than can be read"),
+        ("1000 1.0", "1000 0", 5, "multiplier is 0"),
+        ("1.0 1.0 10", "-1 1.0 10", 6, "ballast factor is -1"),
+        ("0 45 90", "0 45 45", 7, "not larger"),
+        ("0 45 90", "0 45 190", 7, "190° is not within"),
+        ("0 45 90", "0 NaN 90", 7, "\"NaN\" is no number"),
+        ("0 90\r\n", "0 80\r\n", 8, "from 0° to 80°"),
+        ("9 9 9\r\n9 9 9\r\n", "9 9 9\r\n9 -9 9\r\n", 10, "intensity -9"),
+        ("9 9 9\r\n9 9 9\r\n", "9 9 9\r\n9 inf 9\r\n", 10, "\"inf\" is no number"),
+        ("9 9 9\r\n9 9 9\r\n", "9 9 9\r\n9 1e300 9\r\n", 10, "not possible"),
+        ("9 9 9\r\n9 9 9\r\n", "9 9 9\r\n9\r\n", 10, "intensity 5 of 6 is missing"),
+    ] {
+        assert!(good.contains(from), "{from:?}");
+        let error = PhotometricProfile::parse(good.replace(from, to).as_bytes(), "a.ies").expect_err(to);
+        let words = error.to_string();
+        assert!(words.starts_with(&format!("line {line} of a.ies: ")) && words.contains(reason), "{words}");
+    }
+    let lines: Vec<&str> = good_ldt.lines().collect();
+    for (line, to, reason) in [
+        (3, "5", "symmetry is 5"),
+        (4, "6", "multiple of 4"),
+        (24, "0", "conversion factor"),
+        (29, "-500", "luminous flux"),
+        (26, "", "sets of lamps is missing"),
+        (51, "-1", "intensity -1"),
+    ] {
+        let mut lines = lines.clone();
+        lines[line - 1] = to;
+        let mut text = lines.join("\n");
+        if line == 4 {
+            text = text.replacen("\n180\n270\n", "\n180\n270\n280\n290\n", 1);
+        }
+        let words = PhotometricProfile::parse(text.as_bytes(), "a.LDT").expect_err(reason).to_string();
+        assert!(words.starts_with(&format!("line {line} of a.LDT: ")) && words.contains(reason), "{words}");
+    }
+    let dark = ies(1, &[0.0, 90.0], &[0.0], &[0.0, 0.0]);
+    assert!(matches!(PhotometricProfile::parse(dark.as_bytes(), "a.ies"), Err(PhotometryError::Dark { .. })));
+    assert!(matches!(PhotometricProfile::parse(b"hello", "a.txt"), Err(PhotometryError::UnknownFormat { .. })));
+    assert!(PhotometricProfile::parse(b"", "a.ldt").is_err() && PhotometricProfile::parse(b"TILT=", "a.ies").is_err());
+}
+
+/// 64-bit linear congruential generator.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) as usize) % n
+    }
+}
+
+#[test]
+fn damaged_files_never_panic() {
+    let mut dice = Dice(7);
+    let (all, some) = ([0.0, 45.0, 90.0, 180.0, 270.0], [1.0, 2.5, 30.0]);
+    let files = [
+        ies(1, &all[..4], &all, &some.repeat(7)[..20]),
+        ies(2, &[-90.0, 0.0, 90.0], &[-90.0, 90.0], &some.repeat(2)).replace("NONE", "INCLUDE\n1 1 0 1"),
+        ldt(0, &some.repeat(4)),
+        ldt(3, &some.repeat(3)),
+    ];
+    let mut n_read = 0;
+    for nth in 0..4000 {
+        let mut bytes = files[nth % files.len()].clone().into_bytes();
+        if dice.below(3) == 0 {
+            bytes.truncate(dice.below(bytes.len()));
+        }
+        for _ in 0..dice.below(4) {
+            let at = dice.below(bytes.len().max(1));
+            let other = [b'-', b'9', b' ', b'\n', b'.', b'e', 0xFF, dice.below(256) as u8][dice.below(8)];
+            if let Some(byte) = bytes.get_mut(at) {
+                *byte = other;
+            }
+        }
+        if let Ok(profile) = PhotometricProfile::parse(&bytes, ["a.ies", "a.ldt"][nth / 2 % 2]) {
+            n_read += 1;
+            let direction =
+                Vec3::new(dice.below(9) as f32 - 4.0, dice.below(9) as f32 - 4.0, dice.below(9) as f32 - 4.0);
+            let candela = profile.candela(direction);
+            assert!((0.0..=profile.max_candela()).contains(&candela), "file {nth}: {candela} cd");
+            assert!(profile.flux_lm() >= 0.0, "file {nth}");
+        }
+    }
+    assert!(n_read > 200, "{n_read} of 4000 were read");
+}
+
+#[test]
+fn files_of_a_maker_hold_what_they_state() {
+    let Some(folder) = std::env::var_os("CLERESTORY_SHARED").map(PathBuf::from) else {
+        println!("skipped: no shared data");
+        return;
+    };
+    let load = |name: &str| {
+        let bytes = std::fs::read(folder.join("env").join(name)).expect(name);
+        PhotometricProfile::parse(&bytes, name).expect(name)
+    };
+    let towards = |gamma: f32, phi: f32| {
+        let ((sin, cos), (y, x)) = (gamma.to_radians().sin_cos(), phi.to_radians().sin_cos());
+        Vec3::new(sin * x, sin * y, -cos)
+    };
+    let narrow = load("bega-50975.6K3.ies");
+    expect(&narrow, &[(AIM, 330.8), (towards(25.0, 200.0), 238.1), (towards(41.25, 10.0), 34.5), (-AIM, 0.0)]);
+    assert_eq!(narrow.max_candela(), 337.2);
+    assert!((narrow.flux_lm() / 321.0 - 1.0).abs() < 0.03, "{} lm of 321", narrow.flux_lm());
+    let wide = load("bega-50899.2K3.ies");
+    expect(&wide, &[(AIM, 2160.3), (towards(20.0, 352.0), 882.7), (towards(85.0, 345.0), 1.7), (X, 0.0), (-AIM, 0.0)]);
+    assert!((wide.flux_lm() / 1221.0 - 1.0).abs() < 0.03, "{} lm of 1221", wide.flux_lm());
+}
