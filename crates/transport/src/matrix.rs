@@ -221,9 +221,9 @@ mod tests {
 
     #[test]
     fn a_small_lamp_that_the_file_turns_up_counts_as_much_as_a_large_one() {
-        let scale = scale_of_peaks(&[1.0, 1.0, 1e-3], &[1.0, 1.0, 1e3]);
-        assert_eq!(scale, [1.0, 1.0, 1e3]);
+        let dim = 1.0 / 1024.0;
+        assert_eq!(scale_of_peaks(&[1.0, 1.0, dim], &[1.0, 1.0, 1024.0]), [1.0, 1.0, 1024.0]);
         // A lamp that is off in the file keeps its own peak; one that lights nothing takes the median.
-        assert_eq!(scale_of_peaks(&[1.0, 1e-3, 0.0], &[1.0, 0.0, 0.0]), [1.0, 1e3, 1.0]);
+        assert_eq!(scale_of_peaks(&[1.0, dim, 0.0], &[1.0, 0.0, 0.0]), [1.0, 1024.0, 1.0]);
     }
 }
