@@ -115,6 +115,9 @@ pub struct BakeHeader {
     pub fingerprint: String,
     /// Name of the camera.
     pub camera: String,
+    /// The camera itself, where the sky is shown behind the picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<Camera>,
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -221,6 +224,7 @@ impl BakeJob {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
             camera: self.camera.name.clone(),
+            view: self.scene.lighting.basis.sky.is_some().then(|| self.camera.clone()),
             width: self.film.width,
             height: self.film.height,
             tile: TILE,

@@ -39,10 +39,16 @@ impl MatrixPlan {
     /// For all columns that can be connected to.
     pub fn new(lighting: &Lighting, density: Density) -> MatrixPlan {
         let basis = &lighting.basis;
-        let connected = basis.groups.iter().filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel));
-        let groups: Vec<_> = connected.map(|g| g.columns.clone()).collect();
+        let connected = basis.groups.iter().map(|g| match g.kind {
+            ColumnKind::Luminaire | ColumnKind::Panel => g.columns.clone(),
+            // Its last column is only seen.
+            ColumnKind::Sky => g.columns.start..g.columns.end - 1,
+            ColumnKind::Constant => 0..0,
+        });
+        let groups: Vec<_> = connected.filter(|columns| !columns.is_empty()).collect();
         let sources = basis.sources.iter().filter(|s| groups.iter().any(|g| g.contains(&s.columns.start)));
-        let first: Vec<u32> = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone())).collect();
+        let first = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone()));
+        let first: Vec<u32> = first.filter(|column| groups.iter().any(|g| g.contains(column))).collect();
         // Lamps are few and unlike each other; neighboring texels are many and alike.
         let stride = if density == Density::Quarter && first.len() >= 128 { 4 } else { 1 };
         let mut first_rate = vec![0.0; basis.n_cols()];
@@ -136,7 +142,11 @@ impl PicturePlan {
                 (Emitter::Panel(panel), _) => panel.texel_area,
                 (_, SourceKind::Directional) => diameter_m * diameter_m / 4.0,
                 (Emitter::Punctual(_), _) => 1.0,
-                (Emitter::Sky | Emitter::Constant, _) => 0.0,
+                (Emitter::Environment(map), _) => {
+                    map.mean_luminance() * std::f32::consts::PI * diameter_m * diameter_m / 4.0
+                }
+                (Emitter::Sun(_), _) => diameter_m * diameter_m / 4.0,
+                (Emitter::Dome(_) | Emitter::Sky | Emitter::Constant, _) => 0.0,
             };
             for column in source.columns.clone() {
                 let color = Vec3::from(coefficients[column as usize]);
