@@ -266,6 +266,9 @@ fn check_header(header: &BakeHeader) -> Result<(), &'static str> {
     if header.column_scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
         return Err("its header has an impossible scale");
     }
+    if !header.unseen.is_sorted() || header.unseen.last().is_some_and(|&column| column >= next) {
+        return Err("its header skips columns that it does not have");
+    }
     if header.view.as_ref().is_some_and(|view| !view.world_from_camera.is_finite() || !view.yfov_rad.is_finite()) {
         return Err("its header has an impossible camera");
     }
@@ -373,7 +376,8 @@ fn read_part(bytes: &[u8], mut offset: usize, header: &BakeHeader) -> (Done, usi
 
 /// What differs between a half-done bake and the one that is asked for, in words.
 fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
-    let same_scale = BakeHeader { column_scale: found.column_scale.clone(), ..asked.clone() };
+    let (column_scale, unseen) = (found.column_scale.clone(), found.unseen.clone());
+    let same_scale = BakeHeader { column_scale, unseen, ..asked.clone() };
     if *found == same_scale {
         return None;
     }

@@ -130,6 +130,9 @@ pub struct BakeHeader {
     pub basis: LightBasis,
     /// What each column was multiplied by; coefficients are divided by it.
     pub column_scale: Vec<f32>,
+    /// Columns of the sky that no pilot saw, in order: only walks that escape to them by themselves find them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub unseen: Vec<u32>,
 }
 
 impl BakeHeader {
@@ -220,6 +223,7 @@ impl BakeJob {
         self.check()?;
         let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
         let matrix = self.matrix(&plan);
+        let (column_scale, unseen) = matrix.measure_columns();
         Ok(BakeHeader {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
@@ -230,7 +234,8 @@ impl BakeJob {
             tile: TILE,
             config: self.config.clone(),
             basis: self.scene.lighting.basis.clone(),
-            column_scale: matrix.measure_column_scale(),
+            column_scale,
+            unseen,
         })
     }
 
@@ -263,7 +268,7 @@ impl BakeJob {
         done: &[(usize, Vec<Arc<BlockFactors>>)],
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
+        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).skipping(&header.unseen);
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
@@ -372,7 +377,7 @@ impl Run<'_> {
         };
         let flow = match samples {
             None => {
-                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter);
+                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter).skipping(&header.unseen);
                 let mut matrix = job.matrix(&plan);
                 matrix.set_column_scale(header.column_scale.clone());
                 preview(&matrix, &partition, blocks, &config, on_block)?

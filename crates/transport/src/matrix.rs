@@ -14,6 +14,7 @@ use crate::path::{Deposit, Integrator, Scratch};
 use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::sky::SkyPicks;
 
 /// Rows per pixel: red, green, blue.
 pub const CHANNELS: usize = 3;
@@ -61,6 +62,19 @@ impl<'a> TransportMatrix<'a> {
     /// Measures the brightness of each column on a few thousand pixels and returns one over its 99.5 percentile. A column
     /// that reaches none of them takes the median of the others.
     pub fn measure_column_scale(&self) -> Vec<f32> {
+        scale_of_peaks(&self.measure_peaks())
+    }
+
+    /// As [`TransportMatrix::measure_column_scale`], and which patches of the sky reached none of these pixels.
+    pub fn measure_columns(&self) -> (Vec<f32>, Vec<u32>) {
+        let peaks = self.measure_peaks();
+        let patches = SkyPicks::new(self.integrator.lighting());
+        let is_dark = |column: &u32| peaks[*column as usize] <= 0.0;
+        (scale_of_peaks(&peaks), patches.columns().iter().copied().filter(is_dark).collect())
+    }
+
+    /// The 99.5 percentile of each column; where that is dark, its brightest entry.
+    fn measure_peaks(&self) -> Vec<f32> {
         let (n_cols, n_pixels) = (self.n_cols(), self.film.n_pixels());
         let n_pilots = n_pixels.min(PILOT_PIXELS).min((1 << 26) / n_cols.max(1)).max(1);
         let pilots: Vec<u32> = (0..n_pilots).map(|i| (i * n_pixels / n_pilots) as u32).collect();
@@ -76,7 +90,7 @@ impl<'a> TransportMatrix<'a> {
             );
         });
         let n_rows = n_pilots * CHANNELS;
-        let peaks: Vec<f32> = (0..n_cols)
+        (0..n_cols)
             .into_par_iter()
             .map(|column| {
                 let mut values: Vec<f32> = (0..n_rows).map(|row| rows[row * n_cols + column]).collect();
@@ -86,8 +100,7 @@ impl<'a> TransportMatrix<'a> {
                 if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }
             })
             .map(|sum| sum / PILOT_SAMPLES as f32)
-            .collect();
-        scale_of_peaks(&peaks)
+            .collect()
     }
 
     fn deposit_pixel(

@@ -288,8 +288,13 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if walk.specular {
             return deposit.seen(column, walk.throughput * radiance);
         }
-        let pdf = || hit.t * hit.t / (hit.normal.dot(walk.direction).abs() * area);
-        let weight = self.arrival_weight(walk, column, pdf);
+        let weight = match walk.sampled_at {
+            Some(vertex) if walk.density > 0.0 => {
+                let pdf = hit.t * hit.t / (hit.normal.dot(walk.direction).abs() * area);
+                power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf)
+            }
+            _ => 1.0,
+        };
         deposit.scattered(column, walk.throughput * radiance * weight);
     }
 

@@ -9,6 +9,7 @@ use crate::emitters::{Emitter, Lighting};
 use crate::light::luminance;
 use crate::path::{LightPlan, Pick, Vertex};
 use crate::sampler::Sampler;
+use crate::sky::SkyPicks;
 
 /// For a matrix: every column at the first vertex, at later ones a few of each group, stratified, so that each column of
 /// a group gets its equal share.
@@ -21,6 +22,8 @@ pub struct MatrixPlan {
     /// Expected picks of each column at the first vertex.
     first_rate: Vec<f32>,
     splits: u32,
+    /// Patches of the sky.
+    sky: SkyPicks,
 }
 
 /// How many of the columns the first vertex connects to.
@@ -39,31 +42,40 @@ impl MatrixPlan {
     /// For all columns that can be connected to.
     pub fn new(lighting: &Lighting, density: Density) -> MatrixPlan {
         let basis = &lighting.basis;
-        let connected = basis.groups.iter().map(|g| match g.kind {
-            ColumnKind::Luminaire | ColumnKind::Panel => g.columns.clone(),
-            // Its last column is only seen.
-            ColumnKind::Sky => g.columns.start..g.columns.end - 1,
-            ColumnKind::Constant => 0..0,
-        });
-        let groups: Vec<_> = connected.filter(|columns| !columns.is_empty()).collect();
+        let connected = basis.groups.iter().filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel));
+        let groups: Vec<_> = connected.map(|g| g.columns.clone()).collect();
         let sources = basis.sources.iter().filter(|s| groups.iter().any(|g| g.contains(&s.columns.start)));
-        let first = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone()));
-        let first: Vec<u32> = first.filter(|column| groups.iter().any(|g| g.contains(column))).collect();
+        let mut first: Vec<u32> = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone())).collect();
+        let sky = SkyPicks::new(lighting);
+        first.extend(sky.columns());
         // Lamps are few and unlike each other; neighboring texels are many and alike.
         let stride = if density == Density::Quarter && first.len() >= 128 { 4 } else { 1 };
-        let mut first_rate = vec![0.0; basis.n_cols()];
-        for chunk in first.chunks(stride) {
-            for &column in chunk {
-                first_rate[column as usize] = 1.0 / chunk.len() as f32;
-            }
-        }
         // A fan over many columns is dear, so its vertex is used for several continuations.
         let splits = match first.len() {
             0..=8 => 1,
             9..=64 => 2,
             _ => 4,
         };
-        MatrixPlan { groups, first, stride, first_rate, splits }
+        let mut plan = MatrixPlan { groups, first, stride, first_rate: vec![0.0; basis.n_cols()], splits, sky };
+        plan.count_picks();
+        plan
+    }
+
+    /// Leaves out columns of the sky, given in order, that no pilot saw.
+    pub fn skipping(mut self, columns: &[u32]) -> MatrixPlan {
+        self.sky.skip(columns);
+        self.first.retain(|column| columns.binary_search(column).is_err());
+        self.count_picks();
+        self
+    }
+
+    fn count_picks(&mut self) {
+        self.first_rate.fill(0.0);
+        for chunk in self.first.chunks(self.stride) {
+            for &column in chunk {
+                self.first_rate[column as usize] = 1.0 / chunk.len() as f32;
+            }
+        }
     }
 }
 
@@ -105,12 +117,16 @@ impl LightPlan for MatrixPlan {
                 picks.push(Pick { column: group.start + (at as u32).min(n - 1), inverse_rate: stretch });
             }
         }
+        self.sky.pick_later(sampler, picks);
     }
 
     fn rate(&self, vertex: Vertex, column: u32) -> f32 {
         match vertex {
             Vertex::First => self.first_rate[column as usize],
             Vertex::Later => {
+                if let Some(rate) = self.sky.later_rate(column) {
+                    return rate;
+                }
                 let group = self.groups.iter().find(|g| g.contains(&column));
                 group.map_or(0.0, |group| (LATER_PICKS as f32 / group.len() as f32).min(1.0))
             }

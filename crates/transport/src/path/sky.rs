@@ -15,6 +15,11 @@ pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
 }
 
 impl<P: LightPlan> Integrator<'_, P> {
+    /// The lights of the scene.
+    pub(crate) fn lighting(&self) -> &Lighting {
+        &self.scene.lighting
+    }
+
     /// Collects what shines where a walk meets no surface.
     pub(super) fn collect_beyond(&self, walk: &Walk, deposit: &mut impl Deposit) {
         for &source in &self.beyond {
@@ -48,8 +53,8 @@ impl<P: LightPlan> Integrator<'_, P> {
         }
     }
 
-    /// Share of a walk that met a light by itself, against the connections to it; `pdf` is their solid-angle density.
-    pub(super) fn arrival_weight(&self, walk: &Walk, column: u32, pdf: impl FnOnce() -> f32) -> f32 {
+    /// Share of a walk that met the sky by itself, against the connections to it; `pdf` is their solid-angle density.
+    fn arrival_weight(&self, walk: &Walk, column: u32, pdf: impl FnOnce() -> f32) -> f32 {
         match walk.sampled_at {
             Some(vertex) if walk.density > 0.0 => power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf()),
             _ => 1.0,
