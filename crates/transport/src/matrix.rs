@@ -59,18 +59,21 @@ impl<'a> TransportMatrix<'a> {
         self.column_scale = column_scale;
     }
 
-    /// Measures the brightness of each column on a few thousand pixels and returns one over its 99.5 percentile. A column
-    /// that reaches none of them takes the median of the others.
-    pub fn measure_column_scale(&self) -> Vec<f32> {
-        scale_of_peaks(&self.measure_peaks())
-    }
-
-    /// As [`TransportMatrix::measure_column_scale`], and which patches of the sky reached none of these pixels.
+    /// Measures the brightness of each column on a few thousand pixels: one over its 99.5 percentile, and which patches
+    /// of the sky reached none of these pixels. A column that reaches none takes the median of the others.
+    ///
+    /// Patches of the sky share one scale: they shine together, and most of them light few pixels through a window, so
+    /// that a percentile of their own would be next to nothing.
     pub fn measure_columns(&self) -> (Vec<f32>, Vec<u32>) {
-        let peaks = self.measure_peaks();
+        let mut peaks = self.measure_peaks();
         let patches = SkyPicks::new(self.integrator.lighting());
-        let is_dark = |column: &u32| peaks[*column as usize] <= 0.0;
-        (scale_of_peaks(&peaks), patches.columns().iter().copied().filter(is_dark).collect())
+        let peak = |column: &u32| f64::from(peaks[*column as usize]);
+        let unseen = patches.columns().iter().copied().filter(|column| peak(column) <= 0.0).collect();
+        // The mean of the peaks, each weighed by its square: that of the patches that shine in.
+        let moment = |power: i32| patches.columns().iter().map(|column| peak(column).powi(power)).sum::<f64>();
+        let shared = (moment(3) / moment(2).max(f64::MIN_POSITIVE)) as f32;
+        patches.columns().iter().for_each(|&column| peaks[column as usize] = shared);
+        (scale_of_peaks(&peaks), unseen)
     }
 
     /// The 99.5 percentile of each column; where that is dark, its brightest entry.

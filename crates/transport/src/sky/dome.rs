@@ -91,15 +91,13 @@ impl Dome {
     /// Mean radiance of a map over each patch. Pixels and patches are both boxes in azimuth and sine of elevation, so
     /// their overlaps are exact and no light is lost, however the map is turned.
     pub fn means(&self, map: &Environment, turn: Turn) -> Vec<[f32; 3]> {
-        let (cells, width) = (map.cell_means(), map.width());
         let mut means = vec![[0.0; 3]; self.n_patches() as usize];
-        for row in 0..map.height() {
-            let sines = map.row_sines(row);
-            let pixels = &cells[row * width..(row + 1) * width];
+        for row in &map.coarse().rows {
             for band in &self.bands {
-                let shared = band.sines[1].min(sines[1]) - band.sines[0].max(sines[0]);
+                let shared = band.sines[1].min(row.sines[1]) - band.sines[0].max(row.sines[0]);
                 if shared > 0.0 {
-                    band.add_row(pixels, f64::from(turn.share), shared / (band.sines[1] - band.sines[0]), &mut means);
+                    let share = shared / (band.sines[1] - band.sines[0]);
+                    band.add_row(&row.cells, f64::from(turn.share), share, &mut means);
                 }
             }
         }

@@ -5,10 +5,12 @@
 //! their share of the height is half a row at the poles and none at the horizon.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::{Arc, OnceLock};
 
 use glam::{Vec2, Vec3};
 
 use super::SkyError;
+use super::coarse::Coarse;
 
 /// Equirectangular radiance in nit, linear Rec. 709, bilinear between the centers of its pixels.
 #[derive(Clone, Debug)]
@@ -18,6 +20,7 @@ pub struct Environment {
     /// Row-major from the zenith down.
     pixels: Vec<[f32; 3]>,
     fingerprint: u64,
+    coarse: OnceLock<Arc<Coarse>>,
 }
 
 /// The uniform sky of 1 nit.
@@ -69,7 +72,7 @@ impl Environment {
             let hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01B3);
             hash ^ (hash >> 29)
         });
-        Environment { width, height, pixels, fingerprint }
+        Environment { width, height, pixels, fingerprint, coarse: OnceLock::new() }
     }
 
     /// The same radiance everywhere.
@@ -137,6 +140,11 @@ impl Environment {
             mix(across(x, before.min(h - 1)), across(x, y), across(x, after))
         };
         (0..w * h).map(cell).collect()
+    }
+
+    /// As coarse as patches need it.
+    pub(super) fn coarse(&self) -> &Coarse {
+        self.coarse.get_or_init(|| Arc::new(Coarse::new(self)))
     }
 
     /// Sines of the elevations between which a row of pixels lies, the lower one first.

@@ -9,6 +9,7 @@
 
 mod analytic;
 mod backdrop;
+mod coarse;
 mod codec;
 mod dome;
 mod emitter;
