@@ -266,8 +266,8 @@ fn check_header(header: &BakeHeader) -> Result<(), &'static str> {
     if header.column_scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
         return Err("its header has an impossible scale");
     }
-    if !header.unseen.is_sorted() || header.unseen.last().is_some_and(|&column| column >= next) {
-        return Err("its header skips columns that it does not have");
+    if header.sky_reach.iter().any(|reach| !reach.is_finite() || *reach < 0.0) {
+        return Err("its header has an impossible reach of the sky");
     }
     if header.view.as_ref().is_some_and(|view| !view.world_from_camera.is_finite() || !view.yfov_rad.is_finite()) {
         return Err("its header has an impossible camera");
@@ -376,8 +376,8 @@ fn read_part(bytes: &[u8], mut offset: usize, header: &BakeHeader) -> (Done, usi
 
 /// What differs between a half-done bake and the one that is asked for, in words.
 fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
-    let (column_scale, unseen) = (found.column_scale.clone(), found.unseen.clone());
-    let same_scale = BakeHeader { column_scale, unseen, ..asked.clone() };
+    let (column_scale, sky_reach) = (found.column_scale.clone(), found.sky_reach.clone());
+    let same_scale = BakeHeader { column_scale, sky_reach, ..asked.clone() };
     if *found == same_scale {
         return None;
     }

@@ -130,9 +130,9 @@ pub struct BakeHeader {
     pub basis: LightBasis,
     /// What each column was multiplied by; coefficients are divided by it.
     pub column_scale: Vec<f32>,
-    /// Columns of the sky that no pilot saw, in order: only walks that escape to them by themselves find them.
+    /// How much of each patch of the sky the pilots saw; what they saw nothing of is not connected to.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub unseen: Vec<u32>,
+    pub sky_reach: Vec<f32>,
 }
 
 impl BakeHeader {
@@ -223,7 +223,7 @@ impl BakeJob {
         self.check()?;
         let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
         let matrix = self.matrix(&plan);
-        let (column_scale, unseen) = matrix.measure_columns();
+        let (column_scale, sky_reach) = matrix.measure_columns();
         Ok(BakeHeader {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
@@ -235,7 +235,7 @@ impl BakeJob {
             config: self.config.clone(),
             basis: self.scene.lighting.basis.clone(),
             column_scale,
-            unseen,
+            sky_reach,
         })
     }
 
@@ -268,7 +268,7 @@ impl BakeJob {
         done: &[(usize, Vec<Arc<BlockFactors>>)],
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).skipping(&header.unseen);
+        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).with_sky_reach(&header.sky_reach);
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
@@ -377,7 +377,7 @@ impl Run<'_> {
         };
         let flow = match samples {
             None => {
-                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter).skipping(&header.unseen);
+                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter).with_sky_reach(&header.sky_reach);
                 let mut matrix = job.matrix(&plan);
                 matrix.set_column_scale(header.column_scale.clone());
                 preview(&matrix, &partition, blocks, &config, on_block)?

@@ -61,10 +61,12 @@ impl MatrixPlan {
         plan
     }
 
-    /// Leaves out columns of the sky, given in order, that no pilot saw.
-    pub fn skipping(mut self, columns: &[u32]) -> MatrixPlan {
-        self.sky.skip(columns);
-        self.first.retain(|column| columns.binary_search(column).is_err());
+    /// Connects to patches of the sky as pilots saw them, see [`SkyPicks::learn`].
+    pub fn with_sky_reach(mut self, reach: &[f32]) -> MatrixPlan {
+        let before = self.sky.columns().to_vec();
+        self.sky.learn(reach);
+        let sky = &self.sky;
+        self.first.retain(|column| before.binary_search(column).is_err() || sky.later_rate(*column).is_some());
         self.count_picks();
         self
     }
