@@ -104,7 +104,7 @@ mod tests {
             sky.pick_later(&mut Sampler::new(1, 1, index), &mut picks);
             for pick in &picks {
                 counts[pick.column as usize] += 1.0 / f64::from(n);
-                assert!((pick.inverse_rate * sky.later_rate(pick.column).unwrap() - 1.0).abs() < 1e-5);
+                assert!((pick.inverse_rate * sky.later_rate(pick.column).unwrap() - 1.0).abs() < 1e-6);
             }
         }
         for (column, count) in counts.into_iter().enumerate() {
