@@ -317,9 +317,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             if value.max_element() <= 0.0 {
                 continue;
             }
-            // Roulette: a connection that carries little is seldom asked for, and then carries more.
+            // Roulette: a later connection that carries little is seldom asked for, and then carries more.
             let carried = value.max_element() * self.plan.worth(pick.column);
-            if carried < 1.0 {
+            if vertex != Vertex::First && carried < 1.0 {
                 let die = (roulette.wrapping_add((nth as u32).wrapping_mul(GOLDEN)) >> 8) as f32 / 16_777_216.0;
                 if die >= carried {
                     continue;
