@@ -78,8 +78,17 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
 }
 
 fn options() -> BakeOptions {
-    let view =
-        ViewArgs { camera: None, size: None, spp: SPP, bounces: None, panels: Vec::new(), seed: 0, threads: None };
+    let view = ViewArgs {
+        camera: None,
+        size: None,
+        spp: SPP,
+        bounces: None,
+        panels: Vec::new(),
+        ies: Vec::new(),
+        unitless: false,
+        seed: 0,
+        threads: None,
+    };
     BakeOptions { view, tolerance: 40.0, fresh: true }
 }
 
