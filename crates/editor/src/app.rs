@@ -179,7 +179,7 @@ impl App {
     fn notice(&mut self, notice: Notice) {
         match notice {
             Notice::Opened => self.scene_opened(),
-            Notice::PanelsChanged => self.start_bake(),
+            Notice::PreparedAgain => self.start_bake(),
             Notice::Said(words) => self.say(words),
             Notice::Failed(words) => self.complain(words),
         }
@@ -216,6 +216,7 @@ impl App {
             Action::StartBake => self.start_bake(),
             Action::CancelBake => self.session.cancel_bake(),
             Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
+            Action::ChooseUnits(units) => self.session.choose_units(units),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
             Action::ResetLook => self.look = Look::default(),
@@ -409,6 +410,7 @@ impl App {
             figures: self.session.figures.as_ref(),
             error_db: self.session.error_db,
             has_scene: opened.is_some_and(|opened| opened.scene.is_some()),
+            units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),
         };
         bake_ui(ui, &mut self.settings, &view, &mut self.actions);

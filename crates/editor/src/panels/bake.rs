@@ -3,6 +3,7 @@
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::lamp_units::LampUnits;
 use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui};
 
 use super::status::duration;
@@ -43,6 +44,8 @@ pub struct BakeView<'a> {
     pub error_db: Option<ErrorDb>,
     /// Whether there is a scene, so that it can be baked.
     pub has_scene: bool,
+    /// How its lamps are counted, where it has lamps that leave room for a doubt.
+    pub units: Option<LampUnits>,
     /// What was left behind on import, in words.
     pub report: &'a [String],
 }
@@ -50,7 +53,7 @@ pub struct BakeView<'a> {
 /// Draws it.
 pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     theme::section(ui, "Bake");
-    ui.add_enabled_ui(view.has_scene, |ui| settings_ui(ui, settings, view.cameras));
+    ui.add_enabled_ui(view.has_scene, |ui| settings_ui(ui, settings, view, actions));
     ui.add_space(4.0);
     progress_ui(ui, view, actions);
     if let Some(figures) = view.figures {
@@ -62,10 +65,10 @@ pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
     }
 }
 
-fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera]) {
+fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     egui::Grid::new("bake settings").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
         let label = ui.label("Camera");
-        camera_ui(ui, settings, cameras, label.id);
+        camera_ui(ui, settings, view.cameras, label.id);
         ui.end_row();
         ui.label("Size");
         size_ui(ui, &mut settings.film);
@@ -82,7 +85,22 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera]) {
             ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
         });
         ui.end_row();
+        if let Some(units) = view.units {
+            ui.label("");
+            units_ui(ui, units, actions);
+            ui.end_row();
+        }
     });
+}
+
+fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
+    let mut is_unitless = units == LampUnits::Unitless;
+    let hint = "For files whose lamps are not in candela and lux: their numbers count as watts per steradian, \
+                683 times as bright\nThe scene is baked again";
+    if ui.checkbox(&mut is_unitless, "Unitless lamps").on_hover_text(hint).changed() {
+        let units = if is_unitless { LampUnits::Unitless } else { LampUnits::Photometric };
+        actions.push(Action::ChooseUnits(units));
+    }
 }
 
 fn camera_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera], label: egui::Id) {
