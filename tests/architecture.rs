@@ -32,7 +32,7 @@ fn dependencies(crate_name: &str) -> BTreeSet<String> {
 fn every_crate_uses_only_what_its_arrows_allow() {
     let arrows = [
         ("nystrom", "half nalgebra rayon thiserror"),
-        ("transport", "bytemuck clerestory-nystrom glam gltf image obvhs rayon serde serde_json thiserror"),
+        ("transport", "bytemuck clerestory-nystrom exr glam gltf half image obvhs rayon serde serde_json thiserror"),
         ("relight", "bytemuck clerestory-nystrom half pollster rayon serde thiserror wgpu"),
         (
             "editor",

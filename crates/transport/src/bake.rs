@@ -118,6 +118,9 @@ pub struct BakeHeader {
     pub fingerprint: String,
     /// Name of the camera.
     pub camera: String,
+    /// The camera itself, where the sky is shown behind the picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<Camera>,
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -130,6 +133,9 @@ pub struct BakeHeader {
     pub basis: LightBasis,
     /// What each column was multiplied by; coefficients are divided by it.
     pub column_scale: Vec<f32>,
+    /// How much of each patch of the sky the pilots saw; what they saw nothing of is not connected to.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sky_reach: Vec<f32>,
 }
 
 impl BakeHeader {
@@ -220,16 +226,19 @@ impl BakeJob {
         self.check()?;
         let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
         let matrix = self.matrix(&plan);
+        let (column_scale, sky_reach) = matrix.measure_columns();
         Ok(BakeHeader {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
             camera: self.camera.name.clone(),
+            view: self.scene.lighting.basis.sky.is_some().then(|| self.camera.clone()),
             width: self.film.width,
             height: self.film.height,
             tile: TILE,
             config: self.config.clone(),
             basis: self.scene.lighting.basis.clone(),
-            column_scale: matrix.measure_column_scale(),
+            column_scale,
+            sky_reach,
         })
     }
 
@@ -262,7 +271,7 @@ impl BakeJob {
         done: &[(usize, Vec<Arc<BlockFactors>>)],
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).with_roulette(&header.column_scale);
+        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).fitted(&header.column_scale, &header.sky_reach);
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
@@ -374,7 +383,8 @@ impl Run<'_> {
         };
         let flow = match samples {
             None => {
-                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter).with_roulette(&header.column_scale);
+                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter)
+                    .fitted(&header.column_scale, &header.sky_reach);
                 let mut matrix = job.matrix(&plan);
                 matrix.set_column_scale(header.column_scale.clone());
                 preview(&matrix, &partition, blocks, &config, on_block)?

@@ -19,5 +19,6 @@ pub mod prepared;
 mod preview;
 pub mod sampler;
 pub mod scene;
+pub mod sky;
 pub mod texture;
 pub mod trace;

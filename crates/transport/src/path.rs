@@ -4,6 +4,8 @@
 //! and how many, a [`LightPlan`] says), and emitters that the walk meets by itself are weighed against that with the power
 //! heuristic \[Veach1995\]. The first such vertex connects to every column, later ones to a few, stratified.
 
+mod sky;
+
 use glam::{Vec2, Vec3};
 
 use crate::basis::SourceKind;
@@ -63,7 +65,8 @@ pub struct Integrator<'a, P> {
     plan: &'a P,
     bounces: u32,
     columns: Vec<ColumnPlace>,
-    sky_column: Option<u32>,
+    /// Sources that shine where a walk meets no surface.
+    beyond: Vec<u32>,
     far: f32,
 }
 
@@ -98,6 +101,8 @@ pub(crate) struct Walk {
     sampled_at: Option<Vertex>,
     /// Where `density` was chosen, a vertex that also sampled light.
     rival: Option<Vertex>,
+    /// Nothing has turned it from the camera's ray.
+    straight: bool,
     /// Every scattering so far was by a mirror or clear glass.
     specular: bool,
     /// Surfaces met.
@@ -121,6 +126,9 @@ const ROULETTE_AFTER: u32 = 2;
 /// Highest probability of going on.
 const ROULETTE_MAX: f32 = 0.95;
 
+/// Squared difference of unit vectors below which glass has not turned a ray.
+const STRAIGHT: f32 = 1e-10;
+
 impl<'a, P: LightPlan> Integrator<'a, P> {
     /// `bounces` counts scattering events beyond the first, as Cycles does; `None` leaves the end to roulette.
     pub fn new(scene: &'a PreparedScene, plan: &'a P, bounces: Option<u32>) -> Self {
@@ -134,15 +142,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             (0..source.columns.len() as u32).map(move |nth| ColumnPlace { source: idx as u32, texel: texel(nth) })
         });
         let columns = places.collect();
-        let sky = scene.lighting.emitters.iter().position(|e| matches!(e, Emitter::Sky));
-        let sky_column = sky.map(|idx| basis.sources[idx].columns.start);
+        let beyond = sky::sources_beyond(&scene.lighting);
         let far = 4.0 * scene.diameter();
-        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, sky_column, far }
-    }
-
-    /// The scene that walks are followed through.
-    pub(crate) fn scene(&self) -> &'a PreparedScene {
-        self.scene
+        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, beyond, far }
     }
 
     /// One sample of a pixel: a random point of its square, all columns.
@@ -267,9 +269,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.
     fn arrive(&self, walk: &mut Walk, sampler: &mut Sampler, deposit: &mut impl Deposit) -> Option<SurfaceHit> {
         let Some(hit) = self.scene.closest(&walk.ray(), sampler) else {
-            if let Some(column) = self.sky_column {
-                deposit.scattered(column, walk.throughput);
-            }
+            self.collect_beyond(walk, deposit);
             return None;
         };
         walk.n_hits += 1;
@@ -331,6 +331,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             walk.passed = 0.0;
             walk.specular &= !smooth;
         }
+        walk.straight &= (sample.wi - walk.direction).length_squared() < STRAIGHT;
         walk.direction = sample.wi;
         let inside = sample.wi.dot(hit.normal) < 0.0;
         walk.origin = offset_origin(hit.position, if inside { -hit.normal } else { hit.normal });
@@ -441,7 +442,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                     pdf: 0.0,
                 })
             }
-            Emitter::Sky | Emitter::Constant => None,
+            sky => {
+                let first = self.scene.lighting.basis.sources[source as usize].columns.start;
+                self.sky_point(sky, column - first, position, u)
+            }
         }
     }
 }
@@ -457,6 +461,7 @@ impl Walk {
             passed: 0.0,
             sampled_at: None,
             rival: None,
+            straight: true,
             specular: true,
             n_hits: 0,
             extinction: Vec3::ZERO,

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use crate::bsdf::{self, Bsdf};
 use crate::bvh::{Bvh, Hit, Ray};
-use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest};
+use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
 
@@ -43,7 +43,19 @@ impl PreparedScene {
     /// # Errors
     /// A panel request that the scene cannot answer.
     pub fn new(scene: Scene, panels: &[PanelRequest]) -> Result<(PreparedScene, Vec<String>), LightingError> {
-        let (lighting, warnings) = Lighting::new(&scene, panels)?;
+        PreparedScene::with_sky(scene, panels, None)
+    }
+
+    /// The same under a sky.
+    ///
+    /// # Errors
+    /// As [`PreparedScene::new`].
+    pub fn with_sky(
+        scene: Scene,
+        panels: &[PanelRequest],
+        sky: Option<&SkyRequest>,
+    ) -> Result<(PreparedScene, Vec<String>), LightingError> {
+        let (lighting, warnings) = Lighting::with_sky(&scene, panels, sky)?;
         let is_solid = |t: &u32| {
             let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
             material.alpha == AlphaMode::Opaque && !material.is_clear_pane()
@@ -194,7 +206,7 @@ impl PreparedScene {
                 Some((column + panel.texel(panel.uv_of(hit.position)), self.pattern(material, uvs) * panel.whiten))
             }
             Emitter::Constant => Some((column, self.base_color(hit))),
-            Emitter::Punctual(_) | Emitter::Sky => None,
+            _ => None,
         }
     }
 

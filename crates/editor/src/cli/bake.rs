@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::args::{BakeArgs, BakeOptions};
 use super::console::{Answer, Console, advance, bytes_words, duration_words};
-use super::view::{View, on_threads, open_view};
+use super::view::{View, on_threads, open_view, requested_sky};
 use crate::output::PendingFile;
 
 /// What a bake took.
@@ -25,7 +25,8 @@ pub(crate) struct BakeTimes {
 pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
     // A place that cannot be written is found out before the long work, not after it.
     drop(PendingFile::create(&args.output)?);
-    let view = open_view(&args.scene, &args.options.view, console)?;
+    let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
+    let view = open_view(&args.scene, &args.options.view, sky.as_ref(), console)?;
     let job = job(view, &args.options, Passes::PreviewAndFinal);
     let restart = if args.options.fresh { Restart::Fresh } else { Restart::Resume };
     let (bake, times) = run_with_progress(console, &args.options, |on_event| {
