@@ -407,6 +407,7 @@ impl App {
         let opened = self.session.opened.as_ref();
         let view = BakeView {
             cameras: self.session.cameras(),
+            baked_camera: self.session.shown.as_ref().map(|shown| shown.header.camera.as_str()),
             state: &self.session.bake,
             figures: self.session.figures.as_ref(),
             error_db: self.session.error_db,
@@ -414,7 +415,13 @@ impl App {
             units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),
         };
-        bake_ui(ui, &mut self.settings, &view, &mut self.actions);
+        // A bake that was opened shows how it was baked; what the next scene is baked with stays.
+        let mut of_file = self.session.shown.as_ref().filter(|_| !view.has_scene).map(|shown| BakeSettings {
+            camera_idx: 0,
+            film: Film { width: shown.header.width, height: shown.header.height },
+            config: shown.header.config.clone(),
+        });
+        bake_ui(ui, of_file.as_mut().unwrap_or(&mut self.settings), &view, &mut self.actions);
     }
 
     fn bars_ui(&mut self, ui: &mut Ui) {

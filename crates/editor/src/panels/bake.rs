@@ -36,6 +36,8 @@ const MAX_SIDE: u32 = 8192;
 pub struct BakeView<'a> {
     /// Cameras of the scene.
     pub cameras: &'a [Camera],
+    /// Camera of the bake that is shown.
+    pub baked_camera: Option<&'a str>,
     /// Where the bake stands.
     pub state: &'a BakeState,
     /// Ranks and bytes of what is shown.
@@ -68,7 +70,7 @@ pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
 fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     egui::Grid::new("bake settings").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
         let label = ui.label("Camera");
-        camera_ui(ui, settings, view.cameras, label.id);
+        camera_ui(ui, settings, view, label.id);
         ui.end_row();
         ui.label("Size");
         size_ui(ui, &mut settings.film);
@@ -103,8 +105,10 @@ fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
     }
 }
 
-fn camera_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera], label: egui::Id) {
-    let name = cameras.get(settings.camera_idx).map_or("none", |camera| camera.name.as_str());
+fn camera_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, label: egui::Id) {
+    let cameras = view.cameras;
+    let of_scene = cameras.get(settings.camera_idx).map(|camera| camera.name.as_str());
+    let name = of_scene.or(view.baked_camera).unwrap_or("none");
     let before = settings.camera_idx;
     let combo = egui::ComboBox::from_id_salt("camera").width(ui.available_width()).truncate().selected_text(name);
     let combo = combo.show_ui(ui, |ui| {

@@ -21,7 +21,7 @@ pub struct Tint {
 /// Color temperatures with a name.
 const KELVINS: [(&str, f32); 5] =
     [("Candle", 1900.0), ("Warm", 2700.0), ("White", 4000.0), ("Daylight", 6500.0), ("Shade", 8000.0)];
-const PICKER_WIDTH: f32 = 220.0;
+const PICKER_WIDTH: f32 = 252.0;
 const N: usize = 32;
 
 /// A swatch that opens the editor; answers whether the tint changed. `file_color` is linear. Without `kelvin_choice`
@@ -36,6 +36,7 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
     let before = *tint;
     Popup::menu(&response).close_behavior(PopupCloseBehavior::CloseOnClickOutside).show(|ui| {
         ui.set_width(PICKER_WIDTH);
+        ui.spacing_mut().button_padding = vec2(6.0, 2.0);
         mode_ui(ui, tint, shown, kelvin_choice);
         match *tint {
             Tint { kelvin: Some(kelvin), .. } => kelvin_ui(ui, label, kelvin, tint),
@@ -90,7 +91,8 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
         tint.kelvin = Some(kelvin.clamp(500.0, 100_000.0));
     }
     ui.horizontal_wrapped(|ui| {
-        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.spacing_mut().item_spacing.x = 2.0;
+        ui.spacing_mut().button_padding.x = 4.0;
         for (name, kelvin) in KELVINS {
             if ui.small_button(name).on_hover_text(format!("{kelvin:.0} K")).clicked() {
                 tint.kelvin = Some(kelvin);

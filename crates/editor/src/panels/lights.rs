@@ -245,8 +245,8 @@ fn level_ui(ui: &mut Ui, source: &LightSource, setting: &mut LightSetting) {
 /// Number and slider of a factor to what the file says; laid out from right to left.
 pub fn intensity_ui(ui: &mut Ui, key: &str, intensity: &mut f32) {
     let speed = (0.01 * f64::from(*intensity)).max(0.002);
-    let number =
-        DragValue::new(intensity).range(0.0..=INTENSITY_MAX).speed(speed).max_decimals(2).min_decimals(2).suffix("×");
+    let number = DragValue::new(intensity).range(0.0..=INTENSITY_MAX).speed(speed).suffix("×");
+    let number = number.custom_formatter(|factor, _| factor_words(factor));
     ui.add_sized([54.0, 22.0], number).accessible_name(format!("{key} factor"));
     ui.spacing_mut().slider_width = (ui.available_width() - 2.0).max(40.0);
     let mut level = *intensity;
@@ -257,6 +257,15 @@ pub fn intensity_ui(ui: &mut Ui, key: &str, intensity: &mut f32) {
         .show_value(false);
     if ui.add(slider).accessible_name(format!("{key} intensity")).changed() {
         *intensity = level.clamp(0.0, INTENSITY_MAX);
+    }
+}
+
+/// As many digits as are told apart, in a width that does not change under a slider that is dragged.
+fn factor_words(factor: f64) -> String {
+    match factor {
+        f if f < 9.995 => format!("{f:.2}"),
+        f if f < 99.95 => format!("{f:.1}"),
+        f => format!("{f:.0}"),
     }
 }
 
@@ -284,6 +293,14 @@ mod tests {
         let coefficients = basis().project(&heard(&basis(), &rig, &solo));
         assert_eq!(coefficients, [[1.0; 3], [0.0; 3], [1.0; 3]]);
         assert_eq!(heard(&basis(), &rig, &BTreeSet::new()), rig);
+    }
+
+    #[test]
+    fn factors_of_any_size_have_three_digits_or_their_whole_part() {
+        assert_eq!(
+            [0.0, 1.0, 9.99, 9.999, 12.34, 99.96, 5000.0].map(factor_words),
+            ["0.00", "1.00", "9.99", "10.0", "12.3", "100", "5000"]
+        );
     }
 
     #[test]
