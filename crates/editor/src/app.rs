@@ -367,7 +367,8 @@ impl App {
     fn answered(&mut self, answer: Option<Option<PathBuf>>) {
         let Some(path) = answer else { return };
         if let (Some(question), Some(path)) = (self.question.take(), path) {
-            self.actions.push(question.action(path));
+            // What is said afterwards tells the folder, too.
+            self.actions.push(question.action(std::path::absolute(&path).unwrap_or(path)));
         } else {
             self.after_saving = None;
         }

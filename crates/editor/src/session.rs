@@ -113,6 +113,8 @@ pub enum BakeState {
         n_passes: u32,
         /// 0…1 over all passes.
         done: f32,
+        /// 0…1 within the pass that runs.
+        pass_done: f32,
         /// Seconds left, once that can be judged.
         secs_left: Option<f32>,
     },
@@ -166,6 +168,8 @@ pub struct Session {
     incoming: Option<Shown>,
     /// What is new in `shown` since it was last asked for.
     changed: Changed,
+    /// Blocks of each pass of the bake, and how many of the pass that runs are there.
+    pass_blocks: (usize, usize),
     /// Error measured at the end of the last pass.
     pub error_db: Option<ErrorDb>,
     /// Ranks and bytes of what is shown.
@@ -191,6 +195,7 @@ impl Session {
             shown: None,
             incoming: None,
             changed: Changed::default(),
+            pass_blocks: (0, 0),
             error_db: None,
             figures: None,
             figures_at: Instant::now(),
@@ -410,17 +415,26 @@ impl Session {
 
     fn bake_event(&mut self, event: BakeEvent) {
         match event {
-            BakeEvent::Started { header, n_passes, .. } => self.bake_started(header, n_passes),
-            BakeEvent::BlockDone { block_idx, factors, .. } => self.block_done(block_idx, &factors),
+            BakeEvent::Started { header, n_blocks, n_passes } => {
+                self.pass_blocks = (n_blocks, 0);
+                self.bake_started(header, n_passes);
+            }
+            BakeEvent::BlockDone { block_idx, factors, .. } => {
+                self.pass_blocks.1 += 1;
+                self.block_done(block_idx, &factors);
+            }
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {
-                    self.bake = BakeState::Running { pass, n_passes, done, secs_left };
+                    let (n_blocks, n_done) = self.pass_blocks;
+                    let pass_done = n_done as f32 / n_blocks.max(1) as f32;
+                    self.bake = BakeState::Running { pass, n_passes, done, pass_done, secs_left };
                 }
                 if self.figures_at.elapsed() > FIGURES_EVERY {
                     self.count();
                 }
             }
             BakeEvent::PassDone { error_db, .. } => {
+                self.pass_blocks.1 = 0;
                 if let Some(incoming) = self.incoming.take() {
                     self.show(incoming);
                 }
@@ -431,7 +445,7 @@ impl Session {
     }
 
     fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
-        self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, secs_left: None };
+        self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
         let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
         let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
         let started = Shown { header, camera, frame };

@@ -128,8 +128,10 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
 fn mute_is_in_the_look_and_solo_is_not() {
     let mut window = baked();
     let ev_before = window.state().shown_ev();
+    let row = window.get_by_label("Mute panel").rect();
     click(&mut window, "Solo panel");
     assert_eq!(*window.state().look(), Look::default());
+    assert_eq!(window.get_by_label("Mute panel").rect(), row, "rows stay under the pointer");
     wait(&mut window, |app| (app.shown_ev() - ev_before).abs() > 1e-2);
     click(&mut window, "Clear solo");
     wait(&mut window, |app| (app.shown_ev() - ev_before).abs() < 1e-3);

@@ -151,7 +151,9 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
     let width = egui::vec2(ui.available_width(), 28.0);
     if view.state.is_running() {
         let (done, text) = match view.state {
-            BakeState::Running { done, secs_left, pass, n_passes } => (*done, pass_words(*pass, *n_passes, *secs_left)),
+            BakeState::Running { done, pass_done, secs_left, pass, n_passes } => {
+                (*done, pass_words(*pass, *n_passes, *pass_done, *secs_left))
+            }
             _ => (0.0, "Measuring the lights".into()),
         };
         ui.add(ProgressBar::new(done).corner_radius(3).text(RichText::new(text).small()));
@@ -176,9 +178,13 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
     }
 }
 
-fn pass_words(pass: u32, n_passes: u32, secs_left: Option<f32>) -> String {
+/// While nothing tells how long the bake will take, how far its pass is.
+fn pass_words(pass: u32, n_passes: u32, pass_done: f32, secs_left: Option<f32>) -> String {
     let what = if pass == 0 { "Preview".into() } else { format!("Pass {pass} of {}", n_passes.saturating_sub(1)) };
-    secs_left.map_or(what.clone(), |secs| format!("{what}, {} left", duration(secs)))
+    match secs_left {
+        Some(secs) => format!("{what}, {} left", duration(secs)),
+        None => format!("{what}, {:.0} %", 100.0 * pass_done),
+    }
 }
 
 fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &BakeState, actions: &mut Vec<Action>) {
@@ -245,6 +251,12 @@ mod tests {
     fn the_standard_quality_is_the_default_of_the_command_line() {
         let config = BakeConfig::default();
         assert_eq!((QUALITIES[1].spp, QUALITIES[1].tolerance_db), (config.spp, config.tolerance_db));
+    }
+
+    #[test]
+    fn a_pass_tells_its_share_until_time_can_be_judged() {
+        assert_eq!(pass_words(0, 3, 0.42, None), "Preview, 42 %");
+        assert_eq!(pass_words(1, 3, 0.42, Some(61.0)), "Pass 1 of 2, 1 min 1 s left");
     }
 
     #[test]

@@ -108,7 +108,7 @@ fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
         let stroke = if is_changed || response.hovered() {
             Stroke::new(1.5, ui.visuals().strong_text_color())
         } else {
-            Stroke::new(1.0, ui.visuals().widgets.hovered.bg_fill)
+            Stroke::new(1.0, ui.visuals().weak_text_color())
         };
         ui.painter().rect(rect.shrink2(vec2(0.0, 2.0)), 4.0, color, stroke, StrokeKind::Inside);
     }

@@ -53,8 +53,7 @@ pub fn heard(basis: &LightBasis, rig: &LightRig, solo: &BTreeSet<String>) -> Lig
 /// Draws the list.
 pub fn lights_ui(ui: &mut Ui, basis: &LightBasis, look: &mut Look, state: &mut LightsState, actions: &mut Vec<Action>) {
     let sources: Vec<&LightSource> = basis.sources.iter().filter(|s| s.kind != SourceKind::Constant).collect();
-    theme::section(ui, "Lights");
-    solo_banner(ui, state);
+    heading_ui(ui, state);
     if sources.len() > FILTER_FROM {
         let edit = TextEdit::singleline(&mut state.filter).hint_text("Filter by name").desired_width(f32::INFINITY);
         ui.add(edit).accessible_name("Filter lights");
@@ -79,25 +78,23 @@ pub fn lights_ui(ui: &mut Ui, basis: &LightBasis, look: &mut Look, state: &mut L
     });
 }
 
-fn solo_banner(ui: &mut Ui, state: &mut LightsState) {
-    if state.solo.is_empty() {
-        return;
-    }
-    egui::Frame::new().fill(theme::ACCENT).corner_radius(4).inner_margin(egui::Margin::symmetric(8, 4)).show(
-        ui,
-        |ui| {
-            ui.horizontal(|ui| {
-                let names: Vec<&str> = state.solo.iter().map(String::as_str).collect();
-                let text = RichText::new("Solo active").color(theme::ON_ACCENT).strong();
-                ui.add(Label::new(text)).on_hover_text(names.join(", "));
-                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    if ui.button("Clear solo").clicked() {
-                        state.solo.clear();
-                    }
-                });
-            });
-        },
-    );
+/// The heading; while a light is soloed it says so, beside the title, so that no row moves under the pointer.
+fn heading_ui(ui: &mut Ui, state: &mut LightsState) {
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Lights").heading().strong());
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if state.solo.is_empty() {
+                return;
+            }
+            let names: Vec<&str> = state.solo.iter().map(String::as_str).collect();
+            let button = Button::new(RichText::new("Clear solo").color(theme::ON_ACCENT)).fill(theme::ACCENT).small();
+            if ui.add(button).on_hover_text(format!("Only these are lit: {}", names.join(", "))).clicked() {
+                state.solo.clear();
+            }
+        });
+    });
+    ui.separator();
 }
 
 fn light_ui(ui: &mut Ui, source: &LightSource, look: &mut Look, state: &mut LightsState, actions: &mut Vec<Action>) {
