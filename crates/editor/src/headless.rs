@@ -91,7 +91,7 @@ fn options() -> BakeOptions {
         seed: 0,
         threads: None,
     };
-    BakeOptions { view, sky_patches: SkyForm::Patches(1), tolerance: 40.0, fresh: true }
+    BakeOptions { view, sky_patches: SkyForm::Patches(1), tolerance: 40.0, exact: false, fresh: true }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {

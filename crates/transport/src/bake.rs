@@ -24,9 +24,10 @@ use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
 use crate::light::{LightRig, luminance};
 use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::nodes::{NodePlan, Nodes};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
-use crate::preview::preview;
+use crate::shared::SharedMatrix;
 
 /// Why a bake ended without a result.
 #[derive(Debug, Error)]
@@ -71,11 +72,44 @@ pub struct BakeConfig {
     pub bounces: Option<u32>,
     /// Same seed, same bytes.
     pub seed: u64,
+    /// Where the light between surfaces comes from.
+    #[serde(default)]
+    pub indirect: Indirect,
+}
+
+/// How the light that surfaces send to each other is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Indirect {
+    /// Gathered for several pixels at once where it falls on a diffuse base: many times faster, smoothed over a few pixels.
+    #[default]
+    Shared,
+    /// Followed from every sample of every pixel: without bias.
+    Traced,
+}
+
+impl Indirect {
+    /// Walks of a node over samples of a pixel, and their limits.
+    const NODE_WALKS_PER_SAMPLE: u32 = 4;
+    const NODE_WALKS: [u32; 2] = [8, 256];
+
+    /// Nodes of a pass with some samples per half; `None` is the preview.
+    fn nodes(self, samples: Option<u32>) -> Option<NodePlan> {
+        let [least, most] = Indirect::NODE_WALKS;
+        match (samples, self) {
+            (None, _) => Some(NodePlan { walks: least, outshines: 2.0 }),
+            (Some(_), Indirect::Traced) => None,
+            (Some(n), Indirect::Shared) => {
+                let walks = n.saturating_mul(Indirect::NODE_WALKS_PER_SAMPLE).clamp(least, most);
+                Some(NodePlan { walks, outshines: 4.0 })
+            }
+        }
+    }
 }
 
 impl Default for BakeConfig {
     fn default() -> Self {
-        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0 }
+        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect: Indirect::default() }
     }
 }
 
@@ -242,6 +276,10 @@ impl BakeJob {
         })
     }
 
+    fn plan(&self, density: Density, header: &BakeHeader) -> MatrixPlan {
+        MatrixPlan::new(&self.scene.lighting, density).fitted(&header.column_scale, &header.sky_reach)
+    }
+
     fn matrix<'a>(&'a self, plan: &'a MatrixPlan) -> TransportMatrix<'a> {
         TransportMatrix::new(&self.scene, plan, self.camera.clone(), self.film, self.config.bounces, self.config.seed)
     }
@@ -271,7 +309,7 @@ impl BakeJob {
         done: &[(usize, Vec<Arc<BlockFactors>>)],
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).fitted(&header.column_scale, &header.sky_reach);
+        let plan = self.plan(Density::Full, &header);
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
@@ -370,8 +408,27 @@ impl Run<'_> {
         clock: &mut Clock,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
-        let (job, header, matrix) = (self.job, self.header.clone(), self.matrix);
+        let (job, header) = (self.job, self.header.clone());
         let (partition, started) = (header.partition(), self.started);
+        // The preview connects to fewer texels; the rest of the plan is the same.
+        let (coarse_plan, mut coarse);
+        let matrix = match samples {
+            Some(_) => self.matrix,
+            None => {
+                coarse_plan = job.plan(Density::Quarter, &header);
+                coarse = job.matrix(&coarse_plan);
+                coarse.set_column_scale(header.column_scale.clone());
+                &coarse
+            }
+        };
+        let nodes = match job.config.indirect.nodes(samples) {
+            None => None,
+            Some(plan) => {
+                let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
+                let Some(nodes) = Nodes::gather(matrix, plan, go_on) else { return Ok(ControlFlow::Break(())) };
+                Some(nodes)
+            }
+        };
         clock.start_pass(pass, started.elapsed().as_secs_f32());
         let config = job.compress_config(samples.unwrap_or(1), &header.column_scale);
         let on_block = |block: u32, factors: Vec<BlockFactors>| {
@@ -381,15 +438,9 @@ impl Run<'_> {
             on_event(BakeEvent::BlockDone { pass, block_idx: block as usize, factors })?;
             on_event(BakeEvent::Progress { pass, done, secs_left })
         };
-        let flow = match samples {
-            None => {
-                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter)
-                    .fitted(&header.column_scale, &header.sky_reach);
-                let mut matrix = job.matrix(&plan);
-                matrix.set_column_scale(header.column_scale.clone());
-                preview(&matrix, &partition, blocks, &config, on_block)?
-            }
-            Some(_) => compress(matrix, &partition, blocks, &config, on_block)?,
+        let flow = match nodes {
+            Some(nodes) => compress(&SharedMatrix { matrix, nodes }, &partition, blocks, &config, on_block)?,
+            None => compress(matrix, &partition, blocks, &config, on_block)?,
         };
         if flow.is_break() {
             return Ok(flow);

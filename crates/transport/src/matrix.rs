@@ -114,6 +114,11 @@ impl<'a> TransportMatrix<'a> {
             .collect()
     }
 
+    /// Random numbers of a pixel and half.
+    pub(crate) fn stream(&self, pixel: u32, half: Half) -> u64 {
+        stream(pixel, u64::from(half == Half::B))
+    }
+
     fn deposit_pixel(
         &self,
         pixel: u32,
@@ -124,10 +129,15 @@ impl<'a> TransportMatrix<'a> {
     ) {
         let at = [pixel % self.film.width, pixel / self.film.width];
         for sample in samples {
-            let sampler = Sampler::new(self.seed, u64::from(pixel) * 4 + half, sample);
+            let sampler = Sampler::new(self.seed, stream(pixel, half), sample);
             self.integrator.sample_pixel(&self.camera, self.film, at, sampler, scratch, deposit);
         }
     }
+}
+
+/// Halves are 0 and 1; 2 are the pilots.
+fn stream(pixel: u32, half: u64) -> u64 {
+    u64::from(pixel) * 4 + half
 }
 
 /// One over the peak of each column; of lamps whose light in the file stays dim in the picture, one over a share of the

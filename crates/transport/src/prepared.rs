@@ -165,6 +165,17 @@ impl PreparedScene {
         bsdf::surface_params(self.material(hit.triangle), &self.scene.textures, uvs, color).base_color
     }
 
+    /// Unit normal between the vertices' own, without normal map, on the side from which `direction` comes.
+    pub fn smooth_normal(&self, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
+        let mesh = &self.scene.mesh;
+        let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
+        let w = hit.barycentric;
+        let ns = (mesh.normals[a] * w.x + mesh.normals[b] * w.y + mesh.normals[c] * w.z).normalize_or(hit.normal);
+        // A shading normal on the other side of its own triangle would turn the surface inside out.
+        let ns = if ns.dot(hit.normal) <= 0.0 { hit.normal } else { ns };
+        if hit.normal.dot(direction) > 0.0 { -ns } else { ns }
+    }
+
     /// How a point scatters light towards `wo`.
     pub fn bsdf(&self, hit: &SurfaceHit, wo: Vec3) -> Bsdf {
         let (mesh, material) = (&self.scene.mesh, self.material(hit.triangle));

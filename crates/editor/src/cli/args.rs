@@ -126,6 +126,9 @@ pub struct BakeOptions {
     /// Signal to error in decibels that the bake aims at.
     #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
     pub tolerance: f32,
+    /// Follow the light between surfaces from every sample instead of sharing it between pixels: without bias, far slower.
+    #[arg(long)]
+    pub exact: bool,
     /// Start over, even if an earlier bake of the same name was stopped half way.
     #[arg(long)]
     pub fresh: bool,

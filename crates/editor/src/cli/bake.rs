@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
-use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
@@ -46,6 +46,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         tolerance_db: options.tolerance,
         bounces: options.view.bounces,
         seed: options.view.seed,
+        indirect: if options.exact { Indirect::Traced } else { Indirect::Shared },
     };
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes }
 }

@@ -13,6 +13,8 @@ pub(super) struct Clock {
     n_threads: usize,
     running: usize,
     started_secs: f32,
+    /// When its last block came.
+    last_secs: f32,
     n_done: usize,
     /// Seconds per sample of a block, in the last pass that took samples and has ended.
     secs_per_sample: Option<f32>,
@@ -44,12 +46,13 @@ impl Clock {
         let last = samples.len().saturating_sub(1);
         let given = |nth: usize| if nth == last { n_given.min(n_blocks) } else { 0 };
         let passes = samples.iter().enumerate().map(|(nth, &samples)| Pass { samples, n_given: given(nth), n_blocks });
-        Clock { passes: passes.collect(), n_threads, running: 0, started_secs: 0.0, n_done: 0, secs_per_sample: None }
+        let passes = passes.collect();
+        Clock { passes, n_threads, running: 0, started_secs: 0.0, last_secs: 0.0, n_done: 0, secs_per_sample: None }
     }
 
-    /// A pass begins; the one before has ended.
+    /// The blocks of a pass begin; the pass before has ended. What is prepared in between counts for neither.
     pub fn start_pass(&mut self, pass: u32, now_secs: f32) {
-        if let (Some(samples), Some(secs)) = (self.passes[self.running].samples, self.secs_per_block(now_secs)) {
+        if let (Some(samples), Some(secs)) = (self.passes[self.running].samples, self.secs_per_block()) {
             self.secs_per_sample = Some(secs / samples as f32);
         }
         (self.running, self.started_secs, self.n_done) = (pass as usize, now_secs, 0);
@@ -57,11 +60,12 @@ impl Clock {
 
     /// A block of the running pass is there: 0…1 over all passes, and seconds left once they can be judged.
     pub fn block_done(&mut self, now_secs: f32) -> (f32, Option<f32>) {
-        self.n_done += 1;
-        (self.share_done(), self.secs_left(now_secs))
+        (self.n_done, self.last_secs) = (self.n_done + 1, now_secs);
+        (self.done(), self.secs_left())
     }
 
-    fn share_done(&self) -> f32 {
+    /// 0…1 over all passes.
+    pub fn done(&self) -> f32 {
         let blocks = |nth: usize, pass: &Pass| match nth {
             nth if nth < self.running => pass.n_blocks,
             nth if nth == self.running => pass.n_given + self.n_done,
@@ -73,15 +77,15 @@ impl Clock {
     }
 
     /// Measured in the running pass.
-    fn secs_per_block(&self, now_secs: f32) -> Option<f32> {
-        (self.n_done > 0).then(|| (now_secs - self.started_secs) / self.n_done as f32)
+    fn secs_per_block(&self) -> Option<f32> {
+        (self.n_done > 0).then(|| (self.last_secs - self.started_secs) / self.n_done as f32)
     }
 
-    fn secs_left(&self, now_secs: f32) -> Option<f32> {
+    fn secs_left(&self) -> Option<f32> {
         let pass = &self.passes[self.running];
         let n_to_do = pass.n_to_do();
         let enough = self.n_threads.max((BELIEVED_FROM * n_to_do as f32).ceil() as usize).min(n_to_do);
-        let measured = self.secs_per_block(now_secs).filter(|_| self.n_done >= enough);
+        let measured = self.secs_per_block().filter(|_| self.n_done >= enough);
         let expected = || Some(self.secs_per_sample? * pass.samples? as f32);
         let secs_per_block = measured.or_else(expected)?;
         let this_pass = n_to_do.saturating_sub(self.n_done) as f32 * secs_per_block;
@@ -124,6 +128,9 @@ mod tests {
         let coarse = run(&mut clock, 1, &mut now_secs, 10, 0.5);
         assert_near(coarse[0], 9.0 * 0.5 + 10.0 * 8.0);
         assert_near(coarse[9], 10.0 * 8.0);
+        now_secs += 50.0;
+        clock.start_pass(2, now_secs);
+        assert_near(clock.secs_per_sample, 0.125);
         // Blocks that are exact enough before all samples are taken make the last pass faster than expected.
         let last = run(&mut clock, 2, &mut now_secs, 10, 3.0);
         assert_near(last[0], 9.0 * 3.0);
@@ -149,7 +156,7 @@ mod tests {
         let (done, left) = clock.block_done(102.0);
         assert!((done - 0.7).abs() < 1e-6, "{done}");
         assert_near(left, 3.0 * 2.0);
-        assert!(Clock::new(&[Some(64)], 10, 10, 1).share_done() > 0.999, "all of it was there");
+        assert!(Clock::new(&[Some(64)], 10, 10, 1).done() > 0.999, "all of it was there");
     }
 
     #[test]

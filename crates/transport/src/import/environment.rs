@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Cursor;
 use std::path::Path;
 
-use exr::prelude::{AnyChannel, FlatSamples, MetaData, ReadChannels, ReadLayers};
+use exr::prelude::{MetaData, ReadChannels, ReadLayers};
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 
@@ -80,25 +80,22 @@ fn decode_exr(bytes: &[u8]) -> Decoded {
             return Err(problem);
         }
     }
-    let image = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-    let image = image.all_attributes().from_buffered(Cursor::new(bytes)).map_err(|e| e.to_string())?;
-    let layer = &image.layer_data;
-    let (width, height) = (layer.size.width(), layer.size.height());
-    let channel = |name: &str| layer.channel_data.list.iter().find(|c| c.name == *name);
-    let [Some(r), Some(g), Some(b)] = ["R", "G", "B"].map(channel) else {
-        return Err("it has no plain R, G and B channels".into());
-    };
-    let channels: [&AnyChannel<FlatSamples>; 3] = [r, g, b];
-    if channels.iter().any(|c| c.sample_data.len() != width * height) {
-        return Err("its channels are subsampled".into());
-    }
-    let mut pixels = vec![[0.0; 3]; width * height];
-    for (idx, channel) in channels.into_iter().enumerate() {
-        for (pixel, value) in pixels.iter_mut().zip(channel.sample_data.values_as_f32()) {
-            pixel[idx] = value;
-        }
-    }
-    Ok((width, height, pixels))
+    // Other channels are passed over, however many there are.
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| (size.width(), vec![[0.0; 3]; size.area()]),
+            |(width, pixels): &mut (usize, Vec<[f32; 3]>), at, (r, g, b): (f32, f32, f32)| {
+                pixels[at.y() * *width + at.x()] = [r, g, b];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| e.to_string())?;
+    let (width, pixels) = image.layer_data.channel_data.pixels;
+    Ok((width, image.layer_data.size.height(), pixels))
 }
 
 #[cfg(test)]

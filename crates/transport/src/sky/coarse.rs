@@ -25,7 +25,7 @@ impl Coarse {
     pub fn new(map: &Environment) -> Coarse {
         let width = map.width();
         // Blocks of equal width keep the directions of the map.
-        let block = (1..=(width / WIDTH).max(1)).rev().find(|block| width % block == 0).unwrap_or(1);
+        let block = (1..=(width / WIDTH).max(1)).rev().find(|block| width.is_multiple_of(*block)).unwrap_or(1);
         let cells = map.cell_means();
         let row = |start: usize| {
             let rows = start..(start + block).min(map.height());

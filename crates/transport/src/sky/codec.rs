@@ -75,7 +75,8 @@ impl Environment {
         let word = |at: usize| bytes.get(at..at + 4).map(|b| [b[0], b[1], b[2], b[3]]);
         let (width, height) = (u32::from_le_bytes(word(0)?) as usize, u32::from_le_bytes(word(4)?) as usize);
         let scale = f32::from_le_bytes(word(8)?);
-        if !Environment::is_size(width, height) || !(scale > 0.0 && scale.is_finite()) {
+        let is_sound = Environment::is_size(width, height) && scale > 0.0 && scale.is_finite();
+        if !is_sound {
             return None;
         }
         let end = HEADER_LEN + width * height * 6;
