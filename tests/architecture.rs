@@ -37,7 +37,7 @@ fn every_crate_uses_only_what_its_arrows_allow() {
         (
             "editor",
             "anyhow clap clerestory-nystrom clerestory-relight clerestory-transport eframe egui_plot egui_tiles exr glam \
-             image indicatif rayon rfd serde serde_json tracing tracing-subscriber",
+             image indicatif rayon rfd serde serde_json",
         ),
     ];
     for (crate_name, allowed) in arrows {

@@ -4,9 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clerestory::compare::read_exr;
+use clerestory_transport::archive;
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
 use serde_json::{Value, json};
 
-use crate::support::{SceneFile, Shape, two_lamps_and_a_panel};
+use crate::support::{Mean, SceneFile, Shape, two_lamps_and_a_panel};
 
 /// A folder of its own for every test, with a scene in it.
 struct Desk(tempfile::TempDir);
@@ -29,10 +32,10 @@ impl Desk {
         self.0.path().join(name)
     }
 
-    /// Runs a command line; words that name files of the desk (`@room.glb`) become their paths.
+    /// Runs a command line; words that name files of the desk (`@room.glb`, `lamp=@lamp.ies`) become their paths.
     fn run(&self, line: &str) -> Said {
-        let words = line.split_whitespace().map(|word| match word.strip_prefix('@') {
-            Some(name) => self.path(name).into_os_string(),
+        let words = line.split_whitespace().map(|word| match word.split_once('@') {
+            Some((before, name)) => format!("{before}{}", self.path(name).display()).into(),
             None => word.into(),
         });
         let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
@@ -238,6 +241,102 @@ fn what_cannot_be_done_is_said_in_words() {
     std::fs::write(desk.path("a.look"), r#"{"clerestory": 1, "lights": {"warm": {"intensity": "much"}}}"#).unwrap();
     desk.fails("trace @room.glb --look @a.look -o @a.exr", 1, "`lights.warm.intensity`");
     assert_eq!(desk.names(), ["a.look", "room.glb"], "a failed command leaves files behind");
+}
+
+/// A luminaire that shines three times as bright along its aim as at 60°.
+const IES: &str = "IESNA:LM-63-2002\n[TEST] by hand\nTILT=NONE\n\
+    1 1000 1.0 3 1 1 2 0 0 0\n1.0 1.0 10\n0 60 90\n0\n900 300 100\n";
+/// Reflectance of the wall that it shines at.
+const ALBEDO: f32 = 0.8;
+/// Distance of that wall from the lamp and the camera, meters.
+const DISTANCE: f32 = 2.0;
+
+/// A lamp of 7 cd at the origin that aims along −Z at a wall, and a camera in the same place.
+fn wall_washer() -> SceneFile {
+    let wall = Shape::quad(glam::vec3(-9.0, -9.0, -DISTANCE), glam::Vec3::X * 18.0, glam::Vec3::Y * 18.0);
+    SceneFile::default()
+        .surface("wall", &wall, SceneFile::lambert([ALBEDO; 3], [0.0; 3]))
+        .point_lamp("lamp", glam::Vec3::ZERO, [1.0; 3], 7.0)
+        .camera("beside", glam::Vec3::ZERO, 1.8)
+}
+
+/// Radiance of the wall at an angle from the aim: I · cos θ / d² · albedo / π, with d = distance / cos θ.
+fn wall_radiance(theta: f32) -> f32 {
+    let degrees = theta.to_degrees();
+    let candela = if degrees < 60.0 { 900.0 - 10.0 * degrees } else { 300.0 - (degrees - 60.0) * 200.0 / 30.0 };
+    candela * theta.cos().powi(3) / (DISTANCE * DISTANCE) * ALBEDO / std::f32::consts::PI
+}
+
+#[test]
+fn a_lamp_takes_the_distribution_of_an_ies_file() {
+    let desk = Desk::new();
+    let glb = wall_washer().glb();
+    std::fs::write(desk.path("wall.glb"), &glb).unwrap();
+    std::fs::write(desk.path("lamp.ies"), IES).unwrap();
+    desk.json("trace @wall.glb --ies lamp=@lamp.ies -o @a.exr --size 32x24 --spp 64");
+    let picture = read_exr(&desk.path("a.exr")).unwrap();
+
+    let camera = &import::load_bytes("wall", &glb).unwrap().scene.cameras[0];
+    let known = |pixel: usize| {
+        const GRID: usize = 16;
+        let radiance = (0..GRID * GRID).map(|i| {
+            let within = (glam::vec2((i % GRID) as f32, (i / GRID) as f32) + 0.5) / GRID as f32;
+            let at = glam::vec2((pixel % 32) as f32, (pixel / 32) as f32) + within;
+            let direction = camera.direction(Film { width: 32, height: 24 }, at);
+            wall_radiance(direction.normalize().dot(glam::Vec3::NEG_Z).acos())
+        });
+        radiance.sum::<f32>() / (GRID * GRID) as f32
+    };
+    let ratios: Vec<f64> = picture.pixels.iter().enumerate().map(|(i, rgb)| f64::from(rgb[1] / known(i))).collect();
+    Mean::of(ratios.iter().copied()).assert_is(1.0, 1e-3, 1e-3);
+    for (pixel, ratio) in ratios.iter().enumerate() {
+        assert!((ratio - 1.0).abs() < 0.05, "pixel {pixel} is {ratio} times what it should be");
+    }
+}
+
+#[test]
+fn a_distribution_that_cannot_be_given_is_told_with_file_and_line() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("good.ies"), IES).unwrap();
+    std::fs::write(desk.path("bad.ies"), IES.replace("0 60 90", "0 60 50")).unwrap();
+    for command in ["bake @room.glb -o @a.transport", "trace @room.glb -o @a.exr", "render @room.glb -o @a.exr"] {
+        let bad = desk.path("bad.ies");
+        desk.fails(&format!("{command} --ies warm=@bad.ies"), 1, &format!("line 6 of {}", bad.display()));
+        desk.fails(&format!("{command} --ies panel=@good.ies"), 1, "warm, cool");
+        desk.fails(&format!("{command} --ies warm=@none.ies"), 1, "none.ies");
+        desk.fails(&format!("{command} --ies warm=@good.ies --ies warm=@good.ies"), 1, "twice");
+        desk.fails(&format!("{command} --ies warm"), 2, "KEY=FILE");
+    }
+    assert_eq!(desk.names(), ["bad.ies", "good.ies", "room.glb"], "a failed command leaves files behind");
+}
+
+#[test]
+fn lamps_without_units_are_683_times_as_bright_and_measured_ones_stay() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("wall.glb"), wall_washer().glb()).unwrap();
+    std::fs::write(desk.path("lamp.ies"), IES).unwrap();
+    let mean = |options: &str| {
+        desk.json(&format!("trace @wall.glb {options} -o @a.exr --size 12x9 --spp 4"));
+        let pixels = read_exr(&desk.path("a.exr")).unwrap().pixels;
+        pixels.iter().map(|rgb| f64::from(rgb[0])).sum::<f64>()
+    };
+    let (plain, unitless) = (mean(""), mean("--unitless"));
+    assert!((unitless / plain / 683.0 - 1.0).abs() < 1e-4, "{plain} became {unitless}");
+    assert_eq!(mean("--ies lamp=@lamp.ies"), mean("--ies lamp=@lamp.ies --unitless"));
+}
+
+#[test]
+fn a_bake_with_other_lamps_has_another_fingerprint() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("lamp.ies"), IES).unwrap();
+    let fingerprint = |options: &str| {
+        desk.json(&format!("bake @room.glb -o @a.transport --size 16x16 --spp 2 {options}"));
+        archive::read(&desk.path("a.transport")).unwrap().header.fingerprint.clone()
+    };
+    let all = ["", "--unitless", "--ies warm=@lamp.ies", "--ies warm=@lamp.ies --unitless"].map(fingerprint);
+    for (nth, one) in all.iter().enumerate() {
+        assert!(!all[..nth].contains(one), "{all:?}");
+    }
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use clerestory_transport::lamp_units::LampUnits;
+
 use crate::picture::DeviceWish;
 
 /// What a person asked for.
@@ -34,6 +36,8 @@ pub enum Action {
         /// Texels along each side.
         resolution: u32,
     },
+    /// Take the numbers of the scene's lamps in other units and bake again.
+    ChooseUnits(LampUnits),
     /// Take back the last edit.
     Undo,
     /// Do again what was taken back.

@@ -180,7 +180,7 @@ impl App {
     fn notice(&mut self, notice: Notice) {
         match notice {
             Notice::Opened => self.scene_opened(),
-            Notice::PanelsChanged => self.start_bake(),
+            Notice::PreparedAgain => self.start_bake(),
             Notice::Said(words) => self.say(words),
             Notice::Failed(words) => self.complain(words),
         }
@@ -217,6 +217,7 @@ impl App {
             Action::StartBake => self.start_bake(),
             Action::CancelBake => self.session.cancel_bake(),
             Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
+            Action::ChooseUnits(units) => self.session.choose_units(units),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
             Action::ResetLook => self.look = Look::default(),
@@ -366,7 +367,8 @@ impl App {
     fn answered(&mut self, answer: Option<Option<PathBuf>>) {
         let Some(path) = answer else { return };
         if let (Some(question), Some(path)) = (self.question.take(), path) {
-            self.actions.push(question.action(path));
+            // What is said afterwards tells the folder, too.
+            self.actions.push(question.action(std::path::absolute(&path).unwrap_or(path)));
         } else {
             self.after_saving = None;
         }
@@ -406,13 +408,21 @@ impl App {
         let opened = self.session.opened.as_ref();
         let view = BakeView {
             cameras: self.session.cameras(),
+            baked_camera: self.session.shown.as_ref().map(|shown| shown.header.camera.as_str()),
             state: &self.session.bake,
             figures: self.session.figures.as_ref(),
             error_db: self.session.error_db,
             has_scene: opened.is_some_and(|opened| opened.scene.is_some()),
+            units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),
         };
-        bake_ui(ui, &mut self.settings, &view, &mut self.actions);
+        // A bake that was opened shows how it was baked; what the next scene is baked with stays.
+        let mut of_file = self.session.shown.as_ref().filter(|_| !view.has_scene).map(|shown| BakeSettings {
+            camera_idx: 0,
+            film: Film { width: shown.header.width, height: shown.header.height },
+            config: shown.header.config.clone(),
+        });
+        bake_ui(ui, of_file.as_mut().unwrap_or(&mut self.settings), &view, &mut self.actions);
     }
 
     fn bars_ui(&mut self, ui: &mut Ui) {

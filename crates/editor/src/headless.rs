@@ -85,6 +85,8 @@ fn options() -> BakeOptions {
         spp: SPP,
         bounces: None,
         panels: Vec::new(),
+        ies: Vec::new(),
+        unitless: false,
         sky: None,
         seed: 0,
         threads: None,

@@ -15,13 +15,15 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::PunctualLight;
 
 use crate::cli::relight::frame_of;
 use crate::export::Picture;
 use crate::look::Look;
 use crate::picture::Changed;
-use task::{Fact, Post, Task, words};
+use task::{Fact, Post, Prepared, Task, words};
 pub use task::{Loaded, Source};
 
 /// Asks for a repaint after the given time; called from any thread.
@@ -51,8 +53,26 @@ pub struct Opened {
     pub scene: Option<Arc<PreparedScene>>,
     /// What was left behind or had to be guessed, in words.
     pub report: Vec<String>,
-    /// Panels that were chosen in the window.
+    /// Lamps as the file has them.
+    pub lamps: Vec<PunctualLight>,
+    /// What was chosen in the window.
+    pub chosen: Chosen,
+}
+
+impl Opened {
+    /// Whether it has lamps that may be counted in other units.
+    pub fn has_plain_lamps(&self) -> bool {
+        self.lamps.iter().any(|lamp| lamp.profile.is_none())
+    }
+}
+
+/// What was chosen in the window about a scene, and makes another scene of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chosen {
+    /// Lights that became panels.
     pub panels: Vec<PanelRequest>,
+    /// How its lamps are counted.
+    pub units: LampUnits,
 }
 
 /// The matrix that is shown.
@@ -93,6 +113,8 @@ pub enum BakeState {
         n_passes: u32,
         /// 0…1 over all passes.
         done: f32,
+        /// 0…1 within the pass that runs.
+        pass_done: f32,
         /// Seconds left, once that can be judged.
         secs_left: Option<f32>,
     },
@@ -114,10 +136,10 @@ impl BakeState {
 /// What the window has to react to.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Notice {
-    /// A scene or bake is open; settings and look start over unless its panels alone changed.
+    /// A scene or bake is open; settings and look start over.
     Opened,
-    /// The same scene with other panels is open.
-    PanelsChanged,
+    /// The same scene with other panels or units is open.
+    PreparedAgain,
     /// Something worth saying.
     Said(String),
     /// Something went wrong, in words.
@@ -146,6 +168,8 @@ pub struct Session {
     incoming: Option<Shown>,
     /// What is new in `shown` since it was last asked for.
     changed: Changed,
+    /// Blocks of each pass of the bake, and how many of the pass that runs are there.
+    pass_blocks: (usize, usize),
     /// Error measured at the end of the last pass.
     pub error_db: Option<ErrorDb>,
     /// Ranks and bytes of what is shown.
@@ -171,6 +195,7 @@ impl Session {
             shown: None,
             incoming: None,
             changed: Changed::default(),
+            pass_blocks: (0, 0),
             error_db: None,
             figures: None,
             figures_at: Instant::now(),
@@ -207,17 +232,25 @@ impl Session {
 
     /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
     pub fn choose_panel(&mut self, node: String, resolution: u32) {
-        let Some((scene, mut panels)) = self.opened.as_ref().and_then(|o| Some((o.scene.clone()?, o.panels.clone())))
-        else {
-            return;
-        };
-        panels.retain(|panel| panel.node != node);
-        panels.push(PanelRequest { node, resolution });
+        self.choose(|chosen| {
+            chosen.panels.retain(|panel| panel.node != node);
+            chosen.panels.push(PanelRequest { node, resolution });
+        });
+    }
+
+    /// Counts the lamps of the open scene otherwise; the scene is prepared again in the background.
+    pub fn choose_units(&mut self, units: LampUnits) {
+        self.choose(|chosen| chosen.units = units);
+    }
+
+    fn choose(&mut self, change: impl FnOnce(&mut Chosen)) {
+        let of_scene = |opened: &Opened| Some((opened.scene.clone()?, opened.lamps.clone(), opened.chosen.clone()));
+        let Some((scene, lamps, mut chosen)) = self.opened.as_ref().and_then(of_scene) else { return };
+        change(&mut chosen);
         self.stop_loading();
-        self.loading = self.spawn("panel", move |post| {
-            let prepared = PreparedScene::new(scene.scene.clone(), &panels).map_err(words);
-            let prepared = prepared.map(|(scene, warnings)| (Box::new(scene), panels, warnings));
-            let _ = post.send(Fact::Panels(prepared), Duration::ZERO);
+        self.loading = self.spawn("prepare", move |post| {
+            let prepared = task::prepare_again(&scene.scene, lamps, chosen).map_err(words);
+            let _ = post.send(Fact::Prepared(prepared), Duration::ZERO);
         });
     }
 
@@ -314,13 +347,13 @@ impl Session {
         let is_of = |task: &Option<Task>| task.as_ref().is_some_and(|task| task.id() == id);
         match fact {
             Fact::Loaded(name, result) if is_of(&self.loading) => self.loaded(name, result, notices),
-            Fact::Panels(result) if is_of(&self.loading) => self.panels_chosen(result, notices),
+            Fact::Prepared(result) if is_of(&self.loading) => self.prepared_again(result, notices),
             Fact::Bake(event) if is_of(&self.baking) => self.bake_event(event),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
             // Facts of a task that was stopped no longer count.
-            Fact::Loaded(..) | Fact::Panels(_) | Fact::Bake(_) | Fact::BakeEnded(_) => {}
+            Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::BakeEnded(_) => {}
         }
     }
 
@@ -343,29 +376,37 @@ impl Session {
         self.stage = Stage::Ready;
         match loaded {
             Loaded::Scene { scene, report } => {
-                self.opened = Some(Opened { name, scene: Some(Arc::from(scene)), report, panels: Vec::new() });
+                let lamps = scene.scene.punctual.clone();
+                let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
+                self.opened = Some(Opened { name, scene, report, lamps, chosen });
             }
             Loaded::Bake(bake) => {
-                self.opened = Some(Opened { name, scene: None, report: Vec::new(), panels: Vec::new() });
+                let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
+                self.opened = Some(Opened { name, scene: None, report, lamps, chosen });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 self.show(Shown { header: bake.header, camera: None, frame });
                 self.bake = BakeState::Done;
                 self.count();
+                self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
             }
         }
         notices.push(Notice::Opened);
     }
 
-    fn panels_chosen(&mut self, result: task::Panels, notices: &mut Vec<Notice>) {
+    fn prepared_again(&mut self, result: Result<Prepared, String>, notices: &mut Vec<Notice>) {
         self.others.extend(self.loading.take());
         match (result, &mut self.opened) {
-            (Ok((scene, panels, warnings)), Some(opened)) => {
+            (Ok(Prepared { scene, chosen, warnings }), Some(opened)) => {
                 opened.scene = Some(Arc::from(scene));
-                opened.panels = panels;
-                opened.report.extend(warnings);
+                opened.chosen = chosen;
+                for warning in warnings {
+                    if !opened.report.contains(&warning) {
+                        opened.report.push(warning);
+                    }
+                }
                 self.stop_baking();
                 (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
-                notices.push(Notice::PanelsChanged);
+                notices.push(Notice::PreparedAgain);
             }
             (Ok(_), None) => {}
             (Err(why), _) => notices.push(Notice::Failed(why)),
@@ -374,17 +415,26 @@ impl Session {
 
     fn bake_event(&mut self, event: BakeEvent) {
         match event {
-            BakeEvent::Started { header, n_passes, .. } => self.bake_started(header, n_passes),
-            BakeEvent::BlockDone { block_idx, factors, .. } => self.block_done(block_idx, &factors),
+            BakeEvent::Started { header, n_blocks, n_passes } => {
+                self.pass_blocks = (n_blocks, 0);
+                self.bake_started(header, n_passes);
+            }
+            BakeEvent::BlockDone { block_idx, factors, .. } => {
+                self.pass_blocks.1 += 1;
+                self.block_done(block_idx, &factors);
+            }
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {
-                    self.bake = BakeState::Running { pass, n_passes, done, secs_left };
+                    let (n_blocks, n_done) = self.pass_blocks;
+                    let pass_done = n_done as f32 / n_blocks.max(1) as f32;
+                    self.bake = BakeState::Running { pass, n_passes, done, pass_done, secs_left };
                 }
                 if self.figures_at.elapsed() > FIGURES_EVERY {
                     self.count();
                 }
             }
             BakeEvent::PassDone { error_db, .. } => {
+                self.pass_blocks.1 = 0;
                 if let Some(incoming) = self.incoming.take() {
                     self.show(incoming);
                 }
@@ -395,7 +445,7 @@ impl Session {
     }
 
     fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
-        self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, secs_left: None };
+        self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
         let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
         let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
         let started = Shown { header, camera, frame };

@@ -9,7 +9,8 @@ use std::time::Duration;
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
-use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::archive;
+use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::camera::Film;
 use eframe::egui::{DroppedFile, Key, Modifiers, Pos2, Rect, Vec2, ViewportEvent, pos2, vec2};
 use egui_kittest::Harness;
@@ -127,8 +128,10 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
 fn mute_is_in_the_look_and_solo_is_not() {
     let mut window = baked();
     let ev_before = window.state().shown_ev();
+    let row = window.get_by_label("Mute panel").rect();
     click(&mut window, "Solo panel");
     assert_eq!(*window.state().look(), Look::default());
+    assert_eq!(window.get_by_label("Mute panel").rect(), row, "rows stay under the pointer");
     wait(&mut window, |app| (app.shown_ev() - ev_before).abs() > 1e-2);
     click(&mut window, "Clear solo");
     wait(&mut window, |app| (app.shown_ev() - ev_before).abs() < 1e-3);
@@ -179,6 +182,42 @@ fn the_bake_tells_its_figures_and_can_be_started_again() {
     click(&mut window, "Start bake");
     assert!(window.state().session().shown.is_some(), "the picture stays until the next one is whole");
     wait(&mut window, |app| app.session().bake == BakeState::Done);
+}
+
+#[test]
+fn an_opened_bake_tells_the_figures_of_its_file() {
+    let window = baked();
+    let shown = window.state().session().shown.as_ref().unwrap();
+    let bake = Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
+    let figures = bake.figures();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.transport");
+    archive::write(&bake, &path).unwrap();
+
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0);
+    for words in [
+        format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank),
+        format!("{:.1} dB below peak", figures.error_db.sampling),
+        format!("{:.1} dB below peak", figures.error_db.total),
+    ] {
+        assert!(window.query_all_by_label(&words).next().is_some(), "{words:?} is not told");
+    }
+}
+
+#[test]
+fn lamps_without_units_shine_683_times_as_bright_and_back() {
+    let mut window = baked();
+    let strength = |window: &Window| window.state().session().basis().unwrap().source("lamp").unwrap().strength;
+    let of_file = strength(&window);
+    click(&mut window, "Mute panel");
+    click(&mut window, "Unitless lamps");
+    wait(&mut window, |app| app.session().basis().unwrap().source("lamp").unwrap().strength > 100.0);
+    assert_eq!(strength(&window), 683.0 * of_file);
+    assert!(window.state().look().lights.lights["panel"].muted, "the look stays");
+    click(&mut window, "Unitless lamps");
+    wait(&mut window, |app| app.session().basis().unwrap().source("lamp").unwrap().strength < 100.0);
+    assert_eq!(strength(&window), of_file);
 }
 
 #[test]

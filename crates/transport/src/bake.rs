@@ -2,6 +2,8 @@
 //!
 //! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads.
 
+mod clock;
+
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,6 +11,7 @@ use std::time::Instant;
 use clerestory_nystrom::{
     BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, Partition, SamplePlan, Tolerance, compress,
 };
+use clock::Clock;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -216,9 +219,9 @@ pub enum BakeEvent {
     Progress {
         /// Pass that runs.
         pass: u32,
-        /// 0…1 over all passes.
+        /// 0…1 over all passes, each block counting by its samples.
         done: f32,
-        /// Seconds left, once there is something to judge by.
+        /// Seconds left, once there is something to judge by: never while the preview runs.
         secs_left: Option<f32>,
     },
     /// Every block of a pass is there.
@@ -312,7 +315,8 @@ impl BakeJob {
         let partition = header.partition();
         let passes = self.pass_samples(done.is_empty());
         let n_blocks = partition.n_blocks();
-        let mut run = Run { job: &self, matrix: &matrix, header: &header, groups: header.empty_groups() };
+        let groups = header.empty_groups();
+        let mut run = Run { job: &self, matrix: &matrix, header: &header, groups, started: Instant::now() };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -324,7 +328,7 @@ impl BakeJob {
                 return Ok(None);
             }
         }
-        let mut clock = Clock::new(&passes, n_blocks, done.len());
+        let mut clock = Clock::new(&passes, n_blocks, done.len(), rayon::current_num_threads());
         for (pass, &samples) in passes.iter().enumerate() {
             let mut blocks = from_the_center(&partition);
             if pass as u32 == last {
@@ -386,6 +390,7 @@ struct Run<'a> {
     matrix: &'a TransportMatrix<'a>,
     header: &'a Arc<BakeHeader>,
     groups: Vec<BlockLowRank>,
+    started: Instant,
 }
 
 impl Run<'_> {
@@ -404,7 +409,7 @@ impl Run<'_> {
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
         let (job, header) = (self.job, self.header.clone());
-        let partition = header.partition();
+        let (partition, started) = (header.partition(), self.started);
         // The preview connects to fewer texels; the rest of the plan is the same.
         let (coarse_plan, mut coarse);
         let matrix = match samples {
@@ -424,11 +429,12 @@ impl Run<'_> {
                 Some(nodes)
             }
         };
+        clock.start_pass(pass, started.elapsed().as_secs_f32());
         let config = job.compress_config(samples.unwrap_or(1), &header.column_scale);
         let on_block = |block: u32, factors: Vec<BlockFactors>| {
             let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
             self.keep(block as usize, &factors);
-            let (done, secs_left) = clock.block_done(pass);
+            let (done, secs_left) = clock.block_done(started.elapsed().as_secs_f32());
             on_event(BakeEvent::BlockDone { pass, block_idx: block as usize, factors })?;
             on_event(BakeEvent::Progress { pass, done, secs_left })
         };
@@ -440,37 +446,5 @@ impl Run<'_> {
             return Ok(flow);
         }
         Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.groups) }))
-    }
-}
-
-/// Judges how far a bake is: passes count by their samples.
-struct Clock {
-    started: Instant,
-    weights: Vec<f32>,
-    total: f32,
-    done: f32,
-    at_start: f32,
-}
-
-impl Clock {
-    fn new(passes: &[Option<u32>], n_blocks: usize, n_done: usize) -> Clock {
-        let weights: Vec<f32> = passes.iter().map(|samples| samples.map_or(1.0, |s| s as f32)).collect();
-        let total = weights.iter().sum::<f32>() * n_blocks as f32;
-        let done = weights.last().copied().unwrap_or(0.0) * n_done as f32;
-        Clock { started: Instant::now(), weights, total, done, at_start: done }
-    }
-
-    /// 0…1.
-    fn done(&self) -> f32 {
-        (self.done / self.total).min(1.0)
-    }
-
-    /// 0…1, and seconds left once a hundredth is done.
-    fn block_done(&mut self, pass: u32) -> (f32, Option<f32>) {
-        self.done += self.weights[pass as usize];
-        let fresh = self.done - self.at_start;
-        let secs = self.started.elapsed().as_secs_f32();
-        let secs_left = (fresh > 0.01 * self.total).then(|| secs / fresh * (self.total - self.done));
-        (self.done(), secs_left)
     }
 }

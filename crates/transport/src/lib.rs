@@ -9,6 +9,7 @@ pub mod emitters;
 pub mod figures;
 mod fingerprint;
 pub mod import;
+pub mod lamp_units;
 pub mod light;
 pub mod matrix;
 mod nodes;

@@ -26,11 +26,14 @@ pub struct Arguments {
 
 const EDITOR_EXAMPLE: &str = "Example: clerestory room.glb\n\
     Without a display the scene is baked, relit under three looks, and written to frames/ in the current folder.";
-const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16";
+const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16\n         \
+    or: clerestory bake room.glb -o room.transport --ies Downlight=maker/downlight.ies";
 const RELIGHT_EXAMPLE: &str =
     "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights";
-const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128";
-const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024";
+const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128\n         \
+    or: clerestory render room.glb --ies Downlight=maker/downlight.ies -o measured.png";
+const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024\n         \
+    or: clerestory trace room.glb --ies Downlight=maker/downlight.ldt -o measured.exr";
 const COMPARE_EXAMPLE: &str = "Example: clerestory compare evening.exr reference.exr --json";
 const INFO_EXAMPLE: &str = "Example: clerestory info room.transport --json";
 
@@ -85,6 +88,12 @@ pub struct ViewArgs {
     /// Make a planar emissive node a panel of M × M texels, M from 4 to 64; may be repeated.
     #[arg(long = "panel", value_name = "NODE=M", value_parser = parse_panel)]
     pub panels: Vec<PanelRequest>,
+    /// Give a point or spot lamp the measured distribution of an .ies or .ldt file; may be repeated.
+    #[arg(long, value_name = "KEY=FILE", value_parser = parse_ies)]
+    pub ies: Vec<IesRequest>,
+    /// Take the numbers of lamps as watts per steradian (per m² if directional), not as candela and lux: 1 becomes 683.
+    #[arg(long)]
+    pub unitless: bool,
     /// Sky: an equirectangular .hdr or .exr, `uniform`, or `sun:AZIMUTH,ELEVATION` in degrees.
     #[arg(long, value_name = "FILE|uniform|sun:AZ,EL", value_parser = crate::look::sky::typed, allow_hyphen_values = true)]
     pub sky: Option<SkySetting>,
@@ -94,6 +103,15 @@ pub struct ViewArgs {
     /// Threads to use [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+}
+
+/// A lamp that takes a measured distribution.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct IesRequest {
+    /// Key of the lamp.
+    pub key: String,
+    /// File of its maker.
+    pub file: PathBuf,
 }
 
 /// Options of a bake, wherever it goes.
@@ -260,6 +278,16 @@ fn parse_panel(text: &str) -> Result<PanelRequest, String> {
     Ok(PanelRequest { node: node.into(), resolution })
 }
 
+fn parse_ies(text: &str) -> Result<IesRequest, String> {
+    // A node's name may hold '=' as well as a path may; names do more often.
+    match text.rsplit_once('=') {
+        Some((key, file)) if !key.is_empty() && !file.is_empty() => {
+            Ok(IesRequest { key: key.into(), file: file.into() })
+        }
+        _ => Err("write KEY=FILE such as Downlight=downlight.ies".into()),
+    }
+}
+
 fn parse_patches(text: &str) -> Result<SkyForm, String> {
     let patches = |divisions: &u32| (144 * divisions * divisions + 1).to_string();
     let divisions = DOME_DIVISIONS.into_iter().find(|divisions| patches(divisions) == text);
@@ -308,6 +336,9 @@ mod tests {
             ["--panel", "a=65"],
             ["--panel", "=8"],
             ["--panel", "a"],
+            ["--ies", "a.ies"],
+            ["--ies", "=a.ies"],
+            ["--ies", "a="],
             ["--bounces", "-1"],
             ["--threads", "0"],
             ["--sky", ""],

@@ -1,5 +1,6 @@
 //! From what was typed to what can be traced: scene, camera, film and look.
 
+use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,15 +9,20 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import::{self, Imported};
+use clerestory_transport::lamp_units::assume_unitless;
+use clerestory_transport::photometry::{PhotometricProfile, assign};
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::Scene;
 use clerestory_transport::sky::{SkyForm, SkySetting};
 
-use super::args::ViewArgs;
+use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
 use crate::look::{Look, sky};
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
+/// Longest photometric file that is read; more is refused where it is understood.
+const MAX_PROFILE_BYTES: u64 = 64 << 20;
 
 /// One picture of one scene.
 pub(crate) struct View {
@@ -65,10 +71,11 @@ pub(crate) fn prepare_view(
     sky: Option<&SkyRequest>,
     console: &mut Console,
 ) -> Result<View> {
-    let scene = imported.scene;
+    let mut scene = imported.scene;
     if scene.mesh.triangles.is_empty() {
         bail!("{name} has no triangles, so there is nothing to see; give a scene with surfaces");
     }
+    change_lamps(&mut scene, args, console)?;
     let camera = pick_camera(&scene.cameras, args.camera.as_deref()).with_context(|| format!("cannot see {name}"))?;
     let camera = camera.clone();
     let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
@@ -76,6 +83,30 @@ pub(crate) fn prepare_view(
         .with_context(|| format!("cannot prepare the scene {name}"))?;
     console.warn_all(warnings);
     Ok(View { scene: Arc::new(scene), camera, film })
+}
+
+/// What was asked for about the lamps of the file.
+fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
+    if args.unitless && assume_unitless(scene) == 0 {
+        console.warn("--unitless changes nothing: no lamp of the scene counts in candela or lux of its own");
+    }
+    for (nth, request) in args.ies.iter().enumerate() {
+        let IesRequest { key, file } = request;
+        if args.ies[..nth].iter().any(|other| other.key == *key) {
+            bail!("--ies names the lamp `{key}` twice; give it one file");
+        }
+        assign_profile(scene, request)
+            .with_context(|| format!("cannot give `{key}` the distribution of {}", file.display()))?;
+    }
+    Ok(())
+}
+
+fn assign_profile(scene: &mut Scene, request: &IesRequest) -> Result<()> {
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(&request.file).context("the file cannot be read: check the path")?;
+    file.take(MAX_PROFILE_BYTES).read_to_end(&mut bytes).context("the file cannot be read")?;
+    let profile = PhotometricProfile::parse(&bytes, &request.file.display().to_string())?;
+    Ok(assign(scene, &request.key, profile, 1.0)?)
 }
 
 /// The camera of that name, else of that number, else the first.

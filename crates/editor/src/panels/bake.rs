@@ -3,6 +3,7 @@
 use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::lamp_units::LampUnits;
 use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui};
 
 use super::status::duration;
@@ -35,6 +36,8 @@ const MAX_SIDE: u32 = 8192;
 pub struct BakeView<'a> {
     /// Cameras of the scene.
     pub cameras: &'a [Camera],
+    /// Camera of the bake that is shown.
+    pub baked_camera: Option<&'a str>,
     /// Where the bake stands.
     pub state: &'a BakeState,
     /// Ranks and bytes of what is shown.
@@ -43,6 +46,8 @@ pub struct BakeView<'a> {
     pub error_db: Option<ErrorDb>,
     /// Whether there is a scene, so that it can be baked.
     pub has_scene: bool,
+    /// How its lamps are counted, where it has lamps that leave room for a doubt.
+    pub units: Option<LampUnits>,
     /// What was left behind on import, in words.
     pub report: &'a [String],
 }
@@ -50,7 +55,7 @@ pub struct BakeView<'a> {
 /// Draws it.
 pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     theme::section(ui, "Bake");
-    ui.add_enabled_ui(view.has_scene, |ui| settings_ui(ui, settings, view.cameras));
+    ui.add_enabled_ui(view.has_scene, |ui| settings_ui(ui, settings, view, actions));
     ui.add_space(4.0);
     progress_ui(ui, view, actions);
     if let Some(figures) = view.figures {
@@ -62,10 +67,10 @@ pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
     }
 }
 
-fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera]) {
+fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     egui::Grid::new("bake settings").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
         let label = ui.label("Camera");
-        camera_ui(ui, settings, cameras, label.id);
+        camera_ui(ui, settings, view, label.id);
         ui.end_row();
         ui.label("Size");
         size_ui(ui, &mut settings.film);
@@ -89,11 +94,28 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera]) {
             settings.config.indirect = if exact { Indirect::Traced } else { Indirect::Shared };
         }
         ui.end_row();
+        if let Some(units) = view.units {
+            ui.label("");
+            units_ui(ui, units, actions);
+            ui.end_row();
+        }
     });
 }
 
-fn camera_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera], label: egui::Id) {
-    let name = cameras.get(settings.camera_idx).map_or("none", |camera| camera.name.as_str());
+fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
+    let mut is_unitless = units == LampUnits::Unitless;
+    let hint = "For files whose lamps are not in candela and lux: their numbers count as watts per steradian, \
+                683 times as bright\nThe scene is baked again";
+    if ui.checkbox(&mut is_unitless, "Unitless lamps").on_hover_text(hint).changed() {
+        let units = if is_unitless { LampUnits::Unitless } else { LampUnits::Photometric };
+        actions.push(Action::ChooseUnits(units));
+    }
+}
+
+fn camera_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, label: egui::Id) {
+    let cameras = view.cameras;
+    let of_scene = cameras.get(settings.camera_idx).map(|camera| camera.name.as_str());
+    let name = of_scene.or(view.baked_camera).unwrap_or("none");
     let before = settings.camera_idx;
     let combo = egui::ComboBox::from_id_salt("camera").width(ui.available_width()).truncate().selected_text(name);
     let combo = combo.show_ui(ui, |ui| {
@@ -136,7 +158,9 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
     let width = egui::vec2(ui.available_width(), 28.0);
     if view.state.is_running() {
         let (done, text) = match view.state {
-            BakeState::Running { done, secs_left, pass, n_passes } => (*done, pass_words(*pass, *n_passes, *secs_left)),
+            BakeState::Running { done, pass_done, secs_left, pass, n_passes } => {
+                (*done, pass_words(*pass, *n_passes, *pass_done, *secs_left))
+            }
             _ => (0.0, "Measuring the lights".into()),
         };
         ui.add(ProgressBar::new(done).corner_radius(3).text(RichText::new(text).small()));
@@ -161,9 +185,13 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
     }
 }
 
-fn pass_words(pass: u32, n_passes: u32, secs_left: Option<f32>) -> String {
+/// While nothing tells how long the bake will take, how far its pass is.
+fn pass_words(pass: u32, n_passes: u32, pass_done: f32, secs_left: Option<f32>) -> String {
     let what = if pass == 0 { "Preview".into() } else { format!("Pass {pass} of {}", n_passes.saturating_sub(1)) };
-    secs_left.map_or(what.clone(), |secs| format!("{what}, {} left", duration(secs)))
+    match secs_left {
+        Some(secs) => format!("{what}, {} left", duration(secs)),
+        None => format!("{what}, {:.0} %", 100.0 * pass_done),
+    }
 }
 
 fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &BakeState, actions: &mut Vec<Action>) {
@@ -230,6 +258,12 @@ mod tests {
     fn the_standard_quality_is_the_default_of_the_command_line() {
         let config = BakeConfig::default();
         assert_eq!((QUALITIES[1].spp, QUALITIES[1].tolerance_db), (config.spp, config.tolerance_db));
+    }
+
+    #[test]
+    fn a_pass_tells_its_share_until_time_can_be_judged() {
+        assert_eq!(pass_words(0, 3, 0.42, None), "Preview, 42 %");
+        assert_eq!(pass_words(1, 3, 0.42, Some(61.0)), "Pass 1 of 2, 1 min 1 s left");
     }
 
     #[test]

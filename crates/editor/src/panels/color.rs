@@ -21,7 +21,7 @@ pub struct Tint {
 /// Color temperatures with a name.
 const KELVINS: [(&str, f32); 5] =
     [("Candle", 1900.0), ("Warm", 2700.0), ("White", 4000.0), ("Daylight", 6500.0), ("Shade", 8000.0)];
-const PICKER_WIDTH: f32 = 220.0;
+const PICKER_WIDTH: f32 = 252.0;
 const N: usize = 32;
 
 /// A swatch that opens the editor; answers whether the tint changed. `file_color` is linear. Without `kelvin_choice`
@@ -36,6 +36,7 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
     let before = *tint;
     Popup::menu(&response).close_behavior(PopupCloseBehavior::CloseOnClickOutside).show(|ui| {
         ui.set_width(PICKER_WIDTH);
+        ui.spacing_mut().button_padding = vec2(6.0, 2.0);
         mode_ui(ui, tint, shown, kelvin_choice);
         match *tint {
             Tint { kelvin: Some(kelvin), .. } => kelvin_ui(ui, label, kelvin, tint),
@@ -90,7 +91,8 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
         tint.kelvin = Some(kelvin.clamp(500.0, 100_000.0));
     }
     ui.horizontal_wrapped(|ui| {
-        ui.spacing_mut().item_spacing.x = 4.0;
+        ui.spacing_mut().item_spacing.x = 2.0;
+        ui.spacing_mut().button_padding.x = 4.0;
         for (name, kelvin) in KELVINS {
             if ui.small_button(name).on_hover_text(format!("{kelvin:.0} K")).clicked() {
                 tint.kelvin = Some(kelvin);
@@ -106,7 +108,7 @@ fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
         let stroke = if is_changed || response.hovered() {
             Stroke::new(1.5, ui.visuals().strong_text_color())
         } else {
-            Stroke::new(1.0, ui.visuals().widgets.hovered.bg_fill)
+            Stroke::new(1.0, ui.visuals().weak_text_color())
         };
         ui.painter().rect(rect.shrink2(vec2(0.0, 2.0)), 4.0, color, stroke, StrokeKind::Inside);
     }

@@ -4,23 +4,49 @@ use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
-use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Button, Context, Key, Modal, RichText, TextEdit, Ui};
 
 use crate::action::{Action, FileTask};
 use crate::theme;
 
-type Answer = Pin<Box<dyn Future<Output = Option<rfd::FileHandle>>>>;
+type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
 
-/// A dialog of the desktop that ends sooner than this without an answer was never shown: there is none here.
-const NEVER_SHOWN: Duration = Duration::from_millis(600);
+/// A dialog of the desktop. Where there is none it ends without an answer too, at once or after a while; but only one that
+/// was shown takes the focus from the window.
+struct NativeDialog {
+    answer: Answer,
+    took_focus: bool,
+}
+
+impl NativeDialog {
+    /// `Some` once it has ended: the file, nothing if it was closed. A dialog that was never shown is [`Ended::Unseen`].
+    fn poll(&mut self, window_has_focus: bool, waker: &Waker) -> Option<Ended> {
+        self.took_focus |= !window_has_focus;
+        let Poll::Ready(file) = self.answer.as_mut().poll(&mut TaskContext::from_waker(waker)) else {
+            return None;
+        };
+        Some(match file {
+            Some(path) => Ended::Chosen(path),
+            None if self.took_focus => Ended::Closed,
+            None => Ended::Unseen,
+        })
+    }
+}
+
+/// How a dialog of the desktop ended.
+#[derive(Debug, PartialEq, Eq)]
+enum Ended {
+    Chosen(PathBuf),
+    Closed,
+    Unseen,
+}
 
 /// A file is being asked for: in the desktop's own dialog where there is one, and in a path field at any rate.
 pub struct FileQuestion {
     task: FileTask,
     path: String,
-    native: Option<(Answer, Instant)>,
+    native: Option<NativeDialog>,
     is_fresh: bool,
 }
 
@@ -40,34 +66,28 @@ impl FileQuestion {
         question
     }
 
-    /// Asks in the field alone, for tests and desktops without dialogs.
-    pub fn in_field(task: FileTask, suggestion: &str) -> FileQuestion {
-        FileQuestion { task, path: suggestion.into(), native: None, is_fresh: true }
-    }
-
     fn browse(&mut self) {
         let (what, extensions) = self.task.extensions();
         let dialog = rfd::AsyncFileDialog::new().set_title(self.task.title()).add_filter(what, extensions);
+        let path_of = |file: Option<rfd::FileHandle>| file.map(|file| file.path().to_path_buf());
         let answer: Answer = if self.task.writes() {
-            Box::pin(dialog.set_file_name(&self.path).save_file())
+            let dialog = dialog.set_file_name(&self.path);
+            Box::pin(async move { path_of(dialog.save_file().await) })
         } else {
-            Box::pin(dialog.pick_file())
+            Box::pin(async move { path_of(dialog.pick_file().await) })
         };
-        self.native = Some((answer, Instant::now()));
+        self.native = Some(NativeDialog { answer, took_focus: false });
     }
 
     /// Looks whether the desktop's dialog has answered. `Some(None)` closes the question without an answer.
     pub fn poll(&mut self, ctx: &Context) -> Option<Option<PathBuf>> {
-        let (answer, asked_at) = self.native.as_mut()?;
         let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
-        let Poll::Ready(file) = answer.as_mut().poll(&mut TaskContext::from_waker(&waker)) else {
-            return None;
-        };
-        let was_shown = asked_at.elapsed() > NEVER_SHOWN;
+        let ended = self.native.as_mut()?.poll(ctx.input(|input| input.focused), &waker)?;
         self.native = None;
-        match file {
-            Some(file) => Some(Some(file.path().to_path_buf())),
-            None => was_shown.then_some(None),
+        match ended {
+            Ended::Chosen(path) => Some(Some(path)),
+            Ended::Closed => Some(None),
+            Ended::Unseen => None,
         }
     }
 
@@ -149,4 +169,25 @@ pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
         .inner
     });
     if modal.inner.is_none() && modal.should_close() { Some(UnsavedAnswer::Stay) } else { modal.inner }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answering(path: Option<&str>) -> NativeDialog {
+        NativeDialog { answer: Box::pin(std::future::ready(path.map(PathBuf::from))), took_focus: false }
+    }
+
+    #[test]
+    fn a_dialog_that_never_had_the_focus_was_never_shown() {
+        let waker = Waker::noop();
+        assert_eq!(answering(None).poll(true, waker), Some(Ended::Unseen));
+        let mut shown = NativeDialog { answer: Box::pin(std::future::pending()), took_focus: false };
+        assert_eq!(shown.poll(true, waker), None);
+        assert_eq!(shown.poll(false, waker), None);
+        shown.answer = answering(None).answer;
+        assert_eq!(shown.poll(true, waker), Some(Ended::Closed), "it had the focus before");
+        assert_eq!(answering(Some("a.png")).poll(true, waker), Some(Ended::Chosen("a.png".into())));
+    }
 }

@@ -53,8 +53,7 @@ pub fn heard(basis: &LightBasis, rig: &LightRig, solo: &BTreeSet<String>) -> Lig
 /// Draws the list.
 pub fn lights_ui(ui: &mut Ui, basis: &LightBasis, look: &mut Look, state: &mut LightsState, actions: &mut Vec<Action>) {
     let sources: Vec<&LightSource> = basis.sources.iter().filter(|s| s.kind != SourceKind::Constant).collect();
-    theme::section(ui, "Lights");
-    solo_banner(ui, state);
+    heading_ui(ui, state);
     if sources.len() > FILTER_FROM {
         let edit = TextEdit::singleline(&mut state.filter).hint_text("Filter by name").desired_width(f32::INFINITY);
         ui.add(edit).accessible_name("Filter lights");
@@ -79,25 +78,23 @@ pub fn lights_ui(ui: &mut Ui, basis: &LightBasis, look: &mut Look, state: &mut L
     });
 }
 
-fn solo_banner(ui: &mut Ui, state: &mut LightsState) {
-    if state.solo.is_empty() {
-        return;
-    }
-    egui::Frame::new().fill(theme::ACCENT).corner_radius(4).inner_margin(egui::Margin::symmetric(8, 4)).show(
-        ui,
-        |ui| {
-            ui.horizontal(|ui| {
-                let names: Vec<&str> = state.solo.iter().map(String::as_str).collect();
-                let text = RichText::new("Solo active").color(theme::ON_ACCENT).strong();
-                ui.add(Label::new(text)).on_hover_text(names.join(", "));
-                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    if ui.button("Clear solo").clicked() {
-                        state.solo.clear();
-                    }
-                });
-            });
-        },
-    );
+/// The heading; while a light is soloed it says so, beside the title, so that no row moves under the pointer.
+fn heading_ui(ui: &mut Ui, state: &mut LightsState) {
+    ui.add_space(4.0);
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Lights").heading().strong());
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if state.solo.is_empty() {
+                return;
+            }
+            let names: Vec<&str> = state.solo.iter().map(String::as_str).collect();
+            let button = Button::new(RichText::new("Clear solo").color(theme::ON_ACCENT)).fill(theme::ACCENT).small();
+            if ui.add(button).on_hover_text(format!("Only these are lit: {}", names.join(", "))).clicked() {
+                state.solo.clear();
+            }
+        });
+    });
+    ui.separator();
 }
 
 fn light_ui(ui: &mut Ui, source: &LightSource, look: &mut Look, state: &mut LightsState, actions: &mut Vec<Action>) {
@@ -245,8 +242,8 @@ fn level_ui(ui: &mut Ui, source: &LightSource, setting: &mut LightSetting) {
 /// Number and slider of a factor to what the file says; laid out from right to left.
 pub fn intensity_ui(ui: &mut Ui, key: &str, intensity: &mut f32) {
     let speed = (0.01 * f64::from(*intensity)).max(0.002);
-    let number =
-        DragValue::new(intensity).range(0.0..=INTENSITY_MAX).speed(speed).max_decimals(2).min_decimals(2).suffix("×");
+    let number = DragValue::new(intensity).range(0.0..=INTENSITY_MAX).speed(speed).suffix("×");
+    let number = number.custom_formatter(|factor, _| factor_words(factor));
     ui.add_sized([54.0, 22.0], number).accessible_name(format!("{key} factor"));
     ui.spacing_mut().slider_width = (ui.available_width() - 2.0).max(40.0);
     let mut level = *intensity;
@@ -257,6 +254,15 @@ pub fn intensity_ui(ui: &mut Ui, key: &str, intensity: &mut f32) {
         .show_value(false);
     if ui.add(slider).accessible_name(format!("{key} intensity")).changed() {
         *intensity = level.clamp(0.0, INTENSITY_MAX);
+    }
+}
+
+/// As many digits as are told apart, in a width that does not change under a slider that is dragged.
+fn factor_words(factor: f64) -> String {
+    match factor {
+        f if f < 9.995 => format!("{f:.2}"),
+        f if f < 99.95 => format!("{f:.1}"),
+        f => format!("{f:.0}"),
     }
 }
 
@@ -284,6 +290,14 @@ mod tests {
         let coefficients = basis().project(&heard(&basis(), &rig, &solo));
         assert_eq!(coefficients, [[1.0; 3], [0.0; 3], [1.0; 3]]);
         assert_eq!(heard(&basis(), &rig, &BTreeSet::new()), rig);
+    }
+
+    #[test]
+    fn factors_of_any_size_have_three_digits_or_their_whole_part() {
+        assert_eq!(
+            [0.0, 1.0, 9.99, 9.999, 12.34, 99.96, 5000.0].map(factor_words),
+            ["0.00", "1.00", "9.99", "10.0", "12.3", "100", "5000"]
+        );
     }
 
     #[test]

@@ -12,11 +12,13 @@ use anyhow::{Context, Result};
 use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeEvent, BakeJob};
-use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::emitters::LightingError;
 use clerestory_transport::import;
+use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::{PunctualLight, Scene};
 
-use super::Wake;
+use super::{Chosen, Wake};
 use crate::headless::GALLERY;
 
 /// Something to open.
@@ -61,15 +63,19 @@ pub enum Loaded {
     Bake(Bake),
 }
 
-/// A scene that was prepared again for other panels, and warnings.
-pub(super) type Panels = Result<(Box<PreparedScene>, Vec<PanelRequest>, Vec<String>), String>;
+/// A scene that was prepared again for what was chosen.
+pub(super) struct Prepared {
+    pub scene: Box<PreparedScene>,
+    pub chosen: Chosen,
+    pub warnings: Vec<String>,
+}
 
 /// What a thread has to say.
 pub(super) enum Fact {
     /// Something was opened, or why not.
     Loaded(String, Result<Loaded, String>),
-    /// Panels were chosen, or why not.
-    Panels(Panels),
+    /// Something was chosen about the scene, or why that cannot be.
+    Prepared(Result<Prepared, String>),
     /// The bake goes on.
     Bake(BakeEvent),
     /// The bake ended; with nothing if it was stopped.
@@ -172,6 +178,20 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
     let (scene, warnings) = PreparedScene::new(imported.scene, &[]).context("its lights cannot be used")?;
     report.extend(warnings);
     Ok(Loaded::Scene { scene: Box::new(scene), report })
+}
+
+/// The same scene with its lamps as the file has them, changed by what was chosen.
+pub(super) fn prepare_again(
+    scene: &Scene,
+    lamps: Vec<PunctualLight>,
+    chosen: Chosen,
+) -> Result<Prepared, LightingError> {
+    let mut scene = Scene { punctual: lamps, ..scene.clone() };
+    if chosen.units == LampUnits::Unitless {
+        assume_unitless(&mut scene);
+    }
+    let (scene, warnings) = PreparedScene::new(scene, &chosen.panels)?;
+    Ok(Prepared { scene: Box::new(scene), chosen, warnings })
 }
 
 /// How long facts about blocks may wait: a handful of repaints per second is enough to watch a bake.

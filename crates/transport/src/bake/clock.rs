@@ -1,0 +1,177 @@
+//! How far a bake is, and how long it will take.
+//!
+//! The running pass is judged by its own blocks, so that a preview, which costs what no number of samples tells, never
+//! enters. Passes to come are judged by the last pass that took samples: their cost is in proportion to their samples.
+
+/// Share of a pass after which its own speed is believed.
+const BELIEVED_FROM: f32 = 0.01;
+
+/// Judges how far a bake is. It has no clock of its own: whoever calls says how many seconds have passed.
+pub(super) struct Clock {
+    passes: Vec<Pass>,
+    /// Blocks that must be there before the speed of a pass means something: one per thread, for they arrive together.
+    n_threads: usize,
+    running: usize,
+    started_secs: f32,
+    /// When its last block came.
+    last_secs: f32,
+    n_done: usize,
+    /// Seconds per sample of a block, in the last pass that took samples and has ended.
+    secs_per_sample: Option<f32>,
+}
+
+/// A pass of the bake.
+struct Pass {
+    /// Samples per half; `None` is the preview.
+    samples: Option<u32>,
+    /// Blocks that are there from the start.
+    n_given: usize,
+    n_blocks: usize,
+}
+
+impl Pass {
+    fn n_to_do(&self) -> usize {
+        self.n_blocks - self.n_given
+    }
+
+    /// What a block counts for in the share that is done: the preview, a single one.
+    fn weight(&self) -> f32 {
+        self.samples.map_or(1.0, |samples| samples as f32)
+    }
+}
+
+impl Clock {
+    /// Before the first pass. `samples` has one entry per pass; `n_given` blocks of the last one are there already.
+    pub fn new(samples: &[Option<u32>], n_blocks: usize, n_given: usize, n_threads: usize) -> Clock {
+        let last = samples.len().saturating_sub(1);
+        let given = |nth: usize| if nth == last { n_given.min(n_blocks) } else { 0 };
+        let passes = samples.iter().enumerate().map(|(nth, &samples)| Pass { samples, n_given: given(nth), n_blocks });
+        let passes = passes.collect();
+        Clock { passes, n_threads, running: 0, started_secs: 0.0, last_secs: 0.0, n_done: 0, secs_per_sample: None }
+    }
+
+    /// The blocks of a pass begin; the pass before has ended. What is prepared in between counts for neither.
+    pub fn start_pass(&mut self, pass: u32, now_secs: f32) {
+        if let (Some(samples), Some(secs)) = (self.passes[self.running].samples, self.secs_per_block()) {
+            self.secs_per_sample = Some(secs / samples as f32);
+        }
+        (self.running, self.started_secs, self.n_done) = (pass as usize, now_secs, 0);
+    }
+
+    /// A block of the running pass is there: 0…1 over all passes, and seconds left once they can be judged.
+    pub fn block_done(&mut self, now_secs: f32) -> (f32, Option<f32>) {
+        (self.n_done, self.last_secs) = (self.n_done + 1, now_secs);
+        (self.done(), self.secs_left())
+    }
+
+    /// 0…1 over all passes.
+    pub fn done(&self) -> f32 {
+        let blocks = |nth: usize, pass: &Pass| match nth {
+            nth if nth < self.running => pass.n_blocks,
+            nth if nth == self.running => pass.n_given + self.n_done,
+            _ => pass.n_given,
+        };
+        let done: f32 = self.passes.iter().enumerate().map(|(nth, p)| p.weight() * blocks(nth, p) as f32).sum();
+        let all: f32 = self.passes.iter().map(|p| p.weight() * p.n_blocks as f32).sum();
+        (done / all.max(f32::MIN_POSITIVE)).min(1.0)
+    }
+
+    /// Measured in the running pass.
+    fn secs_per_block(&self) -> Option<f32> {
+        (self.n_done > 0).then(|| (self.last_secs - self.started_secs) / self.n_done as f32)
+    }
+
+    fn secs_left(&self) -> Option<f32> {
+        let pass = &self.passes[self.running];
+        let n_to_do = pass.n_to_do();
+        let enough = self.n_threads.max((BELIEVED_FROM * n_to_do as f32).ceil() as usize).min(n_to_do);
+        let measured = self.secs_per_block().filter(|_| self.n_done >= enough);
+        let expected = || Some(self.secs_per_sample? * pass.samples? as f32);
+        let secs_per_block = measured.or_else(expected)?;
+        let this_pass = n_to_do.saturating_sub(self.n_done) as f32 * secs_per_block;
+
+        let secs_per_sample = pass.samples.map(|samples| secs_per_block / samples as f32).or(self.secs_per_sample);
+        let later = &self.passes[self.running + 1..];
+        let later: Option<f32> =
+            later.iter().map(|p| Some(p.n_to_do() as f32 * p.samples? as f32 * secs_per_sample?)).sum();
+        Some(this_pass + later?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Runs a pass at a steady pace; what is left after each of its blocks.
+    fn run(clock: &mut Clock, pass: u32, now_secs: &mut f32, n_blocks: usize, secs: f32) -> Vec<Option<f32>> {
+        clock.start_pass(pass, *now_secs);
+        let mut left = Vec::new();
+        for _ in 0..n_blocks {
+            *now_secs += secs;
+            left.push(clock.block_done(*now_secs).1);
+        }
+        left
+    }
+
+    #[track_caller]
+    fn assert_near(left: Option<f32>, known: f32) {
+        let left = left.expect("time can be judged here");
+        assert!((left - known).abs() < 1e-3 * known.max(1.0), "{left} s left, not {known} s");
+    }
+
+    #[test]
+    fn the_time_of_a_preview_never_enters_the_passes_after_it() {
+        let mut now_secs = 0.0;
+        let mut clock = Clock::new(&[None, Some(4), Some(64)], 10, 0, 1);
+        let preview = run(&mut clock, 0, &mut now_secs, 10, 30.0);
+        assert!(preview.iter().all(Option::is_none), "nothing tells yet what a sample costs: {preview:?}");
+        let coarse = run(&mut clock, 1, &mut now_secs, 10, 0.5);
+        assert_near(coarse[0], 9.0 * 0.5 + 10.0 * 8.0);
+        assert_near(coarse[9], 10.0 * 8.0);
+        now_secs += 50.0;
+        clock.start_pass(2, now_secs);
+        assert_near(clock.secs_per_sample, 0.125);
+        // Blocks that are exact enough before all samples are taken make the last pass faster than expected.
+        let last = run(&mut clock, 2, &mut now_secs, 10, 3.0);
+        assert_near(last[0], 9.0 * 3.0);
+        assert_near(last[9], 0.0);
+    }
+
+    #[test]
+    fn a_pass_is_expected_to_cost_by_its_samples_until_its_own_blocks_tell() {
+        let mut now_secs = 0.0;
+        let mut clock = Clock::new(&[Some(4), Some(64)], 8, 0, 4);
+        let coarse = run(&mut clock, 0, &mut now_secs, 8, 0.25);
+        assert_eq!(coarse[..3], [None; 3], "blocks of four threads arrive together");
+        assert_near(coarse[3], 4.0 * 0.25 + 8.0 * 4.0);
+        let last = run(&mut clock, 1, &mut now_secs, 8, 1.0);
+        assert_near(last[0], 7.0 * 4.0);
+        assert_near(last[3], 4.0 * 1.0);
+    }
+
+    #[test]
+    fn a_bake_that_is_taken_up_counts_only_what_is_left() {
+        let mut clock = Clock::new(&[Some(64)], 10, 6, 1);
+        clock.start_pass(0, 100.0);
+        let (done, left) = clock.block_done(102.0);
+        assert!((done - 0.7).abs() < 1e-6, "{done}");
+        assert_near(left, 3.0 * 2.0);
+        assert!(Clock::new(&[Some(64)], 10, 10, 1).done() > 0.999, "all of it was there");
+    }
+
+    #[test]
+    fn the_share_that_is_done_grows_to_one() {
+        let mut clock = Clock::new(&[None, Some(2), Some(32)], 5, 0, 2);
+        let (mut now_secs, mut before) = (0.0, 0.0);
+        for pass in 0..3 {
+            clock.start_pass(pass, now_secs);
+            for _ in 0..5 {
+                now_secs += 1.0;
+                let (done, _) = clock.block_done(now_secs);
+                assert!(done > before, "{done} after {before}");
+                before = done;
+            }
+        }
+        assert!((before - 1.0).abs() < 1e-6, "{before}");
+    }
+}
