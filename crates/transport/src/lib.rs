@@ -9,6 +9,8 @@ pub mod emitters;
 pub mod figures;
 mod fingerprint;
 pub mod import;
+#[cfg(test)]
+mod laws;
 pub mod light;
 pub mod matrix;
 pub mod path;
