@@ -33,8 +33,8 @@ pub fn write(desk: &Desk) -> Result<String> {
          {} × {} pixels, six bounces, one bake per row; CPU seconds (user and system) of the bake alone, without loading and without\n\
          preview. The error of a column is the mean of (x − a)(x − b) over its entries, x baked, a and b two independent references of\n\
          {reference_spp} samples per pixel each that are not compressed: so their noise does not count. It is told in dB below the square of the\n\
-         reference column's 99.5 percentile; nothing is clipped. Entries where the camera sees the light itself are left out, and counted\n\
-         in the last column, which has them.\n",
+         reference column's 99.5 percentile; nothing is clipped. Entries where the camera sees the light itself are left out; the\n\
+         last column has them too.\n",
         film.width, film.height
     );
     for (name, peers) in SCENES {
@@ -56,7 +56,7 @@ fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_s
     let mut measured = Vec::new();
     for &spp in samples {
         desk.say(&format!("baking {name} with {spp} samples per pixel"));
-        // A tolerance that no block reaches: each takes all its samples.
+        // A tolerance out of reach: every block takes all its samples.
         let config = BakeConfig { spp, tolerance_db: 80.0, bounces: BOUNCES, seed: 1 };
         let camera = scene.scene.cameras[0].clone();
         let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly };
