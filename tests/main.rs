@@ -12,6 +12,8 @@ mod linearity;
 mod pipeline;
 /// `trace` against pictures that another renderer made.
 mod references;
+/// The sky: turned, exchanged, in patches and sharp behind the picture.
+mod sky;
 /// Scenes, statistics, and devices for all of the above.
 mod support;
 /// Two ways to one answer: tracing and relighting, CPU and GPU.

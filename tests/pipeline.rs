@@ -91,6 +91,50 @@ fn a_scene_becomes_a_picture_that_agrees_with_the_reference() {
     }
 }
 
+/// A map of 16 × 8 pixels in flat Radiance encoding: 2 nit where z is positive, else 1 nit.
+fn half_and_half() -> Vec<u8> {
+    let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n".to_vec();
+    (0..8 * 16).for_each(|i| bytes.extend([128, 128, 128, if i % 16 < 8 { 129 } else { 130 }]));
+    bytes
+}
+
+#[test]
+fn a_sky_is_baked_turned_and_told() {
+    let desk = Desk::new();
+    let top = Shape::quad(glam::Vec3::new(-1.0, 0.0, 1.0), glam::Vec3::X * 2.0, glam::Vec3::NEG_Z * 2.0);
+    let table = SceneFile::default().surface("top", &top, SceneFile::lambert([0.8; 3], [0.0; 3]));
+    let table = table.camera("front", glam::Vec3::new(0.0, 0.6, 2.0), 0.9);
+    std::fs::write(desk.path("table.glb"), table.glb()).unwrap();
+    std::fs::write(desk.path("day.hdr"), half_and_half()).unwrap();
+    let look = |sky: Value| std::fs::write(desk.path("a.look"), json!({ "clerestory": 1, "sky": sky }).to_string());
+
+    desk.json(&format!("bake @table.glb -o @a.transport --sky @day.hdr {VIEW}"));
+    let info = desk.json("info @a.transport");
+    assert!(info["sky"]["name"].as_str().unwrap().ends_with("day.hdr"), "{info}");
+    assert_eq!((&info["lights"], &info["columns"]), (&json!(["sky"]), &json!(291)));
+    // Relit from the archive alone, and by a file beside the look.
+    for sky in [json!({ "rotation_deg": 120, "intensity": 2 }), json!({ "file": "day.hdr", "rotation_deg": -70 })] {
+        look(sky).unwrap();
+        desk.json("relight @a.transport --look @a.look -o @relit.exr --device cpu");
+        desk.json(&format!("trace @table.glb --sky @day.hdr --look @a.look -o @traced.exr {VIEW}"));
+        let compared = desk.json("compare @relit.exr @traced.exr");
+        for bias in compared["mean_bias"].as_array().unwrap() {
+            assert!(bias.as_f64().unwrap().abs() < 0.02, "{compared}");
+        }
+    }
+    look(json!({ "sun": { "azimuth_deg": 200, "elevation_deg": 50 } })).unwrap();
+    assert_eq!(desk.json("info @a.look")["sky"]["sun"]["azimuth_deg"], json!(200.0));
+    let relit = desk.json("relight @a.transport --look @a.look -o @sunny.exr --device cpu");
+    assert_eq!(relit["warnings"], json!([]));
+    desk.json(&format!("render @table.glb --look @a.look -o @sunny.png --device cpu {VIEW}"));
+
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --bounces 0"));
+    let relit = desk.json("relight @room.transport --look @a.look -o @room.exr --device cpu");
+    assert!(relit["warnings"][0].as_str().unwrap().contains("sky"), "{relit}");
+    desk.fails("trace @table.glb --sky @none.hdr -o @x.exr", 1, "none.hdr");
+    desk.fails("trace @table.glb --sky sun:1 -o @x.exr", 2, "sun:AZIMUTH,ELEVATION");
+}
+
 #[test]
 fn info_says_what_is_in_scene_transport_and_look() {
     let desk = Desk::new();

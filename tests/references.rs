@@ -5,9 +5,11 @@ use std::path::PathBuf;
 
 use clerestory::compare::read_exr;
 use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sky::{SkyForm, SkyLight};
 use clerestory_transport::trace::TraceConfig;
 
 use crate::support::{block_means, shared, traced};
@@ -26,6 +28,8 @@ const REFERENCE_SPP: f64 = 4096.0;
 /// What is known of a reference.
 struct Reference {
     name: &'static str,
+    /// Sky that lights it, a file of the shared data.
+    sky: Option<&'static str>,
     /// Pixels are clipped here on both sides, so that fireflies do not decide.
     clip: f32,
     /// Root mean square error of one of its pixels, from its README.
@@ -76,7 +80,11 @@ impl Reference {
         let Some([glb, exr]) = self.paths() else { return };
         let theirs = read_exr(&exr).unwrap();
         let imported = import::load(&glb).unwrap();
-        let (scene, _) = PreparedScene::new(imported.scene, &[]).unwrap();
+        let sky = self.sky.map(|file| {
+            let (map, _) = import::load_sky(&shared(file).unwrap()).unwrap();
+            SkyRequest { light: SkyLight::new(file, map), form: SkyForm::Whole }
+        });
+        let (scene, _) = PreparedScene::with_sky(imported.scene, &[], sky.as_ref()).unwrap();
         let film = Film { width: theirs.width, height: theirs.height };
         let config = |seed| TraceConfig { spp: self.spp, bounces: Some(6), seed };
         let ours = [1, 2].map(|seed| traced(&scene, &LightRig::default(), film, &config(seed)));
@@ -102,10 +110,16 @@ impl Reference {
 
 #[test]
 fn tracing_agrees_with_the_diffuse_cornell_box() {
-    Reference { name: "cornell-diffuse", clip: f32::INFINITY, rmse: 0.0015, spp: 96 }.check();
+    Reference { name: "cornell-diffuse", sky: None, clip: f32::INFINITY, rmse: 0.0015, spp: 96 }.check();
 }
 
 #[test]
 fn tracing_agrees_with_mirrors_glass_and_caustics() {
-    Reference { name: "cornell-specular", clip: 3.0, rmse: 0.0043, spp: 192 }.check();
+    Reference { name: "cornell-specular", sky: None, clip: 3.0, rmse: 0.0043, spp: 192 }.check();
+}
+
+#[test]
+fn tracing_agrees_with_the_box_that_is_open_to_a_captured_sky() {
+    let sky = Some("env/vestibule_1k.hdr");
+    Reference { name: "cornell-open", sky, clip: f32::INFINITY, rmse: 0.004, spp: 32 }.check();
 }

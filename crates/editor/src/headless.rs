@@ -8,6 +8,7 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::light::LightSetting;
+use clerestory_transport::sky::SkyForm;
 use serde_json::json;
 
 use crate::cli::args::{BakeOptions, ViewArgs};
@@ -51,7 +52,7 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
     };
     let mut options = options();
     options.view.size = imported.scene.cameras.first().map(|camera| Film::of_width(WIDTH_PX, camera));
-    let view = prepare_view(imported, &name, &options.view, console)?;
+    let view = prepare_view(imported, &name, &options.view, None, console)?;
     let looks = match scene {
         Some(_) => plain_looks(&view.scene.lighting.basis),
         None => gallery_looks()?,
@@ -78,9 +79,17 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
 }
 
 fn options() -> BakeOptions {
-    let view =
-        ViewArgs { camera: None, size: None, spp: SPP, bounces: None, panels: Vec::new(), seed: 0, threads: None };
-    BakeOptions { view, tolerance: 40.0, fresh: true }
+    let view = ViewArgs {
+        camera: None,
+        size: None,
+        spp: SPP,
+        bounces: None,
+        panels: Vec::new(),
+        sky: None,
+        seed: 0,
+        threads: None,
+    };
+    BakeOptions { view, sky_patches: SkyForm::Patches(1), tolerance: 40.0, exact: false, fresh: true }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {
@@ -104,7 +113,7 @@ fn plain_looks(basis: &LightBasis) -> Vec<(&'static str, Look)> {
 
 fn write_frame(bake: &Bake, name: &str, look: &Look, console: &mut Console) -> Result<[PathBuf; 2]> {
     warn_of_unknown_lights(&bake.header.basis, look, console);
-    let radiance = Relighter::new(bake, None)?.relight(&bake.header.coefficients(&look.lights))?;
+    let radiance = Relighter::new(bake, &look.lights, None)?.relight(&bake.header.coefficients(&look.lights))?;
     let paths = ["png", "exr"].map(|extension| Path::new(FOLDER).join(format!("{name}.{extension}")));
     for path in &paths {
         Picture { radiance: &radiance, layers: &[], look }.save(path)?;

@@ -1,6 +1,7 @@
 //! The one undoable document: how the lights are set and how the picture is shown. A `.look` file is this, as JSON.
 
 mod parse;
+pub mod sky;
 mod write;
 
 use std::path::Path;
@@ -46,14 +47,19 @@ impl Look {
         write::json(self)
     }
 
-    /// Reads a file; see [`Look::from_json`].
+    /// Reads a file and the sky that it names, relative to its folder; see [`Look::from_json`].
     ///
     /// # Errors
-    /// If the file cannot be read or holds no look.
+    /// If a file cannot be read, or holds no look or no sky.
     pub fn load(path: &Path) -> Result<(Look, Vec<String>)> {
         let json = std::fs::read_to_string(path)
             .with_context(|| format!("cannot read the look {}: check the path", path.display()))?;
-        Look::from_json(&json).with_context(|| format!("cannot use the look {}", path.display()))
+        let problem = || format!("cannot use the look {}", path.display());
+        let (mut look, mut warnings) = Look::from_json(&json).with_context(problem)?;
+        if let Some(sky) = &mut look.lights.sky {
+            warnings.extend(sky::load(sky, path.parent().unwrap_or(Path::new(""))).with_context(problem)?);
+        }
+        Ok((look, warnings))
     }
 
     /// Writes a file, whole or not at all.
@@ -102,7 +108,8 @@ mod tests {
     fn the_example_of_the_manual_is_read() {
         let json = r#"{"clerestory": 1, "lights": {"KEY": {"intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}},
             "panels": {"KEY": [{"position": [0.5, 0.5], "radius": 0.2, "color": [1, 1, 1], "intensity": 1.0}]},
-            "display": {"exposure_ev": 0.0, "tone": "agx"}}"#;
+            "sky": {"file": "day.hdr", "rotation_deg": 0, "intensity": 1, "sun": {"azimuth_deg": 135, "elevation_deg": 40,
+            "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "tone": "agx"}}"#;
         let (look, warnings) = Look::from_json(json).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!(look.lights.lights["KEY"].kelvin, Some(3000.0));

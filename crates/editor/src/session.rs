@@ -17,6 +17,7 @@ use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::prepared::PreparedScene;
 
+use crate::cli::relight::frame_of;
 use crate::export::Picture;
 use crate::look::Look;
 use crate::picture::Changed;
@@ -248,8 +249,9 @@ impl Session {
     /// Writes the picture under `look` in the background.
     pub fn export(&mut self, look: Look, path: PathBuf) {
         let Some(shown) = &self.shown else { return };
-        let (frame, coefficients) = (shown.frame.clone(), shown.header.coefficients(&look.lights));
+        let bake = Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
         self.write(path.clone(), move || {
+            let (frame, coefficients) = (frame_of(&bake, &look.lights), bake.header.coefficients(&look.lights));
             let radiance = task::relight_once(&frame, &coefficients)?;
             Picture { radiance: &radiance, layers: &[], look: &look }.save(&path)?;
             Ok(())

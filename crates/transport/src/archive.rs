@@ -1,6 +1,6 @@
 //! `.transport` files, and bakes that survive being stopped.
 //!
-//! A file is `CLERTRAN`, a version, the header as JSON, then every block of every group in order, each with its own
+//! A file is `CLERTRAN`, a version, the header as JSON, the map of the sky if there is one, then every block of every group in order, each with its own
 //! checksum. While a bake runs, finished blocks are appended to `FILE.part`; the same bake takes them up again. At the end
 //! the file is written in order under a temporary name and renamed, so that it is whole or not there, and the same bake
 //! gives the same bytes whether it was interrupted or not.
@@ -16,10 +16,14 @@ use clerestory_nystrom::{BlockFactors, BlockLowRank};
 use thiserror::Error;
 
 use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob};
+use crate::basis::SourceKind;
+use crate::sky::{DOME_DIVISIONS, Environment, dome_columns};
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
 const PART_MAGIC: &[u8; 8] = b"CLERPART";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+/// Oldest version that is read: it knows no sky.
+const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
 const MAX_HEADER_BYTES: u32 = 256 << 20;
 
@@ -172,6 +176,9 @@ fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
     bytes.extend(VERSION.to_le_bytes());
     bytes.extend((json.len() as u32).to_le_bytes());
     bytes.extend(json);
+    if let Some(sky) = &header.basis.sky {
+        bytes.extend(sky.map.encode());
+    }
     bytes
 }
 
@@ -203,15 +210,22 @@ fn parse_header(magic: &[u8; 8], bytes: &[u8], path: &Path) -> Result<(BakeHeade
         return Err(ArchiveError::NotATransport { path: path.into() });
     }
     let version = word(8).ok_or_else(|| damaged(path, "it ends in its header".into()))?;
-    if version != VERSION {
+    if !(OLDEST_VERSION..=VERSION).contains(&version) {
         return Err(ArchiveError::Version { path: path.into(), version });
     }
     let len =
         word(12).filter(|&len| len <= MAX_HEADER_BYTES).ok_or_else(|| damaged(path, "it ends in its header".into()))?;
     let json = bytes.get(16..16 + len as usize).ok_or_else(|| damaged(path, "it ends in its header".into()))?;
-    let header: BakeHeader = serde_json::from_slice(json).map_err(|e| damaged(path, format!("its header: {e}")))?;
+    let mut header: BakeHeader = serde_json::from_slice(json).map_err(|e| damaged(path, format!("its header: {e}")))?;
     check_header(&header).map_err(|what| damaged(path, what.into()))?;
-    Ok((header, 16 + len as usize))
+    let mut offset = 16 + len as usize;
+    if let Some(sky) = &mut header.basis.sky {
+        let map = Environment::decode(&bytes[offset..]);
+        let (map, len) = map.ok_or_else(|| damaged(path, "the map of its sky".into()))?;
+        sky.map = Arc::new(map);
+        offset += len;
+    }
+    Ok((header, offset))
 }
 
 /// A header that the rest of the program can trust.
@@ -228,7 +242,11 @@ fn check_header(header: &BakeHeader) -> Result<(), &'static str> {
         }
         next = source.columns.end;
         let texels = match source.kind {
-            crate::basis::SourceKind::Panel { resolution, .. } => resolution.saturating_mul(resolution),
+            SourceKind::Panel { resolution, .. } => resolution.saturating_mul(resolution),
+            SourceKind::Dome { divisions } if !DOME_DIVISIONS.contains(&divisions) => {
+                return Err("its header has a sky of unknown patches");
+            }
+            SourceKind::Dome { divisions } => dome_columns(divisions),
             _ => 1,
         };
         if source.columns.len() as u32 != texels {
@@ -247,6 +265,15 @@ fn check_header(header: &BakeHeader) -> Result<(), &'static str> {
     }
     if header.column_scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
         return Err("its header has an impossible scale");
+    }
+    if header.sky_reach.iter().any(|reach| !reach.is_finite() || *reach < 0.0) {
+        return Err("its header has an impossible reach of the sky");
+    }
+    if header.view.as_ref().is_some_and(|view| !view.world_from_camera.is_finite() || !view.yfov_rad.is_finite()) {
+        return Err("its header has an impossible camera");
+    }
+    if basis.sky.as_ref().is_some_and(|sky| !sky.is_finite()) {
+        return Err("its header has an impossible sky");
     }
     Ok(())
 }
@@ -349,7 +376,8 @@ fn read_part(bytes: &[u8], mut offset: usize, header: &BakeHeader) -> (Done, usi
 
 /// What differs between a half-done bake and the one that is asked for, in words.
 fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
-    let same_scale = BakeHeader { column_scale: found.column_scale.clone(), ..asked.clone() };
+    let (column_scale, sky_reach) = (found.column_scale.clone(), found.sky_reach.clone());
+    let same_scale = BakeHeader { column_scale, sky_reach, ..asked.clone() };
     if *found == same_scale {
         return None;
     }

@@ -21,9 +21,10 @@ use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
 use crate::light::{LightRig, luminance};
 use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::nodes::{NodePlan, Nodes};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
-use crate::preview::preview;
+use crate::shared::SharedMatrix;
 
 /// Why a bake ended without a result.
 #[derive(Debug, Error)]
@@ -68,11 +69,44 @@ pub struct BakeConfig {
     pub bounces: Option<u32>,
     /// Same seed, same bytes.
     pub seed: u64,
+    /// Where the light between surfaces comes from.
+    #[serde(default)]
+    pub indirect: Indirect,
+}
+
+/// How the light that surfaces send to each other is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Indirect {
+    /// Gathered for several pixels at once where it falls on a diffuse base: many times faster, smoothed over a few pixels.
+    #[default]
+    Shared,
+    /// Followed from every sample of every pixel: without bias.
+    Traced,
+}
+
+impl Indirect {
+    /// Walks of a node over samples of a pixel, and their limits.
+    const NODE_WALKS_PER_SAMPLE: u32 = 4;
+    const NODE_WALKS: [u32; 2] = [8, 256];
+
+    /// Nodes of a pass with some samples per half; `None` is the preview.
+    fn nodes(self, samples: Option<u32>) -> Option<NodePlan> {
+        let [least, most] = Indirect::NODE_WALKS;
+        match (samples, self) {
+            (None, _) => Some(NodePlan { walks: least, outshines: 2.0 }),
+            (Some(_), Indirect::Traced) => None,
+            (Some(n), Indirect::Shared) => {
+                let walks = n.saturating_mul(Indirect::NODE_WALKS_PER_SAMPLE).clamp(least, most);
+                Some(NodePlan { walks, outshines: 4.0 })
+            }
+        }
+    }
 }
 
 impl Default for BakeConfig {
     fn default() -> Self {
-        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0 }
+        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect: Indirect::default() }
     }
 }
 
@@ -115,6 +149,9 @@ pub struct BakeHeader {
     pub fingerprint: String,
     /// Name of the camera.
     pub camera: String,
+    /// The camera itself, where the sky is shown behind the picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<Camera>,
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
@@ -127,6 +164,9 @@ pub struct BakeHeader {
     pub basis: LightBasis,
     /// What each column was multiplied by; coefficients are divided by it.
     pub column_scale: Vec<f32>,
+    /// How much of each patch of the sky the pilots saw; what they saw nothing of is not connected to.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sky_reach: Vec<f32>,
 }
 
 impl BakeHeader {
@@ -217,17 +257,24 @@ impl BakeJob {
         self.check()?;
         let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
         let matrix = self.matrix(&plan);
+        let (column_scale, sky_reach) = matrix.measure_columns();
         Ok(BakeHeader {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
             camera: self.camera.name.clone(),
+            view: self.scene.lighting.basis.sky.is_some().then(|| self.camera.clone()),
             width: self.film.width,
             height: self.film.height,
             tile: TILE,
             config: self.config.clone(),
             basis: self.scene.lighting.basis.clone(),
-            column_scale: matrix.measure_column_scale(),
+            column_scale,
+            sky_reach,
         })
+    }
+
+    fn plan(&self, density: Density, header: &BakeHeader) -> MatrixPlan {
+        MatrixPlan::new(&self.scene.lighting, density).fitted(&header.column_scale, &header.sky_reach)
     }
 
     fn matrix<'a>(&'a self, plan: &'a MatrixPlan) -> TransportMatrix<'a> {
@@ -259,7 +306,7 @@ impl BakeJob {
         done: &[(usize, Vec<Arc<BlockFactors>>)],
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full).with_roulette(&header.column_scale);
+        let plan = self.plan(Density::Full, &header);
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
@@ -356,8 +403,27 @@ impl Run<'_> {
         clock: &mut Clock,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
-        let (job, header, matrix) = (self.job, self.header.clone(), self.matrix);
+        let (job, header) = (self.job, self.header.clone());
         let partition = header.partition();
+        // The preview connects to fewer texels; the rest of the plan is the same.
+        let (coarse_plan, mut coarse);
+        let matrix = match samples {
+            Some(_) => self.matrix,
+            None => {
+                coarse_plan = job.plan(Density::Quarter, &header);
+                coarse = job.matrix(&coarse_plan);
+                coarse.set_column_scale(header.column_scale.clone());
+                &coarse
+            }
+        };
+        let nodes = match job.config.indirect.nodes(samples) {
+            None => None,
+            Some(plan) => {
+                let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
+                let Some(nodes) = Nodes::gather(matrix, plan, go_on) else { return Ok(ControlFlow::Break(())) };
+                Some(nodes)
+            }
+        };
         let config = job.compress_config(samples.unwrap_or(1), &header.column_scale);
         let on_block = |block: u32, factors: Vec<BlockFactors>| {
             let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
@@ -366,14 +432,9 @@ impl Run<'_> {
             on_event(BakeEvent::BlockDone { pass, block_idx: block as usize, factors })?;
             on_event(BakeEvent::Progress { pass, done, secs_left })
         };
-        let flow = match samples {
-            None => {
-                let plan = MatrixPlan::new(&job.scene.lighting, Density::Quarter).with_roulette(&header.column_scale);
-                let mut matrix = job.matrix(&plan);
-                matrix.set_column_scale(header.column_scale.clone());
-                preview(&matrix, &partition, blocks, &config, on_block)?
-            }
-            Some(_) => compress(matrix, &partition, blocks, &config, on_block)?,
+        let flow = match nodes {
+            Some(nodes) => compress(&SharedMatrix { matrix, nodes }, &partition, blocks, &config, on_block)?,
+            None => compress(matrix, &partition, blocks, &config, on_block)?,
         };
         if flow.is_break() {
             return Ok(flow);
@@ -399,12 +460,17 @@ impl Clock {
         Clock { started: Instant::now(), weights, total, done, at_start: done }
     }
 
+    /// 0…1.
+    fn done(&self) -> f32 {
+        (self.done / self.total).min(1.0)
+    }
+
     /// 0…1, and seconds left once a hundredth is done.
     fn block_done(&mut self, pass: u32) -> (f32, Option<f32>) {
         self.done += self.weights[pass as usize];
         let fresh = self.done - self.at_start;
         let secs = self.started.elapsed().as_secs_f32();
         let secs_left = (fresh > 0.01 * self.total).then(|| secs / fresh * (self.total - self.done));
-        ((self.done / self.total).min(1.0), secs_left)
+        (self.done(), secs_left)
     }
 }

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::light::{LightRig, LightSetting, PanelSpot};
 use crate::scene::PunctualKind;
+use crate::sky::SkyLight;
 
 /// What kind of light a column belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -20,7 +21,7 @@ pub enum ColumnKind {
     Luminaire,
     /// A rectangle of texels, one column each.
     Panel,
-    /// A uniform sky, one column.
+    /// The sky: one column, or one per patch of a dome and one for what is seen of it.
     Sky,
     /// What is seen whatever the lights do: unlit surfaces, one column, coefficient always 1.
     Constant,
@@ -45,8 +46,18 @@ pub enum SourceKind {
         /// Length of the u and v sides in meters.
         size_m: [f32; 2],
     },
-    /// Uniform sky; strength in nit.
+    /// The whole sky in one column, uniform or a map as it is; strength multiplies it to nit.
     Sky,
+    /// The sky in patches, and a last column for what the camera sees of it; strength multiplies the map to nit.
+    Dome {
+        /// Divisions of the sides of Tregenza's patches.
+        divisions: u32,
+    },
+    /// The disk of the sun; strength is the illuminance on a surface that faces it, in lux.
+    Sun {
+        /// Unit vector towards it.
+        direction: Vec3,
+    },
     /// Unlit surfaces.
     Constant,
 }
@@ -66,7 +77,7 @@ impl SourceKind {
     pub fn column_kind(self) -> ColumnKind {
         match self {
             SourceKind::Panel { .. } => ColumnKind::Panel,
-            SourceKind::Sky => ColumnKind::Sky,
+            SourceKind::Sky | SourceKind::Dome { .. } => ColumnKind::Sky,
             SourceKind::Constant => ColumnKind::Constant,
             _ => ColumnKind::Luminaire,
         }
@@ -76,7 +87,7 @@ impl SourceKind {
     pub fn unit(self) -> &'static str {
         match self {
             SourceKind::Point | SourceKind::Spot => "cd",
-            SourceKind::Directional => "lx",
+            SourceKind::Directional | SourceKind::Sun { .. } => "lx",
             _ => "nit",
         }
     }
@@ -113,6 +124,9 @@ pub struct LightBasis {
     pub sources: Vec<LightSource>,
     /// Groups in the order of their columns: all luminaires, sky, unlit surfaces, each panel.
     pub groups: Vec<ColumnGroup>,
+    /// The sky of the bake, if it has one of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<SkyLight>,
 }
 
 impl LightBasis {
@@ -136,7 +150,7 @@ impl LightBasis {
                 _ => groups.push(ColumnGroup { kind, columns: source.columns.clone() }),
             }
         }
-        LightBasis { sources, groups }
+        LightBasis { sources, groups, sky: None }
     }
 
     /// Number of columns.
@@ -157,6 +171,8 @@ impl LightBasis {
             let setting = rig.lights.get(&source.key).copied().unwrap_or_default();
             match (source.kind, rig.panels.get(&source.key)) {
                 (SourceKind::Constant, _) => columns.fill([1.0; 3]),
+                (SourceKind::Dome { divisions }, _) => self.project_dome(rig, setting, divisions, columns),
+                (SourceKind::Sun { .. }, _) => columns.fill(self.project_sun(rig, setting, source).to_array()),
                 (SourceKind::Panel { resolution, size_m }, Some(spots)) => {
                     project_spots(source, setting, resolution, size_m, spots, columns);
                 }
@@ -184,6 +200,8 @@ impl LightBasis {
         self.groups.iter().map(|g| coefficients[g.columns.start as usize..g.columns.end as usize].to_vec()).collect()
     }
 }
+
+mod sky;
 
 /// Samples per side of a texel that measure how much of it a spot covers.
 const SPOT_SAMPLES: u32 = 4;

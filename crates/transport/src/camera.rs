@@ -1,9 +1,10 @@
 //! The camera: which ray belongs to which point of the film.
 
 use glam::{Mat4, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
 
 /// A perspective pinhole camera. It looks along its local −Z, +Y up, as in glTF.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Name in the file or `camera N`.
     pub name: String,

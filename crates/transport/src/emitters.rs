@@ -8,6 +8,7 @@ use thiserror::Error;
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
 use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene};
+use crate::sky::{Dome, DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};
 
 /// A node whose emissive quad is to become a panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -16,6 +17,15 @@ pub struct PanelRequest {
     pub node: String,
     /// Texels along each side, 4…64.
     pub resolution: u32,
+}
+
+/// A sky that is to light a scene.
+#[derive(Clone, Debug)]
+pub struct SkyRequest {
+    /// The sky.
+    pub light: SkyLight,
+    /// How it enters the columns.
+    pub form: SkyForm,
 }
 
 /// Fewest and most texels along a side of a panel.
@@ -60,8 +70,14 @@ pub enum Emitter {
     Surface(SurfaceEmitter),
     /// A rectangle of texels, sampled texel by texel.
     Panel(PanelEmitter),
-    /// Everything that no ray reaches.
+    /// Uniform radiance beyond all surfaces.
     Sky,
+    /// A map beyond all surfaces, as it is.
+    Environment(MapEmitter),
+    /// A dome of patches beyond all surfaces.
+    Dome(DomeEmitter),
+    /// The disk of the sun.
+    Sun(SunEmitter),
     /// Unlit surfaces.
     Constant,
 }
@@ -161,11 +177,27 @@ impl Lighting {
     /// # Errors
     /// A panel request that the scene cannot answer.
     pub fn new(scene: &Scene, requests: &[PanelRequest]) -> Result<(Lighting, Vec<String>), LightingError> {
+        Lighting::with_sky(scene, requests, None)
+    }
+
+    /// The same under a sky.
+    ///
+    /// # Errors
+    /// As [`Lighting::new`].
+    pub fn with_sky(
+        scene: &Scene,
+        requests: &[PanelRequest],
+        sky: Option<&SkyRequest>,
+    ) -> Result<(Lighting, Vec<String>), LightingError> {
         let mut warnings = Vec::new();
         let mut found = find_lights(scene, requests, &mut warnings)?;
-        add_sky_and_constant(scene, &mut found, &mut warnings);
+        add_sky_and_constant(scene, sky, &mut found, &mut warnings);
         // Column order differs from node order (panels come last), so emitters follow their keys.
-        let basis = LightBasis::new(found.iter().map(|(source, _)| source.clone()).collect());
+        let mut basis = LightBasis::new(found.iter().map(|(source, _)| source.clone()).collect());
+        basis.sky = sky.map(|sky| match sky.form {
+            SkyForm::Whole => sky.light.clone(),
+            SkyForm::Patches(_) => sky.light.clone().storable(),
+        });
         let mut by_key: BTreeMap<String, Emitter> = found.into_iter().map(|(s, e)| (s.key, e)).collect();
         let emitters: Vec<Emitter> =
             basis.sources.iter().map(|s| by_key.remove(&s.key).expect("keys are unique")).collect();
@@ -358,12 +390,14 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
     })
 }
 
-fn add_sky_and_constant(scene: &Scene, found: &mut Found, warnings: &mut Vec<String>) {
+fn add_sky_and_constant(scene: &Scene, sky: Option<&SkyRequest>, found: &mut Found, warnings: &mut Vec<String>) {
     let mut keys = KeyMaker::default();
     for (source, _) in found.iter() {
         keys.key(Some(&source.key), 0);
     }
-    if found.is_empty() {
+    if let Some(sky) = sky {
+        add_sky(sky, &mut keys, found);
+    } else if found.is_empty() {
         warnings.push("the scene has no light; a uniform sky of 1 nit lights it".into());
         let source = LightSource {
             key: keys.key(Some("sky"), 0),
@@ -379,6 +413,25 @@ fn add_sky_and_constant(scene: &Scene, found: &mut Found, warnings: &mut Vec<Str
         let source =
             LightSource { key: keys.key(Some("unlit"), 0), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
         found.push((source, Emitter::Constant));
+    }
+}
+
+fn add_sky(sky: &SkyRequest, keys: &mut KeyMaker, found: &mut Found) {
+    let light = &sky.light;
+    let (color, strength) = (Vec3::ONE, light.intensity);
+    let (kind, n_columns, emitter) = match sky.form {
+        SkyForm::Whole => (SourceKind::Sky, 1, Emitter::Environment(MapEmitter::new(light))),
+        SkyForm::Patches(divisions) => {
+            let emitter = DomeEmitter { dome: Dome::new(divisions) };
+            (SourceKind::Dome { divisions }, dome_columns(divisions), Emitter::Dome(emitter))
+        }
+    };
+    let key = keys.key(Some("sky"), 0);
+    found.push((LightSource { key, kind, columns: 0..n_columns, color, strength }, emitter));
+    if let Some((sun, direction)) = light.sun.zip(light.sun_direction()) {
+        let (kind, strength) = (SourceKind::Sun { direction }, sun.illuminance_lx * light.intensity);
+        let source = LightSource { key: keys.key(Some("sun"), 0), kind, columns: 0..1, color: sun.color, strength };
+        found.push((source, Emitter::Sun(SunEmitter { direction })));
     }
 }
 
@@ -407,7 +460,7 @@ fn assign_triangles(scene: &Scene, emitters: &[Emitter]) -> Vec<u32> {
                     }
                 }
             }
-            Emitter::Punctual(_) | Emitter::Sky => {}
+            _ => {}
         }
     }
     triangle_source

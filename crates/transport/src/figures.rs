@@ -28,6 +28,8 @@ pub struct Skipped {
     pub converged_blocks: usize,
     /// Share of the samples that were not taken.
     pub samples_saved: f32,
+    /// Patches of the sky that nothing in the picture was seen to receive light from.
+    pub sky_patches: usize,
 }
 
 /// Figures of a finished bake.
@@ -107,6 +109,7 @@ impl Bake {
             self.groups.first().map_or(vec![], |g| g.blocks.iter().flatten().map(|b| b.n_samples).collect());
         let share = taken.iter().map(|&n| f64::from(n)).sum::<f64>() / (f64::from(full) * taken.len().max(1) as f64);
         Skipped {
+            sky_patches: self.header.sky_reach.iter().filter(|reach| **reach <= 0.0).count(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+use crate::sky::SkySetting;
+
 /// The lighting of a scene: what differs from the file. Keys are those of `LightSource::key`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LightRig {
@@ -14,6 +16,9 @@ pub struct LightRig {
     /// Spots by panel; a panel that is left out shines uniformly, one without spots is dark.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub panels: BTreeMap<String, Vec<PanelSpot>>,
+    /// The sky; one that is left out is as baked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky: Option<SkySetting>,
 }
 
 /// One lamp, relative to what the file says.
@@ -100,7 +105,14 @@ pub fn planckian_tint(kelvin: f32) -> Vec3 {
         3.081_758 * x.powi(3) - 5.873_386_7 * x.powi(2) + 3.751_129_97 * x - 0.370_014_83
     };
     let xyz = glam::DVec3::new(x / y, 1.0, (1.0 - x - y) / y);
-    let rgb = glam::DMat3::from_cols_array(&[
+    let rgb = rgb_of_xyz(xyz);
+    let rgb = rgb.max(glam::DVec3::ZERO).as_vec3();
+    rgb / luminance(rgb)
+}
+
+/// Linear Rec. 709 of CIE XYZ; negative outside the gamut.
+pub(crate) fn rgb_of_xyz(xyz: glam::DVec3) -> glam::DVec3 {
+    glam::DMat3::from_cols_array(&[
         3.240_454_2,
         -0.969_266,
         0.055_643_4,
@@ -110,9 +122,7 @@ pub fn planckian_tint(kelvin: f32) -> Vec3 {
         -0.498_531_4,
         0.041_556,
         1.057_225_2,
-    ]) * xyz;
-    let rgb = rgb.max(glam::DVec3::ZERO).as_vec3();
-    rgb / luminance(rgb)
+    ]) * xyz
 }
 
 /// Luminance of linear Rec. 709.

@@ -15,6 +15,7 @@ use crate::path::{Deposit, Integrator, Scratch};
 use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::sky::SkyPicks;
 
 /// Rows per pixel: red, green, blue.
 pub const CHANNELS: usize = 3;
@@ -62,9 +63,28 @@ impl<'a> TransportMatrix<'a> {
         self.column_scale = column_scale;
     }
 
-    /// Measures the brightness of each column on a few thousand pixels and returns one over its 99.5 percentile, for dim
-    /// columns one over an eighth of the median column's, both under the light of the file.
-    pub fn measure_column_scale(&self) -> Vec<f32> {
+    /// Measures the brightness of each column on a few thousand pixels: one over its 99.5 percentile, and the mean over
+    /// pixels of each patch of the sky. A dim column is scaled to an eighth of the median column's peak, both under the
+    /// light of the file.
+    ///
+    /// Patches of the sky share one scale: they shine together, and most of them light few pixels through a window, so
+    /// that a percentile of their own would be next to nothing.
+    pub fn measure_columns(&self) -> (Vec<f32>, Vec<f32>) {
+        let (mut peaks, means): (Vec<f32>, Vec<f32>) = self.measure_brightness().into_iter().unzip();
+        let patches = SkyPicks::new(self.integrator.lighting());
+        let peak = |column: &u32| f64::from(peaks[*column as usize]);
+        let reach = patches.columns().iter().map(|&column| means[column as usize]).collect();
+        // The mean of the peaks, each weighed by its square: that of the patches that shine in.
+        let moment = |power: i32| patches.columns().iter().map(|column| peak(column).powi(power)).sum::<f64>();
+        let shared = (moment(3) / moment(2).max(f64::MIN_POSITIVE)) as f32;
+        patches.columns().iter().for_each(|&column| peaks[column as usize] = shared);
+        let light = self.integrator.lighting().basis.project(&LightRig::default());
+        let light: Vec<f32> = light.into_iter().map(|rgb| luminance(Vec3::from(rgb))).collect();
+        (scale_of_peaks(&peaks, &light), reach)
+    }
+
+    /// The 99.5 percentile of each column (where that is dark, its brightest entry) and its mean.
+    fn measure_brightness(&self) -> Vec<(f32, f32)> {
         let (n_cols, n_pixels) = (self.n_cols(), self.film.n_pixels());
         let n_pilots = n_pixels.min(PILOT_PIXELS).min((1 << 26) / n_cols.max(1)).max(1);
         let pilots: Vec<u32> = (0..n_pilots).map(|i| (i * n_pixels / n_pilots) as u32).collect();
@@ -80,20 +100,23 @@ impl<'a> TransportMatrix<'a> {
             );
         });
         let n_rows = n_pilots * CHANNELS;
-        let peaks: Vec<f32> = (0..n_cols)
+        (0..n_cols)
             .into_par_iter()
             .map(|column| {
                 let mut values: Vec<f32> = (0..n_rows).map(|row| rows[row * n_cols + column]).collect();
+                let mean = values.iter().sum::<f32>() / n_rows as f32;
                 let at = ((n_rows as f32 * PEAK_QUANTILE) as usize).min(n_rows - 1);
                 let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
                 // A lamp that lights less than this share of the picture is measured by what it does light.
-                if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }
+                (if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }, mean)
             })
-            .map(|sum| sum / PILOT_SAMPLES as f32)
-            .collect();
-        let light = self.integrator.scene().lighting.basis.project(&LightRig::default());
-        let light: Vec<f32> = light.into_iter().map(|rgb| luminance(Vec3::from(rgb))).collect();
-        scale_of_peaks(&peaks, &light)
+            .map(|(peak, mean)| (peak / PILOT_SAMPLES as f32, mean / PILOT_SAMPLES as f32))
+            .collect()
+    }
+
+    /// Random numbers of a pixel and half.
+    pub(crate) fn stream(&self, pixel: u32, half: Half) -> u64 {
+        stream(pixel, u64::from(half == Half::B))
     }
 
     fn deposit_pixel(
@@ -106,10 +129,15 @@ impl<'a> TransportMatrix<'a> {
     ) {
         let at = [pixel % self.film.width, pixel / self.film.width];
         for sample in samples {
-            let sampler = Sampler::new(self.seed, u64::from(pixel) * 4 + half, sample);
+            let sampler = Sampler::new(self.seed, stream(pixel, half), sample);
             self.integrator.sample_pixel(&self.camera, self.film, at, sampler, scratch, deposit);
         }
     }
+}
+
+/// Halves are 0 and 1; 2 are the pilots.
+fn stream(pixel: u32, half: u64) -> u64 {
+    u64::from(pixel) * 4 + half
 }
 
 /// One over the peak of each column; of lamps whose light in the file stays dim in the picture, one over a share of the
@@ -221,9 +249,9 @@ mod tests {
 
     #[test]
     fn a_small_lamp_that_the_file_turns_up_counts_as_much_as_a_large_one() {
-        let scale = scale_of_peaks(&[1.0, 1.0, 1e-3], &[1.0, 1.0, 1e3]);
-        assert_eq!(scale, [1.0, 1.0, 1e3]);
+        let dim = 1.0 / 1024.0;
+        assert_eq!(scale_of_peaks(&[1.0, 1.0, dim], &[1.0, 1.0, 1024.0]), [1.0, 1.0, 1024.0]);
         // A lamp that is off in the file keeps its own peak; one that lights nothing takes the median.
-        assert_eq!(scale_of_peaks(&[1.0, 1e-3, 0.0], &[1.0, 0.0, 0.0]), [1.0, 1e3, 1.0]);
+        assert_eq!(scale_of_peaks(&[1.0, dim, 0.0], &[1.0, 0.0, 0.0]), [1.0, 1024.0, 1.0]);
     }
 }

@@ -4,10 +4,15 @@
 //! and how many, a [`LightPlan`] says), and emitters that the walk meets by itself are weighed against that with the power
 //! heuristic \[Veach1995\]. The first such vertex connects to every column, later ones to a few, stratified.
 
+mod gather;
+mod sky;
+
+pub(crate) use gather::Gathering;
+
 use glam::{Vec2, Vec3};
 
 use crate::basis::SourceKind;
-use crate::bsdf::{Bsdf, ScatterKind};
+use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
 use crate::emitters::{Emitter, punctual_falloff};
@@ -63,7 +68,8 @@ pub struct Integrator<'a, P> {
     plan: &'a P,
     bounces: u32,
     columns: Vec<ColumnPlace>,
-    sky_column: Option<u32>,
+    /// Sources that shine where a walk meets no surface.
+    beyond: Vec<u32>,
     far: f32,
 }
 
@@ -84,7 +90,7 @@ pub struct Scratch {
 
 /// A walk between two vertices.
 #[derive(Clone, Copy)]
-pub(crate) struct Walk {
+struct Walk {
     origin: Vec3,
     direction: Vec3,
     throughput: Vec3,
@@ -98,6 +104,8 @@ pub(crate) struct Walk {
     sampled_at: Option<Vertex>,
     /// Where `density` was chosen, a vertex that also sampled light.
     rival: Option<Vertex>,
+    /// Nothing has turned it from the camera's ray.
+    straight: bool,
     /// Every scattering so far was by a mirror or clear glass.
     specular: bool,
     /// Surfaces met.
@@ -121,6 +129,9 @@ const ROULETTE_AFTER: u32 = 2;
 /// Highest probability of going on.
 const ROULETTE_MAX: f32 = 0.95;
 
+/// Squared difference of unit vectors below which glass has not turned a ray.
+const STRAIGHT: f32 = 1e-10;
+
 impl<'a, P: LightPlan> Integrator<'a, P> {
     /// `bounces` counts scattering events beyond the first, as Cycles does; `None` leaves the end to roulette.
     pub fn new(scene: &'a PreparedScene, plan: &'a P, bounces: Option<u32>) -> Self {
@@ -134,15 +145,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             (0..source.columns.len() as u32).map(move |nth| ColumnPlace { source: idx as u32, texel: texel(nth) })
         });
         let columns = places.collect();
-        let sky = scene.lighting.emitters.iter().position(|e| matches!(e, Emitter::Sky));
-        let sky_column = sky.map(|idx| basis.sources[idx].columns.start);
+        let beyond = sky::sources_beyond(&scene.lighting);
         let far = 4.0 * scene.diameter();
-        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, sky_column, far }
-    }
-
-    /// The scene that walks are followed through.
-    pub(crate) fn scene(&self) -> &'a PreparedScene {
-        self.scene
+        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, beyond, far }
     }
 
     /// One sample of a pixel: a random point of its square, all columns.
@@ -185,7 +190,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 Some(_) => self.plan.later(hit.position, walk.throughput.max_element() * bsdf.peak_estimate()),
             };
             splits = if vertex == Vertex::First { self.plan.splits() } else { 1 };
-            self.connect(walk, (vertex, splits), (hit, &bsdf), sampler, scratch, deposit);
+            self.connect(walk, (vertex, Rivals::All { splits }), (hit, &bsdf), sampler, scratch, deposit);
             walk.sampled_at = Some(vertex);
             walk.throughput /= splits as f32;
             walk.share /= splits as f32;
@@ -200,76 +205,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         self.scatter(walk, hit, &bsdf, splits, sampler)
     }
 
-    /// One sample of a pixel for a preview: where the surface scatters broadly, lights are sampled but the light that
-    /// comes from other surfaces is left to the caller, who gets the point, its normal and what multiplies that light.
-    pub(crate) fn sample_direct(
-        &self,
-        (origin, direction): (Vec3, Vec3),
-        sampler: &mut Sampler,
-        scratch: &mut Scratch,
-        deposit: &mut impl Deposit,
-    ) -> Option<(SurfaceHit, Vec3)> {
-        let mut walk = Walk::from_camera(origin, direction);
-        let hit = self.arrive(&mut walk, sampler, deposit)?;
-        if !self.is_broad(&hit) {
-            if self.go_on(&mut walk, &hit, sampler, scratch, deposit) {
-                self.follow(walk, sampler, scratch, deposit);
-            }
-            return None;
-        }
-        let bsdf = self.scene.bsdf(&hit, -direction);
-        self.connect(&walk, (Vertex::First, 0), (&hit, &bsdf), sampler, scratch, deposit);
-        Some((hit, bsdf.albedo_estimate() * walk.throughput))
-    }
-
-    /// Whether a surface scatters broadly enough for its indirect light to be shared with its neighbors.
-    fn is_broad(&self, hit: &SurfaceHit) -> bool {
-        let material = self.scene.material(hit.triangle);
-        material.transmission == 0.0
-            && (material.roughness > 0.3 || material.specular == 0.0)
-            && material.metallic < 0.5
-    }
-
-    /// The broad surface that a camera ray meets, turned towards the camera: its hit and unit normal.
-    pub(crate) fn broad_surface(
-        &self,
-        origin: Vec3,
-        direction: Vec3,
-        sampler: &mut Sampler,
-    ) -> Option<(SurfaceHit, Vec3)> {
-        let hit = self.scene.closest(&Walk::from_camera(origin, direction).ray(), sampler)?;
-        let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
-        self.is_broad(&hit).then_some((hit, normal))
-    }
-
-    /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point from other surfaces.
-    pub(crate) fn gather_indirect(
-        &self,
-        (hit, normal): (&SurfaceHit, Vec3),
-        sampler: &mut Sampler,
-        scratch: &mut Scratch,
-        deposit: &mut impl Deposit,
-    ) {
-        let [u, v] = sampler.next_2d();
-        let (tangent, bitangent) = normal.any_orthonormal_pair();
-        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
-        let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
-        let mut walk = Walk::from_camera(offset_origin(hit.position, normal), direction);
-        // Emitters count nothing here: whoever asks has sampled them all.
-        walk.density = f32::MIN_POSITIVE;
-        walk.sampled_at = Some(Vertex::First);
-        walk.rival = Some(Vertex::First);
-        walk.specular = false;
-        walk.n_hits = 1;
-        self.follow(walk, sampler, scratch, deposit);
-    }
-
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.
     fn arrive(&self, walk: &mut Walk, sampler: &mut Sampler, deposit: &mut impl Deposit) -> Option<SurfaceHit> {
         let Some(hit) = self.scene.closest(&walk.ray(), sampler) else {
-            if let Some(column) = self.sky_column {
-                deposit.scattered(column, walk.throughput);
-            }
+            self.collect_beyond(walk, deposit);
             return None;
         };
         walk.n_hits += 1;
@@ -321,7 +260,12 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Samples a direction to go on; false where the walk is absorbed.
     fn scatter(&self, walk: &mut Walk, hit: &SurfaceHit, bsdf: &Bsdf, splits: u32, sampler: &mut Sampler) -> bool {
-        let Some(sample) = bsdf.sample(sampler.next_1d(), sampler.next_2d()) else { return false };
+        let sample = bsdf.sample(sampler.next_1d(), sampler.next_2d());
+        sample.is_some_and(|sample| self.leave(walk, hit, &sample, splits))
+    }
+
+    /// Sends a walk on in a sampled direction, one of `splits` continuations; false where nothing is left of it.
+    fn leave(&self, walk: &mut Walk, hit: &SurfaceHit, sample: &BsdfSample, splits: u32) -> bool {
         walk.throughput *= sample.weight;
         if walk.throughput.max_element() <= 0.0 {
             return false;
@@ -339,6 +283,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             walk.passed = 0.0;
             walk.specular &= !smooth;
         }
+        walk.straight &= (sample.wi - walk.direction).length_squared() < STRAIGHT;
         walk.direction = sample.wi;
         let inside = sample.wi.dot(hit.normal) < 0.0;
         walk.origin = offset_origin(hit.position, if inside { -hit.normal } else { hit.normal });
@@ -358,7 +303,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     fn connect(
         &self,
         walk: &Walk,
-        (vertex, splits): (Vertex, u32),
+        (vertex, rivals): (Vertex, Rivals),
         (hit, bsdf): (&SurfaceHit, &Bsdf),
         sampler: &mut Sampler,
         scratch: &mut Scratch,
@@ -375,13 +320,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else {
                 continue;
             };
-            let (f_cos, pdf) = bsdf.eval(light.wi);
+            let f_cos = rivals.weigh(bsdf, light.wi, light.pdf / pick.inverse_rate);
             let mut value = walk.throughput * f_cos * light.factor * pick.inverse_rate;
             if value.max_element() <= 0.0 {
                 continue;
-            }
-            if light.pdf > 0.0 {
-                value *= power_heuristic(light.pdf / pick.inverse_rate, pdf * splits as f32);
             }
             // Roulette: a connection that carries little is seldom asked for, and then carries more.
             let carried = value.max_element() * self.plan.worth(pick.column);
@@ -449,7 +391,37 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                     pdf: 0.0,
                 })
             }
-            Emitter::Sky | Emitter::Constant => None,
+            sky => {
+                let first = self.scene.lighting.basis.sources[source as usize].columns.start;
+                self.sky_point(sky, column - first, position, u)
+            }
+        }
+    }
+}
+
+/// Continuations from a vertex that may meet the very lights it connects to.
+#[derive(Clone, Copy)]
+enum Rivals {
+    /// Walks by all lobes.
+    All { splits: u32 },
+    /// One walk by all lobes but the diffuse base.
+    Coat,
+}
+
+impl Rivals {
+    /// `f·|cosθ|` times the share that falls to a connection of a density (0 for a lamp without size).
+    #[inline]
+    fn weigh(self, bsdf: &Bsdf, wi: Vec3, density: f32) -> Vec3 {
+        let share = |rival: f32| if density > 0.0 { power_heuristic(density, rival) } else { 1.0 };
+        match self {
+            Rivals::All { splits } => {
+                let (f_cos, pdf) = bsdf.eval(wi);
+                f_cos * share(pdf * splits as f32)
+            }
+            Rivals::Coat => {
+                let parts = bsdf.eval_parts(wi);
+                parts.base + parts.coat * share(parts.coat_pdf)
+            }
         }
     }
 }
@@ -465,6 +437,7 @@ impl Walk {
             passed: 0.0,
             sampled_at: None,
             rival: None,
+            straight: true,
             specular: true,
             n_hits: 0,
             extinction: Vec3::ZERO,

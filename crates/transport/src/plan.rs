@@ -9,6 +9,7 @@ use crate::emitters::{Emitter, Lighting, PanelEmitter};
 use crate::light::luminance;
 use crate::path::{LightPlan, Pick, Vertex};
 use crate::sampler::Sampler;
+use crate::sky::SkyPicks;
 
 /// For a matrix: every column at the first vertex, at later ones a few of each group, stratified, so that each column of
 /// a group gets its equal share.
@@ -26,6 +27,8 @@ pub struct MatrixPlan {
     worth: Vec<f32>,
     /// Panels of which later vertices see a few texels only.
     thinned: Vec<ThinnedPanel>,
+    /// Patches of the sky.
+    sky: SkyPicks,
 }
 
 /// A panel of which one texel in `stretch` is connected to.
@@ -66,25 +69,27 @@ impl MatrixPlan {
         };
         let later: Vec<_> = connected.map(|g| (g.columns.clone(), picks(g))).collect();
         let sources = basis.sources.iter().filter(|s| later.iter().any(|(g, _)| g.contains(&s.columns.start)));
-        let first: Vec<u32> = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone())).collect();
+        let mut first: Vec<u32> = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone())).collect();
+        let sky = SkyPicks::new(lighting);
+        first.extend(sky.columns());
         // Lamps are few and unlike each other; neighboring texels are many and alike.
         let stride = if density == Density::Quarter && first.len() >= 128 { 4 } else { 1 };
-        let mut first_rate = vec![0.0; basis.n_cols()];
-        for chunk in first.chunks(stride) {
-            for &column in chunk {
-                first_rate[column as usize] = 1.0 / chunk.len() as f32;
-            }
-        }
         // A fan over many columns is dear, so its vertex is used for several continuations.
         let splits = match first.len() {
             0..=8 => 1,
             9..=64 => 2,
             _ => 4,
         };
-        let worth = vec![f32::INFINITY; basis.n_cols()];
-        let mut plan = MatrixPlan { later, first, stride, first_rate, splits, worth, thinned: Vec::new() };
+        let (worth, first_rate) = (vec![f32::INFINITY; basis.n_cols()], vec![0.0; basis.n_cols()]);
+        let mut plan = MatrixPlan { later, first, stride, first_rate, splits, worth, thinned: Vec::new(), sky };
+        plan.count_picks();
         plan.thinned = plan.thinned_panels(lighting);
         plan
+    }
+
+    /// Fitted to what pilots measured: what each column is multiplied by, and the mean of each patch of the sky.
+    pub fn fitted(self, column_scale: &[f32], sky_reach: &[f32]) -> MatrixPlan {
+        self.with_roulette(column_scale).with_sky_reach(sky_reach)
     }
 
     /// Leaves connections that carry little to roulette, given what each column is multiplied by.
@@ -106,6 +111,25 @@ impl MatrixPlan {
             (stretch > 1.0).then(|| ThinnedPanel { panel: panel.clone(), stretch, worth, columns })
         };
         lighting.panels().filter_map(thin).collect()
+    }
+
+    /// Connects to patches of the sky as pilots saw them, see [`SkyPicks::learn`].
+    pub fn with_sky_reach(mut self, reach: &[f32]) -> MatrixPlan {
+        let before = self.sky.columns().to_vec();
+        self.sky.learn(reach);
+        let sky = &self.sky;
+        self.first.retain(|column| before.binary_search(column).is_err() || sky.later_rate(*column).is_some());
+        self.count_picks();
+        self
+    }
+
+    fn count_picks(&mut self) {
+        self.first_rate.fill(0.0);
+        for chunk in self.first.chunks(self.stride) {
+            for &column in chunk {
+                self.first_rate[column as usize] = 1.0 / chunk.len() as f32;
+            }
+        }
     }
 }
 
@@ -168,13 +192,17 @@ impl LightPlan for MatrixPlan {
                 picks.push(Pick { column: group.start + (at as u32).min(n - 1), inverse_rate: stretch });
             }
         }
+        self.sky.pick_later(sampler, picks);
     }
 
     fn rate(&self, vertex: Vertex, column: u32) -> f32 {
         match vertex {
             Vertex::First => self.first_rate[column as usize],
-            Vertex::Close => 1.0,
+            Vertex::Close => f32::from(self.first_rate[column as usize] > 0.0),
             Vertex::Later => {
+                if let Some(rate) = self.sky.later_rate(column) {
+                    return rate;
+                }
                 let stratum = self.later.iter().find(|(group, _)| group.contains(&column));
                 stratum.map_or(0.0, |(group, n_picks)| *n_picks as f32 / group.len() as f32)
             }
@@ -210,7 +238,11 @@ impl PicturePlan {
                 (Emitter::Panel(panel), _) => panel.texel_area,
                 (_, SourceKind::Directional) => diameter_m * diameter_m / 4.0,
                 (Emitter::Punctual(_), _) => 1.0,
-                (Emitter::Sky | Emitter::Constant, _) => 0.0,
+                (Emitter::Environment(map), _) => {
+                    map.mean_luminance() * std::f32::consts::PI * diameter_m * diameter_m / 4.0
+                }
+                (Emitter::Sun(_), _) => diameter_m * diameter_m / 4.0,
+                (Emitter::Dome(_) | Emitter::Sky | Emitter::Constant, _) => 0.0,
             };
             for column in source.columns.clone() {
                 let color = Vec3::from(coefficients[column as usize]);

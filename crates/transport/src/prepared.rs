@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use crate::bsdf::{self, Bsdf};
 use crate::bvh::{Bvh, Hit, Ray};
-use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest};
+use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
 
@@ -43,7 +43,19 @@ impl PreparedScene {
     /// # Errors
     /// A panel request that the scene cannot answer.
     pub fn new(scene: Scene, panels: &[PanelRequest]) -> Result<(PreparedScene, Vec<String>), LightingError> {
-        let (lighting, warnings) = Lighting::new(&scene, panels)?;
+        PreparedScene::with_sky(scene, panels, None)
+    }
+
+    /// The same under a sky.
+    ///
+    /// # Errors
+    /// As [`PreparedScene::new`].
+    pub fn with_sky(
+        scene: Scene,
+        panels: &[PanelRequest],
+        sky: Option<&SkyRequest>,
+    ) -> Result<(PreparedScene, Vec<String>), LightingError> {
+        let (lighting, warnings) = Lighting::with_sky(&scene, panels, sky)?;
         let is_solid = |t: &u32| {
             let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
             material.alpha == AlphaMode::Opaque && !material.is_clear_pane()
@@ -153,6 +165,17 @@ impl PreparedScene {
         bsdf::surface_params(self.material(hit.triangle), &self.scene.textures, uvs, color).base_color
     }
 
+    /// Unit normal between the vertices' own, without normal map, on the side from which `direction` comes.
+    pub fn smooth_normal(&self, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
+        let mesh = &self.scene.mesh;
+        let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
+        let w = hit.barycentric;
+        let ns = (mesh.normals[a] * w.x + mesh.normals[b] * w.y + mesh.normals[c] * w.z).normalize_or(hit.normal);
+        // A shading normal on the other side of its own triangle would turn the surface inside out.
+        let ns = if ns.dot(hit.normal) <= 0.0 { hit.normal } else { ns };
+        if hit.normal.dot(direction) > 0.0 { -ns } else { ns }
+    }
+
     /// How a point scatters light towards `wo`.
     pub fn bsdf(&self, hit: &SurfaceHit, wo: Vec3) -> Bsdf {
         let (mesh, material) = (&self.scene.mesh, self.material(hit.triangle));
@@ -194,7 +217,7 @@ impl PreparedScene {
                 Some((column + panel.texel(panel.uv_of(hit.position)), self.pattern(material, uvs) * panel.whiten))
             }
             Emitter::Constant => Some((column, self.base_color(hit))),
-            Emitter::Punctual(_) | Emitter::Sky => None,
+            _ => None,
         }
     }
 

@@ -3,11 +3,12 @@
 use std::collections::BTreeSet;
 
 use anyhow::Result;
-use clerestory_relight::DisplayParams;
+use clerestory_relight::{DisplayParams, Frame};
 use clerestory_transport::light::LightRig;
 use eframe::egui::{Context, TextureHandle, TextureId, TextureOptions};
 use eframe::egui_wgpu::RenderState;
 
+use super::sky::LitSky;
 use crate::look::{Display, Look};
 use crate::panels::lights::heard;
 use crate::picture::{Changed, DeviceWish, GpuPainter};
@@ -31,6 +32,7 @@ pub(super) struct Follower {
     /// The worker metered another exposure than the graphics device shows.
     exposure_moved: bool,
     asked: Option<Asked>,
+    sky: LitSky,
     texture: Option<TextureHandle>,
     gpu_picture: Option<(TextureId, [u32; 2])>,
     shown_ev: f32,
@@ -50,6 +52,7 @@ impl Follower {
             gpu_failed: false,
             exposure_moved: false,
             asked: None,
+            sky: LitSky::default(),
             texture: None,
             gpu_picture: None,
             shown_ev: 0.0,
@@ -159,26 +162,26 @@ impl Follower {
             let gpu_waits = self.uses_gpu() && self.gpu.as_ref().is_some_and(GpuPainter::has_waiting);
             let gpu_waits = std::mem::take(&mut self.exposure_moved) || gpu_waits;
             if !changed.is_empty() || gpu_waits || self.asked.as_ref() != Some(&asked) {
-                let first = self.asked.is_none();
-                self.ask(ctx, shown, if first { Changed::All } else { changed }, &asked);
+                let mut changed = if self.asked.is_none() { Changed::All } else { changed };
+                let frame = self.sky.light(shown, &asked.rig, &mut changed);
+                self.ask(ctx, frame, &shown.header.coefficients(&asked.rig), changed, &asked);
                 self.asked = Some(asked);
             }
         }
         problem.map_or(Ok(()), Err)
     }
 
-    fn ask(&mut self, ctx: &Context, shown: &Shown, changed: Changed, asked: &Asked) {
-        let coefficients = shown.header.coefficients(&asked.rig);
+    fn ask(&mut self, ctx: &Context, frame: Frame, coefficients: &[Vec<[f32; 3]>], changed: Changed, asked: &Asked) {
         let mut wanted = Wanted::Picture;
         if self.uses_gpu() {
-            match self.paint(ctx, shown, changed.clone(), &coefficients, asked) {
+            match self.paint(ctx, &frame, changed.clone(), coefficients, asked) {
                 Ok(()) => wanted = Wanted::Exposure,
                 Err(_) => self.gpu_failed = true,
             }
         }
         // With a fixed exposure there is nothing to meter while the graphics device paints.
         if wanted == Wanted::Picture || asked.display.exposure_ev.is_none() || !changed.is_empty() {
-            let frame = shown.frame.clone();
+            let coefficients = coefficients.to_vec();
             self.n_orders += 1;
             let (display, serial) = (asked.display, self.n_orders);
             self.worker.order(Order { frame, changed, coefficients, display, wanted, serial });
@@ -188,7 +191,7 @@ impl Follower {
     fn paint(
         &mut self,
         ctx: &Context,
-        shown: &Shown,
+        frame: &Frame,
         changed: Changed,
         coefficients: &[Vec<[f32; 3]>],
         asked: &Asked,
@@ -198,8 +201,8 @@ impl Follower {
         let exposure_ev = asked.display.exposure_ev.unwrap_or(self.shown_ev);
         let display = DisplayParams { tone: asked.display.tone, exposure_ev };
         let now = ctx.input(|input| input.time);
-        let texture = gpu.show(&shown.frame, changed, coefficients, &display, now)?;
-        self.gpu_picture = Some((texture, [shown.frame.width, shown.frame.height]));
+        let texture = gpu.show(frame, changed, coefficients, &display, now)?;
+        self.gpu_picture = Some((texture, [frame.width, frame.height]));
         if gpu.has_waiting() {
             ctx.request_repaint_after(std::time::Duration::from_millis(450));
         }

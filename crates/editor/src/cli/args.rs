@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
 
 /// Most pixels of a picture, 8192 × 8192.
 const MAX_PIXELS: u64 = 1 << 26;
@@ -84,6 +85,9 @@ pub struct ViewArgs {
     /// Make a planar emissive node a panel of M × M texels, M from 4 to 64; may be repeated.
     #[arg(long = "panel", value_name = "NODE=M", value_parser = parse_panel)]
     pub panels: Vec<PanelRequest>,
+    /// Sky: an equirectangular .hdr or .exr, `uniform`, or `sun:AZIMUTH,ELEVATION` in degrees.
+    #[arg(long, value_name = "FILE|uniform|sun:AZ,EL", value_parser = crate::look::sky::typed, allow_hyphen_values = true)]
+    pub sky: Option<SkySetting>,
     /// Seed of all random numbers.
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
@@ -98,9 +102,15 @@ pub struct BakeOptions {
     /// Picture and quality.
     #[command(flatten)]
     pub view: ViewArgs,
+    /// Patches of the sky above the horizon.
+    #[arg(long, value_name = "145|577|2305", default_value = "145", value_parser = parse_patches)]
+    pub sky_patches: SkyForm,
     /// Signal to error in decibels that the bake aims at.
     #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
     pub tolerance: f32,
+    /// Follow the light between surfaces from every sample instead of sharing it between pixels: without bias, far slower.
+    #[arg(long)]
+    pub exact: bool,
     /// Start over, even if an earlier bake of the same name was stopped half way.
     #[arg(long)]
     pub fresh: bool,
@@ -250,6 +260,12 @@ fn parse_panel(text: &str) -> Result<PanelRequest, String> {
     Ok(PanelRequest { node: node.into(), resolution })
 }
 
+fn parse_patches(text: &str) -> Result<SkyForm, String> {
+    let patches = |divisions: &u32| (144 * divisions * divisions + 1).to_string();
+    let divisions = DOME_DIVISIONS.into_iter().find(|divisions| patches(divisions) == text);
+    divisions.map(SkyForm::Patches).ok_or_else(|| "write 145, 577 or 2305".into())
+}
+
 fn parse_tolerance(text: &str) -> Result<f32, String> {
     let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
     decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
@@ -273,6 +289,7 @@ mod tests {
         let view = &bake.options.view;
         assert_eq!((view.spp, view.bounces, view.size, view.seed), (256, None, None, 0));
         assert_eq!((bake.options.tolerance, bake.options.fresh), (40.0, false));
+        assert_eq!((&view.sky, bake.options.sky_patches), (&None, SkyForm::Patches(1)));
     }
 
     #[test]
@@ -293,6 +310,9 @@ mod tests {
             ["--panel", "a"],
             ["--bounces", "-1"],
             ["--threads", "0"],
+            ["--sky", ""],
+            ["--sky", "sun:10"],
+            ["--sky-patches", "146"],
         ];
         for [option, value] in bad {
             let line = ["clerestory", "bake", "a.glb", "-o", "a.transport", option, value];

@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
-use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::args::{BakeArgs, BakeOptions};
 use super::console::{Answer, Console, advance, bytes_words, duration_words};
-use super::view::{View, on_threads, open_view};
+use super::view::{View, on_threads, open_view, requested_sky};
 use crate::output::PendingFile;
 
 /// What a bake took.
@@ -25,7 +25,8 @@ pub(crate) struct BakeTimes {
 pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
     // A place that cannot be written is found out before the long work, not after it.
     drop(PendingFile::create(&args.output)?);
-    let view = open_view(&args.scene, &args.options.view, console)?;
+    let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
+    let view = open_view(&args.scene, &args.options.view, sky.as_ref(), console)?;
     let job = job(view, &args.options, Passes::PreviewAndFinal);
     let restart = if args.options.fresh { Restart::Fresh } else { Restart::Resume };
     let (bake, times) = run_with_progress(console, &args.options, |on_event| {
@@ -45,6 +46,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         tolerance_db: options.tolerance,
         bounces: options.view.bounces,
         seed: options.view.seed,
+        indirect: if options.exact { Indirect::Traced } else { Indirect::Shared },
     };
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes }
 }

@@ -127,8 +127,9 @@ fn transport(path: &Path) -> Result<Answer> {
     let header = &bake.header;
     let figures = serde_json::to_value(bake.figures()).context("the figures of a bake always have a JSON form")?;
     let keys: Vec<&str> = header.basis.sources.iter().map(|source| source.key.as_str()).collect();
+    let sky = header.basis.sky.as_ref().map_or("none", |sky| sky.name.as_str());
     let words = format!(
-        "{}: {} seen by {}, {}×{}\nlights      {}\n{}",
+        "{}: {} seen by {}, {}×{}\nlights      {}\nsky         {sky}\n{}",
         path.display(),
         header.scene,
         header.camera,
@@ -140,7 +141,7 @@ fn transport(path: &Path) -> Result<Answer> {
     let mut json = figures;
     let about = json!({
         "scene": header.scene, "camera": header.camera, "width": header.width, "height": header.height,
-        "lights": keys, "config": header.config,
+        "lights": keys, "config": header.config, "sky": header.basis.sky,
     });
     merge(&mut json, about);
     Ok(Answer { json, words })
@@ -152,10 +153,13 @@ fn look(path: &Path, console: &mut Console) -> Result<Answer> {
     let lights: Vec<&String> = look.lights.lights.keys().collect();
     let panels: Vec<String> =
         look.lights.panels.iter().map(|(key, spots)| format!("{key} ({} spots)", spots.len())).collect();
+    let sky = look.lights.sky.as_ref().map_or("as baked".into(), |sky| {
+        format!("{}, turned {}°, intensity {}", sky.name(), sky.rotation_deg, sky.intensity)
+    });
     let exposure = look.display.exposure_ev.map_or("automatic".into(), |ev| format!("{ev:+} EV"));
     let tone = serde_json::to_value(look.display.tone).context("a tone curve always has a JSON form")?;
     let words = format!(
-        "{}\nlights    {}\npanels    {}\nexposure  {exposure}, tone curve {}",
+        "{}\nlights    {}\npanels    {}\nsky       {sky}\nexposure  {exposure}, tone curve {}",
         path.display(),
         listed(&lights),
         listed(&panels),

@@ -7,12 +7,13 @@ use anyhow::{Context, Result, bail};
 use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight};
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, Passes};
+use clerestory_transport::light::LightRig;
 use serde_json::{Value, json};
 
 use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
-use super::view::{load_look, open_view, warn_of_unknown_lights};
+use super::view::{load_look, open_view, requested_sky, warn_of_unknown_lights};
 use crate::export::{ImageFormat, LightLayer, Picture};
 use crate::look::Look;
 use crate::output::PendingFile;
@@ -26,7 +27,8 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
 
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
     let target = Target::new(&args.relight, console)?;
-    let view = open_view(&args.scene, &args.bake.view, console)?;
+    let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
+    let view = open_view(&args.scene, &args.bake.view, sky.as_ref(), console)?;
     let job = job(view, &args.bake, Passes::FinalOnly);
     let (bake, times) = run_with_progress(console, &args.bake, |on_event| job.run(on_event))
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
@@ -58,7 +60,7 @@ impl Target {
 
     fn finish(self, bake: &Bake, options: &RelightOptions, console: &mut Console) -> Result<Answer> {
         warn_of_unknown_lights(&bake.header.basis, &self.look, console);
-        let mut relighter = Relighter::new(bake, self.gpu)?;
+        let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu)?;
         let coefficients = bake.header.coefficients(&self.look.lights);
         let begun = Instant::now();
         let radiance = relighter.relight(&coefficients)?;
@@ -97,9 +99,9 @@ fn open_gpu(device: Device) -> Result<Option<Gpu>> {
     }
 }
 
-/// The frame of a bake, as a relighter takes it. Blocks are shared, not copied.
-pub(crate) fn frame_of(bake: &Bake) -> Frame {
-    Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups.clone() }
+/// The frame of a bake under a rig, as a relighter takes it. Blocks are shared but where the sky is seen.
+pub(crate) fn frame_of(bake: &Bake, rig: &LightRig) -> Frame {
+    Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups_under(rig) }
 }
 
 /// A relighter with the name of what runs it.
@@ -109,9 +111,9 @@ pub(crate) struct Relighter {
 }
 
 impl Relighter {
-    /// On the given GPU, else on the CPU.
-    pub(crate) fn new(bake: &Bake, gpu: Option<Gpu>) -> Result<Relighter> {
-        let frame = frame_of(bake);
+    /// On the given GPU, else on the CPU; the sky is that of the rig.
+    pub(crate) fn new(bake: &Bake, rig: &LightRig, gpu: Option<Gpu>) -> Result<Relighter> {
+        let frame = frame_of(bake, rig);
         let adapter = gpu.as_ref().map(|gpu| gpu.description());
         let relight: Box<dyn Relight> = match &gpu {
             Some(gpu) => Box::new(GpuRelighter::new(gpu, &frame)?),

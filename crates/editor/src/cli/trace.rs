@@ -5,12 +5,13 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clerestory_relight::Radiance;
+use clerestory_transport::sky::SkyForm;
 use clerestory_transport::trace::{self, TraceConfig};
 use serde_json::json;
 
 use super::args::TraceArgs;
 use super::console::{Answer, Console, advance, duration_words};
-use super::view::{load_look, on_threads, open_view, warn_of_unknown_lights};
+use super::view::{load_look, on_threads, open_view, requested_sky, warn_of_unknown_lights};
 use crate::export::{ImageFormat, Picture};
 use crate::output::PendingFile;
 
@@ -18,7 +19,8 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let format = ImageFormat::of(&args.output)?;
     let place = PendingFile::create(&args.output)?;
     let look = load_look(args.look.as_deref(), console)?;
-    let view = open_view(&args.scene, &args.view, console)?;
+    let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
+    let view = open_view(&args.scene, &args.view, sky.as_ref(), console)?;
     let basis = &view.scene.lighting.basis;
     warn_of_unknown_lights(basis, &look, console);
     let coefficients = basis.project(&look.lights);

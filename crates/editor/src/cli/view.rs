@@ -6,12 +6,14 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import::{self, Imported};
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sky::{SkyForm, SkySetting};
 
 use super::args::ViewArgs;
 use super::console::Console;
-use crate::look::Look;
+use crate::look::{Look, sky};
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
@@ -33,14 +35,36 @@ pub(crate) fn load_scene(path: &Path, console: &mut Console) -> Result<Imported>
     Ok(imported)
 }
 
-/// Opens a scene for tracing.
-pub(crate) fn open_view(path: &Path, args: &ViewArgs, console: &mut Console) -> Result<View> {
+/// Opens a scene for tracing under a sky, if any.
+pub(crate) fn open_view(path: &Path, args: &ViewArgs, sky: Option<&SkyRequest>, console: &mut Console) -> Result<View> {
     let imported = load_scene(path, console)?;
-    prepare_view(imported, &path.display().to_string(), args, console)
+    prepare_view(imported, &path.display().to_string(), args, sky, console)
+}
+
+/// The sky that was typed, with what a look says of it: the look's own wins, else it turns and dims the typed one.
+pub(crate) fn requested_sky(
+    args: &ViewArgs,
+    look: Option<&SkySetting>,
+    form: SkyForm,
+    console: &mut Console,
+) -> Result<Option<SkyRequest>> {
+    let mut typed = args.sky.clone();
+    if let Some(typed) = typed.as_mut().filter(|_| !look.is_some_and(SkySetting::names_a_sky)) {
+        console.warn_all(sky::load(typed, Path::new("")).context("cannot use --sky")?);
+    }
+    let typed = typed.and_then(|typed| typed.light(None));
+    let light = look.map_or_else(|| typed.clone(), |look| look.light(typed.as_ref()));
+    Ok(light.map(|light| SkyRequest { light, form }))
 }
 
 /// Chooses camera and film and builds what tracing needs.
-pub(crate) fn prepare_view(imported: Imported, name: &str, args: &ViewArgs, console: &mut Console) -> Result<View> {
+pub(crate) fn prepare_view(
+    imported: Imported,
+    name: &str,
+    args: &ViewArgs,
+    sky: Option<&SkyRequest>,
+    console: &mut Console,
+) -> Result<View> {
     let scene = imported.scene;
     if scene.mesh.triangles.is_empty() {
         bail!("{name} has no triangles, so there is nothing to see; give a scene with surfaces");
@@ -48,8 +72,8 @@ pub(crate) fn prepare_view(imported: Imported, name: &str, args: &ViewArgs, cons
     let camera = pick_camera(&scene.cameras, args.camera.as_deref()).with_context(|| format!("cannot see {name}"))?;
     let camera = camera.clone();
     let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
-    let (scene, warnings) =
-        PreparedScene::new(scene, &args.panels).with_context(|| format!("cannot prepare the scene {name}"))?;
+    let (scene, warnings) = PreparedScene::with_sky(scene, &args.panels, sky)
+        .with_context(|| format!("cannot prepare the scene {name}"))?;
     console.warn_all(warnings);
     Ok(View { scene: Arc::new(scene), camera, film })
 }
@@ -83,6 +107,9 @@ pub(crate) fn load_look(path: Option<&Path>, console: &mut Console) -> Result<Lo
 pub(crate) fn warn_of_unknown_lights(basis: &LightBasis, look: &Look, console: &mut Console) {
     for key in basis.unknown_keys(&look.lights) {
         console.warn(&format!("the look sets `{key}`, which this scene does not have; it is ignored"));
+    }
+    if look.lights.sky.is_some() && basis.sky.is_none() {
+        console.warn("the look sets the sky, but there is none to turn or exchange; name one with --sky (of the bake)");
     }
 }
 

@@ -11,7 +11,7 @@ use serde_json::{Map, Value};
 use super::{Display, LOOK_VERSION, Look};
 
 /// Multipliers of a lamp.
-const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
+pub(super) const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
 /// Channels of a linear color.
 const CHANNEL: RangeInclusive<f64> = 0.0..=1e6;
 /// Correlated color temperature.
@@ -24,7 +24,7 @@ const RADIUS: RangeInclusive<f64> = 0.0..=1000.0;
 const EXPOSURE_EV: RangeInclusive<f64> = -60.0..=60.0;
 
 /// A place in the document, and what was noticed on the way.
-struct Reader<'a> {
+pub(super) struct Reader<'a> {
     warnings: &'a mut Vec<String>,
     path: String,
 }
@@ -37,10 +37,11 @@ pub(super) fn look(json: &str) -> Result<(Look, Vec<String>)> {
     let mut reader = Reader { warnings: &mut warnings, path: String::new() };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
-    reader.report_unknown(document, &["clerestory", "lights", "panels", "display"]);
+    reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "display"]);
     let lights = LightRig {
         lights: reader.entries(document, "lights", |reader, value| reader.setting(value))?,
         panels: reader.entries(document, "panels", |reader, value| reader.spots(value))?,
+        sky: reader.optional(document, "sky", |reader, value| reader.sky(value))?,
     };
     let display = match document.get("display") {
         Some(value) => reader.at("display", |reader| reader.display(value))?,
@@ -52,8 +53,9 @@ pub(super) fn look(json: &str) -> Result<(Look, Vec<String>)> {
 /// Refuses what a newer program wrote, and what is no look at all.
 fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<()> {
     let Some(version) = document.get("clerestory") else {
-        if !document.is_empty() && !["lights", "panels", "display"].iter().any(|key| document.contains_key(*key)) {
-            bail!("it is no look: it has none of `clerestory`, `lights`, `panels`, `display`");
+        if !document.is_empty() && !["lights", "panels", "sky", "display"].iter().any(|key| document.contains_key(*key))
+        {
+            bail!("it is no look: it has none of `clerestory`, `lights`, `panels`, `sky`, `display`");
         }
         reader.warnings.push(format!("the look does not say `\"clerestory\": {LOOK_VERSION}`; read as that version"));
         return Ok(());
@@ -77,11 +79,11 @@ impl Reader<'_> {
     }
 
     /// The name of this place for people.
-    fn name(&self) -> &str {
+    pub(super) fn name(&self) -> &str {
         if self.path.is_empty() { "the look" } else { &self.path }
     }
 
-    fn object<'v>(&self, value: &'v Value) -> Result<&'v Map<String, Value>> {
+    pub(super) fn object<'v>(&self, value: &'v Value) -> Result<&'v Map<String, Value>> {
         value.as_object().ok_or_else(|| anyhow!("`{}` must be an object {{…}}", self.name()))
     }
 
@@ -89,7 +91,7 @@ impl Reader<'_> {
         value.as_array().ok_or_else(|| anyhow!("`{}` must be a list […]", self.name()))
     }
 
-    fn report_unknown(&mut self, object: &Map<String, Value>, known: &[&str]) {
+    pub(super) fn report_unknown(&mut self, object: &Map<String, Value>, known: &[&str]) {
         for key in object.keys().filter(|key| !known.contains(&key.as_str())) {
             let separator = if self.path.is_empty() { "" } else { "." };
             let sentence = format!("the look has an unknown key `{}{separator}{key}`; it is ignored", self.path);
@@ -113,7 +115,7 @@ impl Reader<'_> {
         })
     }
 
-    fn number(&self, value: &Value, range: &RangeInclusive<f64>) -> Result<f32> {
+    pub(super) fn number(&self, value: &Value, range: &RangeInclusive<f64>) -> Result<f32> {
         let number = value.as_f64().filter(|number| range.contains(number));
         let number = number.ok_or_else(|| {
             anyhow!("`{}` must be a number from {} to {}, not {value}", self.name(), range.start(), range.end())
@@ -134,7 +136,7 @@ impl Reader<'_> {
     }
 
     /// A value that may be left out or `null`.
-    fn optional<T>(
+    pub(super) fn optional<T>(
         &mut self,
         object: &Map<String, Value>,
         key: &str,

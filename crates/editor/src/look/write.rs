@@ -18,6 +18,10 @@ pub(super) fn json(look: &Look) -> String {
     if !panels.is_empty() {
         members.push(format!("  \"panels\": {{\n{}\n  }}", panels.join(",\n")));
     }
+    let sky = look.lights.sky.as_ref().map(super::sky::members).unwrap_or_default();
+    if !sky.is_empty() {
+        members.push(format!("  \"sky\": {{ {} }}", sky.join(", ")));
+    }
     let display = display(&look.display);
     if !display.is_empty() {
         members.push(format!("  \"display\": {{ {} }}", display.join(", ")));
@@ -26,11 +30,11 @@ pub(super) fn json(look: &Look) -> String {
 }
 
 /// JSON of a number, text or color on one line; numbers as short as an f32 allows.
-fn value(of: &(impl Serialize + ?Sized)) -> String {
+pub(super) fn value(of: &(impl Serialize + ?Sized)) -> String {
     serde_json::to_string(of).expect("numbers, texts and colors always have a JSON form")
 }
 
-fn member(name: &str, of: &(impl Serialize + ?Sized)) -> String {
+pub(super) fn member(name: &str, of: &(impl Serialize + ?Sized)) -> String {
     format!("\"{name}\": {}", value(of).replace(',', ", "))
 }
 

@@ -1,6 +1,6 @@
 //! Quality, size and camera of the bake; what it does, and what came of it.
 
-use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui};
@@ -81,6 +81,13 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, cameras: &[Camera]) {
                 DragValue::new(&mut settings.config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
             ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
         });
+        ui.end_row();
+        ui.label("");
+        let mut exact = settings.config.indirect == Indirect::Traced;
+        let words = "Follows the light between surfaces from every sample, without bias: far slower";
+        if ui.checkbox(&mut exact, "Exact indirect light").on_hover_text(words).changed() {
+            settings.config.indirect = if exact { Indirect::Traced } else { Indirect::Shared };
+        }
         ui.end_row();
     });
 }

@@ -223,6 +223,8 @@ fn kind_words(kind: SourceKind) -> String {
         SourceKind::Emitter => "Emissive surface".into(),
         SourceKind::Panel { resolution, .. } => format!("Panel of {resolution} × {resolution} texels"),
         SourceKind::Sky => "Sky".into(),
+        SourceKind::Dome { divisions } => format!("Sky of {} patches", 144 * divisions * divisions + 146),
+        SourceKind::Sun { .. } => "Sun".into(),
         SourceKind::Constant => "Unlit surfaces".into(),
     }
 }

@@ -75,7 +75,7 @@ impl PanelPicker<'_> {
         let (origin, direction) = (self.camera.position(), self.ray(at));
         let hits = self.panels().filter_map(|(key, panel)| Some((key, panel, panel.intersect(origin, direction)?)));
         let (key, panel, (_, uv)) = hits.min_by(|a, b| a.2.0.total_cmp(&b.2.0))?;
-        (self.scene.transmittance(origin, panel.point(uv)) > 0.5).then_some((key, uv))
+        (self.scene.transmittance(origin, panel.point(uv)).max_element() > 0.5).then_some((key, uv))
     }
 
     /// Point of a panel's plane under the pointer, held within the panel.

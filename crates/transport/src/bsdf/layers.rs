@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::energy::Coat;
 use super::fresnel::{self, Schlick, grazing};
 use super::ggx::Ggx;
-use super::{SurfaceParams, cosine_direction};
+use super::{Parts, SurfaceParams, cosine_direction};
 
 /// Below this α a lobe is a mirror.
 const MIRROR_ALPHA: f32 = 1e-3;
@@ -216,21 +216,46 @@ impl Layers {
     }
 
     fn eval_reflection(&self, wi: Vec3, lambert: Vec3) -> (Vec3, f32) {
+        let Parts { base, coat, coat_pdf } = self.parts(wi, lambert);
+        (base + coat, coat_pdf + self.choice.diffuse * wi.z * FRAC_1_PI)
+    }
+
+    /// Reflection of the diffuse base and of the facets over it.
+    #[inline]
+    fn parts(&self, wi: Vec3, lambert: Vec3) -> Parts {
         let wm = (wi + self.wo).normalize();
         let cos_half = self.wo.dot(wm);
-        let mut value = Vec3::ZERO;
+        let mut parts = Parts::default();
         if lambert != Vec3::ZERO {
             let coat = self.dielectric.at(grazing(cos_half)).max_element();
             let allowance = if wi.z < self.wo.z { self.coat.allowance(wi.z) } else { self.allowance_o };
-            value = lambert * ((1.0 - coat) * allowance * wi.z);
+            parts.base = lambert * ((1.0 - coat) * allowance * wi.z);
         }
-        let mut pdf = self.choice.diffuse * wi.z * FRAC_1_PI;
         if self.rough_coat {
             let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
-            value += self.reflectance(cos_half) * (quarter * self.g2(wi.z));
-            pdf += self.choice.facets * self.reflect_probability(cos_half) * quarter * self.g1();
+            parts.coat = self.reflectance(cos_half) * (quarter * self.g2(wi.z));
+            parts.coat_pdf = self.choice.facets * self.reflect_probability(cos_half) * quarter * self.g1();
         }
-        (value, pdf)
+        parts
+    }
+
+    /// [`Layers::eval`] with the diffuse base apart.
+    pub(super) fn eval_parts(&self, wi: Vec3, cos_g: f32, lambert: Vec3) -> Parts {
+        if wi.z > 0.0 && cos_g > 0.0 {
+            return self.parts(wi, lambert);
+        }
+        let (coat, coat_pdf) = self.eval(wi, cos_g, lambert);
+        Parts { base: Vec3::ZERO, coat, coat_pdf }
+    }
+
+    /// Probability that [`Layers::sample`] chooses the diffuse base: for numbers below it.
+    pub(super) fn base_probability(&self) -> f32 {
+        self.choice.diffuse
+    }
+
+    /// Share of the light on the diffuse base that gets in and out of the coat.
+    pub(super) fn base_share(&self) -> f32 {
+        self.coat.base_share(self.wo.z)
     }
 
     /// A thin wall lets a facet's light out as if mirrored to the other side.

@@ -66,6 +66,17 @@ pub struct BsdfSample {
     pub transmitted: bool,
 }
 
+/// The value of a surface in a direction, its diffuse base apart.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Parts {
+    /// `f·|cosθ|` of the diffuse base.
+    pub base: Vec3,
+    /// `f·|cosθ|` of all other lobes that have a density.
+    pub coat: Vec3,
+    /// Density per solid angle with which [`Bsdf::sample_coat`] chooses the direction.
+    pub coat_pdf: f32,
+}
+
 impl Bsdf {
     /// `ng` is the geometric normal of the front side, `ns` a shading normal on the same side; `wo` may be on either side,
     /// and decides whether a solid is entered or left.
@@ -128,6 +139,32 @@ impl Bsdf {
         }
         let (f_cos, pdf) = layers.eval(local, cos_g, self.lambert);
         (pdf > 0.0).then(|| BsdfSample { wi, weight: f_cos / pdf, pdf, kind: ScatterKind::Smooth, transmitted })
+    }
+
+    /// [`Bsdf::eval`] with the diffuse base apart.
+    #[inline]
+    pub fn eval_parts(&self, wi: Vec3) -> Parts {
+        match &self.layers {
+            None => Parts { base: self.eval_diffuse(wi).0, ..Parts::default() },
+            Some(layers) => layers.eval_parts(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
+        }
+    }
+
+    /// As [`Bsdf::sample`], but of all lobes except the diffuse base: `None` also where that would have been chosen.
+    pub fn sample_coat(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let layers = self.layers.as_ref().filter(|layers| u_lobe >= layers.base_probability())?;
+        let sample = self.sample(u_lobe, u)?;
+        if sample.kind != ScatterKind::Smooth {
+            return Some(sample);
+        }
+        let parts = layers.eval_parts(layers.local_from_world(sample.wi), sample.wi.dot(self.ng), self.lambert);
+        let (weight, pdf) = (parts.coat / parts.coat_pdf, parts.coat_pdf);
+        (pdf > 0.0).then_some(BsdfSample { weight, pdf, ..sample })
+    }
+
+    /// Share of uniform light that the diffuse base alone scatters towards the viewer.
+    pub fn base_albedo(&self) -> Vec3 {
+        self.lambert * PI * self.layers.as_ref().map_or(1.0, Layers::base_share)
     }
 
     fn sample_diffuse(&self, u: [f32; 2]) -> Option<BsdfSample> {

@@ -9,6 +9,7 @@ mod assemble;
 mod cameras;
 mod container;
 mod document;
+mod environment;
 mod extensions;
 mod geometry;
 mod hierarchy;
@@ -38,6 +39,7 @@ use report::Notes;
 use serde_json::Value;
 use uri::Locator;
 
+pub use environment::{decode_sky, load_sky};
 pub use report::ImportReport;
 
 use crate::scene::{Scene, SceneNode};

@@ -1,0 +1,156 @@
+//! Equirectangular .hdr and .exr files into maps of the sky.
+
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::prelude::{MetaData, ReadChannels, ReadLayers};
+use image::ImageDecoder;
+use image::codecs::hdr::HdrDecoder;
+
+use crate::sky::{Environment, SkyError};
+
+/// Largest file that is read.
+const MAX_FILE_BYTES: u64 = 1 << 30;
+
+/// Reads a map of the sky, and says in words what is odd about it.
+///
+/// # Errors
+/// A file that cannot be read, is neither .hdr nor .exr, or is too large.
+pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
+    let name = path.display().to_string();
+    let read = |source| SkyError::Read { path: name.clone(), source };
+    if fs::metadata(path).map_err(read)?.len() > MAX_FILE_BYTES {
+        return Err(SkyError::Decode { path: name, reason: "it is larger than 1 GiB".into() });
+    }
+    let read = |source| SkyError::Read { path: name.clone(), source };
+    let bytes = fs::read(path).map_err(read)?;
+    decode_sky(&name, &bytes)
+}
+
+/// The same from memory; `name` is for people.
+///
+/// # Errors
+/// As [`load_sky`].
+pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>), SkyError> {
+    let refuse = |reason: String| SkyError::Decode { path: name.into(), reason };
+    let (width, height, pixels) = match () {
+        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => decode_exr(bytes).map_err(refuse)?,
+        () if bytes.starts_with(b"#?") => decode_hdr(bytes).map_err(refuse)?,
+        () => return Err(refuse("it is neither Radiance nor OpenEXR".into())),
+    };
+    let (map, n_cleaned) = Environment::new(width, height, pixels)?;
+    let mut warnings = Vec::new();
+    if n_cleaned > 0 {
+        warnings
+            .push(format!("{name}: {n_cleaned} pixels were negative, infinite or no numbers; they are black there"));
+    }
+    if width != 2 * height {
+        warnings
+            .push(format!("{name}: {width}×{height} pixels are not twice as wide as high; shown as equirectangular"));
+    }
+    Ok((map, warnings))
+}
+
+type Decoded = Result<(usize, usize, Vec<[f32; 3]>), String>;
+
+fn too_large(width: usize, height: usize) -> Option<String> {
+    (!Environment::is_size(width, height)).then(|| SkyError::Size { width, height }.to_string())
+}
+
+fn decode_hdr(bytes: &[u8]) -> Decoded {
+    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
+    let (width, height) = decoder.dimensions();
+    let (width, height) = (width as usize, height as usize);
+    if let Some(problem) = too_large(width, height) {
+        return Err(problem);
+    }
+    let mut raw = vec![0u8; width * height * 12];
+    decoder.read_image(&mut raw).map_err(|e| e.to_string())?;
+    let value = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
+    let pixels = raw.chunks_exact(12).map(|b| [value(b), value(&b[4..]), value(&b[8..])]).collect();
+    Ok((width, height, pixels))
+}
+
+fn decode_exr(bytes: &[u8]) -> Decoded {
+    // Sizes are known before anything is allocated for the pixels.
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| e.to_string())?;
+    for header in &meta.headers {
+        if let Some(problem) = too_large(header.layer_size.width(), header.layer_size.height()) {
+            return Err(problem);
+        }
+    }
+    // Other channels are passed over, however many there are.
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| (size.width(), vec![[0.0; 3]; size.area()]),
+            |(width, pixels): &mut (usize, Vec<[f32; 3]>), at, (r, g, b): (f32, f32, f32)| {
+                pixels[at.y() * *width + at.x()] = [r, g, b];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| e.to_string())?;
+    let (width, pixels) = image.layer_data.channel_data.pixels;
+    Ok((width, image.layer_data.size.height(), pixels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pixels of 1, 2 and 4 nit in flat Radiance encoding: mantissa · 2^(exponent − 136).
+    fn hdr() -> Vec<u8> {
+        let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n".to_vec();
+        for _ in 0..8 {
+            bytes.extend([32, 64, 128, 131]);
+        }
+        bytes
+    }
+
+    #[test]
+    fn radiance_files_are_read_in_nit() {
+        let (map, warnings) = decode_sky("a.hdr", &hdr()).unwrap();
+        assert_eq!((map.width(), map.height()), (4, 2));
+        assert!(warnings.is_empty(), "{warnings:?}");
+        for (value, expected) in map.pixels()[5].into_iter().zip([1.0, 2.0, 4.0]) {
+            assert!((value - expected).abs() < 0.02 * expected, "{:?}", map.pixels()[5]);
+        }
+    }
+
+    #[test]
+    fn exr_files_are_read_as_they_are_written_and_broken_pixels_are_reported() {
+        use exr::prelude::WritableImage;
+        let value = |x: usize, y: usize| if (x, y) == (1, 1) { f32::NAN } else { (x + 10 * y) as f32 };
+        let channels = exr::prelude::SpecificChannels::rgb(|at: exr::prelude::Vec2<usize>| {
+            let v = value(at.x(), at.y());
+            (v, 2.0 * v, 4.0 * v)
+        });
+        let mut bytes = Cursor::new(Vec::new());
+        exr::prelude::Image::from_channels((4, 2), channels).write().to_buffered(&mut bytes).unwrap();
+        let (map, warnings) = decode_sky("a.exr", bytes.get_ref()).unwrap();
+        assert_eq!(map.pixels()[6], [12.0, 24.0, 48.0]);
+        assert_eq!(map.pixels()[5], [0.0; 3]);
+        assert!(warnings.len() == 1 && warnings[0].contains("1 pixels"), "{warnings:?}");
+    }
+
+    #[test]
+    fn files_that_are_no_skies_are_refused_in_words() {
+        let hdr = hdr();
+        let huge = String::from_utf8_lossy(&hdr[..hdr.len() - 32]).replace("-Y 2 +X 4", "-Y 60000 +X 60000");
+        for (bytes, words) in [
+            (&b"GIF89a"[..], "neither"),
+            (&hdr[..hdr.len() - 20], "cannot use"),
+            (&hdr[..12], "cannot use"),
+            (huge.as_bytes(), "60000"),
+            (&[0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0], "cannot use"),
+        ] {
+            let error = decode_sky("x", bytes).unwrap_err().to_string();
+            assert!(error.contains(words), "{error}");
+        }
+        assert!(matches!(load_sky(Path::new("/nowhere/a.hdr")), Err(SkyError::Read { .. })));
+    }
+}

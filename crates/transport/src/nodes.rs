@@ -1,0 +1,163 @@
+//! Indirect light on a coarse grid over the picture, shared between neighboring pixels.
+//!
+//! At each node a few walks gather the light that arrives from other surfaces, for all columns. A pixel takes the light of
+//! the nodes around it that lie on the same surface. Both halves have nodes of their own, so that their noise is seen.
+
+use std::ops::ControlFlow;
+
+use clerestory_nystrom::Half;
+use glam::{UVec2, Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
+use crate::path::{Gathering, Scratch};
+use crate::sampler::Sampler;
+
+/// Distance between nodes in pixels, of a picture that is at least [`FULL_WIDTH`] wide; less in smaller ones.
+const SPACING: u32 = 4;
+const FULL_WIDTH: u32 = 384;
+/// Most memory that nodes may take.
+const MOST_BYTES: usize = 1 << 30;
+/// Stream of random numbers that no pixel uses.
+const STREAM: u64 = 1 << 62;
+/// Parts of the grid after which it is asked whether to go on.
+const PARTS: usize = 32;
+
+/// How nodes gather.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct NodePlan {
+    /// Walks at each node, for each half.
+    pub walks: u32,
+    /// Times the median of its neighbors that a node may shine: a rare bright walk would show as a spot as wide as a node.
+    pub outshines: f32,
+}
+
+/// Indirect light on a coarse grid.
+pub(crate) struct Nodes {
+    spacing: u32,
+    size: UVec2,
+    /// Point and unit normal of each node, `None` where nothing is seen that scatters diffusely.
+    surfaces: Vec<Option<(Vec3, Vec3)>>,
+    /// Node by node: half A, then half B, each three rows of all columns.
+    light: Vec<f32>,
+}
+
+impl Nodes {
+    /// Follows the walks of all nodes; `None` if `on_part` says stop.
+    pub(crate) fn gather(
+        matrix: &TransportMatrix<'_>,
+        plan: NodePlan,
+        mut on_part: impl FnMut() -> ControlFlow<()>,
+    ) -> Option<Nodes> {
+        let (film, node_len) = (matrix.film, 2 * CHANNELS * matrix.column_scale().len());
+        let size_at = |spacing: u32| UVec2::new(film.width.div_ceil(spacing), film.height.div_ceil(spacing));
+        let bytes_at = |spacing: u32| size_at(spacing).as_u64vec2().element_product() as usize * node_len * 4;
+        let mut spacing = (film.width.max(film.height) * SPACING / FULL_WIDTH).clamp(1, SPACING);
+        while bytes_at(spacing) > MOST_BYTES && spacing < 64 {
+            spacing *= 2;
+        }
+        let size = size_at(spacing);
+        let n_nodes = size.element_product() as usize;
+        let mut light = vec![0.0; n_nodes * node_len];
+        let mut surfaces = Vec::with_capacity(n_nodes);
+        let part = n_nodes.div_ceil(PARTS).max(1);
+        for (nth, light) in light.chunks_mut(part * node_len).enumerate() {
+            let nodes = light.par_chunks_mut(node_len).enumerate().map_init(Scratch::default, |scratch, (i, light)| {
+                let node = (nth * part + i) as u32;
+                let center = (Vec2::new((node % size.x) as f32, (node / size.x) as f32) + 0.5) * spacing as f32;
+                let last = Vec2::new(film.width as f32, film.height as f32) - 0.5;
+                gather_node(matrix, (node, plan.walks), center.min(last), light, scratch)
+            });
+            surfaces.extend(nodes.collect::<Vec<_>>());
+            if on_part().is_break() {
+                return None;
+            }
+        }
+        let mut nodes = Nodes { spacing, size, surfaces, light };
+        nodes.calm(node_len, plan.outshines);
+        Some(nodes)
+    }
+
+    /// Dims nodes that outshine their neighbors by far.
+    fn calm(&mut self, node_len: usize, outshines: f32) {
+        let total = |light: &[f32]| light.iter().sum::<f32>();
+        let totals: Vec<f32> = self.light.par_chunks(node_len).map(total).collect();
+        let (nx, ny) = (self.size.x as usize, self.size.y as usize);
+        self.light.par_chunks_mut(node_len).enumerate().for_each(|(node, light)| {
+            let (x, y) = (node % nx, node / nx);
+            let rows = y.saturating_sub(1)..(y + 2).min(ny);
+            let around = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(nx)).map(move |x| y * nx + x));
+            let mut around: Vec<f32> = around.map(|n| totals[n]).filter(|t| *t > 0.0).collect();
+            if around.is_empty() {
+                return;
+            }
+            let middle = around.len() / 2;
+            let limit = outshines * *around.select_nth_unstable_by(middle, f32::total_cmp).1;
+            if totals[node] > limit {
+                light.iter_mut().for_each(|x| *x *= limit / totals[node]);
+            }
+        });
+    }
+
+    /// Adds the indirect light at a point to the rows of a pixel; false where no node lies on the same surface.
+    pub(crate) fn add(&self, film_px: Vec2, at: &Gathering, half: Half, rows: &mut [f32]) -> bool {
+        let place = film_px / self.spacing as f32 - 0.5;
+        let base = place.floor();
+        let fraction = place - base;
+        let mut weights = [(0usize, 0.0f32); 4];
+        for (i, slot) in weights.iter_mut().enumerate() {
+            let step = Vec2::new((i & 1) as f32, (i >> 1) as f32);
+            let node = (base + step).max(Vec2::ZERO).as_uvec2().min(self.size - 1);
+            let idx = (node.y * self.size.x + node.x) as usize;
+            let bilinear = (1.0 - (step - fraction).abs()).max(Vec2::splat(0.02));
+            *slot = (idx, bilinear.x * bilinear.y * self.similarity(idx, at.hit.position, at.normal));
+        }
+        let total: f32 = weights.iter().map(|(_, w)| w).sum();
+        if total < 1e-3 {
+            return false;
+        }
+        let row_len = rows.len() / CHANNELS;
+        let half_len = CHANNELS * row_len;
+        for (idx, weight) in weights.into_iter().filter(|(_, w)| *w > 0.0) {
+            let start = idx * 2 * half_len + if half == Half::B { half_len } else { 0 };
+            let light = &self.light[start..start + half_len];
+            for (channel, albedo) in at.albedo.to_array().into_iter().enumerate() {
+                let factor = albedo * weight / total;
+                let range = channel * row_len..(channel + 1) * row_len;
+                rows[range.clone()].iter_mut().zip(&light[range]).for_each(|(out, light)| *out += factor * light);
+            }
+        }
+        true
+    }
+
+    /// 1 for a node on the same plane, towards 0 for one that faces or lies elsewhere.
+    fn similarity(&self, node: usize, position: Vec3, normal: Vec3) -> f32 {
+        let Some((at, facing)) = self.surfaces[node] else { return 0.0 };
+        let apart = at - position;
+        let off_plane = apart.dot(normal).abs() / apart.length().max(1e-6);
+        let alike = normal.dot(facing).max(0.0).powi(8);
+        if off_plane > 0.3 { 0.0 } else { alike * (1.0 - off_plane / 0.3) }
+    }
+}
+
+fn gather_node(
+    matrix: &TransportMatrix<'_>,
+    (node, walks): (u32, u32),
+    film_px: Vec2,
+    light: &mut [f32],
+    scratch: &mut Scratch,
+) -> Option<(Vec3, Vec3)> {
+    let n_cols = matrix.column_scale().len();
+    let stream = STREAM + u64::from(node) * 4;
+    let ray = (matrix.camera.position(), matrix.camera.direction(matrix.film, film_px));
+    let (hit, normal) = matrix.integrator.gathering_surface(ray, &mut Sampler::new(matrix.seed, stream + 2, 0))?;
+    for (half, light) in light.chunks_exact_mut(CHANNELS * n_cols).enumerate() {
+        let mut deposit = RowDeposit::new(light, n_cols, matrix.column_scale());
+        for walk in 0..walks {
+            let mut sampler = Sampler::new(matrix.seed, stream + half as u64, walk);
+            matrix.integrator.gather_indirect((&hit, normal), &mut sampler, scratch, &mut deposit);
+        }
+        light.iter_mut().for_each(|x| *x /= walks as f32);
+    }
+    Some((hit.position, normal))
+}

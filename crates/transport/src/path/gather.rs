@@ -1,0 +1,102 @@
+//! Walks that share their indirect light: what a pixel sees itself, and what a node gathers for all pixels around it.
+
+use glam::Vec3;
+
+use super::{Deposit, Integrator, LightPlan, Rivals, Scratch, Vertex, Walk};
+use crate::bvh::Ray;
+use crate::prepared::{SurfaceHit, offset_origin};
+use crate::sampler::Sampler;
+
+/// A point whose diffuse base scatters the light of other surfaces, which is left to be gathered.
+pub(crate) struct Gathering {
+    /// Where.
+    pub hit: SurfaceHit,
+    /// Unit normal on the viewer's side, without normal map.
+    pub normal: Vec3,
+    /// What multiplies the gathered light.
+    pub albedo: Vec3,
+}
+
+/// Clear panes that a node looks through.
+const PANES: usize = 8;
+
+impl<P: LightPlan> Integrator<'_, P> {
+    /// One sample of a pixel without the light that other surfaces send to the diffuse base of the first surface that has
+    /// one, after mirrors and panes. Coats and surfaces without such a base are followed as ever.
+    pub(crate) fn sample_direct(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) -> Option<Gathering> {
+        let mut walk = Walk::from_camera(origin, direction);
+        loop {
+            let hit = self.arrive(&mut walk, sampler, deposit)?;
+            let bsdf = self.scene.bsdf(&hit, -walk.direction);
+            let albedo = bsdf.base_albedo() * walk.throughput;
+            if albedo != Vec3::ZERO {
+                self.connect(&walk, (Vertex::First, Rivals::Coat), (&hit, &bsdf), sampler, scratch, deposit);
+                walk.sampled_at = Some(Vertex::First);
+                let normal = self.scene.smooth_normal(&hit, walk.direction);
+                if let Some(sample) = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d())
+                    && self.leave(&mut walk, &hit, &sample, 1)
+                {
+                    self.follow(walk, sampler, scratch, deposit);
+                }
+                return Some(Gathering { hit, normal, albedo });
+            }
+            if !self.go_on(&mut walk, &hit, sampler, scratch, deposit) {
+                return None;
+            }
+            if !walk.specular {
+                self.follow(walk, sampler, scratch, deposit);
+                return None;
+            }
+        }
+    }
+
+    /// The surface with a diffuse base that a camera ray meets behind clear panes, and its unit normal.
+    pub(crate) fn gathering_surface(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        sampler: &mut Sampler,
+    ) -> Option<(SurfaceHit, Vec3)> {
+        let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        for _ in 0..PANES {
+            let hit = self.scene.closest(&ray, sampler)?;
+            if self.scene.bsdf(&hit, -direction).base_albedo() != Vec3::ZERO {
+                return Some((hit, self.scene.smooth_normal(&hit, direction)));
+            }
+            if !self.scene.material(hit.triangle).is_clear_pane() {
+                return None;
+            }
+            ray.t_min = hit.t.next_up().max(hit.t * (1.0 + 1e-6));
+        }
+        None
+    }
+
+    /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point from other surfaces.
+    pub(crate) fn gather_indirect(
+        &self,
+        (hit, normal): (&SurfaceHit, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        let [u, v] = sampler.next_2d();
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+        let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
+        let outward = if hit.normal.dot(normal) < 0.0 { -hit.normal } else { hit.normal };
+        let mut walk = Walk::from_camera(offset_origin(hit.position, outward), direction);
+        // Emitters that whoever asks has sampled count next to nothing here.
+        walk.density = f32::MIN_POSITIVE;
+        walk.sampled_at = Some(Vertex::First);
+        walk.rival = Some(Vertex::First);
+        walk.specular = false;
+        walk.straight = false;
+        walk.n_hits = 1;
+        self.follow(walk, sampler, scratch, deposit);
+    }
+}

@@ -1,0 +1,79 @@
+//! Walks that leave the scene, and connections to what lies beyond it.
+
+use glam::{Vec2, Vec3};
+
+use super::{Deposit, Integrator, LightPlan, LightPoint, Walk, power_heuristic};
+use crate::emitters::{Emitter, Lighting};
+use crate::sky::{SunEmitter, sun_solid_angle};
+
+/// Indices of the sources that a walk may meet behind all surfaces.
+pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
+    let is_beyond = |emitter: &Emitter| {
+        matches!(emitter, Emitter::Sky | Emitter::Environment(_) | Emitter::Dome(_) | Emitter::Sun(_))
+    };
+    (0u32..).zip(&lighting.emitters).filter(|(_, e)| is_beyond(e)).map(|(idx, _)| idx).collect()
+}
+
+impl<P: LightPlan> Integrator<'_, P> {
+    /// The lights of the scene.
+    pub(crate) fn lighting(&self) -> &Lighting {
+        &self.scene.lighting
+    }
+
+    /// Collects what shines where a walk meets no surface.
+    pub(super) fn collect_beyond(&self, walk: &Walk, deposit: &mut impl Deposit) {
+        for &source in &self.beyond {
+            let columns = &self.scene.lighting.basis.sources[source as usize].columns;
+            match &self.scene.lighting.emitters[source as usize] {
+                Emitter::Environment(map) => {
+                    let weight = self.arrival_weight(walk, columns.start, || map.pdf(walk.direction));
+                    deposit.scattered(columns.start, walk.throughput * map.radiance(walk.direction) * weight);
+                }
+                Emitter::Dome(_) if walk.specular && walk.straight => deposit.seen(columns.end - 1, walk.throughput),
+                Emitter::Dome(emitter) => {
+                    let patch = emitter.dome.patch(walk.direction);
+                    let pdf = || 1.0 / emitter.dome.solid_angle(patch);
+                    self.arrive_at(walk, columns.start + patch, pdf, walk.throughput, deposit);
+                }
+                Emitter::Sun(sun) if sun.contains(walk.direction) => {
+                    let pdf = || (1.0 / sun_solid_angle()) as f32;
+                    self.arrive_at(walk, columns.start, pdf, walk.throughput * SunEmitter::radiance(), deposit);
+                }
+                Emitter::Sky => deposit.scattered(columns.start, walk.throughput),
+                _ => {}
+            }
+        }
+    }
+
+    fn arrive_at(&self, walk: &Walk, column: u32, pdf: impl FnOnce() -> f32, value: Vec3, deposit: &mut impl Deposit) {
+        if walk.specular {
+            deposit.seen(column, value);
+        } else {
+            deposit.scattered(column, value * self.arrival_weight(walk, column, pdf));
+        }
+    }
+
+    /// Share of a walk that met the sky by itself, against the connections to it; `pdf` is their solid-angle density.
+    fn arrival_weight(&self, walk: &Walk, column: u32, pdf: impl FnOnce() -> f32) -> f32 {
+        match walk.rival {
+            Some(vertex) if walk.density > 0.0 => power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf()),
+            _ => 1.0,
+        }
+    }
+
+    /// A direction towards a column of the sky; `None` for what only the camera sees.
+    pub(super) fn sky_point(&self, emitter: &Emitter, nth: u32, position: Vec3, u: Vec2) -> Option<LightPoint> {
+        let (wi, pdf, radiance) = match emitter {
+            Emitter::Environment(map) => {
+                let (wi, pdf) = map.sample(u);
+                (wi, pdf, map.radiance(wi))
+            }
+            Emitter::Dome(emitter) if nth < emitter.dome.n_patches() => {
+                (emitter.dome.direction(nth, u), 1.0 / emitter.dome.solid_angle(nth), Vec3::ONE)
+            }
+            Emitter::Sun(sun) => (sun.sample(u), (1.0 / sun_solid_angle()) as f32, Vec3::splat(SunEmitter::radiance())),
+            _ => return None,
+        };
+        Some(LightPoint { target: position + wi * self.far, wi, factor: radiance / pdf, pdf })
+    }
+}

@@ -1,0 +1,143 @@
+//! A map as bytes behind the header of a file: width and height u32, scale f32, three f16 per pixel, FNV-1a u64.
+
+use glam::Vec3;
+use half::f16;
+
+use super::Environment;
+
+/// Widest map that a file keeps; wider ones are averaged down.
+const MAX_STORED_WIDTH: usize = 2048;
+/// Brightest value before scaling up to it, well inside the range of f16.
+const STORED_PEAK: f32 = 32_768.0;
+const HEADER_LEN: usize = 12;
+const CHECKSUM_LEN: usize = 8;
+
+impl Environment {
+    /// At most [`MAX_STORED_WIDTH`] wide and rounded to what [`Environment::encode`] keeps.
+    #[must_use]
+    pub fn storable(&self) -> Environment {
+        let small = self.reduced(self.width().div_ceil(MAX_STORED_WIDTH));
+        let scale = small.scale();
+        let round = |v: f32| f16::from_f32(v * scale).to_f32() / scale;
+        let pixels = small.pixels().iter().map(|p| p.map(round)).collect();
+        Environment::of_clean(small.width(), small.height(), pixels)
+    }
+
+    /// Means over squares of `factor` pixels a side; what is left over at the edges shares the last pixel.
+    fn reduced(&self, factor: usize) -> Environment {
+        let (w, h) = (self.width(), self.height());
+        let (width, height) = (w.div_ceil(factor), h.div_ceil(factor));
+        if factor <= 1 {
+            return self.clone();
+        }
+        // Edges of the new pixels in units of old ones; overlaps are weighed, so that the map keeps its directions.
+        let across = |nth: usize| [nth as f64, nth as f64 + 1.0].map(|edge| edge * w as f64 / width as f64);
+        let down = |nth: usize| {
+            let step = (h - 1) as f64 / (height - 1).max(1) as f64;
+            [nth as f64 - 0.5, nth as f64 + 0.5].map(|edge| (edge * step + 0.5).clamp(0.0, h as f64))
+        };
+        let covered = |[start, end]: [f64; 2], old: usize| (end.min(old as f64 + 1.0) - start.max(old as f64)) as f32;
+        let mean = |idx: usize| {
+            let (across, down) = (across(idx % width), down(idx / width));
+            let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+            for y in down[0] as usize..(down[1].ceil() as usize).min(h) {
+                for x in across[0] as usize..(across[1].ceil() as usize).min(w) {
+                    let weight = covered(across, x) * covered(down, y);
+                    sum += Vec3::from(self.pixels()[y * w + x]) * weight;
+                    total += weight;
+                }
+            }
+            (sum / total).to_array()
+        };
+        Environment::of_clean(width, height, (0..width * height).map(mean).collect())
+    }
+
+    /// A power of two that brings the brightest channel into the range of f16.
+    fn scale(&self) -> f32 {
+        let peak = self.pixels().iter().flatten().copied().fold(0.0, f32::max);
+        if peak > 0.0 { (STORED_PEAK / peak).log2().floor().clamp(-60.0, 60.0).exp2() } else { 1.0 }
+    }
+
+    /// Bytes of a [`Environment::storable`] map.
+    pub(crate) fn encode(&self) -> Vec<u8> {
+        let scale = self.scale();
+        let mut bytes = Vec::with_capacity(HEADER_LEN + self.pixels().len() * 6 + CHECKSUM_LEN);
+        bytes.extend((self.width() as u32).to_le_bytes());
+        bytes.extend((self.height() as u32).to_le_bytes());
+        bytes.extend(scale.to_le_bytes());
+        bytes.extend(self.pixels().iter().flatten().flat_map(|v| f16::from_f32(v * scale).to_le_bytes()));
+        bytes.extend(checksum(&bytes).to_le_bytes());
+        bytes
+    }
+
+    /// Reads the map at the start of `bytes`, and says how many bytes it took; `None` if it is cut off or damaged.
+    pub(crate) fn decode(bytes: &[u8]) -> Option<(Environment, usize)> {
+        let word = |at: usize| bytes.get(at..at + 4).map(|b| [b[0], b[1], b[2], b[3]]);
+        let (width, height) = (u32::from_le_bytes(word(0)?) as usize, u32::from_le_bytes(word(4)?) as usize);
+        let scale = f32::from_le_bytes(word(8)?);
+        let is_sound = Environment::is_size(width, height) && scale > 0.0 && scale.is_finite();
+        if !is_sound {
+            return None;
+        }
+        let end = HEADER_LEN + width * height * 6;
+        let stored = bytes.get(end..end + CHECKSUM_LEN)?;
+        if stored != checksum(&bytes[..end]).to_le_bytes() {
+            return None;
+        }
+        let value = |b: &[u8]| f16::from_le_bytes([b[0], b[1]]).to_f32() / scale;
+        let pixel = |b: &[u8]| [value(b), value(&b[2..]), value(&b[4..])];
+        let pixels: Vec<[f32; 3]> = bytes[HEADER_LEN..end].chunks_exact(6).map(pixel).collect();
+        let is_clean = pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0);
+        is_clean.then(|| (Environment::of_clean(width, height, pixels), end + CHECKSUM_LEN))
+    }
+}
+
+fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, b| (hash ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01B3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(width: usize) -> Environment {
+        Environment::from_fn(width, width / 2, |d| Vec3::new(1e6 * (d.y - 0.9).max(0.0), 0.5 + 0.1 * d.x, 0.25))
+    }
+
+    #[test]
+    fn a_stored_map_comes_back_bit_by_bit() {
+        let stored = map(64).storable();
+        let mut bytes = stored.encode();
+        let len = bytes.len();
+        bytes.extend([1, 2, 3]);
+        let (back, read) = Environment::decode(&bytes).unwrap();
+        assert_eq!((back.pixels(), read), (stored.pixels(), len));
+        assert!(back == stored && stored.storable() == stored);
+        for (a, b) in map(64).pixels().iter().zip(back.pixels()) {
+            assert!((0..3).all(|c| (a[c] - b[c]).abs() <= 1e-3 * a[c]), "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn bytes_that_are_no_map_are_refused() {
+        let bytes = map(16).storable().encode();
+        for at in [0, 5, 9, 20, bytes.len() - 1] {
+            let mut broken = bytes.clone();
+            broken[at] ^= 0x41;
+            assert!(Environment::decode(&broken).is_none(), "byte {at}");
+        }
+        assert!((0..bytes.len()).all(|n| Environment::decode(&bytes[..n]).is_none()));
+        assert!(Environment::decode(&[0xFF; 64]).is_none());
+    }
+
+    #[test]
+    fn a_wide_map_is_averaged_down_and_keeps_its_directions() {
+        let around = |d: Vec3| (d * Vec3::new(1.0, 0.0, 1.0)).normalize();
+        let wide = Environment::from_fn(5000, 8, |d| Vec3::splat(2.0 + around(d).x + 0.5 * around(d).z));
+        let small = wide.storable();
+        assert!(small.width() <= 2048 && small.width() > 1024);
+        for d in [Vec3::X, Vec3::Z, Vec3::new(-0.6, 0.0, 0.8)] {
+            assert!((small.radiance(d) - wide.radiance(d)).abs().max_element() < 5e-3, "{d}");
+        }
+    }
+}

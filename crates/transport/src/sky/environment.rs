@@ -1,0 +1,233 @@
+//! A picture of all directions, as an equirectangular map of radiance.
+//!
+//! Columns are centered within their share of the circle. Rows reach from pole to pole: the first is the zenith itself, the
+//! last the nadir, as Mitsuba has it, whose pictures hold ours to account; the difference to rows that are centered within
+//! their share of the height is half a row at the poles and none at the horizon.
+
+use std::f32::consts::{PI, TAU};
+use std::sync::{Arc, OnceLock};
+
+use glam::{Vec2, Vec3};
+
+use super::SkyError;
+use super::coarse::Coarse;
+
+/// Equirectangular radiance in nit, linear Rec. 709, bilinear between the centers of its pixels.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    width: usize,
+    height: usize,
+    /// Row-major from the zenith down.
+    pixels: Vec<[f32; 3]>,
+    fingerprint: u64,
+    coarse: OnceLock<Arc<Coarse>>,
+}
+
+/// The uniform sky of 1 nit.
+impl Default for Environment {
+    fn default() -> Self {
+        Environment::uniform(Vec3::ONE)
+    }
+}
+
+/// By fingerprint: maps are large and compared often.
+impl PartialEq for Environment {
+    fn eq(&self, other: &Self) -> bool {
+        (self.width, self.height, self.fingerprint) == (other.width, other.height, other.fingerprint)
+    }
+}
+
+impl Environment {
+    /// Most pixels that are believed.
+    pub const MAX_PIXELS: usize = 1 << 25;
+    /// Brightest channel that is believed, in nit; the sun's disk has 2·10⁹.
+    pub const MAX_NIT: f32 = 1e12;
+
+    /// From pixels, row-major from the zenith down. Values that are not finite or negative become black; says how many
+    /// pixels held such.
+    ///
+    /// # Errors
+    /// [`SkyError::Size`].
+    pub fn new(width: usize, height: usize, mut pixels: Vec<[f32; 3]>) -> Result<(Environment, usize), SkyError> {
+        if !Environment::is_size(width, height) || pixels.len() != width * height {
+            return Err(SkyError::Size { width, height });
+        }
+        let mut n_cleaned = 0;
+        for pixel in &mut pixels {
+            let clean = pixel.map(|v| if v.is_finite() && v >= 0.0 { v.min(Environment::MAX_NIT) } else { 0.0 });
+            n_cleaned += usize::from(*pixel != clean);
+            *pixel = clean;
+        }
+        Ok((Environment::of_clean(width, height, pixels), n_cleaned))
+    }
+
+    /// Whether a map of that size can be used.
+    pub fn is_size(width: usize, height: usize) -> bool {
+        width > 0 && height > 0 && width.checked_mul(height).is_some_and(|n| n <= Environment::MAX_PIXELS)
+    }
+
+    pub(super) fn of_clean(width: usize, height: usize, pixels: Vec<[f32; 3]>) -> Environment {
+        let words = pixels.iter().flatten().map(|v| u64::from(v.to_bits()));
+        let fingerprint = words.fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| {
+            let hash = (hash ^ word).wrapping_mul(0x0000_0100_0000_01B3);
+            hash ^ (hash >> 29)
+        });
+        Environment { width, height, pixels, fingerprint, coarse: OnceLock::new() }
+    }
+
+    /// The same radiance everywhere.
+    pub fn uniform(radiance: Vec3) -> Environment {
+        Environment::of_clean(1, 1, vec![radiance.max(Vec3::ZERO).to_array()])
+    }
+
+    /// Sampled at the centers of its pixels.
+    pub fn from_fn(width: usize, height: usize, radiance: impl Fn(Vec3) -> Vec3) -> Environment {
+        let at = |idx: usize| {
+            let u = ((idx % width) as f32 + 0.5) / width as f32;
+            let v = (idx / width) as f32 / (height - 1).max(1) as f32;
+            radiance(direction_at(Vec2::new(u, v))).max(Vec3::ZERO).to_array()
+        };
+        Environment::of_clean(width, height, (0..width * height).map(at).collect())
+    }
+
+    /// Pixels around.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Pixels from zenith to nadir.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Row-major from the zenith down.
+    pub fn pixels(&self) -> &[[f32; 3]] {
+        &self.pixels
+    }
+
+    /// Radiance in nit that arrives from a unit direction of the map.
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        let at = self.place(direction) - Vec2::new(0.5, 0.0);
+        let base = at.floor();
+        let part = at - base;
+        let row = |y: i64| y.clamp(0, self.height as i64 - 1) as usize * self.width;
+        let column = |x: i64| x.rem_euclid(self.width as i64) as usize;
+        let (x, y) = (base.x as i64, base.y as i64);
+        let pixel = |x: i64, y: i64| Vec3::from(self.pixels[row(y) + column(x)]);
+        let upper = pixel(x, y).lerp(pixel(x + 1, y), part.x);
+        let lower = pixel(x, y + 1).lerp(pixel(x + 1, y + 1), part.x);
+        upper.lerp(lower, part.y)
+    }
+
+    /// Column and row of a unit direction: a pixel's column reaches from its number to the next, its row half to
+    /// either side of its number.
+    pub(super) fn place(&self, direction: Vec3) -> Vec2 {
+        uv_of(direction) * Vec2::new(self.width as f32, (self.height - 1) as f32)
+    }
+
+    /// Means of [`Environment::radiance`] over the area of each pixel: bright neighbors reach in by an eighth.
+    pub fn cell_means(&self) -> Vec<[f32; 3]> {
+        let (w, h) = (self.width, self.height);
+        let mix = |before: [f32; 3], own: [f32; 3], after: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|c| 0.125 * (before[c] + after[c]) + 0.75 * own[c])
+        };
+        let at = |x: usize, y: usize| self.pixels[y * w + x];
+        let across = |x: usize, y: usize| mix(at((x + w - 1) % w, y), at(x, y), at((x + 1) % w, y));
+        let cell = |idx: usize| {
+            let (x, y) = (idx % w, idx / w);
+            // The first and the last row are half as high, and have neighbors on one side.
+            let (before, after) = (if y == 0 { 1 } else { y - 1 }, if y + 1 == h { h.max(2) - 2 } else { y + 1 });
+            mix(across(x, before.min(h - 1)), across(x, y), across(x, after))
+        };
+        (0..w * h).map(cell).collect()
+    }
+
+    /// As coarse as patches need it.
+    pub(super) fn coarse(&self) -> &Coarse {
+        self.coarse.get_or_init(|| Arc::new(Coarse::new(self)))
+    }
+
+    /// Sines of the elevations between which a row of pixels lies, the lower one first.
+    pub fn row_sines(&self, row: usize) -> [f64; 2] {
+        if self.height == 1 {
+            return [-1.0, 1.0];
+        }
+        let last = (self.height - 1) as f64;
+        let sine = |edge: f64| ((edge / last).clamp(0.0, 1.0) * std::f64::consts::PI).cos();
+        [sine(row as f64 + 0.5), sine(row as f64 - 0.5)]
+    }
+
+    /// Solid angle of a pixel of a row.
+    pub fn solid_angle(&self, row: usize) -> f64 {
+        let [low, high] = self.row_sines(row);
+        (high - low) * std::f64::consts::TAU / self.width as f64
+    }
+}
+
+/// Unit direction at (u, v) of a map.
+pub fn direction_at(uv: Vec2) -> Vec3 {
+    let (sin_phi, cos_phi) = (TAU * (uv.x - 0.5)).sin_cos();
+    let (sin_theta, cos_theta) = (PI * uv.y).sin_cos();
+    Vec3::new(sin_theta * cos_phi, cos_theta, sin_theta * sin_phi)
+}
+
+/// (u, v) of a direction, each 0…1.
+pub fn uv_of(direction: Vec3) -> Vec2 {
+    let u = direction.z.atan2(direction.x) / TAU + 0.5;
+    let v = direction.x.hypot(direction.z).atan2(direction.y) / PI;
+    Vec2::new(u, v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gradient() -> Environment {
+        Environment::from_fn(64, 32, |d| Vec3::new(1.0 + d.x, 1.0 + d.y, 1.0 + d.z))
+    }
+
+    #[test]
+    fn the_center_of_a_map_is_plus_x_and_its_top_is_up() {
+        assert!((uv_of(Vec3::X) - Vec2::new(0.5, 0.5)).length() < 1e-6);
+        assert!((uv_of(Vec3::Z) - Vec2::new(0.75, 0.5)).length() < 1e-6);
+        assert!(uv_of(Vec3::Y).y < 1e-6);
+        for uv in [Vec2::new(0.1, 0.2), Vec2::new(0.93, 0.71)] {
+            assert!((uv_of(direction_at(uv)) - uv).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_map_gives_back_what_it_was_made_of_across_its_seam_too() {
+        let map = gradient();
+        for d in [Vec3::new(-1.0, 0.1, 0.001), Vec3::new(-1.0, 0.1, -0.001), Vec3::new(0.2, -0.7, 0.5)] {
+            let d = d.normalize();
+            assert!((map.radiance(d) - (d + 1.0)).abs().max_element() < 0.01, "{d}: {}", map.radiance(d));
+        }
+    }
+
+    #[test]
+    fn broken_pixels_become_black_and_are_counted() {
+        let pixels = vec![[1.0, f32::NAN, 0.5], [f32::INFINITY; 3], [-1.0, 2.0, 0.0], [0.25; 3]];
+        let (map, n_cleaned) = Environment::new(2, 2, pixels).unwrap();
+        assert_eq!(n_cleaned, 3);
+        assert_eq!(map.pixels(), [[1.0, 0.0, 0.5], [0.0; 3], [0.0, 2.0, 0.0], [0.25; 3]]);
+        assert!(Environment::new(0, 2, vec![]).is_err() && Environment::new(usize::MAX, 2, vec![]).is_err());
+    }
+
+    #[test]
+    fn pixels_tile_the_sphere_and_cell_means_are_those_of_the_interpolation() {
+        let map = gradient();
+        let total: f64 = (0..map.height()).map(|row| map.solid_angle(row) * map.width() as f64).sum();
+        assert!((total - 4.0 * std::f64::consts::PI).abs() < 1e-9);
+        let (means, n) = (map.cell_means(), 32);
+        for cell in [5 * 64 + 63, 16 * 64, 20 * 64 + 31] {
+            let sum = (0..n * n).fold(Vec3::ZERO, |sum, i| {
+                let at = Vec2::new((cell % 64) as f32, (cell / 64) as f32 - 0.5)
+                    + (Vec2::new((i % n) as f32, (i / n) as f32) + 0.5) / n as f32;
+                sum + map.radiance(direction_at(at / Vec2::new(64.0, 31.0)))
+            });
+            let difference = sum / (n * n) as f32 - Vec3::from(means[cell]);
+            assert!(difference.abs().max_element() < 1e-3, "{difference}");
+        }
+    }
+}
