@@ -10,6 +10,8 @@ pub mod figures;
 mod fingerprint;
 pub mod import;
 pub mod lamp_units;
+#[cfg(test)]
+mod laws;
 pub mod light;
 pub mod matrix;
 mod nodes;

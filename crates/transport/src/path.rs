@@ -184,7 +184,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     ) -> bool {
         let bsdf = self.scene.bsdf(hit, -walk.direction);
         let mut splits = 1;
-        if bsdf.has_smooth_lobes() {
+        if bsdf.has_smooth_lobes() && !self.is_spent(walk) {
             let vertex = match walk.sampled_at {
                 None => Vertex::First,
                 Some(_) => self.plan.later(hit.position, walk.throughput.max_element() * bsdf.peak_estimate()),
@@ -216,7 +216,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             walk.throughput *= (-walk.extinction * hit.t).exp();
         }
         self.collect_emission(walk, &hit, deposit);
-        if walk.n_hits - 1 > self.bounces || self.scene.material(hit.triangle).unlit {
+        let material = self.scene.material(hit.triangle);
+        if material.unlit || (self.is_spent(walk) && !material.is_clear_pane()) {
             return None;
         }
         // Roulette: a walk that carries little goes on seldom, and then carries more.
@@ -228,6 +229,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             walk.throughput /= survival;
         }
         Some(hit)
+    }
+
+    /// Whether a walk has met one surface more than it may scatter at: only a clear pane still lets it pass.
+    fn is_spent(&self, walk: &Walk) -> bool {
+        walk.n_hits - 1 > self.bounces
     }
 
     fn collect_emission(&self, walk: &Walk, hit: &SurfaceHit, deposit: &mut impl Deposit) {
@@ -268,6 +274,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             // As shadow rays see it: the same path, a little dimmer, and no surface that counts.
             walk.passed += hit.t;
             walk.n_hits -= 1;
+        } else if self.is_spent(walk) {
+            return false;
         } else {
             let smooth = sample.kind == ScatterKind::Smooth;
             walk.density = if smooth { sample.pdf * splits as f32 } else { 0.0 };

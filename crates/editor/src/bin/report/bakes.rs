@@ -1,0 +1,60 @@
+//! Bakes: how long until there is a picture, how small and how exact the result is.
+
+use anyhow::Result;
+
+use super::cases::{Case, cases};
+use super::desk::{Desk, clerestory, number};
+
+/// Tolerance in dB.
+const TOLERANCE: &str = "40";
+
+/// Bakes scenes, relights them and holds them against path tracing.
+///
+/// # Errors
+/// If a scene cannot be baked.
+pub fn write(desk: &Desk) -> Result<String> {
+    let mut rows = String::new();
+    let cases = cases(desk);
+    // Samples per pixel of the path-traced pictures that bakes are held against.
+    let reference_spp = desk.choose("64", "1024");
+    for case in &cases {
+        desk.say(&format!("baking {}", case.name));
+        rows += &measure(desk, case, reference_spp)?;
+    }
+    Ok(format!(
+        "## Bakes\n\n\
+         At most {} samples per pixel, asked for {TOLERANCE} dB. Times in seconds, from the start of the command: to the preview (a whole\n\
+         picture with all columns) and to the end. Errors in dB, measured on held-out entries: truncation / sampling / total. The\n\
+         last column holds the relit picture (all lights as in the file) against a path-traced one of {reference_spp} samples, whose own noise counts.\n\n\
+         | scene | size | columns | preview | bake | rank mean / max | MB | dense / file | error dB | PSNR against trace |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n{rows}",
+        cases.first().map_or("", |case| case.spp),
+    ))
+}
+
+/// Bakes, relights, traces and compares one scene; returns a row of the table.
+fn measure(desk: &Desk, case: &Case, reference_spp: &str) -> Result<String> {
+    let transport = desk.file(&format!("{}.transport", case.name));
+    let [baked, told] = case.bake(&transport, TOLERANCE)?;
+    let (scene, relit, traced) = (case.scene(), desk.file("relight.exr"), desk.file("trace.exr"));
+    clerestory(&["relight", &transport, "-o", &relit, "--device", "cpu", "--json"])?;
+    let trace = ["trace", &scene, "-o", &traced, "--spp", reference_spp, "--seed", "7", "--size", case.size, "--json"];
+    clerestory(&trace)?;
+    let compared = clerestory(&["compare", &relit, &traced, "--json"])?;
+    Ok(format!(
+        "| {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {:.1} |\n",
+        case.name,
+        case.size.replace('x', "×"),
+        number(&told, "/columns"),
+        number(&baked, "/preview_secs"),
+        number(&baked, "/bake_secs"),
+        number(&told, "/mean_rank"),
+        number(&told, "/max_rank"),
+        number(&told, "/bytes") / 1e6,
+        number(&told, "/ratio"),
+        number(&told, "/error_db/truncation"),
+        number(&told, "/error_db/sampling"),
+        number(&told, "/error_db/total"),
+        number(&compared, "/psnr_db"),
+    ))
+}

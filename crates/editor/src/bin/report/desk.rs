@@ -1,0 +1,84 @@
+//! What every section works with: the repository, a folder for files that come and go, and the command line.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+
+use super::complain;
+
+/// Where a report is made.
+pub struct Desk {
+    /// Root of the repository.
+    pub root: PathBuf,
+    /// Small pictures and few samples.
+    pub quick: bool,
+    scratch: PathBuf,
+}
+
+impl Desk {
+    /// Makes a folder for what comes and goes.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn new(quick: bool) -> Result<Desk> {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize()?;
+        let scratch = std::env::temp_dir().join(format!("clerestory-report-{}", std::process::id()));
+        std::fs::create_dir_all(&scratch).with_context(|| format!("cannot make the folder {}", scratch.display()))?;
+        Ok(Desk { root, quick, scratch })
+    }
+
+    /// One of two: for a quick report or for a full one.
+    pub fn choose<T>(&self, quick: T, full: T) -> T {
+        if self.quick { quick } else { full }
+    }
+
+    /// A file that comes and goes.
+    pub fn file(&self, name: &str) -> String {
+        self.scratch.join(name).display().to_string()
+    }
+
+    /// A file of the shared data, if there is such data.
+    pub fn shared(&self, path: &str) -> Option<PathBuf> {
+        let found = std::env::var_os("CLERESTORY_SHARED").map(|folder| Path::new(&folder).join(path));
+        found.filter(|path| path.exists())
+    }
+
+    /// Says on the terminal what is being measured.
+    pub fn say(&self, words: &str) {
+        complain(&format!("{words} …"));
+    }
+
+    /// The command that writes a section, and the threads that it ran on.
+    pub fn provenance(&self, section: &str) -> String {
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let quick = if self.quick { "--quick " } else { "" };
+        format!(
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}` on {threads} threads.*"
+        )
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        // Best effort: it lies among the temporary files of the system anyway.
+        let _ = std::fs::remove_dir_all(&self.scratch);
+    }
+}
+
+/// Runs the command line in this process and reads the JSON that it prints.
+pub fn clerestory(args: &[&str]) -> Result<Value> {
+    let (mut out, mut err) = (Vec::new(), Vec::new());
+    let args = std::iter::once("clerestory").chain(args.iter().copied()).map(String::from);
+    let code = clerestory::cli::run(args, &mut out, &mut err);
+    if code != ExitCode::SUCCESS {
+        bail!("{}", String::from_utf8_lossy(&err));
+    }
+    serde_json::from_slice(&out).with_context(|| format!("not JSON: {}", String::from_utf8_lossy(&out)))
+}
+
+/// A number of an answer; not a number where it has none.
+pub fn number(value: &Value, pointer: &str) -> f64 {
+    value.pointer(pointer).and_then(Value::as_f64).unwrap_or(f64::NAN)
+}

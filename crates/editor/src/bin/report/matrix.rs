@@ -1,0 +1,155 @@
+//! The matrix: CPU time and error of its columns, against a converged bake.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::prepared::PreparedScene;
+
+use super::desk::Desk;
+use super::reference::{ColumnErrors, Reference};
+
+/// Scattering events beyond the first, as the peers had them.
+pub const BOUNCES: Option<u32> = Some(6);
+/// Where the peers' times are told for.
+const TARGET_DB: f64 = 30.0;
+
+/// A scene and how `peers.md` begins the rows that speak of it.
+const SCENES: [(&str, &str); 2] = [("bench-conf64", "| conference, 64 |"), ("bench-sponza20", "| sponza, 20 |")];
+
+/// Bakes each scene with several sample counts and measures every column.
+///
+/// # Errors
+/// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
+pub fn write(desk: &Desk) -> Result<String> {
+    let film = desk.choose(Film { width: 128, height: 96 }, Film { width: 512, height: 384 });
+    let (samples, reference_spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 64));
+    let mut text = format!(
+        "## Matrix\n\n\
+         {} × {} pixels, six bounces, one bake per row; CPU seconds (user and system) of the bake alone, without loading and without\n\
+         preview. The error of a column is the mean of (x − a)(x − b) over its entries, x baked, a and b two independent references of\n\
+         {reference_spp} samples per pixel each that are not compressed: so their noise does not count. It is told in dB below the square of the\n\
+         reference column's 99.5 percentile; nothing is clipped. Entries where the camera sees the light itself are left out; the\n\
+         last column has them too.\n",
+        film.width, film.height
+    );
+    for (name, peers) in SCENES {
+        let Some(path) = desk.shared(&format!("references/{name}.glb")) else { continue };
+        text += &scene(desk, name, &path, film, (samples, reference_spp))?;
+        text += &quoted(desk, peers)?;
+    }
+    Ok(text)
+}
+
+fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_spp): (&[u32], u32)) -> Result<String> {
+    let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
+    let before = process_cpu_secs()?;
+    let scene = Arc::new(PreparedScene::new(imported.scene, &[])?.0);
+    let prepared = process_cpu_secs()? - before;
+    desk.say(&format!("sampling the reference of {name}"));
+    let reference = Reference::sample(&scene, film, reference_spp);
+    let mut rows = String::new();
+    let mut measured = Vec::new();
+    for &spp in samples {
+        desk.say(&format!("baking {name} with {spp} samples per pixel"));
+        // A tolerance out of reach: every block takes all its samples.
+        let config = BakeConfig { spp, tolerance_db: 80.0, bounces: BOUNCES, seed: 1 };
+        let camera = scene.scene.cameras[0].clone();
+        let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly };
+        let before = process_cpu_secs()?;
+        let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
+        let secs = process_cpu_secs()? - before;
+        let errors = reference.errors(&bake);
+        measured.push((secs, errors.mean_db()));
+        rows += &row(spp, secs, &bake, &errors);
+    }
+    Ok(format!(
+        "\n### {name}\n\n\
+         {} columns, {} triangles; lights and hierarchy took {prepared:.1} CPU seconds beside. {}\n\n\
+         | samples | CPU s | rank mean / max | dense / factors | column dB mean | worst | with lights seen, mean / worst |\n\
+         |---|---|---|---|---|---|---|\n{rows}",
+        scene.lighting.basis.n_cols(),
+        scene.scene.mesh.triangles.len(),
+        words_of_target(&measured),
+    ))
+}
+
+fn row(spp: u32, secs: f64, bake: &Bake, errors: &ColumnErrors) -> String {
+    let figures = bake.figures();
+    format!(
+        "| {spp} | {secs:.1} | {:.1} / {} | {:.0}× | {:.1} | {:.1} | {:.1} / {:.1} |\n",
+        figures.mean_rank,
+        figures.max_rank,
+        figures.ratio,
+        errors.mean_db(),
+        errors.worst_db(),
+        errors.mean_db_with_seen(),
+        errors.worst_db_with_seen(),
+    )
+}
+
+/// CPU seconds at which the target lies between two rows, dB over the logarithm of time.
+fn words_of_target(measured: &[(f64, f64)]) -> String {
+    let between = measured.windows(2).find(|pair| pair[0].1 <= TARGET_DB && TARGET_DB <= pair[1].1);
+    between.map_or_else(
+        || format!("No two rows lie on both sides of {TARGET_DB} dB."),
+        |pair| {
+            let [(from, low), (to, high)] = [pair[0], pair[1]];
+            let secs = (from.ln() + (to / from).ln() * (TARGET_DB - low) / (high - low)).exp();
+            format!("Between the rows, {TARGET_DB} dB take {secs:.1} CPU seconds.")
+        },
+    )
+}
+
+/// What the study of the peers says about a scene, word for word.
+fn quoted(desk: &Desk, rows: &str) -> Result<String> {
+    let Some(path) = desk.shared("references/peers.md") else { return Ok(String::new()) };
+    let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+    let of_table =
+        |line: &&str| line.starts_with("| scene, lights") || line.starts_with("|---") || line.starts_with(rows);
+    let table: Vec<String> = text.lines().filter(of_table).map(|line| format!("> {line}")).collect();
+    let caution = text.lines().skip_while(|line| !line.starts_with("Caution")).take_while(|line| !line.is_empty());
+    let caution: Vec<String> = caution.map(|line| format!("> {line}")).collect();
+    Ok(format!(
+        "\nOther renderers, quoted from `references/peers.md` of the shared data (measured on another day, another machine, and by the\n\
+         metric that is described there):\n\n{}\n>\n{}\n",
+        table.join("\n"),
+        caution.join("\n"),
+    ))
+}
+
+/// CPU seconds of all threads of this process so far, user and system.
+fn process_cpu_secs() -> Result<f64> {
+    // Linux tells them in hundredths of a second, in fields 14 and 15; the second field is a name that may hold anything.
+    const PER_SECOND: f64 = 100.0;
+    let told = std::fs::read_to_string("/proc/self/stat").context("only Linux tells the CPU time of a process")?;
+    let fields: Vec<&str> = told.rsplit_once(')').map_or(Vec::new(), |(_, rest)| rest.split_whitespace().collect());
+    let ticks = |nth: usize| fields.get(nth).and_then(|field| field.parse::<f64>().ok());
+    let ticks = ticks(11).zip(ticks(12)).context("/proc/self/stat has no user and system time")?;
+    Ok((ticks.0 + ticks.1) / PER_SECOND)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_target_lies_between_the_rows_around_it() {
+        assert!(words_of_target(&[(1.0, 20.0), (4.0, 40.0), (16.0, 50.0)]).contains("take 2.0 CPU"));
+        assert!(words_of_target(&[(1.0, 31.0), (4.0, 40.0)]).starts_with("No two rows"));
+    }
+
+    #[test]
+    fn cpu_time_grows_with_work() {
+        let before = process_cpu_secs().unwrap();
+        let started = std::time::Instant::now();
+        while started.elapsed().as_millis() < 200 {
+            std::hint::black_box((0..1000u32).sum::<u32>());
+        }
+        assert!(process_cpu_secs().unwrap() > before);
+    }
+}

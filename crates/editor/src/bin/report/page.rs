@@ -1,0 +1,67 @@
+//! The page as a map from sections to their text, so that a section can be written without the others.
+
+use std::collections::BTreeMap;
+
+/// Texts of sections by name.
+#[derive(Debug, Default, PartialEq)]
+pub struct Page {
+    sections: BTreeMap<String, String>,
+}
+
+const HEAD: &str = "# Benchmarks\n\n\
+    Every figure on this page was measured and written by the command that its section names. Times depend on the machine;\n\
+    figures of one table come from one run.\n";
+
+fn start(name: &str) -> String {
+    format!("<!-- section {name} -->")
+}
+
+fn end(name: &str) -> String {
+    format!("<!-- end of {name} -->")
+}
+
+impl Page {
+    /// What lies between the marks of a page; text outside of them is the head, which is always the same.
+    pub fn parse(text: &str) -> Page {
+        let mut sections = BTreeMap::new();
+        for part in text.split("<!-- section ").skip(1) {
+            let Some((name, rest)) = part.split_once(" -->") else { continue };
+            let Some((body, _)) = rest.split_once(&end(name)) else { continue };
+            sections.insert(name.to_string(), body.trim().to_string());
+        }
+        Page { sections }
+    }
+
+    /// Replaces the text of a section.
+    pub fn put(&mut self, name: &str, text: String) {
+        self.sections.insert(name.to_string(), text);
+    }
+
+    /// The page with its sections in the order of `names`; those that have no text are left out.
+    pub fn text<'a>(&self, names: impl Iterator<Item = &'a str>) -> String {
+        let mut page = HEAD.to_string();
+        for (name, text) in names.filter_map(|name| Some((name, self.sections.get(name)?))) {
+            page += &format!("\n{}\n{text}\n{}\n", start(name), end(name));
+        }
+        page
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_section_is_replaced_and_the_others_stay() {
+        let mut page = Page::default();
+        page.put("rays", "## Rays\n\n| a | b |".into());
+        page.put("bakes", "## Bakes\n\nold".into());
+        let written = page.text(["bakes", "matrix", "rays"].into_iter());
+        let mut again = Page::parse(&written);
+        assert_eq!(again, page);
+        again.put("bakes", "## Bakes\n\nnew".into());
+        let rewritten = again.text(["bakes", "matrix", "rays"].into_iter());
+        assert_eq!(rewritten, written.replace("old", "new"));
+        assert!(rewritten.find("new") < rewritten.find("## Rays"), "{rewritten}");
+    }
+}

@@ -1,0 +1,62 @@
+//! Rays: our tree against the one of the library that clusters its triangles.
+
+use std::process::Command;
+
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+
+use super::desk::{Desk, number};
+
+/// Kinds of rays, in the order of the table.
+const KINDS: [&str; 4] = ["primary", "bounce", "shadow", "fan16"];
+
+/// Runs the example of the transport crate that asks both trees, and puts its figures into a table.
+///
+/// # Errors
+/// If the example cannot be built or fails.
+pub fn write(desk: &Desk) -> Result<String> {
+    let scenes = ["conference", "bitterli-living-room"].map(|name| desk.shared(&format!("scenes/{name}.glb")));
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut example = Command::new(cargo);
+    example.args(["run", "--release", "--locked", "-p", "clerestory-transport", "--example", "ray_rates", "--"]);
+    example.args(["--rays", desk.choose("100000", "1000000"), "--hall", desk.choose("100000", "1000000")]);
+    example.args(scenes.iter().flatten()).current_dir(&desk.root);
+    desk.say("asking rays of both trees");
+    let told = example.output().context("cannot run cargo")?;
+    if !told.status.success() {
+        bail!("the example ray_rates failed: {}", String::from_utf8_lossy(&told.stderr));
+    }
+    let told: Vec<Value> = serde_json::from_slice(&told.stdout).context("the example ray_rates printed no JSON")?;
+    let rows: String = told.iter().map(row).collect();
+    Ok(format!(
+        "## Rays\n\n\
+         Million rays per second of one thread: ours / obvhs' CWBVH at its slowest preset as it comes = ratio. The same rays, in one process,\n\
+         in turn, the best of four passes, CPU time. Rays of the camera; rays scattered on from what it sees; shadow rays towards a panel of\n\
+         1 m² under the ceiling; fans of sixteen of them towards neighboring texels (single rays where there are no fans). Builders in CPU\n\
+         seconds. The last column counts rays that the two answer otherwise: {}.\n\n\
+         | scene | triangles | build | {} | answered otherwise |\n\
+         |---|---|---|---|---|---|---|---|\n{rows}",
+        KINDS.join(" / "),
+        KINDS.join(" | "),
+    ))
+}
+
+fn row(scene: &Value) -> String {
+    let none = Vec::new();
+    let kinds = scene["kinds"].as_array().unwrap_or(&none);
+    let of = |kind: &str| kinds.iter().find(|value| value["kind"] == kind).unwrap_or(&Value::Null);
+    let rates = KINDS.map(|kind| {
+        let (ours, theirs) = (number(of(kind), "/ours"), number(of(kind), "/theirs"));
+        format!("{ours:.1} / {theirs:.1} = {:.2}×", ours / theirs)
+    });
+    let differ = KINDS.map(|kind| format!("{:.0}", number(of(kind), "/differ")));
+    format!(
+        "| {} | {:.0} | {:.2} / {:.2} | {} | {} |\n",
+        scene["scene"].as_str().unwrap_or("scene"),
+        number(scene, "/triangles"),
+        number(scene, "/build_secs/ours"),
+        number(scene, "/build_secs/theirs"),
+        rates.join(" | "),
+        differ.join(" / "),
+    )
+}

@@ -1,0 +1,167 @@
+//! Rays as a renderer follows them through a room: from the camera, on from where they met something, and towards a panel
+//! of light under the ceiling.
+
+use clerestory_transport::bvh::Ray;
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::prepared::offset_origin;
+use clerestory_transport::sampler::Sampler;
+use glam::{Vec2, Vec3};
+
+use crate::trees::{Ours, Tree};
+
+/// Segments end just before the panel.
+const SEGMENT_END: f32 = 0.999;
+/// Texels along each side of the panel; sixteen of a tile of 4 × 4 make a fan.
+const TEXELS: usize = 8;
+const TILE: usize = 4;
+
+/// Rays of one kind.
+pub enum Question<'a> {
+    Closest(&'a [Ray]),
+    Free(&'a [Ray]),
+    Fans(&'a [Vec3], &'a [[Vec3; 16]]),
+}
+
+impl Question<'_> {
+    pub fn n_rays(&self) -> usize {
+        match self {
+            Question::Closest(rays) | Question::Free(rays) => rays.len(),
+            Question::Fans(origins, tiles) => origins.len() * tiles.len() * 16,
+        }
+    }
+
+    /// Asks for all of them; a digest of the answers, so that none is left out.
+    pub fn ask(&self, tree: &impl Tree) -> f64 {
+        match self {
+            Question::Closest(rays) => {
+                rays.iter().map(|ray| tree.closest(ray)).filter(|t| t.is_finite()).map(f64::from).sum()
+            }
+            Question::Free(rays) => rays.iter().filter(|ray| tree.is_free(ray)).count() as f64,
+            Question::Fans(origins, tiles) => {
+                let free = |origin: &Vec3, tile: &[Vec3; 16]| tree.free16(*origin, tile, SEGMENT_END).count_ones();
+                origins
+                    .iter()
+                    .map(|origin| tiles.iter().map(|tile| free(origin, tile)).sum::<u32>())
+                    .sum::<u32>()
+                    .into()
+            }
+        }
+    }
+
+    /// How many rays two trees answer otherwise; hits a thousandth apart are the same.
+    pub fn n_answered_otherwise(&self, one: &impl Tree, other: &impl Tree) -> usize {
+        match self {
+            Question::Closest(rays) => {
+                let same = |a: f32, b: f32| a == b || (a - b).abs() <= 1e-3 * a.max(b);
+                rays.iter().filter(|ray| !same(one.closest(ray), other.closest(ray))).count()
+            }
+            Question::Free(rays) => rays.iter().filter(|ray| one.is_free(ray) != other.is_free(ray)).count(),
+            Question::Fans(origins, tiles) => {
+                let bits = |tree: &dyn Fn(Vec3, &[Vec3; 16]) -> u16, origin: &Vec3| -> Vec<u16> {
+                    tiles.iter().map(|tile| tree(*origin, tile)).collect()
+                };
+                let ask_one = |origin: Vec3, tile: &[Vec3; 16]| one.free16(origin, tile, SEGMENT_END);
+                let ask_other = |origin: Vec3, tile: &[Vec3; 16]| other.free16(origin, tile, SEGMENT_END);
+                let differing = |origin| {
+                    let pairs = bits(&ask_one, origin).into_iter().zip(bits(&ask_other, origin));
+                    pairs.map(|(a, b)| (a ^ b).count_ones() as usize).sum::<usize>()
+                };
+                origins.iter().map(differing).sum()
+            }
+        }
+    }
+}
+
+/// All rays that are asked for in one scene.
+pub struct Rays {
+    primary: Vec<Ray>,
+    bounce: Vec<Ray>,
+    shadow: Vec<Ray>,
+    fan_origins: Vec<Vec3>,
+    tiles: Vec<[Vec3; 16]>,
+}
+
+/// A point that the camera sees, a little off its surface, and the normal towards the camera.
+struct Seen {
+    origin: Vec3,
+    normal: Vec3,
+}
+
+impl Rays {
+    /// About `n` of each kind. `tree` finds where they start.
+    pub fn new(triangles: &[[Vec3; 3]], tree: &Ours, camera: &Camera, n: usize) -> Rays {
+        let height = ((n as f64 * 0.75).sqrt() as u32).max(1);
+        let film = Film { width: (n as u32 / height).max(1), height };
+        let primary: Vec<Ray> = (0..film.n_pixels() as u32)
+            .map(|index| {
+                let pixel = Vec2::new((index % film.width) as f32, (index / film.width) as f32);
+                let jitter = Vec2::from(Sampler::new(1, index.into(), 0).next_2d());
+                endless(camera.position(), camera.direction(film, pixel + jitter))
+            })
+            .collect();
+        let seen: Vec<Seen> = primary.iter().filter_map(|ray| seen(triangles, tree, ray)).collect();
+        let bounce = seen.iter().enumerate().map(|(i, seen)| endless(seen.origin, scattered(seen.normal, i))).collect();
+        let panel = panel(tree, camera, &seen);
+        let corner = panel - Vec3::new(0.5, 0.0, 0.5);
+        let faces_panel = |seen: &&Seen| seen.origin.y < panel.y && seen.normal.dot(panel - seen.origin) > 0.0;
+        let facing: Vec<&Seen> = seen.iter().filter(faces_panel).collect();
+        let shadow = facing.iter().enumerate().map(|(i, seen)| {
+            let [u, v] = Sampler::new(3, i as u64, 0).next_2d();
+            let direction = corner + Vec3::new(u, 0.0, v) - seen.origin;
+            Ray { t_max: SEGMENT_END, ..endless(seen.origin, direction) }
+        });
+        let shadow = shadow.collect();
+        let fan_origins = facing.iter().step_by(TEXELS * TEXELS).map(|seen| seen.origin).collect();
+        Rays { primary, bounce, shadow, fan_origins, tiles: tiles(corner) }
+    }
+
+    pub fn kinds(&self) -> impl Iterator<Item = (&'static str, Question<'_>)> {
+        let kinds = [
+            ("primary", Question::Closest(&self.primary)),
+            ("bounce", Question::Closest(&self.bounce)),
+            ("shadow", Question::Free(&self.shadow)),
+            ("fan16", Question::Fans(&self.fan_origins, &self.tiles)),
+        ];
+        kinds.into_iter()
+    }
+}
+
+fn endless(origin: Vec3, direction: Vec3) -> Ray {
+    Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }
+}
+
+fn seen(triangles: &[[Vec3; 3]], tree: &Ours, ray: &Ray) -> Option<Seen> {
+    let hit = tree.0.closest(ray)?;
+    let [a, b, c] = triangles[hit.triangle as usize];
+    let normal = (b - a).cross(c - a).normalize();
+    let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+    Some(Seen { origin: offset_origin(ray.origin + ray.direction * hit.t, normal), normal })
+}
+
+/// A direction as a diffuse surface sends it.
+fn scattered(normal: Vec3, index: usize) -> Vec3 {
+    let [u, v] = Sampler::new(2, index as u64, 0).next_2d();
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+    tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt()
+}
+
+/// The middle of a panel of 1 m², a twentieth of the way under what lies above the point between camera and what it sees.
+fn panel(tree: &Ours, camera: &Camera, seen: &[Seen]) -> Vec3 {
+    let eye = camera.position();
+    let mean = seen.iter().map(|seen| seen.origin).sum::<Vec3>() / seen.len().max(1) as f32;
+    let below = Vec3::new(0.5 * (eye.x + mean.x), eye.y, 0.5 * (eye.z + mean.z));
+    let above = tree.closest(&endless(below, Vec3::Y));
+    below + Vec3::Y * if above.is_finite() { 0.95 * above } else { 2.0 }
+}
+
+/// The middles of the texels of the panel, tile by tile.
+fn tiles(corner: Vec3) -> Vec<[Vec3; 16]> {
+    let side = 1.0 / TEXELS as f32;
+    let middle = |x: usize, z: usize| corner + Vec3::new(x as f32 + 0.5, 0.0, z as f32 + 0.5) * side;
+    let tile = |nth: usize| {
+        let (x, z) = (nth % (TEXELS / TILE) * TILE, nth / (TEXELS / TILE) * TILE);
+        std::array::from_fn(|i| middle(x + i % TILE, z + i / TILE))
+    };
+    (0..(TEXELS / TILE).pow(2)).map(tile).collect()
+}

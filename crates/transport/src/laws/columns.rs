@@ -1,0 +1,131 @@
+//! A column of the matrix is the picture under its own light, and all columns together are the picture.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use clerestory_nystrom::{Half, SampledMatrix};
+use glam::Vec3;
+
+use super::stage::{Stage, lambert, quad, room};
+use super::walks::{Mean, assert_same_mean, file_light};
+use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
+use crate::camera::{Camera, Film};
+use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::plan::{Density, MatrixPlan};
+use crate::prepared::PreparedScene;
+use crate::trace::{TraceConfig, trace};
+
+const FILM: Film = Film { width: 64, height: 48 };
+const TILE: usize = crate::bake::TILE as usize;
+/// What ranks may leave out of a column's mean at 60 dB.
+const TRUNCATED: f64 = 2e-3;
+
+/// A room with a block, lit by a panel of sixteen texels and a lamp; the first column is the lamp's.
+fn lit_room() -> Arc<PreparedScene> {
+    let camera = Camera::look_at("door", Vec3::new(0.2, 0.1, 0.9), Vec3::new(0.0, -0.3, -1.0), 1.1, 4.0 / 3.0);
+    let stage = Stage::new(camera)
+        .surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0))
+        .surface("shelf", &quad(Vec3::new(0.1, -0.4, -0.9), Vec3::Z * 0.6, Vec3::X * 0.8), lambert(0.4, 0.0))
+        .panel("panel", &quad(Vec3::new(-0.5, 0.98, -0.5), Vec3::X * 0.9, Vec3::Z * 0.9), 3.0, 4)
+        .lamp("lamp", Vec3::new(-0.6, 0.2, -0.1), 0.5);
+    Arc::new(stage.prepared())
+}
+
+/// The picture under one weight per column by path tracing, green radiance.
+fn traced(scene: &PreparedScene, weights: &[f32], seed: u64) -> Vec<f64> {
+    let coefficients: Vec<[f32; 3]> = weights.iter().map(|&w| [w; 3]).collect();
+    let config = TraceConfig { spp: 32, bounces: None, seed };
+    let go_on = |_| ControlFlow::Continue(());
+    let pixels = trace(scene, &scene.scene.cameras[0], FILM, &coefficients, &config, &go_on).expect("nobody stops it");
+    pixels.into_iter().map(|rgb| f64::from(rgb[1])).collect()
+}
+
+/// The same out of the factors of a bake.
+fn relit(bake: &Bake, weights: &[f32]) -> Vec<f64> {
+    let scaled: Vec<f32> =
+        weights.iter().zip(&bake.header.column_scale).map(|(weight, scale)| weight / scale).collect();
+    let mut pixels = vec![0.0; FILM.n_pixels()];
+    for (group, columns) in bake.groups.iter().zip(&bake.header.basis.groups) {
+        let rows = group.apply(&scaled[columns.columns.start as usize..columns.columns.end as usize]);
+        for (pixel, rows) in pixels.iter_mut().zip(rows.chunks_exact(CHANNELS)) {
+            *pixel += f64::from(rows[1]);
+        }
+    }
+    pixels
+}
+
+fn baked(scene: &Arc<PreparedScene>) -> Bake {
+    let config = BakeConfig { spp: 64, tolerance_db: 60.0, bounces: None, seed: 5 };
+    let camera = scene.scene.cameras[0].clone();
+    let job = BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly };
+    job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+}
+
+/// Means over the blocks of a bake: what pixels of a block share, blocks do not.
+fn block_means(pixels: &[f64]) -> Vec<f64> {
+    let width = FILM.width as usize;
+    let mut means = vec![0.0; pixels.len() / (TILE * TILE)];
+    for (index, value) in pixels.iter().enumerate() {
+        let (x, y) = (index % width / TILE, index / width / TILE);
+        means[y * (width / TILE) + x] += value / (TILE * TILE) as f64;
+    }
+    means
+}
+
+fn only(column: usize, n_cols: usize) -> Vec<f32> {
+    (0..n_cols).map(|c| f32::from(c == column)).collect()
+}
+
+#[test]
+fn a_baked_column_is_the_picture_of_its_texel_alone() {
+    let scene = lit_room();
+    let (bake, n_cols) = (baked(&scene), scene.lighting.basis.n_cols());
+    for column in [0, 7, n_cols - 1] {
+        let weights = only(column, n_cols);
+        let expected = traced(&scene, &weights, 100 + column as u64);
+        let differences: Vec<f64> = relit(&bake, &weights).iter().zip(&expected).map(|(a, b)| a - b).collect();
+        let (off, scale) = (Mean::of(&block_means(&differences)), Mean::of(&expected).value);
+        assert!(off.error < 8e-3 * scale, "column {column}: {off:?} is too blurred beside {scale}");
+        assert!(
+            off.value.abs() < 4.0 * off.error + TRUNCATED * scale,
+            "column {column}: off by {off:?} beside {scale}"
+        );
+    }
+}
+
+#[test]
+fn all_baked_columns_add_up_to_the_picture() {
+    let scene = lit_room();
+    let (bake, weights) = (baked(&scene), file_light(&scene));
+    let together = relit(&bake, &weights);
+    let mut sum = vec![0.0; FILM.n_pixels()];
+    for (column, &weight) in weights.iter().enumerate() {
+        let alone = relit(&bake, &only(column, weights.len()));
+        sum.iter_mut().zip(alone).for_each(|(sum, alone)| *sum += alone * f64::from(weight));
+    }
+    let brightest = together.iter().copied().fold(0.0, f64::max);
+    assert!(sum.iter().zip(&together).all(|(a, b)| (a - b).abs() < 1e-5 * brightest), "columns do not add up");
+    // The bake keeps the picture of the file as it was sampled, so truncation counts nothing here.
+    let (blocks, expected) = (block_means(&together), block_means(&traced(&scene, &weights, 9)));
+    assert_same_mean(&blocks, &expected, 5e-3, "the light of the file");
+}
+
+#[test]
+fn a_sampled_column_is_the_picture_of_its_texel_alone() {
+    let scene = lit_room();
+    let n_cols = scene.lighting.basis.n_cols();
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let matrix = TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 21);
+    let pixels: Vec<u32> = (0..FILM.n_pixels() as u32).collect();
+    let (mut rows, mut sparse, n_samples) = (vec![0.0; matrix.n_rows() * n_cols], Vec::new(), 8);
+    matrix.add_rows(&pixels, 0..n_samples, Half::A, &mut rows, &mut sparse);
+    for entry in sparse {
+        rows[entry.row as usize * n_cols + entry.col as usize] += entry.value;
+    }
+    for column in [0, 1, n_cols - 1] {
+        let green = |pixel: usize| f64::from(rows[(pixel * CHANNELS + 1) * n_cols + column]) / f64::from(n_samples);
+        let sampled: Vec<f64> = (0..FILM.n_pixels()).map(green).collect();
+        let expected = traced(&scene, &only(column, n_cols), 200 + column as u64);
+        assert_same_mean(&sampled, &expected, 1e-2, &format!("column {column}"));
+    }
+}

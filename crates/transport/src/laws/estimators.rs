@@ -1,0 +1,106 @@
+//! However lights are sampled and walks are ended, the mean is that of the plainest walk.
+
+use glam::{Vec3, Vec4};
+
+use super::stage::{Stage, lambert, pane, quad, room};
+use super::walks::{Always, Even, Walks, assert_same_mean, file_light};
+use crate::camera::{Camera, Film};
+use crate::matrix::TransportMatrix;
+use crate::path::{LightPlan, Vertex};
+use crate::plan::{Density, MatrixPlan, PicturePlan};
+use crate::prepared::PreparedScene;
+use crate::scene::Material;
+
+const FILM: Film = Film { width: 16, height: 12 };
+/// Largest standard error of a difference of means, relative to the mean.
+const SHARP: f64 = 1.25e-2;
+
+/// A room with a panel close to two walls, a window pane before it, a glossy and a mirroring plate, and a ceiling light.
+fn room_with_everything() -> PreparedScene {
+    let camera = Camera::look_at("eye", Vec3::new(1.7, 0.3, 1.2), Vec3::new(-1.5, -0.4, -0.8), 1.2, 4.0 / 3.0);
+    let metal = |roughness| Material { base_color: Vec4::new(0.8, 0.7, 0.6, 1.0), roughness, ..Material::default() };
+    let across = |corner: Vec3| quad(corner, Vec3::Y * 1.2, Vec3::Z * 1.4);
+    Stage::new(camera)
+        .surface("walls", &room(Vec3::new(2.0, 1.2, 1.5)), lambert(0.6, 0.0))
+        .panel("panel", &across(Vec3::new(-1.9, -1.1, -1.4)), 4.0, 6)
+        .surface("pane", &across(Vec3::new(-1.2, -1.15, -1.1)), pane())
+        .surface("glossy", &quad(Vec3::new(-0.8, -1.1, -1.0), Vec3::Z, Vec3::X), metal(0.35))
+        .surface("mirror", &quad(Vec3::new(-1.0, -0.8, -1.49), Vec3::X * 1.5, Vec3::Y), metal(0.0))
+        .surface("light", &quad(Vec3::new(0.2, 1.15, -0.5), Vec3::X * 0.8, Vec3::Z * 0.8), lambert(0.0, 3.0))
+        .prepared()
+}
+
+/// What the bake multiplies columns by.
+fn column_scale(scene: &PreparedScene) -> Vec<f32> {
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 3).measure_column_scale()
+}
+
+fn walks(thousands: u64, spp: u32, bounces: Option<u32>, seed: u64) -> Walks {
+    Walks { film: FILM, streams: thousands * 960, spp, bounces, seed }
+}
+
+#[test]
+fn every_way_to_sample_lights_has_the_mean_of_plain_walks() {
+    let scene = room_with_everything();
+    let weights = file_light(&scene);
+    let plain = walks(10, 12, Some(3), 1).plain(&scene, &weights);
+    let check = |found: Vec<f64>, what: &str| assert_same_mean(&found, &plain, SHARP, what);
+    let n_cols = weights.len() as u32;
+    for (rate, splits, spp) in [(0.0, 1, 12), (0.25, 1, 4), (1.0, 2, 2)] {
+        let found = walks(10, spp, Some(3), 2).streams(&scene, &Even { n_cols, rate, splits }, &weights);
+        check(found, &format!("{rate} picks of each column, {splits} walks on"));
+    }
+    let coefficients: Vec<[f32; 3]> = weights.iter().map(|&w| [w; 3]).collect();
+    let picture = PicturePlan::new(&scene.lighting, &coefficients, scene.diameter());
+    check(walks(10, 4, Some(3), 3).streams(&scene, &picture, &weights), "the plan of a picture");
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    check(walks(10, 2, Some(3), 4).streams(&scene, &plan, &weights), "the plan of a matrix");
+    let preview = MatrixPlan::new(&scene.lighting, Density::Quarter);
+    check(walks(10, 2, Some(3), 5).streams(&scene, &preview, &weights), "the plan of a preview");
+}
+
+#[test]
+fn roulette_that_ends_walks_keeps_the_mean() {
+    // The plain walks go on for a hundred surfaces: the rest is 0.6¹⁰⁰ of the light.
+    let scene = room_with_everything();
+    let weights = file_light(&scene);
+    let plain = walks(10, 12, None, 1).plain(&scene, &weights);
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    assert_same_mean(&walks(10, 2, None, 2).streams(&scene, &plan, &weights), &plain, SHARP, "no limit of bounces");
+}
+
+#[test]
+fn connections_left_to_roulette_keep_the_mean() {
+    let scene = room_with_everything();
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let roulette = MatrixPlan::new(&scene.lighting, Density::Full).with_roulette(&column_scale(&scene));
+    let n_cols = scene.lighting.basis.n_cols() as u32;
+    // All together, the ceiling light alone, and the panel alone.
+    for shining in [0..n_cols, 0..1, 1..n_cols] {
+        let weights: Vec<f32> = (0..n_cols).map(|column| f32::from(shining.contains(&column))).collect();
+        let surely = walks(10, 3, None, 1).streams(&scene, &plan, &weights);
+        let seldom = walks(10, 3, None, 2).streams(&scene, &roulette, &weights);
+        assert_same_mean(&seldom, &surely, 2.0 * SHARP, &format!("columns {shining:?}"));
+    }
+}
+
+#[test]
+fn later_vertices_may_connect_to_few_columns_or_to_all() {
+    let scene = room_with_everything();
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let weights = file_light(&scene);
+    let by = |later, seed| walks(10, 2, Some(3), seed).streams(&scene, &Always { plan: &plan, later }, &weights);
+    assert_same_mean(&by(Vertex::Close, 1), &by(Vertex::Later, 2), SHARP, "close or later");
+}
+
+#[test]
+fn a_wall_beside_a_panel_is_close_to_it() {
+    let scene = room_with_everything();
+    let roulette = MatrixPlan::new(&scene.lighting, Density::Full).with_roulette(&column_scale(&scene));
+    // The panel stands off its wall by 10 cm and off floor and back wall as much.
+    let (beside, far) = (Vec3::new(-1.85, -1.2, -1.0), Vec3::new(1.9, 0.0, 1.4));
+    assert_eq!(roulette.later(beside, 0.2), Vertex::Close);
+    assert_eq!(roulette.later(far, 0.2), Vertex::Later);
+    assert_eq!(MatrixPlan::new(&scene.lighting, Density::Full).later(beside, 0.2), Vertex::Later);
+}

@@ -1,0 +1,110 @@
+//! Scenes under construction, in code.
+
+use glam::{Vec3, Vec4};
+
+use crate::camera::Camera;
+use crate::prepared::PreparedScene;
+use crate::scene::{Material, PunctualKind, PunctualLight, Scene, SceneNode};
+
+/// A scene under construction: every surface and lamp is a node of its own.
+pub(super) struct Stage {
+    scene: Scene,
+}
+
+impl Stage {
+    /// A scene with nothing but a camera.
+    pub fn new(camera: Camera) -> Stage {
+        Stage { scene: Scene { name: "stage".into(), cameras: vec![camera], ..Scene::default() } }
+    }
+
+    /// Triangles, three corners each.
+    pub fn surface(mut self, name: &str, corners: &[Vec3], material: Material) -> Stage {
+        let node = self.node(name, None);
+        let mesh = &mut self.scene.mesh;
+        for triangle in corners.chunks_exact(3) {
+            let first = mesh.positions.len() as u32;
+            let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize();
+            mesh.positions.extend(triangle);
+            mesh.normals.extend([normal; 3]);
+            mesh.triangles.push([first, first + 1, first + 2]);
+            mesh.triangle_material.push(self.scene.materials.len() as u32);
+            mesh.triangle_node.push(node);
+        }
+        self.scene.materials.push(material);
+        self
+    }
+
+    /// An emissive quad of `resolution` × `resolution` texels.
+    pub fn panel(mut self, name: &str, corners: &[Vec3], radiance: f32, resolution: u32) -> Stage {
+        self = self.surface(name, corners, lambert(0.0, radiance));
+        self.scene.nodes.last_mut().expect("the surface has a node").panel = Some(resolution);
+        self
+    }
+
+    /// A white point lamp.
+    pub fn lamp(mut self, name: &str, position: Vec3, candela: f32) -> Stage {
+        let node = self.node(name, None);
+        self.scene.punctual.push(PunctualLight {
+            node,
+            kind: PunctualKind::Point,
+            position,
+            direction: Vec3::NEG_Z,
+            across: [Vec3::X, Vec3::Y],
+            profile: None,
+            color: Vec3::ONE,
+            intensity: candela,
+        });
+        self
+    }
+
+    /// The scene, ready for rays.
+    pub fn prepared(self) -> PreparedScene {
+        PreparedScene::new(self.scene, &[]).expect("a stage has valid lights").0
+    }
+
+    fn node(&mut self, name: &str, panel: Option<u32>) -> u32 {
+        let index = self.scene.nodes.len() as u32;
+        self.scene.nodes.push(SceneNode { index, name: Some(name.into()), panel });
+        index
+    }
+}
+
+/// A parallelogram from a corner along two edges; its front is where u × v points.
+pub(super) fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Vec<Vec3> {
+    let [a, b, c, d] = [corner, corner + u, corner + u + v, corner + v];
+    vec![a, b, c, a, c, d]
+}
+
+/// A closed box around the origin whose fronts look inwards.
+pub(super) fn room(half: Vec3) -> Vec<Vec3> {
+    let mut corners = Vec::new();
+    for axis in 0..3 {
+        let along = |axis: usize| Vec3::AXES[axis % 3] * half[axis % 3];
+        let (n, u, v) = (along(axis), along(axis + 1), along(axis + 2));
+        corners.extend(quad(-n - u - v, u * 2.0, v * 2.0));
+        corners.extend(quad(n - u - v, v * 2.0, u * 2.0));
+    }
+    corners
+}
+
+/// A plain diffuse surface that may emit from its front.
+pub(super) fn lambert(albedo: f32, radiance: f32) -> Material {
+    Material {
+        base_color: Vec3::splat(albedo).extend(1.0),
+        metallic: 0.0,
+        specular: 0.0,
+        emissive: Vec3::splat(f32::from(radiance > 0.0)),
+        emissive_strength: radiance,
+        ..Material::default()
+    }
+}
+
+/// Smooth glass without thickness.
+pub(super) fn pane() -> Material {
+    Material { metallic: 0.0, roughness: 0.0, transmission: 1.0, ..Material::default() }
+}
+
+/// A film that takes a share of the light and has no interface.
+pub(super) fn tint(share: f32) -> Material {
+    Material { base_color: Vec4::new(share, share, share, 1.0), ior: 1.0, ..pane() }
+}

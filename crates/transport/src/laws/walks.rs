@@ -1,0 +1,208 @@
+//! Means over independent walks, and the plainest walk there is.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::bsdf::ScatterKind;
+use crate::bvh::Ray;
+use crate::camera::Film;
+use crate::light::LightRig;
+use crate::path::{Deposit, Integrator, LightPlan, Pick, Scratch, Vertex};
+use crate::prepared::{PreparedScene, offset_origin};
+use crate::sampler::Sampler;
+
+/// A mean of independent values.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mean {
+    pub value: f64,
+    /// Standard error.
+    pub error: f64,
+}
+
+impl Mean {
+    /// Of values that are independent of each other.
+    pub fn of(values: &[f64]) -> Mean {
+        let n = values.len() as f64;
+        let value = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - value).powi(2)).sum::<f64>() / (n - 1.0);
+        Mean { value, error: (variance / n).sqrt() }
+    }
+
+    /// Asserts that the mean is `expected` within four standard errors and rounding (10⁻⁵ of it), and that the standard
+    /// error is below `sharpness` of it: a blurred mean could not fail.
+    #[track_caller]
+    pub fn assert_is(&self, expected: f64, sharpness: f64, what: &str) {
+        assert!(self.error < sharpness * expected, "{what}: {self:?} is too blurred beside {expected}");
+        let off = (self.value - expected).abs();
+        assert!(off <= 4.0 * self.error + 1e-5 * expected, "{what}: {self:?} is not {expected}");
+    }
+}
+
+/// Asserts that two ways to estimate the same values, stream by stream, agree in the mean as [`Mean::assert_is`] does.
+#[track_caller]
+pub(super) fn assert_same_mean(values: &[f64], others: &[f64], sharpness: f64, what: &str) {
+    let differences: Vec<f64> = values.iter().zip(others).map(|(a, b)| a - b).collect();
+    let scale = Mean::of(others).value;
+    let off = Mean::of(&differences);
+    assert!(off.error < sharpness * scale, "{what}: {off:?} is too blurred beside {scale}");
+    assert!(off.value.abs() <= 4.0 * off.error + 1e-5 * scale, "{what}: off by {off:?} beside {scale}");
+}
+
+/// Independent walks, stream by stream; the streams take turns at the pixels.
+#[derive(Clone, Copy)]
+pub(super) struct Walks {
+    pub film: Film,
+    pub streams: u64,
+    pub spp: u32,
+    pub bounces: Option<u32>,
+    pub seed: u64,
+}
+
+/// The sum over columns of green radiance, each column weighed.
+struct Weighed<'a> {
+    weights: &'a [f32],
+    sum: f64,
+}
+
+impl Deposit for Weighed<'_> {
+    fn scattered(&mut self, column: u32, value: Vec3) {
+        self.sum += f64::from(value.y * self.weights[column as usize]);
+    }
+
+    fn seen(&mut self, column: u32, value: Vec3) {
+        self.scattered(column, value);
+    }
+}
+
+impl Walks {
+    /// The only pixel of a camera.
+    pub fn of_one_pixel(streams: u64, bounces: Option<u32>) -> Walks {
+        Walks { film: Film { width: 1, height: 1 }, streams, spp: 1, bounces, seed: 1 }
+    }
+
+    /// Green radiance under given weights of the columns: the mean of each stream.
+    pub fn streams(&self, scene: &PreparedScene, plan: &impl LightPlan, weights: &[f32]) -> Vec<f64> {
+        let integrator = Integrator::new(scene, plan, self.bounces);
+        let camera = &scene.scene.cameras[0];
+        self.each(|pixel, sampler| {
+            let mut deposit = Weighed { weights, sum: 0.0 };
+            integrator.sample_pixel(camera, self.film, pixel, sampler, &mut Scratch::default(), &mut deposit);
+            deposit.sum
+        })
+    }
+
+    /// The same by [`plain_walk`]; without a limit of bounces by paths so long that they carry nothing.
+    pub fn plain(&self, scene: &PreparedScene, weights: &[f32]) -> Vec<f64> {
+        let camera = &scene.scene.cameras[0];
+        self.each(|pixel, mut sampler| {
+            let film_px = glam::Vec2::new(pixel[0] as f32, pixel[1] as f32) + glam::Vec2::from(sampler.next_2d());
+            let ray = (camera.position(), camera.direction(self.film, film_px));
+            plain_walk(scene, weights, ray, self.bounces.unwrap_or(100), &mut sampler)
+        })
+    }
+
+    fn each(&self, sample: impl Fn([u32; 2], Sampler) -> f64 + Sync) -> Vec<f64> {
+        let stream = |stream: u64| {
+            let pixel = (stream % self.film.n_pixels() as u64) as u32;
+            let pixel = [pixel % self.film.width, pixel / self.film.width];
+            let sum: f64 = (0..self.spp).map(|index| sample(pixel, Sampler::new(self.seed, stream, index))).sum();
+            sum / f64::from(self.spp)
+        };
+        (0..self.streams).into_par_iter().map(stream).collect()
+    }
+}
+
+/// Radiance along a ray by nothing but walking: every surface emits, then scatters into one direction. No light is sampled,
+/// nothing is weighed, no roulette ends a walk. A clear pane counts as no surface.
+fn plain_walk(
+    scene: &PreparedScene,
+    weights: &[f32],
+    (mut origin, mut direction): (Vec3, Vec3),
+    bounces: u32,
+    sampler: &mut Sampler,
+) -> f64 {
+    let (mut throughput, mut sum, mut n_hits) = (Vec3::ONE, 0.0, 0);
+    while let Some(hit) = scene.closest(&Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }, sampler) {
+        if let Some((column, radiance)) = scene.emitted(&hit, -direction) {
+            sum += f64::from((throughput * radiance).y * weights[column as usize]);
+        }
+        let bsdf = scene.bsdf(&hit, -direction);
+        let Some(sample) = bsdf.sample(sampler.next_1d(), sampler.next_2d()) else { break };
+        if sample.kind != ScatterKind::Through || !scene.material(hit.triangle).is_clear_pane() {
+            n_hits += 1;
+            if n_hits - 1 > bounces {
+                break;
+            }
+        }
+        throughput *= sample.weight;
+        let side = if sample.wi.dot(hit.normal) < 0.0 { -hit.normal } else { hit.normal };
+        (origin, direction) = (offset_origin(hit.position, side), sample.wi);
+    }
+    sum
+}
+
+/// The light of the file as one weight per column.
+pub(super) fn file_light(scene: &PreparedScene) -> Vec<f32> {
+    scene.lighting.basis.project(&LightRig::default()).into_iter().map(|rgb| rgb[1]).collect()
+}
+
+/// Picks every column alike: `rate` times in the mean at every vertex. 0 leaves all to emitters that walks meet.
+pub(super) struct Even {
+    pub n_cols: u32,
+    pub rate: f32,
+    pub splits: u32,
+}
+
+impl LightPlan for Even {
+    fn later(&self, _: Vec3, _: f32) -> Vertex {
+        Vertex::Later
+    }
+
+    fn pick(&self, _: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
+        picks.clear();
+        for column in 0..self.n_cols {
+            let n = (self.rate + sampler.next_1d()).floor() as usize;
+            picks.extend([Pick { column, inverse_rate: 1.0 / self.rate }].iter().cycle().take(n));
+        }
+    }
+
+    fn rate(&self, _: Vertex, _: u32) -> f32 {
+        self.rate
+    }
+
+    fn splits(&self) -> u32 {
+        self.splits
+    }
+
+    fn worth(&self, _: u32) -> f32 {
+        f32::INFINITY
+    }
+}
+
+/// Another plan, but every later vertex is of one kind.
+pub(super) struct Always<'a, P> {
+    pub plan: &'a P,
+    pub later: Vertex,
+}
+
+impl<P: LightPlan> LightPlan for Always<'_, P> {
+    fn later(&self, _: Vec3, _: f32) -> Vertex {
+        self.later
+    }
+
+    fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
+        self.plan.pick(vertex, sampler, picks);
+    }
+
+    fn rate(&self, vertex: Vertex, column: u32) -> f32 {
+        self.plan.rate(vertex, column)
+    }
+
+    fn splits(&self) -> u32 {
+        self.plan.splits()
+    }
+
+    fn worth(&self, column: u32) -> f32 {
+        self.plan.worth(column)
+    }
+}
