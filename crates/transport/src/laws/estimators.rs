@@ -33,7 +33,7 @@ fn room_with_everything() -> PreparedScene {
 /// What the bake multiplies columns by.
 fn column_scale(scene: &PreparedScene) -> Vec<f32> {
     let plan = MatrixPlan::new(&scene.lighting, Density::Full);
-    TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 3).measure_column_scale()
+    TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 3).measure_columns().0
 }
 
 fn walks(thousands: u64, spp: u32, bounces: Option<u32>, seed: u64) -> Walks {

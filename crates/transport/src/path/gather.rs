@@ -35,7 +35,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             let hit = self.arrive(&mut walk, sampler, deposit)?;
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let albedo = bsdf.base_albedo() * walk.throughput;
-            if albedo != Vec3::ZERO {
+            if albedo != Vec3::ZERO && !self.is_spent(&walk) {
                 self.connect(&walk, (Vertex::First, Rivals::Coat), (&hit, &bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(Vertex::First);
                 let normal = self.scene.smooth_normal(&hit, walk.direction);

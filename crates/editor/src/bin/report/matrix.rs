@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
-use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Indirect, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
@@ -30,11 +30,12 @@ pub fn write(desk: &Desk) -> Result<String> {
     let (samples, reference_spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 64));
     let mut text = format!(
         "## Matrix\n\n\
-         {} × {} pixels, six bounces, one bake per row; CPU seconds (user and system) of the bake alone, without loading and without\n\
-         preview. The error of a column is the mean of (x − a)(x − b) over its entries, x baked, a and b two independent references of\n\
-         {reference_spp} samples per pixel each that are not compressed: so their noise does not count. It is told in dB below the square of the\n\
-         reference column's 99.5 percentile; nothing is clipped. Entries where the camera sees the light itself are left out; the\n\
-         last column has them too.\n",
+         {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced from each sample; CPU\n\
+         seconds (user and system) of the bake alone, without loading and without preview. The error of a column is the mean of\n\
+         (x − a)(x − b) over its entries, x baked, a and b two independent references of {reference_spp} samples per pixel each that are not\n\
+         compressed: so their noise does not count. It is told in dB below the square of the reference column's 99.5 percentile;\n\
+         nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
+         column has them too.\n",
         film.width, film.height
     );
     for (name, peers) in SCENES {
@@ -52,36 +53,43 @@ fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_s
     let prepared = process_cpu_secs()? - before;
     desk.say(&format!("sampling the reference of {name}"));
     let reference = Reference::sample(&scene, film, reference_spp);
-    let mut rows = String::new();
-    let mut measured = Vec::new();
-    for &spp in samples {
-        desk.say(&format!("baking {name} with {spp} samples per pixel"));
-        // A tolerance out of reach: every block takes all its samples.
-        let config = BakeConfig { spp, tolerance_db: 80.0, bounces: BOUNCES, seed: 1 };
-        let camera = scene.scene.cameras[0].clone();
-        let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly };
-        let before = process_cpu_secs()?;
-        let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
-        let secs = process_cpu_secs()? - before;
-        let errors = reference.errors(&bake);
-        measured.push((secs, errors.mean_db()));
-        rows += &row(spp, secs, &bake, &errors);
+    let (mut rows, mut targets) = (String::new(), String::new());
+    for (indirect, way) in [(Indirect::Shared, "shared"), (Indirect::Traced, "traced")] {
+        let mut measured = Vec::new();
+        for &spp in samples {
+            desk.say(&format!("baking {name} with {spp} samples per pixel, indirect light {way}"));
+            // A tolerance out of reach: every block takes all its samples.
+            let config = BakeConfig { spp, tolerance_db: 80.0, bounces: BOUNCES, seed: 1, indirect };
+            let (secs, bake) = baked(&scene, film, config)?;
+            let errors = reference.errors(&bake);
+            measured.push((secs, errors.mean_db()));
+            rows += &row((spp, way), secs, &bake, &errors);
+        }
+        targets += &words_of_target(way, &measured);
     }
     Ok(format!(
         "\n### {name}\n\n\
-         {} columns, {} triangles; lights and hierarchy took {prepared:.1} CPU seconds beside. {}\n\n\
-         | samples | CPU s | rank mean / max | dense / factors | column dB mean | worst | with lights seen, mean / worst |\n\
-         |---|---|---|---|---|---|---|\n{rows}",
+         {} columns, {} triangles; finding lights and building the hierarchy took {prepared:.1} CPU seconds beside.{targets}\n\n\
+         | samples | indirect light | CPU s | rank mean / max | dense / factors | column dB mean | worst | with lights seen, mean / worst |\n\
+         |---|---|---|---|---|---|---|---|\n{rows}",
         scene.lighting.basis.n_cols(),
         scene.scene.mesh.triangles.len(),
-        words_of_target(&measured),
     ))
 }
 
-fn row(spp: u32, secs: f64, bake: &Bake, errors: &ColumnErrors) -> String {
+/// A bake without preview, and the CPU seconds that it took.
+fn baked(scene: &Arc<PreparedScene>, film: Film, config: BakeConfig) -> Result<(f64, Bake)> {
+    let camera = scene.scene.cameras[0].clone();
+    let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly };
+    let before = process_cpu_secs()?;
+    let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
+    Ok((process_cpu_secs()? - before, bake))
+}
+
+fn row((spp, way): (u32, &str), secs: f64, bake: &Bake, errors: &ColumnErrors) -> String {
     let figures = bake.figures();
     format!(
-        "| {spp} | {secs:.1} | {:.1} / {} | {:.0}× | {:.1} | {:.1} | {:.1} / {:.1} |\n",
+        "| {spp} | {way} | {secs:.1} | {:.1} / {} | {:.0}× | {:.1} | {:.1} | {:.1} / {:.1} |\n",
         figures.mean_rank,
         figures.max_rank,
         figures.ratio,
@@ -93,14 +101,14 @@ fn row(spp: u32, secs: f64, bake: &Bake, errors: &ColumnErrors) -> String {
 }
 
 /// CPU seconds at which the target lies between two rows, dB over the logarithm of time.
-fn words_of_target(measured: &[(f64, f64)]) -> String {
+fn words_of_target(way: &str, measured: &[(f64, f64)]) -> String {
     let between = measured.windows(2).find(|pair| pair[0].1 <= TARGET_DB && TARGET_DB <= pair[1].1);
     between.map_or_else(
-        || format!("No two rows lie on both sides of {TARGET_DB} dB."),
+        || format!(" No two {way} rows lie on both sides of {TARGET_DB} dB."),
         |pair| {
             let [(from, low), (to, high)] = [pair[0], pair[1]];
             let secs = (from.ln() + (to / from).ln() * (TARGET_DB - low) / (high - low)).exp();
-            format!("Between the rows, {TARGET_DB} dB take {secs:.1} CPU seconds.")
+            format!(" Between the {way} rows, {TARGET_DB} dB take {secs:.1} CPU seconds.")
         },
     )
 }
@@ -139,8 +147,8 @@ mod tests {
 
     #[test]
     fn the_target_lies_between_the_rows_around_it() {
-        assert!(words_of_target(&[(1.0, 20.0), (4.0, 40.0), (16.0, 50.0)]).contains("take 2.0 CPU"));
-        assert!(words_of_target(&[(1.0, 31.0), (4.0, 40.0)]).starts_with("No two rows"));
+        assert!(words_of_target("shared", &[(1.0, 20.0), (4.0, 40.0), (16.0, 50.0)]).contains("take 2.0 CPU"));
+        assert!(words_of_target("shared", &[(1.0, 31.0), (4.0, 40.0)]).contains("No two shared rows"));
     }
 
     #[test]
