@@ -30,12 +30,12 @@ pub fn write(desk: &Desk) -> Result<String> {
     let (samples, reference_spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 64));
     let mut text = format!(
         "## Matrix\n\n\
-         {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced from each\n\
-         sample; CPU seconds (user and system) of the bake alone, without loading and without\n\
-         preview. The error of a column is the mean of (x − a)(x − b) over its entries, x baked, a and b two independent references of\n\
-         {reference_spp} samples per pixel each that are not compressed: so their noise does not count. It is told in dB below the square of the\n\
-         reference column's 99.5 percentile; nothing is clipped. Entries where the camera sees the light itself are left out; the\n\
-         last column has them too.\n",
+         {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced from each sample; CPU\n\
+         seconds (user and system) of the bake alone, without loading and without preview. The error of a column is the mean of\n\
+         (x − a)(x − b) over its entries, x baked, a and b two independent references of {reference_spp} samples per pixel each that are not\n\
+         compressed: so their noise does not count. It is told in dB below the square of the reference column's 99.5 percentile;\n\
+         nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
+         column has them too.\n",
         film.width, film.height
     );
     for (name, peers) in SCENES {

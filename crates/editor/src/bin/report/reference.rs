@@ -20,7 +20,7 @@ pub struct Reference {
     n_cols: usize,
     /// Row-major, rows × columns, radiance per unit of light.
     halves: [Vec<f32>; 2],
-    /// Whether the camera saw the light of a column, by pixel × column.
+    /// Whether the camera saw the light of a column in a pixel or in one beside it, by pixel × column.
     seen: Vec<bool>,
     /// The 99.5 percentile of each column's entries, those where its light is seen aside.
     peaks: Vec<f64>,
@@ -48,6 +48,7 @@ impl Reference {
             });
             rows
         });
+        let seen = widened(&seen, film, n_cols);
         let mut reference = Reference { n_cols, halves, seen, peaks: Vec::new() };
         reference.peaks = (0..n_cols).into_par_iter().map(|column| reference.peak(column)).collect();
         reference
@@ -101,6 +102,21 @@ impl Reference {
         }
         errors
     }
+}
+
+/// The same with a margin of one pixel: a sliver of light may be seen by one sample in a thousand.
+fn widened(seen: &[bool], film: Film, n_cols: usize) -> Vec<bool> {
+    let (width, height) = (film.width as usize, film.height as usize);
+    let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let mut wide = vec![false; seen.len()];
+    wide.par_chunks_mut(n_cols).enumerate().for_each(|(pixel, wide)| {
+        let around = near(pixel / width, height).flat_map(|y| near(pixel % width, width).map(move |x| y * width + x));
+        for other in around {
+            let seen = &seen[other * n_cols..][..n_cols];
+            wide.iter_mut().zip(seen).for_each(|(wide, seen)| *wide |= seen);
+        }
+    });
+    wide
 }
 
 /// A sum and how many went into it.
