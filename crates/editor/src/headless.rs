@@ -34,7 +34,7 @@ const FOLDER: &str = "frames";
 /// Width of the frames, so that they are there in a minute or two on two cores.
 const WIDTH_PX: u32 = 448;
 /// Light paths per pixel, for the same reason.
-const SPP: u32 = 16;
+const SPP: u32 = 12;
 
 /// Bakes a scene (the built-in one if none is named) and writes its frames. `reason` says why there is no window.
 ///
@@ -91,7 +91,7 @@ fn options() -> BakeOptions {
         seed: 0,
         threads: None,
     };
-    BakeOptions { view, sky_patches: SkyForm::Patches(1), tolerance: 40.0, exact: false, fresh: true }
+    BakeOptions { view, sky_patches: SkyForm::Patches(1), tolerance: 40.0, fast: true, exact: false, fresh: true }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {

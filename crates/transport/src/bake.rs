@@ -81,10 +81,11 @@ pub struct BakeConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Indirect {
-    /// Gathered for several pixels at once where it falls on a diffuse base: many times faster, smoothed over a few pixels.
-    #[default]
+    /// Gathered for several pixels at once where it falls on a diffuse base: sooner, but smoothed over a few pixels, a bias
+    /// that the measured error does not hold.
     Shared,
     /// Followed from every sample of every pixel: without bias.
+    #[default]
     Traced,
 }
 

@@ -126,7 +126,11 @@ pub struct BakeOptions {
     /// Signal to error in decibels that the bake aims at.
     #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
     pub tolerance: f32,
-    /// Follow the light between surfaces from every sample instead of sharing it between pixels: without bias, far slower.
+    /// Share the light between surfaces among neighboring pixels: sooner and smoother, but smeared over a few pixels, which
+    /// the error figures do not tell.
+    #[arg(long, conflicts_with = "exact")]
+    pub fast: bool,
+    /// Follow the light between surfaces from every sample, without bias (the default).
     #[arg(long)]
     pub exact: bool,
     /// Start over, even if an earlier bake of the same name was stopped half way.

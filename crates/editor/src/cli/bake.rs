@@ -46,7 +46,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         tolerance_db: options.tolerance,
         bounces: options.view.bounces,
         seed: options.view.seed,
-        indirect: if options.exact { Indirect::Traced } else { Indirect::Shared },
+        indirect: if options.fast { Indirect::Shared } else { Indirect::Traced },
     };
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes }
 }

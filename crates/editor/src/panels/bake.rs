@@ -88,10 +88,11 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
         });
         ui.end_row();
         ui.label("");
-        let mut exact = settings.config.indirect == Indirect::Traced;
-        let words = "Follows the light between surfaces from every sample, without bias: far slower";
-        if ui.checkbox(&mut exact, "Exact indirect light").on_hover_text(words).changed() {
-            settings.config.indirect = if exact { Indirect::Traced } else { Indirect::Shared };
+        let mut shared = settings.config.indirect == Indirect::Shared;
+        let words = "Shares the light between surfaces among neighboring pixels: sooner and smoother, but smeared over a few \
+                     pixels, which the error figures do not tell";
+        if ui.checkbox(&mut shared, "Share indirect light").on_hover_text(words).changed() {
+            settings.config.indirect = if shared { Indirect::Shared } else { Indirect::Traced };
         }
         ui.end_row();
         if let Some(units) = view.units {
