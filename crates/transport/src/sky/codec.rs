@@ -13,7 +13,7 @@ const HEADER_LEN: usize = 12;
 const CHECKSUM_LEN: usize = 8;
 
 impl Environment {
-    /// At most [`MAX_STORED_WIDTH`] wide and rounded to what [`Environment::encode`] keeps.
+    /// At most `MAX_STORED_WIDTH` pixels wide and rounded to what an archive keeps.
     #[must_use]
     pub fn storable(&self) -> Environment {
         let small = self.reduced(self.width().div_ceil(MAX_STORED_WIDTH));
