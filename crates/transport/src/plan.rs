@@ -83,7 +83,10 @@ impl MatrixPlan {
         let (worth, first_rate) = (vec![f32::INFINITY; basis.n_cols()], vec![0.0; basis.n_cols()]);
         let mut plan = MatrixPlan { later, first, stride, first_rate, splits, worth, thinned: Vec::new(), sky };
         plan.count_picks();
-        plan.thinned = plan.thinned_panels(lighting);
+        // A preview has no time to look at all texels again.
+        if density == Density::Full {
+            plan.thinned = plan.thinned_panels(lighting);
+        }
         plan
     }
 
