@@ -155,7 +155,8 @@ fn scale_of_peaks(peaks: &[f32], light: &[f32]) -> Vec<f32> {
     peaks.iter().zip(light).map(scale).collect()
 }
 
-fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
+/// The middle one, of two the greater; `None` of none.
+pub(crate) fn median(values: impl Iterator<Item = f32>) -> Option<f32> {
     let mut values: Vec<f32> = values.collect();
     let middle = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f32::total_cmp).1)

@@ -9,7 +9,7 @@ use clerestory_nystrom::Half;
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, median};
 use crate::path::{Gathering, Scratch};
 use crate::sampler::Sampler;
 
@@ -87,12 +87,8 @@ impl Nodes {
             let (x, y) = (node % nx, node / nx);
             let rows = y.saturating_sub(1)..(y + 2).min(ny);
             let around = rows.flat_map(|y| (x.saturating_sub(1)..(x + 2).min(nx)).map(move |x| y * nx + x));
-            let mut around: Vec<f32> = around.map(|n| totals[n]).filter(|t| *t > 0.0).collect();
-            if around.is_empty() {
-                return;
-            }
-            let middle = around.len() / 2;
-            let limit = outshines * *around.select_nth_unstable_by(middle, f32::total_cmp).1;
+            let Some(median) = median(around.map(|n| totals[n]).filter(|t| *t > 0.0)) else { return };
+            let limit = outshines * median;
             if totals[node] > limit {
                 light.iter_mut().for_each(|x| *x *= limit / totals[node]);
             }

@@ -51,7 +51,7 @@ pub struct Pick {
 /// Chooses the columns that a vertex connects to.
 pub trait LightPlan: Sync {
     /// Which kind of later vertex a point is: `peak` is the greatest product of throughput and `f·|cosθ|`, 1/sr.
-    fn later(&self, position: Vec3, peak: f32) -> Vertex;
+    fn later(&self, position: Vec3, peak: impl FnOnce() -> f32) -> Vertex;
     /// Fills `picks`.
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>);
     /// Expected number of picks of a column.
@@ -187,7 +187,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if bsdf.has_smooth_lobes() && !self.is_spent(walk) {
             let vertex = match walk.sampled_at {
                 None => Vertex::First,
-                Some(_) => self.plan.later(hit.position, walk.throughput.max_element() * bsdf.peak_estimate()),
+                Some(_) => self.plan.later(hit.position, || walk.throughput.max_element() * bsdf.peak_estimate()),
             };
             splits = if vertex == Vertex::First { self.plan.splits() } else { 1 };
             self.connect(walk, (vertex, Rivals::All { splits }), (hit, &bsdf), sampler, scratch, deposit);

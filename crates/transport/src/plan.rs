@@ -164,7 +164,11 @@ impl ThinnedPanel {
 }
 
 impl LightPlan for MatrixPlan {
-    fn later(&self, position: Vec3, peak: f32) -> Vertex {
+    fn later(&self, position: Vec3, peak: impl FnOnce() -> f32) -> Vertex {
+        if self.thinned.is_empty() {
+            return Vertex::Later;
+        }
+        let peak = peak();
         let close = self.thinned.iter().any(|panel| panel.is_close(position, peak));
         if close { Vertex::Close } else { Vertex::Later }
     }
@@ -269,7 +273,7 @@ impl PicturePlan {
 }
 
 impl LightPlan for PicturePlan {
-    fn later(&self, _: Vec3, _: f32) -> Vertex {
+    fn later(&self, _: Vec3, _: impl FnOnce() -> f32) -> Vertex {
         Vertex::Later
     }
 

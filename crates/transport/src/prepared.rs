@@ -167,13 +167,18 @@ impl PreparedScene {
 
     /// Unit normal between the vertices' own, without normal map, on the side from which `direction` comes.
     pub fn smooth_normal(&self, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
+        let ns = self.vertex_normal(hit);
+        if hit.normal.dot(direction) > 0.0 { -ns } else { ns }
+    }
+
+    /// Unit normal between the vertices' own, on the front side.
+    fn vertex_normal(&self, hit: &SurfaceHit) -> Vec3 {
         let mesh = &self.scene.mesh;
         let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
         let w = hit.barycentric;
         let ns = (mesh.normals[a] * w.x + mesh.normals[b] * w.y + mesh.normals[c] * w.z).normalize_or(hit.normal);
         // A shading normal on the other side of its own triangle would turn the surface inside out.
-        let ns = if ns.dot(hit.normal) <= 0.0 { hit.normal } else { ns };
-        if hit.normal.dot(direction) > 0.0 { -ns } else { ns }
+        if ns.dot(hit.normal) <= 0.0 { hit.normal } else { ns }
     }
 
     /// How a point scatters light towards `wo`.
@@ -182,11 +187,7 @@ impl PreparedScene {
         let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
         let w = hit.barycentric;
         let uvs = self.uvs(hit.triangle, w);
-        let mut ns = (mesh.normals[a] * w.x + mesh.normals[b] * w.y + mesh.normals[c] * w.z).normalize_or(hit.normal);
-        // A shading normal on the other side of its own triangle would turn the surface inside out.
-        if ns.dot(hit.normal) <= 0.0 {
-            ns = hit.normal;
-        }
+        let mut ns = self.vertex_normal(hit);
         if material.normal_texture.is_some() && !mesh.tangents.is_empty() {
             let tangent = mesh.tangents[a] * w.x + mesh.tangents[b] * w.y + mesh.tangents[c] * w.z;
             ns = bsdf::shading_normal(material, &self.scene.textures, uvs, ns, tangent);
@@ -240,7 +241,8 @@ fn shadow_ray(origin: Vec3, target: Vec3) -> Ray {
     Ray { origin, direction: target - origin, t_min: 0.0, t_max: SHADOW_END }
 }
 
-fn next_after(t: f32) -> f32 {
+/// The least distance along a ray that is beyond a hit.
+pub(crate) fn next_after(t: f32) -> f32 {
     (t * (1.0 + 1e-6)).max(t.next_up())
 }
 

@@ -100,7 +100,7 @@ fn a_wall_beside_a_panel_is_close_to_it() {
     let roulette = MatrixPlan::new(&scene.lighting, Density::Full).with_roulette(&column_scale(&scene));
     // The panel stands off its wall by 10 cm and off floor and back wall as much.
     let (beside, far) = (Vec3::new(-1.85, -1.2, -1.0), Vec3::new(1.9, 0.0, 1.4));
-    assert_eq!(roulette.later(beside, 0.2), Vertex::Close);
-    assert_eq!(roulette.later(far, 0.2), Vertex::Later);
-    assert_eq!(MatrixPlan::new(&scene.lighting, Density::Full).later(beside, 0.2), Vertex::Later);
+    assert_eq!(roulette.later(beside, || 0.2), Vertex::Close);
+    assert_eq!(roulette.later(far, || 0.2), Vertex::Later);
+    assert_eq!(MatrixPlan::new(&scene.lighting, Density::Full).later(beside, || 0.2), Vertex::Later);
 }

@@ -154,7 +154,7 @@ pub(super) struct Even {
 }
 
 impl LightPlan for Even {
-    fn later(&self, _: Vec3, _: f32) -> Vertex {
+    fn later(&self, _: Vec3, _: impl FnOnce() -> f32) -> Vertex {
         Vertex::Later
     }
 
@@ -186,7 +186,7 @@ pub(super) struct Always<'a, P> {
 }
 
 impl<P: LightPlan> LightPlan for Always<'_, P> {
-    fn later(&self, _: Vec3, _: f32) -> Vertex {
+    fn later(&self, _: Vec3, _: impl FnOnce() -> f32) -> Vertex {
         self.later
     }
 

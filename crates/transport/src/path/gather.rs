@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{Deposit, Integrator, LightPlan, Rivals, Scratch, Vertex, Walk};
 use crate::bvh::Ray;
-use crate::prepared::{SurfaceHit, offset_origin};
+use crate::prepared::{SurfaceHit, next_after, offset_origin};
 use crate::sampler::Sampler;
 
 /// A point whose diffuse base scatters the light of other surfaces, which is left to be gathered.
@@ -71,7 +71,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             if !self.scene.material(hit.triangle).is_clear_pane() {
                 return None;
             }
-            ray.t_min = hit.t.next_up().max(hit.t * (1.0 + 1e-6));
+            ray.t_min = next_after(hit.t);
         }
         None
     }
