@@ -18,6 +18,7 @@ use thiserror::Error;
 
 use crate::archive::ArchiveError;
 use crate::basis::LightBasis;
+use crate::cache::CachePlan;
 use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
 use crate::figures::{ErrorDb, error_db};
@@ -92,17 +93,17 @@ pub enum Indirect {
 impl Indirect {
     /// Walks of a node over samples of a pixel, and their limits.
     const NODE_WALKS_PER_SAMPLE: u32 = 4;
-    const NODE_WALKS: [u32; 2] = [8, 256];
+    const NODE_WALKS: [u32; 2] = [32, 256];
 
     /// Nodes of a pass with some samples per half; `None` is the preview.
     fn nodes(self, samples: Option<u32>) -> Option<NodePlan> {
         let [least, most] = Indirect::NODE_WALKS;
         match (samples, self) {
-            (None, _) => Some(NodePlan { walks: least, outshines: 2.0 }),
+            (None, _) => Some(NodePlan { walks: least, outshines: 2.0, cache: CachePlan { walks: 16 } }),
             (Some(_), Indirect::Traced) => None,
             (Some(n), Indirect::Shared) => {
                 let walks = n.saturating_mul(Indirect::NODE_WALKS_PER_SAMPLE).clamp(least, most);
-                Some(NodePlan { walks, outshines: 4.0 })
+                Some(NodePlan { walks, outshines: 4.0, cache: CachePlan { walks: walks.clamp(16, 64) } })
             }
         }
     }

@@ -1,9 +1,14 @@
 //! Where the light of each column comes from: geometry to sample, and the way back from a surface to its column.
 
+mod surface;
+
 use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
 use thiserror::Error;
+
+pub use self::surface::SurfaceEmitter;
+pub(crate) use self::surface::SurfacePoint;
 
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
 use crate::photometry::PhotometricProfile;
@@ -80,19 +85,6 @@ pub enum Emitter {
     Sun(SunEmitter),
     /// Unlit surfaces.
     Constant,
-}
-
-/// Emissive triangles of one node.
-#[derive(Clone, Debug)]
-pub struct SurfaceEmitter {
-    /// Triangles of the mesh.
-    pub triangles: Vec<u32>,
-    /// Summed areas, m².
-    pub cumulative_area: Vec<f32>,
-    /// Total area, m².
-    pub area: f32,
-    /// Turns emitted radiance into the white column's radiance, per channel.
-    pub whiten: Vec3,
 }
 
 /// A panel in world space: point(u, v) = origin + u · u_edge + v · v_edge.
@@ -244,9 +236,9 @@ fn find_lights(scene: &Scene, requests: &[PanelRequest], warnings: &mut Vec<Stri
             Some(Err(reason)) if request.is_some() => return Err(LightingError::NotAQuad { node: key, reason }),
             Some(Err(reason)) => {
                 warnings.push(format!("node `{key}` asks to be a panel but {reason}; it is one luminaire"));
-                found.push(surface_source(scene, key, triangles));
+                found.push(surface_source(scene, key, &triangles));
             }
-            None => found.push(surface_source(scene, key, triangles)),
+            None => found.push(surface_source(scene, key, &triangles)),
         }
     }
     Ok(found)
@@ -297,17 +289,9 @@ fn whiten(color: Vec3, strength: f32) -> Vec3 {
     Vec3::select(radiance.cmpgt(Vec3::ZERO), 1.0 / radiance.max(Vec3::splat(f32::MIN_POSITIVE)), Vec3::ZERO)
 }
 
-fn surface_source(scene: &Scene, key: String, triangles: Vec<u32>) -> (LightSource, Emitter) {
-    let (color, strength) = file_emission(scene, &triangles);
-    let mut area = 0.0;
-    let cumulative_area = triangles
-        .iter()
-        .map(|&t| {
-            area += 0.5 * scene.mesh.area_normal(t).length();
-            area
-        })
-        .collect();
-    let emitter = SurfaceEmitter { triangles, cumulative_area, area, whiten: whiten(color, strength) };
+fn surface_source(scene: &Scene, key: String, triangles: &[u32]) -> (LightSource, Emitter) {
+    let (color, strength) = file_emission(scene, triangles);
+    let emitter = SurfaceEmitter::new(scene, triangles, whiten(color, strength));
     (LightSource { key, kind: SourceKind::Emitter, columns: 0..1, color, strength }, Emitter::Surface(emitter))
 }
 
@@ -440,7 +424,7 @@ fn assign_triangles(scene: &Scene, emitters: &[Emitter]) -> Vec<u32> {
     for (idx, emitter) in emitters.iter().enumerate() {
         match emitter {
             Emitter::Surface(surface) => {
-                for &t in &surface.triangles {
+                for t in surface.triangles.iter().map(|t| t.triangle) {
                     triangle_source[t as usize] = idx as u32;
                 }
             }

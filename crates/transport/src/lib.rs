@@ -4,6 +4,7 @@ pub mod bake;
 pub mod basis;
 pub mod bsdf;
 pub mod bvh;
+mod cache;
 pub mod camera;
 pub mod emitters;
 pub mod figures;

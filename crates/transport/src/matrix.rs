@@ -215,6 +215,11 @@ impl<'a> RowDeposit<'a> {
         RowDeposit { first_row, ..self }
     }
 
+    /// The three rows.
+    pub(crate) fn rows(&mut self) -> &mut [f32] {
+        self.rows
+    }
+
     /// The entries kept apart so far.
     pub(crate) fn into_sparse(self) -> Vec<SparseEntry> {
         self.sparse

@@ -9,8 +9,10 @@ use clerestory_nystrom::Half;
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::cache::{CachePlan, CachedDeposit, LightCache};
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, median};
 use crate::path::{Gathering, Scratch};
+use crate::prepared::SurfaceHit;
 use crate::sampler::Sampler;
 
 /// Distance between nodes in pixels, of a picture that is at least [`FULL_WIDTH`] wide; less in smaller ones.
@@ -30,6 +32,8 @@ pub(crate) struct NodePlan {
     pub walks: u32,
     /// Times the median of its neighbors that a node may shine: a rare bright walk would show as a spot as wide as a node.
     pub outshines: f32,
+    /// How the light behind the nodes is found.
+    pub cache: CachePlan,
 }
 
 /// Indirect light on a coarse grid.
@@ -40,6 +44,8 @@ pub(crate) struct Nodes {
     surfaces: Vec<Option<(Vec3, Vec3)>>,
     /// Node by node: half A, then half B, each three rows of all columns.
     light: Vec<f32>,
+    /// Where the walks of nodes ended; those of pixels may end there, too.
+    pub(crate) cache: LightCache,
 }
 
 impl Nodes {
@@ -58,22 +64,32 @@ impl Nodes {
         }
         let size = size_at(spacing);
         let n_nodes = size.element_product() as usize;
+        let hits: Vec<Option<(SurfaceHit, Vec3)>> = (0..n_nodes as u32)
+            .into_par_iter()
+            .map(|node| {
+                let center = (Vec2::new((node % size.x) as f32, (node / size.x) as f32) + 0.5) * spacing as f32;
+                let film_px = center.min(Vec2::new(film.width as f32, film.height as f32) - 0.5);
+                let ray = (matrix.camera.position(), matrix.camera.direction(film, film_px));
+                matrix.integrator.gathering_surface(ray, &mut Sampler::new(matrix.seed, stream_of(node) + 2, 0))
+            })
+            .collect();
+        let places: Vec<(SurfaceHit, Vec3)> = hits.iter().copied().flatten().collect();
+        let cache = LightCache::fill(matrix, &places, plan.cache);
         let mut light = vec![0.0; n_nodes * node_len];
-        let mut surfaces = Vec::with_capacity(n_nodes);
         let part = n_nodes.div_ceil(PARTS).max(1);
         for (nth, light) in light.chunks_mut(part * node_len).enumerate() {
-            let nodes = light.par_chunks_mut(node_len).enumerate().map_init(Scratch::default, |scratch, (i, light)| {
-                let node = (nth * part + i) as u32;
-                let center = (Vec2::new((node % size.x) as f32, (node / size.x) as f32) + 0.5) * spacing as f32;
-                let last = Vec2::new(film.width as f32, film.height as f32) - 0.5;
-                gather_node(matrix, (node, plan.walks), center.min(last), light, scratch)
+            light.par_chunks_mut(node_len).enumerate().for_each_init(Scratch::default, |scratch, (i, light)| {
+                let node = nth * part + i;
+                if let Some(place) = &hits[node] {
+                    gather_node((matrix, &cache), (node as u32, plan.walks), place, light, scratch);
+                }
             });
-            surfaces.extend(nodes.collect::<Vec<_>>());
             if on_part().is_break() {
                 return None;
             }
         }
-        let mut nodes = Nodes { spacing, size, surfaces, light };
+        let surfaces = hits.into_iter().map(|hit| hit.map(|(hit, normal)| (hit.position, normal))).collect();
+        let mut nodes = Nodes { spacing, size, surfaces, light, cache };
         nodes.calm(node_len, plan.outshines);
         Some(nodes)
     }
@@ -136,24 +152,25 @@ impl Nodes {
     }
 }
 
+fn stream_of(node: u32) -> u64 {
+    STREAM + u64::from(node) * 4
+}
+
 fn gather_node(
-    matrix: &TransportMatrix<'_>,
+    (matrix, cache): (&TransportMatrix<'_>, &LightCache),
     (node, walks): (u32, u32),
-    film_px: Vec2,
+    (hit, normal): &(SurfaceHit, Vec3),
     light: &mut [f32],
     scratch: &mut Scratch,
-) -> Option<(Vec3, Vec3)> {
+) {
     let n_cols = matrix.column_scale().len();
-    let stream = STREAM + u64::from(node) * 4;
-    let ray = (matrix.camera.position(), matrix.camera.direction(matrix.film, film_px));
-    let (hit, normal) = matrix.integrator.gathering_surface(ray, &mut Sampler::new(matrix.seed, stream + 2, 0))?;
-    for (half, light) in light.chunks_exact_mut(CHANNELS * n_cols).enumerate() {
-        let mut deposit = RowDeposit::new(light, n_cols, matrix.column_scale());
+    for (half, light) in [Half::A, Half::B].into_iter().zip(light.chunks_exact_mut(CHANNELS * n_cols)) {
+        let inner = RowDeposit::new(light, n_cols, matrix.column_scale());
+        let mut deposit = CachedDeposit { inner, cache, half };
         for walk in 0..walks {
-            let mut sampler = Sampler::new(matrix.seed, stream + half as u64, walk);
-            matrix.integrator.gather_indirect((&hit, normal), &mut sampler, scratch, &mut deposit);
+            let mut sampler = Sampler::new(matrix.seed, stream_of(node) + u64::from(half == Half::B), walk);
+            matrix.integrator.gather_indirect((hit, *normal), &mut sampler, scratch, &mut deposit);
         }
         light.iter_mut().for_each(|x| *x /= walks as f32);
     }
-    Some((hit.position, normal))
 }

@@ -15,7 +15,7 @@ use crate::basis::SourceKind;
 use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
-use crate::emitters::{Emitter, punctual_falloff};
+use crate::emitters::{Emitter, SurfacePoint, punctual_falloff};
 use crate::prepared::{PreparedScene, SurfaceHit, offset_origin};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
@@ -26,6 +26,24 @@ pub trait Deposit {
     fn scattered(&mut self, column: u32, value: Vec3);
     /// Light of an emitter that the camera sees directly, in mirrors or through glass.
     fn seen(&mut self, column: u32, value: Vec3);
+    /// Whether [`Deposit::known`] can ever answer.
+    const KNOWS: bool = false;
+    /// Takes what a surface scatters, where the light that it receives is known; false where it is not.
+    fn known(&mut self, _at: &KnownAt<'_>) -> bool {
+        false
+    }
+}
+
+/// A surface that asks for the light it receives.
+pub struct KnownAt<'a> {
+    /// Where.
+    pub hit: &'a SurfaceHit,
+    /// Unit normal on the viewer's side, without normal map.
+    pub normal: Vec3,
+    /// What multiplies the mean radiance, weighed by the cosine, that arrives there.
+    pub weight: Vec3,
+    /// Density per solid angle with which the walk came this way: the more, the finer what it would see.
+    pub density: f32,
 }
 
 /// Where on a walk light sources are sampled.
@@ -102,6 +120,8 @@ struct Walk {
     passed: f32,
     /// Where light was sampled last, `None` while only mirrors and clear glass were met.
     sampled_at: Option<Vertex>,
+    /// Solid-angle density with which the last broad lobe was left, infinite before that.
+    sharpness: f32,
     /// Where `density` was chosen, a vertex that also sampled light.
     rival: Option<Vertex>,
     /// Nothing has turned it from the camera's ray.
@@ -120,8 +140,8 @@ struct LightPoint {
     wi: Vec3,
     /// Radiance per unit of the column over the density of the sample: multiplies `f · cosθ`.
     factor: Vec3,
-    /// Solid-angle density, 0 for lights without size.
-    pdf: f32,
+    /// One over the solid-angle density, 0 for lights without size.
+    spread_sr: f32,
 }
 
 /// Surfaces after which roulette begins.
@@ -150,6 +170,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, beyond, far }
     }
 
+    /// Scattering events beyond the first at most.
+    pub(crate) fn bounces(&self) -> u32 {
+        self.bounces
+    }
+
     /// One sample of a pixel: a random point of its square, all columns.
     pub fn sample_pixel(
         &self,
@@ -174,15 +199,20 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     }
 
     /// Connects a surface to the lights and scatters the walk there; false where it ends.
-    fn go_on(
+    fn go_on<D: Deposit>(
         &self,
         walk: &mut Walk,
         hit: &SurfaceHit,
         sampler: &mut Sampler,
         scratch: &mut Scratch,
-        deposit: &mut impl Deposit,
+        deposit: &mut D,
     ) -> bool {
         let bsdf = self.scene.bsdf(hit, -walk.direction);
+        if D::KNOWS
+            && let Some(goes_on) = self.hand_over(walk, (hit, &bsdf), sampler, scratch, deposit)
+        {
+            return goes_on;
+        }
         let mut splits = 1;
         if bsdf.has_smooth_lobes() && !self.is_spent(walk) {
             let vertex = match walk.sampled_at {
@@ -279,6 +309,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         } else {
             let smooth = sample.kind == ScatterKind::Smooth;
             walk.density = if smooth { sample.pdf * splits as f32 } else { 0.0 };
+            if smooth {
+                walk.sharpness = sample.pdf;
+            }
             walk.rival = walk.sampled_at;
             walk.passed = 0.0;
             walk.specular &= !smooth;
@@ -320,7 +353,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else {
                 continue;
             };
-            let f_cos = rivals.weigh(bsdf, light.wi, light.pdf / pick.inverse_rate);
+            let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
             let mut value = walk.throughput * f_cos * light.factor * pick.inverse_rate;
             if value.max_element() <= 0.0 {
                 continue;
@@ -360,23 +393,17 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 area_point(position, target, panel.normal, panel.double_sided, panel.texel_area, radiance)
             }
             Emitter::Surface(surface) => {
-                let at = u.x * surface.area;
-                let nth = surface.cumulative_area.partition_point(|&a| a <= at).min(surface.triangles.len() - 1);
-                let start = if nth == 0 { 0.0 } else { surface.cumulative_area[nth - 1] };
-                let within = ((at - start) / (surface.cumulative_area[nth] - start)).clamp(0.0, 1.0);
-                let triangle = surface.triangles[nth];
-                let root = within.sqrt();
-                let barycentric = Vec3::new(1.0 - root, root * (1.0 - u.y), root * u.y);
-                let [a, b, c] = self.scene.scene.mesh.corners(triangle);
-                let target = a * barycentric.x + b * barycentric.y + c * barycentric.z;
-                let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
-                let material = self.scene.material(triangle);
-                let radiance = self.scene.pattern(material, self.scene.uvs(triangle, barycentric)) * surface.whiten;
-                area_point(position, target, normal, material.double_sided, surface.area, radiance)
+                let SurfacePoint { position: target, normal, double_sided, white, triangle, barycentric } =
+                    surface.sample(u);
+                let radiance = white.unwrap_or_else(|| {
+                    let uvs = self.scene.uvs(triangle, barycentric);
+                    self.scene.pattern(self.scene.material(triangle), uvs) * surface.whiten
+                });
+                area_point(position, target, normal, double_sided, surface.area, radiance)
             }
             Emitter::Punctual(light) if light.kind == PunctualKind::Directional => {
                 let wi = -light.direction;
-                Some(LightPoint { target: position + wi * self.far, wi, factor: Vec3::ONE, pdf: 0.0 })
+                Some(LightPoint { target: position + wi * self.far, wi, factor: Vec3::ONE, spread_sr: 0.0 })
             }
             Emitter::Punctual(light) => {
                 let to_light = light.position - position;
@@ -388,7 +415,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                     target: light.position,
                     wi,
                     factor,
-                    pdf: 0.0,
+                    spread_sr: 0.0,
                 })
             }
             sky => {
@@ -406,13 +433,15 @@ enum Rivals {
     All { splits: u32 },
     /// One walk by all lobes but the diffuse base.
     Coat,
+    /// The same, and the light that the diffuse base receives is known.
+    CoatAlone,
 }
 
 impl Rivals {
-    /// `f·|cosθ|` times the share that falls to a connection of a density (0 for a lamp without size).
+    /// `f·|cosθ|` times the share that falls to a connection, given one over its density (0 for a lamp without size).
     #[inline]
-    fn weigh(self, bsdf: &Bsdf, wi: Vec3, density: f32) -> Vec3 {
-        let share = |rival: f32| if density > 0.0 { power_heuristic(density, rival) } else { 1.0 };
+    fn weigh(self, bsdf: &Bsdf, wi: Vec3, spread_sr: f32) -> Vec3 {
+        let share = |rival: f32| share_against(rival * spread_sr);
         match self {
             Rivals::All { splits } => {
                 let (f_cos, pdf) = bsdf.eval(wi);
@@ -421,6 +450,10 @@ impl Rivals {
             Rivals::Coat => {
                 let parts = bsdf.eval_parts(wi);
                 parts.base + parts.coat * share(parts.coat_pdf)
+            }
+            Rivals::CoatAlone => {
+                let parts = bsdf.eval_parts(wi);
+                parts.coat * share(parts.coat_pdf)
             }
         }
     }
@@ -435,6 +468,7 @@ impl Walk {
             share: 1.0,
             density: 0.0,
             passed: 0.0,
+            sharpness: f32::INFINITY,
             sampled_at: None,
             rival: None,
             straight: true,
@@ -492,20 +526,22 @@ fn area_point(
     radiance: Vec3,
 ) -> Option<LightPoint> {
     let to_light = target - position;
-    let distance_squared = to_light.length_squared();
-    let wi = to_light / distance_squared.sqrt();
+    let closeness = 1.0 / to_light.length_squared();
+    let wi = to_light * closeness.sqrt();
     let cos = -wi.dot(normal);
     let cos = if double_sided { cos.abs() } else { cos };
-    if cos <= 0.0 || distance_squared <= 0.0 {
-        return None;
-    }
-    let pdf = distance_squared / (cos * area);
-    Some(LightPoint { target, wi, factor: radiance / pdf, pdf })
+    let spread_sr = cos * area * closeness;
+    (cos > 0.0 && closeness.is_finite()).then_some(LightPoint { target, wi, factor: radiance * spread_sr, spread_sr })
 }
 
 /// Share of one of two ways to sample the same path, by squared densities. \[Veach1995\]
 fn power_heuristic(own: f32, other: f32) -> f32 {
-    let ratio = other / own;
+    share_against(other / own)
+}
+
+/// The same, given the density of the other over the own one.
+#[inline]
+fn share_against(ratio: f32) -> f32 {
     1.0 / (1.0 + ratio * ratio)
 }
 

@@ -9,6 +9,7 @@ use crate::emitters::{Emitter, Lighting, PanelEmitter};
 use crate::light::luminance;
 use crate::path::{LightPlan, Pick, Vertex};
 use crate::sampler::Sampler;
+use crate::scene::PunctualKind;
 use crate::sky::SkyPicks;
 
 /// For a matrix: every column at the first vertex, at later ones a few of each group, stratified, so that each column of
@@ -16,7 +17,8 @@ use crate::sky::SkyPicks;
 pub struct MatrixPlan {
     /// Columns that later vertices connect to, group by group, with the number of picks.
     later: Vec<(Range<u32>, u32)>,
-    /// Columns of the first vertex; texels of a panel tile by tile, so that sixteen neighbors look the same way.
+    /// Columns of the first vertex; lamps along a curve through space and texels of a panel tile by tile, so that sixteen
+    /// neighbors look the same way.
     first: Vec<u32>,
     /// Neighbors in `first` of which one is picked, the others left out.
     stride: usize,
@@ -68,8 +70,12 @@ impl MatrixPlan {
             _ => LATER_LAMPS.min(group.columns.len() as u32),
         };
         let later: Vec<_> = connected.map(|g| (g.columns.clone(), picks(g))).collect();
-        let sources = basis.sources.iter().filter(|s| later.iter().any(|(g, _)| g.contains(&s.columns.start)));
-        let mut first: Vec<u32> = sources.flat_map(|source| in_tiles(source.kind, source.columns.clone())).collect();
+        let mut first: Vec<u32> = along_a_curve(lighting)
+            .into_iter()
+            .map(|idx| &basis.sources[idx])
+            .filter(|s| later.iter().any(|(g, _)| g.contains(&s.columns.start)))
+            .flat_map(|source| in_tiles(source.kind, source.columns.clone()))
+            .collect();
         let sky = SkyPicks::new(lighting);
         first.extend(sky.columns());
         // Lamps are few and unlike each other; neighboring texels are many and alike.
@@ -134,6 +140,30 @@ impl MatrixPlan {
             }
         }
     }
+}
+
+/// The sources in an order in which neighbors are near each other: lamps along Morton's curve, those without a place last.
+/// \[Morton1966\]
+fn along_a_curve(lighting: &Lighting) -> Vec<usize> {
+    let place = |emitter: &Emitter| match emitter {
+        Emitter::Punctual(light) if light.kind != PunctualKind::Directional => Some(light.position),
+        Emitter::Surface(surface) => Some(surface.center()),
+        Emitter::Panel(panel) => Some(panel.point(Vec2::splat(0.5))),
+        _ => None,
+    };
+    let places: Vec<Option<Vec3>> = lighting.emitters.iter().map(place).collect();
+    let known = || places.iter().flatten().copied();
+    let low = known().fold(Vec3::INFINITY, Vec3::min);
+    let side = (known().fold(Vec3::NEG_INFINITY, Vec3::max) - low).max_element().max(f32::MIN_POSITIVE);
+    let key = |at: Vec3| {
+        let [x, y, z] = ((at - low) / side * 1023.0).to_array().map(|x| x.clamp(0.0, 1023.0) as u32);
+        (0..10)
+            .map(|bit| (x >> bit & 1) << (3 * bit) | (y >> bit & 1) << (3 * bit + 1) | (z >> bit & 1) << (3 * bit + 2))
+            .sum()
+    };
+    let mut order: Vec<usize> = (0..places.len()).collect();
+    order.sort_by_key(|&idx| places[idx].map_or(u32::MAX, key));
+    order
 }
 
 /// Side of the tiles in which a panel's texels are asked for.

@@ -10,9 +10,10 @@ use std::ops::Range;
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
 use glam::{Vec2, Vec3};
 
+use crate::cache::CachedDeposit;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::nodes::Nodes;
-use crate::path::{Deposit, Scratch};
+use crate::path::{Deposit, KnownAt, Scratch};
 use crate::sampler::Sampler;
 
 /// A matrix with nodes to take indirect light from.
@@ -35,13 +36,15 @@ impl SharedMatrix<'_> {
         let corner = Vec2::new((pixel % film.width) as f32, (pixel / film.width) as f32);
         let film_px = corner + Vec2::from(sampler.next_2d());
         let ray = (matrix.camera.position(), matrix.camera.direction(film, film_px));
-        let mut deposit = RowDeposit::new(rows, n_cols, matrix.column_scale()).with_first_row(first_row);
+        let inner = RowDeposit::new(rows, n_cols, matrix.column_scale()).with_first_row(first_row);
+        let mut deposit = CachedDeposit { inner, cache: &self.nodes.cache, half };
         let gathering = integrator.sample_direct(ray, &mut sampler, scratch, &mut deposit);
-        let sparse = deposit.into_sparse();
+        let sparse = deposit.inner.into_sparse();
         if let Some(at) = gathering
             && !self.nodes.add(film_px, &at, half, rows)
         {
             let inner = RowDeposit::new(rows, n_cols, matrix.column_scale());
+            let inner = CachedDeposit { inner, cache: &self.nodes.cache, half };
             let mut deposit = Weighted { inner, weight: at.albedo };
             integrator.gather_indirect((&at.hit, at.normal), &mut sampler, scratch, &mut deposit);
         }
@@ -81,12 +84,14 @@ impl SampledMatrix for SharedMatrix<'_> {
 }
 
 /// Multiplies everything by a color.
-struct Weighted<'a> {
-    inner: RowDeposit<'a>,
+struct Weighted<D> {
+    inner: D,
     weight: Vec3,
 }
 
-impl Deposit for Weighted<'_> {
+impl<D: Deposit> Deposit for Weighted<D> {
+    const KNOWS: bool = D::KNOWS;
+
     fn scattered(&mut self, column: u32, value: Vec3) {
         self.inner.scattered(column, value * self.weight);
     }
@@ -94,5 +99,9 @@ impl Deposit for Weighted<'_> {
     fn seen(&mut self, column: u32, value: Vec3) {
         // A gathered walk has left the first surface: nothing that it meets is seen directly.
         self.scattered(column, value);
+    }
+
+    fn known(&mut self, at: &KnownAt<'_>) -> bool {
+        self.inner.known(&KnownAt { weight: at.weight * self.weight, ..*at })
     }
 }

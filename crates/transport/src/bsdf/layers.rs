@@ -111,6 +111,11 @@ impl Layers {
         self.rough_coat && self.choice.facets > 0.0
     }
 
+    /// Neither a mirror nor anything that lets light pass.
+    pub(super) fn reflects_only(&self) -> bool {
+        self.rough_coat && self.passing <= 0.0
+    }
+
     pub(super) fn transmits_broadly(&self) -> bool {
         self.rough_pass && self.passing > 0.0 && self.base_color != Vec3::ZERO
     }

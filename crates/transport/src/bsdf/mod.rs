@@ -167,6 +167,19 @@ impl Bsdf {
         self.lambert * PI * self.layers.as_ref().map_or(1.0, Layers::base_share)
     }
 
+    /// A matt white surface, both normals on the viewer's side.
+    pub(crate) fn white(ng: Vec3, ns: Vec3) -> Bsdf {
+        Bsdf { ng, ns, lambert: Vec3::splat(FRAC_1_PI), layers: None }
+    }
+
+    /// Share of uniform light that all lobes together scatter towards the viewer, if each of them is broad: then it takes
+    /// little to know how much light arrives, and not from where.
+    pub(crate) fn broad_albedo(&self) -> Option<Vec3> {
+        let broad =
+            self.layers.as_ref().is_none_or(|layers| layers.reflects_only() && layers.facet_peak() < NARROW_PEAK);
+        broad.then(|| self.albedo_estimate())
+    }
+
     fn sample_diffuse(&self, u: [f32; 2]) -> Option<BsdfSample> {
         if self.lambert == Vec3::ZERO {
             return None;
@@ -231,6 +244,9 @@ impl Bsdf {
 
 /// An index of 0 means "reflects everything" in KHR_materials_ior; this one comes close and can be divided by.
 const MIN_IOR: f32 = 1e-3;
+
+/// Value of `f·|cosθ|`, 1/sr, from which a lobe shows a picture of what it reflects.
+const NARROW_PEAK: f32 = 0.5;
 
 /// Least cosine between viewer and shading normal: a viewer below the shading horizon would see no microfacet.
 const MIN_VIEW_COS: f32 = 0.01;

@@ -1,8 +1,11 @@
 //! Walks that share their indirect light: what a pixel sees itself, and what a node gathers for all pixels around it.
 
+use std::f32::consts::FRAC_1_PI;
+
 use glam::Vec3;
 
-use super::{Deposit, Integrator, LightPlan, Rivals, Scratch, Vertex, Walk};
+use super::{Deposit, Integrator, KnownAt, LightPlan, Rivals, Scratch, Vertex, Walk};
+use crate::bsdf::Bsdf;
 use crate::bvh::Ray;
 use crate::prepared::{SurfaceHit, next_after, offset_origin};
 use crate::sampler::Sampler;
@@ -92,11 +95,57 @@ impl<P: LightPlan> Integrator<'_, P> {
         let mut walk = Walk::from_camera(offset_origin(hit.position, outward), direction);
         // Emitters that whoever asks has sampled count next to nothing here.
         walk.density = f32::MIN_POSITIVE;
+        walk.sharpness = FRAC_1_PI;
         walk.sampled_at = Some(Vertex::First);
         walk.rival = Some(Vertex::First);
         walk.specular = false;
         walk.straight = false;
         walk.n_hits = 1;
         self.follow(walk, sampler, scratch, deposit);
+    }
+
+    /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point straight from all lights that
+    /// can be connected to.
+    pub(crate) fn gather_direct(
+        &self,
+        (hit, normal): (&SurfaceHit, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        let outward = if hit.normal.dot(normal) < 0.0 { -hit.normal } else { hit.normal };
+        let walk = Walk::from_camera(hit.position, -normal);
+        // A matt white surface without any rival.
+        let white = Bsdf::white(outward, normal);
+        self.connect(&walk, (Vertex::First, Rivals::Coat), (hit, &white), sampler, scratch, deposit);
+    }
+
+    /// Ends a walk where the light is known that the surface receives: `None` where it is not, else whether a narrow lobe
+    /// carries the walk on.
+    pub(super) fn hand_over(
+        &self,
+        walk: &mut Walk,
+        (hit, bsdf): (&SurfaceHit, &Bsdf),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) -> Option<bool> {
+        let broad = bsdf.broad_albedo();
+        let albedo = broad.unwrap_or_else(|| bsdf.base_albedo());
+        if walk.sharpness == f32::INFINITY || albedo == Vec3::ZERO || self.is_spent(walk) {
+            return None;
+        }
+        let normal = self.scene.smooth_normal(hit, walk.direction);
+        let at = KnownAt { hit, normal, weight: walk.throughput * albedo, density: walk.sharpness };
+        if !deposit.known(&at) {
+            return None;
+        }
+        if broad.is_some() {
+            return Some(false);
+        }
+        self.connect(walk, (Vertex::Later, Rivals::CoatAlone), (hit, bsdf), sampler, scratch, deposit);
+        walk.sampled_at = Some(Vertex::Later);
+        let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
+        Some(sample.is_some_and(|sample| self.leave(walk, hit, &sample, 1)))
     }
 }

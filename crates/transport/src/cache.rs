@@ -1,0 +1,114 @@
+//! Light that surfaces receive, known beforehand for cells of space: where a walk that gathers indirect light may end.
+//!
+//! A cell holds points that look the same way. For each cell the light of all columns is found once: what arrives straight
+//! from the lamps at a few of its points, and what a few walks bring from other cells, solved for all cells together by
+//! sweeps. Whoever asks sees a surface as one of the same mean light as its cell: right enough where it is seen by a broad
+//! lobe from a distance of some cells, and refused elsewhere. Both halves have light of their own, so that its noise is seen.
+
+mod cells;
+mod solve;
+
+use clerestory_nystrom::Half;
+use glam::Vec3;
+
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
+use crate::path::{Deposit, KnownAt, Scratch};
+use crate::prepared::SurfaceHit;
+use crate::sampler::Sampler;
+
+use cells::{Cells, Scout};
+
+/// How a cache is filled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct CachePlan {
+    /// Walks of a cell, for each half.
+    pub walks: u32,
+}
+
+/// Cells with their light.
+pub(crate) struct LightCache {
+    cells: Cells,
+    n_cols: usize,
+    /// Of each half: cell by cell three rows of all columns, mean radiance weighed by the cosine.
+    light: [Vec<f32>; 2],
+}
+
+/// Walks from each place that look for cells.
+const SCOUTS: u32 = 2;
+/// Times that new cells look for further ones.
+const GENERATIONS: u32 = 2;
+/// Most memory of the light.
+const MOST_BYTES: usize = 1 << 28;
+/// Cells at most, and at least where memory allows.
+const CELLS: [usize; 2] = [512, 8192];
+/// Stream of random numbers that neither pixels nor nodes use.
+const STREAM: u64 = 3 << 61;
+
+impl LightCache {
+    /// Fills a cache with what walks from the given places meet.
+    pub(crate) fn fill(matrix: &TransportMatrix<'_>, places: &[(SurfaceHit, Vec3)], plan: CachePlan) -> LightCache {
+        let n_cols = matrix.column_scale().len();
+        let most = (MOST_BYTES / (2 * CHANNELS * n_cols * 4)).clamp(CELLS[0], CELLS[1]);
+        let mut found = scout(matrix, places, STREAM);
+        let mut cells = Cells::fit(&found, most);
+        for generation in 1..=u64::from(GENERATIONS) {
+            let first_new = cells.add(&found, 2 * most);
+            let new: Vec<(SurfaceHit, Vec3)> = cells.places().skip(first_new).collect();
+            found = scout(matrix, &new, STREAM + (generation << 32));
+        }
+        cells.add(&found, 2 * most);
+        let light = [Half::A, Half::B].map(|half| solve::light(matrix, &cells, half, plan));
+        LightCache { cells, n_cols, light }
+    }
+
+    /// Adds the light of a cell to three rows, times a weight per channel.
+    fn add(&self, cell: u32, half: Half, weight: Vec3, rows: &mut [f32]) {
+        let len = CHANNELS * self.n_cols;
+        let light = &self.light[usize::from(half == Half::B)][cell as usize * len..][..len];
+        let (rows, light) = (rows.chunks_exact_mut(self.n_cols), light.chunks_exact(self.n_cols));
+        for ((rows, light), weight) in rows.zip(light).zip(weight.to_array()) {
+            rows.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
+        }
+    }
+}
+
+/// What walks from some places meet, in the order of the places.
+fn scout(matrix: &TransportMatrix<'_>, places: &[(SurfaceHit, Vec3)], stream: u64) -> Vec<(SurfaceHit, Vec3)> {
+    use rayon::prelude::*;
+    let search = |scratch: &mut Scratch, (nth, (hit, normal)): (usize, &(SurfaceHit, Vec3))| {
+        let mut scout = Scout::default();
+        for walk in 0..SCOUTS {
+            let mut sampler = Sampler::new(matrix.seed, stream + nth as u64, walk);
+            matrix.integrator.gather_indirect((hit, *normal), &mut sampler, scratch, &mut scout);
+        }
+        scout.found
+    };
+    let found: Vec<_> = places.par_iter().enumerate().map_init(Scratch::default, search).collect();
+    found.into_iter().flatten().collect()
+}
+
+/// Deposits to the rows of a pixel or node; walks end where the cache knows the light.
+pub(crate) struct CachedDeposit<'a, 'b> {
+    pub(crate) inner: RowDeposit<'a>,
+    pub(crate) cache: &'b LightCache,
+    pub(crate) half: Half,
+}
+
+impl Deposit for CachedDeposit<'_, '_> {
+    const KNOWS: bool = true;
+
+    #[inline]
+    fn scattered(&mut self, column: u32, value: Vec3) {
+        self.inner.scattered(column, value);
+    }
+
+    fn seen(&mut self, column: u32, value: Vec3) {
+        self.inner.seen(column, value);
+    }
+
+    fn known(&mut self, at: &KnownAt<'_>) -> bool {
+        let Some(cell) = self.cache.cells.find(at) else { return false };
+        self.cache.add(cell, self.half, at.weight, self.inner.rows());
+        true
+    }
+}

@@ -1,0 +1,114 @@
+//! Space divided into cells, each for points that look about the same way.
+
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
+
+use glam::Vec3;
+
+use crate::path::{Deposit, KnownAt};
+use crate::prepared::SurfaceHit;
+
+/// A point and the unit normal on the side from which it was seen.
+pub(super) type Place = (SurfaceHit, Vec3);
+
+/// Points that a cell keeps.
+pub(super) const POINTS: usize = 4;
+/// Cells that a walk must have come from afar for the cell to stand for the point.
+const AFAR: f32 = 2.0;
+/// Halvings in search of the size of a cell.
+const STEPS: u32 = 14;
+
+/// Cells that somebody met.
+pub(super) struct Cells {
+    side: f32,
+    index: HashMap<u64, u32>,
+    pub(super) points: Vec<Vec<Place>>,
+}
+
+impl Cells {
+    /// No cells yet, of a size at which the places found fill about `most`.
+    pub(super) fn fit(found: &[Place], most: usize) -> Cells {
+        let low = found.iter().fold(Vec3::INFINITY, |low, (hit, _)| low.min(hit.position));
+        let high = found.iter().fold(Vec3::NEG_INFINITY, |high, (hit, _)| high.max(hit.position));
+        let extent = (high - low).max_element();
+        let extent = if extent.is_finite() && extent > 0.0 { extent } else { 1.0 };
+        // The number of cells falls as they grow, more or less: bisection on the logarithm of the side.
+        let (mut small, mut large) = (extent / 8192.0, extent);
+        let mut keys = Vec::with_capacity(found.len());
+        for _ in 0..STEPS {
+            let side = (small * large).sqrt();
+            keys.clear();
+            keys.extend(found.iter().map(|place| key(place, side)));
+            keys.sort_unstable();
+            keys.dedup();
+            *(if keys.len() > most { &mut small } else { &mut large }) = side;
+        }
+        Cells { side: large, index: HashMap::new(), points: Vec::new() }
+    }
+
+    /// Makes cells for what was found, up to a number of cells; the first that is new.
+    pub(super) fn add(&mut self, found: &[Place], most: usize) -> usize {
+        let first_new = self.points.len();
+        for place in found {
+            match self.index.entry(key(place, self.side)) {
+                Entry::Occupied(cell) => {
+                    let points = &mut self.points[*cell.get() as usize];
+                    if points.len() < POINTS {
+                        points.push(*place);
+                    }
+                }
+                Entry::Vacant(slot) if self.points.len() < most => {
+                    slot.insert(self.points.len() as u32);
+                    self.points.push(vec![*place]);
+                }
+                Entry::Vacant(_) => {}
+            }
+        }
+        first_new
+    }
+
+    /// One point of each cell.
+    pub(super) fn places(&self) -> impl Iterator<Item = Place> {
+        self.points.iter().map(|points| points[0])
+    }
+
+    /// The cell that stands for a surface, if it is seen broadly enough.
+    #[inline]
+    pub(super) fn find(&self, at: &KnownAt<'_>) -> Option<u32> {
+        let reach = AFAR * self.side;
+        let sharpness = (at.density * std::f32::consts::PI).max(1.0);
+        if at.hit.t * at.hit.t < reach * reach * sharpness {
+            return None;
+        }
+        self.index.get(&key(&(*at.hit, at.normal), self.side)).copied()
+    }
+}
+
+/// Of a cell: 20 bits for each axis of its place, and which way it looks.
+fn key((hit, normal): &Place, side: f32) -> u64 {
+    const HALF_RANGE: f32 = 524_288.0;
+    let of_axis = |x: f32| ((x / side).floor().clamp(-HALF_RANGE, HALF_RANGE - 1.0) + HALF_RANGE) as u64;
+    let [x, y, z] = hit.position.to_array().map(of_axis);
+    let axis = normal.abs().max_position();
+    let looks = 2 * axis as u64 + u64::from(normal[axis] < 0.0);
+    (x << 40 | y << 20 | z) << 3 | looks
+}
+
+/// Remembers where walks could end.
+#[derive(Default)]
+pub(super) struct Scout {
+    pub(super) found: Vec<Place>,
+}
+
+impl Deposit for Scout {
+    const KNOWS: bool = true;
+
+    fn scattered(&mut self, _: u32, _: Vec3) {}
+
+    fn seen(&mut self, _: u32, _: Vec3) {}
+
+    fn known(&mut self, at: &KnownAt<'_>) -> bool {
+        self.found.push((*at.hit, at.normal));
+        true
+    }
+}
