@@ -36,7 +36,7 @@ pub struct ColumnGroup {
     pub preserved: Vec<f32>,
 }
 
-/// How many samples each row gets, per half: `batch`, then twice as many, until the tolerance is met.
+/// How many samples each row gets, per half: `min`, then twice as many, until the tolerance is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplePlan {
     /// Samples that are taken at a time.

@@ -122,7 +122,7 @@ where
         scratch.sparse.clear();
         scratch.merged = 0;
         let plan = self.config.samples;
-        let (mut taken, mut target) = (0, plan.batch.max(plan.min).min(plan.max));
+        let (mut taken, mut target) = (0, plan.min.max(1).min(plan.max));
         loop {
             if self.sample(taken..target, scratch).is_break() {
                 return Ok(None);

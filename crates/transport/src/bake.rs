@@ -91,19 +91,25 @@ pub enum Indirect {
 }
 
 impl Indirect {
-    /// Walks of a node over samples of a pixel, and their limits.
-    const NODE_WALKS_PER_SAMPLE: u32 = 4;
-    const NODE_WALKS: [u32; 2] = [32, 256];
+    /// Walks of a node for each half, of the preview and of a bake; and at which tolerance a bake takes the least.
+    const PREVIEW_WALKS: u32 = 16;
+    const NODE_WALKS: [u32; 2] = [32, 512];
+    const LEAST_UP_TO_DB: f32 = 32.0;
+    /// Walks of a cell for each half.
+    const CELL_WALKS: u32 = 16;
 
     /// Nodes of a pass with some samples per half; `None` is the preview.
-    fn nodes(self, samples: Option<u32>) -> Option<NodePlan> {
-        let [least, most] = Indirect::NODE_WALKS;
+    fn nodes(self, samples: Option<u32>, tolerance_db: f32) -> Option<NodePlan> {
+        let cache = CachePlan { walks: Indirect::CELL_WALKS };
         match (samples, self) {
-            (None, _) => Some(NodePlan { walks: least, outshines: 2.0, cache: CachePlan { walks: 16 } }),
+            (None, _) => Some(NodePlan { walks: Indirect::PREVIEW_WALKS, outshines: 2.0, cache }),
             (Some(_), Indirect::Traced) => None,
             (Some(n), Indirect::Shared) => {
-                let walks = n.saturating_mul(Indirect::NODE_WALKS_PER_SAMPLE).clamp(least, most);
-                Some(NodePlan { walks, outshines: 4.0, cache: CachePlan { walks: walks.clamp(16, 64) } })
+                let [least, most] = Indirect::NODE_WALKS;
+                // As exact as the tolerance asks for, but not far beyond what so few samples reach.
+                let asked = least as f32 * 10f32.powf(0.1 * (tolerance_db - Indirect::LEAST_UP_TO_DB));
+                let walks = (asked as u32).min(n.saturating_mul(8)).clamp(least, most);
+                Some(NodePlan { walks, outshines: 4.0, cache })
             }
         }
     }
@@ -126,6 +132,9 @@ pub enum Passes {
     /// All samples at once.
     FinalOnly,
 }
+
+/// Samples per half at which a block is first asked whether it is exact enough.
+const FIRST_LOOK: u32 = 2;
 
 /// Side of a block in pixels.
 pub const TILE: u32 = 16;
@@ -279,7 +288,11 @@ impl BakeJob {
     }
 
     fn plan(&self, density: Density, header: &BakeHeader) -> MatrixPlan {
-        MatrixPlan::new(&self.scene.lighting, density).fitted(&header.column_scale, &header.sky_reach)
+        let plan = MatrixPlan::new(&self.scene.lighting, density).fitted(&header.column_scale, &header.sky_reach);
+        match self.config.indirect {
+            Indirect::Shared => plan.for_short_walks(),
+            Indirect::Traced => plan,
+        }
     }
 
     fn matrix<'a>(&'a self, plan: &'a MatrixPlan) -> TransportMatrix<'a> {
@@ -368,7 +381,11 @@ impl BakeJob {
         });
         CompressConfig {
             groups: groups.collect(),
-            samples: SamplePlan { batch: samples_per_half.min(8), min: samples_per_half.min(8), max: samples_per_half },
+            samples: SamplePlan {
+                batch: samples_per_half.min(8),
+                min: samples_per_half.min(FIRST_LOOK),
+                max: samples_per_half,
+            },
             seed: self.config.seed,
             ..CompressConfig::default()
         }
@@ -423,7 +440,7 @@ impl Run<'_> {
                 &coarse
             }
         };
-        let nodes = match job.config.indirect.nodes(samples) {
+        let nodes = match job.config.indirect.nodes(samples, job.config.tolerance_db) {
             None => None,
             Some(plan) => {
                 let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });

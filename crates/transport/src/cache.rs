@@ -40,7 +40,7 @@ const GENERATIONS: u32 = 2;
 /// Most memory of the light.
 const MOST_BYTES: usize = 1 << 28;
 /// Cells at most, and at least where memory allows.
-const CELLS: [usize; 2] = [512, 8192];
+const CELLS: [usize; 2] = [512, 6144];
 /// Stream of random numbers that neither pixels nor nodes use.
 const STREAM: u64 = 3 << 61;
 

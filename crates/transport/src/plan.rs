@@ -54,7 +54,7 @@ pub enum Density {
 /// Columns of a panel that a later vertex connects to.
 const LATER_TEXELS: u32 = 8;
 /// Columns of lamps that a later vertex connects to: unlike texels each has a place of its own, and roulette takes the weak.
-const LATER_LAMPS: u32 = 32;
+const LATER_LAMPS: u32 = 16;
 /// Radiance, in peaks of its column, below which a connection is left to roulette.
 const ROULETTE_BELOW: f32 = 0.5;
 /// Radiance, in the unit of [`LightPlan::worth`], that a single pick of few may carry; where it would be more, all are taken.
@@ -83,7 +83,7 @@ impl MatrixPlan {
         // A fan over many columns is dear, so its vertex is used for several continuations.
         let splits = match first.len() {
             0..=8 => 1,
-            9..=64 => 2,
+            9..=32 => 2,
             _ => 4,
         };
         let (worth, first_rate) = (vec![f32::INFINITY; basis.n_cols()], vec![0.0; basis.n_cols()]);
@@ -94,6 +94,12 @@ impl MatrixPlan {
             plan.thinned = plan.thinned_panels(lighting);
         }
         plan
+    }
+
+    /// For walks that mostly end where the light is known: what they find themselves takes few picks.
+    pub fn for_short_walks(mut self) -> MatrixPlan {
+        self.later.iter_mut().for_each(|(_, n_picks)| *n_picks = (*n_picks).min(LATER_TEXELS));
+        self
     }
 
     /// Fitted to what pilots measured: what each column is multiplied by, and the mean of each patch of the sky.

@@ -13,8 +13,8 @@ pub(super) type Place = (SurfaceHit, Vec3);
 
 /// Points that a cell keeps.
 pub(super) const POINTS: usize = 4;
-/// Cells that a walk must have come from afar for the cell to stand for the point.
-const AFAR: f32 = 2.0;
+/// Sides of a cell that a walk must have come for the cell to stand for the point.
+const AFAR: f32 = 1.0;
 /// Halvings in search of the size of a cell.
 const STEPS: u32 = 14;
 
@@ -80,7 +80,20 @@ impl Cells {
         if at.hit.t * at.hit.t < reach * reach * sharpness {
             return None;
         }
-        self.index.get(&key(&(*at.hit, at.normal), self.side)).copied()
+        self.index.get(&key(&(*at.hit, at.normal), self.side)).copied().or_else(|| self.beside(at))
+    }
+
+    /// The nearest cell beside one that nobody met, for points that look the same way.
+    fn beside(&self, at: &KnownAt<'_>) -> Option<u32> {
+        let within = (at.hit.position / self.side).fract_gl() - 0.5;
+        let mut nearest_first = [0usize, 1, 2];
+        nearest_first.sort_by(|&a, &b| within[b].abs().total_cmp(&within[a].abs()));
+        let neighbor = |axis: usize| {
+            let mut hit = *at.hit;
+            hit.position[axis] += self.side.copysign(within[axis]);
+            self.index.get(&key(&(hit, at.normal), self.side)).copied()
+        };
+        nearest_first.into_iter().find_map(neighbor)
     }
 }
 
