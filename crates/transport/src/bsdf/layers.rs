@@ -405,12 +405,16 @@ impl<F: Film> Layers<F> {
     pub(super) fn albedo(&self, diffuse: Vec3) -> Vec3 {
         let cos = self.wo.z;
         let [per_f0, per_f90] = self.coat.albedo(cos);
-        let (coated, metal) = match self.film.film() {
-            Some(film) => (film.dielectric(cos) * (per_f0 + per_f90), film.metal(cos) * (per_f0 + per_f90)),
-            None => (
+        let [coated, metal] = match self.film.film() {
+            Some(film) => [film.dielectric(cos), film.metal(cos)].map(|reflected| {
+                let grazing = grazing(cos).min(0.999);
+                let f0 = (reflected - Vec3::splat(grazing)) / (1.0 - grazing);
+                f0.clamp(Vec3::ZERO, Vec3::ONE) * per_f0 + Vec3::splat(per_f90)
+            }),
+            None => [
                 self.dielectric.f0 * per_f0 + Vec3::splat(self.dielectric.f90 * per_f90),
                 self.base_color * per_f0 + Vec3::splat(per_f90),
-            ),
+            ],
         };
         let passing = self.passing_reflectance(cos) * self.passing + self.transmittance(cos);
         let unshadowed = match self.behind {

@@ -118,7 +118,11 @@ impl Fibers {
 
     /// \[Estevez2017, eq. 3\]
     fn lambda(&self, cos: f32) -> f32 {
-        if cos < 0.5 { self.ln_lambda(cos).exp() } else { (2.0 * self.ln_lambda(0.5) - self.ln_lambda(1.0 - cos)).exp() }
+        if cos < 0.5 {
+            self.ln_lambda(cos).exp()
+        } else {
+            (2.0 * self.ln_lambda(0.5) - self.ln_lambda(1.0 - cos)).exp()
+        }
     }
 
     fn ln_lambda(&self, x: f32) -> f32 {

@@ -3,8 +3,8 @@
 use glam::Vec3;
 use gltf::json::material::NormalTexture;
 use gltf::json::texture::Info;
-use serde::de::DeserializeOwned;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use super::document::plain_use;

@@ -183,7 +183,13 @@ impl Converter<'_> {
         value
     }
 
-    pub(super) fn unit_factors<const N: usize>(&mut self, values: [f32; N], fallback: f32, name: &str, what: &str) -> [f32; N] {
+    pub(super) fn unit_factors<const N: usize>(
+        &mut self,
+        values: [f32; N],
+        fallback: f32,
+        name: &str,
+        what: &str,
+    ) -> [f32; N] {
         self.factors(values, 1.0, fallback, name, what)
     }
 

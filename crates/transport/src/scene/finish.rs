@@ -88,8 +88,7 @@ impl Finish {
     /// The texture whose coordinates tangents follow: of the coat's normal map or of the anisotropy, which without one
     /// goes by the first set. `None` where no tangents are needed.
     pub fn tangent_map(&self) -> Option<TextureRef> {
-        let first_set =
-            TextureRef { texture: 0, uv_set: 0, transform: Affine2::IDENTITY, encoding: Encoding::Linear };
+        let first_set = TextureRef { texture: 0, uv_set: 0, transform: Affine2::IDENTITY, encoding: Encoding::Linear };
         let stretched = (self.anisotropy > 0.0).then(|| self.anisotropy_texture.unwrap_or(first_set));
         self.clearcoat_normal_texture.filter(|_| self.clearcoat > 0.0).or(stretched)
     }
