@@ -55,7 +55,7 @@ impl Pose {
         Pose { frame: [tangent, bitangent, ns], wo, eta, alpha: [roughness * roughness; 2] }
     }
 
-    /// Facets whose roughness grows with `strength` 0…1 along a direction. [glTF2, KHR_materials_anisotropy]
+    /// Facets whose roughness grows with `strength` 0…1 along a direction. \[glTF2, KHR_materials_anisotropy\]
     pub(super) fn stretched(self, along: Vec3, strength: f32) -> Pose {
         let [_, _, ns] = self.frame;
         let Some(tangent) = (along - ns * ns.dot(along)).try_normalize() else { return self };

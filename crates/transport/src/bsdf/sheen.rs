@@ -116,7 +116,7 @@ impl Fibers {
         (2.0 + self.inverse_alpha) * sin2.powf(0.5 * self.inverse_alpha) / TAU
     }
 
-    /// \[Estevez2017, eq. 3\]
+    /// The fit of the shadowing. \[Estevez2017\]
     fn lambda(&self, cos: f32) -> f32 {
         if cos < 0.5 {
             self.ln_lambda(cos).exp()
