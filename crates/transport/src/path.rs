@@ -142,6 +142,8 @@ struct LightPoint {
     factor: Vec3,
     /// One over the solid-angle density, 0 for lights without size.
     spread_sr: f32,
+    /// Whether it shines from infinitely far away.
+    beyond: bool,
 }
 
 /// Surfaces after which roulette begins.
@@ -321,15 +323,18 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let inside = sample.wi.dot(hit.normal) < 0.0;
         walk.origin = offset_origin(hit.position, if inside { -hit.normal } else { hit.normal });
         if sample.transmitted && self.scene.attenuates {
-            let material = self.scene.material(hit.triangle);
-            let solid = material.thickness > 0.0 && material.attenuation_distance.is_finite();
-            walk.extinction = if solid && inside {
-                -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance
-            } else {
-                Vec3::ZERO
-            };
+            walk.extinction = self.extinction_behind(hit, !inside);
         }
         true
+    }
+
+    /// Extinction of what a ray enters that passes a surface, coming `from_back` or from its front, 1/m.
+    fn extinction_behind(&self, hit: &SurfaceHit, from_back: bool) -> Vec3 {
+        let material = self.scene.material(hit.triangle);
+        if from_back || material.thickness <= 0.0 || !material.attenuation_distance.is_finite() {
+            return Vec3::ZERO;
+        }
+        -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance
     }
 
     /// Next-event estimation: connects a vertex to the columns that the plan picks.
@@ -348,6 +353,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let front = hit.normal.dot(walk.direction) < 0.0;
         let outward = if front { hit.normal } else { -hit.normal };
         let origin = offset_origin(hit.position, outward);
+        // Walks to the same lights are attenuated as well, but for those that never end.
+        let media = self.scene.attenuates.then(|| [walk.extinction, self.extinction_behind(hit, !front)]);
         let mut fan = Fan::new(origin);
         for (nth, pick) in scratch.picks.iter().enumerate() {
             let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else {
@@ -355,6 +362,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             };
             let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
             let mut value = walk.throughput * f_cos * light.factor * pick.inverse_rate;
+            if let (Some([before, behind]), false) = (media, light.beyond) {
+                let extinction = if light.wi.dot(outward) > 0.0 { before } else { behind };
+                value *= (-extinction * light.target.distance(hit.position)).exp();
+            }
             if value.max_element() <= 0.0 {
                 continue;
             }
@@ -403,7 +414,13 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             }
             Emitter::Punctual(light) if light.kind == PunctualKind::Directional => {
                 let wi = -light.direction;
-                Some(LightPoint { target: position + wi * self.far, wi, factor: Vec3::ONE, spread_sr: 0.0 })
+                Some(LightPoint {
+                    target: position + wi * self.far,
+                    wi,
+                    factor: Vec3::ONE,
+                    spread_sr: 0.0,
+                    beyond: true,
+                })
             }
             Emitter::Punctual(light) => {
                 let to_light = light.position - position;
@@ -416,6 +433,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                     wi,
                     factor,
                     spread_sr: 0.0,
+                    beyond: false,
                 })
             }
             sky => {
@@ -531,7 +549,13 @@ fn area_point(
     let cos = -wi.dot(normal);
     let cos = if double_sided { cos.abs() } else { cos };
     let spread_sr = cos * area * closeness;
-    (cos > 0.0 && closeness.is_finite()).then_some(LightPoint { target, wi, factor: radiance * spread_sr, spread_sr })
+    (cos > 0.0 && closeness.is_finite()).then_some(LightPoint {
+        target,
+        wi,
+        factor: radiance * spread_sr,
+        spread_sr,
+        beyond: false,
+    })
 }
 
 /// Share of one of two ways to sample the same path, by squared densities. \[Veach1995\]

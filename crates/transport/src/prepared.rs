@@ -1,8 +1,8 @@
 //! A scene made ready for rays: bounding volume hierarchies, lights, and surface lookups.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
-use crate::bsdf::{self, Bsdf};
+use crate::bsdf::{self, Bsdf, Frame};
 use crate::bvh::{Bvh, Hit, Ray};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
@@ -187,9 +187,10 @@ impl PreparedScene {
         let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
         let w = hit.barycentric;
         let uvs = self.uvs(hit.triangle, w);
-        let mut ns = self.vertex_normal(hit);
-        if material.normal_texture.is_some() && !mesh.tangents.is_empty() {
-            let tangent = mesh.tangents[a] * w.x + mesh.tangents[b] * w.y + mesh.tangents[c] * w.z;
+        let vertex_normal = self.vertex_normal(hit);
+        let (mut ns, mut tangent) = (vertex_normal, Vec4::ZERO);
+        if (material.normal_texture.is_some() || material.finish.is_some()) && !mesh.tangents.is_empty() {
+            tangent = mesh.tangents[a] * w.x + mesh.tangents[b] * w.y + mesh.tangents[c] * w.z;
             ns = bsdf::shading_normal(material, &self.scene.textures, uvs, ns, tangent);
             if ns.dot(hit.normal) <= 0.0 {
                 ns = hit.normal;
@@ -197,7 +198,10 @@ impl PreparedScene {
         }
         let color = self.vertex_color(hit.triangle, w);
         let params = bsdf::surface_params(material, &self.scene.textures, uvs, color);
-        Bsdf::new(&params, hit.normal, ns, wo)
+        let Some(finish) = &material.finish else { return Bsdf::new(&params, hit.normal, ns, wo) };
+        let frame = Frame { vertex_normal, shading_normal: ns, tangent };
+        let finish = bsdf::finish_params(finish, &self.scene.textures, uvs, frame);
+        Bsdf::finished(&params, &finish, hit.normal, ns, wo)
     }
 
     /// Column and white radiance that a surface sends towards `wo`, `None` where it emits nothing that way.

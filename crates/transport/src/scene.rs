@@ -3,12 +3,16 @@
 //! Node transforms are already applied: one flat mesh, meters, +Y up, counter-clockwise front faces (a mirrored node has
 //! had its triangles turned round).
 
+mod finish;
+
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
 use crate::camera::Camera;
 use crate::photometry::PhotometricProfile;
+
+pub use self::finish::Finish;
 
 /// A scene in world space.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +53,7 @@ pub struct Mesh {
     pub positions: Vec<Vec3>,
     /// Unit shading normals.
     pub normals: Vec<Vec3>,
-    /// Unit tangents, `w` the sign of the bitangent; empty when no material of the scene has a normal map.
+    /// Unit tangents, `w` the sign of the bitangent; empty when no material of the scene needs them.
     pub tangents: Vec<Vec4>,
     /// Two UV sets, each empty when no vertex has it.
     pub uvs: [Vec<Vec2>; 2],
@@ -149,6 +153,8 @@ pub struct Material {
     pub attenuation_color: Vec3,
     /// Meters; infinite without attenuation.
     pub attenuation_distance: f32,
+    /// Clear coat, sheen, anisotropy, iridescence and diffuse transmission, where there is any.
+    pub finish: Option<Box<Finish>>,
 }
 
 impl Default for Material {
@@ -179,6 +185,7 @@ impl Default for Material {
             thickness: 0.0,
             attenuation_color: Vec3::ONE,
             attenuation_distance: f32::INFINITY,
+            finish: None,
         }
     }
 }
@@ -198,8 +205,14 @@ impl Material {
     /// thickness, or without an interface. Shadow rays pass it as walks do.
     pub fn is_clear_pane(&self) -> bool {
         let (matched, smooth) = (crate::bsdf::is_matched(self.ior), crate::bsdf::is_mirror(self.roughness));
+        let smooth = smooth && self.finish.as_ref().is_none_or(|finish| finish.anisotropy <= 0.0);
         let absorbs = self.thickness > 0.0 && self.attenuation_distance.is_finite();
         !self.unlit && self.transmission > 0.0 && !absorbs && (matched || (smooth && self.thickness == 0.0))
+    }
+
+    /// The texture whose coordinates tangents follow, `None` where the material needs none.
+    pub fn tangent_map(&self) -> Option<TextureRef> {
+        self.normal_texture.or_else(|| self.finish.as_ref().and_then(|finish| finish.tangent_map()))
     }
 }
 

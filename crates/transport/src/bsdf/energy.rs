@@ -117,15 +117,15 @@ fn coat_albedo(alpha: f32, wo: Vec3) -> Split {
         let x = grazing(wo.z);
         return [1.0 - x, x];
     }
-    let ggx = Ggx::new(alpha);
-    let lambda_o = ggx.lambda(wo.z);
+    let ggx = Ggx::round(alpha);
+    let lambda_o = ggx.lambda(wo);
     let [mut per_f0, mut per_f90] = [0.0, 0.0];
     for u in grid() {
         let wm = ggx.sample(wo, u);
         let cos_half = wo.dot(wm);
-        let cos_i = 2.0 * cos_half * wm.z - wo.z;
-        if cos_i > 0.0 {
-            let weight = (1.0 + lambda_o) / (1.0 + lambda_o + ggx.lambda(cos_i));
+        let wi = wm * (2.0 * cos_half) - wo;
+        if wi.z > 0.0 {
+            let weight = (1.0 + lambda_o) / (1.0 + lambda_o + ggx.lambda(wi));
             per_f0 += weight * (1.0 - grazing(cos_half));
             per_f90 += weight * grazing(cos_half);
         }

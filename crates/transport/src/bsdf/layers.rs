@@ -1,19 +1,21 @@
 //! Metal, coat and transmission in the frame whose z axis is the shading normal on the viewer's side.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 
 use super::energy::Coat;
+use super::film::{Film, NoFilm, ThinFilm};
 use super::fresnel::{self, Schlick, grazing};
 use super::ggx::Ggx;
+use super::pose::Pose;
 use super::{Parts, SurfaceParams, cosine_direction};
 
 /// Below this α a lobe is a mirror.
-const MIRROR_ALPHA: f32 = 1e-3;
+pub(super) const MIRROR_ALPHA: f32 = 1e-3;
 /// Least share of the samples that goes to a broad coat: its reflectance away from the mirror direction can be far higher
 /// than the one that the choice of lobes looks at.
-const MIN_COAT_SHARE: f32 = 0.1;
+pub(super) const MIN_COAT_SHARE: f32 = 0.1;
 
 /// What lies behind the interface.
 #[derive(Clone, Copy, Debug)]
@@ -37,11 +39,13 @@ struct Choice {
 
 /// All lobes of a surface that is more than diffuse.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Layers {
+pub(super) struct Layers<F = NoFilm> {
     frame: [Vec3; 3],
     wo: Vec3,
     base_color: Vec3,
+    /// Reflection over the diffuse base; under a film a bound of it, and the film knows the rest.
     dielectric: Schlick,
+    film: F,
     /// Shares of metal, of dielectric over a diffuse base, and of dielectric that lets light pass. They add up to 1.
     metal: f32,
     opaque: f32,
@@ -56,43 +60,55 @@ pub(super) struct Layers {
     choice: Choice,
 }
 
-impl Layers {
-    /// `ns` · `wo` > 0; `eta` is the index behind the surface over the one in front, as the viewer sees it.
-    pub(super) fn new(params: &SurfaceParams, ns: Vec3, wo: Vec3, eta: f32) -> Layers {
-        let (tangent, bitangent) = ns.any_orthonormal_pair();
-        let dielectric = Schlick::dielectric(params.ior, params.specular, params.specular_color);
-        let alpha = params.roughness * params.roughness;
-        let rough_coat = !is_mirror(params.roughness);
+impl<F: Film> Layers<F> {
+    /// `lambert` is the albedo of the diffuse base over π.
+    pub(super) fn new(params: &SurfaceParams, pose: &Pose, lambert: Vec3, film: F) -> Layers<F> {
+        let [tangent, bitangent, ns] = pose.frame;
+        let plain = Schlick::dielectric(params.ior, params.specular, params.specular_color);
+        let dielectric = film.film().map_or(plain, ThinFilm::bound);
+        let rough_coat = pose.alpha[0] >= MIRROR_ALPHA;
         let matched = fresnel::is_matched(params.ior);
         let bends = params.thickness > 0.0 && !matched;
-        let ggx = Ggx::new(alpha);
-        let coat_alpha = if rough_coat { alpha } else { 0.0 };
+        let ggx = Ggx::new(pose.alpha);
+        // The narrower width has the higher albedo.
+        let coat_alpha = if rough_coat { pose.alpha[0].min(pose.alpha[1]) } else { 0.0 };
         let coat = Coat::new(coat_alpha, dielectric.f0.max_element(), dielectric.f90);
-        let wo = Vec3::new(wo.dot(tangent), wo.dot(bitangent), wo.dot(ns));
+        let wo = Vec3::new(pose.wo.dot(tangent), pose.wo.dot(bitangent), pose.wo.dot(ns));
         let mut layers = Layers {
-            frame: [tangent, bitangent, ns],
+            frame: pose.frame,
             wo,
             base_color: params.base_color,
             dielectric,
+            film,
             metal: params.metallic,
             opaque: (1.0 - params.metallic) * (1.0 - params.transmission),
             passing: (1.0 - params.metallic) * params.transmission,
-            behind: if bends { Behind::Solid { eta } } else { Behind::ThinWall },
+            behind: if bends { Behind::Solid { eta: pose.eta } } else { Behind::ThinWall },
             ggx,
-            lambda_o: ggx.lambda(wo.z),
+            lambda_o: ggx.lambda(wo),
             rough_coat,
             rough_pass: rough_coat && !matched,
             coat,
             allowance_o: coat.allowance(wo.z),
             choice: Choice { diffuse: 0.0, facets: 0.0, mirror: 0.0, clear: 0.0 },
         };
-        layers.choice = layers.choose();
+        layers.choice = layers.choose(lambert);
         layers
     }
 
     /// Towards the viewer, in the local frame.
     pub(super) fn viewer(&self) -> Vec3 {
         self.wo
+    }
+
+    /// Unit shading normal in world space.
+    pub(super) fn normal(&self) -> Vec3 {
+        self.frame[2]
+    }
+
+    /// Tangent, bitangent and normal in world space.
+    pub(super) fn frame(&self) -> [Vec3; 3] {
+        self.frame
     }
 
     #[inline]
@@ -123,19 +139,32 @@ impl Layers {
     /// Share of light that a facet reflects.
     #[inline]
     fn reflectance(&self, cos: f32) -> Vec3 {
+        let mut sum = self.passing_reflectance(cos) * self.passing;
         let grazing = grazing(cos);
-        let coat = self.dielectric.at(grazing);
-        let metal = self.base_color + (Vec3::ONE - self.base_color) * grazing;
-        metal * self.metal + coat * self.opaque + self.passing_reflectance(cos) * self.passing
+        if self.film.film().is_none() || self.opaque > 0.0 {
+            sum += self.dielectric_reflectance(cos, grazing) * self.opaque;
+        }
+        match self.film.film() {
+            None => sum += (self.base_color + (Vec3::ONE - self.base_color) * grazing) * self.metal,
+            Some(film) if self.metal > 0.0 => sum += film.metal(cos) * self.metal,
+            Some(_) => {}
+        }
+        sum
+    }
+
+    #[inline]
+    fn dielectric_reflectance(&self, cos: f32, grazing: f32) -> Vec3 {
+        self.film.film().map_or_else(|| self.dielectric.at(grazing), |film| film.dielectric(cos))
     }
 
     /// Share of light that a facet reflects where it lets the rest pass.
     #[inline]
     fn passing_reflectance(&self, cos: f32) -> Vec3 {
-        match self.behind {
+        match (self.behind, self.film.film()) {
             _ if self.passing <= 0.0 => Vec3::ZERO,
-            Behind::ThinWall => self.dielectric.at(grazing(cos)),
-            Behind::Solid { eta } => Vec3::splat(fresnel::dielectric(cos, eta)),
+            (Behind::ThinWall, _) => self.dielectric_reflectance(cos, grazing(cos)),
+            (Behind::Solid { eta }, None) => Vec3::splat(fresnel::dielectric(cos, eta)),
+            (Behind::Solid { eta }, Some(film)) => film.solid(cos, eta),
         }
     }
 
@@ -159,13 +188,13 @@ impl Layers {
         if !self.rough_coat {
             return 0.0;
         }
-        let facing = self.ggx.d(Vec3::Z) / (4.0 * self.wo.z) * self.g2(self.wo.z);
+        let facing = self.ggx.d(Vec3::Z) / (4.0 * self.wo.z) * self.g2(self.wo);
         self.reflectance(self.wo.z).max_element() * facing
     }
 
-    fn choose(&self) -> Choice {
+    fn choose(&self, lambert: Vec3) -> Choice {
         let cos = self.wo.z;
-        let diffuse = mean(self.base_color) * self.opaque * self.coat.base_share(cos);
+        let diffuse = mean(lambert) * PI * self.coat.base_share(cos);
         let (reflected, passed) = (mean(self.reflectance(cos)), mean(self.transmittance(cos)));
         let (mirror, mut facets) = if self.rough_coat { (0.0, reflected) } else { (reflected, 0.0) };
         let mut clear = passed;
@@ -202,8 +231,8 @@ impl Layers {
 
     /// Share of the facets seen by the viewer and from another direction, correlated by height. \[Heitz2014\]
     #[inline]
-    fn g2(&self, cos_i: f32) -> f32 {
-        1.0 / (1.0 + self.lambda_o + self.ggx.lambda(cos_i))
+    fn g2(&self, wi: Vec3) -> f32 {
+        1.0 / (1.0 + self.lambda_o + self.ggx.lambda(wi))
     }
 
     /// `f·|cosθ|` and density of a local direction; `cos_g` is its cosine with the geometric normal.
@@ -232,16 +261,29 @@ impl Layers {
         let cos_half = self.wo.dot(wm);
         let mut parts = Parts::default();
         if lambert != Vec3::ZERO {
-            let coat = self.dielectric.at(grazing(cos_half)).max_element();
-            let allowance = if wi.z < self.wo.z { self.coat.allowance(wi.z) } else { self.allowance_o };
-            parts.base = lambert * ((1.0 - coat) * allowance * wi.z);
+            parts.base = lambert * (self.coupling(cos_half, wi.z) * wi.z);
         }
         if self.rough_coat {
             let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
-            parts.coat = self.reflectance(cos_half) * (quarter * self.g2(wi.z));
+            parts.coat = self.reflectance(cos_half) * (quarter * self.g2(wi));
             parts.coat_pdf = self.choice.facets * self.reflect_probability(cos_half) * quarter * self.g1();
         }
         parts
+    }
+
+    /// Share of the light from a cosine that gets through the coat to the diffuse base and out again.
+    #[inline]
+    fn coupling(&self, cos_half: f32, cos_i: f32) -> f32 {
+        let coat = self.dielectric.at(grazing(cos_half)).max_element();
+        let allowance = if cos_i < self.wo.z { self.coat.allowance(cos_i) } else { self.allowance_o };
+        (1.0 - coat) * allowance
+    }
+
+    /// `f·|cosθ|` of a diffuse base of this albedo over π that sends its light to the other side; `wi.z` < 0.
+    pub(super) fn eval_diffuse_through(&self, wi: Vec3, through: Vec3) -> Vec3 {
+        let mirrored = Vec3::new(wi.x, wi.y, -wi.z);
+        let cos_half = self.wo.dot((mirrored + self.wo).normalize());
+        through * (self.coupling(cos_half, mirrored.z) * mirrored.z)
     }
 
     /// [`Layers::eval`] with the diffuse base apart.
@@ -269,7 +311,7 @@ impl Layers {
         let wm = (mirrored + self.wo).normalize();
         let cos_half = self.wo.dot(wm);
         let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
-        let value = self.transmittance(cos_half) * (quarter * self.g2(mirrored.z));
+        let value = self.transmittance(cos_half) * (quarter * self.g2(mirrored));
         let passed = 1.0 - self.reflect_probability(cos_half);
         (value, self.choice.facets * passed * quarter * self.g1())
     }
@@ -286,7 +328,7 @@ impl Layers {
         let root = cos_i + cos_o / eta;
         let jacobian = -cos_i / (root * root);
         let density = self.ggx.d(wm) * cos_o / self.wo.z * jacobian;
-        let value = self.transmittance(cos_o) * (density * self.g2(wi.z) / (eta * eta));
+        let value = self.transmittance(cos_o) * (density * self.g2(wi) / (eta * eta));
         let passed = 1.0 - self.reflect_probability(cos_o);
         (value, self.choice.facets * passed * density * self.g1())
     }
@@ -339,8 +381,17 @@ impl Layers {
     pub(super) fn albedo(&self, diffuse: Vec3) -> Vec3 {
         let cos = self.wo.z;
         let [per_f0, per_f90] = self.coat.albedo(cos);
-        let coated = self.dielectric.f0 * per_f0 + Vec3::splat(self.dielectric.f90 * per_f90);
-        let metal = self.base_color * per_f0 + Vec3::splat(per_f90);
+        let [coated, metal] = match self.film.film() {
+            Some(film) => [film.dielectric(cos), film.metal(cos)].map(|reflected| {
+                let grazing = grazing(cos).min(0.999);
+                let f0 = (reflected - Vec3::splat(grazing)) / (1.0 - grazing);
+                f0.clamp(Vec3::ZERO, Vec3::ONE) * per_f0 + Vec3::splat(per_f90)
+            }),
+            None => [
+                self.dielectric.f0 * per_f0 + Vec3::splat(self.dielectric.f90 * per_f90),
+                self.base_color * per_f0 + Vec3::splat(per_f90),
+            ],
+        };
         let passing = self.passing_reflectance(cos) * self.passing + self.transmittance(cos);
         let unshadowed = match self.behind {
             Behind::ThinWall => per_f0 + per_f90,
@@ -356,6 +407,6 @@ pub(crate) fn is_mirror(roughness: f32) -> bool {
     roughness * roughness < MIRROR_ALPHA
 }
 
-fn mean(color: Vec3) -> f32 {
+pub(super) fn mean(color: Vec3) -> f32 {
     (color.x + color.y + color.z) * (1.0 / 3.0)
 }

@@ -1,4 +1,5 @@
-//! How a surface scatters light: glTF 2.0 Appendix B with its transmission, volume, ior and specular extensions.
+//! How a surface scatters light: glTF 2.0 Appendix B with its transmission, volume, ior and specular extensions, and those
+//! of a [`crate::scene::Finish`].
 //!
 //! A metal is a GGX lobe with the base color as its reflectance. A dielectric is a GGX coat over a diffuse base that sees
 //! `1 − F(V·H)` of the light (and no more than energy allows, see `energy`). Transmission takes a share of the diffuse
@@ -6,13 +7,22 @@
 //! in the opaque case; a solid has the exact reflectance of its index, so that total reflection is right, and ignores
 //! specular strength and color. Without coat, metal and transmission the model is exactly Lambert's.
 //!
+//! Stretched highlights are the same layers in a turned frame. Clear coat, sheen, thin films and diffuse transmission live
+//! in a `Stack` around them, which only surfaces that have one of these pay for.
+//!
 //! Directions are unit vectors in world space that point away from the surface. Surfaces scatter on both sides.
 
+mod clearcoat;
 mod energy;
+mod film;
+mod finish;
 mod fresnel;
 mod ggx;
 mod layers;
 mod params;
+mod pose;
+mod sheen;
+mod stack;
 #[cfg(test)]
 mod tests;
 
@@ -20,15 +30,19 @@ use std::f32::consts::{FRAC_1_PI, PI, TAU};
 
 use glam::Vec3;
 
+pub use self::finish::{FinishParams, Frame, finish_params};
 pub use self::params::{SurfaceParams, alpha, shading_normal, surface_params};
 
 pub(crate) use self::fresnel::is_matched;
 pub(crate) use self::layers::is_mirror;
 
+use self::film::NoFilm;
 use self::layers::Layers;
+use self::pose::{Facing, Pose, turned_to_viewer};
+use self::stack::{Drawn, Stack};
 
 /// Scattering at one point towards one viewer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Bsdf {
     /// Geometric normal on the viewer's side.
     ng: Vec3,
@@ -36,8 +50,18 @@ pub struct Bsdf {
     ns: Vec3,
     /// Diffuse albedo over π.
     lambert: Vec3,
-    /// Everything but a plain diffuse surface.
-    layers: Option<Layers>,
+    lobes: Lobes,
+}
+
+/// What there is besides a diffuse base.
+#[derive(Clone, Debug)]
+enum Lobes {
+    /// Nothing.
+    None,
+    /// Metal, coat and transmission.
+    Layers(Layers),
+    /// These and more.
+    Stack(Box<Stack>),
 }
 
 /// Whether a sampled direction came from a lobe with a density.
@@ -81,28 +105,54 @@ impl Bsdf {
     /// `ng` is the geometric normal of the front side, `ns` a shading normal on the same side; `wo` may be on either side,
     /// and decides whether a solid is entered or left.
     pub fn new(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Bsdf {
-        let entering = ng.dot(wo) >= 0.0;
-        let ns = if ns.dot(ng) > 0.0 { ns } else { ng };
-        let (ng, ns) = if entering { (ng, ns) } else { (-ng, -ns) };
+        let Facing { ng, ns, eta } = Facing::new(params, ng, ns, wo);
         let opaque = (1.0 - params.metallic) * (1.0 - params.transmission);
         let lambert = params.base_color * (opaque * FRAC_1_PI);
         let is_lambert = params.metallic <= 0.0
             && params.transmission <= 0.0
             && (params.specular <= 0.0 || fresnel::is_matched(params.ior));
         if is_lambert {
-            return Bsdf { ng, ns, lambert, layers: None };
+            return Bsdf { ng, ns, lambert, lobes: Lobes::None };
         }
-        let ns = turned_to_viewer(ns, wo);
-        let eta = if entering { params.ior.max(MIN_IOR) } else { 1.0 / params.ior.max(MIN_IOR) };
-        Bsdf { ng, ns, lambert, layers: Some(Layers::new(params, ns, wo, eta)) }
+        let pose = Pose::round(turned_to_viewer(ns, wo), wo, eta, params.roughness);
+        let layers = Layers::new(params, &pose, lambert, NoFilm);
+        Bsdf { ng, ns: pose.frame[2], lambert, lobes: Lobes::Layers(layers) }
+    }
+
+    /// [`Bsdf::new`] of a surface with a finish, which costs more.
+    pub fn finished(params: &SurfaceParams, finish: &FinishParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Bsdf {
+        let (stretched, stacked) = (finish.anisotropy > 0.0, finish.is_stacked());
+        if !stretched && !stacked {
+            return Bsdf::new(params, ng, ns, wo);
+        }
+        let front = ng;
+        let Facing { ng, ns, eta } = Facing::new(params, ng, ns, wo);
+        let mut pose = Pose::round(turned_to_viewer(ns, wo), wo, eta, params.roughness);
+        if stretched {
+            pose = pose.stretched(finish.anisotropy_direction, finish.anisotropy.min(1.0));
+        }
+        let opaque = (1.0 - params.metallic) * (1.0 - params.transmission) * FRAC_1_PI;
+        let passing = finish.diffuse_transmission.clamp(0.0, 1.0);
+        let lambert = params.base_color * (opaque * (1.0 - passing));
+        let lobes = if stacked {
+            let color = finish.diffuse_transmission_color.clamp(Vec3::ZERO, Vec3::ONE);
+            let coat_normal = if front == ng { finish.clearcoat_normal } else { -finish.clearcoat_normal };
+            let coat_normal = if coat_normal.dot(ng) > 0.0 { coat_normal } else { ng };
+            let albedos = [lambert, color * (opaque * passing)];
+            Lobes::Stack(Box::new(Stack::new(params, finish, &pose, albedos, coat_normal)))
+        } else {
+            Lobes::Layers(Layers::new(params, &pose, lambert, NoFilm))
+        };
+        Bsdf { ng, ns: pose.frame[2], lambert, lobes }
     }
 
     /// `f·|cosθ|` of all lobes with a density, and the density with which [`Bsdf::sample`] chooses `wi`.
     #[inline]
     pub fn eval(&self, wi: Vec3) -> (Vec3, f32) {
-        match &self.layers {
-            None => self.eval_diffuse(wi),
-            Some(layers) => layers.eval(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
+        match &self.lobes {
+            Lobes::None => self.eval_diffuse(wi),
+            Lobes::Layers(layers) => layers.eval(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
+            Lobes::Stack(stack) => stack.eval(wi, wi.dot(self.ng), self.lambert),
         }
     }
 
@@ -119,13 +169,17 @@ impl Bsdf {
     /// Whether there is nothing but a diffuse lobe without coat.
     #[inline]
     pub fn is_diffuse(&self) -> bool {
-        self.layers.is_none()
+        matches!(self.lobes, Lobes::None)
     }
 
     /// Chooses a lobe by `u_lobe` and a direction in it by `u`, all uniform in [0, 1). `None` where the light is absorbed:
     /// directions on the wrong side of the geometry are, and `eval` is 0 there as well.
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        let Some(layers) = &self.layers else { return self.sample_diffuse(u) };
+        let layers = match &self.lobes {
+            Lobes::None => return self.sample_diffuse(u),
+            Lobes::Layers(layers) => layers,
+            Lobes::Stack(stack) => return self.sample_stack(stack, u_lobe, u),
+        };
         let (local, delta) = layers.sample(u_lobe, u)?;
         let wi = layers.world_from_local(local);
         let cos_g = wi.dot(self.ng);
@@ -144,39 +198,68 @@ impl Bsdf {
     /// [`Bsdf::eval`] with the diffuse base apart.
     #[inline]
     pub fn eval_parts(&self, wi: Vec3) -> Parts {
-        match &self.layers {
-            None => Parts { base: self.eval_diffuse(wi).0, ..Parts::default() },
-            Some(layers) => layers.eval_parts(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
+        match &self.lobes {
+            Lobes::None => Parts { base: self.eval_diffuse(wi).0, ..Parts::default() },
+            Lobes::Layers(layers) => layers.eval_parts(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
+            Lobes::Stack(stack) => stack.eval_parts(wi, wi.dot(self.ng), self.lambert),
         }
     }
 
     /// As [`Bsdf::sample`], but of all lobes except the diffuse base: `None` also where that would have been chosen.
     pub fn sample_coat(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        let layers = self.layers.as_ref().filter(|layers| u_lobe >= layers.base_probability())?;
+        let base = match &self.lobes {
+            Lobes::None => return None,
+            Lobes::Layers(layers) => layers.base_probability(),
+            Lobes::Stack(stack) => stack.base_probability(),
+        };
+        if u_lobe < base {
+            return None;
+        }
         let sample = self.sample(u_lobe, u)?;
         if sample.kind != ScatterKind::Smooth {
             return Some(sample);
         }
-        let parts = layers.eval_parts(layers.local_from_world(sample.wi), sample.wi.dot(self.ng), self.lambert);
+        let parts = self.eval_parts(sample.wi);
         let (weight, pdf) = (parts.coat / parts.coat_pdf, parts.coat_pdf);
         (pdf > 0.0).then_some(BsdfSample { weight, pdf, ..sample })
     }
 
     /// Share of uniform light that the diffuse base alone scatters towards the viewer.
     pub fn base_albedo(&self) -> Vec3 {
-        self.lambert * PI * self.layers.as_ref().map_or(1.0, Layers::base_share)
+        let share = match &self.lobes {
+            Lobes::None => 1.0,
+            Lobes::Layers(layers) => layers.base_share(),
+            Lobes::Stack(stack) => stack.base_share(),
+        };
+        self.lambert * PI * share
+    }
+
+    fn sample_stack(&self, stack: &Stack, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        let Drawn { wi, transmitted, delta } = stack.sample(u_lobe, u)?;
+        let cos_g = wi.dot(self.ng);
+        if transmitted != (cos_g < 0.0) || cos_g == 0.0 {
+            return None;
+        }
+        if let Some((weight, kind)) = delta {
+            return Some(BsdfSample { wi, weight, pdf: 0.0, kind, transmitted });
+        }
+        let (f_cos, pdf) = stack.eval(wi, cos_g, self.lambert);
+        (pdf > 0.0).then(|| BsdfSample { wi, weight: f_cos / pdf, pdf, kind: ScatterKind::Smooth, transmitted })
     }
 
     /// A matt white surface, both normals on the viewer's side.
     pub(crate) fn white(ng: Vec3, ns: Vec3) -> Bsdf {
-        Bsdf { ng, ns, lambert: Vec3::splat(FRAC_1_PI), layers: None }
+        Bsdf { ng, ns, lambert: Vec3::splat(FRAC_1_PI), lobes: Lobes::None }
     }
 
     /// Share of uniform light that all lobes together scatter towards the viewer, if each of them is broad: then it takes
     /// little to know how much light arrives, and not from where.
     pub(crate) fn broad_albedo(&self) -> Option<Vec3> {
-        let broad =
-            self.layers.as_ref().is_none_or(|layers| layers.reflects_only() && layers.facet_peak() < NARROW_PEAK);
+        let broad = match &self.lobes {
+            Lobes::None => true,
+            Lobes::Layers(layers) => layers.reflects_only() && layers.facet_peak() < NARROW_PEAK,
+            Lobes::Stack(_) => false,
+        };
         broad.then(|| self.albedo_estimate())
     }
 
@@ -196,12 +279,21 @@ impl Bsdf {
 
     /// Share of light that goes straight on, through a thin wall that is smooth: what a shadow ray keeps.
     pub fn straight_through(&self) -> Vec3 {
-        self.layers.map_or(Vec3::ZERO, |layers| layers.straight_through())
+        match &self.lobes {
+            Lobes::None => Vec3::ZERO,
+            Lobes::Layers(layers) => layers.straight_through(),
+            Lobes::Stack(stack) => stack.straight_through(),
+        }
     }
 
     /// About the greatest value of `f·|cosθ|`, 1/sr: where connections may carry much.
     pub fn peak_estimate(&self) -> f32 {
-        self.lambert.max_element() + self.layers.map_or(0.0, |layers| layers.facet_peak())
+        let more = match &self.lobes {
+            Lobes::None => 0.0,
+            Lobes::Layers(layers) => layers.facet_peak(),
+            Lobes::Stack(stack) => stack.peak(),
+        };
+        self.lambert.max_element() + more
     }
 
     /// Whether connecting to light sources can find anything: some lobe has a density.
@@ -213,20 +305,33 @@ impl Bsdf {
     /// Whether `eval` can be nonzero on the viewer's side.
     #[inline]
     pub fn reflects(&self) -> bool {
-        self.lambert != Vec3::ZERO || self.layers.is_some_and(|layers| layers.reflects_broadly())
+        let more = match &self.lobes {
+            Lobes::None => false,
+            Lobes::Layers(layers) => layers.reflects_broadly(),
+            Lobes::Stack(stack) => stack.reflects_broadly(),
+        };
+        more || self.lambert != Vec3::ZERO
     }
 
     /// Whether `eval` can be nonzero on the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        self.layers.is_some_and(|layers| layers.transmits_broadly())
+        match &self.lobes {
+            Lobes::None => false,
+            Lobes::Layers(layers) => layers.transmits_broadly(),
+            Lobes::Stack(stack) => stack.transmits_broadly(),
+        }
     }
 
     /// Share of the light that is scattered towards the viewer under uniform light from everywhere: exact for a plain
     /// diffuse surface, else close.
     pub fn albedo_estimate(&self) -> Vec3 {
         let diffuse = self.lambert * PI;
-        self.layers.map_or(diffuse, |layers| layers.albedo(diffuse))
+        match &self.lobes {
+            Lobes::None => diffuse,
+            Lobes::Layers(layers) => layers.albedo(diffuse),
+            Lobes::Stack(stack) => stack.albedo(diffuse),
+        }
     }
 
     /// Unit geometric normal on the viewer's side.
@@ -242,20 +347,8 @@ impl Bsdf {
     }
 }
 
-/// An index of 0 means "reflects everything" in KHR_materials_ior; this one comes close and can be divided by.
-const MIN_IOR: f32 = 1e-3;
-
 /// Value of `f·|cosθ|`, 1/sr, from which a lobe shows a picture of what it reflects.
 const NARROW_PEAK: f32 = 0.5;
-
-/// Least cosine between viewer and shading normal: a viewer below the shading horizon would see no microfacet.
-const MIN_VIEW_COS: f32 = 0.01;
-
-/// Turns a shading normal as little as needed for the viewer to be above its horizon.
-fn turned_to_viewer(ns: Vec3, wo: Vec3) -> Vec3 {
-    let cos = ns.dot(wo);
-    if cos >= MIN_VIEW_COS { ns } else { (ns + wo * (MIN_VIEW_COS - cos)).normalize() }
-}
 
 /// A direction around +z with density cosθ/π.
 #[inline]

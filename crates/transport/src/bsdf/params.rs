@@ -73,12 +73,17 @@ pub fn alpha(material: &Material, textures: &[Texture], uvs: [Vec2; 2], vertex_c
 /// Unit shading normal bent by the normal map; `ns` itself where there is no map or no tangent. `tangent.w` is the sign of
 /// the bitangent.
 pub fn shading_normal(material: &Material, textures: &[Texture], uvs: [Vec2; 2], ns: Vec3, tangent: Vec4) -> Vec3 {
-    let Some(texture) = material.normal_texture else { return ns };
+    let texel = material.normal_texture.map(|texture| texture.fetch(textures, uvs));
+    bent_normal(texel, material.normal_scale, ns, tangent)
+}
+
+/// The normal that a texel of a normal map asks for.
+pub(super) fn bent_normal(texel: Option<Vec4>, scale: f32, ns: Vec3, tangent: Vec4) -> Vec3 {
+    let Some(texel) = texel else { return ns };
     let along = tangent.truncate();
     let Some(tangent_unit) = (along - ns * ns.dot(along)).try_normalize() else { return ns };
     let bitangent = ns.cross(tangent_unit) * if tangent.w < 0.0 { -1.0 } else { 1.0 };
-    let mapped = texture.fetch(textures, uvs).truncate() * 2.0 - 1.0;
-    let scale = material.normal_scale;
+    let mapped = texel.truncate() * 2.0 - 1.0;
     (tangent_unit * (mapped.x * scale) + bitangent * (mapped.y * scale) + ns * mapped.z).normalize_or(ns)
 }
 

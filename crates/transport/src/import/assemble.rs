@@ -85,8 +85,8 @@ pub(super) fn build_geometry(
         for world_from_mesh in transforms(reader, node, placed, name, notes) {
             jobs.extend(mesh.primitives.iter().map(|primitive| {
                 let material = slots.of(primitive.material);
-                let normal_map = scene.materials[material as usize].normal_texture;
-                Job { primitive, weights, world_from_mesh, material, node: node_idx, normal_map, name }
+                let tangent_map = scene.materials[material as usize].tangent_map();
+                Job { primitive, weights, world_from_mesh, material, node: node_idx, tangent_map, name }
             }));
         }
     }

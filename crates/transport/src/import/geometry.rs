@@ -25,8 +25,8 @@ pub(super) struct Job<'a> {
     pub material: u32,
     /// Index into `Scene::nodes`.
     pub node: u32,
-    /// Normal map of the material: without one no tangents are kept.
-    pub normal_map: Option<TextureRef>,
+    /// Texture that the material's tangents follow: without one no tangents are kept.
+    pub tangent_map: Option<TextureRef>,
     /// Name for report lines.
     pub name: &'a str,
 }
@@ -114,7 +114,7 @@ impl Vertices {
             optional(accessor_of(Semantic::Normals), |a| reader.floats(a, Integers::AsDeclared)),
         ));
         let tangents = optional(accessor_of(Semantic::Tangents), |a| reader.floats::<4>(a, Integers::AsDeclared));
-        if job.normal_map.is_some() && checked("tangents", length(&tangents)) {
+        if job.tangent_map.is_some() && checked("tangents", length(&tangents)) {
             self.tangents = tangents.unwrap_or_default().into_iter().map(Vec4::from).collect();
         }
         for set in 0..self.uvs.len() {
@@ -283,12 +283,12 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
         return;
     }
     complete_normals(&mut mesh, has_normals, job.name, &mut built.notes);
-    if let Some(normal_map) = job.normal_map {
+    if let Some(tangent_map) = job.tangent_map {
         // Tangents of a file belong to its normals: without these they are computed, as glTF asks.
         if has_normals && !vertices.tangents.is_empty() {
             mesh.tangents = tangents::orthonormalized(vertices.tangents, &mesh.normals);
         } else {
-            tangents::compute(&mut mesh, normal_map);
+            tangents::compute(&mut mesh, tangent_map);
         }
     }
     mesh.triangle_material = vec![job.material; mesh.triangles.len()];

@@ -100,10 +100,11 @@ impl Converter<'_> {
             }
             None => {}
         }
+        material.finish = self.finish(&extensions.others, name);
     }
 
     /// At least 1, but for glTF's 0, which stands for a reflectance of 1 at every angle.
-    fn ior(&mut self, ior: f32, name: &str) -> f32 {
+    pub(super) fn ior(&mut self, ior: f32, name: &str) -> f32 {
         if ior == 0.0 {
             return FULLY_REFLECTING_IOR;
         }
@@ -152,7 +153,7 @@ impl Converter<'_> {
     }
 
     /// A use of a texture; its index in the scene is made up on first use.
-    fn texture(&mut self, info: Option<&Info>, encoding: Encoding, name: &str) -> Option<TextureRef> {
+    pub(super) fn texture(&mut self, info: Option<&Info>, encoding: Encoding, name: &str) -> Option<TextureRef> {
         let info = info?;
         let index = info.index.value();
         if index >= self.document.textures.len() {
@@ -177,16 +178,22 @@ impl Converter<'_> {
         })
     }
 
-    fn unit_factor(&mut self, value: f32, fallback: f32, name: &str, what: &str) -> f32 {
+    pub(super) fn unit_factor(&mut self, value: f32, fallback: f32, name: &str, what: &str) -> f32 {
         let [value] = self.unit_factors([value], fallback, name, what);
         value
     }
 
-    fn unit_factors<const N: usize>(&mut self, values: [f32; N], fallback: f32, name: &str, what: &str) -> [f32; N] {
+    pub(super) fn unit_factors<const N: usize>(
+        &mut self,
+        values: [f32; N],
+        fallback: f32,
+        name: &str,
+        what: &str,
+    ) -> [f32; N] {
         self.factors(values, 1.0, fallback, name, what)
     }
 
-    fn positive_factors<const N: usize>(
+    pub(super) fn positive_factors<const N: usize>(
         &mut self,
         values: [f32; N],
         fallback: f32,

@@ -11,6 +11,7 @@ mod container;
 mod document;
 mod environment;
 mod extensions;
+mod finish;
 mod geometry;
 mod hierarchy;
 mod images;

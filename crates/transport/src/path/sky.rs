@@ -74,6 +74,12 @@ impl<P: LightPlan> Integrator<'_, P> {
             Emitter::Sun(sun) => (sun.sample(u), (1.0 / sun_solid_angle()) as f32, Vec3::splat(SunEmitter::radiance())),
             _ => return None,
         };
-        Some(LightPoint { target: position + wi * self.far, wi, factor: radiance / pdf, spread_sr: 1.0 / pdf })
+        Some(LightPoint {
+            target: position + wi * self.far,
+            wi,
+            factor: radiance / pdf,
+            spread_sr: 1.0 / pdf,
+            beyond: true,
+        })
     }
 }

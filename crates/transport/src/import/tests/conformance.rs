@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 
 use crate::import::{ImportError, Imported, load};
+use crate::scene::Finish;
 
 /// The shared folder; without one the test says so and ends.
 fn shared() -> Option<PathBuf> {
@@ -153,4 +154,23 @@ fn compressed_views_hold_what_their_accessors_state() {
     let (known_lo, known_hi) = (Vec3::new(0.44376, -0.09928, -11.43372), Vec3::new(12.80558, 2.68052, -0.12999));
     assert!((lo - known_lo).abs().max_element() < 1e-4 && (hi - known_hi).abs().max_element() < 1e-4, "{lo} to {hi}");
     assert!(scene.mesh.normals.iter().all(|normal| (normal.length() - 1.0).abs() < 1e-3));
+}
+
+#[test]
+fn finishes_of_the_samples_arrive() {
+    let Some(shared) = shared() else { return };
+    let finishes = |file: &str| -> Vec<Finish> {
+        let Imported { scene, report } = conformance(&shared, file);
+        let left_out =
+            report.unsupported.iter().find(|line| line.contains("KHR_materials") && !line.contains("variants"));
+        assert_eq!(left_out, None, "{file}");
+        scene.materials.into_iter().filter_map(|material| material.finish).map(|finish| *finish).collect()
+    };
+    let coats = finishes("ClearCoatTest/ClearCoatTest.glb");
+    assert!(coats.len() >= 5 && coats.iter().all(|finish| finish.clearcoat > 0.0));
+    assert!(coats.iter().any(|finish| finish.clearcoat_normal_texture.is_some()));
+    assert!(finishes("SheenChair/SheenChair.gltf").iter().any(|finish| finish.sheen_color != Vec3::ZERO));
+    assert!(finishes("IridescenceSuzanne/IridescenceSuzanne.glb").iter().any(|finish| finish.iridescence > 0.0));
+    let lamp = finishes("AnisotropyBarnLamp-KTX2-Basisu/AnisotropyBarnLamp.gltf");
+    assert!(lamp.iter().any(|finish| finish.anisotropy > 0.0 && finish.anisotropy_texture.is_some()));
 }

@@ -147,9 +147,77 @@ fn the_example_of_texture_transform_uses_the_lower_left_quadrant() {
 #[test]
 fn unknown_material_extensions_are_named_with_their_material() {
     let mut fixture = Fixture::triangle();
-    fixture.root["extensionsUsed"] = json!(["KHR_materials_clearcoat", "KHR_materials_ior"]);
-    fixture.root["extensionsRequired"] = json!(["KHR_materials_clearcoat"]);
-    let imported = fixture.material(json!({"name": "lacquer", "extensions": {"KHR_materials_clearcoat": {}}})).load();
+    fixture.root["extensionsUsed"] = json!(["KHR_materials_dispersion", "KHR_materials_ior"]);
+    fixture.root["extensionsRequired"] = json!(["KHR_materials_dispersion"]);
+    let imported = fixture.material(json!({"name": "prism", "extensions": {"KHR_materials_dispersion": {}}})).load();
     let [line] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
-    assert!(line.contains("KHR_materials_clearcoat") && line.contains("lacquer"), "{line}");
+    assert!(line.contains("KHR_materials_dispersion") && line.contains("prism"), "{line}");
+}
+
+/// A quad with texture coordinates and one texture.
+fn textured() -> Fixture {
+    let mut fixture = Fixture::triangle();
+    let uvs = fixture.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
+    fixture.root["textures"] = json!([{}]);
+    fixture
+}
+
+#[test]
+fn layered_extensions_reach_the_finish() {
+    let mut fixture = textured();
+    let extensions = json!({
+        "KHR_materials_clearcoat": {"clearcoatFactor": 0.5, "clearcoatTexture": {"index": 0},
+            "clearcoatRoughnessFactor": 0.25, "clearcoatNormalTexture": {"index": 0, "scale": 0.75, "texCoord": 1}},
+        "KHR_materials_sheen": {"sheenColorFactor": [0.1, 0.2, 0.3], "sheenColorTexture": {"index": 0},
+            "sheenRoughnessFactor": 0.625, "sheenRoughnessTexture": {"index": 0}},
+        "KHR_materials_anisotropy": {"anisotropyStrength": 0.75, "anisotropyRotation": 1.5},
+        "KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceIor": 1.8,
+            "iridescenceThicknessMaximum": 700, "iridescenceThicknessTexture": {"index": 0}},
+        "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.25,
+            "diffuseTransmissionColorFactor": [1, 0.5, 0], "diffuseTransmissionColorTexture": {"index": 0}},
+    });
+    fixture.root["extensionsUsed"] = json!(extensions.as_object().expect("an object").keys().collect::<Vec<_>>());
+    let imported = fixture.material(json!({"extensions": extensions})).load();
+    assert!(imported.report.unsupported.is_empty(), "{:?}", imported.report.unsupported);
+    let finish = imported.scene.materials[0].finish.as_ref().expect("a finish");
+    assert_eq!((finish.clearcoat, finish.clearcoat_roughness, finish.clearcoat_normal_scale), (0.5, 0.25, 0.75));
+    assert_eq!((finish.sheen_color, finish.sheen_roughness), (Vec3::new(0.1, 0.2, 0.3), 0.625));
+    assert_eq!((finish.anisotropy, finish.anisotropy_rotation_rad), (0.75, 1.5));
+    assert_eq!((finish.iridescence, finish.film_ior, finish.film_thickness_nm), (1.0, 1.8, [100.0, 700.0]));
+    assert_eq!((finish.diffuse_transmission, finish.diffuse_transmission_color), (0.25, Vec3::new(1.0, 0.5, 0.0)));
+    let encoding = |texture: Option<crate::scene::TextureRef>| texture.expect("given").encoding;
+    assert_eq!(encoding(finish.sheen_color_texture), Encoding::Srgb);
+    assert_eq!(encoding(finish.diffuse_transmission_color_texture), Encoding::Srgb);
+    for linear in [finish.clearcoat_texture, finish.sheen_roughness_texture, finish.film_thickness_texture] {
+        assert_eq!(encoding(linear), Encoding::Linear);
+    }
+    assert_eq!(finish.clearcoat_normal_texture.expect("given").uv_set, 1);
+    assert!(!imported.scene.mesh.tangents.is_empty());
+}
+
+#[test]
+fn a_finish_that_cannot_be_seen_is_none() {
+    for extension in [
+        json!({"KHR_materials_clearcoat": {"clearcoatRoughnessFactor": 1, "clearcoatTexture": {"index": 0}}}),
+        json!({"KHR_materials_sheen": {"sheenRoughnessFactor": 0.5}}),
+        json!({"KHR_materials_iridescence": {}, "KHR_materials_anisotropy": {"anisotropyRotation": 1}}),
+    ] {
+        let scene = textured().material(json!({"extensions": extension})).load().scene;
+        assert_eq!(scene.materials[0].finish, None);
+        assert!(scene.textures.is_empty() && scene.mesh.tangents.is_empty());
+    }
+}
+
+#[test]
+fn a_finish_that_makes_no_sense_is_reported() {
+    let broken = json!({"KHR_materials_clearcoat": {"clearcoatFactor": "much"}, "KHR_materials_sheen": 7,
+        "KHR_materials_iridescence": {"iridescenceFactor": 3, "iridescenceIor": -1, "iridescenceTexture": {"index": 99}}});
+    let imported = textured().material(json!({"name": "odd", "extensions": broken})).load();
+    let warnings = imported.report.warnings;
+    for part in ["clearcoat", "sheen", "iridescence factor", "index of refraction", "texture 99"] {
+        assert!(warnings.iter().any(|line| line.contains(part) && line.contains("odd")), "{part}: {warnings:?}");
+    }
+    let finish = imported.scene.materials[0].finish.as_ref().expect("a film");
+    assert_eq!((finish.clearcoat, finish.iridescence, finish.film_ior), (0.0, 1.0, 1.0));
 }
