@@ -188,7 +188,7 @@ fn the_bake_tells_its_figures_and_can_be_started_again() {
 fn an_opened_bake_tells_the_figures_of_its_file() {
     let window = baked();
     let shown = window.state().session().shown.as_ref().unwrap();
-    let bake = Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
+    let bake = shown.bake();
     let figures = bake.figures();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.transport");

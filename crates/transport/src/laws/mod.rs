@@ -2,6 +2,7 @@
 
 mod columns;
 mod estimators;
+mod irradiance;
 mod leaks;
 mod panes;
 mod reference;
