@@ -81,6 +81,22 @@ fn a_look_changes_what_sensors_read() {
     assert!((ratio - 2.0 * 0.2126).abs() < 1e-4, "lux is luminance of RGB irradiance: {ratio}");
 }
 
+#[test]
+fn a_uniform_sky_in_patches_gives_pi_times_its_radiance() {
+    let ground = Shape::quad(Vec3::new(-2.0, 0.0, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 4.0);
+    let file = SceneFile::default().surface("ground", &ground, SceneFile::lambert([0.5; 3], [0.0; 3]));
+    let desk = desk("ground.glb", &file.camera("front", Vec3::new(0.0, 1.0, 3.0), 0.9));
+    desk.json("bake @ground.glb -o @g.transport --sky uniform --sensors ground=4x4 --size 16x12 --spp 64");
+    std::fs::write(desk.path("bright.look"), r#"{"clerestory": 1, "sky": {"intensity": 3.0}}"#).unwrap();
+    for (look, nit) in [("", 1.0), ("--look @bright.look", 3.0)] {
+        let read = desk.json(&format!("sensors @g.transport {look}"));
+        for name in ["average_lux", "minimum_lux", "maximum_lux"] {
+            let ratio = read["grids"][0][name].as_f64().unwrap() / (nit * f64::from(PI));
+            assert!((ratio - 1.0).abs() < 0.02, "{name} is {ratio} times what it should be");
+        }
+    }
+}
+
 /// A channel of an EXR.
 fn channel(desk: &Desk, name: &str, channel: &str) -> Vec<f32> {
     let layer = read_first_flat_layer_from_file(desk.path(name)).unwrap();

@@ -189,6 +189,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     }
 
     /// The same on a surface that scatters as told.
+    #[inline]
     fn go_on_from(
         &self,
         walk: &mut Walk,

@@ -140,11 +140,22 @@ fn work_plane(scene: &PreparedScene, plane: WorkPlane) -> Result<SensorGrid, Sen
     Ok(grid)
 }
 
-/// Whether the first surface straight below a point faces it: not so inside walls and blocks, and beside the building.
+/// Directions of six in which a point inside of something looks at backs: a cupboard in a corner may share its bottom, its
+/// back, and a side with the room.
+const BACKS_INSIDE: usize = 3;
+
+/// Whether there is a surface below a point, and it is not inside of a wall or a block.
 fn stands_on_a_floor(scene: &PreparedScene, point: Vec3) -> bool {
-    let down = Ray { origin: point, direction: Vec3::NEG_Y, t_min: 0.0, t_max: f32::INFINITY };
-    let hit = scene.closest(&down, &mut Sampler::new(0, 0, 0));
-    hit.is_some_and(|hit| scene.material(hit.triangle).double_sided || hit.normal.y > 0.0)
+    let first = |direction: Vec3| {
+        let ray = Ray { origin: point, direction, t_min: 0.0, t_max: f32::INFINITY };
+        scene.closest(&ray, &mut Sampler::new(0, 0, 0))
+    };
+    let shows_its_back = |direction: &Vec3| {
+        let hit = first(*direction).filter(|hit| !scene.material(hit.triangle).double_sided);
+        hit.is_some_and(|hit| hit.normal.dot(*direction) > 0.0)
+    };
+    let axes = Vec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+    first(Vec3::NEG_Y).is_some() && axes.filter(shows_its_back).count() < BACKS_INSIDE
 }
 
 /// Meters between points for an area of two sides: 0.2 · 5^lg d, at most 10 m; d is the longer side, the shorter one of an
