@@ -99,7 +99,7 @@ fn a_uniform_sky_in_patches_gives_pi_times_its_radiance() {
 
 /// A channel of an EXR.
 fn channel(desk: &Desk, name: &str, channel: &str) -> Vec<f32> {
-    let layer = read_first_flat_layer_from_file(desk.path(name)).unwrap();
+    let layer = read_first_flat_layer_from_file(desk.path(name)).unwrap().layer_data;
     let found = layer.channel_data.list.iter().find(|c| c.name.to_string() == channel);
     found.unwrap_or_else(|| panic!("{name} has no {channel}")).sample_data.values_as_f32().collect()
 }
