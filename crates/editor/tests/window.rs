@@ -10,7 +10,7 @@ use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive;
-use clerestory_transport::bake::{Bake, BakeConfig};
+use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{DroppedFile, Key, Modifiers, Pos2, Rect, Vec2, ViewportEvent, pos2, vec2};
 use egui_kittest::Harness;
