@@ -6,6 +6,8 @@
 mod architecture;
 /// Scenes whose radiance is known by hand: closed spheres and furnaces.
 mod energy;
+/// Lux: of what is seen, and of sensor grids.
+mod irradiance;
 /// Light adds up.
 mod linearity;
 /// glTF in, EXR out, through the command line.

@@ -12,28 +12,28 @@ use serde_json::{Value, json};
 use crate::support::{Mean, SceneFile, Shape, two_lamps_and_a_panel};
 
 /// A folder of its own for every test, with a scene in it.
-struct Desk(tempfile::TempDir);
+pub struct Desk(tempfile::TempDir);
 
 /// What a command said.
-struct Said {
-    code: ExitCode,
-    stdout: String,
-    stderr: String,
+pub struct Said {
+    pub code: ExitCode,
+    pub stdout: String,
+    pub stderr: String,
 }
 
 impl Desk {
-    fn new() -> Desk {
+    pub fn new() -> Desk {
         let desk = Desk(tempfile::tempdir().unwrap());
         std::fs::write(desk.path("room.glb"), two_lamps_and_a_panel().glb()).unwrap();
         desk
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
 
     /// Runs a command line; words that name files of the desk (`@room.glb`, `lamp=@lamp.ies`) become their paths.
-    fn run(&self, line: &str) -> Said {
+    pub fn run(&self, line: &str) -> Said {
         let words = line.split_whitespace().map(|word| match word.split_once('@') {
             Some((before, name)) => format!("{before}{}", self.path(name).display()).into(),
             None => word.into(),
@@ -45,14 +45,14 @@ impl Desk {
     }
 
     #[track_caller]
-    fn json(&self, line: &str) -> Value {
+    pub fn json(&self, line: &str) -> Value {
         let said = self.run(&format!("{line} --json"));
         assert_eq!(said.code, ExitCode::SUCCESS, "{line}: {}", said.stderr);
         serde_json::from_str(&said.stdout).unwrap_or_else(|error| panic!("{line}: {error}: {}", said.stdout))
     }
 
     #[track_caller]
-    fn fails(&self, line: &str, code: u8, words: &str) {
+    pub fn fails(&self, line: &str, code: u8, words: &str) {
         let said = self.run(line);
         assert_eq!(said.code, ExitCode::from(code), "{line}: {}", said.stderr);
         assert!(said.stderr.contains(words), "{line} should say {words:?}, but says: {}", said.stderr);
@@ -351,7 +351,7 @@ fn a_look_for_another_scene_is_reported_and_ignored() {
 #[test]
 fn every_command_has_help_with_an_example() {
     let desk = Desk::new();
-    for command in ["", "bake", "relight", "render", "trace", "compare", "info"] {
+    for command in ["", "bake", "relight", "render", "trace", "compare", "info", "sensors"] {
         let said = desk.run(&format!("{command} --help"));
         assert_eq!(said.code, ExitCode::SUCCESS, "{command}");
         assert!(said.stdout.contains(&format!("Example: clerestory {command}")), "{command}: {}", said.stdout);

@@ -121,6 +121,13 @@ impl SceneFile {
         self.surface_with(name, shape, SceneFile::lambert([0.0; 3], radiance), extras)
     }
 
+    /// A node with a quad that exists as a grid of sensors only.
+    #[must_use]
+    pub fn sensors(self, name: &str, shape: &Shape, size: [u32; 2]) -> SceneFile {
+        let extras = json!({ "clerestory": { "sensors": size } });
+        self.surface_with(name, shape, SceneFile::lambert([0.5; 3], [1.0; 3]), extras)
+    }
+
     fn surface_with(mut self, name: &str, shape: &Shape, material: Value, extras: Value) -> SceneFile {
         let offset = self.bytes.len();
         for corner in &shape.corners {

@@ -35,7 +35,7 @@ pub fn traced(scene: &PreparedScene, rig: &LightRig, film: Film, config: &TraceC
 /// A bake of the first camera without a preview.
 pub fn baked(scene: &Arc<PreparedScene>, film: Film, config: BakeConfig) -> Bake {
     let camera = scene.scene.cameras[0].clone();
-    let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly };
+    let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
     job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody asked to stop")
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod bake;
 mod console;
 mod info;
 pub(crate) mod relight;
+mod sensors;
 mod trace;
 pub(crate) mod view;
 
@@ -55,6 +56,7 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Relight(args) => (relight::relight(args, console)?, args.answer.json),
         Command::Render(args) => (relight::render(args, console)?, args.answer.json),
         Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
+        Command::Sensors(args) => (sensors::sensors(args, console)?, args.answer.json),
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
         Command::Info(args) => (info::info(&args.file, console)?, args.answer.json),
     };

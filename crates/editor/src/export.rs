@@ -57,6 +57,8 @@ pub struct Picture<'a> {
     pub radiance: &'a Radiance,
     /// One per light, or none; their sum is `radiance`.
     pub layers: &'a [LightLayer],
+    /// Light that arrives at what is seen, lux per channel; a layer of its own in an EXR.
+    pub irradiance: Option<&'a Radiance>,
     /// What it is lit by; goes along in an EXR, and says how a PNG is shown.
     pub look: &'a Look,
 }
@@ -102,7 +104,8 @@ impl Picture<'_> {
     }
 
     fn check(&self) -> Result<()> {
-        let n_bad = self.radiance.pixels.iter().filter(|rgb| !rgb.iter().all(|v| v.is_finite())).count();
+        let pixels = self.radiance.pixels.iter().chain(self.irradiance.iter().flat_map(|layer| &layer.pixels));
+        let n_bad = pixels.filter(|rgb| !rgb.iter().all(|v| v.is_finite())).count();
         if n_bad > 0 {
             bail!(
                 "{n_bad} pixels are not finite numbers, so no picture was written; check the intensities of the look"
@@ -133,6 +136,9 @@ impl Picture<'_> {
         for layer in self.layers {
             let name = layer_name(&layer.key, &mut taken);
             channels.extend(rgb_channels(&format!("{name}."), &layer.radiance));
+        }
+        if let Some(irradiance) = self.irradiance {
+            channels.extend(rgb_channels("irradiance.", irradiance));
         }
         let mut attributes = LayerAttributes { software_name: Some(text(SOFTWARE)), ..LayerAttributes::default() };
         attributes.other.insert(text("clerestory.look"), AttributeValue::Text(text(&self.look.to_json())));
@@ -220,7 +226,7 @@ mod tests {
         let (whole, a, b) = (gradient(1.0), gradient(0.25), gradient(0.75));
         let layers = [LightLayer { key: "a.b".into(), radiance: a }, LightLayer { key: "ä_b".into(), radiance: b }];
         let look = Look::default();
-        Picture { radiance: &whole, layers: &layers, look: &look }.save(&path).unwrap();
+        Picture { radiance: &whole, layers: &layers, irradiance: None, look: &look }.save(&path).unwrap();
         assert_eq!(read_exr(&path).unwrap(), whole);
 
         let meta = exr::meta::MetaData::read_from_file(&path, true).unwrap();
@@ -237,7 +243,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let paths = ["a.exr", "b.exr"].map(|name| folder.path().join(name));
         for path in &paths {
-            Picture { radiance: &gradient(1.0), layers: &[], look: &Look::default() }.save(path).unwrap();
+            Picture { radiance: &gradient(1.0), layers: &[], irradiance: None, look: &Look::default() }
+                .save(path)
+                .unwrap();
         }
         assert!(std::fs::read(&paths[0]).unwrap() == std::fs::read(&paths[1]).unwrap());
     }
@@ -247,7 +255,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         let radiance = gradient(1.0);
-        let ev = Picture { radiance: &radiance, layers: &[], look: &Look::default() }.save(&path).unwrap();
+        let ev =
+            Picture { radiance: &radiance, layers: &[], irradiance: None, look: &Look::default() }.save(&path).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(&bytes[37..41], b"sRGB");
         let shown = encode(&radiance, &DisplayParams { exposure_ev: ev, ..DisplayParams::default() });
@@ -263,10 +272,13 @@ mod tests {
         let look = Look::default();
         let mut bad = gradient(1.0);
         bad.pixels[3][1] = f32::NAN;
-        let error = Picture { radiance: &bad, layers: &[], look: &look }.save(&path).unwrap_err().to_string();
+        let error =
+            Picture { radiance: &bad, layers: &[], irradiance: None, look: &look }.save(&path).unwrap_err().to_string();
         assert!(error.contains("1 pixels"), "{error}");
         let layers = [LightLayer { key: "half".into(), radiance: gradient(0.5) }];
-        assert!(Picture { radiance: &gradient(1.0), layers: &layers, look: &look }.save(&path).is_err());
+        assert!(
+            Picture { radiance: &gradient(1.0), layers: &layers, irradiance: None, look: &look }.save(&path).is_err()
+        );
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 

@@ -118,7 +118,7 @@ fn write_frame(bake: &Bake, name: &str, look: &Look, console: &mut Console) -> R
     let radiance = Relighter::new(bake, &look.lights, None)?.relight(&bake.header.coefficients(&look.lights))?;
     let paths = ["png", "exr"].map(|extension| Path::new(FOLDER).join(format!("{name}.{extension}")));
     for path in &paths {
-        Picture { radiance: &radiance, layers: &[], look }.save(path)?;
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look }.save(path)?;
     }
     Ok(paths)
 }

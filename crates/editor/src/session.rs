@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
+use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::Frame;
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, Passes};
@@ -83,6 +84,15 @@ pub struct Shown {
     pub camera: Option<Camera>,
     /// Its blocks as far as they are there.
     pub frame: Frame,
+    /// Irradiance of an opened file, so that it is there when the bake is saved again.
+    pub irradiance: Vec<Vec<BlockLowRank>>,
+}
+
+impl Shown {
+    /// The bake, as far as it is there.
+    pub fn bake(&self) -> Bake {
+        Bake { header: self.header.clone(), groups: self.frame.groups.clone(), irradiance: self.irradiance.clone() }
+    }
 }
 
 /// Where opening stands.
@@ -266,7 +276,8 @@ impl Session {
             return;
         };
         self.stop_baking();
-        let job = BakeJob { scene, camera, film: settings.film, config: settings.config.clone(), passes };
+        let config = settings.config.clone();
+        let job = BakeJob { scene, camera, film: settings.film, config, passes, irradiance: Vec::new() };
         self.bake = BakeState::Preparing;
         self.baking = self.spawn("bake", move |post| task::bake(job, post));
     }
@@ -282,11 +293,11 @@ impl Session {
     /// Writes the picture under `look` in the background.
     pub fn export(&mut self, look: Look, path: PathBuf) {
         let Some(shown) = &self.shown else { return };
-        let bake = Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
+        let bake = shown.bake();
         self.write(path.clone(), move || {
             let (frame, coefficients) = (frame_of(&bake, &look.lights), bake.header.coefficients(&look.lights));
             let radiance = task::relight_once(&frame, &coefficients)?;
-            Picture { radiance: &radiance, layers: &[], look: &look }.save(&path)?;
+            Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.save(&path)?;
             Ok(())
         });
     }
@@ -294,7 +305,7 @@ impl Session {
     /// Writes the bake that is shown in the background.
     pub fn save_bake(&mut self, path: PathBuf) {
         let Some(shown) = &self.shown else { return };
-        let bake = Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
+        let bake = shown.bake();
         self.write(path.clone(), move || Ok(archive::write(&bake, &path)?));
     }
 
@@ -384,7 +395,7 @@ impl Session {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
                 self.opened = Some(Opened { name, scene: None, report, lamps, chosen });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
-                self.show(Shown { header: bake.header, camera: None, frame });
+                self.show(Shown { header: bake.header, camera: None, frame, irradiance: bake.irradiance });
                 self.bake = BakeState::Done;
                 self.count();
                 self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
@@ -423,6 +434,8 @@ impl Session {
                 self.pass_blocks.1 += 1;
                 self.block_done(block_idx, &factors);
             }
+            // The window asks for no irradiance.
+            BakeEvent::IrradianceDone { .. } => {}
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {
                     let (n_blocks, n_done) = self.pass_blocks;
@@ -448,7 +461,7 @@ impl Session {
         self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
         let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
         let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
-        let started = Shown { header, camera, frame };
+        let started = Shown { header, camera, frame, irradiance: Vec::new() };
         // A picture of the same view stays until the new one is whole; another view starts from black.
         let is_same_view = |shown: &Shown| {
             let (a, b) = (&shown.header, &started.header);
@@ -495,8 +508,7 @@ impl Session {
 
     /// Counts ranks and bytes of what is there.
     fn count(&mut self) {
-        let bake = |shown: &Shown| Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
-        self.figures = self.shown.as_ref().map(|shown| bake(shown).figures());
+        self.figures = self.shown.as_ref().map(|shown| shown.bake().figures());
         self.figures_at = Instant::now();
     }
 

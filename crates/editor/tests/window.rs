@@ -10,7 +10,7 @@ use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive;
-use clerestory_transport::bake::{Bake, BakeConfig};
+use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{DroppedFile, Key, Modifiers, Pos2, Rect, Vec2, ViewportEvent, pos2, vec2};
 use egui_kittest::Harness;
@@ -188,7 +188,7 @@ fn the_bake_tells_its_figures_and_can_be_started_again() {
 fn an_opened_bake_tells_the_figures_of_its_file() {
     let window = baked();
     let shown = window.state().session().shown.as_ref().unwrap();
-    let bake = Bake { header: shown.header.clone(), groups: shown.frame.groups.clone() };
+    let bake = shown.bake();
     let figures = bake.figures();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.transport");

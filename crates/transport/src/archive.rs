@@ -1,7 +1,7 @@
 //! `.transport` files, and bakes that survive being stopped.
 //!
 //! A file is `CLERTRAN`, a version, the header as JSON, the map of the sky if there is one, then every block of every group in order, each with its own
-//! checksum. While a bake runs, finished blocks are appended to `FILE.part`; the same bake takes them up again. At the end
+//! checksum: first those of the picture, then those of each matrix of irradiance. While a bake runs, finished blocks are appended to `FILE.part`; the same bake takes them up again. At the end
 //! the file is written in order under a temporary name and renamed, so that it is whole or not there, and the same bake
 //! gives the same bytes whether it was interrupted or not.
 
@@ -17,11 +17,15 @@ use thiserror::Error;
 
 use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob};
 use crate::basis::SourceKind;
+use crate::irradiance::{first_block, locate};
 use crate::sky::{DOME_DIVISIONS, Environment, dome_columns};
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
 const PART_MAGIC: &[u8; 8] = b"CLERPART";
-const VERSION: u32 = 2;
+/// Newest version that is read: it may hold irradiance.
+const VERSION: u32 = 3;
+/// Version of a file without irradiance, which older programs read.
+const PLAIN_VERSION: u32 = 2;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -116,17 +120,25 @@ pub fn bake_to_file(
     let header = part.header.clone();
     let n_done = done.len();
     let mut replayed = 0;
+    let partitions = header.partitions();
     let bake = job.run_from(header, &done, |event| {
+        let mut finished = None;
         match &event {
             BakeEvent::Started { n_passes, .. } => last_pass = n_passes - 1,
-            BakeEvent::BlockDone { pass, .. } if *pass == last_pass && replayed < n_done => replayed += 1,
             BakeEvent::BlockDone { pass, block_idx, factors } if *pass == last_pass => {
-                if let Err(error) = part.append(*block_idx, factors) {
-                    failure = Some(error);
-                    return ControlFlow::Break(());
-                }
+                finished = Some((0, *block_idx, factors));
             }
+            BakeEvent::IrradianceDone { set, block_idx, factors } => finished = Some((1 + set, *block_idx, factors)),
             _ => {}
+        }
+        if let Some((matrix, block_idx, factors)) = finished {
+            // What was there before is told first.
+            if replayed < n_done {
+                replayed += 1;
+            } else if let Err(error) = part.append(first_block(&partitions, matrix) + block_idx, factors) {
+                failure = Some(error);
+                return ControlFlow::Break(());
+            }
         }
         on_event(event)
     })?;
@@ -159,12 +171,15 @@ fn write_all(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
     let mut out = BufWriter::new(file);
     let mut bytes = header_bytes(MAGIC, &bake.header);
     let absent = BlockFactors::default();
-    for block_idx in 0..bake.header.partition().n_blocks() {
-        for group in &bake.groups {
-            encode_block(group.blocks[block_idx].as_deref().unwrap_or(&absent), &mut bytes);
+    let matrices = std::iter::once(&bake.groups).chain(&bake.irradiance);
+    for (groups, partition) in matrices.zip(bake.header.partitions()) {
+        for block_idx in 0..partition.n_blocks() {
+            for group in groups {
+                encode_block(group.blocks[block_idx].as_deref().unwrap_or(&absent), &mut bytes);
+            }
+            out.write_all(&bytes).map_err(at("cannot write", path))?;
+            bytes.clear();
         }
-        out.write_all(&bytes).map_err(at("cannot write", path))?;
-        bytes.clear();
     }
     let file = out.into_inner().map_err(|e| at("cannot write", path)(e.into_error()))?;
     file.sync_all().map_err(at("cannot write", path))
@@ -173,7 +188,8 @@ fn write_all(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
 fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
     let json = serde_json::to_vec(header).expect("a header has only string keys and plain values");
     let mut bytes = magic.to_vec();
-    bytes.extend(VERSION.to_le_bytes());
+    let version = if header.irradiance.is_empty() { PLAIN_VERSION } else { VERSION };
+    bytes.extend(version.to_le_bytes());
     bytes.extend((json.len() as u32).to_le_bytes());
     bytes.extend(json);
     if let Some(sky) = &header.basis.sky {
@@ -189,15 +205,18 @@ fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
 pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
     let bytes = fs::read(path).map_err(at("cannot read", path))?;
     let (header, mut offset) = parse_header(MAGIC, &bytes, path)?;
-    let mut groups = header.empty_groups();
-    for block_idx in 0..header.partition().n_blocks() {
-        offset +=
-            read_block(&bytes[offset..], &mut groups, block_idx).map_err(|error| damaged(path, error.to_string()))?;
+    let mut matrices = header.empty_matrices();
+    for (groups, partition) in matrices.iter_mut().zip(header.partitions()) {
+        for block_idx in 0..partition.n_blocks() {
+            offset +=
+                read_block(&bytes[offset..], groups, block_idx).map_err(|error| damaged(path, error.to_string()))?;
+        }
     }
     if offset != bytes.len() {
         return Err(damaged(path, "it is longer than its header says".into()));
     }
-    Ok(Bake { header: Arc::new(header), groups })
+    let groups = matrices.remove(0);
+    Ok(Bake { header: Arc::new(header), groups, irradiance: matrices })
 }
 
 fn damaged(path: &Path, what: String) -> ArchiveError {
@@ -275,7 +294,7 @@ fn check_header(header: &BakeHeader) -> Result<(), &'static str> {
     if basis.sky.as_ref().is_some_and(|sky| !sky.is_finite()) {
         return Err("its header has an impossible sky");
     }
-    Ok(())
+    header.check_irradiance()
 }
 
 fn read_block(bytes: &[u8], groups: &mut [BlockLowRank], block_idx: usize) -> Result<usize, CodecError> {
@@ -341,8 +360,9 @@ impl Part {
         Ok((Part { path: path.into(), file, header: Arc::new(header) }, done))
     }
 
-    fn append(&mut self, block_idx: usize, factors: &[Arc<BlockFactors>]) -> Result<(), ArchiveError> {
-        let mut bytes = (block_idx as u32).to_le_bytes().to_vec();
+    /// `number` counts through all matrices.
+    fn append(&mut self, number: usize, factors: &[Arc<BlockFactors>]) -> Result<(), ArchiveError> {
+        let mut bytes = (number as u32).to_le_bytes().to_vec();
         for factors in factors {
             encode_block(factors, &mut bytes);
         }
@@ -358,17 +378,19 @@ impl Part {
 
 /// Whole blocks of a half-done bake, and where they end.
 fn read_part(bytes: &[u8], mut offset: usize, header: &BakeHeader) -> (Done, usize) {
-    let (mut done, mut groups) = (Done::new(), header.empty_groups());
-    let n_blocks = header.partition().n_blocks();
+    let (mut done, mut matrices) = (Done::new(), header.empty_matrices());
+    let partitions = header.partitions();
     while let Some(index) = bytes.get(offset..offset + 4) {
-        let block_idx = u32::from_le_bytes([index[0], index[1], index[2], index[3]]) as usize;
-        if block_idx >= n_blocks || groups.first().is_some_and(|g| g.blocks[block_idx].is_some()) {
+        let number = u32::from_le_bytes([index[0], index[1], index[2], index[3]]) as usize;
+        let Some((matrix, block_idx)) = locate(&partitions, number) else { break };
+        let groups = &mut matrices[matrix];
+        if groups.first().is_some_and(|g| g.blocks[block_idx].is_some()) {
             break;
         }
-        let Ok(len) = read_block(&bytes[offset + 4..], &mut groups, block_idx) else { break };
+        let Ok(len) = read_block(&bytes[offset + 4..], groups, block_idx) else { break };
         let factors: Option<Vec<_>> = groups.iter().map(|g| g.blocks[block_idx].clone()).collect();
         let Some(factors) = factors else { break };
-        done.push((block_idx, factors));
+        done.push((number, factors));
         offset += 4 + len;
     }
     (done, offset)
@@ -377,7 +399,9 @@ fn read_part(bytes: &[u8], mut offset: usize, header: &BakeHeader) -> (Done, usi
 /// What differs between a half-done bake and the one that is asked for, in words.
 fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
     let (column_scale, sky_reach) = (found.column_scale.clone(), found.sky_reach.clone());
-    let same_scale = BakeHeader { column_scale, sky_reach, ..asked.clone() };
+    let same_rows = found.irradiance.iter().map(|set| &set.rows).eq(asked.irradiance.iter().map(|set| &set.rows));
+    let irradiance = if same_rows { found.irradiance.clone() } else { asked.irradiance.clone() };
+    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, ..asked.clone() };
     if *found == same_scale {
         return None;
     }
@@ -386,6 +410,7 @@ fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
         (found.fingerprint != asked.fingerprint, "the scene or camera has changed".to_string()),
         (sizes, format!("its size is {}x{}", found.width, found.height)),
         (found.basis != asked.basis, "its lights differ".into()),
+        (!same_rows, "its rows of irradiance differ".into()),
         (found.config != asked.config, format!("its options are {:?}", found.config)),
         (found.scene != asked.scene, format!("its scene is {}", found.scene)),
     ];

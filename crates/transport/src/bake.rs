@@ -3,6 +3,7 @@
 //! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads.
 
 mod clock;
+mod irradiance;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -23,11 +24,13 @@ use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
 use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
+use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::light::{LightRig, luminance};
-use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::matrix::TransportMatrix;
 use crate::nodes::{NodePlan, Nodes};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
+use crate::sensors::SensorError;
 use crate::shared::SharedMatrix;
 
 /// Why a bake ended without a result.
@@ -54,6 +57,9 @@ pub enum BakeError {
     /// The lights of the scene cannot be used as asked.
     #[error(transparent)]
     Lighting(#[from] LightingError),
+    /// The sensors cannot be laid as asked.
+    #[error(transparent)]
+    Sensors(#[from] SensorError),
     /// Compression failed.
     #[error(transparent)]
     Compress(#[from] CompressError),
@@ -152,6 +158,8 @@ pub struct BakeJob {
     pub config: BakeConfig,
     /// Which passes.
     pub passes: Passes,
+    /// Rows of irradiance beside the radiance of the pixels; none for most bakes.
+    pub irradiance: Vec<IrradianceRows>,
 }
 
 /// What a baked matrix is of; with the factors it is all that relighting needs.
@@ -181,6 +189,9 @@ pub struct BakeHeader {
     /// How much of each patch of the sky the pilots saw; what they saw nothing of is not connected to.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sky_reach: Vec<f32>,
+    /// Matrices of irradiance, if they were asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub irradiance: Vec<IrradianceHeader>,
 }
 
 impl BakeHeader {
@@ -191,14 +202,17 @@ impl BakeHeader {
 
     /// No blocks yet, one matrix per group of columns.
     pub fn empty_groups(&self) -> Vec<BlockLowRank> {
-        let groups = self.basis.groups.iter();
-        groups.map(|g| BlockLowRank::new(self.partition(), CHANNELS as u32, g.columns.len() as u32)).collect()
+        self.empty_matrices().swap_remove(0)
     }
 
     /// One RGB coefficient per column and group for a rig, as the factors of this bake take them.
     pub fn coefficients(&self, rig: &LightRig) -> Vec<Vec<[f32; 3]>> {
+        self.scaled_coefficients(&self.column_scale, rig)
+    }
+
+    pub(crate) fn scaled_coefficients(&self, column_scale: &[f32], rig: &LightRig) -> Vec<Vec<[f32; 3]>> {
         let mut coefficients = self.basis.project(rig);
-        for (c, scale) in coefficients.iter_mut().zip(&self.column_scale) {
+        for (c, scale) in coefficients.iter_mut().zip(column_scale) {
             *c = c.map(|x| x / scale);
         }
         self.basis.split_by_group(&coefficients)
@@ -226,9 +240,18 @@ pub enum BakeEvent {
         /// One per group of columns.
         factors: Vec<Arc<BlockFactors>>,
     },
+    /// A block of a matrix of irradiance is there; these come last, and once.
+    IrradianceDone {
+        /// Which matrix, in the order of the header.
+        set: usize,
+        /// Block of its partition.
+        block_idx: usize,
+        /// One per group of columns.
+        factors: Vec<Arc<BlockFactors>>,
+    },
     /// How far the whole bake is.
     Progress {
-        /// Pass that runs.
+        /// Pass that runs; irradiance counts to the last one.
         pass: u32,
         /// 0…1 over all passes, each block counting by its samples.
         done: f32,
@@ -251,6 +274,18 @@ pub struct Bake {
     pub header: Arc<BakeHeader>,
     /// One matrix per group of columns.
     pub groups: Vec<BlockLowRank>,
+    /// For each matrix of irradiance in the header, one part per group of columns.
+    pub irradiance: Vec<Vec<BlockLowRank>>,
+}
+
+impl BakeEvent {
+    /// The event of a block; matrix 0 is the picture.
+    fn of_block(pass: u32, (matrix, block_idx): (usize, usize), factors: Vec<Arc<BlockFactors>>) -> BakeEvent {
+        match matrix {
+            0 => BakeEvent::BlockDone { pass, block_idx, factors },
+            _ => BakeEvent::IrradianceDone { set: matrix - 1, block_idx, factors },
+        }
+    }
 }
 
 impl BakeJob {
@@ -284,6 +319,7 @@ impl BakeJob {
             basis: self.scene.lighting.basis.clone(),
             column_scale,
             sky_reach,
+            irradiance: self.irradiance_headers()?,
         })
     }
 
@@ -317,7 +353,8 @@ impl BakeJob {
         Ok(())
     }
 
-    /// Bakes with a header that was made before; blocks of the last pass that are `done` already are taken as they are.
+    /// Bakes with a header that was made before; blocks of the last pass that are `done` already, numbered through
+    /// all matrices, are taken as they are.
     pub(crate) fn run_from(
         self,
         header: Arc<BakeHeader>,
@@ -328,22 +365,28 @@ impl BakeJob {
         let mut matrix = self.matrix(&plan);
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
-        let passes = self.pass_samples(done.is_empty());
+        let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
         let n_blocks = partition.n_blocks();
-        let groups = header.empty_groups();
-        let mut run = Run { job: &self, matrix: &matrix, header: &header, groups, started: Instant::now() };
+        let matrices = header.empty_matrices();
+        let mut run = Run { job: &self, matrix: &matrix, header: &header, matrices, started: Instant::now() };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
         let last = passes.len() as u32 - 1;
-        for (block_idx, factors) in done {
-            run.keep(*block_idx, factors);
-            let event = BakeEvent::BlockDone { pass: last, block_idx: *block_idx, factors: factors.clone() };
-            if on_event(event).is_break() {
+        let mut n_given = vec![0; partitions.len()];
+        for (number, factors) in done {
+            let place = locate(&partitions, *number).expect("a block that was read has its place in the header");
+            n_given[place.0] += 1;
+            run.keep(place, factors);
+            if on_event(BakeEvent::of_block(last, place, factors.clone())).is_break() {
                 return Ok(None);
             }
         }
-        let mut clock = Clock::new(&passes, n_blocks, done.len(), rayon::current_num_threads());
+        let all = self.samples_per_half();
+        let mut clock = Clock::new(&passes, n_blocks, n_given[0], rayon::current_num_threads());
+        for (partition, n_given) in partitions.iter().zip(n_given).skip(1) {
+            clock.add_pass(all, partition.n_blocks(), n_given);
+        }
         for (pass, &samples) in passes.iter().enumerate() {
             let mut blocks = from_the_center(&partition);
             if pass as u32 == last {
@@ -353,13 +396,23 @@ impl BakeJob {
                 return Ok(None);
             }
         }
-        let groups = run.groups;
-        Ok(Some(Bake { header, groups }))
+        for set in 0..header.irradiance.len() {
+            if run.irradiance((last, all, set), &mut clock, &mut on_event)?.is_break() {
+                return Ok(None);
+            }
+        }
+        let mut matrices = run.matrices.into_iter();
+        let groups = matrices.next().expect("the picture is the first matrix");
+        Ok(Some(Bake { header, groups, irradiance: matrices.collect() }))
+    }
+
+    fn samples_per_half(&self) -> u32 {
+        (self.config.spp / 2).max(1)
     }
 
     /// Samples per half of each pass; `None` is the preview.
     fn pass_samples(&self, from_scratch: bool) -> Vec<Option<u32>> {
-        let all = (self.config.spp / 2).max(1);
+        let all = self.samples_per_half();
         match self.passes {
             _ if !from_scratch => vec![Some(all)],
             Passes::Progressive if all >= 32 => vec![None, Some(all / 16), Some(all)],
@@ -408,15 +461,32 @@ struct Run<'a> {
     job: &'a BakeJob,
     matrix: &'a TransportMatrix<'a>,
     header: &'a Arc<BakeHeader>,
-    groups: Vec<BlockLowRank>,
+    /// Of the picture, then of each matrix of irradiance.
+    matrices: Vec<Vec<BlockLowRank>>,
     started: Instant,
 }
 
 impl Run<'_> {
-    fn keep(&mut self, block_idx: usize, factors: &[Arc<BlockFactors>]) {
-        for (group, factors) in self.groups.iter_mut().zip(factors) {
+    fn keep(&mut self, (matrix, block_idx): (usize, usize), factors: &[Arc<BlockFactors>]) {
+        for (group, factors) in self.matrices[matrix].iter_mut().zip(factors) {
             group.blocks[block_idx] = Some(factors.clone());
         }
+    }
+
+    /// Keeps a block and tells of it.
+    fn deliver(
+        &mut self,
+        place: (usize, usize),
+        pass: u32,
+        factors: Vec<BlockFactors>,
+        clock: &mut Clock,
+        on_event: &mut impl FnMut(BakeEvent) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
+        self.keep(place, &factors);
+        let (done, secs_left) = clock.block_done(self.started.elapsed().as_secs_f32());
+        on_event(BakeEvent::of_block(pass, place, factors))?;
+        on_event(BakeEvent::Progress { pass, done, secs_left })
     }
 
     fn pass(
@@ -450,13 +520,8 @@ impl Run<'_> {
         };
         clock.start_pass(pass, started.elapsed().as_secs_f32());
         let config = job.compress_config(samples.unwrap_or(1), &header.column_scale);
-        let on_block = |block: u32, factors: Vec<BlockFactors>| {
-            let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
-            self.keep(block as usize, &factors);
-            let (done, secs_left) = clock.block_done(started.elapsed().as_secs_f32());
-            on_event(BakeEvent::BlockDone { pass, block_idx: block as usize, factors })?;
-            on_event(BakeEvent::Progress { pass, done, secs_left })
-        };
+        let on_block =
+            |block: u32, factors: Vec<BlockFactors>| self.deliver((0, block as usize), pass, factors, clock, on_event);
         let flow = match nodes {
             Some(nodes) => compress(&SharedMatrix { matrix, nodes }, &partition, blocks, &config, on_block)?,
             None => compress(matrix, &partition, blocks, &config, on_block)?,
@@ -464,6 +529,6 @@ impl Run<'_> {
         if flow.is_break() {
             return Ok(flow);
         }
-        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.groups) }))
+        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.matrices[0]) }))
     }
 }

@@ -13,6 +13,7 @@ pub(crate) use self::surface::SurfacePoint;
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
 use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene};
+use crate::sensors::parallelogram;
 use crate::sky::{Dome, DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};
 
 /// A node whose emissive quad is to become a panel.
@@ -313,15 +314,9 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
     }
     let &[first, second] = triangles else { return Err("its emissive surface is not a single quad") };
     let mesh = &scene.mesh;
-    let near = |a: Vec3, b: Vec3, scale: f32| (a - b).length() <= 1e-4 * scale;
     let a = mesh.triangles[first as usize];
     let p = a.map(|v| mesh.positions[v as usize]);
-    let scale = (p[1] - p[0]).length().max((p[2] - p[0]).length());
-    // The corner of the second triangle that the first does not have lies opposite the corner of the first that is not shared.
-    let fourth = mesh.corners(second).into_iter().find(|q| !p.iter().any(|r| near(*q, *r, scale)));
-    let q = fourth.ok_or("its two triangles do not form a quad")?;
-    let alone = (0..3).find(|&i| near(p[(i + 1) % 3] + p[(i + 2) % 3] - p[i], q, scale));
-    let alone = alone.ok_or("its quad is not a parallelogram")?;
+    let (alone, q) = parallelogram(p, mesh.corners(second))?;
     // Corner `alone` with its two neighbors spans the quad; order the four corners round it.
     let ring = [alone, (alone + 1) % 3, 3, (alone + 2) % 3];
     let corner = |i: usize| if i == 3 { q } else { p[i] };

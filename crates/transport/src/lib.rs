@@ -10,6 +10,7 @@ pub mod emitters;
 pub mod figures;
 mod fingerprint;
 pub mod import;
+pub mod irradiance;
 pub mod lamp_units;
 #[cfg(test)]
 mod laws;
@@ -22,6 +23,7 @@ pub mod plan;
 pub mod prepared;
 pub mod sampler;
 pub mod scene;
+pub mod sensors;
 mod shared;
 pub mod sky;
 pub mod texture;

@@ -6,12 +6,13 @@
 use std::ops::Range;
 
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Film};
+use crate::irradiance::IrradianceRows;
 use crate::light::{LightRig, luminance};
-use crate::path::{Deposit, Integrator, Scratch};
+use crate::path::{Deposit, Integrator, Receiver, Scratch};
 use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
@@ -27,7 +28,12 @@ pub struct TransportMatrix<'a> {
     pub(crate) film: Film,
     pub(crate) seed: u64,
     column_scale: Vec<f32>,
+    /// What the rows are if not the radiance of the pixels.
+    irradiance: Option<&'a IrradianceRows>,
 }
+
+/// Streams of random numbers of rows of irradiance, which no pixel and no node uses: of pixels and of grids.
+const IRRADIANCE_STREAMS: [u64; 2] = [1 << 60, 1 << 61];
 
 /// Pixels that measure how bright each column is, and samples of each.
 const PILOT_PIXELS: usize = 2048;
@@ -49,7 +55,13 @@ impl<'a> TransportMatrix<'a> {
         seed: u64,
     ) -> Self {
         let column_scale = vec![1.0; scene.lighting.basis.n_cols()];
-        TransportMatrix { integrator: Integrator::new(scene, plan, bounces), camera, film, seed, column_scale }
+        let integrator = Integrator::new(scene, plan, bounces);
+        TransportMatrix { integrator, camera, film, seed, column_scale, irradiance: None }
+    }
+
+    /// The same columns over rows of irradiance.
+    pub(crate) fn of_irradiance(self, rows: &'a IrradianceRows) -> Self {
+        TransportMatrix { film: rows.film(self.film), irradiance: Some(rows), ..self }
     }
 
     /// What each column of the scene's transport is multiplied by.
@@ -128,9 +140,40 @@ impl<'a> TransportMatrix<'a> {
         deposit: &mut impl Deposit,
     ) {
         let at = [pixel % self.film.width, pixel / self.film.width];
+        let Some(rows) = self.irradiance else {
+            for sample in samples {
+                let sampler = Sampler::new(self.seed, stream(pixel, half), sample);
+                self.integrator.sample_pixel(&self.camera, self.film, at, sampler, scratch, deposit);
+            }
+            return;
+        };
+        let own = IRRADIANCE_STREAMS[usize::from(matches!(rows, IrradianceRows::Grid(_)))];
         for sample in samples {
-            let sampler = Sampler::new(self.seed, stream(pixel, half), sample);
-            self.integrator.sample_pixel(&self.camera, self.film, at, sampler, scratch, deposit);
+            let mut sampler = Sampler::new(self.seed, own + stream(pixel, half), sample);
+            self.deposit_irradiance(rows, pixel, &mut sampler, scratch, deposit);
+        }
+    }
+
+    fn deposit_irradiance(
+        &self,
+        rows: &IrradianceRows,
+        number: u32,
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        match rows {
+            IrradianceRows::Pixels => {
+                let corner = Vec2::new((number % self.film.width) as f32, (number / self.film.width) as f32);
+                let film_px = corner + Vec2::from(sampler.next_2d());
+                let ray = (self.camera.position(), self.camera.direction(self.film, film_px));
+                self.integrator.sample_seen_irradiance(ray, sampler, scratch, deposit);
+            }
+            IrradianceRows::Grid(grid) => {
+                let Some(position) = grid.point(number) else { return };
+                let receiver = Receiver { position, outward: grid.normal, normal: grid.normal };
+                self.integrator.sample_irradiance(&receiver, sampler, scratch, deposit);
+            }
         }
     }
 }

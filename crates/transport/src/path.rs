@@ -5,9 +5,11 @@
 //! heuristic \[Veach1995\]. The first such vertex connects to every column, later ones to a few, stratified.
 
 mod gather;
+mod irradiance;
 mod sky;
 
 pub(crate) use gather::Gathering;
+pub(crate) use irradiance::Receiver;
 
 use glam::{Vec2, Vec3};
 
@@ -215,6 +217,19 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         {
             return goes_on;
         }
+        self.go_on_from(walk, (hit, &bsdf), sampler, scratch, deposit)
+    }
+
+    /// The same on a surface that scatters as told.
+    #[inline]
+    fn go_on_from(
+        &self,
+        walk: &mut Walk,
+        (hit, bsdf): (&SurfaceHit, &Bsdf),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) -> bool {
         let mut splits = 1;
         if bsdf.has_smooth_lobes() && !self.is_spent(walk) {
             let vertex = match walk.sampled_at {
@@ -222,7 +237,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 Some(_) => self.plan.later(hit.position, || walk.throughput.max_element() * bsdf.peak_estimate()),
             };
             splits = if vertex == Vertex::First { self.plan.splits() } else { 1 };
-            self.connect(walk, (vertex, Rivals::All { splits }), (hit, &bsdf), sampler, scratch, deposit);
+            self.connect(walk, (vertex, Rivals::All { splits }), (hit, bsdf), sampler, scratch, deposit);
             walk.sampled_at = Some(vertex);
             walk.throughput /= splits as f32;
             walk.share /= splits as f32;
@@ -230,11 +245,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         // All continuations but the last are walks of their own.
         for split in 1..splits {
             let (mut branch, mut own) = (*walk, sampler.fork(split));
-            if self.scatter(&mut branch, hit, &bsdf, splits, &mut own) {
+            if self.scatter(&mut branch, hit, bsdf, splits, &mut own) {
                 self.follow(branch, &mut own, scratch, deposit);
             }
         }
-        self.scatter(walk, hit, &bsdf, splits, sampler)
+        self.scatter(walk, hit, bsdf, splits, sampler)
     }
 
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.

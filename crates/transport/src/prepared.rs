@@ -165,6 +165,13 @@ impl PreparedScene {
         bsdf::surface_params(self.material(hit.triangle), &self.scene.textures, uvs, color).base_color
     }
 
+    /// Whether a point has a diffuse base, whatever its color: anything but pure metal and pure glass.
+    pub(crate) fn has_diffuse_base(&self, hit: &SurfaceHit) -> bool {
+        let uvs = self.uvs(hit.triangle, hit.barycentric);
+        let params = bsdf::surface_params(self.material(hit.triangle), &self.scene.textures, uvs, None);
+        params.metallic < 1.0 && params.transmission < 1.0
+    }
+
     /// Unit normal between the vertices' own, without normal map, on the side from which `direction` comes.
     pub fn smooth_normal(&self, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
         let ns = self.vertex_normal(hit);

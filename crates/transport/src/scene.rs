@@ -11,6 +11,7 @@ use glam::{Affine2, Vec2, Vec3, Vec4};
 
 use crate::camera::Camera;
 use crate::photometry::PhotometricProfile;
+use crate::sensors::SensorGrid;
 
 pub use self::finish::Finish;
 
@@ -33,6 +34,9 @@ pub struct Scene {
     pub punctual: Vec<PunctualLight>,
     /// Measured distributions that lamps refer to.
     pub profiles: Vec<PhotometricProfile>,
+    /// Grids that nodes of the file ask for, `{"clerestory": {"sensors": [16, 8]}}`. Such a node exists as sensor only: it is
+    /// not in the mesh, so that it neither blocks nor scatters light, nor shines.
+    pub sensors: Vec<SensorGrid>,
 }
 
 /// A node of the file that carries a mesh, a lamp or a camera.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
 
 /// Most pixels of a picture, 8192 × 8192.
@@ -27,9 +28,11 @@ pub struct Arguments {
 const EDITOR_EXAMPLE: &str = "Example: clerestory room.glb\n\
     Without a display the scene is baked, relit under three looks, and written to frames/ in the current folder.";
 const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16\n         \
-    or: clerestory bake room.glb -o room.transport --ies Downlight=maker/downlight.ies";
-const RELIGHT_EXAMPLE: &str =
-    "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights";
+    or: clerestory bake room.glb -o room.transport --ies Downlight=maker/downlight.ies\n         \
+    or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75";
+const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights\n         \
+    or: clerestory relight room.transport -o lux.exr --layers irradiance";
+const SENSORS_EXAMPLE: &str = "Example: clerestory sensors room.transport --look evening.look -o evening.csv";
 const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128\n         \
     or: clerestory render room.glb --ies Downlight=maker/downlight.ies -o measured.png";
 const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024\n         \
@@ -54,6 +57,9 @@ pub enum Command {
     /// Path trace a picture without a matrix: the reference.
     #[command(after_help = TRACE_EXAMPLE)]
     Trace(TraceArgs),
+    /// Say how many lux arrive at the sensors of a baked scene: average, minimum, maximum, uniformity.
+    #[command(after_help = SENSORS_EXAMPLE)]
+    Sensors(SensorsArgs),
     /// Hold picture A against the reference B.
     #[command(after_help = COMPARE_EXAMPLE)]
     Compare(CompareArgs),
@@ -149,6 +155,40 @@ pub struct BakeArgs {
     /// How to bake.
     #[command(flatten)]
     pub options: BakeOptions,
+    /// What to measure beside the picture.
+    #[command(flatten)]
+    pub irradiance: IrradianceArgs,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// Light that arrives, beside the light that is seen.
+#[derive(Clone, Debug, Default, Args)]
+pub struct IrradianceArgs {
+    /// Also bake the light that arrives at the surfaces of the picture, and at the sensors that the file marks.
+    #[arg(long)]
+    pub irradiance: bool,
+    /// Also bake the light that arrives at W × H points on the front of a planar quad; may be repeated.
+    #[arg(long, value_name = "NODE=WxH", value_parser = parse_sensors)]
+    pub sensors: Vec<NodeGrid>,
+    /// Also bake the light that arrives at a level plane, meters above the floor; points every SPACING meters, else as
+    /// EN 12464-1 spaces them; may be repeated.
+    #[arg(long = "work-plane", value_name = "HEIGHT[:SPACING]", value_parser = parse_work_plane)]
+    pub work_planes: Vec<WorkPlane>,
+}
+
+/// `clerestory sensors`.
+#[derive(Debug, Args)]
+pub struct SensorsArgs {
+    /// Transport file of an earlier bake with sensors.
+    pub transport: PathBuf,
+    /// Look to light it with [default: as the scene says].
+    #[arg(long, value_name = "FILE.look")]
+    pub look: Option<PathBuf>,
+    /// Table to write: grid, x, y, z in meters, and lux of every point.
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: Option<PathBuf>,
     /// How to answer.
     #[command(flatten)]
     pub answer: OutputArgs,
@@ -166,7 +206,8 @@ pub struct RelightOptions {
     /// What multiplies; `auto` is a real GPU if there is one, `gpu` takes any adapter or fails.
     #[arg(long, value_enum, default_value_t = Device::Auto)]
     pub device: Device,
-    /// Layers beside the picture itself (EXR only); `lights` adds KEY.R, KEY.G, KEY.B for every light.
+    /// Layers beside the picture itself (EXR only); `lights` adds KEY.R, KEY.G, KEY.B for every light, `irradiance`
+    /// adds irradiance.R, irradiance.G, irradiance.B: the light that arrives, in lux per channel.
     #[arg(long, value_enum, default_value_t = Layers::None)]
     pub layers: Layers,
 }
@@ -259,6 +300,8 @@ pub enum Layers {
     None,
     /// One per light.
     Lights,
+    /// The light that arrives at what is seen.
+    Irradiance,
 }
 
 fn parse_size(text: &str) -> Result<Film, String> {
@@ -290,6 +333,23 @@ fn parse_ies(text: &str) -> Result<IesRequest, String> {
         }
         _ => Err("write KEY=FILE such as Downlight=downlight.ies".into()),
     }
+}
+
+fn parse_sensors(text: &str) -> Result<NodeGrid, String> {
+    let problem = || format!("write NODE=WxH such as Desk=16x8, each from 1 to {}", SensorGrid::MAX_SIDE);
+    let (node, size) = text.rsplit_once('=').filter(|(node, _)| !node.is_empty()).ok_or_else(problem)?;
+    let (across, down) = size.split_once(['x', 'X', '×']).ok_or_else(problem)?;
+    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=SensorGrid::MAX_SIDE).contains(side));
+    let (across, down) = side(across).zip(side(down)).ok_or_else(problem)?;
+    Ok(NodeGrid { node: node.into(), size: [across, down] })
+}
+
+fn parse_work_plane(text: &str) -> Result<WorkPlane, String> {
+    let problem = "write HEIGHT or HEIGHT:SPACING in meters, such as 0.75:0.5; the height from 0 to 10000";
+    let (height, spacing) = text.split_once(':').map_or((text, None), |(height, spacing)| (height, Some(spacing)));
+    let meters = |text: &str| text.parse::<f32>().ok().filter(|m| (0.0..=1e4).contains(m)).ok_or(problem);
+    let spacing_m = spacing.map(|text| meters(text).and_then(|m| if m >= 1e-3 { Ok(m) } else { Err(problem) }));
+    Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()? })
 }
 
 fn parse_patches(text: &str) -> Result<SkyForm, String> {
@@ -344,6 +404,15 @@ mod tests {
             ["--ies", "=a.ies"],
             ["--ies", "a="],
             ["--bounces", "-1"],
+            ["--sensors", "desk"],
+            ["--sensors", "=4x4"],
+            ["--sensors", "desk=4"],
+            ["--sensors", "desk=0x4"],
+            ["--sensors", "desk=9999x4"],
+            ["--work-plane", "low"],
+            ["--work-plane", "nan"],
+            ["--work-plane", "0.8:0"],
+            ["--work-plane", "0.8:"],
             ["--threads", "0"],
             ["--sky", ""],
             ["--sky", "sun:10"],

@@ -5,10 +5,12 @@ use std::ops::ControlFlow;
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
+use clerestory_transport::irradiance::IrradianceFigures;
+use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
-use super::args::{BakeArgs, BakeOptions};
+use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
 use super::console::{Answer, Console, advance, bytes_words, duration_words};
 use super::view::{View, on_threads, open_view, requested_sky};
 use crate::output::PendingFile;
@@ -27,7 +29,9 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
     drop(PendingFile::create(&args.output)?);
     let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
     let view = open_view(&args.scene, &args.options.view, sky.as_ref(), console)?;
-    let job = job(view, &args.options, Passes::PreviewAndFinal);
+    let rows = requested(&args.irradiance).rows(&view.scene);
+    let irradiance = rows.with_context(|| format!("cannot measure light in {}", args.scene.display()))?;
+    let job = BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) };
     let restart = if args.options.fresh { Restart::Fresh } else { Restart::Resume };
     let (bake, times) = run_with_progress(console, &args.options, |on_event| {
         archive::bake_to_file(job, &args.output, restart, on_event)
@@ -39,7 +43,16 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
     Ok(answer)
 }
 
-/// The job that was asked for.
+/// The irradiance that was asked for.
+fn requested(args: &IrradianceArgs) -> IrradianceRequest {
+    IrradianceRequest {
+        of_file: if args.irradiance { OfFile::All } else { OfFile::Nothing },
+        nodes: args.sensors.clone(),
+        work_planes: args.work_planes.clone(),
+    }
+}
+
+/// The job that was asked for, without irradiance.
 pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob {
     let config = BakeConfig {
         spp: options.view.spp,
@@ -48,7 +61,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         seed: options.view.seed,
         indirect: if options.fast { Indirect::Shared } else { Indirect::Traced },
     };
-    BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes }
+    BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
 }
 
 /// Runs a bake with a bar, on the threads asked for, and keeps the time.
@@ -100,8 +113,14 @@ pub(crate) fn baked(bake: &Bake, times: BakeTimes, options: &BakeOptions, consol
         "warnings": console.warnings(),
     });
     merge(&mut json, figures.clone());
-    let words =
-        format!("baked in {} on {threads} threads\n{}", duration_words(times.bake_secs), figure_words(&figures));
+    let irradiance = bake.irradiance_figures();
+    json["irradiance"] = json!(irradiance);
+    let words = format!(
+        "baked in {} on {threads} threads\n{}{}",
+        duration_words(times.bake_secs),
+        figure_words(&figures),
+        irradiance_words(&irradiance),
+    );
     Ok(Answer { json, words })
 }
 
@@ -110,6 +129,22 @@ pub(crate) fn merge(into: &mut Value, from: Value) {
     if let (Some(into), Value::Object(from)) = (into.as_object_mut(), from) {
         into.extend(from);
     }
+}
+
+/// The figures of irradiance for people, a line for each matrix.
+pub(crate) fn irradiance_words(figures: &[IrradianceFigures]) -> String {
+    let line = |f: &IrradianceFigures| {
+        format!(
+            "\nirradiance  {}: {}×{}, {} (dense {}), error {:.1} dB",
+            f.name,
+            f.width,
+            f.height,
+            bytes_words(f.bytes as f64),
+            bytes_words(f.dense_bytes as f64),
+            f.error_db.total,
+        )
+    };
+    figures.iter().map(line).collect()
 }
 
 /// The figures of a transport for people.

@@ -9,7 +9,7 @@ use clerestory_transport::basis::LightSource;
 use clerestory_transport::emitters::Lighting;
 use serde_json::{Value, json};
 
-use super::bake::{figure_words, merge};
+use super::bake::{figure_words, irradiance_words, merge};
 use super::console::{Answer, Console};
 use super::view::load_scene;
 use crate::look::Look;
@@ -75,6 +75,7 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
     };
     let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
     let cameras: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    let sensors: Vec<&str> = scene.sensors.iter().map(|grid| grid.name.as_str()).collect();
     // Of the file: those without area are there, though no light meets them.
     let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
     let json = json!({
@@ -85,18 +86,20 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
         "camera_names": cameras,
         "lights": keys,
         "light_details": sources.iter().map(light_detail).collect::<Vec<_>>(),
+        "sensors": sensors,
         "materials": report.n_materials,
         "unsupported": report.unsupported,
         "warnings": console.warnings(),
     });
     let words = format!(
-        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}\nnot supported  {}",
+        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}{}\nnot supported  {}",
         path.display(),
         triangles,
         report.n_nodes,
         report.n_materials,
         listed(&cameras),
         listed(&sources.iter().map(light_words).collect::<Vec<_>>()),
+        if sensors.is_empty() { String::new() } else { format!("\nsensors  {}", listed(&sensors)) },
         listed(&report.unsupported),
     );
     Ok(Answer { json, words })
@@ -126,10 +129,11 @@ fn transport(path: &Path) -> Result<Answer> {
     let bake = archive::read(path).with_context(|| format!("cannot read the transport {}", path.display()))?;
     let header = &bake.header;
     let figures = serde_json::to_value(bake.figures()).context("the figures of a bake always have a JSON form")?;
+    let irradiance = bake.irradiance_figures();
     let keys: Vec<&str> = header.basis.sources.iter().map(|source| source.key.as_str()).collect();
     let sky = header.basis.sky.as_ref().map_or("none", |sky| sky.name.as_str());
     let words = format!(
-        "{}: {} seen by {}, {}×{}\nlights      {}\nsky         {sky}\n{}",
+        "{}: {} seen by {}, {}×{}\nlights      {}\nsky         {sky}\n{}{}",
         path.display(),
         header.scene,
         header.camera,
@@ -137,11 +141,12 @@ fn transport(path: &Path) -> Result<Answer> {
         header.height,
         listed(&keys),
         figure_words(&figures),
+        irradiance_words(&irradiance),
     );
     let mut json = figures;
     let about = json!({
         "scene": header.scene, "camera": header.camera, "width": header.width, "height": header.height,
-        "lights": keys, "config": header.config, "sky": header.basis.sky,
+        "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
     });
     merge(&mut json, about);
     Ok(Answer { json, words })

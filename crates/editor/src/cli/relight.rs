@@ -6,7 +6,8 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight};
 use clerestory_transport::archive;
-use clerestory_transport::bake::{Bake, Passes};
+use clerestory_transport::bake::{Bake, BakeJob, Passes};
+use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::light::LightRig;
 use serde_json::{Value, json};
 
@@ -29,7 +30,9 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let target = Target::new(&args.relight, console)?;
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
     let view = open_view(&args.scene, &args.bake.view, sky.as_ref(), console)?;
-    let job = job(view, &args.bake, Passes::FinalOnly);
+    let asked = args.relight.layers == Layers::Irradiance;
+    let irradiance = if asked { vec![IrradianceRows::Pixels] } else { Vec::new() };
+    let job = BakeJob { irradiance, ..job(view, &args.bake, Passes::FinalOnly) };
     let (bake, times) = run_with_progress(console, &args.bake, |on_event| job.run(on_event))
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
     let mut answer = baked(&bake, times, &args.bake, console)?;
@@ -50,7 +53,7 @@ struct Target {
 impl Target {
     fn new(options: &RelightOptions, console: &mut Console) -> Result<Target> {
         let format = ImageFormat::of(&options.output)?;
-        if options.layers == Layers::Lights && format == ImageFormat::Png {
+        if options.layers != Layers::None && format == ImageFormat::Png {
             bail!("{} cannot hold layers; write an .exr, or leave out --layers", options.output.display());
         }
         let place = PendingFile::create(&options.output)?;
@@ -60,16 +63,21 @@ impl Target {
 
     fn finish(self, bake: &Bake, options: &RelightOptions, console: &mut Console) -> Result<Answer> {
         warn_of_unknown_lights(&bake.header.basis, &self.look, console);
+        let irradiance = match options.layers {
+            Layers::Irradiance => Some(seen_irradiance(bake, &self.look.lights)?),
+            Layers::None | Layers::Lights => None,
+        };
         let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu)?;
         let coefficients = bake.header.coefficients(&self.look.lights);
         let begun = Instant::now();
         let radiance = relighter.relight(&coefficients)?;
         let relight_secs = begun.elapsed().as_secs_f64();
         let layers = match options.layers {
-            Layers::None => Vec::new(),
+            Layers::None | Layers::Irradiance => Vec::new(),
             Layers::Lights => relighter.layers(bake, &coefficients)?,
         };
-        let picture = Picture { radiance: &radiance, layers: &layers, look: &self.look };
+        let irradiance = irradiance.as_ref();
+        let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look: &self.look };
         let exposure_ev = picture.write(self.place, self.format)?;
         let output = options.output.display().to_string();
         let words = format!(
@@ -81,7 +89,7 @@ impl Target {
         );
         let mut json = json!({
             "output": output, "width": radiance.width, "height": radiance.height, "relight_secs": relight_secs,
-            "exposure_ev": exposure_ev, "layers": layers.len(), "warnings": console.warnings(),
+            "exposure_ev": exposure_ev, "layers": layers.len() + usize::from(irradiance.is_some()), "warnings": console.warnings(),
         });
         merge(&mut json, relighter.json());
         Ok(Answer { json, words })
@@ -102,6 +110,22 @@ fn open_gpu(device: Device) -> Result<Option<Gpu>> {
 /// The frame of a bake under a rig, as a relighter takes it. Blocks are shared but where the sky is seen.
 pub(crate) fn frame_of(bake: &Bake, rig: &LightRig) -> Frame {
     Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups_under(rig) }
+}
+
+/// Irradiance of a matrix of a bake under a rig, lux per channel, as a picture.
+pub(crate) fn irradiance_of(bake: &Bake, set: usize, rig: &LightRig) -> Result<Radiance> {
+    let film = bake.header.irradiance_film(set);
+    let frame = Frame { width: film.width, height: film.height, groups: bake.irradiance[set].clone() };
+    let mut irradiance = Radiance::default();
+    let relit = CpuRelighter::new(&frame)?.relight(&bake.header.irradiance_coefficients(set, rig), &mut irradiance);
+    relit.context("cannot relight the irradiance")?;
+    Ok(irradiance)
+}
+
+fn seen_irradiance(bake: &Bake, rig: &LightRig) -> Result<Radiance> {
+    let set = bake.pixel_irradiance();
+    let set = set.context("the bake holds no irradiance of its pixels; bake it again with --irradiance")?;
+    irradiance_of(bake, set, rig)
 }
 
 /// A relighter with the name of what runs it.

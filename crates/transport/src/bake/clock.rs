@@ -50,6 +50,11 @@ impl Clock {
         Clock { passes, n_threads, running: 0, started_secs: 0.0, last_secs: 0.0, n_done: 0, secs_per_sample: None }
     }
 
+    /// One more pass at the end.
+    pub fn add_pass(&mut self, samples: u32, n_blocks: usize, n_given: usize) {
+        self.passes.push(Pass { samples: Some(samples), n_given: n_given.min(n_blocks), n_blocks });
+    }
+
     /// The blocks of a pass begin; the pass before has ended. What is prepared in between counts for neither.
     pub fn start_pass(&mut self, pass: u32, now_secs: f32) {
         if let (Some(samples), Some(secs)) = (self.passes[self.running].samples, self.secs_per_block()) {

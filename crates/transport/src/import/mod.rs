@@ -21,6 +21,7 @@ mod merge;
 mod meshopt;
 mod profiles;
 mod report;
+mod sensors;
 mod tangents;
 #[cfg(test)]
 mod tests;
@@ -37,7 +38,7 @@ use gltf::json::{Node, Root};
 use hierarchy::PlacedNode;
 use profiles::Profiles;
 use report::Notes;
-use serde_json::Value;
+use sensors::Sensors;
 use uri::Locator;
 
 pub use environment::{decode_sky, load_sky};
@@ -146,10 +147,16 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
     scene.profiles = profiles.loaded;
     let (slots, textures) = assemble::add_materials(&mut scene, &document, &placed, &mut notes);
     let mut n_degenerate_triangles = 0;
-    for built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes) {
-        notes.absorb(built.notes);
+    let mut sensors = Sensors::find(&document, &placed, &indices, &mut notes);
+    let mut surfaces = Vec::new();
+    for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes) {
+        notes.absorb(std::mem::take(&mut built.notes));
         n_degenerate_triangles += built.n_degenerate_triangles;
-        if !merge::append(&mut scene.mesh, built.mesh) {
+        surfaces.extend(sensors.take(built));
+    }
+    surfaces.extend(sensors.lay(&mut scene, &mut notes));
+    for surface in surfaces {
+        if !merge::append(&mut scene.mesh, surface) {
             notes.warn("the scene has more than 4 billion vertices: the rest is left out".to_owned());
             break;
         }
@@ -223,8 +230,7 @@ const PANEL_SIDES: std::ops::RangeInclusive<u64> = 4..=64;
 
 /// `extras: {"clerestory": {"panel": 32}}`.
 fn panel_side(node: &Node, index: usize, notes: &mut Notes) -> Option<u32> {
-    let extras: Value = serde_json::from_str(node.extras.as_ref()?.get()).ok()?;
-    let asked = extras.get("clerestory")?.get("panel")?;
+    let asked = sensors::extra(node, "panel")?;
     match asked.as_u64().filter(|side| PANEL_SIDES.contains(side)) {
         Some(side) => Some(side as u32),
         None => {

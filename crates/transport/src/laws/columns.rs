@@ -57,7 +57,8 @@ fn relit(bake: &Bake, weights: &[f32]) -> Vec<f64> {
 fn baked(scene: &Arc<PreparedScene>) -> Bake {
     let config = BakeConfig { spp: 64, tolerance_db: 60.0, bounces: None, seed: 5, indirect: Indirect::Traced };
     let camera = scene.scene.cameras[0].clone();
-    let job = BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly };
+    let job =
+        BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
     job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
 }
 

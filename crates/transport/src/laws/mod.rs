@@ -3,6 +3,7 @@
 mod columns;
 mod estimators;
 mod finishes;
+mod irradiance;
 mod leaks;
 mod panes;
 mod reference;

@@ -80,7 +80,7 @@ fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_s
 /// A bake without preview, and the CPU seconds that it took.
 fn baked(scene: &Arc<PreparedScene>, film: Film, config: BakeConfig) -> Result<(f64, Bake)> {
     let camera = scene.scene.cameras[0].clone();
-    let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly };
+    let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
     let before = process_cpu_secs()?;
     let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
     Ok((process_cpu_secs()? - before, bake))

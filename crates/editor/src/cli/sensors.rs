@@ -1,0 +1,168 @@
+//! `clerestory sensors`: how many lux arrive at the grids of a baked scene.
+
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+use clerestory_transport::archive;
+use clerestory_transport::bake::Bake;
+use clerestory_transport::light::{LightRig, luminance};
+use clerestory_transport::sensors::SensorGrid;
+use glam::Vec3;
+use serde::Serialize;
+use serde_json::json;
+
+use super::args::SensorsArgs;
+use super::console::{Answer, Console};
+use super::relight::irradiance_of;
+use super::view::{load_look, warn_of_unknown_lights};
+use crate::output::PendingFile;
+
+/// What the sensors of a grid say.
+struct Readings<'a> {
+    grid: &'a SensorGrid,
+    /// Measured points in meters, and their illuminance in lux.
+    points: Vec<(Vec3, f32)>,
+}
+
+/// A grid in the figures that lighting standards ask for.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct Summary {
+    name: String,
+    /// Points along u and v.
+    size: [u32; 2],
+    /// Points that count.
+    points: usize,
+    average_lux: f64,
+    minimum_lux: f64,
+    maximum_lux: f64,
+    /// U0, minimum over average; `None` in the dark.
+    uniformity: Option<f64>,
+}
+
+pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answer> {
+    let place = args.output.as_deref().map(PendingFile::create).transpose()?;
+    let look = load_look(args.look.as_deref(), console)?;
+    let bake = archive::read(&args.transport)
+        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let all = readings(&bake, &look.lights)?;
+    if all.is_empty() {
+        bail!(
+            "{} holds no sensors; bake it again with --sensors NODE=WxH or --work-plane HEIGHT",
+            args.transport.display()
+        );
+    }
+    warn_of_unknown_lights(&bake.header.basis, &look, console);
+    if let Some(place) = place {
+        place.commit(|writer| write_table(writer, &all))?;
+    }
+    let summaries: Vec<Summary> = all.iter().map(Readings::summary).collect();
+    let mut lines: Vec<String> = summaries.iter().map(Summary::words).collect();
+    let output = args.output.as_deref().map(Path::display);
+    lines.extend(
+        output.as_ref().map(|output| format!("{output}: {} points", all.iter().map(Readings::len).sum::<usize>())),
+    );
+    let output = output.map(|output| output.to_string());
+    let json = json!({ "grids": summaries, "output": output, "warnings": console.warnings() });
+    Ok(Answer { json, words: lines.join("\n") })
+}
+
+fn readings<'a>(bake: &'a Bake, rig: &LightRig) -> Result<Vec<Readings<'a>>> {
+    let read = |(set, grid): (usize, &'a SensorGrid)| {
+        let irradiance = irradiance_of(bake, set, rig)?;
+        // Ranks that are left out may take a dark point a little below nothing.
+        let lux = |rgb: &[f32; 3]| luminance(Vec3::from(*rgb)).max(0.0);
+        let points = (0..).zip(&irradiance.pixels).filter_map(|(number, rgb)| Some((grid.point(number)?, lux(rgb))));
+        let points: Vec<(Vec3, f32)> = points.collect();
+        if points.iter().any(|(_, lux)| !lux.is_finite()) {
+            bail!("some sensors of `{}` read no finite number; check the intensities of the look", grid.name);
+        }
+        Ok(Readings { grid, points })
+    };
+    bake.grids().map(read).collect()
+}
+
+impl Readings<'_> {
+    fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    fn summary(&self) -> Summary {
+        let lux = || self.points.iter().map(|(_, lux)| f64::from(*lux));
+        let average_lux = lux().sum::<f64>() / self.len().max(1) as f64;
+        let (minimum_lux, maximum_lux) = (lux().fold(f64::INFINITY, f64::min), lux().fold(0.0, f64::max));
+        let minimum_lux = if minimum_lux.is_finite() { minimum_lux } else { 0.0 };
+        let uniformity = (average_lux > 0.0).then(|| minimum_lux / average_lux);
+        let (name, size, points) = (self.grid.name.clone(), self.grid.size, self.len());
+        Summary { name, size, points, average_lux, minimum_lux, maximum_lux, uniformity }
+    }
+}
+
+impl Summary {
+    fn words(&self) -> String {
+        let [across, down] = self.size;
+        format!(
+            "{}: average {} lx, minimum {} lx, maximum {} lx, uniformity U0 {} ({} of {across}×{down} points)",
+            self.name,
+            lux_words(self.average_lux),
+            lux_words(self.minimum_lux),
+            lux_words(self.maximum_lux),
+            self.uniformity.map_or("undefined".into(), |uniformity| format!("{uniformity:.2}")),
+            self.points,
+        )
+    }
+}
+
+/// Three digits or more.
+fn lux_words(lux: f64) -> String {
+    match lux {
+        lux if lux >= 100.0 => format!("{lux:.0}"),
+        lux if lux >= 1.0 => format!("{lux:.1}"),
+        lux => format!("{lux:.3}"),
+    }
+}
+
+/// Comma-separated, quoted as RFC 4180 asks: every grid with its points, meters and lux.
+fn write_table(writer: &mut impl Write, all: &[Readings]) -> Result<()> {
+    writeln!(writer, "grid,x,y,z,lux")?;
+    for Readings { grid, points } in all {
+        let name = if grid.name.contains([',', '"', '\n', '\r']) {
+            format!("\"{}\"", grid.name.replace('"', "\"\""))
+        } else {
+            grid.name.clone()
+        };
+        for (point, lux) in points {
+            writeln!(writer, "{name},{},{},{},{lux}", point.x, point.y, point.z)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid(name: &str) -> SensorGrid {
+        let triangles = [[Vec3::ZERO, Vec3::X, Vec3::ONE - Vec3::Y], [Vec3::ZERO, Vec3::ONE - Vec3::Y, Vec3::Z]];
+        SensorGrid::on_quad(name, &triangles, [2, 1]).unwrap()
+    }
+
+    #[test]
+    fn a_grid_is_told_by_average_extremes_and_uniformity() {
+        let grid = grid("desk");
+        let points = [100.0, 500.0, 300.0].map(|lux| (Vec3::ZERO, lux)).to_vec();
+        let told = Readings { grid: &grid, points }.summary();
+        assert_eq!((told.average_lux, told.minimum_lux, told.maximum_lux), (300.0, 100.0, 500.0));
+        assert!((told.uniformity.unwrap() - 1.0 / 3.0).abs() < 1e-12);
+        let dark = Readings { grid: &grid, points: vec![(Vec3::ZERO, 0.0)] }.summary();
+        assert_eq!((dark.average_lux, dark.uniformity), (0.0, None));
+    }
+
+    #[test]
+    fn names_with_commas_and_quotes_stay_one_field() {
+        let grid = grid("desk, \"left\"");
+        let mut table = Vec::new();
+        write_table(&mut table, &[Readings { grid: &grid, points: vec![(Vec3::new(0.5, 0.0, 1.0), 12.5)] }]).unwrap();
+        assert_eq!(String::from_utf8(table).unwrap(), "grid,x,y,z,lux\n\"desk, \"\"left\"\"\",0.5,0,1,12.5\n");
+    }
+}

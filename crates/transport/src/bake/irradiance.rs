@@ -1,0 +1,69 @@
+//! Rows of irradiance at the end of a bake: each set is one more matrix, traced with all samples at once.
+//!
+//! They are never shared between neighbors and have no preview: what is measured in lux is measured without bias.
+
+use std::ops::ControlFlow;
+
+use clerestory_nystrom::{BlockFactors, compress};
+
+use super::clock::Clock;
+use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Run, from_the_center};
+use crate::irradiance::{IrradianceHeader, IrradianceRows};
+use crate::plan::{Density, MatrixPlan};
+use crate::sensors::{SensorError, SensorGrid};
+
+impl BakeJob {
+    /// Checks the rows of irradiance and measures the scale of their columns.
+    pub(super) fn irradiance_headers(&self) -> Result<Vec<IrradianceHeader>, BakeError> {
+        let mut n_points = 0;
+        for rows in &self.irradiance {
+            if let IrradianceRows::Grid(grid) = rows {
+                grid.check()?;
+                n_points += grid.n_points();
+            }
+        }
+        if n_points > SensorGrid::MAX_POINTS {
+            return Err(SensorError::TooMany { n_points }.into());
+        }
+        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
+        let header = |rows: &IrradianceRows| {
+            let (column_scale, sky_reach) = self.matrix(&plan).of_irradiance(rows).measure_columns();
+            IrradianceHeader { rows: rows.clone(), column_scale, sky_reach }
+        };
+        Ok(self.irradiance.iter().map(header).collect())
+    }
+}
+
+impl BakeHeader {
+    fn irradiance_plan(&self, job: &BakeJob, set: usize) -> MatrixPlan {
+        let IrradianceHeader { column_scale, sky_reach, .. } = &self.irradiance[set];
+        MatrixPlan::new(&job.scene.lighting, Density::Full).fitted(column_scale, sky_reach)
+    }
+}
+
+impl Run<'_> {
+    /// Compresses the blocks of a matrix of irradiance that are not there yet; `pass` is the last one of the picture.
+    pub(super) fn irradiance(
+        &mut self,
+        (pass, samples, set): (u32, u32, usize),
+        clock: &mut Clock,
+        on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
+    ) -> Result<ControlFlow<()>, BakeError> {
+        let (job, header, started) = (self.job, self.header.clone(), self.started);
+        let IrradianceHeader { rows, column_scale, .. } = &header.irradiance[set];
+        let plan = header.irradiance_plan(job, set);
+        let mut matrix = job.matrix(&plan).of_irradiance(rows);
+        matrix.set_column_scale(column_scale.clone());
+        let partition = header.partitions().swap_remove(1 + set);
+        let there = &self.matrices[1 + set];
+        let mut blocks = from_the_center(&partition);
+        blocks.retain(|&block| there.iter().any(|group| group.blocks[block as usize].is_none()));
+
+        clock.start_pass(pass + 1 + set as u32, started.elapsed().as_secs_f32());
+        let config = job.compress_config(samples, column_scale);
+        let on_block = |block: u32, factors: Vec<BlockFactors>| {
+            self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
+        };
+        Ok(compress(&matrix, &partition, &blocks, &config, on_block)?)
+    }
+}

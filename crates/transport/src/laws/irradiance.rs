@@ -1,0 +1,238 @@
+//! Irradiance, where its value is known by hand.
+
+use std::f32::consts::{FRAC_1_PI, PI};
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use clerestory_nystrom::{Half, SampledMatrix};
+use glam::{Vec3, Vec4};
+
+use super::stage::{Stage, lambert, pane, quad, room, tint};
+use super::walks::{Mean, assert_same_mean, file_light};
+use crate::archive::{self, Restart};
+use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, Indirect, Passes};
+use crate::camera::{Camera, Film};
+use crate::irradiance::IrradianceRows;
+use crate::light::LightRig;
+use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::plan::{Density, MatrixPlan};
+use crate::prepared::PreparedScene;
+use crate::scene::Material;
+use crate::sensors::{IrradianceRequest, NodeGrid, OfFile, SensorGrid, WorkPlane};
+
+const FILM: Film = Film { width: 20, height: 18 };
+
+fn above() -> Camera {
+    Camera::look_at("above", Vec3::Y * 3.0, Vec3::ZERO, 0.7, 4.0 / 3.0)
+}
+
+/// A table of 2 m × 2 m around the origin that faces up.
+fn table() -> Vec<Vec3> {
+    quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0)
+}
+
+fn on_table(scene: &PreparedScene, node: &str, size: [u32; 2]) -> SensorGrid {
+    let request = IrradianceRequest { nodes: vec![NodeGrid { node: node.into(), size }], ..Default::default() };
+    match request.rows(scene).expect("the table is a quad").remove(0) {
+        IrradianceRows::Grid(grid) => grid,
+        IrradianceRows::Pixels => panic!("only a grid was asked for"),
+    }
+}
+
+/// Green irradiance (radiance without `rows`) of every row under the light of the file.
+fn sampled(scene: &PreparedScene, rows: Option<&IrradianceRows>, samples: u32) -> Vec<f64> {
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 3);
+    let matrix = if let Some(rows) = rows { matrix.of_irradiance(rows) } else { matrix };
+    let (n_cols, n) = (matrix.n_cols(), matrix.film.n_pixels());
+    let bundles: Vec<u32> = (0..n as u32).collect();
+    let (mut out, mut sparse) = (vec![0.0; n * CHANNELS * n_cols], Vec::new());
+    matrix.add_rows(&bundles, 0..samples, Half::A, &mut out, &mut sparse);
+    assert!(rows.is_none() || sparse.is_empty(), "irradiance is nothing that is seen");
+    let weights = file_light(scene);
+    let green = out.chunks_exact(CHANNELS * n_cols).map(|rows| &rows[n_cols..2 * n_cols]);
+    let sum = |row: &[f32]| row.iter().zip(&weights).map(|(value, weight)| f64::from(value * weight)).sum::<f64>();
+    green.map(|row| sum(row) / f64::from(samples)).collect()
+}
+
+#[test]
+fn a_lamp_gives_its_candela_times_cosine_over_squared_distance() {
+    let lamp = Vec3::new(0.3, 1.5, -0.2);
+    let scene = Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0)).lamp("lamp", lamp, 40.0).prepared();
+    let grid = on_table(&scene, "table", [5, 4]);
+    let lux = sampled(&scene, Some(&IrradianceRows::Grid(grid.clone())), 1);
+    assert_eq!(lux.len(), 20);
+    for (number, lux) in (0..).zip(lux) {
+        let to_lamp = lamp - grid.point(number).expect("every point of a table is measured");
+        let known = f64::from(40.0 * to_lamp.y / to_lamp.length().powi(3));
+        assert!((lux - known).abs() < 1e-4 * known, "{lux} lx at point {number}, not {known}");
+    }
+}
+
+#[test]
+fn light_from_behind_does_not_count() {
+    let scene =
+        Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0)).lamp("lamp", -Vec3::Y, 40.0).prepared();
+    let grid = IrradianceRows::Grid(on_table(&scene, "table", [3, 3]));
+    for rows in [&grid, &IrradianceRows::Pixels] {
+        assert!(sampled(&scene, Some(rows), 2).iter().all(|lux| *lux == 0.0));
+    }
+}
+
+#[test]
+fn the_open_sky_gives_pi_times_its_radiance() {
+    let scene = Stage::new(above()).surface("table", &table(), lambert(0.5, 0.0)).prepared();
+    let grid = IrradianceRows::Grid(on_table(&scene, "table", [3, 3]));
+    let pixels = sampled(&scene, Some(&IrradianceRows::Pixels), 2);
+    let center = pixels[(FILM.height / 2 * FILM.width + FILM.width / 2) as usize];
+    for lux in sampled(&scene, Some(&grid), 2).into_iter().chain([center]) {
+        assert!((lux - f64::from(PI)).abs() < 1e-5, "{lux} lx under one nit");
+    }
+}
+
+#[test]
+fn a_furnace_gives_pi_times_its_radiance_on_walls_and_in_mid_air() {
+    let camera = Camera::look_at("inside", Vec3::new(0.1, 0.0, 0.5), Vec3::NEG_Z, 1.2, 4.0 / 3.0);
+    let scene = Stage::new(camera).surface("walls", &room(Vec3::new(1.0, 0.7, 1.3)), lambert(0.5, 0.5)).prepared();
+    let request = IrradianceRequest {
+        of_file: OfFile::All,
+        work_planes: vec![WorkPlane { height_m: 0.6, spacing_m: Some(0.25) }],
+        ..Default::default()
+    };
+    let rows = request.rows(&scene).expect("the room has a floor");
+    let IrradianceRows::Grid(plane) = &rows[1] else { panic!("the work plane comes second") };
+    assert_eq!((plane.size, plane.left_out.len()), ([8, 10], 0));
+    assert!((plane.origin.y - -0.1).abs() < 1e-4, "0.6 m above the floor, not at {}", plane.origin.y);
+    for rows in &rows {
+        let lux = sampled(&scene, Some(rows), 64);
+        Mean::of(&lux).assert_is(f64::from(PI), 1e-2, rows.name());
+    }
+}
+
+/// A room with a shelf, a lamp, and a panel.
+fn lit_room() -> Arc<PreparedScene> {
+    let camera = Camera::look_at("door", Vec3::new(0.2, 0.1, 0.9), Vec3::new(0.0, -0.3, -1.0), 1.1, 4.0 / 3.0);
+    let stage = Stage::new(camera)
+        .surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0))
+        .surface("shelf", &quad(Vec3::new(0.1, -0.4, -0.9), Vec3::Z * 0.6, Vec3::X * 0.8), lambert(0.6, 0.0))
+        .panel("panel", &quad(Vec3::new(-0.5, 0.98, -0.5), Vec3::X * 0.9, Vec3::Z * 0.9), 3.0, 4)
+        .lamp("lamp", Vec3::new(-0.6, 0.2, -0.1), 0.5);
+    Arc::new(stage.prepared())
+}
+
+#[test]
+fn a_diffuse_picture_is_albedo_over_pi_times_its_irradiance() {
+    let scene = lit_room();
+    let lux = sampled(&scene, Some(&IrradianceRows::Pixels), 48);
+    let reflected: Vec<f64> = lux.iter().map(|lux| lux * f64::from(0.6 * FRAC_1_PI)).collect();
+    assert_same_mean(&reflected, &sampled(&scene, None, 48), 1e-2, "the walls");
+}
+
+#[test]
+fn irradiance_is_that_of_the_wall_behind_panes_and_in_mirrors() {
+    // The camera looks up from behind two panes into a mirror that shows it the table from above.
+    let camera = Camera::look_at("up", Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.0, 3.0, 0.0), 0.01, 4.0 / 3.0);
+    let mirror = Material { base_color: Vec4::splat(0.7), metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let sheet = |height: f32| quad(Vec3::new(-4.0, height, 4.0), Vec3::X * 8.0, Vec3::NEG_Z * 8.0);
+    let stage = Stage::new(camera).surface("table", &table(), lambert(0.5, 0.0));
+    let stage = stage.surface("glass", &sheet(0.9), pane()).surface("film", &sheet(1.0), tint(0.4));
+    let scene = stage.surface("mirror", &sheet(2.0), mirror).lamp("lamp", Vec3::Y * 0.4, 2.0).prepared();
+    // Straight below the lamp: 2 cd from 0.4 m; the mirror adds what comes back through both sheets, next to nothing.
+    let lux = Mean::of(&sampled(&scene, Some(&IrradianceRows::Pixels), 4));
+    assert!((lux.value - 2.0 / 0.16).abs() < 0.05 * lux.value, "{lux:?}");
+}
+
+#[test]
+fn points_inside_blocks_are_left_out_of_a_work_plane() {
+    let block: Vec<Vec3> = room(Vec3::splat(0.5)).chunks_exact(3).flat_map(|t| [t[0], t[2], t[1]]).collect();
+    let block: Vec<Vec3> = block.into_iter().map(|corner| corner - Vec3::Y * 0.5).collect();
+    let stage = Stage::new(above()).surface("walls", &room(Vec3::ONE), lambert(0.5, 0.5));
+    let scene = stage.surface("block", &block, lambert(0.5, 0.0)).prepared();
+    let plane = WorkPlane { height_m: 0.7, spacing_m: Some(0.5) };
+    let request = IrradianceRequest { work_planes: vec![plane], ..Default::default() };
+    let rows = request.rows(&scene).expect("the room has a floor");
+    let IrradianceRows::Grid(grid) = &rows[0] else { panic!("only a grid was asked for") };
+    assert_eq!((grid.size, &grid.left_out[..]), ([4, 4], &[5, 6, 9, 10][..]));
+    let lux = sampled(&scene, Some(&rows[0]), 8);
+    assert!((0..16).all(|n| (lux[n] == 0.0) == [5, 6, 9, 10].contains(&n)), "{lux:?}");
+}
+
+fn job(scene: &Arc<PreparedScene>, irradiance: Vec<IrradianceRows>, indirect: Indirect) -> BakeJob {
+    let config = BakeConfig { spp: 12, tolerance_db: 60.0, bounces: None, seed: 5, indirect };
+    let camera = scene.scene.cameras[0].clone();
+    BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance }
+}
+
+fn all_rows(scene: &PreparedScene) -> Vec<IrradianceRows> {
+    let nodes = vec![NodeGrid { node: "shelf".into(), size: [18, 17] }];
+    IrradianceRequest { of_file: OfFile::All, nodes, ..Default::default() }.rows(scene).expect("the shelf is a quad")
+}
+
+/// Green lux out of the factors of a bake.
+fn relit(bake: &Bake, set: usize) -> Vec<f64> {
+    let coefficients = bake.header.irradiance_coefficients(set, &LightRig::default());
+    let mut lux = vec![0.0; bake.header.irradiance_film(set).n_pixels()];
+    for (group, coefficients) in bake.irradiance[set].iter().zip(coefficients) {
+        let weights: Vec<f32> = coefficients.iter().map(|rgb| rgb[1]).collect();
+        let rows = group.apply(&weights);
+        lux.iter_mut().zip(rows.chunks_exact(CHANNELS)).for_each(|(lux, rows)| *lux += f64::from(rows[1]));
+    }
+    lux
+}
+
+#[test]
+fn baked_irradiance_is_what_was_sampled_and_leaves_the_picture_alone() {
+    let scene = lit_room();
+    let stop = |_| ControlFlow::Continue(());
+    let plain = job(&scene, Vec::new(), Indirect::Traced).run(stop).unwrap().unwrap();
+    for indirect in [Indirect::Traced, Indirect::Shared] {
+        let bake = job(&scene, all_rows(&scene), indirect).run(stop).unwrap().unwrap();
+        if indirect == Indirect::Traced {
+            let same = bake.groups.iter().zip(&plain.groups).all(|(a, b)| a.blocks == b.blocks);
+            assert!(same, "irradiance changes the picture");
+        }
+        for (set, rows) in all_rows(&scene).iter().enumerate() {
+            let (lux, expected) = (relit(&bake, set), sampled(&scene, Some(rows), 16));
+            let (lux, expected) = (Mean::of(&lux), Mean::of(&expected));
+            assert!(
+                (lux.value - expected.value).abs() < 0.02 * expected.value,
+                "{}: {lux:?} {expected:?}",
+                rows.name()
+            );
+        }
+        let figures = bake.irradiance_figures();
+        assert_eq!((figures[1].name.as_str(), figures[1].width, figures[1].height), ("shelf", 18, 17));
+        assert!(figures.iter().all(|f| f.error_db.total > 5.0 && f.bytes < f.dense_bytes), "{figures:?}");
+    }
+}
+
+#[test]
+fn a_bake_that_stops_amid_irradiance_is_taken_up_to_the_same_bytes() {
+    let scene = lit_room();
+    let folder = std::env::temp_dir().join(format!("clerestory-irradiance-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let [whole, stopped] = ["whole.transport", "stopped.transport"].map(|name| folder.join(name));
+    let bake = |path, stop_after: usize| {
+        let mut n_done = 0;
+        archive::bake_to_file(job(&scene, all_rows(&scene), Indirect::Traced), path, Restart::Resume, |event| {
+            n_done += usize::from(matches!(event, BakeEvent::IrradianceDone { .. }));
+            if n_done > stop_after { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })
+    };
+    let finished = bake(&whole, usize::MAX).unwrap().unwrap();
+    for stop_after in [0, 2, 4] {
+        assert!(bake(&stopped, stop_after).unwrap().is_none(), "it should have stopped after {stop_after} blocks");
+    }
+    bake(&stopped, usize::MAX).unwrap().unwrap();
+    let bytes = [&whole, &stopped].map(|path| std::fs::read(path).unwrap());
+    assert!(bytes[0] == bytes[1], "a bake that was stopped has other bytes");
+
+    let read = archive::read(&whole).unwrap();
+    assert_eq!((read.header.as_ref(), read.irradiance.len()), (finished.header.as_ref(), 2));
+    assert_eq!(relit(&read, 1), relit(&finished, 1));
+    assert_eq!(bytes[0][8..12], 3u32.to_le_bytes());
+    let plain = job(&scene, Vec::new(), Indirect::Traced);
+    archive::bake_to_file(plain, &stopped, Restart::Resume, |_| ControlFlow::Continue(())).unwrap().unwrap();
+    assert_eq!(std::fs::read(&stopped).unwrap()[8..12], 2u32.to_le_bytes(), "older programs read it");
+    std::fs::remove_dir_all(&folder).unwrap();
+}

@@ -1,0 +1,96 @@
+//! The light that arrives at a point, from all directions on one side, weighed by the cosine.
+//!
+//! Irradiance is π times the radiance of a white diffuse surface in the same place, so it is measured with one: the same
+//! connections, the same weights, the same walks as any diffuse surface of the picture.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+
+use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
+use crate::bsdf::{Bsdf, ScatterKind, surface_params};
+use crate::bvh::Ray;
+use crate::prepared::{SurfaceHit, next_after, offset_origin};
+use crate::sampler::Sampler;
+use crate::scene::Material;
+
+/// A point that light arrives at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Receiver {
+    /// World-space point in meters.
+    pub position: Vec3,
+    /// Unit normal of the side that counts.
+    pub outward: Vec3,
+    /// Unit normal that cosines are taken against, on the same side.
+    pub normal: Vec3,
+}
+
+/// Mirrors and panes that a pixel looks through.
+const MOST_MIRRORS: usize = 16;
+
+impl<P: LightPlan> Integrator<'_, P> {
+    /// One sample of the irradiance of the surface that a camera ray finds; nothing where it finds none.
+    pub(crate) fn sample_seen_irradiance(
+        &self,
+        ray: (Vec3, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        if let Some(receiver) = self.seen_receiver(ray, sampler) {
+            self.sample_irradiance(&receiver, sampler, scratch, deposit);
+        }
+    }
+
+    /// One sample of the irradiance of a point, lux of each column's unit.
+    pub(crate) fn sample_irradiance(
+        &self,
+        at: &Receiver,
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        let material = Material { metallic: 0.0, specular: 0.0, ..Material::default() };
+        let white =
+            Bsdf::new(&surface_params(&material, &[], [Vec2::ZERO; 2], None), at.outward, at.normal, at.outward);
+        // The surface that measures is not one of the scene: of the triangle nothing is ever asked.
+        let (triangle, barycentric) = (u32::MAX, Vec3::ZERO);
+        let hit = SurfaceHit { triangle, t: 0.0, position: at.position, barycentric, normal: at.outward };
+        let mut walk = Walk::from_camera(at.position, -at.outward);
+        (walk.throughput, walk.share, walk.n_hits) = (Vec3::splat(PI), PI, 1);
+        if self.go_on_from(&mut walk, (&hit, &white), sampler, scratch, deposit) {
+            self.follow(walk, sampler, scratch, deposit);
+        }
+    }
+
+    /// The first surface with a diffuse base, black or not: straight on through clear panes, and by way of mirrors and of
+    /// glass that bends.
+    fn seen_receiver(&self, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Option<Receiver> {
+        let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        for _ in 0..MOST_MIRRORS {
+            let hit = self.scene.closest(&ray, sampler)?;
+            let material = self.scene.material(hit.triangle);
+            if material.unlit {
+                return None;
+            }
+            let outward = if hit.normal.dot(ray.direction) > 0.0 { -hit.normal } else { hit.normal };
+            if self.scene.has_diffuse_base(&hit) {
+                let normal = self.scene.smooth_normal(&hit, ray.direction);
+                return Some(Receiver { position: hit.position, outward, normal });
+            }
+            let bsdf = self.scene.bsdf(&hit, -ray.direction);
+            if material.is_clear_pane() && bsdf.straight_through() != Vec3::ZERO {
+                ray.t_min = next_after(hit.t);
+                continue;
+            }
+            let sample = bsdf.sample(sampler.next_1d(), sampler.next_2d())?;
+            if bsdf.has_smooth_lobes() || sample.kind == ScatterKind::Smooth {
+                return None;
+            }
+            let side = if sample.transmitted { -outward } else { outward };
+            let origin = offset_origin(hit.position, side);
+            ray = Ray { origin, direction: sample.wi, t_min: 0.0, t_max: f32::INFINITY };
+        }
+        None
+    }
+}

@@ -1,0 +1,200 @@
+//! From what a designer asks for to the rows of a bake.
+
+use std::collections::BTreeMap;
+
+use glam::{Vec2, Vec3};
+
+use super::{SensorError, SensorGrid};
+use crate::basis::KeyMaker;
+use crate::bvh::Ray;
+use crate::irradiance::IrradianceRows;
+use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
+use crate::scene::{Mesh, Scene, SceneNode};
+
+/// Irradiance that a designer asks for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct IrradianceRequest {
+    /// Which rows come without being named.
+    pub of_file: OfFile,
+    /// Grids on nodes.
+    pub nodes: Vec<NodeGrid>,
+    /// Level grids over the whole plan.
+    pub work_planes: Vec<WorkPlane>,
+}
+
+/// What is measured without a name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OfFile {
+    /// Nothing.
+    #[default]
+    Nothing,
+    /// The pixels, and the grids that the file asks for.
+    All,
+}
+
+/// A grid on the rectangle of a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NodeGrid {
+    /// Name of the node, or `node:INDEX`.
+    pub node: String,
+    /// Points along u and v.
+    pub size: [u32; 2],
+}
+
+/// A level grid that looks up, over the plan of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorkPlane {
+    /// Meters above the floor.
+    pub height_m: f32,
+    /// Meters between points; `None` is as \[EN12464\] spaces them.
+    pub spacing_m: Option<f32>,
+}
+
+impl IrradianceRequest {
+    /// The rows of a bake, pixels first.
+    ///
+    /// # Errors
+    /// A grid that the scene cannot carry, or more points than anybody can want.
+    pub fn rows(&self, scene: &PreparedScene) -> Result<Vec<IrradianceRows>, SensorError> {
+        let mut grids = Vec::new();
+        for (nth, request) in self.nodes.iter().enumerate() {
+            if self.nodes[..nth].iter().any(|other| other.node == request.node) {
+                return Err(SensorError::Twice { node: request.node.clone() });
+            }
+            grids.push(node_grid(&scene.scene, request)?);
+        }
+        if self.of_file == OfFile::All {
+            let named = |grid: &&SensorGrid| self.nodes.iter().any(|request| request.node == grid.name);
+            grids.extend(scene.scene.sensors.iter().filter(|grid| !named(grid)).cloned());
+        }
+        for plane in &self.work_planes {
+            grids.push(work_plane(scene, *plane)?);
+        }
+        let mut keys = KeyMaker::default();
+        for grid in &mut grids {
+            grid.name = keys.key(Some(&grid.name), 0);
+            grid.check()?;
+        }
+        let n_points = grids.iter().map(SensorGrid::n_points).sum();
+        if n_points > SensorGrid::MAX_POINTS {
+            return Err(SensorError::TooMany { n_points });
+        }
+        let pixels = (self.of_file == OfFile::All).then_some(IrradianceRows::Pixels);
+        Ok(pixels.into_iter().chain(grids.into_iter().map(IrradianceRows::Grid)).collect())
+    }
+}
+
+/// The name by which a node is asked for.
+pub(crate) fn name_of(node: &SceneNode) -> String {
+    node.name.clone().unwrap_or_else(|| format!("node:{}", node.index))
+}
+
+/// A grid that the file marks takes another size; any other node stays the surface that it is.
+fn node_grid(scene: &Scene, request: &NodeGrid) -> Result<SensorGrid, SensorError> {
+    if let Some(grid) = scene.sensors.iter().find(|grid| grid.name == request.node) {
+        return Ok(SensorGrid { size: request.size, ..grid.clone() });
+    }
+    let mut of_node: BTreeMap<u32, Vec<[Vec3; 3]>> = BTreeMap::new();
+    for (triangle, &node) in (0u32..).zip(&scene.mesh.triangle_node) {
+        of_node.entry(node).or_default().push(scene.mesh.corners(triangle));
+    }
+    let is_asked = |node: &SceneNode| name_of(node) == request.node || request.node == format!("node:{}", node.index);
+    let Some(triangles) = of_node.iter().find(|(node, _)| is_asked(&scene.nodes[**node as usize])) else {
+        let nodes = of_node.keys().map(|&node| name_of(&scene.nodes[node as usize]));
+        let known: Vec<String> = scene.sensors.iter().map(|grid| grid.name.clone()).chain(nodes).take(20).collect();
+        let known = if known.is_empty() { "none".into() } else { known.join(", ") };
+        return Err(SensorError::UnknownNode { node: request.node.clone(), known });
+    };
+    let not_a_quad = |reason| SensorError::NotAQuad { node: request.node.clone(), reason };
+    SensorGrid::on_quad(&request.node, triangles.1, request.size).map_err(not_a_quad)
+}
+
+fn work_plane(scene: &PreparedScene, plane: WorkPlane) -> Result<SensorGrid, SensorError> {
+    let mesh = &scene.scene.mesh;
+    let (low, high) = mesh.bounds().ok_or(SensorError::NoPlan)?;
+    let plan = Vec2::new(high.x - low.x, high.z - low.z);
+    if plan.min_element() <= 0.0 {
+        return Err(SensorError::NoPlan);
+    }
+    let spacing_m = plane.spacing_m.unwrap_or_else(|| standard_spacing(plan));
+    // As many as the standard counts, the nearest whole number; far too many are refused by the check of the grid.
+    let size = plan.to_array().map(|side| ((side / spacing_m).round() as u32).max(1));
+    let mut grid = SensorGrid {
+        name: format!("work plane {} m", plane.height_m),
+        origin: Vec3::new(low.x, floor_height(mesh).unwrap_or(low.y) + plane.height_m, low.z),
+        u_edge: Vec3::X * plan.x,
+        v_edge: Vec3::Z * plan.y,
+        normal: Vec3::Y,
+        size,
+        left_out: Vec::new(),
+    };
+    grid.check()?;
+    let all = 0..grid.n_points() as u32;
+    let hangs = |number: &u32| grid.point(*number).is_some_and(|point| !stands_on_a_floor(scene, point));
+    let left_out: Vec<u32> = all.filter(hangs).collect();
+    // A scene whose floor is missing or turned round is measured all over.
+    if left_out.len() < grid.n_points() {
+        grid.left_out = left_out;
+    }
+    Ok(grid)
+}
+
+/// Directions of six in which a point inside of something looks at backs: a cupboard in a corner may share its bottom, its
+/// back, and a side with the room.
+const BACKS_INSIDE: usize = 3;
+
+/// Whether there is a surface below a point, and it is not inside of a wall or a block.
+fn stands_on_a_floor(scene: &PreparedScene, point: Vec3) -> bool {
+    let first = |direction: Vec3| {
+        let ray = Ray { origin: point, direction, t_min: 0.0, t_max: f32::INFINITY };
+        scene.closest(&ray, &mut Sampler::new(0, 0, 0))
+    };
+    let shows_its_back = |direction: &Vec3| {
+        let hit = first(*direction).filter(|hit| !scene.material(hit.triangle).double_sided);
+        hit.is_some_and(|hit| hit.normal.dot(*direction) > 0.0)
+    };
+    let axes = Vec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+    first(Vec3::NEG_Y).is_some() && axes.filter(shows_its_back).count() < BACKS_INSIDE
+}
+
+/// Meters between points for an area of two sides: 0.2 · 5^lg d, at most 10 m; d is the longer side, the shorter one of an
+/// area twice as long as wide. \[EN12464\]
+fn standard_spacing(sides: Vec2) -> f32 {
+    let (longer, shorter) = (sides.max_element(), sides.min_element());
+    let side = if longer >= 2.0 * shorter { shorter } else { longer };
+    (0.2 * 5f32.powf(side.log10())).min(10.0)
+}
+
+/// Height of the floor: the lowest level of surfaces that face up with at least half the area of the largest level.
+fn floor_height(mesh: &Mesh) -> Option<f32> {
+    // Area and area times height of each centimeter.
+    let mut levels: BTreeMap<i64, (f64, f64)> = BTreeMap::new();
+    for triangle in 0..mesh.triangles.len() as u32 {
+        let normal = mesh.area_normal(triangle);
+        if normal.y > 0.99 * normal.length() {
+            let height = mesh.corners(triangle).iter().map(|corner| f64::from(corner.y)).sum::<f64>() / 3.0;
+            let (area, moment) = levels.entry((height * 100.0).round() as i64).or_default();
+            *area += f64::from(normal.y);
+            *moment += f64::from(normal.y) * height;
+        }
+    }
+    let largest = levels.values().map(|(area, _)| *area).fold(0.0, f64::max);
+    let floor = levels.values().find(|(area, _)| *area >= 0.5 * largest);
+    floor.map(|(area, moment)| (moment / area) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_spaced_as_the_standard_asks() {
+        // The table of the standard: 1 m every 0.2 m, 10 m every meter, 100 m every 5 m.
+        for (sides, spacing) in [([1.0, 0.9], 0.2), ([10.0, 8.0], 1.0), ([100.0, 60.0], 5.0), ([100.0, 10.0], 1.0)] {
+            let asked = standard_spacing(Vec2::from(sides));
+            assert!((asked - spacing).abs() < 1e-4, "{asked} m for {sides:?}");
+        }
+        assert_eq!(standard_spacing(Vec2::splat(5000.0)), 10.0);
+    }
+}
