@@ -189,6 +189,9 @@ pub struct BakeHeader {
     /// How much of each patch of the sky the pilots saw; what they saw nothing of is not connected to.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sky_reach: Vec<f32>,
+    /// Mean square over the entries by which shared indirect light is off; known at the end of a bake that shares it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sharing_bias: Option<f32>,
     /// Matrices of irradiance, if they were asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub irradiance: Vec<IrradianceHeader>,
@@ -319,6 +322,7 @@ impl BakeJob {
             basis: self.scene.lighting.basis.clone(),
             column_scale,
             sky_reach,
+            sharing_bias: None,
             irradiance: self.irradiance_headers()?,
         })
     }
@@ -368,7 +372,8 @@ impl BakeJob {
         let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
         let n_blocks = partition.n_blocks();
         let matrices = header.empty_matrices();
-        let mut run = Run { job: &self, matrix: &matrix, header: &header, matrices, started: Instant::now() };
+        let mut run =
+            Run { job: &self, matrix: &matrix, header: &header, matrices, bias: None, started: Instant::now() };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -401,6 +406,10 @@ impl BakeJob {
                 return Ok(None);
             }
         }
+        let header = match run.bias {
+            Some(_) => Arc::new(BakeHeader { sharing_bias: run.bias, ..(*header).clone() }),
+            None => header.clone(),
+        };
         let mut matrices = run.matrices.into_iter();
         let groups = matrices.next().expect("the picture is the first matrix");
         Ok(Some(Bake { header, groups, irradiance: matrices.collect() }))
@@ -463,6 +472,8 @@ struct Run<'a> {
     header: &'a Arc<BakeHeader>,
     /// Of the picture, then of each matrix of irradiance.
     matrices: Vec<Vec<BlockLowRank>>,
+    /// See [`BakeHeader::sharing_bias`].
+    bias: Option<f32>,
     started: Instant,
 }
 
@@ -520,15 +531,25 @@ impl Run<'_> {
         };
         clock.start_pass(pass, started.elapsed().as_secs_f32());
         let config = job.compress_config(samples.unwrap_or(1), &header.column_scale);
-        let on_block =
-            |block: u32, factors: Vec<BlockFactors>| self.deliver((0, block as usize), pass, factors, clock, on_event);
         let flow = match nodes {
-            Some(nodes) => compress(&SharedMatrix { matrix, nodes }, &partition, blocks, &config, on_block)?,
-            None => compress(matrix, &partition, blocks, &config, on_block)?,
+            Some(nodes) => {
+                let shared = SharedMatrix { matrix, nodes };
+                self.bias = samples.map(|_| shared.bias(job.config.tolerance_db));
+                let on_block = |block: u32, factors: Vec<BlockFactors>| {
+                    self.deliver((0, block as usize), pass, factors, clock, on_event)
+                };
+                compress(&shared, &partition, blocks, &config, on_block)?
+            }
+            None => {
+                let on_block = |block: u32, factors: Vec<BlockFactors>| {
+                    self.deliver((0, block as usize), pass, factors, clock, on_event)
+                };
+                compress(matrix, &partition, blocks, &config, on_block)?
+            }
         };
         if flow.is_break() {
             return Ok(flow);
         }
-        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.matrices[0]) }))
+        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.matrices[0], self.bias) }))
     }
 }

@@ -15,7 +15,10 @@ pub struct ErrorDb {
     pub sampling: f32,
     /// Sampling noise of the entries before compression.
     pub noise: f32,
-    /// Truncation and sampling together.
+    /// Off by sharing indirect light, measured on pixels that were traced as well; `None` where all light was traced.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bias: Option<f32>,
+    /// All of them but the noise together.
     pub total: f32,
 }
 
@@ -60,8 +63,8 @@ pub struct Figures {
 /// Best error that is told; beyond it numbers mean nothing in 16-bit factors.
 const BEST_DB: f32 = 120.0;
 
-/// Errors of all groups together, each entry counting alike.
-pub fn error_db(groups: &[BlockLowRank]) -> ErrorDb {
+/// Errors of all groups together, each entry counting alike; `bias` is the mean square by which shared light is off.
+pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
     let mut sum = [0.0f64; 3];
     let mut weight = 0.0;
     for group in groups.iter().filter(|g| g.blocks.iter().any(Option::is_some)) {
@@ -77,7 +80,14 @@ pub fn error_db(groups: &[BlockLowRank]) -> ErrorDb {
         (db as f32).min(BEST_DB)
     };
     let truncation = sum[0].max(0.0);
-    ErrorDb { truncation: db(truncation), sampling: db(sum[1]), noise: db(sum[2]), total: db(truncation + sum[1]) }
+    let biased = bias.map(|mean_square| f64::from(mean_square) * weight.max(1.0));
+    ErrorDb {
+        truncation: db(truncation),
+        sampling: db(sum[1]),
+        noise: db(sum[2]),
+        bias: biased.map(db),
+        total: db(truncation + sum[1] + biased.unwrap_or(0.0)),
+    }
 }
 
 impl Bake {
@@ -96,7 +106,7 @@ impl Bake {
             bytes,
             dense_bytes,
             ratio: dense_bytes as f32 / bytes.max(1) as f32,
-            error_db: error_db(&self.groups),
+            error_db: error_db(&self.groups, self.header.sharing_bias),
             skipped: self.skipped(),
         }
     }

@@ -2,19 +2,21 @@
 //!
 //! Each sample of a pixel is its own as far as emitters, mirrors, glass and coats go; what other surfaces send to a diffuse
 //! base comes from the nodes around it (see `nodes`), or from a walk of its own where none lies on the same surface. The
-//! nodes smooth the indirect light over a few pixels: a bias that no number of samples removes, small where light changes
-//! little over the distance of two nodes.
+//! nodes smooth the indirect light over a few pixels, and cells (see `cache`) the light behind it: a bias that no number of
+//! samples removes, small where light changes little over the distance of two nodes. A few hundred pixels are traced as
+//! well, and tell how large it is.
 
 use std::ops::Range;
 
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
 use crate::cache::CachedDeposit;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::nodes::Nodes;
 use crate::path::{Deposit, KnownAt, Scratch};
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, uniform_hash};
 
 /// A matrix with nodes to take indirect light from.
 pub(crate) struct SharedMatrix<'a> {
@@ -49,6 +51,48 @@ impl SharedMatrix<'_> {
             integrator.gather_indirect((&at.hit, at.normal), &mut sampler, scratch, &mut deposit);
         }
         sparse
+    }
+}
+
+/// Pixels that tell what sharing changes, and their samples for each half: fewest, and most.
+const PROBES: usize = 256;
+const PROBE_SAMPLES: [u32; 2] = [16, 64];
+/// Tolerance up to which the fewest samples tell enough.
+const ROUGH_DB: f32 = 32.0;
+
+impl SharedMatrix<'_> {
+    /// The mean square, over all entries of a few hundred pixels, by which sharing is off: the product of what both halves
+    /// differ by from traced samples of their own, in which no noise counts. At least its own standard error.
+    pub(crate) fn bias(&self, tolerance_db: f32) -> f32 {
+        let [fewest, most] = PROBE_SAMPLES;
+        let samples =
+            (fewest as f32 * 10f32.powf(0.1 * (tolerance_db - ROUGH_DB))).clamp(fewest as f32, most as f32) as u32;
+        let n_pixels = self.matrix.film.n_pixels();
+        let n_probes = n_pixels.min(PROBES);
+        let probe = |nth: usize| {
+            let jitter = f64::from(uniform_hash(self.matrix.seed ^ (nth as u64) << 20));
+            let pixel = ((nth as f64 + jitter) * n_pixels as f64 / n_probes as f64) as usize;
+            self.probe(pixel.min(n_pixels - 1) as u32, samples)
+        };
+        let probes: Vec<f64> = (0..n_probes).into_par_iter().map(probe).collect();
+        let n = n_probes as f64;
+        let mean = probes.iter().sum::<f64>() / n;
+        let variance = probes.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        mean.max((variance / n).sqrt()) as f32
+    }
+
+    /// Both sample the same points of a pixel, so that what they have in common does not differ.
+    fn probe(&self, pixel: u32, samples: u32) -> f64 {
+        let n_entries = self.bundle_len() * self.n_cols();
+        let differences = [Half::A, Half::B].map(|half| {
+            let [mut shared, mut traced] = [vec![0.0; n_entries], vec![0.0; n_entries]];
+            self.add_rows(&[pixel], 0..samples, half, &mut shared, &mut Vec::new());
+            self.matrix.add_rows(&[pixel], 0..samples, half, &mut traced, &mut Vec::new());
+            shared.iter_mut().zip(&traced).for_each(|(x, traced)| *x = (*x - traced) / samples as f32);
+            shared
+        });
+        let [a, b] = &differences;
+        a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>() / n_entries as f64
     }
 }
 

@@ -132,8 +132,8 @@ pub struct BakeOptions {
     /// Signal to error in decibels that the bake aims at.
     #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
     pub tolerance: f32,
-    /// Share the light between surfaces among neighboring pixels: sooner and smoother, but smeared over a few pixels, which
-    /// the error figures do not tell.
+    /// Share the light between surfaces among neighboring pixels: smoother at the same samples, but smeared over a few
+    /// pixels; the error says by how much, as measured on pixels that are traced as well.
     #[arg(long, conflicts_with = "exact")]
     pub fast: bool,
     /// Follow the light between surfaces from every sample, without bias (the default).

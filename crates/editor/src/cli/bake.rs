@@ -152,11 +152,15 @@ pub(crate) fn figure_words(figures: &Value) -> String {
     let number = |name: &str| figures[name].as_f64().unwrap_or(f64::NAN);
     let decibels =
         |name: &str| figures["error_db"][name].as_f64().map_or("unmeasured".into(), |db| format!("{db:.1} dB"));
+    let bias = match figures["error_db"]["bias"].as_f64() {
+        Some(db) => format!(", bias of shared light {db:.1} dB"),
+        None => String::new(),
+    };
     format!(
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {} (dense {}, {:.1} times smaller)\n\
-         error       {} in all: truncation {}, sampling {}; noise of the samples {}",
+         error       {} in all: truncation {}, sampling {}{bias}; noise of the samples {}",
         number("pixels"),
         number("columns"),
         number("blocks"),

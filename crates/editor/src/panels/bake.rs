@@ -89,8 +89,8 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
         ui.end_row();
         ui.label("");
         let mut shared = settings.config.indirect == Indirect::Shared;
-        let words = "Shares the light between surfaces among neighboring pixels: sooner and smoother, but smeared over a few \
-                     pixels, which the error figures do not tell";
+        let words = "Shares the light between surfaces among neighboring pixels: smoother, but smeared over a few pixels; \
+                     the bias among the figures says by how much";
         if ui.checkbox(&mut shared, "Share indirect light").on_hover_text(words).changed() {
             settings.config.indirect = if shared { Indirect::Shared } else { Indirect::Traced };
         }
@@ -206,11 +206,14 @@ fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &Ba
         (
             "Total error",
             decibels(error.map(|e| e.total)),
-            "Truncation and sampling, below what the lights reach at their brightest",
+            "Of entries of the matrix, below what the lights reach at their brightest",
         ),
     ];
+    let bias = error.and_then(|e| e.bias);
+    let shared =
+        bias.map(|db| ("Bias", decibels(Some(db)), "Off by shared light, measured on pixels that were traced"));
     egui::Grid::new("figures").num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
-        for (name, value, hint) in rows {
+        for (name, value, hint) in rows.into_iter().chain(shared) {
             ui.label(RichText::new(name).weak()).on_hover_text(hint);
             ui.label(value);
             ui.end_row();
