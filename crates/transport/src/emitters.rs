@@ -106,11 +106,7 @@ pub struct PanelEmitter {
     pub uv_frame: [[Vec2; 3]; 2],
     /// Shines from both sides.
     pub double_sided: bool,
-    /// Turns emitted radiance into the white column's radiance, per channel.
-    pub whiten: Vec3,
-    /// The white column's radiance where no texture changes it: 1, or 0 in a channel that the file does not emit.
-    pub white: Vec3,
-    /// Whether a texture changes the radiance from place to place.
+    /// Whether a texture changes the white column's radiance, 1 else, from place to place.
     pub textured: bool,
     /// One over `resolution`.
     pub texel_side: f32,
@@ -283,22 +279,25 @@ fn file_emission(scene: &Scene, triangles: &[u32]) -> (Vec3, f32) {
     (radiance / strength, strength)
 }
 
-/// Per channel 1 / radiance, and 0 where the file emits nothing.
-fn whiten(color: Vec3, strength: f32) -> Vec3 {
-    let radiance = color * strength;
-    Vec3::select(radiance.cmpgt(Vec3::ZERO), 1.0 / radiance.max(Vec3::splat(f32::MIN_POSITIVE)), Vec3::ZERO)
+/// A material's share of the brightest radiance of its light, per channel. A channel that the light does not emit in the
+/// file takes the largest share: columns are white, so that any color can be put in place of the file's.
+fn share_of(radiance: Vec3, brightest: Vec3) -> Vec3 {
+    let emits = brightest.cmpgt(Vec3::ZERO);
+    let share = Vec3::select(emits, radiance / Vec3::select(emits, brightest, Vec3::ONE), Vec3::ZERO);
+    Vec3::select(emits, share, Vec3::splat(share.max_element()))
 }
 
 fn surface_source(scene: &Scene, key: String, triangles: &[u32]) -> (LightSource, Emitter) {
     let (color, strength) = file_emission(scene, triangles);
-    let emitter = SurfaceEmitter::new(scene, triangles, whiten(color, strength));
+    let emitter = SurfaceEmitter::new(scene, triangles, color * strength);
     (LightSource { key, kind: SourceKind::Emitter, columns: 0..1, color, strength }, Emitter::Surface(emitter))
 }
+    if mesh.triangle_material[first as usize] != mesh.triangle_material[second as usize] {
+        return Err("its two triangles have different materials");
+    }
 
 fn panel_source(scene: &Scene, key: String, panel: PanelEmitter) -> (LightSource, Emitter) {
     let (color, strength) = file_emission(scene, &[panel.triangle]);
-    let whiten = whiten(color, strength);
-    let panel = PanelEmitter { whiten, white: whiten * color * strength, ..panel };
     let size_m = [panel.u_edge.length(), panel.v_edge.length()];
     let kind = SourceKind::Panel { resolution: panel.resolution, size_m };
     let columns = 0..panel.resolution * panel.resolution;
@@ -366,8 +365,6 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
         triangle: first,
         uv_frame,
         double_sided: material.double_sided,
-        whiten: Vec3::ONE,
-        white: Vec3::ONE,
         textured: material.emissive_texture.is_some(),
         texel_side: 1.0 / resolution as f32,
         texel_area,
@@ -411,6 +408,20 @@ fn add_sky(sky: &SkyRequest, keys: &mut KeyMaker, found: &mut Found) {
         }
     };
     let key = keys.key(Some("sky"), 0);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn materials_share_what_their_light_emits_and_are_white_where_it_emits_nothing() {
+        let brightest = Vec3::new(4.0, 2.0, 0.0);
+        assert_eq!(share_of(brightest, brightest), Vec3::ONE);
+        assert_eq!(share_of(Vec3::new(1.0, 1.0, 0.0), brightest), Vec3::new(0.25, 0.5, 0.5));
+        assert_eq!(share_of(Vec3::new(0.0, 2.0, 0.0), brightest), Vec3::new(0.0, 1.0, 1.0));
+        assert_eq!(share_of(Vec3::splat(1e-40), Vec3::splat(1e-40)), Vec3::ONE);
+    }
+}
     found.push((LightSource { key, kind, columns: 0..n_columns, color, strength }, emitter));
     if let Some((sun, direction)) = light.sun.zip(light.sun_direction()) {
         let (kind, strength) = (SourceKind::Sun { direction }, sun.illuminance_lx * light.intensity);

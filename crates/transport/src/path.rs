@@ -386,19 +386,21 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 let target = panel.point(uv);
                 let radiance = if panel.textured {
                     let uvs = panel.uv_frame.map(|[o, du, dv]| o + du * uv.x + dv * uv.y);
-                    self.scene.pattern(self.scene.material(panel.triangle), uvs) * panel.whiten
+                    self.scene.pattern(self.scene.material(panel.triangle), uvs)
                 } else {
-                    panel.white
+                    Vec3::ONE
                 };
                 area_point(position, target, panel.normal, panel.double_sided, panel.texel_area, radiance)
             }
             Emitter::Surface(surface) => {
-                let SurfacePoint { position: target, normal, double_sided, white, triangle, barycentric } =
+                let SurfacePoint { position: target, normal, double_sided, white, textured, triangle, barycentric } =
                     surface.sample(u);
-                let radiance = white.unwrap_or_else(|| {
+                let radiance = if textured {
                     let uvs = self.scene.uvs(triangle, barycentric);
-                    self.scene.pattern(self.scene.material(triangle), uvs) * surface.whiten
-                });
+                    white * self.scene.pattern(self.scene.material(triangle), uvs)
+                } else {
+                    white
+                };
                 area_point(position, target, normal, double_sided, surface.area, radiance)
             }
             Emitter::Punctual(light) if light.kind == PunctualKind::Directional => {

@@ -213,19 +213,18 @@ impl PreparedScene {
         }
         let uvs = self.uvs(hit.triangle, hit.barycentric);
         match &self.lighting.emitters[source as usize] {
-            Emitter::Surface(surface) => Some((column, self.pattern(material, uvs) * surface.whiten)),
+            Emitter::Surface(surface) => Some((column, self.pattern(material, uvs) * surface.white(material))),
             Emitter::Panel(panel) => {
-                Some((column + panel.texel(panel.uv_of(hit.position)), self.pattern(material, uvs) * panel.whiten))
+                Some((column + panel.texel(panel.uv_of(hit.position)), self.pattern(material, uvs)))
             }
             Emitter::Constant => Some((column, self.base_color(hit))),
             _ => None,
         }
     }
 
-    /// Emitted radiance of a material at a texture coordinate, nit per channel.
+    /// What the emissive texture of a material, if any, multiplies its radiance by at a texture coordinate.
     pub fn pattern(&self, material: &Material, uvs: [Vec2; 2]) -> Vec3 {
-        let texture = material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate());
-        material.emitted_radiance() * texture
+        material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate())
     }
 
     /// Length of the diagonal of everything in meters.

@@ -13,6 +13,7 @@ use crate::camera::{Camera, Film};
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
+use crate::scene::Material;
 use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 64, height: 48 };
@@ -74,6 +75,27 @@ fn block_means(pixels: &[f64]) -> Vec<f64> {
 
 fn only(column: usize, n_cols: usize) -> Vec<f32> {
     (0..n_cols).map(|c| f32::from(c == column)).collect()
+}
+
+/// A floor under a shining quad that the camera sees as well.
+fn under_a_glow(color: Vec3, texels: Option<u32>) -> PreparedScene {
+    let camera = Camera::look_at("side", Vec3::new(0.0, 0.5, 3.0), Vec3::NEG_Z, 0.8, 4.0 / 3.0);
+    let glow = Material { emissive: color, ..lambert(0.0, 5.0) };
+    let floor = quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
+    let stage = Stage::new(camera).surface("floor", &floor, lambert(0.8, 0.0));
+    stage.surface("glow", &quad(Vec3::new(-0.5, 1.0, -0.5), Vec3::X, Vec3::Z), glow).as_panel(texels).prepared()
+}
+
+#[test]
+fn a_light_that_is_red_in_the_file_has_the_columns_of_a_white_one() {
+    for texels in [None, Some(4)] {
+        let [red, white] = [Vec3::X, Vec3::ONE].map(|color| {
+            let scene = under_a_glow(color, texels);
+            traced(&scene, &vec![1.0; scene.lighting.basis.n_cols()], 3)
+        });
+        assert!(white.iter().any(|green| *green > 0.0), "the camera sees no light");
+        assert!(red == white, "green is missing from the columns of a red light, {texels:?}");
+    }
 }
 
 #[test]
