@@ -16,7 +16,7 @@ use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
 use crate::emitters::{Emitter, SurfacePoint, punctual_falloff};
-use crate::prepared::{PreparedScene, SurfaceHit, offset_origin};
+use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
 
@@ -319,7 +319,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         walk.straight &= (sample.wi - walk.direction).length_squared() < STRAIGHT;
         walk.direction = sample.wi;
         let inside = sample.wi.dot(hit.normal) < 0.0;
-        walk.origin = offset_origin(hit.position, if inside { -hit.normal } else { hit.normal });
+        walk.origin = hit.origin(if inside { -hit.normal } else { hit.normal });
         if sample.transmitted && self.scene.attenuates {
             let material = self.scene.material(hit.triangle);
             let solid = material.thickness > 0.0 && material.attenuation_distance.is_finite();
@@ -347,7 +347,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let roulette = bits_of(sampler.next_1d());
         let front = hit.normal.dot(walk.direction) < 0.0;
         let outward = if front { hit.normal } else { -hit.normal };
-        let origin = offset_origin(hit.position, outward);
+        let origin = hit.origin(outward);
         let mut fan = Fan::new(origin);
         for (nth, pick) in scratch.picks.iter().enumerate() {
             let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else {
@@ -370,7 +370,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             if light.wi.dot(outward) > 0.0 {
                 fan.push(self.scene, light.target, pick.column, value, deposit);
             } else {
-                let behind = offset_origin(hit.position, -outward);
+                let behind = hit.origin(-outward);
                 deposit.scattered(pick.column, value * self.scene.transmittance(behind, light.target));
             }
         }

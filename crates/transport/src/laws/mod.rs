@@ -6,4 +6,5 @@ mod leaks;
 mod panes;
 mod reference;
 mod stage;
+mod shadows;
 mod walks;
