@@ -167,7 +167,9 @@ impl PreparedScene {
     fn vertex_color(&self, triangle: u32, barycentric: Vec3) -> Option<glam::Vec4> {
         let colors = &self.scene.mesh.colors;
         let [a, b, c] = self.scene.mesh.triangles[triangle as usize].map(|v| v as usize);
-        (!colors.is_empty()).then(|| colors[a] * barycentric.x + colors[b] * barycentric.y + colors[c] * barycentric.z)
+        // By differences, so that a color that all vertices share stays what it is: a cutoff may lie exactly there.
+        let between = |of: glam::Vec4, to: [glam::Vec4; 2], w: Vec3| of + (to[0] - of) * w.y + (to[1] - of) * w.z;
+        (!colors.is_empty()).then(|| between(colors[a], [colors[b], colors[c]], barycentric))
     }
 
     /// Base color of a point, for unlit surfaces and guides.
