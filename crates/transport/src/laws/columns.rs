@@ -55,8 +55,8 @@ fn relit(bake: &Bake, weights: &[f32]) -> Vec<f64> {
     pixels
 }
 
-fn baked(scene: &Arc<PreparedScene>) -> Bake {
-    let config = BakeConfig { spp: 64, tolerance_db: 60.0, bounces: None, seed: 5, indirect: Indirect::Traced };
+fn baked(scene: &Arc<PreparedScene>, spp: u32) -> Bake {
+    let config = BakeConfig { spp, tolerance_db: 60.0, bounces: None, seed: 5, indirect: Indirect::Traced };
     let camera = scene.scene.cameras[0].clone();
     let job = BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly };
     job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
@@ -101,7 +101,7 @@ fn a_light_that_is_red_in_the_file_has_the_columns_of_a_white_one() {
 #[test]
 fn a_baked_column_is_the_picture_of_its_texel_alone() {
     let scene = lit_room();
-    let (bake, n_cols) = (baked(&scene), scene.lighting.basis.n_cols());
+    let (bake, n_cols) = (baked(&scene, 64), scene.lighting.basis.n_cols());
     for column in [0, 7, n_cols - 1] {
         let weights = only(column, n_cols);
         let expected = traced(&scene, &weights, 100 + column as u64);
@@ -118,7 +118,7 @@ fn a_baked_column_is_the_picture_of_its_texel_alone() {
 #[test]
 fn all_baked_columns_add_up_to_the_picture() {
     let scene = lit_room();
-    let (bake, weights) = (baked(&scene), file_light(&scene));
+    let (bake, weights) = (baked(&scene, 64), file_light(&scene));
     let together = relit(&bake, &weights);
     let mut sum = vec![0.0; FILM.n_pixels()];
     for (column, &weight) in weights.iter().enumerate() {
@@ -130,6 +130,18 @@ fn all_baked_columns_add_up_to_the_picture() {
     // The bake keeps the picture of the file as it was sampled, so truncation counts nothing here.
     let (blocks, expected) = (block_means(&together), block_means(&traced(&scene, &weights, 9)));
     assert_same_mean(&blocks, &expected, 5e-3, "the light of the file");
+}
+
+#[test]
+fn ranks_are_told_of_whole_blocks() {
+    let bake = baked(&lit_room(), 4);
+    let n_blocks = bake.groups[0].blocks.len();
+    let rank = |block: usize| bake.groups.iter().flat_map(|group| &group.blocks[block]).map(|b| b.rank).sum();
+    let ranks: Vec<u32> = (0..n_blocks).map(rank).collect();
+    let figures = bake.figures();
+    assert_eq!(Some(figures.max_rank), ranks.iter().copied().max());
+    assert!((figures.mean_rank - ranks.iter().sum::<u32>() as f32 / n_blocks as f32).abs() < 1e-3, "{figures:?}");
+    assert!(bake.groups.len() > 1 && bake.groups.iter().all(|group| group.max_rank() < figures.max_rank));
 }
 
 #[test]
