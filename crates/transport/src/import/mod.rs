@@ -201,6 +201,10 @@ fn add_nodes(
         scene.punctual.extend(match measured {
             Some(instance) => {
                 let bare = lamps::white_point(world_from_node, node_idx);
+            if panel_side(node, index, notes).is_some() {
+                let name = called("node", index, node.name.as_ref());
+                notes.warn(format!("{name} asks to be a panel but shows no mesh of its own: it is none"));
+            }
                 let line_name = called("node", index, node.name.as_ref());
                 profiles.lamp(instance, plain, bare, &line_name, notes)
             }
@@ -218,13 +222,15 @@ fn add_nodes(
 }
 
 /// Texels per side of a panel.
-const PANEL_SIDES: std::ops::RangeInclusive<u64> = 4..=64;
+const PANEL_SIDES: std::ops::RangeInclusive<f64> = 4.0..=64.0;
 
 /// `extras: {"clerestory": {"panel": 32}}`.
 fn panel_side(node: &Node, index: usize, notes: &mut Notes) -> Option<u32> {
     let extras: Value = serde_json::from_str(node.extras.as_ref()?.get()).ok()?;
     let asked = extras.get("clerestory")?.get("panel")?;
-    match asked.as_u64().filter(|side| PANEL_SIDES.contains(side)) {
+    // 16.0 is as whole a number as 16.
+    let whole = asked.as_f64().filter(|side| side.fract() == 0.0 && PANEL_SIDES.contains(side));
+    match whole {
         Some(side) => Some(side as u32),
         None => {
             let name = called("node", index, node.name.as_ref());

@@ -34,7 +34,8 @@ fn lamps_shine_along_minus_z_of_their_node() {
 fn panels_come_from_extras() {
     let panel = |asked| Fixture::triangle().node(json!({"extras": {"clerestory": {"panel": asked}}})).load();
     assert_eq!(panel(json!(32)).scene.nodes[0].panel, Some(32));
-    for asked in [json!(3), json!(65), json!(-4), json!("many")] {
+    assert_eq!(panel(json!(16.0)).scene.nodes[0].panel, Some(16));
+    for asked in [json!(3), json!(65), json!(16.5), json!(-4), json!("many")] {
         let imported = panel(asked);
         assert_eq!(imported.scene.nodes[0].panel, None);
         assert_eq!(imported.report.warnings.len(), 1);
