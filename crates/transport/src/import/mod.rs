@@ -81,6 +81,14 @@ pub enum ImportError {
         version: String,
     },
     /// Its geometry is encoded in a way that cannot be decoded.
+    /// A newer version of glTF is needed to read it.
+    #[error("{name} needs a reader of glTF {min_version}, this is one of 2.0: export it again as glTF 2.0")]
+    MinVersion {
+        /// Which file.
+        name: String,
+        /// Least version that it asks for.
+        min_version: String,
+    },
     #[error("{name} requires {extension}, which is not supported: {remedy}")]
     Extension {
         /// Which file.
