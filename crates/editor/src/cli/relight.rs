@@ -13,13 +13,14 @@ use serde_json::{Value, json};
 use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
-use super::view::{load_look, open_view, requested_sky, warn_of_unknown_lights};
+use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, LightLayer, Picture};
 use crate::look::Look;
-use crate::output::PendingFile;
+use crate::output::{PendingFile, spare_inputs};
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     let target = Target::new(&args.options, console)?;
+    spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     target.finish(&bake, &args.options, console)
@@ -27,6 +28,8 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
 
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
     let target = Target::new(&args.relight, console)?;
+    let scene = [("scene", args.scene.as_path())];
+    spare_inputs(&args.relight.output, scene.into_iter().chain(inputs_of(&args.bake.view)))?;
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
     let view = open_view(&args.scene, &args.bake.view, sky.as_ref(), console)?;
     let job = job(view, &args.bake, Passes::FinalOnly);
@@ -56,6 +59,7 @@ impl Target {
         let place = PendingFile::create(&options.output)?;
         let look = load_look(options.look.as_deref(), console)?;
         Ok(Target { format, place, look, gpu: open_gpu(options.device)? })
+        spare_look(&options.output, options.look.as_deref(), &look)?;
     }
 
     fn finish(self, bake: &Bake, options: &RelightOptions, console: &mut Console) -> Result<Answer> {
