@@ -168,11 +168,9 @@ pub(crate) fn load_look(path: Option<&Path>, console: &mut Console) -> Result<Lo
     Ok(look)
 }
 
-/// A warning for each light that a look sets and the scene does not have.
+/// A warning for each light that a look sets without effect.
 pub(crate) fn warn_of_unknown_lights(basis: &LightBasis, look: &Look, console: &mut Console) {
-    for key in basis.unknown_keys(&look.lights) {
-        console.warn(&format!("the look sets `{key}`, which this scene does not have; it is ignored"));
-    }
+    console.warn_all(look.unheeded(basis));
     if look.lights.sky.is_some() && basis.sky.is_none() {
         console.warn("the look sets the sky, but there is none to turn or exchange; name one with --sky (of the bake)");
     }
