@@ -32,14 +32,14 @@ pub(crate) struct View {
     pub film: Film,
 }
 
-/// Loads a scene and says what was left behind.
+/// Loads a scene and says what was left behind; all of it is kept for the answer.
 pub(crate) fn load_scene(path: &Path, console: &mut Console) -> Result<Imported> {
-    let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
-    let name = path.display();
-    console
-        .warn_all(imported.report.unsupported.iter().map(|what| format!("{name}: not supported and left out: {what}")));
-    console.warn_all(imported.report.warnings.iter().map(|what| format!("{name}: {what}")));
+    let imported = import_scene(path)?;
+    console.warn_all(unsupported_words(&imported, path));
+    console.warn_all(fault_words(&imported, path));
     Ok(imported)
+}
+
 /// Loads a scene.
 pub(super) fn import_scene(path: &Path) -> Result<Imported> {
     import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))
@@ -71,8 +71,6 @@ pub(super) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Res
     let sky = look.lights.sky.as_ref().and_then(|sky| sky.file.as_deref());
     let sky = sky.map(|file| path.parent().unwrap_or(Path::new("")).join(file));
     spare_inputs(output, [("look", path)].into_iter().chain(sky.as_deref().map(|file| ("sky", file))))
-}
-
 }
 
 /// Opens a scene for tracing under a sky, if any.
