@@ -83,7 +83,7 @@ fn under_a_glow(color: Vec3, texels: Option<u32>) -> PreparedScene {
     let glow = Material { emissive: color, ..lambert(0.0, 5.0) };
     let floor = quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
     let stage = Stage::new(camera).surface("floor", &floor, lambert(0.8, 0.0));
-    stage.surface("glow", &quad(Vec3::new(-0.5, 1.0, -0.5), Vec3::X, Vec3::Z), glow).as_panel(texels).prepared()
+    stage.surface("glow", &quad(Vec3::new(-0.5, 1.0, -0.5), Vec3::X, Vec3::Z), glow).with_panel(texels).prepared()
 }
 
 #[test]

@@ -36,11 +36,11 @@ impl Stage {
 
     /// An emissive quad of `resolution` × `resolution` texels.
     pub fn panel(self, name: &str, corners: &[Vec3], radiance: f32, resolution: u32) -> Stage {
-        self.surface(name, corners, lambert(0.0, radiance)).as_panel(Some(resolution))
+        self.surface(name, corners, lambert(0.0, radiance)).with_panel(Some(resolution))
     }
 
     /// The last surface asks to be a panel of `resolution` × `resolution` texels.
-    pub fn as_panel(mut self, resolution: Option<u32>) -> Stage {
+    pub fn with_panel(mut self, resolution: Option<u32>) -> Stage {
         self.scene.nodes.last_mut().expect("the surface has a node").panel = resolution;
         self
     }
