@@ -237,10 +237,97 @@ fn what_cannot_be_done_is_said_in_words() {
     desk.fails("info @none.glb", 1, "none.glb");
     desk.fails("bake @room.glb", 2, "--output");
     desk.fails("bake @room.glb -o @a.transport --spp 0", 2, "--spp");
-    desk.fails("paint", 1, "cannot open paint");
+    desk.fails("paint", 2, "`paint` is neither a command nor a file");
+    desk.fails("bake @room.glb -o @a.transport --panel panel=8 --panel panel=16", 2, "twice");
+    desk.fails("trace @room.glb -o @a.exr --panel panel=8 --panel node:2=16", 1, "twice");
     std::fs::write(desk.path("a.look"), r#"{"clerestory": 1, "lights": {"warm": {"intensity": "much"}}}"#).unwrap();
     desk.fails("trace @room.glb --look @a.look -o @a.exr", 1, "`lights.warm.intensity`");
     assert_eq!(desk.names(), ["a.look", "room.glb"], "a failed command leaves files behind");
+}
+
+#[test]
+fn no_output_takes_the_place_of_an_input() {
+    let desk = Desk::new();
+    std::fs::write(desk.path("lamp.ies"), IES).unwrap();
+    std::fs::write(desk.path("day.hdr"), half_and_half()).unwrap();
+    std::fs::write(desk.path("a.look"), r#"{"clerestory": 1, "sky": {"file": "sky.exr"}}"#).unwrap();
+    desk.json("trace @room.glb -o @sky.exr --size 8x4 --spp 1");
+    desk.json("bake @room.glb -o @room.transport --size 8x6 --spp 1");
+    for (from, to) in
+        [("room.glb", "scene.exr"), ("room.glb", "b.part"), ("room.transport", "t.exr"), ("lamp.ies", "i.exr")]
+    {
+        std::fs::copy(desk.path(from), desk.path(to)).unwrap();
+    }
+    std::fs::copy(desk.path("a.look"), desk.path("look.exr")).unwrap();
+    std::fs::copy(desk.path("day.hdr"), desk.path("day.exr")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(desk.path("room.glb"), desk.path("link.transport")).unwrap();
+    #[cfg(not(unix))]
+    std::fs::hard_link(desk.path("room.glb"), desk.path("link.transport")).unwrap();
+    let contents = || desk.names().into_iter().map(|n| (std::fs::read(desk.path(&n)).unwrap(), n)).collect::<Vec<_>>();
+    let before = contents();
+    for (line, what) in [
+        ("bake @room.glb -o @room.glb", "the scene"),
+        ("bake @room.glb -o @link.transport", "the scene"),
+        ("bake @b.part -o @b", "the scene"),
+        ("bake @room.glb --ies warm=@lamp.ies -o @lamp.ies", "the measured distribution"),
+        ("bake @room.glb --sky @day.hdr -o @day.hdr", "the sky"),
+        ("trace @scene.exr -o @scene.exr", "the scene"),
+        ("trace @room.glb --look @look.exr -o @look.exr", "the look"),
+        ("trace @room.glb --look @a.look -o @sky.exr", "the sky"),
+        ("render @scene.exr -o @scene.exr", "the scene"),
+        ("render @room.glb --ies warm=@i.exr -o @i.exr", "the measured distribution"),
+        ("relight @t.exr -o @t.exr --device cpu", "the transport"),
+        ("relight @room.transport --look @look.exr -o @look.exr --device cpu", "the look"),
+    ] {
+        desk.fails(line, 1, &format!("would overwrite {what} "));
+    }
+    assert!(contents() == before, "a refused command writes");
+}
+
+#[test]
+fn info_tells_what_the_file_has_and_what_was_made_up() {
+    let desk = Desk::new();
+    let room = Shape::room(glam::Vec3::splat(2.0));
+    let file = SceneFile::default().surface("room", &room, SceneFile::lambert([0.5; 3], [0.0; 3]));
+    let file = file.point_lamp("lamp", glam::Vec3::ZERO, [1.0; 3], 7.0).with_range(3.0);
+    std::fs::write(desk.path("blind.glb"), file.glb()).unwrap();
+    let info = desk.json("info @blind.glb");
+    assert_eq!((&info["cameras"], &info["camera_names"]), (&json!(0), &json!([])));
+    let [left_out] = &info["unsupported"].as_array().unwrap()[..] else { panic!("{info}") };
+    assert!(left_out.as_str().unwrap().starts_with("lamp \"lamp\": its range"), "{info}");
+    let [made] = &info["warnings"].as_array().unwrap()[..] else { panic!("{info}") };
+    assert!(made.as_str().unwrap().contains("one was made"), "{info}");
+    let said = desk.run("info @blind.glb");
+    assert!(said.stderr.contains("its range is ignored"), "{}", said.stderr);
+
+    desk.json("trace @blind.glb -o @a.exr --size 8x6 --spp 1");
+    desk.fails("info @a.exr", 1, "is a picture");
+    std::fs::copy(desk.path("a.exr"), desk.path("a.dat")).unwrap();
+    desk.fails("info @a.dat", 1, "is a picture");
+}
+
+#[test]
+fn a_look_that_does_nothing_is_told_why() {
+    let desk = Desk::new();
+    let unlit = json!({ "pbrMetallicRoughness": {}, "extensions": { "KHR_materials_unlit": {} } });
+    let sign = Shape::quad(glam::vec3(-0.5, -0.5, -1.0), glam::Vec3::X, glam::Vec3::Y);
+    let file = SceneFile::default().surface("sign", &sign, unlit);
+    let file = file.point_lamp("lamp", glam::Vec3::ZERO, [1.0; 3], 7.0).camera("front", glam::Vec3::ZERO, 0.9);
+    std::fs::write(desk.path("sign.glb"), file.glb()).unwrap();
+    let look = json!({
+        "clerestory": 1, "lights": { "unlit": { "muted": true }, "none": {} }, "panels": { "lamp": [] },
+    });
+    std::fs::write(desk.path("a.look"), look.to_string()).unwrap();
+    let traced = desk.json("trace @sign.glb --look @a.look -o @a.exr --size 8x6 --spp 4");
+    let warnings = traced["warnings"].to_string();
+    for sentence in
+        ["spots on `lamp`, which is no panel", "`none`, which this scene does not have", "`unlit`, but unlit"]
+    {
+        assert!(warnings.contains(sentence), "{sentence} is not in {warnings}");
+    }
+    let middle = read_exr(&desk.path("a.exr")).unwrap().pixels[3 * 8 + 4];
+    assert_eq!(middle, [1.0; 3], "what is unlit stays as it is");
 }
 
 /// A luminaire that shines three times as bright along its aim as at 60°.

@@ -158,6 +158,13 @@ impl SceneFile {
         self
     }
 
+    /// Gives the last lamp a range in meters.
+    #[must_use]
+    pub fn with_range(mut self, range_m: f32) -> SceneFile {
+        self.lights.last_mut().expect("a lamp was added")["range"] = json!(range_m);
+        self
+    }
+
     /// A node with a camera that looks along −Z.
     #[must_use]
     pub fn camera(mut self, name: &str, position: Vec3, yfov_rad: f32) -> SceneFile {

@@ -266,8 +266,7 @@ impl App {
     fn open_look(&mut self, path: PathBuf) {
         match Look::load(&path) {
             Ok((look, mut warnings)) => {
-                let unknown = self.session.basis().map_or(Vec::new(), |basis| basis.unknown_keys(&look.lights));
-                warnings.extend(unknown.iter().map(|key| format!("no light is called `{key}`")));
+                warnings.extend(self.session.basis().map_or(Vec::new(), |basis| look.unheeded(basis)));
                 self.look = look.clone();
                 (self.saved_look, self.look_path) = (look, Some(path.clone()));
                 match warnings.as_slice() {

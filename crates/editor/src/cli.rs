@@ -7,6 +7,7 @@ mod info;
 pub(crate) mod relight;
 mod sensors;
 mod trace;
+mod usage;
 pub(crate) mod view;
 
 use std::ffi::OsString;
@@ -15,7 +16,6 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use clap::Parser;
 use serde_json::json;
 
 use crate::compare::{compare, read_exr};
@@ -34,7 +34,7 @@ pub fn run<T: Into<OsString> + Clone>(
     stderr: &mut (dyn Write + Send),
 ) -> ExitCode {
     let started = Instant::now();
-    let arguments = match Arguments::try_parse_from(args) {
+    let arguments = match usage::understand(args) {
         Ok(arguments) => arguments,
         Err(error) if error.use_stderr() => {
             let _ = write!(stderr, "{}", error.render());

@@ -37,7 +37,8 @@ pub fn compare(a: &Radiance, b: &Radiance) -> Result<Comparison> {
     Ok(Comparison {
         relative_l2: ratio(difference.sqrt(), reference.sqrt()),
         mean_bias: std::array::from_fn(|c| ratio(channel_sum(a, c) - channel_sum(b, c), channel_sum(b, c))),
-        psnr_db: (mse > 0.0).then(|| -10.0 * mse.log10()),
+        // Without the sum a mean square of 1 is minus zero decibels.
+        psnr_db: (mse > 0.0).then(|| 0.0 - 10.0 * mse.log10()),
     })
 }
 
@@ -150,6 +151,15 @@ mod tests {
         // Half of white at one pixel of a thousand.
         let expected = -10.0 * (0.25f64 / 1000.0).log10();
         assert!((compare(&picture(pixels), &b).unwrap().psnr_db.unwrap() - expected).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_worst_that_can_be_is_zero_decibels() {
+        let (white, black) = (picture(vec![[9.0; 3]; 2]), picture(vec![[0.0; 3]; 2]));
+        let psnr_db = compare(&black, &white).unwrap().psnr_db;
+        // Four times the median is white: a quarter is lost everywhere.
+        assert!((psnr_db.unwrap() - 12.04).abs() < 0.01);
+        assert_eq!(compare(&white, &black).unwrap().psnr_db.map(f64::to_bits), Some(0.0f64.to_bits()));
     }
 
     #[test]

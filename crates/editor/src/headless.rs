@@ -137,7 +137,7 @@ mod tests {
         for (name, json) in GALLERY_LOOKS {
             let (look, warnings) = Look::from_json(json).unwrap();
             assert!(warnings.is_empty(), "{name}: {warnings:?}");
-            assert_eq!(basis.unknown_keys(&look.lights), Vec::<&str>::new(), "{name}");
+            assert_eq!(look.unheeded(&basis), Vec::<String>::new(), "{name}");
         }
     }
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use clerestory_relight::display::Tone;
+use clerestory_transport::basis::{LightBasis, Unheeded};
 use clerestory_transport::light::LightRig;
 
 use crate::output::write_whole;
@@ -45,6 +46,18 @@ impl Look {
     /// Readable JSON with what differs from the scene.
     pub fn to_json(&self) -> String {
         write::json(self)
+    }
+
+    /// A sentence for each light that it sets without effect on a scene.
+    pub fn unheeded(&self, basis: &LightBasis) -> Vec<String> {
+        let words = |(key, why): (&str, Unheeded)| match why {
+            Unheeded::Unknown => format!("the look sets `{key}`, which this scene does not have; it is ignored"),
+            Unheeded::NoPanel => format!("the look puts spots on `{key}`, which is no panel; they are ignored"),
+            Unheeded::Constant => {
+                format!("the look sets `{key}`, but unlit surfaces look alike whatever the lights do; it is ignored")
+            }
+        };
+        basis.unheeded_keys(&self.lights).into_iter().map(words).collect()
     }
 
     /// Reads a file and the sky that it names, relative to its folder; see [`Look::from_json`].
@@ -115,6 +128,16 @@ mod tests {
         assert_eq!(look.lights.lights["KEY"].kelvin, Some(3000.0));
         assert_eq!(look.lights.panels["KEY"][0].radius, 0.2);
         assert_eq!(look.display.exposure_ev, Some(0.0));
+    }
+
+    #[test]
+    fn the_version_may_be_written_as_any_number() {
+        assert!(Look::from_json(r#"{"clerestory": 1.0}"#).unwrap().1.is_empty());
+        for version in ["1.5", "0", "-1", "0.0"] {
+            let error = Look::from_json(&format!(r#"{{"clerestory": {version}}}"#)).unwrap_err().to_string();
+            assert!(error.contains("version number 1"), "{error}");
+        }
+        assert!(Look::from_json(r#"{"clerestory": 2.0}"#).unwrap_err().to_string().contains("newer"));
     }
 
     #[test]

@@ -72,6 +72,37 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     PendingFile::create(path)?.commit(|writer| Ok(writer.write_all(bytes)?))
 }
 
+/// Refuses an output that would take the place of an input, under any of its names. Inputs are what they are called and
+/// where they are.
+///
+/// # Errors
+/// Names both.
+pub fn spare_inputs<'a>(output: &Path, inputs: impl IntoIterator<Item = (&'static str, &'a Path)>) -> Result<()> {
+    for (what, input) in inputs {
+        if is_same_file(output, input) {
+            bail!("{} would overwrite the {what} {}; give the output another name", output.display(), input.display());
+        }
+    }
+    Ok(())
+}
+
+/// Whether two paths lead to one file, through links of either kind; false where there is none.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    if let (Ok(a), Ok(b)) = (a.canonicalize(), b.canonicalize())
+        && a == b
+    {
+        return true;
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        let id = |path: &Path| fs::metadata(path).map(|meta| (meta.dev(), meta.ino())).ok();
+        id(a).is_some_and(|of_a| id(b) == Some(of_a))
+    }
+    #[cfg(not(unix))]
+    false
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,6 +123,30 @@ mod tests {
         assert!(failed.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(folder.path()), ["a.look"]);
+    }
+
+    #[test]
+    fn an_input_is_spared_under_all_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let (input, other) = (folder.path().join("a.glb"), folder.path().join("b.glb"));
+        fs::write(&input, b"scene").unwrap();
+        fs::write(&other, b"scene").unwrap();
+        let mut names = vec![input.clone(), folder.path().join(".").join("a.glb")];
+        #[cfg(unix)]
+        {
+            let (soft, hard) = (folder.path().join("soft"), folder.path().join("hard"));
+            std::os::unix::fs::symlink(&input, &soft).unwrap();
+            fs::hard_link(&input, &hard).unwrap();
+            names.extend([soft, hard]);
+        }
+        for name in names {
+            let said = spare_inputs(&name, [("scene", input.as_path())]).unwrap_err().to_string();
+            assert!(said.contains("would overwrite the scene"), "{said}");
+        }
+        for free in [other, folder.path().join("none.glb")] {
+            spare_inputs(&free, [("scene", input.as_path())]).unwrap();
+        }
+        spare_inputs(&input, [("look", folder.path().join("none.look").as_path())]).unwrap();
     }
 
     #[test]

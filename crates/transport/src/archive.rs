@@ -97,6 +97,11 @@ fn at(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ArchiveErro
     move |source| ArchiveError::Io { doing, path, source }
 }
 
+/// Where a bake to `path` keeps what is done.
+pub fn part_of(path: &Path) -> PathBuf {
+    with_suffix(path, ".part")
+}
+
 fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
@@ -115,7 +120,7 @@ pub fn bake_to_file(
     mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
     let header = job.header()?;
-    let (mut part, done) = Part::open(&with_suffix(path, ".part"), header, restart)?;
+    let (mut part, done) = Part::open(&part_of(path), header, restart)?;
     let (mut failure, mut last_pass) = (None, 0);
     let header = part.header.clone();
     let n_done = done.len();

@@ -106,9 +106,12 @@ impl Indirect {
 
     /// Nodes of a pass with some samples per half; `None` is the preview.
     fn nodes(self, samples: Option<u32>, tolerance_db: f32) -> Option<NodePlan> {
-        let cache = CachePlan { walks: Indirect::CELL_WALKS };
+        let cache = CachePlan { walks: Indirect::CELL_WALKS, places_per_cell: 2 };
         match (samples, self) {
-            (None, _) => Some(NodePlan { walks: Indirect::PREVIEW_WALKS, outshines: 2.0, cache }),
+            (None, _) => {
+                let cache = CachePlan { walks: Indirect::CELL_WALKS / 2, places_per_cell: 6 };
+                Some(NodePlan { walks: Indirect::PREVIEW_WALKS, outshines: 2.0, cache })
+            }
             (Some(_), Indirect::Traced) => None,
             (Some(n), Indirect::Shared) => {
                 let [least, most] = Indirect::NODE_WALKS;

@@ -108,6 +108,17 @@ pub struct LightSource {
     pub strength: f32,
 }
 
+/// Why an entry of a rig changes nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Unheeded {
+    /// No light has that key.
+    Unknown,
+    /// Spots on a light that is no panel.
+    NoPanel,
+    /// Unlit surfaces, which look alike whatever the lights do.
+    Constant,
+}
+
 /// Neighboring columns that are compressed together.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ColumnGroup {
@@ -182,17 +193,24 @@ impl LightBasis {
         coefficients
     }
 
-    /// Keys of a rig that no light of this basis answers to.
-    pub fn unknown_keys<'a>(&self, rig: &'a LightRig) -> Vec<&'a str> {
-        let panels = rig
-            .panels
-            .keys()
-            .filter(|key| !matches!(self.source(key), Some(LightSource { kind: SourceKind::Panel { .. }, .. })));
-        let mut unknown: Vec<&str> =
-            rig.lights.keys().filter(|key| self.source(key).is_none()).map(String::as_str).collect();
-        unknown.extend(panels.map(String::as_str));
-        unknown.dedup();
-        unknown
+    /// Keys of a rig that change nothing in this basis.
+    pub fn unheeded_keys<'a>(&self, rig: &'a LightRig) -> Vec<(&'a str, Unheeded)> {
+        let lights = rig.lights.iter().filter_map(|(key, setting)| match self.source(key) {
+            None => Some((key.as_str(), Unheeded::Unknown)),
+            Some(source) if source.kind == SourceKind::Constant && *setting != LightSetting::default() => {
+                Some((key.as_str(), Unheeded::Constant))
+            }
+            Some(_) => None,
+        });
+        let panels = rig.panels.keys().filter_map(|key| match self.source(key) {
+            None => Some((key.as_str(), Unheeded::Unknown)),
+            Some(LightSource { kind: SourceKind::Panel { .. }, .. }) => None,
+            Some(_) => Some((key.as_str(), Unheeded::NoPanel)),
+        });
+        let mut unheeded: Vec<_> = lights.chain(panels).collect();
+        unheeded.sort();
+        unheeded.dedup();
+        unheeded
     }
 
     /// Coefficients split by group, as a relighter takes them.
@@ -286,6 +304,25 @@ mod tests {
         let mut rig = LightRig::default();
         rig.panels.insert("p".into(), vec![]);
         assert!(basis.project(&rig)[1..].iter().all(|c| *c == [0.0; 3]));
+    }
+
+    #[test]
+    fn what_changes_nothing_is_told_with_its_reason() {
+        let kinds = [("lamp", SourceKind::Point, 1), ("p", panel(4), 16), ("unlit", SourceKind::Constant, 1)];
+        let basis = LightBasis::new(kinds.into_iter().map(|(key, kind, n)| source(key, kind, n)).collect());
+        let mut rig = LightRig::default();
+        let muted = LightSetting { muted: true, ..LightSetting::default() };
+        rig.lights.extend(["lamp", "none", "p", "unlit"].map(|key| (key.to_owned(), muted)));
+        rig.panels.extend(["lamp", "none", "nothing", "p"].map(|key| (key.to_owned(), vec![])));
+        let expected = [
+            ("lamp", Unheeded::NoPanel),
+            ("none", Unheeded::Unknown),
+            ("nothing", Unheeded::Unknown),
+            ("unlit", Unheeded::Constant),
+        ];
+        assert_eq!(basis.unheeded_keys(&rig), expected);
+        let same = LightRig { lights: [("unlit".to_owned(), LightSetting::default())].into(), ..LightRig::default() };
+        assert_eq!(basis.unheeded_keys(&same), []);
     }
 
     #[test]

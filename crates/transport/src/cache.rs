@@ -23,6 +23,8 @@ use cells::{Cells, Scout};
 pub(crate) struct CachePlan {
     /// Walks of a cell, for each half.
     pub walks: u32,
+    /// Places to gather light at for each cell.
+    pub places_per_cell: usize,
 }
 
 /// Cells with their light.
@@ -39,7 +41,7 @@ const SCOUTS: u32 = 2;
 const GENERATIONS: u32 = 2;
 /// Most memory of the light.
 const MOST_BYTES: usize = 1 << 28;
-/// Cells at most, and at least where memory allows.
+/// Fewest cells, where as many are met, and most.
 const CELLS: [usize; 2] = [512, 6144];
 /// Stream of random numbers that neither pixels nor nodes use.
 const STREAM: u64 = 3 << 61;
@@ -48,7 +50,8 @@ impl LightCache {
     /// Fills a cache with what walks from the given places meet.
     pub(crate) fn fill(matrix: &TransportMatrix<'_>, places: &[(SurfaceHit, Vec3)], plan: CachePlan) -> LightCache {
         let n_cols = matrix.column_scale().len();
-        let most = (MOST_BYTES / (2 * CHANNELS * n_cols * 4)).clamp(CELLS[0], CELLS[1]);
+        let affordable = (MOST_BYTES / (2 * CHANNELS * n_cols * 4)).min(CELLS[1]);
+        let most = (places.len() / plan.places_per_cell).min(affordable).max(CELLS[0]);
         let mut found = scout(matrix, places, STREAM);
         let mut cells = Cells::fit(&found, most);
         for generation in 1..=u64::from(GENERATIONS) {

@@ -1,5 +1,6 @@
 //! Where the light of each column comes from: geometry to sample, and the way back from a surface to its column.
 
+mod find;
 mod surface;
 
 use std::collections::BTreeMap;
@@ -7,6 +8,8 @@ use std::collections::BTreeMap;
 use glam::{Vec2, Vec3};
 use thiserror::Error;
 
+pub(crate) use self::find::lamp_keys;
+use self::find::{Found, find_lights};
 pub use self::surface::SurfaceEmitter;
 pub(crate) use self::surface::SurfacePoint;
 
@@ -19,7 +22,7 @@ use crate::sky::{Dome, DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, d
 /// A node whose emissive quad is to become a panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PanelRequest {
-    /// Name of the node, or `node:INDEX`.
+    /// Key of the light as in looks, else name of the node, or `node:INDEX`.
     pub node: String,
     /// Texels along each side, 4…64.
     pub resolution: u32,
@@ -48,6 +51,12 @@ pub enum LightingError {
         node: String,
         /// Names that exist.
         known: String,
+    },
+    /// A panel was asked for twice.
+    #[error("node `{node}` is asked to be a panel twice; ask once")]
+    Twice {
+        /// Key of its light.
+        node: String,
     },
     /// A panel was asked for on something that is not a rectangle.
     #[error("node `{node}` cannot be a panel: {reason}; model it as one planar emissive quad")]
@@ -107,11 +116,7 @@ pub struct PanelEmitter {
     pub uv_frame: [[Vec2; 3]; 2],
     /// Shines from both sides.
     pub double_sided: bool,
-    /// Turns emitted radiance into the white column's radiance, per channel.
-    pub whiten: Vec3,
-    /// The white column's radiance where no texture changes it: 1, or 0 in a channel that the file does not emit.
-    pub white: Vec3,
-    /// Whether a texture changes the radiance from place to place.
+    /// Whether a texture changes the white column's radiance, 1 else, from place to place.
     pub textured: bool,
     /// One over `resolution`.
     pub texel_side: f32,
@@ -207,71 +212,6 @@ impl Lighting {
     }
 }
 
-type Found = Vec<(LightSource, Emitter)>;
-
-fn find_lights(scene: &Scene, requests: &[PanelRequest], warnings: &mut Vec<String>) -> Result<Found, LightingError> {
-    let mut triangles_of_node: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for triangle in 0..scene.mesh.triangles.len() as u32 {
-        let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
-        if material.is_emitter() && scene.mesh.area_normal(triangle).length_squared() > 0.0 {
-            triangles_of_node.entry(scene.mesh.triangle_node[triangle as usize]).or_default().push(triangle);
-        }
-    }
-    check_requests(scene, requests, &triangles_of_node)?;
-    let (mut keys, mut found) = (KeyMaker::default(), Found::new());
-    for (node_idx, node) in scene.nodes.iter().enumerate() {
-        for light in scene.punctual.iter().filter(|light| light.node as usize == node_idx) {
-            let key = keys.key(node.name.as_deref(), node.index);
-            let (color, strength) = (light.color, light.intensity);
-            found.push((
-                LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength },
-                Emitter::Punctual(light.clone()),
-            ));
-        }
-        let Some(triangles) = triangles_of_node.remove(&(node_idx as u32)) else { continue };
-        let key = keys.key(node.name.as_deref(), node.index);
-        let request = requests.iter().find(|r| names(node, &r.node));
-        let resolution = request.map(|r| r.resolution).or(node.panel);
-        match resolution.map(|m| panel_emitter(scene, &triangles, m)) {
-            Some(Ok(panel)) => found.push(panel_source(scene, key, panel)),
-            Some(Err(reason)) if request.is_some() => return Err(LightingError::NotAQuad { node: key, reason }),
-            Some(Err(reason)) => {
-                warnings.push(format!("node `{key}` asks to be a panel but {reason}; it is one luminaire"));
-                found.push(surface_source(scene, key, &triangles));
-            }
-            None => found.push(surface_source(scene, key, &triangles)),
-        }
-    }
-    Ok(found)
-}
-
-fn names(node: &crate::scene::SceneNode, request: &str) -> bool {
-    node.name.as_deref() == Some(request) || request == format!("node:{}", node.index)
-}
-
-fn check_requests(
-    scene: &Scene,
-    requests: &[PanelRequest],
-    emissive: &BTreeMap<u32, Vec<u32>>,
-) -> Result<(), LightingError> {
-    for request in requests {
-        if !PANEL_RESOLUTION.contains(&request.resolution) {
-            return Err(LightingError::Resolution { node: request.node.clone(), resolution: request.resolution });
-        }
-        if !emissive.keys().any(|&n| names(&scene.nodes[n as usize], &request.node)) {
-            let known: Vec<String> = emissive
-                .keys()
-                .take(20)
-                .map(|&n| &scene.nodes[n as usize])
-                .map(|n| n.name.clone().unwrap_or_else(|| format!("node:{}", n.index)))
-                .collect();
-            let known = if known.is_empty() { "none".to_string() } else { known.join(", ") };
-            return Err(LightingError::UnknownPanelNode { node: request.node.clone(), known });
-        }
-    }
-    Ok(())
-}
-
 /// Color and strength that the file gives a node's emissive surfaces: those of its brightest material, channel by channel.
 fn file_emission(scene: &Scene, triangles: &[u32]) -> (Vec3, f32) {
     let mut radiance = Vec3::ZERO;
@@ -284,22 +224,22 @@ fn file_emission(scene: &Scene, triangles: &[u32]) -> (Vec3, f32) {
     (radiance / strength, strength)
 }
 
-/// Per channel 1 / radiance, and 0 where the file emits nothing.
-fn whiten(color: Vec3, strength: f32) -> Vec3 {
-    let radiance = color * strength;
-    Vec3::select(radiance.cmpgt(Vec3::ZERO), 1.0 / radiance.max(Vec3::splat(f32::MIN_POSITIVE)), Vec3::ZERO)
+/// A material's share of the brightest radiance of its light, per channel. A channel that the light does not emit in the
+/// file takes the largest share: columns are white, so that any color can be put in place of the file's.
+fn share_of(radiance: Vec3, brightest: Vec3) -> Vec3 {
+    let emits = brightest.cmpgt(Vec3::ZERO);
+    let share = Vec3::select(emits, radiance / Vec3::select(emits, brightest, Vec3::ONE), Vec3::ZERO);
+    Vec3::select(emits, share, Vec3::splat(share.max_element()))
 }
 
 fn surface_source(scene: &Scene, key: String, triangles: &[u32]) -> (LightSource, Emitter) {
     let (color, strength) = file_emission(scene, triangles);
-    let emitter = SurfaceEmitter::new(scene, triangles, whiten(color, strength));
+    let emitter = SurfaceEmitter::new(scene, triangles, color * strength);
     (LightSource { key, kind: SourceKind::Emitter, columns: 0..1, color, strength }, Emitter::Surface(emitter))
 }
 
 fn panel_source(scene: &Scene, key: String, panel: PanelEmitter) -> (LightSource, Emitter) {
     let (color, strength) = file_emission(scene, &[panel.triangle]);
-    let whiten = whiten(color, strength);
-    let panel = PanelEmitter { whiten, white: whiten * color * strength, ..panel };
     let size_m = [panel.u_edge.length(), panel.v_edge.length()];
     let kind = SourceKind::Panel { resolution: panel.resolution, size_m };
     let columns = 0..panel.resolution * panel.resolution;
@@ -347,6 +287,9 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
         let at = |i| uv_at(i, set).unwrap_or(Vec2::ZERO);
         [at(o), at(u_corner) - at(o), at(v_corner) - at(o)]
     });
+    if mesh.triangle_material[first as usize] != mesh.triangle_material[second as usize] {
+        return Err("its two triangles have different materials");
+    }
     let material = &scene.materials[mesh.triangle_material[first as usize] as usize];
     if material.alpha != AlphaMode::Opaque {
         return Err("its material is not opaque");
@@ -361,8 +304,6 @@ fn panel_emitter(scene: &Scene, triangles: &[u32], resolution: u32) -> Result<Pa
         triangle: first,
         uv_frame,
         double_sided: material.double_sided,
-        whiten: Vec3::ONE,
-        white: Vec3::ONE,
         textured: material.emissive_texture.is_some(),
         texel_side: 1.0 / resolution as f32,
         texel_area,
@@ -460,5 +401,19 @@ pub fn punctual_falloff(light: &PunctualLight, profiles: &[PhotometricProfile], 
             t * t
         }
         PunctualKind::Point | PunctualKind::Directional => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn materials_share_what_their_light_emits_and_are_white_where_it_emits_nothing() {
+        let brightest = Vec3::new(4.0, 2.0, 0.0);
+        assert_eq!(share_of(brightest, brightest), Vec3::ONE);
+        assert_eq!(share_of(Vec3::new(1.0, 1.0, 0.0), brightest), Vec3::new(0.25, 0.5, 0.5));
+        assert_eq!(share_of(Vec3::new(0.0, 2.0, 0.0), brightest), Vec3::new(0.0, 1.0, 1.0));
+        assert_eq!(share_of(Vec3::splat(1e-40), Vec3::splat(1e-40)), Vec3::ONE);
     }
 }

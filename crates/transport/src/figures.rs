@@ -46,7 +46,7 @@ pub struct Figures {
     pub blocks: usize,
     /// Mean rank over blocks, summed over the groups of columns.
     pub mean_rank: f32,
-    /// Highest rank of a block in one group.
+    /// Highest rank of a block, summed over the groups of columns.
     pub max_rank: u32,
     /// Bytes of the factors.
     pub bytes: usize,
@@ -102,13 +102,18 @@ impl Bake {
             columns,
             blocks,
             mean_rank: self.groups.iter().map(|g| g.mean_rank()).sum(),
-            max_rank: self.groups.iter().map(|g| g.max_rank()).max().unwrap_or(0),
+            max_rank: (0..blocks).map(|block_idx| self.rank(block_idx)).max().unwrap_or(0),
             bytes,
             dense_bytes,
             ratio: dense_bytes as f32 / bytes.max(1) as f32,
             error_db: error_db(&self.groups, self.header.sharing_bias),
             skipped: self.skipped(),
         }
+    }
+
+    /// Rank of a block, summed over the groups of columns.
+    fn rank(&self, block_idx: usize) -> u32 {
+        self.groups.iter().filter_map(|group| Some(group.blocks.get(block_idx)?.as_ref()?.rank)).sum()
     }
 
     fn skipped(&self) -> Skipped {

@@ -171,7 +171,7 @@ impl<'a> TransportMatrix<'a> {
             }
             IrradianceRows::Grid(grid) => {
                 let Some(position) = grid.point(number) else { return };
-                let receiver = Receiver { position, outward: grid.normal, normal: grid.normal };
+                let receiver = Receiver { position, outward: grid.normal, normal: grid.normal, clearance: 0.0 };
                 self.integrator.sample_irradiance(&receiver, sampler, scratch, deposit);
             }
         }

@@ -18,7 +18,7 @@ use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
 use crate::emitters::{Emitter, SurfacePoint, punctual_falloff};
-use crate::prepared::{PreparedScene, SurfaceHit, offset_origin};
+use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
 
@@ -336,7 +336,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         walk.straight &= (sample.wi - walk.direction).length_squared() < STRAIGHT;
         walk.direction = sample.wi;
         let inside = sample.wi.dot(hit.normal) < 0.0;
-        walk.origin = offset_origin(hit.position, if inside { -hit.normal } else { hit.normal });
+        walk.origin = hit.origin(if inside { -hit.normal } else { hit.normal });
         if sample.transmitted && self.scene.attenuates {
             walk.extinction = self.extinction_behind(hit, !inside);
         }
@@ -367,9 +367,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let roulette = bits_of(sampler.next_1d());
         let front = hit.normal.dot(walk.direction) < 0.0;
         let outward = if front { hit.normal } else { -hit.normal };
-        let origin = offset_origin(hit.position, outward);
-        // Walks to the same lights are attenuated as well, but for those that never end.
-        let media = self.scene.attenuates.then(|| [walk.extinction, self.extinction_behind(hit, !front)]);
+        let origin = hit.origin(outward);
         let mut fan = Fan::new(origin);
         for (nth, pick) in scratch.picks.iter().enumerate() {
             let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else {
@@ -377,12 +375,14 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             };
             let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
             let mut value = walk.throughput * f_cos * light.factor * pick.inverse_rate;
-            if let (Some([before, behind]), false) = (media, light.beyond) {
-                let extinction = if light.wi.dot(outward) > 0.0 { before } else { behind };
-                value *= (-extinction * light.target.distance(hit.position)).exp();
-            }
             if value.max_element() <= 0.0 {
                 continue;
+            }
+            // Walks to the same lights are attenuated as well, but for those that never end.
+            if self.scene.attenuates && !light.beyond {
+                let before = light.wi.dot(outward) > 0.0;
+                let extinction = if before { walk.extinction } else { self.extinction_behind(hit, !front) };
+                value *= (-extinction * light.target.distance(hit.position)).exp();
             }
             // Roulette: a later connection that carries little is seldom asked for, and then carries more.
             let carried = value.max_element() * self.plan.worth(pick.column);
@@ -396,7 +396,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             if light.wi.dot(outward) > 0.0 {
                 fan.push(self.scene, light.target, pick.column, value, deposit);
             } else {
-                let behind = offset_origin(hit.position, -outward);
+                let behind = hit.origin(-outward);
                 deposit.scattered(pick.column, value * self.scene.transmittance(behind, light.target));
             }
         }
@@ -412,19 +412,21 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 let target = panel.point(uv);
                 let radiance = if panel.textured {
                     let uvs = panel.uv_frame.map(|[o, du, dv]| o + du * uv.x + dv * uv.y);
-                    self.scene.pattern(self.scene.material(panel.triangle), uvs) * panel.whiten
+                    self.scene.pattern(self.scene.material(panel.triangle), uvs)
                 } else {
-                    panel.white
+                    Vec3::ONE
                 };
                 area_point(position, target, panel.normal, panel.double_sided, panel.texel_area, radiance)
             }
             Emitter::Surface(surface) => {
-                let SurfacePoint { position: target, normal, double_sided, white, triangle, barycentric } =
+                let SurfacePoint { position: target, normal, double_sided, white, textured, triangle, barycentric } =
                     surface.sample(u);
-                let radiance = white.unwrap_or_else(|| {
+                let radiance = if textured {
                     let uvs = self.scene.uvs(triangle, barycentric);
-                    self.scene.pattern(self.scene.material(triangle), uvs) * surface.whiten
-                });
+                    white * self.scene.pattern(self.scene.material(triangle), uvs)
+                } else {
+                    white
+                };
                 area_point(position, target, normal, double_sided, surface.area, radiance)
             }
             Emitter::Punctual(light) if light.kind == PunctualKind::Directional => {

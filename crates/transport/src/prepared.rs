@@ -35,6 +35,16 @@ pub struct SurfaceHit {
     pub barycentric: Vec3,
     /// Unit geometric normal of the front side.
     pub normal: Vec3,
+    /// Distance from the surface below which a ray may meet the triangle again, for all that rounding does to its size, m.
+    pub clearance: f32,
+}
+
+impl SurfaceHit {
+    /// Where a ray begins that leaves to the side of `normal`, which is this hit's or its opposite.
+    #[inline]
+    pub fn origin(&self, normal: Vec3) -> Vec3 {
+        offset_origin(self.position + normal * self.clearance, normal)
+    }
 }
 
 impl PreparedScene {
@@ -131,10 +141,12 @@ impl PreparedScene {
 
     fn surface_hit(&self, hit: &Hit) -> SurfaceHit {
         let [a, b, c] = self.scene.mesh.corners(hit.triangle);
+        let (ab, ac) = (b - a, c - a);
         let barycentric = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
-        let position = a * barycentric.x + b * barycentric.y + c * barycentric.z;
-        let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
-        SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal }
+        let (position, across) = (a + ab * hit.u + ac * hit.v, ab.cross(ac));
+        let normal = across.normalize_or(Vec3::Y);
+        let clearance = clearance(ab, ac, across);
+        SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal, clearance }
     }
 
     /// Material of a triangle.
@@ -155,7 +167,9 @@ impl PreparedScene {
     fn vertex_color(&self, triangle: u32, barycentric: Vec3) -> Option<glam::Vec4> {
         let colors = &self.scene.mesh.colors;
         let [a, b, c] = self.scene.mesh.triangles[triangle as usize].map(|v| v as usize);
-        (!colors.is_empty()).then(|| colors[a] * barycentric.x + colors[b] * barycentric.y + colors[c] * barycentric.z)
+        // By differences, so that a color that all vertices share stays what it is: a cutoff may lie exactly there.
+        let between = |of: glam::Vec4, to: [glam::Vec4; 2], w: Vec3| of + (to[0] - of) * w.y + (to[1] - of) * w.z;
+        (!colors.is_empty()).then(|| between(colors[a], [colors[b], colors[c]], barycentric))
     }
 
     /// Base color of a point, for unlit surfaces and guides.
@@ -224,19 +238,18 @@ impl PreparedScene {
         }
         let uvs = self.uvs(hit.triangle, hit.barycentric);
         match &self.lighting.emitters[source as usize] {
-            Emitter::Surface(surface) => Some((column, self.pattern(material, uvs) * surface.whiten)),
+            Emitter::Surface(surface) => Some((column, self.pattern(material, uvs) * surface.white(material))),
             Emitter::Panel(panel) => {
-                Some((column + panel.texel(panel.uv_of(hit.position)), self.pattern(material, uvs) * panel.whiten))
+                Some((column + panel.texel(panel.uv_of(hit.position)), self.pattern(material, uvs)))
             }
             Emitter::Constant => Some((column, self.base_color(hit))),
             _ => None,
         }
     }
 
-    /// Emitted radiance of a material at a texture coordinate, nit per channel.
+    /// What the emissive texture of a material, if any, multiplies its radiance by at a texture coordinate.
     pub fn pattern(&self, material: &Material, uvs: [Vec2; 2]) -> Vec3 {
-        let texture = material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate());
-        material.emitted_radiance() * texture
+        material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate())
     }
 
     /// Length of the diagonal of everything in meters.
@@ -257,8 +270,22 @@ pub(crate) fn next_after(t: f32) -> f32 {
     (t * (1.0 + 1e-6)).max(t.next_up())
 }
 
-/// Moves a point off its surface to the side of `normal`, far enough that a ray from there does not meet the surface
-/// again. \[Wachter2019\]
+/// Rounding of a ray's parameter at a triangle as high as it is long, over its longest edge.
+const CLEARANCE: f32 = f32::EPSILON;
+/// Longest edge over height of a sliver beyond which no more is granted.
+const SLENDEREST: f32 = 64.0;
+
+/// How far from a triangle a ray has to begin so that it does not meet it. The intersection sees the vertices from the
+/// ray's origin, so that the parameter of the plane is off by rounding steps of their distance, the longest edge at most,
+/// and more so the smaller the height over that edge is: weights are differences of products of lengths.
+fn clearance(ab: Vec3, ac: Vec3, across: Vec3) -> f32 {
+    let longest = ab.length_squared().max(ac.length_squared()).max(ab.distance_squared(ac));
+    let slenderness = (longest / across.length().max(f32::MIN_POSITIVE)).min(SLENDEREST);
+    CLEARANCE * longest.sqrt() * slenderness
+}
+
+/// Moves a point near the origin of coordinates or far from it by what rounding does to coordinates of its size.
+/// \[Wachter2019\]
 pub fn offset_origin(position: Vec3, normal: Vec3) -> Vec3 {
     const NEAR_ZERO: f32 = 1.0 / 32.0;
     const FLOAT_SCALE: f32 = 1.0 / 65_536.0;

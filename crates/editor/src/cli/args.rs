@@ -91,7 +91,7 @@ pub struct ViewArgs {
     /// Most bounces; 0 is direct light only [default: unlimited, with Russian roulette].
     #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(0..=65_536))]
     pub bounces: Option<u32>,
-    /// Make a planar emissive node a panel of M × M texels, M from 4 to 64; may be repeated.
+    /// Make a planar emissive node, by its key, a panel of M × M texels, M from 4 to 64; may be repeated.
     #[arg(long = "panel", value_name = "NODE=M", value_parser = parse_panel)]
     pub panels: Vec<PanelRequest>,
     /// Give a point or spot lamp the measured distribution of an .ies or .ldt file; may be repeated.

@@ -12,8 +12,8 @@ use serde_json::{Value, json};
 
 use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
 use super::console::{Answer, Console, advance, bytes_words, duration_words};
-use super::view::{View, on_threads, open_view, requested_sky};
-use crate::output::PendingFile;
+use super::view::{View, inputs_of, on_threads, open_view, requested_sky};
+use crate::output::{PendingFile, spare_inputs};
 
 /// What a bake took.
 #[derive(Clone, Copy, Debug, Default)]
@@ -25,6 +25,10 @@ pub(crate) struct BakeTimes {
 }
 
 pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
+    let scene = [("scene", args.scene.as_path())];
+    for place in [args.output.as_path(), &archive::part_of(&args.output)] {
+        spare_inputs(place, scene.into_iter().chain(inputs_of(&args.options.view)))?;
+    }
     // A place that cannot be written is found out before the long work, not after it.
     drop(PendingFile::create(&args.output)?);
     let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;

@@ -62,6 +62,16 @@ impl<'a> Console<'a> {
         self.progress.suspend(|| drop(writeln!(stderr, "warning: {sentence}")));
     }
 
+    /// Says warnings that the answer tells elsewhere.
+    pub fn say_all(&mut self, sentences: impl IntoIterator<Item = impl AsRef<str>>) {
+        let stderr = &mut *self.stderr;
+        self.progress.suspend(|| {
+            for sentence in sentences {
+                drop(writeln!(stderr, "warning: {}", sentence.as_ref()));
+            }
+        });
+    }
+
     /// Says all of them; see [`Console::warn`].
     pub fn warn_all(&mut self, sentences: impl IntoIterator<Item = impl AsRef<str>>) {
         for sentence in sentences {

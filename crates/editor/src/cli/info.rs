@@ -11,11 +11,14 @@ use serde_json::{Value, json};
 
 use super::bake::{figure_words, irradiance_words, merge};
 use super::console::{Answer, Console};
-use super::view::load_scene;
+use super::view::{fault_words, import_scene, unsupported_words};
 use crate::look::Look;
 
 /// First bytes of a transport file.
 const TRANSPORT_MAGIC: &[u8] = b"CLERTRAN";
+
+/// First bytes of pictures: OpenEXR, PNG, JPEG, Radiance.
+const PICTURES: [&[u8]; 4] = [b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff", b"#?RADIANCE"];
 
 /// The kinds of file that this program knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +55,9 @@ fn file_kind(path: &Path) -> Result<FileKind> {
     read.with_context(|| format!("cannot read {}: give a file", path.display()))?;
     let holds = |text: &[u8]| start.windows(text.len()).any(|window| window == text);
     match () {
+        () if PICTURES.iter().any(|magic| start.starts_with(magic)) => {
+            bail!("{} is a picture; info takes a scene (.gltf, .glb), a .transport or a .look", path.display())
+        }
         () if start.starts_with(b"glTF") || holds(b"\"asset\"") => Ok(FileKind::Scene),
         () if start.starts_with(TRANSPORT_MAGIC) => Ok(FileKind::Transport),
         () if holds(b"\"clerestory\"") => Ok(FileKind::Look),
@@ -60,7 +66,10 @@ fn file_kind(path: &Path) -> Result<FileKind> {
 }
 
 fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
-    let imported = load_scene(path, console)?;
+    let imported = import_scene(path)?;
+    // In the answer they stand under `unsupported`.
+    console.say_all(unsupported_words(&imported, path));
+    console.warn_all(fault_words(&imported, path));
     let (scene, report) = (&imported.scene, &imported.report);
     // A light that cannot be made a column is a warning here: the file itself is what was asked about.
     let sources = match Lighting::new(scene, &[]) {
@@ -74,7 +83,8 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
         }
     };
     let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
-    let cameras: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+    let of_file = scene.cameras.iter().filter(|_| !report.made_camera);
+    let cameras: Vec<&str> = of_file.map(|camera| camera.name.as_str()).collect();
     let sensors: Vec<&str> = scene.sensors.iter().map(|grid| grid.name.as_str()).collect();
     // Of the file: those without area are there, though no light meets them.
     let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;

@@ -1,6 +1,7 @@
 //! `clerestory relight` and `clerestory render`: factors times coefficients, into a file.
 
 use std::ops::Range;
+use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -14,12 +15,13 @@ use serde_json::{Value, json};
 use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
-use super::view::{load_look, open_view, requested_sky, warn_of_unknown_lights};
+use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, LightLayer, Picture};
 use crate::look::Look;
-use crate::output::PendingFile;
+use crate::output::{PendingFile, spare_inputs};
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+    spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
     let target = Target::new(&args.options, console)?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
@@ -27,6 +29,8 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
 }
 
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
+    let scene = [("scene", args.scene.as_path())];
+    spare_inputs(&args.relight.output, scene.into_iter().chain(inputs_of(&args.bake.view)))?;
     let target = Target::new(&args.relight, console)?;
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
     let view = open_view(&args.scene, &args.bake.view, sky.as_ref(), console)?;
@@ -58,6 +62,7 @@ impl Target {
         }
         let place = PendingFile::create(&options.output)?;
         let look = load_look(options.look.as_deref(), console)?;
+        spare_look(&options.output, options.look.as_deref(), &look)?;
         Ok(Target { format, place, look, gpu: open_gpu(options.device)? })
     }
 
@@ -103,8 +108,22 @@ fn open_gpu(device: Device) -> Result<Option<Gpu>> {
             let gpu = Gpu::headless(DeviceChoice::Any);
             Ok(Some(gpu.context("--device gpu found no graphics device; use --device auto or --device cpu")?))
         }
-        Device::Auto => Ok(Gpu::headless(DeviceChoice::Hardware).ok()),
+        Device::Auto if may_have_gpu() => Ok(Gpu::headless(DeviceChoice::Hardware).ok()),
+        Device::Auto => Ok(None),
     }
+}
+
+/// Nodes of the drivers of graphics hardware on Linux: kernel drivers, NVIDIA's own, Windows' subsystem, phones.
+#[cfg(target_os = "linux")]
+const GPU_NODES: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
+
+/// Whether it is worth asking for hardware. Graphics libraries write complaints of their own to stderr when they are asked
+/// where there is neither hardware nor a session.
+fn may_have_gpu() -> bool {
+    #[cfg(target_os = "linux")]
+    return GPU_NODES.iter().any(|node| Path::new(node).exists());
+    #[cfg(not(target_os = "linux"))]
+    true
 }
 
 /// The frame of a bake under a rig, as a relighter takes it. Blocks are shared but where the sky is seen.

@@ -11,14 +11,16 @@ use serde_json::json;
 
 use super::args::TraceArgs;
 use super::console::{Answer, Console, advance, duration_words};
-use super::view::{load_look, on_threads, open_view, requested_sky, warn_of_unknown_lights};
+use super::view::{inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, Picture};
-use crate::output::PendingFile;
+use crate::output::{PendingFile, spare_inputs};
 
 pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let format = ImageFormat::of(&args.output)?;
+    spare_inputs(&args.output, [("scene", args.scene.as_path())].into_iter().chain(inputs_of(&args.view)))?;
     let place = PendingFile::create(&args.output)?;
     let look = load_look(args.look.as_deref(), console)?;
+    spare_look(&args.output, args.look.as_deref(), &look)?;
     let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
     let view = open_view(&args.scene, &args.view, sky.as_ref(), console)?;
     let basis = &view.scene.lighting.basis;

@@ -18,6 +18,7 @@ use clerestory_transport::sky::{SkyForm, SkySetting};
 use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
 use crate::look::{Look, sky};
+use crate::output::spare_inputs;
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
@@ -31,14 +32,45 @@ pub(crate) struct View {
     pub film: Film,
 }
 
-/// Loads a scene and says what was left behind.
+/// Loads a scene and says what was left behind; all of it is kept for the answer.
 pub(crate) fn load_scene(path: &Path, console: &mut Console) -> Result<Imported> {
-    let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
-    let name = path.display();
-    console
-        .warn_all(imported.report.unsupported.iter().map(|what| format!("{name}: not supported and left out: {what}")));
-    console.warn_all(imported.report.warnings.iter().map(|what| format!("{name}: {what}")));
+    let imported = import_scene(path)?;
+    console.warn_all(unsupported_words(&imported, path));
+    console.warn_all(fault_words(&imported, path));
     Ok(imported)
+}
+
+/// Loads a scene.
+pub(super) fn import_scene(path: &Path) -> Result<Imported> {
+    import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))
+}
+
+/// What of a scene is not shown.
+pub(super) fn unsupported_words(imported: &Imported, path: &Path) -> Vec<String> {
+    let words = |what: &String| format!("{}: not supported and left out: {what}", path.display());
+    imported.report.unsupported.iter().map(words).collect()
+}
+
+/// What is wrong with a scene, and what was made up for it.
+pub(super) fn fault_words(imported: &Imported, path: &Path) -> Vec<String> {
+    let made = imported.report.made_camera.then_some("it has no perspective camera; one was made");
+    let faults = imported.report.warnings.iter().map(String::as_str).chain(made);
+    faults.map(|what| format!("{}: {what}", path.display())).collect()
+}
+
+/// The files that a view reads beside its scene.
+pub(super) fn inputs_of(args: &ViewArgs) -> impl Iterator<Item = (&'static str, &Path)> {
+    let sky = args.sky.as_ref().and_then(|sky| sky.file.as_deref());
+    let measured = args.ies.iter().map(|request| ("measured distribution", request.file.as_path()));
+    sky.map(|file| ("sky", Path::new(file))).into_iter().chain(measured)
+}
+
+/// Refuses an output that would overwrite a look or the sky that it names.
+pub(super) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    let sky = look.lights.sky.as_ref().and_then(|sky| sky.file.as_deref());
+    let sky = sky.map(|file| path.parent().unwrap_or(Path::new("")).join(file));
+    spare_inputs(output, [("look", path)].into_iter().chain(sky.as_deref().map(|file| ("sky", file))))
 }
 
 /// Opens a scene for tracing under a sky, if any.
@@ -134,11 +166,9 @@ pub(crate) fn load_look(path: Option<&Path>, console: &mut Console) -> Result<Lo
     Ok(look)
 }
 
-/// A warning for each light that a look sets and the scene does not have.
+/// A warning for each light that a look sets without effect.
 pub(crate) fn warn_of_unknown_lights(basis: &LightBasis, look: &Look, console: &mut Console) {
-    for key in basis.unknown_keys(&look.lights) {
-        console.warn(&format!("the look sets `{key}`, which this scene does not have; it is ignored"));
-    }
+    console.warn_all(look.unheeded(basis));
     if look.lights.sky.is_some() && basis.sky.is_none() {
         console.warn("the look sets the sky, but there is none to turn or exchange; name one with --sky (of the bake)");
     }

@@ -60,9 +60,10 @@ fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<(
         reader.warnings.push(format!("the look does not say `\"clerestory\": {LOOK_VERSION}`; read as that version"));
         return Ok(());
     };
-    let version = version.as_u64().filter(|v| *v >= 1);
+    // 1.0 is the same number as 1.
+    let version = version.as_f64().filter(|v| *v >= 1.0 && v.fract() == 0.0);
     let version = version.ok_or_else(|| anyhow!("`clerestory` must be the version number {LOOK_VERSION}"))?;
-    if version > LOOK_VERSION {
+    if version > LOOK_VERSION as f64 {
         bail!(
             "it was written by a newer clerestory (look version {version}, this program knows {LOOK_VERSION}); update this program"
         );

@@ -175,6 +175,9 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
     );
     let unsupported = imported.report.unsupported.iter().map(|what| format!("Left out: {what}"));
     let mut report: Vec<String> = unsupported.chain(imported.report.warnings.iter().cloned()).collect();
+    if imported.report.made_camera {
+        report.push("It has no perspective camera; one was made".into());
+    }
     let (scene, warnings) = PreparedScene::new(imported.scene, &[]).context("its lights cannot be used")?;
     report.extend(warnings);
     Ok(Loaded::Scene { scene: Box::new(scene), report })

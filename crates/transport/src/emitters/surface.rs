@@ -2,6 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
+use super::share_of;
 use crate::scene::{Material, Scene};
 
 /// Emissive triangles of one node.
@@ -11,8 +12,8 @@ pub struct SurfaceEmitter {
     pub triangles: Vec<ShiningTriangle>,
     /// Total area, m².
     pub area: f32,
-    /// Turns emitted radiance into the white column's radiance, per channel.
-    pub whiten: Vec3,
+    /// Radiance without texture of its brightest material, channel by channel.
+    brightest: Vec3,
 }
 
 /// A triangle that shines, with what sampling it takes.
@@ -25,8 +26,9 @@ pub struct ShiningTriangle {
     /// Unit normal of the front side.
     normal: Vec3,
     double_sided: bool,
-    /// The white column's radiance where no texture changes it.
-    white: Option<Vec3>,
+    /// The white column's radiance, but for its texture.
+    white: Vec3,
+    textured: bool,
     /// Area of all triangles before it, m².
     area_before: f32,
     /// One over its own area, 1/m².
@@ -39,15 +41,17 @@ pub(crate) struct SurfacePoint {
     /// Unit normal of the front side.
     pub normal: Vec3,
     pub double_sided: bool,
-    /// The white column's radiance, `None` where a texture says what it is: see `triangle` and `barycentric`.
-    pub white: Option<Vec3>,
+    /// The white column's radiance, but for the texture.
+    pub white: Vec3,
+    /// Whether a texture multiplies it: see `triangle` and `barycentric`.
+    pub textured: bool,
     pub triangle: u32,
     pub barycentric: Vec3,
 }
 
 impl SurfaceEmitter {
-    /// `whiten` as the field says.
-    pub(crate) fn new(scene: &Scene, triangles: &[u32], whiten: Vec3) -> SurfaceEmitter {
+    /// `brightest` as the field says.
+    pub(crate) fn new(scene: &Scene, triangles: &[u32], brightest: Vec3) -> SurfaceEmitter {
         let mut area = 0.0;
         let shining = |&triangle: &u32| {
             let [a, b, c] = scene.mesh.corners(triangle);
@@ -61,13 +65,19 @@ impl SurfaceEmitter {
                 edges: [b - a, c - a],
                 normal: normal.normalize_or(Vec3::Y),
                 double_sided: material.double_sided,
-                white: material.emissive_texture.is_none().then(|| material.emitted_radiance() * whiten),
+                white: share_of(material.emitted_radiance(), brightest),
+                textured: material.emissive_texture.is_some(),
                 area_before,
                 per_area: 1.0 / own.max(f32::MIN_POSITIVE),
             }
         };
         let triangles = triangles.iter().map(shining).collect();
-        SurfaceEmitter { triangles, area, whiten }
+        SurfaceEmitter { triangles, area, brightest }
+    }
+
+    /// The white column's radiance from one of its materials, but for the texture.
+    pub(crate) fn white(&self, material: &Material) -> Vec3 {
+        share_of(material.emitted_radiance(), self.brightest)
     }
 
     /// A point with uniform density over the area, for `u` uniform in [0, 1)².
@@ -82,6 +92,7 @@ impl SurfaceEmitter {
             normal: chosen.normal,
             double_sided: chosen.double_sided,
             white: chosen.white,
+            textured: chosen.textured,
             triangle: chosen.triangle,
             barycentric,
         }

@@ -58,7 +58,7 @@ const DEMANDED: &[(&[&str], &str, &str)] = &[
 /// Reads the JSON of a file.
 ///
 /// # Errors
-/// When it is not JSON, of another version than 2, or of another shape than glTF's; the place is named.
+/// When it is not JSON, of another version than 2 or for readers of a newer one, or of another shape than glTF's; the place is named.
 pub(super) fn read(name: &str, text: &[u8]) -> Result<Document, ImportError> {
     let broken = |source| ImportError::Json { name: name.to_owned(), source };
     let mut value: Value = serde_json::from_slice(text).map_err(broken)?;
@@ -66,11 +66,22 @@ pub(super) fn read(name: &str, text: &[u8]) -> Result<Document, ImportError> {
     if version.split('.').next() != Some("2") {
         return Err(ImportError::Version { name: name.to_owned(), version: version.to_owned() });
     }
+    if let Some(min_version) = value.pointer("/asset/minVersion").and_then(Value::as_str)
+        && !is_readable(min_version)
+    {
+        return Err(ImportError::MinVersion { name: name.to_owned(), min_version: min_version.to_owned() });
+    }
     let length = |key: &str| value.get(key).and_then(Value::as_array).map_or(0, Vec::len);
     let (n_animations, n_skins) = (length("animations"), length("skins"));
     mend(&mut value);
     let root = Root::deserialize(&value).map_err(|error| broken(located(&value, error)))?;
     Ok(Document { root, n_animations, n_skins })
+}
+
+/// Whether a reader of glTF 2.0 may read what asks for a version at least.
+fn is_readable(min_version: &str) -> bool {
+    let parts = min_version.split_once('.').map(|(major, minor)| (major.parse::<u32>(), minor.parse::<u32>()));
+    matches!(parts, Some((Ok(major), Ok(minor))) if (major, minor) <= (2, 0))
 }
 
 fn mend(root: &mut Value) {

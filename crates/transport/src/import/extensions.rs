@@ -47,6 +47,9 @@ const LEFT_OUT: &[(&str, &str)] = &[
     ("MSFT_texture_dds", "DDS textures without a PNG or JPEG twin become a checkerboard"),
 ];
 
+/// Said of an extension without which glTF lets a program refuse the file; what can be shown is shown.
+const REQUIRED: &str = "; the file requires it, so it may look quite different there";
+
 /// Names of all extensions that something is said about.
 #[cfg(test)]
 pub(super) fn known() -> Vec<&'static str> {
@@ -76,7 +79,8 @@ pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<()
         }
         let effect = LEFT_OUT.iter().find(|(name, _)| *name == known).map_or("it is ignored", |(_, effect)| effect);
         let whose = if known == VARIANTS { variants(document) } else { users(document, known) };
-        notes.unsupported(format!("{extension}: {effect}{whose}"));
+        let required = if document.extensions_required.contains(extension) { REQUIRED } else { "" };
+        notes.unsupported(format!("{extension}: {effect}{whose}{required}"));
     }
     Ok(())
 }

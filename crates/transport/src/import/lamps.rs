@@ -28,9 +28,6 @@ pub(super) fn lamp(
         notes.warn(format!("{name}: its type is not known: it is left out"));
         return None;
     };
-    if light.range.is_some() {
-        notes.unsupported(format!("{name}: its range is ignored, light falls off with the square of the distance"));
-    }
     let color = Vec3::from(light.color);
     let intensity = light.intensity;
     let sane = |x: f32| x.is_finite() && x >= 0.0;

@@ -44,6 +44,7 @@ use uri::Locator;
 pub use environment::{decode_sky, load_sky};
 pub use report::ImportReport;
 
+use crate::emitters::lamp_keys;
 use crate::scene::{Scene, SceneNode};
 
 /// Why a file could not be loaded at all.
@@ -81,6 +82,14 @@ pub enum ImportError {
         name: String,
         /// Version that it states.
         version: String,
+    },
+    /// A newer version of glTF is needed to read it.
+    #[error("{name} needs a reader of glTF {min_version}, this is one of 2.0: export it again as glTF 2.0")]
+    MinVersion {
+        /// Which file.
+        name: String,
+        /// Least version that it asks for.
+        min_version: String,
     },
     /// Its geometry is encoded in a way that cannot be decoded.
     #[error("{name} requires {extension}, which is not supported: {remedy}")]
@@ -143,7 +152,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
     let placed = hierarchy::place(&document, &mut notes);
     let mut scene = Scene { name: name.to_owned(), ..Scene::default() };
     let mut profiles = Profiles::new(&document, &buffers, locator);
-    let indices = add_nodes(&mut scene, &document, &placed, &mut profiles, &mut notes);
+    let (indices, ranged) = add_nodes(&mut scene, &document, &placed, &mut profiles, &mut notes);
     scene.profiles = profiles.loaded;
     let (slots, textures) = assemble::add_materials(&mut scene, &document, &placed, &mut notes);
     let mut n_degenerate_triangles = 0;
@@ -163,9 +172,8 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
     }
     merge::pad_attributes(&mut scene.mesh);
     scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
-    if scene.cameras.is_empty() {
-        scene.cameras.extend(viewpoint::make(&scene.mesh, &scene.materials));
-    }
+    note_ranges(&scene, &ranged, &mut notes);
+    let made_camera = if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials) } else { None };
     note_motion(&document, &placed, n_animations, n_skins, &mut notes);
     let report = ImportReport {
         unsupported: notes.unsupported,
@@ -178,19 +186,22 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
         n_punctual: AsRef::<[Light]>::as_ref(&document).len(),
         n_profiles: scene.profiles.len(),
         n_degenerate_triangles,
+        made_camera: made_camera.is_some(),
     };
+    scene.cameras.extend(made_camera);
     Ok(Imported { scene, report })
 }
 
-/// Fills nodes, lamps and cameras; for each placed node its index in `Scene::nodes`, if it carries something.
+/// Fills nodes, lamps and cameras; for each placed node its index in `Scene::nodes`, if it carries something, and the lamps
+/// of `Scene::punctual` that have a range.
 fn add_nodes(
     scene: &mut Scene,
     document: &Root,
     placed: &[PlacedNode],
     profiles: &mut Profiles,
     notes: &mut Notes,
-) -> Vec<Option<u32>> {
-    let mut indices = Vec::with_capacity(placed.len());
+) -> (Vec<Option<u32>>, Vec<usize>) {
+    let (mut indices, mut ranged) = (Vec::with_capacity(placed.len()), Vec::new());
     for &PlacedNode { index, visible, world_from_node } in placed {
         let node = &document.nodes[index];
         let extensions = node.extensions.as_ref().filter(|_| visible);
@@ -198,6 +209,10 @@ fn add_nodes(
         let measured = extensions.and_then(|all| all.others.get("EXT_lights_ies"));
         let has_mesh = visible && node.mesh.is_some();
         if !has_mesh && node.camera.is_none() && light.is_none() && measured.is_none() {
+            if panel_side(node, index, notes).is_some() {
+                let name = called("node", index, node.name.as_ref());
+                notes.warn(format!("{name} asks to be a panel but shows no mesh of its own: it is none"));
+            }
             indices.push(None);
             continue;
         }
@@ -206,6 +221,9 @@ fn add_nodes(
         let panel = panel_side(node, index, notes);
         scene.nodes.push(SceneNode { index: index as u32, name, panel });
         let plain = light.and_then(|light| lamps::lamp(document, light, world_from_node, node_idx, notes));
+        if plain.is_some() && light.and_then(|light| document.get(light)?.range).is_some() {
+            ranged.push(scene.punctual.len());
+        }
         scene.punctual.extend(match measured {
             Some(instance) => {
                 let bare = lamps::white_point(world_from_node, node_idx);
@@ -222,16 +240,31 @@ fn add_nodes(
         );
         indices.push(Some(node_idx));
     }
-    indices
+    (indices, ranged)
+}
+
+/// Lamps with a range, by their keys: those are what people find again.
+fn note_ranges(scene: &Scene, ranged: &[usize], notes: &mut Notes) {
+    if ranged.is_empty() {
+        return;
+    }
+    let keys = lamp_keys(scene);
+    for key in ranged.iter().filter_map(|&lamp| keys.get(lamp)) {
+        notes.unsupported(format!(
+            "lamp \"{key}\": its range is ignored, light falls off with the square of the distance"
+        ));
+    }
 }
 
 /// Texels per side of a panel.
-const PANEL_SIDES: std::ops::RangeInclusive<u64> = 4..=64;
+const PANEL_SIDES: std::ops::RangeInclusive<f64> = 4.0..=64.0;
 
 /// `extras: {"clerestory": {"panel": 32}}`.
 fn panel_side(node: &Node, index: usize, notes: &mut Notes) -> Option<u32> {
     let asked = sensors::extra(node, "panel")?;
-    match asked.as_u64().filter(|side| PANEL_SIDES.contains(side)) {
+    // 16.0 is as whole a number as 16.
+    let whole = asked.as_f64().filter(|side| side.fract() == 0.0 && PANEL_SIDES.contains(side));
+    match whole {
         Some(side) => Some(side as u32),
         None => {
             let name = called("node", index, node.name.as_ref());

@@ -25,6 +25,8 @@ pub struct ImportReport {
     pub n_profiles: usize,
     /// Triangles without area that were left out.
     pub n_degenerate_triangles: usize,
+    /// Whether the scene's only camera is one that was made, as the file has none that can be used.
+    pub made_camera: bool,
 }
 
 /// Lines for the report while it grows; a line that is already there is not repeated.

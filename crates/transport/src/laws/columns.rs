@@ -13,6 +13,7 @@ use crate::camera::{Camera, Film};
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
+use crate::scene::Material;
 use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 64, height: 48 };
@@ -54,8 +55,8 @@ fn relit(bake: &Bake, weights: &[f32]) -> Vec<f64> {
     pixels
 }
 
-fn baked(scene: &Arc<PreparedScene>) -> Bake {
-    let config = BakeConfig { spp: 64, tolerance_db: 60.0, bounces: None, seed: 5, indirect: Indirect::Traced };
+fn baked(scene: &Arc<PreparedScene>, spp: u32) -> Bake {
+    let config = BakeConfig { spp, tolerance_db: 60.0, bounces: None, seed: 5, indirect: Indirect::Traced };
     let camera = scene.scene.cameras[0].clone();
     let job =
         BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
@@ -77,10 +78,31 @@ fn only(column: usize, n_cols: usize) -> Vec<f32> {
     (0..n_cols).map(|c| f32::from(c == column)).collect()
 }
 
+/// A floor under a shining quad that the camera sees as well.
+fn under_a_glow(color: Vec3, texels: Option<u32>) -> PreparedScene {
+    let camera = Camera::look_at("side", Vec3::new(0.0, 0.5, 3.0), Vec3::NEG_Z, 0.8, 4.0 / 3.0);
+    let glow = Material { emissive: color, ..lambert(0.0, 5.0) };
+    let floor = quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
+    let stage = Stage::new(camera).surface("floor", &floor, lambert(0.8, 0.0));
+    stage.surface("glow", &quad(Vec3::new(-0.5, 1.0, -0.5), Vec3::X, Vec3::Z), glow).with_panel(texels).prepared()
+}
+
+#[test]
+fn a_light_that_is_red_in_the_file_has_the_columns_of_a_white_one() {
+    for texels in [None, Some(4)] {
+        let [red, white] = [Vec3::X, Vec3::ONE].map(|color| {
+            let scene = under_a_glow(color, texels);
+            traced(&scene, &vec![1.0; scene.lighting.basis.n_cols()], 3)
+        });
+        assert!(white.iter().any(|green| *green > 0.0), "the camera sees no light");
+        assert!(red == white, "green is missing from the columns of a red light, {texels:?}");
+    }
+}
+
 #[test]
 fn a_baked_column_is_the_picture_of_its_texel_alone() {
     let scene = lit_room();
-    let (bake, n_cols) = (baked(&scene), scene.lighting.basis.n_cols());
+    let (bake, n_cols) = (baked(&scene, 64), scene.lighting.basis.n_cols());
     for column in [0, 7, n_cols - 1] {
         let weights = only(column, n_cols);
         let expected = traced(&scene, &weights, 100 + column as u64);
@@ -97,7 +119,7 @@ fn a_baked_column_is_the_picture_of_its_texel_alone() {
 #[test]
 fn all_baked_columns_add_up_to_the_picture() {
     let scene = lit_room();
-    let (bake, weights) = (baked(&scene), file_light(&scene));
+    let (bake, weights) = (baked(&scene, 64), file_light(&scene));
     let together = relit(&bake, &weights);
     let mut sum = vec![0.0; FILM.n_pixels()];
     for (column, &weight) in weights.iter().enumerate() {
@@ -109,6 +131,18 @@ fn all_baked_columns_add_up_to_the_picture() {
     // The bake keeps the picture of the file as it was sampled, so truncation counts nothing here.
     let (blocks, expected) = (block_means(&together), block_means(&traced(&scene, &weights, 9)));
     assert_same_mean(&blocks, &expected, 5e-3, "the light of the file");
+}
+
+#[test]
+fn ranks_are_told_of_whole_blocks() {
+    let bake = baked(&lit_room(), 4);
+    let n_blocks = bake.groups[0].blocks.len();
+    let rank = |block: usize| bake.groups.iter().flat_map(|group| &group.blocks[block]).map(|b| b.rank).sum();
+    let ranks: Vec<u32> = (0..n_blocks).map(rank).collect();
+    let figures = bake.figures();
+    assert_eq!(Some(figures.max_rank), ranks.iter().copied().max());
+    assert!((figures.mean_rank - ranks.iter().sum::<u32>() as f32 / n_blocks as f32).abs() < 1e-3, "{figures:?}");
+    assert!(bake.groups.len() > 1 && bake.groups.iter().all(|group| group.max_rank() < figures.max_rank));
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! Laws of light transport, on scenes small enough for their answer to be known by hand or by brute force.
 
 mod columns;
+mod cutoffs;
 mod estimators;
 mod finishes;
 mod irradiance;
 mod leaks;
 mod panes;
 mod reference;
+mod shadows;
 mod stage;
 mod walks;

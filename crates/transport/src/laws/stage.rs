@@ -35,9 +35,19 @@ impl Stage {
     }
 
     /// An emissive quad of `resolution` × `resolution` texels.
-    pub fn panel(mut self, name: &str, corners: &[Vec3], radiance: f32, resolution: u32) -> Stage {
-        self = self.surface(name, corners, lambert(0.0, radiance));
-        self.scene.nodes.last_mut().expect("the surface has a node").panel = Some(resolution);
+    pub fn panel(self, name: &str, corners: &[Vec3], radiance: f32, resolution: u32) -> Stage {
+        self.surface(name, corners, lambert(0.0, radiance)).with_panel(Some(resolution))
+    }
+
+    /// The last surface asks to be a panel of `resolution` × `resolution` texels.
+    pub fn with_panel(mut self, resolution: Option<u32>) -> Stage {
+        self.scene.nodes.last_mut().expect("the surface has a node").panel = resolution;
+        self
+    }
+
+    /// Every vertex so far is white, as where another mesh of the file has colors.
+    pub fn with_white_vertices(mut self) -> Stage {
+        self.scene.mesh.colors = vec![Vec4::ONE; self.scene.mesh.positions.len()];
         self
     }
 

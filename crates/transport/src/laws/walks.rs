@@ -8,7 +8,7 @@ use crate::bvh::Ray;
 use crate::camera::Film;
 use crate::light::LightRig;
 use crate::path::{Deposit, Integrator, LightPlan, Pick, Scratch, Vertex};
-use crate::prepared::{PreparedScene, offset_origin};
+use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 
 /// A mean of independent values.
@@ -136,7 +136,7 @@ fn plain_walk(
         }
         throughput *= sample.weight;
         let side = if sample.wi.dot(hit.normal) < 0.0 { -hit.normal } else { hit.normal };
-        (origin, direction) = (offset_origin(hit.position, side), sample.wi);
+        (origin, direction) = (hit.origin(side), sample.wi);
     }
     sum
 }

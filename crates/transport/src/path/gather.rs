@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::{Deposit, Integrator, KnownAt, LightPlan, Rivals, Scratch, Vertex, Walk};
 use crate::bsdf::Bsdf;
 use crate::bvh::Ray;
-use crate::prepared::{SurfaceHit, next_after, offset_origin};
+use crate::prepared::{SurfaceHit, next_after};
 use crate::sampler::Sampler;
 
 /// A point whose diffuse base scatters the light of other surfaces, which is left to be gathered.
@@ -92,7 +92,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
         let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
         let outward = if hit.normal.dot(normal) < 0.0 { -hit.normal } else { hit.normal };
-        let mut walk = Walk::from_camera(offset_origin(hit.position, outward), direction);
+        let mut walk = Walk::from_camera(hit.origin(outward), direction);
         // Emitters that whoever asks has sampled count next to nothing here.
         walk.density = f32::MIN_POSITIVE;
         walk.sharpness = FRAC_1_PI;

@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
 use crate::bsdf::{Bsdf, ScatterKind, surface_params};
 use crate::bvh::Ray;
-use crate::prepared::{SurfaceHit, next_after, offset_origin};
+use crate::prepared::{SurfaceHit, next_after};
 use crate::sampler::Sampler;
 use crate::scene::Material;
 
@@ -23,6 +23,8 @@ pub(crate) struct Receiver {
     pub outward: Vec3,
     /// Unit normal that cosines are taken against, on the same side.
     pub normal: Vec3,
+    /// See [`SurfaceHit::clearance`]; 0 where nothing stands at the point.
+    pub clearance: f32,
 }
 
 /// Mirrors and panes that a pixel looks through.
@@ -55,7 +57,8 @@ impl<P: LightPlan> Integrator<'_, P> {
             Bsdf::new(&surface_params(&material, &[], [Vec2::ZERO; 2], None), at.outward, at.normal, at.outward);
         // The surface that measures is not one of the scene: of the triangle nothing is ever asked.
         let (triangle, barycentric) = (u32::MAX, Vec3::ZERO);
-        let hit = SurfaceHit { triangle, t: 0.0, position: at.position, barycentric, normal: at.outward };
+        let (position, normal, clearance) = (at.position, at.outward, at.clearance);
+        let hit = SurfaceHit { triangle, t: 0.0, position, barycentric, normal, clearance };
         let mut walk = Walk::from_camera(at.position, -at.outward);
         (walk.throughput, walk.share, walk.n_hits) = (Vec3::splat(PI), PI, 1);
         if self.go_on_from(&mut walk, (&hit, &white), sampler, scratch, deposit) {
@@ -76,7 +79,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             let outward = if hit.normal.dot(ray.direction) > 0.0 { -hit.normal } else { hit.normal };
             if self.scene.has_diffuse_base(&hit) {
                 let normal = self.scene.smooth_normal(&hit, ray.direction);
-                return Some(Receiver { position: hit.position, outward, normal });
+                return Some(Receiver { position: hit.position, outward, normal, clearance: hit.clearance });
             }
             let bsdf = self.scene.bsdf(&hit, -ray.direction);
             if material.is_clear_pane() && bsdf.straight_through() != Vec3::ZERO {
@@ -88,7 +91,7 @@ impl<P: LightPlan> Integrator<'_, P> {
                 return None;
             }
             let side = if sample.transmitted { -outward } else { outward };
-            let origin = offset_origin(hit.position, side);
+            let origin = hit.origin(side);
             ray = Ray { origin, direction: sample.wi, t_min: 0.0, t_max: f32::INFINITY };
         }
         None

@@ -143,6 +143,35 @@ fn gltf_1_is_named() {
 }
 
 #[test]
+fn a_file_for_newer_readers_alone_is_refused_in_words() {
+    let load = |asset: serde_json::Value| {
+        let mut fixture = Fixture::triangle();
+        fixture.root["asset"] = asset;
+        load_bytes("new.gltf", &fixture.json())
+    };
+    for min_version in ["2.1", "3.0", "2", "new"] {
+        let error = load(json!({"version": "2.1", "minVersion": min_version})).expect_err("refused");
+        assert!(matches!(error, ImportError::MinVersion { .. }), "{error}");
+        assert!(error.to_string().contains(min_version) && error.to_string().contains("export it again"), "{error}");
+    }
+    for asset in [json!({"version": "2.1"}), json!({"version": "2.1", "minVersion": "2.0"})] {
+        assert_eq!(load(asset).expect("readable as 2.0").scene.mesh.triangles.len(), 1);
+    }
+}
+
+#[test]
+fn an_unknown_extension_that_is_required_is_told_apart() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["extensionsUsed"] = json!(["ACME_wish", "ACME_need"]);
+    fixture.root["extensionsRequired"] = json!(["ACME_need"]);
+    let imported = fixture.load();
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    let [need, wish] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
+    assert!(need.starts_with("ACME_need") && need.contains("requires"), "{need}");
+    assert!(wish.starts_with("ACME_wish") && !wish.contains("requires"), "{wish}");
+}
+
+#[test]
 fn a_missing_buffer_is_named() {
     let mut fixture = Fixture::triangle();
     fixture.root["buffers"] = json!([{"byteLength": 36, "uri": "there%20is%20none.bin"}]);

@@ -27,18 +27,40 @@ fn lamps_shine_along_minus_z_of_their_node() {
     assert_eq!(imported.scene.nodes[spot.node as usize].name.as_deref(), Some("desk"));
     assert!(imported.scene.nodes.is_sorted_by_key(|node| node.index));
     assert_eq!(imported.report.warnings.len(), 2, "{:?}", imported.report.warnings);
-    assert!(imported.report.unsupported[0].contains("range"));
+    // By its key in looks.
+    assert!(imported.report.unsupported[0].starts_with("lamp \"desk\": its range"));
 }
 
 #[test]
 fn panels_come_from_extras() {
     let panel = |asked| Fixture::triangle().node(json!({"extras": {"clerestory": {"panel": asked}}})).load();
     assert_eq!(panel(json!(32)).scene.nodes[0].panel, Some(32));
-    for asked in [json!(3), json!(65), json!(-4), json!("many")] {
+    assert_eq!(panel(json!(16.0)).scene.nodes[0].panel, Some(16));
+    for asked in [json!(3), json!(65), json!(16.5), json!(-4), json!("many")] {
         let imported = panel(asked);
         assert_eq!(imported.scene.nodes[0].panel, None);
         assert_eq!(imported.report.warnings.len(), 1);
     }
+}
+
+#[test]
+fn a_panel_without_a_mesh_is_named() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["nodes"] =
+        json!([{"name": "group", "extras": {"clerestory": {"panel": 8}}, "children": [1]}, {"mesh": 0}]);
+    let imported = fixture.load();
+    assert!(imported.report.warnings[0].contains("\"group\""), "{:?}", imported.report.warnings);
+}
+
+#[test]
+fn a_camera_that_was_made_is_told() {
+    let mut fixture = Fixture::triangle();
+    let imported = fixture.load();
+    assert!(imported.report.made_camera && imported.scene.cameras.len() == 1);
+    fixture = Fixture::triangle().node(json!({"camera": 0}));
+    fixture.root["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 1}}]);
+    let imported = fixture.load();
+    assert!(!imported.report.made_camera && imported.scene.cameras.len() == 1);
 }
 
 #[test]

@@ -1,0 +1,78 @@
+//! What makes no sense on a command line, though each word of it can be read.
+
+use std::ffi::OsString;
+use std::path::Path;
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser};
+use clerestory_transport::emitters::PanelRequest;
+
+use super::args::{Arguments, Command};
+
+/// Reads a command line, the program's name first.
+///
+/// # Errors
+/// Wrong usage, or the help that was asked for.
+pub(super) fn understand<T: Into<OsString> + Clone>(
+    args: impl IntoIterator<Item = T>,
+) -> Result<Arguments, clap::Error> {
+    let arguments = Arguments::try_parse_from(args)?;
+    match fault(&arguments) {
+        Some((kind, sentence)) => Err(Arguments::command().error(kind, sentence)),
+        None => Ok(arguments),
+    }
+}
+
+fn fault(arguments: &Arguments) -> Option<(ErrorKind, String)> {
+    let panels = match &arguments.command {
+        None => return neither_command_nor_file(arguments.scene.as_deref()?),
+        Some(Command::Bake(args)) => &args.options.view.panels,
+        Some(Command::Render(args)) => &args.bake.view.panels,
+        Some(Command::Trace(args)) => &args.view.panels,
+        Some(_) => return None,
+    };
+    let node = asked_twice(panels)?;
+    Some((ErrorKind::ArgumentConflict, format!("--panel names `{node}` twice; ask for it once")))
+}
+
+/// A single word that is no file is more likely a slip of the finger than a scene.
+fn neither_command_nor_file(word: &Path) -> Option<(ErrorKind, String)> {
+    let typed = word.to_string_lossy();
+    let like_a_path = typed.contains(['.', '/', '\\']) || word.exists();
+    let sentence = || format!("`{typed}` is neither a command nor a file");
+    (!like_a_path).then(|| (ErrorKind::InvalidSubcommand, sentence()))
+}
+
+fn asked_twice(panels: &[PanelRequest]) -> Option<&str> {
+    let repeated = |(nth, panel): &(usize, &PanelRequest)| panels[..*nth].iter().any(|p| p.node == panel.node);
+    panels.iter().enumerate().find(repeated).map(|(_, panel)| panel.node.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(line: &str) -> String {
+        understand(line.split(' ')).expect_err(line).to_string()
+    }
+
+    #[test]
+    fn a_word_that_is_no_command_is_taken_for_none() {
+        let said = refused("clerestory frobnicate");
+        assert!(said.contains("`frobnicate` is neither a command nor a file"), "{said}");
+        for path in ["none.glb", "./none", "rooms/none"] {
+            assert!(understand(["clerestory", path]).is_ok(), "{path}");
+        }
+        assert!(understand(["clerestory"]).is_ok());
+    }
+
+    #[test]
+    fn a_panel_is_asked_for_once() {
+        for command in ["bake a.glb -o a.transport", "render a.glb -o a.exr", "trace a.glb -o a.exr"] {
+            let said = refused(&format!("clerestory {command} --panel P=8 --panel Q=8 --panel P=16"));
+            assert!(said.contains("--panel names `P` twice"), "{said}");
+            let line = format!("clerestory {command} --panel P=8 --panel P#2=8");
+            assert!(understand(line.split(' ')).is_ok(), "{command}");
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Which lights a scene has, what they are called, and which of them become panels.
+
+use std::collections::BTreeMap;
+
+use super::{Emitter, LightingError, PANEL_RESOLUTION, PanelRequest, panel_emitter, panel_source, surface_source};
+use crate::basis::{KeyMaker, LightSource};
+use crate::scene::{PunctualLight, Scene, SceneNode};
+
+pub(super) type Found = Vec<(LightSource, Emitter)>;
+
+/// A light of the file with its key.
+struct Candidate<'a> {
+    key: String,
+    kind: CandidateKind<'a>,
+}
+
+enum CandidateKind<'a> {
+    Lamp(&'a PunctualLight),
+    Surface { node: &'a SceneNode, triangles: Vec<u32> },
+}
+
+/// Lights in node order, a node's lamp before its surfaces.
+fn candidates(scene: &Scene) -> Vec<Candidate<'_>> {
+    let mut triangles_of_node: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for triangle in 0..scene.mesh.triangles.len() as u32 {
+        let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
+        if material.is_emitter() && scene.mesh.area_normal(triangle).length_squared() > 0.0 {
+            triangles_of_node.entry(scene.mesh.triangle_node[triangle as usize]).or_default().push(triangle);
+        }
+    }
+    let (mut keys, mut found) = (KeyMaker::default(), Vec::new());
+    for (node_idx, node) in scene.nodes.iter().enumerate() {
+        let mut add = |kind| found.push(Candidate { key: keys.key(node.name.as_deref(), node.index), kind });
+        let lamps = scene.punctual.iter().filter(|light| light.node as usize == node_idx);
+        lamps.for_each(|light| add(CandidateKind::Lamp(light)));
+        if let Some(triangles) = triangles_of_node.remove(&(node_idx as u32)) {
+            add(CandidateKind::Surface { node, triangles });
+        }
+    }
+    found
+}
+
+/// Keys of the lamps, in the order of `Scene::punctual`, which is that of the nodes.
+pub(crate) fn lamp_keys(scene: &Scene) -> Vec<String> {
+    let lamps = candidates(scene).into_iter().filter(|light| matches!(light.kind, CandidateKind::Lamp(_)));
+    lamps.map(|light| light.key).collect()
+}
+
+/// The lights of a scene, with the panels that the scene or `requests` ask for.
+pub(super) fn find_lights(
+    scene: &Scene,
+    requests: &[PanelRequest],
+    warnings: &mut Vec<String>,
+) -> Result<Found, LightingError> {
+    let candidates = candidates(scene);
+    let asked = resolve(requests, &candidates)?;
+    warn_of_dark_panels(scene, &candidates, warnings);
+    let mut found = Found::new();
+    for (Candidate { key, kind }, asked) in candidates.into_iter().zip(asked) {
+        found.push(match kind {
+            CandidateKind::Lamp(light) => {
+                let (color, strength) = (light.color, light.intensity);
+                let source = LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength };
+                (source, Emitter::Punctual(light.clone()))
+            }
+            CandidateKind::Surface { node, triangles } => {
+                match asked.or(node.panel).map(|m| panel_emitter(scene, &triangles, m)) {
+                    Some(Ok(panel)) => panel_source(scene, key, panel),
+                    Some(Err(reason)) if asked.is_some() => return Err(LightingError::NotAQuad { node: key, reason }),
+                    Some(Err(reason)) => {
+                        warnings.push(format!("node `{key}` asks to be a panel but {reason}; it is one luminaire"));
+                        surface_source(scene, key, &triangles)
+                    }
+                    None => surface_source(scene, key, &triangles),
+                }
+            }
+        });
+    }
+    Ok(found)
+}
+
+/// Texels per side that are asked of each light. A key means its own light; the name of a node whose light has another
+/// key means the first such one.
+fn resolve(requests: &[PanelRequest], candidates: &[Candidate]) -> Result<Vec<Option<u32>>, LightingError> {
+    let surfaces = || {
+        candidates.iter().enumerate().filter_map(|(idx, light)| match &light.kind {
+            CandidateKind::Surface { node, .. } => Some((idx, light.key.as_str(), *node)),
+            CandidateKind::Lamp(_) => None,
+        })
+    };
+    let mut asked = vec![None; candidates.len()];
+    for PanelRequest { node, resolution } in requests {
+        if !PANEL_RESOLUTION.contains(resolution) {
+            return Err(LightingError::Resolution { node: node.clone(), resolution: *resolution });
+        }
+        let by_key = surfaces().find(|(_, key, _)| key == node);
+        let Some((idx, key, _)) = by_key.or_else(|| surfaces().find(|(_, _, own)| is_named(own, node))) else {
+            let known: Vec<&str> = surfaces().map(|(_, key, _)| key).take(20).collect();
+            let known = if known.is_empty() { "none".to_string() } else { known.join(", ") };
+            return Err(LightingError::UnknownPanelNode { node: node.clone(), known });
+        };
+        if asked[idx].replace(*resolution).is_some() {
+            return Err(LightingError::Twice { node: key.to_string() });
+        }
+    }
+    Ok(asked)
+}
+
+fn is_named(node: &SceneNode, name: &str) -> bool {
+    node.name.as_deref() == Some(name) || name == format!("node:{}", node.index)
+}
+
+/// Nodes that ask to be a panel in the file and shine by no surface of their own.
+fn warn_of_dark_panels(scene: &Scene, candidates: &[Candidate], warnings: &mut Vec<String>) {
+    let shines = |index: u32| {
+        candidates.iter().any(|light| matches!(&light.kind, CandidateKind::Surface { node, .. } if node.index == index))
+    };
+    for node in scene.nodes.iter().filter(|node| node.panel.is_some() && !shines(node.index)) {
+        let name = node.name.clone().unwrap_or_else(|| format!("node:{}", node.index));
+        warnings.push(format!("node `{name}` asks to be a panel but its own surfaces do not emit light; it is none"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::basis::SourceKind;
+    use crate::emitters::Lighting;
+    use crate::scene::{Material, Mesh};
+
+    /// A quad per node, named `P` but for the last, which has no name; the second does not shine.
+    fn quads() -> Scene {
+        let shining = Material { emissive: Vec3::ONE, ..Material::default() };
+        let mut scene = Scene { materials: vec![Material::default(), shining], ..Scene::default() };
+        let Mesh { positions, normals, triangles, triangle_material, triangle_node, .. } = &mut scene.mesh;
+        for (node, material) in [1, 0, 1, 1].into_iter().enumerate() {
+            let (first, node) = (positions.len() as u32, node as u32);
+            let corners = [Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
+            positions.extend(corners.map(|corner| corner + Vec3::Z * node as f32));
+            normals.extend([Vec3::Z; 4]);
+            triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+            triangle_material.extend([material; 2]);
+            triangle_node.extend([node; 2]);
+            let name = (node < 3).then(|| "P".to_owned());
+            scene.nodes.push(SceneNode { index: node, name, panel: None });
+        }
+        scene
+    }
+
+    fn panels(asked: &[&str]) -> Result<Vec<String>, LightingError> {
+        let requests: Vec<_> = asked.iter().map(|node| PanelRequest { node: (*node).into(), resolution: 8 }).collect();
+        let (lighting, _) = Lighting::new(&quads(), &requests)?;
+        let is_panel = |source: &&LightSource| matches!(source.kind, SourceKind::Panel { .. });
+        Ok(lighting.basis.sources.iter().filter(is_panel).map(|source| source.key.clone()).collect())
+    }
+
+    #[test]
+    fn a_panel_is_asked_for_by_the_key_of_its_light() {
+        assert_eq!(panels(&["P"]).expect("the first P"), ["P"]);
+        assert_eq!(panels(&["P#2"]).expect("the second P that shines"), ["P#2"]);
+        assert_eq!(panels(&["P", "P#2", "node:3"]).expect("all three"), ["P", "P#2", "node:3"]);
+        assert_eq!(panels(&["node:2"]).expect("by its index"), ["P#2"]);
+        let unknown = panels(&["P#3"]).expect_err("only two shine").to_string();
+        assert!(unknown.ends_with("P, P#2, node:3"), "{unknown}");
+        assert!(matches!(panels(&["P", "P"]), Err(LightingError::Twice { .. })));
+        assert!(matches!(panels(&["P#2", "node:2"]), Err(LightingError::Twice { .. })));
+    }
+
+    #[test]
+    fn a_panel_that_does_not_shine_is_named() {
+        let mut scene = quads();
+        scene.nodes[1].panel = Some(8);
+        scene.nodes[1].name = Some("dark".into());
+        let (_, warnings) = Lighting::new(&scene, &[]).expect("no request can fail");
+        assert!(matches!(warnings.as_slice(), [one] if one.contains("`dark`")), "{warnings:?}");
+    }
+}
