@@ -8,7 +8,7 @@ use crate::{
     matrix::{SampledMatrix, SparseEntry},
     means::Means,
     partition::Partition,
-    project::{Verdict, factor},
+    project::factor,
     random::Random,
     run::Run,
     sparse::sparse_part,
@@ -37,11 +37,14 @@ pub struct ColumnGroup {
 }
 
 /// How many samples each row gets, per half: `min`, then twice as many, until the tolerance is met.
+///
+/// What one half's samples say decides how many the *other* half takes: the number of samples then knows nothing of the
+/// values they have, and the mean of each half is free of bias, however rare and bright a sample may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplePlan {
     /// Samples that are taken at a time.
     pub batch: u32,
-    /// Samples before the first look at the tolerance.
+    /// Samples before the first look at the tolerance. A single one cannot be looked at: then the second is taken too.
     pub min: u32,
     /// Samples at most.
     pub max: u32,
@@ -96,14 +99,14 @@ pub enum CompressError {
 pub struct BlockSamples<'a> {
     /// Sums of the two halves, row-major, rows × columns of the matrix.
     pub halves: [&'a [f32]; 2],
-    /// Entries that no low rank holds, sums of both halves together; row counted within the block, column within the matrix.
-    pub sparse: &'a [SparseEntry],
+    /// Entries that no low rank holds, sums of the two halves; row counted within the block, column within the matrix.
+    pub sparse: [&'a [SparseEntry]; 2],
     /// Columns of the matrix.
     pub n_cols: usize,
     /// Rows per bundle.
     pub bundle_len: usize,
-    /// Samples of each row in one half.
-    pub n_samples: u32,
+    /// Samples of each row in the two halves.
+    pub n_samples: [u32; 2],
 }
 
 /// Compresses some blocks of a matrix, in the order given, on as many threads as the current rayon pool has.
@@ -137,11 +140,12 @@ pub fn compress_block(
     check_groups(config, samples.n_cols)?;
     let [a, b] = samples.halves;
     let bundle_size = samples.n_cols * samples.bundle_len;
-    if a.len() != b.len() || bundle_size == 0 || a.len() % bundle_size != 0 || samples.n_samples == 0 {
-        return Err(CompressError::Config("the halves of a block must hold the same whole number of bundles".into()));
+    if a.len() != b.len() || bundle_size == 0 || a.len() % bundle_size != 0 || samples.n_samples.contains(&0) {
+        let words = "the halves of a block must hold samples of the same whole number of bundles";
+        return Err(CompressError::Config(words.into()));
     }
     let mut means = Means::default();
-    let group = |group| compress_group(samples, group, config, block_idx, &mut means).map(|(factors, _)| factors);
+    let group = |group| compress_group(samples, group, config, block_idx, &mut means);
     config.groups.iter().map(group).collect()
 }
 
@@ -152,19 +156,27 @@ pub(crate) fn compress_group(
     config: &CompressConfig,
     block_idx: u32,
     means: &mut Means,
-) -> Result<(BlockFactors, Verdict), CompressError> {
-    let non_finite = |row| CompressError::NonFinite { block: block_idx, row };
-    means
-        .fill(samples.halves, samples.n_cols, &group.columns, samples.n_samples)
-        .map_err(|row| non_finite(row as u32))?;
+) -> Result<BlockFactors, CompressError> {
+    fill(means, samples, group, block_idx)?;
     let rng = Random::new([config.seed, u64::from(block_idx)]);
-    let (mut factors, verdict) = factor(means, samples.bundle_len, group, config, rng);
-    factors.n_samples = 2 * samples.n_samples;
-    factors.sparse = sparse_part(samples.sparse, &group.columns, 1.0 / f64::from(factors.n_samples));
+    let mut factors = factor(means, samples.bundle_len, group, config, rng);
+    factors.n_samples = samples.n_samples.iter().sum();
+    factors.sparse = sparse_part(samples.sparse, &group.columns, samples.n_samples);
     match factors.sparse.iter().find(|entry| !entry.value.is_finite()) {
-        Some(entry) => Err(non_finite(entry.row)),
-        None => Ok((factors, verdict)),
+        Some(entry) => Err(CompressError::NonFinite { block: block_idx, row: entry.row }),
+        None => Ok(factors),
     }
+}
+
+/// Takes over the columns of a group.
+pub(crate) fn fill(
+    means: &mut Means,
+    samples: &BlockSamples<'_>,
+    group: &ColumnGroup,
+    block_idx: u32,
+) -> Result<(), CompressError> {
+    let filled = means.fill(samples.halves, samples.n_cols, &group.columns, samples.n_samples);
+    filled.map_err(|row| CompressError::NonFinite { block: block_idx, row: row as u32 })
 }
 
 fn check<M: SampledMatrix>(

@@ -34,7 +34,7 @@ pub struct BlockFactors {
     pub right: Vec<f16>,
     /// Entries that no low rank holds, sorted by row, then column; each once.
     pub sparse: Vec<SparseEntry>,
-    /// Samples taken per row, both halves together.
+    /// Samples per row that the factors are the mean of, both halves together.
     pub n_samples: u32,
     /// What was measured.
     pub error: BlockError,

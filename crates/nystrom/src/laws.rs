@@ -5,6 +5,8 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
+mod adaptive;
+
 use crate::{
     baseline::{core_wpinv, svd},
     dense::{Dense, product},
@@ -100,7 +102,7 @@ fn config(tolerance: Tolerance, n_cols: usize, n_samples: u32) -> CompressConfig
 fn factors(matrix: &Known, config: &CompressConfig, n_samples: u32) -> BlockFactors {
     let [a, b] = matrix.halves(n_samples);
     let (n_cols, bundle_len) = (matrix.n_cols(), matrix.bundle_len);
-    let samples = BlockSamples { halves: [&a, &b], sparse: &[], n_cols, bundle_len, n_samples };
+    let samples = BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols, bundle_len, n_samples: [n_samples; 2] };
     compress_block(&samples, config, 0).unwrap().remove(0)
 }
 
@@ -257,7 +259,7 @@ fn one_sample(matrix: &Known, first: u32) -> [Vec<f32>; 2] {
 }
 
 fn factors_of_picture([a, b]: &[Vec<f32>; 2], tolerance: f32, seed: u64) -> BlockFactors {
-    let samples = BlockSamples { halves: [a, b], sparse: &[], n_cols: 256, bundle_len: 3, n_samples: 1 };
+    let samples = BlockSamples { halves: [a, b], sparse: [&[]; 2], n_cols: 256, bundle_len: 3, n_samples: [1; 2] };
     let config = CompressConfig { seed, ..config(Tolerance::AbsoluteMeanSquare(tolerance), 256, 1) };
     compress_block(&samples, &config, 0).unwrap().remove(0)
 }
@@ -345,7 +347,7 @@ fn odd_samples_are_an_error_that_names_the_row() {
     let matrix = Known::new(decaying(96, 20, 3, 0.5, &mut Random::new([38, 0])), 3, 0.0);
     let [mut a, b] = matrix.halves(1);
     a[20 * 50 + 7] = f32::NAN;
-    let samples = BlockSamples { halves: [&b, &a], sparse: &[], n_cols: 20, bundle_len: 3, n_samples: 1 };
+    let samples = BlockSamples { halves: [&b, &a], sparse: [&[]; 2], n_cols: 20, bundle_len: 3, n_samples: [1; 2] };
     let result = compress_block(&samples, &config(Tolerance::Rank(3), 20, 1), 9);
     assert_eq!(result, Err(CompressError::NonFinite { block: 9, row: 50 }));
 }
@@ -392,9 +394,12 @@ fn sampling_ends_when_the_tolerance_is_met_and_rows_are_counted() {
         config.samples = SamplePlan { batch: 2, min: 2, max: 32 };
         let n_samples: Vec<u32> =
             compress_all(&matrix, &config, 1).into_iter().flatten().map(|f| f[0].n_samples).collect();
-        let rows = matrix.sampled_rows.into_inner();
+        let rows = matrix.sampled_rows.into_inner() as u32;
         // Blocks of 5, 5 and 2 bundles in a row of 12, five rows of them, three rows per bundle.
-        assert_eq!(rows as u32, 15 * (5 * n_samples[0] + 5 * n_samples[1] + 2 * n_samples[2]));
+        let counted = 15 * (5 * n_samples[0] + 5 * n_samples[1] + 2 * n_samples[2]);
+        // A half that was told to stop may have to tell when the other one shall.
+        let all_stop_alike = n_samples.iter().all(|n| [4, 64].contains(n));
+        assert!(if all_stop_alike { rows == counted } else { (counted..2 * counted).contains(&rows) });
         n_samples.into_iter().max()
     };
     assert_eq!(sampled(0.0, 0.01), Some(4));
@@ -446,8 +451,13 @@ fn the_cost_of_a_block_is_printed() {
         let matrix = Known::new(decaying(768, n_cols, rank, decay, &mut Random::new([43, 0])), 3, noise);
         let halves = matrix.halves(1);
         let config = config(Tolerance::AbsoluteMeanSquare(0.01), n_cols, 1);
-        let samples =
-            BlockSamples { halves: [&halves[0], &halves[1]], sparse: &[], n_cols, bundle_len: 3, n_samples: 1 };
+        let samples = BlockSamples {
+            halves: [&halves[0], &halves[1]],
+            sparse: [&[]; 2],
+            n_cols,
+            bundle_len: 3,
+            n_samples: [1; 2],
+        };
         let mut secs = Vec::new();
         for block in 0..20 {
             let start = std::time::Instant::now();
@@ -473,7 +483,7 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
     for rank in [0, 1, 3] {
         let group = ColumnGroup { columns: 0..n_cols, tolerance: Tolerance::Rank(rank), preserved: weights.clone() };
         let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
-        let samples = BlockSamples { halves: [&a, &b], sparse: &[], n_cols, bundle_len: 3, n_samples: 1 };
+        let samples = BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
         let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
         assert!(factors.rank <= rank + 1);
         let got = factors.apply(&weights);

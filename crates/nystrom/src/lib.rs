@@ -1,14 +1,14 @@
 //! Compresses a matrix that can only be sampled, block by block.
 //!
 //! Somebody implements [`SampledMatrix`]: entries are estimates, rows are asked for in bundles, and the same question gets the
-//! same answer. [`compress()`] samples two independent halves of each block of a [`Partition`] until a [`Tolerance`] is met, and
-//! hands on [`BlockFactors`]: `left · diag(scale) · right + sparse`, with a rank of each block's own and three measured errors.
+//! same answer. [`compress()`] samples two independent halves of each block of a [`Partition`] until a [`Tolerance`] is met (what
+//! one half sees decides when the *other* one stops, so that stopping is no bias), and hands on [`BlockFactors`]: `left · diag(scale) · right + sparse`, with a rank of each block's own and three measured errors.
 //! The factors are fitted to all samples; for the figures each half is fitted by itself and examined by the other, so
 //! what is *held out* is the other half. The figures are a little cautious: a fit to half of the samples is a little worse.
 //! [`BlockLowRank`] holds all blocks and multiplies; [`codec`] turns blocks into bytes.
 //!
 //! It knows neither what rows and columns mean nor where samples come from; it opens no file, prints nothing, and leaves no
-//! thread behind. The dense matrix never exists as a whole: two halves of one block per thread are all there is.
+//! thread behind. The dense matrix never exists as a whole: a few copies of one block per thread are all there is.
 //!
 //! **Decision.** The core is *projected*. Landmark rows, chosen by k-means as in the algorithms this crate grew from
 //! ([`Selection`]), span the space of rows; all rows are met with an orthonormal basis of that span, and a small decomposition
@@ -68,6 +68,8 @@ mod random;
 mod run;
 mod sketch;
 mod sparse;
+mod steer;
+mod sums;
 
 pub use codec::{CodecError, decode_block, encode_block};
 pub use compress::{

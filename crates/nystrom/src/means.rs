@@ -22,7 +22,7 @@ pub(crate) struct Means {
 }
 
 impl Means {
-    /// Takes over some columns of the sums of both halves.
+    /// Takes over some columns of the sums of both halves, each of so many samples.
     ///
     /// # Errors
     /// The first row with a value that is not finite.
@@ -31,7 +31,7 @@ impl Means {
         halves: [&[f32]; 2],
         n_cols: usize,
         columns: &Range<usize>,
-        n_samples: u32,
+        n_samples: [u32; 2],
     ) -> Result<(), usize> {
         let mut largest = 0.0f32;
         for row in 0..halves[0].len() / n_cols {
@@ -40,16 +40,15 @@ impl Means {
             }
         }
         let exponent = if largest > 0.0 { f64::from(largest).log2().floor() as i32 } else { 0 };
-        let scale = power_of_two(-exponent) / f64::from(n_samples);
+        let scales = n_samples.map(|n_samples| power_of_two(-exponent) / f64::from(n_samples));
         self.unit = power_of_two(exponent);
-        self.scale_rows(halves, n_cols, columns, scale as f32, scale);
+        self.scale_rows(halves, n_cols, columns, scales);
         Ok(())
     }
 
-    fn scale_rows(&mut self, halves: [&[f32]; 2], n_cols: usize, columns: &Range<usize>, scale: f32, exact: f64) {
+    fn scale_rows(&mut self, halves: [&[f32]; 2], n_cols: usize, columns: &Range<usize>, scales: [f64; 2]) {
         let n_rows = halves[0].len() / n_cols;
-        // A scale beyond the range of `f32` (sums near its limits) is applied in two steps.
-        let (first, second) = if scale.is_normal() { (scale, 1.0) } else { (exact.sqrt() as f32, exact.sqrt() as f32) };
+        let [scale_a, scale_b] = scales.map(in_two_steps);
         for dense in [&mut self.a, &mut self.b, &mut self.mean] {
             (dense.n_rows, dense.n_cols) = (n_rows, columns.len());
             dense.data.resize(n_rows * columns.len(), 0.0);
@@ -61,7 +60,7 @@ impl Means {
             let (out_a, out_b) = (self.a.row_mut(row), self.b.row_mut(row));
             let (mut cross, mut noise) = ([0.0f32; 8], [0.0f32; 8]);
             let mut eight = |a: &[f32; 8], b: &[f32; 8]| {
-                let [x, y] = [a, b].map(|half| half.map(|x| x * first * second));
+                let (x, y) = (a.map(|x| x * scale_a[0] * scale_a[1]), b.map(|x| x * scale_b[0] * scale_b[1]));
                 for lane in 0..8 {
                     cross[lane] += x[lane] * y[lane];
                     noise[lane] += 0.25 * (x[lane] - y[lane]) * (x[lane] - y[lane]);
@@ -85,10 +84,20 @@ impl Means {
         }
     }
 
+    /// Mean square per entry of the noise of the mean.
+    pub(crate) fn noise_per_entry(&self) -> f64 {
+        self.noise.iter().sum::<f64>() / self.n_entries()
+    }
+
     /// Number of entries.
     pub(crate) fn n_entries(&self) -> f64 {
         (self.mean.n_rows * self.mean.n_cols) as f64
     }
+}
+
+/// Two factors of a scale: one beyond the range of `f32` (sums near its limits) is applied in two steps.
+fn in_two_steps(scale: f64) -> [f32; 2] {
+    if (scale as f32).is_normal() { [scale as f32, 1.0] } else { [scale.sqrt() as f32; 2] }
 }
 
 /// `None` if a value is not finite.

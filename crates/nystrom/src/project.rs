@@ -4,6 +4,9 @@
 //! inverse of the intersection W); one further step from these coefficients back to the columns gives each half, and the mean
 //! of both, its own leading singular vectors, as in a randomized decomposition \[Halko2011\]. The factors are the mean's own,
 //! so nothing is lost in them; the halves' own fits say how many components pay, and how far off they are (`measure`).
+//! While a block is sampled, the two parts of one half take the place of the halves, and what they say steers the other half.
+
+use std::array;
 
 use crate::{
     compress::{ColumnGroup, CompressConfig, Tolerance},
@@ -19,60 +22,96 @@ use crate::{
 /// Components that the refinement may carry beyond those that seem to pay.
 const OVERSAMPLING: usize = 4;
 
-/// Would more samples bring a block closer to its tolerance?
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Verdict {
-    /// The tolerance is met (or rank alone is in the way).
-    Enough,
-    /// Noise is in the way.
-    MoreSamples,
-}
-
 /// Compresses one group of columns of a block.
 pub(crate) fn factor(
     means: &Means,
     bundle_len: usize,
     group: &ColumnGroup,
     config: &CompressConfig,
-    mut rng: Random,
-) -> (BlockFactors, Verdict) {
+    rng: Random,
+) -> BlockFactors {
     let ColumnGroup { tolerance, preserved, .. } = group;
-    let tolerance = *tolerance;
-    let (n_rows, n_cols) = (means.mean.n_rows, means.mean.n_cols);
-    let limit = rank_limit(config, tolerance).min(n_rows).min(n_cols);
-    let goal = allowed(means, tolerance);
-    let bases = if means.mean.data.iter().all(|&x| x == 0.0) || limit == 0 {
-        [(); 3].map(|()| Dense::zeros(0, n_cols))
-    } else {
-        bases(means, &sketch(means, bundle_len, tolerance, config, &mut rng), goal, limit)
-    };
-    let [of_a, of_b, mut of_mean] = fits(means, bases);
-    let seeks_rank = matches!(tolerance, Tolerance::Rank(_));
-    let measured = Measured::new(means, &of_a, &of_b, limit, if seeks_rank { None } else { Some(goal) });
+    let limit = limit(means, config, *tolerance);
+    let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, *tolerance, config, rng);
+    let goal = if matches!(tolerance, Tolerance::Rank(_)) { None } else { Some(allowed(means, *tolerance)) };
+    let measured = Measured::new(means, &of_a, &of_b, limit, goal);
     of_mean.keep(measured.rank);
     let mut left = of_mean.mean();
     let added = preserve(means, &mut of_mean, &mut left, preserved);
     let rank = left.n_cols;
     left.data.iter_mut().for_each(|x| *x = (f64::from(*x) * means.unit) as f32);
-    let mut factors = BlockFactors::from_f32(&left.data, &of_mean.basis.data, n_rows, n_cols, rank);
-    let noise = means.noise.iter().sum::<f64>() / means.n_entries();
+    let mut factors =
+        BlockFactors::from_f32(&left.data, &of_mean.basis.data, means.mean.n_rows, means.mean.n_cols, rank);
     let (truncation, sampling) = (measured.truncation + added[0], measured.sampling + added[1]);
-    let [truncation, sampling, total_noise] =
-        [truncation, sampling, noise].map(|x| (x * means.unit * means.unit) as f32);
-    factors.error = BlockError { truncation, sampling, noise: total_noise };
-    let met = match tolerance {
-        Tolerance::Rank(_) => noise == 0.0,
-        _ if noise <= 0.5 * goal => true,
-        _ if rank == limit => measured.sampling <= 0.5 * goal,
-        _ => measured.truncation.max(0.0) + measured.sampling <= goal,
+    let [truncation, sampling, noise] =
+        [truncation, sampling, means.noise_per_entry()].map(|x| (x * means.unit * means.unit) as f32);
+    factors.error = BlockError { truncation, sampling, noise };
+    factors
+}
+
+/// The noise of the factors' samples over what is allowed, as one half expects it from its own two parts (`means` holds
+/// these in place of the halves): up to a half is enough whatever is fitted. Without a tolerance all noise is too much.
+pub(crate) fn noise_share(means: &Means, tolerance: Tolerance) -> f64 {
+    // The mean of both halves has half of the variance of one.
+    let noise = 0.5 * means.noise_per_entry();
+    let goal = allowed(means, tolerance);
+    if noise == 0.0 {
+        0.0
+    } else if goal > 0.0 {
+        noise / goal
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// The error of the factors over what is allowed, as one half expects it from fits to its own two parts.
+pub(crate) fn error_share(
+    means: &Means,
+    bundle_len: usize,
+    tolerance: Tolerance,
+    config: &CompressConfig,
+    rng: Random,
+) -> f64 {
+    let (goal, limit) = (allowed(means, tolerance), limit(means, config, tolerance));
+    let [first, second] = fitted(means, bundle_len, tolerance, config, rng);
+    let measured = Measured::new(means, &first, &second, limit, Some(goal));
+    let sampling = 0.5 * measured.sampling / goal;
+    // Where rank is in the way, more samples help only against noise.
+    if measured.rank == limit {
+        return 2.0 * sampling;
+    }
+    // The rank leaves out up to a half of what is allowed; what noise hides beyond that falls as noise does.
+    let truncation = measured.truncation.max(0.0) / goal;
+    sampling + truncation.min(0.5).max(0.5 * truncation)
+}
+
+/// The greatest rank that the factors may have.
+fn limit(means: &Means, config: &CompressConfig, tolerance: Tolerance) -> usize {
+    rank_limit(config, tolerance).min(means.mean.n_rows).min(means.mean.n_cols)
+}
+
+/// The fits of both halves and, where three are asked for, of their mean.
+fn fitted<const N: usize>(
+    means: &Means,
+    bundle_len: usize,
+    tolerance: Tolerance,
+    config: &CompressConfig,
+    mut rng: Random,
+) -> [Fit; N] {
+    let limit = limit(means, config, tolerance);
+    let bases = if means.mean.data.iter().all(|&x| x == 0.0) || limit == 0 {
+        array::from_fn(|_| Dense::zeros(0, means.mean.n_cols))
+    } else {
+        let sketch = sketch(means, bundle_len, tolerance, config, &mut rng);
+        bases(means, &sketch, allowed(means, tolerance), limit)
     };
-    (factors, if met { Verdict::Enough } else { Verdict::MoreSamples })
+    fits(means, bases)
 }
 
 /// Orthonormal right bases of A, of B and of their mean, largest component first, a little wider than what seems to pay.
-fn bases(means: &Means, sketch: &Sketch, goal: f64, limit: usize) -> [Dense<f32>; 3] {
+fn bases<const N: usize>(means: &Means, sketch: &Sketch, goal: f64, limit: usize) -> [Dense<f32>; N] {
     match sketch {
-        Sketch::Rows => [&means.a, &means.b, &means.mean].map(|rows| principal(&rows.to_f64())),
+        Sketch::Rows => array::from_fn(|i| principal(&[&means.a, &means.b, &means.mean][i].to_f64())),
         Sketch::Columns => refined(means, &means.a, &means.b, goal, limit),
         Sketch::Landmarks { a, b } => refined(means, a, b, goal, limit),
     }
@@ -80,19 +119,23 @@ fn bases(means: &Means, sketch: &Sketch, goal: f64, limit: usize) -> [Dense<f32>
 
 /// Two steps from the coefficients of all rows back to the columns. Each half's basis is made of its own rows alone: the
 /// landmarks, which both have in common, only say where to begin, and what their noise brought fades with each step.
-fn refined(means: &Means, a: &Dense<f32>, b: &Dense<f32>, goal: f64, limit: usize) -> [Dense<f32>; 3] {
+fn refined<const N: usize>(means: &Means, a: &Dense<f32>, b: &Dense<f32>, goal: f64, limit: usize) -> [Dense<f32>; N] {
     let [a, b] = [a, b].map(Dense::to_f64);
     let cross = product(a.t(), b.view());
     let grams = [&a, &b].map(|half| product(half.t(), half.view()));
-    let of_mean = eigen(&mean_gram(&grams, &cross));
     let [half_a, half_b] = grams.each_ref().map(eigen);
     let worth = |half: &Eigen| worth(half, &cross, least_agreement(means), 0.125 * goal * means.n_entries());
     let width = (worth(&half_a).max(worth(&half_b)) + OVERSAMPLING).min(limit + OVERSAMPLING);
-    let mut mean = a.clone();
-    mean.data.iter_mut().zip(&b.data).for_each(|(x, y)| *x = 0.5 * (*x + y));
-    let all = [(&a, half_a, &means.a), (&b, half_b, &means.b), (&mean, of_mean, &means.mean)];
-    all.map(|(coefficients, half, rows)| {
-        let once = principal(&product(range(coefficients, &half, width).t(), rows.view()).to_f64());
+    let mut all = vec![(&a, half_a, &means.a), (&b, half_b, &means.b)];
+    let mut mean = Dense::zeros(0, 0);
+    if N > all.len() {
+        mean.clone_from(&a);
+        mean.data.iter_mut().zip(&b.data).for_each(|(x, y)| *x = 0.5 * (*x + y));
+        all.push((&mean, eigen(&mean_gram(&grams, &cross)), &means.mean));
+    }
+    array::from_fn(|i| {
+        let (coefficients, half, rows) = &all[i];
+        let once = principal(&product(range(coefficients, half, width).t(), rows.view()).to_f64());
         let mut met = product(rows.view(), once.t());
         normalize_columns(&mut met);
         principal(&product(met.t(), rows.view()).to_f64())
@@ -158,8 +201,8 @@ fn signals(vectors: &Dense<f64>, cross: &Dense<f64>) -> Vec<f64> {
     (0..vectors.n_cols).map(|r| (0..vectors.n_rows).map(|i| vectors.row(i)[r] * crossed.row(i)[r]).sum()).collect()
 }
 
-/// Both halves met with three bases at once: reading the halves is what costs.
-fn fits(means: &Means, bases: [Dense<f32>; 3]) -> [Fit; 3] {
+/// Both halves met with all bases at once: reading the halves is what costs.
+fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N]) -> [Fit; N] {
     let mut all = Dense::zeros(0, means.mean.n_cols);
     for basis in &bases {
         all.data.extend_from_slice(&basis.data);

@@ -1,7 +1,7 @@
 //! One call of `compress`: who takes which block, how long it is sampled, who is told.
 
 use std::{
-    ops::ControlFlow,
+    ops::{ControlFlow, Range},
     sync::{
         Mutex, PoisonError,
         atomic::{AtomicBool, AtomicUsize, Ordering},
@@ -9,17 +9,14 @@ use std::{
 };
 
 use crate::{
-    compress::{BlockSamples, CompressConfig, CompressError, compress_group},
+    compress::{BlockSamples, CompressConfig, CompressError, SamplePlan, compress_group},
     factors::BlockFactors,
     matrix::{Half, SampledMatrix, SparseEntry},
     means::Means,
     partition::Partition,
-    project::Verdict,
-    sparse::merge,
+    steer::Judge,
+    sums::Sums,
 };
-
-/// Sparse entries that are collected before duplicates are merged.
-const MERGE_AT: usize = 1 << 16;
 
 /// The state that all threads of one call share.
 pub(crate) struct Run<'a, M, F> {
@@ -42,9 +39,9 @@ struct Sink<F> {
 #[derive(Default)]
 struct Scratch {
     bundles: Vec<u32>,
-    halves: [Vec<f32>; 2],
-    sparse: Vec<SparseEntry>,
-    merged: usize,
+    halves: [Sums; 2],
+    /// The sums that count of a half that was closed before the other one.
+    kept: Vec<f32>,
     means: Means,
 }
 
@@ -111,32 +108,39 @@ where
         }
     }
 
-    /// Samples a block, twice as much each time, until every group is content; `None` if told to stop.
+    /// Samples a block, twice as much each time, until each half calls the other's samples enough; `None` if told to stop.
     fn block(&self, block: u32, scratch: &mut Scratch) -> Result<Option<Vec<BlockFactors>>, CompressError> {
         self.partition.bundles(block as usize, &mut scratch.bundles);
         let n_entries = scratch.bundles.len() * self.matrix.bundle_len() * self.matrix.n_cols();
-        for half in &mut scratch.halves {
-            half.clear();
-            half.resize(n_entries, 0.0);
+        scratch.halves.iter_mut().for_each(|sums| sums.start(n_entries));
+        let SamplePlan { min, max, .. } = self.config.samples;
+        let mut judges = [Judge::default(), Judge::default()];
+        let mut taken = min.max(1).min(max);
+        // The first samples come in two parts as well, each of them half of the samples.
+        if self.sample(0..taken / 2, scratch).is_break() || self.sample(taken / 2..taken, scratch).is_break() {
+            return Ok(None);
         }
-        scratch.sparse.clear();
-        scratch.merged = 0;
-        let plan = self.config.samples;
-        let (mut taken, mut target) = (0, plan.min.max(1).min(plan.max));
-        loop {
+        while taken < max {
+            self.look(block, &mut judges, scratch)?;
+            if !scratch.halves.iter().any(Sums::open) {
+                break;
+            }
+            let target = taken.saturating_mul(2).min(max);
             if self.sample(taken..target, scratch).is_break() {
                 return Ok(None);
             }
             taken = target;
-            if let Some(factors) = self.look(block, taken, scratch)? {
-                return Ok(Some(factors));
-            }
-            target = taken.saturating_mul(2).min(plan.max);
         }
+        self.compress(block, scratch).map(Some)
     }
 
-    /// Adds samples to both halves, batch by batch.
-    fn sample(&self, samples: std::ops::Range<u32>, scratch: &mut Scratch) -> ControlFlow<()> {
+    /// Adds samples, batch by batch. Where nobody looks at them any more, halves that are closed get none.
+    fn sample(&self, samples: Range<u32>, scratch: &mut Scratch) -> ControlFlow<()> {
+        for sums in &mut scratch.halves {
+            sums.join();
+            sums.keep(&mut scratch.kept);
+        }
+        let is_last = samples.end == self.config.samples.max;
         let mut first = samples.start;
         while first < samples.end {
             let last = first.saturating_add(self.config.samples.batch).min(samples.end);
@@ -144,39 +148,46 @@ where
                 if self.stops() {
                     return ControlFlow::Break(());
                 }
-                self.matrix.add_rows(&scratch.bundles, first..last, half, sums, &mut scratch.sparse);
-            }
-            if scratch.sparse.len() > 2 * scratch.merged + MERGE_AT {
-                merge(&mut scratch.sparse);
-                scratch.merged = scratch.sparse.len();
+                if sums.open() || !is_last {
+                    sums.add(self.matrix, &scratch.bundles, first..last, half);
+                }
             }
             first = last;
         }
         ControlFlow::Continue(())
     }
 
-    /// Compresses what was sampled; `None` if a group needs more samples and may have them.
-    fn look(
-        &self,
-        block: u32,
-        n_samples: u32,
-        scratch: &mut Scratch,
-    ) -> Result<Option<Vec<BlockFactors>>, CompressError> {
-        let samples = BlockSamples {
-            halves: [&scratch.halves[0], &scratch.halves[1]],
-            sparse: &scratch.sparse,
-            n_cols: self.matrix.n_cols(),
-            bundle_len: self.matrix.bundle_len(),
-            n_samples,
-        };
-        let mut all = Vec::with_capacity(self.config.groups.len());
-        for group in &self.config.groups {
-            let (factors, verdict) = compress_group(&samples, group, self.config, block, &mut scratch.means)?;
-            if verdict == Verdict::MoreSamples && n_samples < self.config.samples.max {
-                return Ok(None);
-            }
-            all.push(factors);
+    /// Closes each half whose other half has seen enough.
+    fn look(&self, block: u32, judges: &mut [Judge; 2], scratch: &mut Scratch) -> Result<(), CompressError> {
+        let open = scratch.halves.each_ref().map(Sums::open);
+        let mut content = [false; 2];
+        for half in [0, 1].into_iter().filter(|half| open[1 - half]) {
+            let (halves, n_samples) = scratch.halves[half].parts();
+            let parts = self.samples(halves, [&[], &[]], n_samples);
+            content[half] = judges[half].is_content(&parts, self.config, block, &mut scratch.means)?;
         }
-        Ok(Some(all))
+        for half in [0, 1].into_iter().filter(|&half| content[half]) {
+            scratch.halves[1 - half].close();
+        }
+        Ok(())
+    }
+
+    /// Compresses what was sampled.
+    fn compress(&self, block: u32, scratch: &mut Scratch) -> Result<Vec<BlockFactors>, CompressError> {
+        scratch.halves.iter_mut().for_each(Sums::join);
+        let [(a, n_a), (b, n_b)] = scratch.halves.each_ref().map(|sums| sums.counted(&scratch.kept));
+        let samples = self.samples([a, b], scratch.halves.each_ref().map(Sums::sparse), [n_a, n_b]);
+        let group = |group| compress_group(&samples, group, self.config, block, &mut scratch.means);
+        self.config.groups.iter().map(group).collect()
+    }
+
+    fn samples<'s>(
+        &self,
+        halves: [&'s [f32]; 2],
+        sparse: [&'s [SparseEntry]; 2],
+        n_samples: [u32; 2],
+    ) -> BlockSamples<'s> {
+        let (n_cols, bundle_len) = (self.matrix.n_cols(), self.matrix.bundle_len());
+        BlockSamples { halves, sparse, n_cols, bundle_len, n_samples }
     }
 }

@@ -1,0 +1,260 @@
+//! Laws of adaptive sampling: when to stop may depend on what was sampled, the result's expectation must not.
+
+use std::{
+    ops::{ControlFlow, Range},
+    sync::atomic::{AtomicUsize, Ordering},
+};
+
+use super::{decaying, mean_square};
+use crate::{dense::Dense, random::Random, *};
+
+/// Chance of a bright sample.
+const CHANCE: f64 = 1.0 / 64.0;
+/// Columns that bright samples light up, and the one in which they are kept as sparse entries.
+const N_LIT: usize = 3;
+
+/// Smooth, but for bright samples that are rare and bring 1 to every entry in the mean.
+struct Bright {
+    n_rows: usize,
+    seed: u64,
+}
+
+impl Bright {
+    fn smooth(row: usize, col: usize) -> f32 {
+        0.5 + 0.125 * (row % 4 * col) as f32
+    }
+}
+
+impl SampledMatrix for Bright {
+    fn n_rows(&self) -> usize {
+        self.n_rows
+    }
+    fn n_cols(&self) -> usize {
+        N_LIT + 1
+    }
+    fn bundle_len(&self) -> usize {
+        1
+    }
+    fn add_rows(
+        &self,
+        bundles: &[u32],
+        samples: Range<u32>,
+        half: Half,
+        out: &mut [f32],
+        sparse: &mut Vec<SparseEntry>,
+    ) {
+        for (place, (&row, out)) in bundles.iter().zip(out.chunks_mut(N_LIT + 1)).enumerate() {
+            for sample in samples.clone() {
+                let key = [u64::from(row) * 2 + u64::from(half == Half::B), u64::from(sample) + (self.seed << 32)];
+                let light = if Random::new(key).unit() < CHANCE { 1.0 / CHANCE as f32 } else { 0.0 };
+                for (col, out) in out[..N_LIT].iter_mut().enumerate() {
+                    *out += Self::smooth(row as usize, col) + light;
+                }
+                if light > 0.0 {
+                    sparse.push(SparseEntry { row: place as u32, col: N_LIT as u32, value: light });
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn rare_bright_samples_are_worth_as_much_whenever_sampling_stops() {
+    let plan = SamplePlan { batch: 8, min: 2, max: 64 };
+    for (seed, tolerance) in
+        [Tolerance::AbsoluteMeanSquare(0.05), Tolerance::RelativeFrobenius(0.1)].into_iter().enumerate()
+    {
+        // Three thousand blocks of four rows.
+        let matrix = Bright { n_rows: 12000, seed: seed as u64 };
+        let partition = Partition { width: 12000, height: 1, tile: 4 };
+        let blocks: Vec<u32> = (0..partition.n_blocks() as u32).collect();
+        let group = ColumnGroup { columns: 0..N_LIT + 1, tolerance, preserved: vec![1.0; N_LIT + 1] };
+        let config = CompressConfig { groups: vec![group], samples: plan, ..CompressConfig::default() };
+        let (mut low_rank, mut sparse, mut n_samples) = (0.0, 0.0, 0.0);
+        let flow = compress(&matrix, &partition, &blocks, &config, |_, mut factors| {
+            let mut factors = factors.remove(0);
+            sparse += factors.sparse.drain(..).map(|entry| f64::from(entry.value)).sum::<f64>();
+            // The preserved product: what was sampled, whatever the rank.
+            low_rank += factors.apply(&[1.0; N_LIT + 1]).iter().map(|&x| f64::from(x)).sum::<f64>();
+            n_samples += f64::from(factors.n_samples) / blocks.len() as f64;
+            ControlFlow::Continue(())
+        });
+        assert_eq!(flow, Ok(ControlFlow::Continue(())));
+        let smooth = |row| (0..N_LIT).map(|col| f64::from(Bright::smooth(row, col))).sum::<f64>();
+        let smooth: f64 = (0..matrix.n_rows).map(smooth).sum();
+        let per_row = 1.0 / matrix.n_rows as f64;
+        let [lit, sparse] = [(low_rank - smooth) * per_row / N_LIT as f64, sparse * per_row];
+        // The variance of one sample, over the least number of samples of both halves.
+        let deviation = ((1.0 / CHANCE - 1.0) * per_row / f64::from(2 * plan.min)).sqrt();
+        println!(
+            "{tolerance:?}: bright samples bring {lit:.3}, sparse ones {sparse:.3} ± {deviation:.3}, bias of the mean {:+.1} %, {n_samples:.1} samples",
+            100.0 * (lit - 1.0) / (1.0 + smooth * per_row / N_LIT as f64)
+        );
+        assert!(n_samples < 0.9 * f64::from(2 * plan.max), "{tolerance:?} stops nowhere");
+        assert!((lit - 1.0).abs() < 4.0 * deviation, "{tolerance:?}: {lit} for 1 ± {deviation}");
+        assert!((sparse - 1.0).abs() < 4.0 * deviation, "{tolerance:?}: sparse {sparse} for 1 ± {deviation}");
+    }
+}
+
+/// All 1, but for columns 2 and 3 in the noisy half. Column 4 is sparse: the number of the sample in the noisy half, counted
+/// from 1, and 10 in the quiet one.
+struct OneSided {
+    noisy: Half,
+    sampled: [AtomicUsize; 2],
+}
+
+impl SampledMatrix for OneSided {
+    fn n_rows(&self) -> usize {
+        32
+    }
+    fn n_cols(&self) -> usize {
+        5
+    }
+    fn bundle_len(&self) -> usize {
+        2
+    }
+    fn add_rows(
+        &self,
+        bundles: &[u32],
+        samples: Range<u32>,
+        half: Half,
+        out: &mut [f32],
+        sparse: &mut Vec<SparseEntry>,
+    ) {
+        let noisy = half == self.noisy;
+        self.sampled[usize::from(noisy)].fetch_add(samples.len(), Ordering::Relaxed);
+        for sample in samples {
+            for (row, out) in out.chunks_mut(5).enumerate() {
+                let key = u64::from(bundles[row / 2]) * 2 + row as u64 % 2;
+                let mut rng = Random::new([key, u64::from(sample)]);
+                out[..2].iter_mut().for_each(|x| *x += 1.0);
+                out[2..4].iter_mut().for_each(|x| *x += if noisy { 4.0 * rng.normal() } else { 1.0 });
+                let value = if noisy { 1.0 + sample as f32 } else { 10.0 };
+                sparse.push(SparseEntry { row: row as u32, col: 4, value });
+            }
+        }
+    }
+}
+
+fn one_sided(noisy: Half, samples: SamplePlan) -> (Vec<BlockFactors>, [usize; 2]) {
+    let matrix = OneSided { noisy, sampled: Default::default() };
+    let group = |columns: Range<usize>| {
+        let preserved = vec![1.0; columns.len()];
+        ColumnGroup { columns, tolerance: Tolerance::AbsoluteMeanSquare(1e-3), preserved }
+    };
+    let config = CompressConfig { groups: vec![group(0..2), group(2..5)], samples, ..CompressConfig::default() };
+    let mut found = Vec::new();
+    let flow = compress(&matrix, &Partition { width: 4, height: 4, tile: 4 }, &[0], &config, |_, factors| {
+        found = factors;
+        ControlFlow::Continue(())
+    });
+    assert_eq!(flow, Ok(ControlFlow::Continue(())));
+    (found, matrix.sampled.map(AtomicUsize::into_inner))
+}
+
+#[test]
+fn a_noisy_half_sends_the_other_one_on_and_stops_itself() {
+    for noisy in [Half::A, Half::B] {
+        let (factors, sampled) = one_sided(noisy, SamplePlan { batch: 3, min: 2, max: 32 });
+        // The quiet half counts with all samples, the noisy one with the first two; it has to be asked until 16.
+        assert_eq!((factors[0].n_samples, factors[1].n_samples, sampled), (34, 34, [32, 16]));
+        // The mean of 1 and 2 in one half, 10 in the other.
+        assert_eq!(factors[1].sparse.len(), 32);
+        assert!(factors[1].sparse.iter().all(|entry| entry.value == 5.75), "{:?}", factors[1].sparse);
+        let (got, mut first_two) = (factors[1].apply(&[1.0; 3]), vec![0.0; 32 * 5]);
+        let matrix = OneSided { noisy, sampled: Default::default() };
+        let bundles: Vec<u32> = (0..16).collect();
+        matrix.add_rows(&bundles, 0..2, noisy, &mut first_two, &mut Vec::new());
+        for (row, got) in got.iter().enumerate() {
+            let noise = &first_two[row * 5 + 2..row * 5 + 4];
+            let want = 0.5 * (0.5 * (noise[0] + noise[1]) + 2.0) + 5.75;
+            assert!((got - want).abs() < 0.02, "row {row}: {got} for {want}");
+        }
+    }
+}
+
+#[test]
+fn a_single_sample_says_nothing_of_its_noise() {
+    let [one, two] = [1, 2].map(|max| one_sided(Half::A, SamplePlan { batch: 1, min: 1, max }));
+    assert_eq!([one.1, two.1], [[1, 1], [2, 2]]);
+    assert_eq!([one.0[0].n_samples, two.0[0].n_samples], [2, 4]);
+    let quiet = one_sided(Half::A, SamplePlan { batch: 1, min: 1, max: 8 });
+    // The quiet half stops the noisy one as soon as it has two samples of its own.
+    assert_eq!((quiet.0[0].n_samples, quiet.1), (10, [8, 4]));
+}
+
+/// Known, with noise that costs next to nothing.
+struct Cheap {
+    truth: Dense<f32>,
+    /// Standard deviation of one sample.
+    noise: f32,
+    sampled_rows: AtomicUsize,
+}
+
+impl SampledMatrix for Cheap {
+    fn n_rows(&self) -> usize {
+        self.truth.n_rows
+    }
+    fn n_cols(&self) -> usize {
+        self.truth.n_cols
+    }
+    fn bundle_len(&self) -> usize {
+        3
+    }
+    fn add_rows(&self, bundles: &[u32], samples: Range<u32>, half: Half, out: &mut [f32], _: &mut Vec<SparseEntry>) {
+        self.sampled_rows.fetch_add(3 * bundles.len() * samples.len(), Ordering::Relaxed);
+        let rows = bundles.iter().flat_map(|&bundle| bundle as usize * 3..bundle as usize * 3 + 3);
+        for (row, out) in rows.zip(out.chunks_mut(self.truth.n_cols)) {
+            for sample in samples.clone() {
+                let mut rng = Random::new([row as u64 * 2 + u64::from(half == Half::B), u64::from(sample)]);
+                let scale = self.noise * 12f32.sqrt() / 65536.0;
+                for (out, truth) in out.chunks_mut(4).zip(self.truth.row(row).chunks(4)) {
+                    let bits = rng.bits();
+                    for (lane, (out, truth)) in out.iter_mut().zip(truth).enumerate() {
+                        *out += truth + scale * (f32::from((bits >> (16 * lane)) as u16) - 32767.5);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Prints what blocks cost and how exact they are; run with `--nocapture`.
+#[test]
+fn the_cost_of_adaptive_sampling_is_printed() {
+    let goal = 1e-3;
+    for (noise, decay) in [(0.0, 0.5), (0.2, 0.5), (0.2, 0.8), (1.0, 0.5)] {
+        let n_blocks = 6;
+        let truth = decaying(768 * n_blocks, 64, 12, decay, &mut Random::new([51, 0]));
+        let matrix = Cheap { truth, noise, sampled_rows: AtomicUsize::new(0) };
+        let partition = Partition { width: 16, height: 16 * n_blocks as u32, tile: 16 };
+        let blocks: Vec<u32> = (0..n_blocks as u32).collect();
+        let tolerance = Tolerance::AbsoluteMeanSquare(goal);
+        let group = ColumnGroup { columns: 0..64, tolerance, preserved: Vec::new() };
+        let samples = SamplePlan { batch: 8, min: 2, max: 64 };
+        let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
+        let (mut n_samples, mut error, mut told, mut rank) = (0.0, 0.0, 0.0, 0.0);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let start = std::time::Instant::now();
+        let flow = pool.install(|| {
+            compress(&matrix, &partition, &blocks, &config, |block, mut factors| {
+                let factors = factors.remove(0);
+                let truth = &matrix.truth.data[block as usize * 768 * 64..][..768 * 64];
+                error += mean_square(&factors.dense(), truth) / n_blocks as f64;
+                told += f64::from(factors.error.truncation + factors.error.sampling) / n_blocks as f64;
+                n_samples += f64::from(factors.n_samples) / n_blocks as f64;
+                rank += f64::from(factors.rank) / n_blocks as f64;
+                ControlFlow::Continue(())
+            })
+        });
+        let secs = start.elapsed().as_secs_f64() / n_blocks as f64;
+        assert_eq!(flow, Ok(ControlFlow::Continue(())));
+        let drawn = matrix.sampled_rows.into_inner() as f64 / (768 * n_blocks) as f64;
+        println!(
+            "noise {noise}, decay {decay}: {:.2} ms per block, {drawn:.1} samples, {n_samples:.1} kept, error {:.2} and told {:.2} of the goal, rank {rank:.1}",
+            secs * 1e3,
+            error / f64::from(goal),
+            told / f64::from(goal)
+        );
+    }
+}
