@@ -142,8 +142,10 @@ pub enum Passes {
     FinalOnly,
 }
 
-/// Samples per half at which a block is first asked whether it is exact enough.
-const FIRST_LOOK: u32 = 2;
+/// Samples per half at which a block is first asked whether it is exact enough; more where indirect light is traced, since
+/// a half that met a rare bright walk early would keep it undiluted.
+const FIRST_LOOK_SHARED: u32 = 2;
+const FIRST_LOOK_TRACED: u32 = 4;
 
 /// Side of a block in pixels.
 pub const TILE: u32 = 16;
@@ -444,11 +446,15 @@ impl BakeJob {
             tolerance: Tolerance::AbsoluteMeanSquare(tolerance),
             preserved: file_light[g.columns.start as usize..g.columns.end as usize].to_vec(),
         });
+        let first_look = match self.config.indirect {
+            Indirect::Shared => FIRST_LOOK_SHARED,
+            Indirect::Traced => FIRST_LOOK_TRACED,
+        };
         CompressConfig {
             groups: groups.collect(),
             samples: SamplePlan {
                 batch: samples_per_half.min(8),
-                min: samples_per_half.min(FIRST_LOOK),
+                min: samples_per_half.min(first_look),
                 max: samples_per_half,
             },
             seed: self.config.seed,

@@ -3,7 +3,7 @@
 //! With ζ the length along the longest axis, a beam covers slopes [s₀, s₁] on each of the other two; it meets a box where
 //! s₁ζ ≥ lower and s₀ζ ≤ upper for some ζ inside. Triangles get the very arithmetic of single rays, so that both see the same.
 
-use super::fan::{Beam, HALVES};
+use super::fan::{Beam, HALVES, half_of};
 use super::lanes::{Lanes, three};
 use super::node::{BLOCK, Block, FAR_SLACK, Node, WIDTH};
 use super::ray::{corners_of, row_of};
@@ -133,6 +133,60 @@ impl<W: Lanes<WIDTH>> BoxBeam<W> {
             }
         }
         near.at_most(far * W::splat(FAR_SLACK))
+    }
+}
+
+/// The members of a beam, each by itself, against one box.
+pub(super) struct BoxMembers<W> {
+    /// In the order of the axes of the beam.
+    axes: [usize; 3],
+    origin: [f32; 3],
+    reciprocals: [[W; HALVES]; 3],
+    t_min: W,
+    t_max: W,
+}
+
+impl<W: Lanes<WIDTH>> BoxMembers<W> {
+    /// `None` where a member runs within a plane of boxes: it takes a ray to do that right.
+    #[inline(always)]
+    pub fn new(beam: &Beam) -> Option<Self> {
+        let reciprocal = |i: usize, half| W::splat(1.0) / W::load(half_of(&beam.directions[i], half));
+        let reciprocals = three!(|i| [reciprocal(i, 0), reciprocal(i, 1)]);
+        let (largest, zero) = (W::splat(f32::MAX), W::splat(0.0));
+        let all = (1 << WIDTH) - 1;
+        let finite = |r: W| r.max(zero - r).at_most(largest) == all;
+        reciprocals.iter().flatten().all(|r| finite(*r)).then(|| BoxMembers {
+            axes: beam.axes,
+            origin: three!(|i| component(beam.origin, beam.axes[i])),
+            reciprocals,
+            t_min: W::splat(beam.t_min),
+            t_max: W::splat(beam.t_max),
+        })
+    }
+
+    /// Those of the `entered` boxes that one of the members in `free` meets, by the very arithmetic of single rays.
+    #[inline(always)]
+    pub fn confirm(&self, node: &Node, entered: u32, free: u16) -> u32 {
+        let (mut confirmed, mut pending) = (0, entered);
+        while pending != 0 {
+            let slot = pending.trailing_zeros() as usize;
+            pending &= pending - 1;
+            let mut near = [self.t_min; HALVES];
+            let mut far = [self.t_max; HALVES];
+            for i in 0..3 {
+                let lower = W::splat(row_of(node, self.axes[i])[slot] - self.origin[i]);
+                let upper = W::splat(row_of(node, self.axes[i] + 3)[slot] - self.origin[i]);
+                for half in 0..HALVES {
+                    let (a, b) = (lower * self.reciprocals[i][half], upper * self.reciprocals[i][half]);
+                    near[half] = a.min(b).max(near[half]);
+                    far[half] = a.max(b).min(far[half]);
+                }
+            }
+            let slack = W::splat(FAR_SLACK);
+            let met = near[0].at_most(far[0] * slack) | near[1].at_most(far[1] * slack) << WIDTH;
+            confirmed |= u32::from(met as u16 & free != 0) << slot;
+        }
+        confirmed
     }
 }
 

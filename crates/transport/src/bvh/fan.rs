@@ -4,7 +4,7 @@
 
 use glam::Vec3;
 
-use super::beam::{BoxBeam, Interval, TriangleBeam};
+use super::beam::{BoxBeam, BoxMembers, Interval, TriangleBeam};
 use super::build::Tree;
 use super::lanes::{Lanes, three};
 use super::node::{BLOCK, Child, WIDTH};
@@ -18,8 +18,8 @@ pub(super) const FAN: usize = 16;
 /// Registers of a fan.
 pub(super) const HALVES: usize = FAN / WIDTH;
 
-/// Widest slopes at which segments stay together. Wider beams meet boxes that none of their members meets.
-const WIDEST: f32 = 0.4;
+/// Slopes from which on a beam asks its members about each box: wider ones meet boxes that none of their members meets.
+const WIDE: f32 = 0.12;
 /// Fewest segments that are worth a beam.
 const FEWEST: u32 = 3;
 
@@ -152,7 +152,7 @@ impl Fan {
 }
 
 impl Beam {
-    /// The members that hit something; `None` for a beam so wide that it would meet most of the tree.
+    /// The members that hit something; `None` for a beam that is not worth it.
     #[inline(always)]
     fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, room: Room) -> Option<u16> {
         if self.members.count_ones() < FEWEST {
@@ -161,9 +161,8 @@ impl Beam {
         let shears = self.shears::<W>();
         let slopes_of = |i: usize| Interval::of(&[shears[0].slopes[i].store(), shears[1].slopes[i].store()]);
         let slopes = [slopes_of(0), slopes_of(1)];
-        if slopes[0].width().max(slopes[1].width()) > WIDEST {
-            return None;
-        }
+        let members =
+            if slopes[0].width().max(slopes[1].width()) > WIDE { Some(BoxMembers::<W>::new(self)?) } else { None };
         let boxes = BoxBeam::<W>::new(self, slopes);
         let triangles = TriangleBeam::<W, Q>::new(self, slopes, shears);
         let mut free = self.members;
@@ -173,7 +172,11 @@ impl Beam {
             let mut child = unpack(top).1;
             while !child.is_block() {
                 let node = &tree.nodes[child.index()];
-                match any(node, boxes.enter(node), &mut stack) {
+                let mut entered = boxes.enter(node);
+                if let Some(members) = &members {
+                    entered = members.confirm(node, entered, free);
+                }
+                match any(node, entered, &mut stack) {
                     Some(next) => child = next,
                     None => break,
                 }
@@ -204,6 +207,6 @@ impl Beam {
 }
 
 #[inline(always)]
-fn half_of(values: &[f32; FAN], half: usize) -> &[f32; WIDTH] {
+pub(super) fn half_of(values: &[f32; FAN], half: usize) -> &[f32; WIDTH] {
     values[half * WIDTH..][..WIDTH].try_into().expect("two halves make a fan")
 }
