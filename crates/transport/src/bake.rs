@@ -376,13 +376,12 @@ impl BakeJob {
         let partition = header.partition();
         let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
         let n_blocks = partition.n_blocks();
-        let matrices = header.empty_matrices();
-        let mut run =
-            Run { job: &self, matrix: &matrix, header: &header, matrices, bias: None, started: Instant::now() };
+        let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
+        let started = Instant::now();
+        let mut run = Run { job: &self, matrix: &matrix, header: &header, matrices, last, bias: None, started };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
-        let last = passes.len() as u32 - 1;
         let mut n_given = vec![0; partitions.len()];
         for (number, factors) in done {
             let place = locate(&partitions, *number).expect("a block that was read has its place in the header");
@@ -481,6 +480,8 @@ struct Run<'a> {
     header: &'a Arc<BakeHeader>,
     /// Of the picture, then of each matrix of irradiance.
     matrices: Vec<Vec<BlockLowRank>>,
+    /// The last pass.
+    last: u32,
     /// See [`BakeHeader::sharing_bias`].
     bias: Option<f32>,
     started: Instant,
@@ -530,7 +531,10 @@ impl Run<'_> {
                 &coarse
             }
         };
-        let nodes = match job.config.indirect.nodes(samples, job.config.tolerance_db) {
+        // Until the last pass the picture is there to be looked at: its light is always shared.
+        let is_last = pass == self.last;
+        let indirect = if is_last { job.config.indirect } else { Indirect::Shared };
+        let nodes = match indirect.nodes(samples, job.config.tolerance_db) {
             None => None,
             Some(plan) => {
                 let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
@@ -543,7 +547,7 @@ impl Run<'_> {
         let flow = match nodes {
             Some(nodes) => {
                 let shared = SharedMatrix { matrix, nodes };
-                self.bias = samples.map(|_| shared.bias(job.config.tolerance_db));
+                self.bias = is_last.then(|| shared.bias(job.config.tolerance_db));
                 let on_block = |block: u32, factors: Vec<BlockFactors>| {
                     self.deliver((0, block as usize), pass, factors, clock, on_event)
                 };
