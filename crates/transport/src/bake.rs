@@ -98,7 +98,7 @@ pub enum Indirect {
 
 impl Indirect {
     /// Walks of a node for each half, of the preview and of a bake; and at which tolerance a bake takes the least.
-    const PREVIEW_WALKS: u32 = 16;
+    const PREVIEW_WALKS: u32 = 8;
     const NODE_WALKS: [u32; 2] = [32, 512];
     const LEAST_UP_TO_DB: f32 = 32.0;
     /// Walks of a cell for each half.
@@ -109,7 +109,7 @@ impl Indirect {
         let cache = CachePlan { walks: Indirect::CELL_WALKS, places_per_cell: 2 };
         match (samples, self) {
             (None, _) => {
-                let cache = CachePlan { walks: Indirect::CELL_WALKS / 2, places_per_cell: 6 };
+                let cache = CachePlan { walks: Indirect::CELL_WALKS / 2, places_per_cell: 10 };
                 Some(NodePlan { walks: Indirect::PREVIEW_WALKS, outshines: 2.0, cache })
             }
             (Some(_), Indirect::Traced) => None,
@@ -146,6 +146,9 @@ pub enum Passes {
 /// a half that met a rare bright walk early would keep it undiluted.
 const FIRST_LOOK_SHARED: u32 = 2;
 const FIRST_LOOK_TRACED: u32 = 4;
+
+/// What a preview aims at where more is asked for: it has no time for ranks that hold nothing but noise.
+const PREVIEW_DB: f32 = 24.0;
 
 /// Side of a block in pixels.
 pub const TILE: u32 = 16;
@@ -435,11 +438,11 @@ impl BakeJob {
     }
 
     /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
-    fn compress_config(&self, samples_per_half: u32, column_scale: &[f32]) -> CompressConfig {
+    fn compress_config(&self, samples_per_half: u32, tolerance_db: f32, column_scale: &[f32]) -> CompressConfig {
         let file_light = self.scene.lighting.basis.project(&LightRig::default());
         let file_light: Vec<f32> =
             file_light.iter().zip(column_scale).map(|(&light, scale)| luminance(Vec3::from(light)) / scale).collect();
-        let tolerance = 10f32.powf(-self.config.tolerance_db / 10.0);
+        let tolerance = 10f32.powf(-tolerance_db / 10.0);
         let groups = self.scene.lighting.basis.groups.iter().map(|g| ColumnGroup {
             columns: g.columns.start as usize..g.columns.end as usize,
             tolerance: Tolerance::AbsoluteMeanSquare(tolerance),
@@ -543,7 +546,11 @@ impl Run<'_> {
             }
         };
         clock.start_pass(pass, started.elapsed().as_secs_f32());
-        let config = job.compress_config(samples.unwrap_or(1), &header.column_scale);
+        let tolerance_db = match samples {
+            Some(_) => job.config.tolerance_db,
+            None => job.config.tolerance_db.min(PREVIEW_DB),
+        };
+        let config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
         let flow = match nodes {
             Some(nodes) => {
                 let shared = SharedMatrix { matrix, nodes };
