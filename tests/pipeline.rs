@@ -253,9 +253,13 @@ fn no_output_takes_the_place_of_an_input() {
     std::fs::write(desk.path("a.look"), r#"{"clerestory": 1, "sky": {"file": "sky.exr"}}"#).unwrap();
     desk.json("trace @room.glb -o @sky.exr --size 8x4 --spp 1");
     desk.json("bake @room.glb -o @room.transport --size 8x6 --spp 1");
-    for (from, to) in
-        [("room.glb", "scene.exr"), ("room.glb", "b.part"), ("room.transport", "t.exr"), ("lamp.ies", "i.exr")]
-    {
+    for (from, to) in [
+        ("room.glb", "scene.exr"),
+        ("room.glb", "b.part"),
+        ("room.transport", "t.exr"),
+        ("room.transport", "t.csv"),
+        ("lamp.ies", "i.exr"),
+    ] {
         std::fs::copy(desk.path(from), desk.path(to)).unwrap();
     }
     std::fs::copy(desk.path("a.look"), desk.path("look.exr")).unwrap();
@@ -279,6 +283,7 @@ fn no_output_takes_the_place_of_an_input() {
         ("render @room.glb --ies warm=@i.exr -o @i.exr", "the measured distribution"),
         ("relight @t.exr -o @t.exr --device cpu", "the transport"),
         ("relight @room.transport --look @look.exr -o @look.exr --device cpu", "the look"),
+        ("sensors @t.csv -o @t.csv", "the transport"),
     ] {
         desk.fails(line, 1, &format!("would overwrite {what} "));
     }

@@ -1,9 +1,10 @@
 //! `.transport` files, and bakes that survive being stopped.
 //!
-//! A file is `CLERTRAN`, a version, the header as JSON, the map of the sky if there is one, then every block of every group in order, each with its own
-//! checksum: first those of the picture, then those of each matrix of irradiance. While a bake runs, finished blocks are appended to `FILE.part`; the same bake takes them up again. At the end
-//! the file is written in order under a temporary name and renamed, so that it is whole or not there, and the same bake
-//! gives the same bytes whether it was interrupted or not.
+//! A file is `CLERTRAN`, a version, the header as JSON, the map of the sky if there is one, then every block of every
+//! group in order, each with its own checksum: first those of the picture, then those of each matrix of irradiance.
+//! While a bake runs, finished blocks are appended to `FILE.part`; the same bake takes them up again. At the end the file
+//! is written in order under a temporary name and renamed, so that it is whole or not there, and the same bake gives the
+//! same bytes whether it was interrupted or not.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};

@@ -124,6 +124,13 @@ impl Indirect {
     }
 }
 
+impl BakeConfig {
+    /// Samples per pixel of each half, at most.
+    pub(crate) fn samples_per_half(&self) -> u32 {
+        (self.spp / 2).max(1)
+    }
+}
+
 impl Default for BakeConfig {
     fn default() -> Self {
         BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect: Indirect::default() }
@@ -394,7 +401,7 @@ impl BakeJob {
                 return Ok(None);
             }
         }
-        let all = self.samples_per_half();
+        let all = self.config.samples_per_half();
         let mut clock = Clock::new(&passes, n_blocks, n_given[0], rayon::current_num_threads());
         for (partition, n_given) in partitions.iter().zip(n_given).skip(1) {
             clock.add_pass(all, partition.n_blocks(), n_given);
@@ -422,13 +429,9 @@ impl BakeJob {
         Ok(Some(Bake { header, groups, irradiance: matrices.collect() }))
     }
 
-    fn samples_per_half(&self) -> u32 {
-        (self.config.spp / 2).max(1)
-    }
-
     /// Samples per half of each pass; `None` is the preview.
     fn pass_samples(&self, from_scratch: bool) -> Vec<Option<u32>> {
-        let all = self.samples_per_half();
+        let all = self.config.samples_per_half();
         match self.passes {
             _ if !from_scratch => vec![Some(all)],
             Passes::Progressive if all >= 32 => vec![None, Some(all / 16), Some(all)],
@@ -537,12 +540,12 @@ impl Run<'_> {
         // Until the last pass the picture is there to be looked at: its light is always shared.
         let is_last = pass == self.last;
         let indirect = if is_last { job.config.indirect } else { Indirect::Shared };
-        let nodes = match indirect.nodes(samples, job.config.tolerance_db) {
+        let shared = match indirect.nodes(samples, job.config.tolerance_db) {
             None => None,
             Some(plan) => {
                 let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
                 let Some(nodes) = Nodes::gather(matrix, plan, go_on) else { return Ok(ControlFlow::Break(())) };
-                Some(nodes)
+                Some(SharedMatrix { matrix, nodes })
             }
         };
         clock.start_pass(pass, started.elapsed().as_secs_f32());
@@ -551,21 +554,12 @@ impl Run<'_> {
             None => job.config.tolerance_db.min(PREVIEW_DB),
         };
         let config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
-        let flow = match nodes {
-            Some(nodes) => {
-                let shared = SharedMatrix { matrix, nodes };
-                self.bias = is_last.then(|| shared.bias(job.config.tolerance_db));
-                let on_block = |block: u32, factors: Vec<BlockFactors>| {
-                    self.deliver((0, block as usize), pass, factors, clock, on_event)
-                };
-                compress(&shared, &partition, blocks, &config, on_block)?
-            }
-            None => {
-                let on_block = |block: u32, factors: Vec<BlockFactors>| {
-                    self.deliver((0, block as usize), pass, factors, clock, on_event)
-                };
-                compress(matrix, &partition, blocks, &config, on_block)?
-            }
+        self.bias = shared.as_ref().filter(|_| is_last).map(|shared| shared.bias(job.config.tolerance_db));
+        let on_block =
+            |block: u32, factors: Vec<BlockFactors>| self.deliver((0, block as usize), pass, factors, clock, on_event);
+        let flow = match &shared {
+            Some(shared) => compress(shared, &partition, blocks, &config, on_block)?,
+            None => compress(matrix, &partition, blocks, &config, on_block)?,
         };
         if flow.is_break() {
             return Ok(flow);

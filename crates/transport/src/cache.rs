@@ -10,12 +10,13 @@ mod solve;
 
 use clerestory_nystrom::Half;
 use glam::Vec3;
+use rayon::prelude::*;
 
-use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted};
 use crate::path::{Deposit, KnownAt, Scratch};
-use crate::prepared::SurfaceHit;
 use crate::sampler::Sampler;
 
+pub(crate) use cells::Place;
 use cells::{Cells, Scout};
 
 /// How a cache is filled.
@@ -48,7 +49,7 @@ const STREAM: u64 = 3 << 61;
 
 impl LightCache {
     /// Fills a cache with what walks from the given places meet.
-    pub(crate) fn fill(matrix: &TransportMatrix<'_>, places: &[(SurfaceHit, Vec3)], plan: CachePlan) -> LightCache {
+    pub(crate) fn fill(matrix: &TransportMatrix<'_>, places: &[Place], plan: CachePlan) -> LightCache {
         let n_cols = matrix.column_scale().len();
         let affordable = (MOST_BYTES / (2 * CHANNELS * n_cols * 4)).min(CELLS[1]);
         let most = (places.len() / plan.places_per_cell).min(affordable).max(CELLS[0]);
@@ -56,7 +57,7 @@ impl LightCache {
         let mut cells = Cells::fit(&found, most);
         for generation in 1..=u64::from(GENERATIONS) {
             let first_new = cells.add(&found, 2 * most);
-            let new: Vec<(SurfaceHit, Vec3)> = cells.places().skip(first_new).collect();
+            let new: Vec<Place> = cells.places().skip(first_new).collect();
             found = scout(matrix, &new, STREAM + (generation << 32));
         }
         cells.add(&found, 2 * most);
@@ -68,17 +69,13 @@ impl LightCache {
     fn add(&self, cell: u32, half: Half, weight: Vec3, rows: &mut [f32]) {
         let len = CHANNELS * self.n_cols;
         let light = &self.light[usize::from(half == Half::B)][cell as usize * len..][..len];
-        let (rows, light) = (rows.chunks_exact_mut(self.n_cols), light.chunks_exact(self.n_cols));
-        for ((rows, light), weight) in rows.zip(light).zip(weight.to_array()) {
-            rows.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
-        }
+        add_weighted(rows, light, weight);
     }
 }
 
 /// What walks from some places meet, in the order of the places.
-fn scout(matrix: &TransportMatrix<'_>, places: &[(SurfaceHit, Vec3)], stream: u64) -> Vec<(SurfaceHit, Vec3)> {
-    use rayon::prelude::*;
-    let search = |scratch: &mut Scratch, (nth, (hit, normal)): (usize, &(SurfaceHit, Vec3))| {
+fn scout(matrix: &TransportMatrix<'_>, places: &[Place], stream: u64) -> Vec<Place> {
+    let search = |scratch: &mut Scratch, (nth, (hit, normal)): (usize, &Place)| {
         let mut scout = Scout::default();
         for walk in 0..SCOUTS {
             let mut sampler = Sampler::new(matrix.seed, stream + nth as u64, walk);

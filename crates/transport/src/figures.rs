@@ -118,7 +118,7 @@ impl Bake {
 
     fn skipped(&self) -> Skipped {
         let factors = || self.groups.iter().flat_map(|g| g.blocks.iter().flatten());
-        let full = (self.header.config.spp / 2).max(1) * 2;
+        let full = 2 * self.header.config.samples_per_half();
         // All groups of a block share their samples: the first group speaks for all.
         let taken: Vec<u32> =
             self.groups.first().map_or(vec![], |g| g.blocks.iter().flatten().map(|b| b.n_samples).collect());

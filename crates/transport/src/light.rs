@@ -110,19 +110,22 @@ pub fn planckian_tint(kelvin: f32) -> Vec3 {
     rgb / luminance(rgb)
 }
 
+/// Columns are the Rec. 709 values of X, Y and Z.
+pub(crate) const REC709_FROM_XYZ: glam::DMat3 = glam::DMat3::from_cols_array(&[
+    3.240_454_2,
+    -0.969_266,
+    0.055_643_4,
+    -1.537_138_5,
+    1.876_010_8,
+    -0.204_025_9,
+    -0.498_531_4,
+    0.041_556,
+    1.057_225_2,
+]);
+
 /// Linear Rec. 709 of CIE XYZ; negative outside the gamut.
 pub(crate) fn rgb_of_xyz(xyz: glam::DVec3) -> glam::DVec3 {
-    glam::DMat3::from_cols_array(&[
-        3.240_454_2,
-        -0.969_266,
-        0.055_643_4,
-        -1.537_138_5,
-        1.876_010_8,
-        -0.204_025_9,
-        -0.498_531_4,
-        0.041_556,
-        1.057_225_2,
-    ]) * xyz
+    REC709_FROM_XYZ * xyz
 }
 
 /// Luminance of linear Rec. 709.

@@ -154,6 +154,18 @@ impl<'a> TransportMatrix<'a> {
         }
     }
 
+    /// A random point of a pixel, and the camera's ray through it.
+    pub(crate) fn sample_ray(&self, pixel: u32, sampler: &mut Sampler) -> (Vec2, (Vec3, Vec3)) {
+        let corner = Vec2::new((pixel % self.film.width) as f32, (pixel / self.film.width) as f32);
+        let film_px = corner + Vec2::from(sampler.next_2d());
+        (film_px, self.ray(film_px))
+    }
+
+    /// Origin and direction of the camera's ray through a point of the film.
+    pub(crate) fn ray(&self, film_px: Vec2) -> (Vec3, Vec3) {
+        (self.camera.position(), self.camera.direction(self.film, film_px))
+    }
+
     fn deposit_irradiance(
         &self,
         rows: &IrradianceRows,
@@ -164,9 +176,7 @@ impl<'a> TransportMatrix<'a> {
     ) {
         match rows {
             IrradianceRows::Pixels => {
-                let corner = Vec2::new((number % self.film.width) as f32, (number / self.film.width) as f32);
-                let film_px = corner + Vec2::from(sampler.next_2d());
-                let ray = (self.camera.position(), self.camera.direction(self.film, film_px));
+                let (_, ray) = self.sample_ray(number, sampler);
                 self.integrator.sample_seen_irradiance(ray, sampler, scratch, deposit);
             }
             IrradianceRows::Grid(grid) => {
@@ -235,6 +245,15 @@ impl SampledMatrix for TransportMatrix<'_> {
             self.deposit_pixel(pixel, samples.clone(), half, &mut scratch, &mut deposit);
             sparse.append(&mut deposit.into_sparse());
         }
+    }
+}
+
+/// Adds three rows of all columns to three others, times a weight per channel.
+pub(crate) fn add_weighted(rows: &mut [f32], light: &[f32], weight: Vec3) {
+    let row_len = rows.len() / CHANNELS;
+    let channels = rows.chunks_exact_mut(row_len).zip(light.chunks_exact(row_len));
+    for ((rows, light), weight) in channels.zip(weight.to_array()) {
+        rows.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
     }
 }
 

@@ -9,10 +9,9 @@ use clerestory_nystrom::Half;
 use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::cache::{CachePlan, CachedDeposit, LightCache};
-use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, median};
+use crate::cache::{CachePlan, CachedDeposit, LightCache, Place};
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, median};
 use crate::path::{Gathering, Scratch};
-use crate::prepared::SurfaceHit;
 use crate::sampler::Sampler;
 
 /// Distance between nodes in pixels, of a picture that is at least [`FULL_WIDTH`] wide; less in smaller ones.
@@ -64,16 +63,17 @@ impl Nodes {
         }
         let size = size_at(spacing);
         let n_nodes = size.element_product() as usize;
-        let hits: Vec<Option<(SurfaceHit, Vec3)>> = (0..n_nodes as u32)
+        let hits: Vec<Option<Place>> = (0..n_nodes as u32)
             .into_par_iter()
             .map(|node| {
                 let center = (Vec2::new((node % size.x) as f32, (node / size.x) as f32) + 0.5) * spacing as f32;
                 let film_px = center.min(Vec2::new(film.width as f32, film.height as f32) - 0.5);
-                let ray = (matrix.camera.position(), matrix.camera.direction(film, film_px));
-                matrix.integrator.gathering_surface(ray, &mut Sampler::new(matrix.seed, stream_of(node) + 2, 0))
+                matrix
+                    .integrator
+                    .gathering_surface(matrix.ray(film_px), &mut Sampler::new(matrix.seed, stream_of(node) + 2, 0))
             })
             .collect();
-        let places: Vec<(SurfaceHit, Vec3)> = hits.iter().copied().flatten().collect();
+        let places: Vec<Place> = hits.iter().copied().flatten().collect();
         let cache = LightCache::fill(matrix, &places, plan.cache);
         let mut light = vec![0.0; n_nodes * node_len];
         let part = n_nodes.div_ceil(PARTS).max(1);
@@ -128,16 +128,10 @@ impl Nodes {
         if total < 1e-3 {
             return false;
         }
-        let row_len = rows.len() / CHANNELS;
-        let half_len = CHANNELS * row_len;
+        let half_len = rows.len();
         for (idx, weight) in weights.into_iter().filter(|(_, w)| *w > 0.0) {
             let start = idx * 2 * half_len + if half == Half::B { half_len } else { 0 };
-            let light = &self.light[start..start + half_len];
-            for (channel, albedo) in at.albedo.to_array().into_iter().enumerate() {
-                let factor = albedo * weight / total;
-                let range = channel * row_len..(channel + 1) * row_len;
-                rows[range.clone()].iter_mut().zip(&light[range]).for_each(|(out, light)| *out += factor * light);
-            }
+            add_weighted(rows, &self.light[start..start + half_len], at.albedo * weight / total);
         }
         true
     }
@@ -159,7 +153,7 @@ fn stream_of(node: u32) -> u64 {
 fn gather_node(
     (matrix, cache): (&TransportMatrix<'_>, &LightCache),
     (node, walks): (u32, u32),
-    (hit, normal): &(SurfaceHit, Vec3),
+    (hit, normal): &Place,
     light: &mut [f32],
     scratch: &mut Scratch,
 ) {

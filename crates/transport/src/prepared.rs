@@ -40,6 +40,12 @@ pub struct SurfaceHit {
 }
 
 impl SurfaceHit {
+    /// Unit geometric normal of the side that `towards` looks out of.
+    #[inline]
+    pub(crate) fn outward(&self, towards: Vec3) -> Vec3 {
+        if self.normal.dot(towards) < 0.0 { -self.normal } else { self.normal }
+    }
+
     /// Where a ray begins that leaves to the side of `normal`, which is this hit's or its opposite.
     #[inline]
     pub fn origin(&self, normal: Vec3) -> Vec3 {

@@ -50,6 +50,22 @@ pub struct SceneNode {
     pub panel: Option<u32>,
 }
 
+impl SceneNode {
+    /// The name by which a node is asked for: its own, or `node:INDEX`.
+    pub(crate) fn key(&self) -> String {
+        self.name.clone().unwrap_or_else(|| self.index_key())
+    }
+
+    /// Whether a node is meant, by its name or by its index.
+    pub(crate) fn is_named(&self, name: &str) -> bool {
+        self.name.as_deref() == Some(name) || name == self.index_key()
+    }
+
+    fn index_key(&self) -> String {
+        format!("node:{}", self.index)
+    }
+}
+
 /// Triangles with their vertex attributes; all attribute arrays are as long as `positions`.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {

@@ -9,7 +9,6 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub(crate) use plan::name_of;
 pub use plan::{IrradianceRequest, NodeGrid, OfFile, WorkPlane};
 
 /// Points of a rectangle, row by row: point (i, j), i along u, is number `j · size[0] + i`.

@@ -9,7 +9,7 @@
 use std::ops::Range;
 
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::cache::CachedDeposit;
@@ -33,11 +33,9 @@ impl SharedMatrix<'_> {
         scratch: &mut Scratch,
     ) -> Vec<SparseEntry> {
         let (matrix, integrator) = (self.matrix, &self.matrix.integrator);
-        let (n_cols, film) = (matrix.n_cols(), matrix.film);
+        let n_cols = matrix.n_cols();
         let mut sampler = Sampler::new(matrix.seed, matrix.stream(pixel, half), sample);
-        let corner = Vec2::new((pixel % film.width) as f32, (pixel / film.width) as f32);
-        let film_px = corner + Vec2::from(sampler.next_2d());
-        let ray = (matrix.camera.position(), matrix.camera.direction(film, film_px));
+        let (film_px, ray) = matrix.sample_ray(pixel, &mut sampler);
         let inner = RowDeposit::new(rows, n_cols, matrix.column_scale()).with_first_row(first_row);
         let mut deposit = CachedDeposit { inner, cache: &self.nodes.cache, half };
         let gathering = integrator.sample_direct(ray, &mut sampler, scratch, &mut deposit);

@@ -15,8 +15,8 @@ use serde_json::json;
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
 use super::relight::irradiance_of;
-use super::view::{load_look, warn_of_unknown_lights};
-use crate::output::PendingFile;
+use super::view::{load_look, spare_look, warn_of_unknown_lights};
+use crate::output::{PendingFile, spare_inputs};
 
 /// What the sensors of a grid say.
 struct Readings<'a> {
@@ -41,8 +41,12 @@ struct Summary {
 }
 
 pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answer> {
-    let place = args.output.as_deref().map(PendingFile::create).transpose()?;
     let look = load_look(args.look.as_deref(), console)?;
+    if let Some(output) = &args.output {
+        spare_inputs(output, [("transport", args.transport.as_path())])?;
+        spare_look(output, args.look.as_deref(), &look)?;
+    }
+    let place = args.output.as_deref().map(PendingFile::create).transpose()?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let all = readings(&bake, &look.lights)?;

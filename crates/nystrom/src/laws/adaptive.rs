@@ -5,8 +5,7 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use super::{decaying, mean_square};
-use crate::{dense::Dense, random::Random, *};
+use crate::{random::Random, *};
 
 /// Chance of a bright sample.
 const CHANCE: f64 = 1.0 / 64.0;
@@ -181,80 +180,4 @@ fn a_single_sample_says_nothing_of_its_noise() {
     let quiet = one_sided(Half::A, SamplePlan { batch: 1, min: 1, max: 8 });
     // The quiet half stops the noisy one as soon as it has two samples of its own.
     assert_eq!((quiet.0[0].n_samples, quiet.1), (10, [8, 4]));
-}
-
-/// Known, with noise that costs next to nothing.
-struct Cheap {
-    truth: Dense<f32>,
-    /// Standard deviation of one sample.
-    noise: f32,
-    sampled_rows: AtomicUsize,
-}
-
-impl SampledMatrix for Cheap {
-    fn n_rows(&self) -> usize {
-        self.truth.n_rows
-    }
-    fn n_cols(&self) -> usize {
-        self.truth.n_cols
-    }
-    fn bundle_len(&self) -> usize {
-        3
-    }
-    fn add_rows(&self, bundles: &[u32], samples: Range<u32>, half: Half, out: &mut [f32], _: &mut Vec<SparseEntry>) {
-        self.sampled_rows.fetch_add(3 * bundles.len() * samples.len(), Ordering::Relaxed);
-        let rows = bundles.iter().flat_map(|&bundle| bundle as usize * 3..bundle as usize * 3 + 3);
-        for (row, out) in rows.zip(out.chunks_mut(self.truth.n_cols)) {
-            for sample in samples.clone() {
-                let mut rng = Random::new([row as u64 * 2 + u64::from(half == Half::B), u64::from(sample)]);
-                let scale = self.noise * 12f32.sqrt() / 65536.0;
-                for (out, truth) in out.chunks_mut(4).zip(self.truth.row(row).chunks(4)) {
-                    let bits = rng.bits();
-                    for (lane, (out, truth)) in out.iter_mut().zip(truth).enumerate() {
-                        *out += truth + scale * (f32::from((bits >> (16 * lane)) as u16) - 32767.5);
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Prints what blocks cost and how exact they are; run with `--nocapture`.
-#[test]
-fn the_cost_of_adaptive_sampling_is_printed() {
-    let goal = 1e-3;
-    for (noise, decay) in [(0.0, 0.5), (0.2, 0.5), (0.2, 0.8), (1.0, 0.5)] {
-        let n_blocks = 6;
-        let truth = decaying(768 * n_blocks, 64, 12, decay, &mut Random::new([51, 0]));
-        let matrix = Cheap { truth, noise, sampled_rows: AtomicUsize::new(0) };
-        let partition = Partition { width: 16, height: 16 * n_blocks as u32, tile: 16 };
-        let blocks: Vec<u32> = (0..n_blocks as u32).collect();
-        let tolerance = Tolerance::AbsoluteMeanSquare(goal);
-        let group = ColumnGroup { columns: 0..64, tolerance, preserved: Vec::new() };
-        let samples = SamplePlan { batch: 8, min: 2, max: 64 };
-        let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
-        let (mut n_samples, mut error, mut told, mut rank) = (0.0, 0.0, 0.0, 0.0);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        let start = std::time::Instant::now();
-        let flow = pool.install(|| {
-            compress(&matrix, &partition, &blocks, &config, |block, mut factors| {
-                let factors = factors.remove(0);
-                let truth = &matrix.truth.data[block as usize * 768 * 64..][..768 * 64];
-                error += mean_square(&factors.dense(), truth) / n_blocks as f64;
-                told += f64::from(factors.error.truncation + factors.error.sampling) / n_blocks as f64;
-                n_samples += f64::from(factors.n_samples) / n_blocks as f64;
-                rank += f64::from(factors.rank) / n_blocks as f64;
-                ControlFlow::Continue(())
-            })
-        });
-        let secs = start.elapsed().as_secs_f64() / n_blocks as f64;
-        assert_eq!(flow, Ok(ControlFlow::Continue(())));
-        let drawn = matrix.sampled_rows.into_inner() as f64 / (768 * n_blocks) as f64;
-        println!(
-            "noise {noise}, decay {decay}: {:.2} ms per block, {drawn:.1} samples, {n_samples:.1} kept, error {:.2} and told {:.2} of the goal, rank {rank:.1}",
-            secs * 1e3,
-            error / f64::from(goal),
-            told / f64::from(goal)
-        );
-    }
 }

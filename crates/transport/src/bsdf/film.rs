@@ -5,7 +5,9 @@
 
 use std::f32::consts::PI;
 
-use glam::{Mat3, Vec3};
+use glam::Vec3;
+
+use crate::light::REC709_FROM_XYZ;
 
 use super::fresnel::{self, Schlick, grazing};
 
@@ -56,19 +58,6 @@ const FADE_NM: f32 = 0.03;
 const N_ANGLES: usize = 16;
 /// Meters in a nanometer.
 const NM: f32 = 1e-9;
-
-/// Columns are the Rec. 709 values of X, Y and Z.
-const REC709_FROM_XYZ: Mat3 = Mat3::from_cols_array(&[
-    3.240_454_2,
-    -0.969_266,
-    0.055_643_4,
-    -1.537_138_5,
-    1.876_010_8,
-    -0.204_025_9,
-    -0.498_531_4,
-    0.041_556,
-    1.057_225_2,
-]);
 
 impl ThinFilm {
     /// `weight` in 0…1, `ior` of the film, its thickness in nanometers, and what it lies on.
@@ -160,7 +149,7 @@ fn sensitivity(path_m: f32, shift: Vec3) -> Vec3 {
     let x = lobe(5.4856e-13, 1.6810e6, 4.3278e9, shift.x) + lobe(9.7470e-14, 2.2399e6, 4.5282e9, shift.x);
     let y = lobe(4.4201e-13, 1.7953e6, 9.3046e9, shift.y);
     let z = lobe(5.2481e-13, 2.2084e6, 6.6121e9, shift.z);
-    REC709_FROM_XYZ * Vec3::new(x, y, z)
+    REC709_FROM_XYZ.as_mat3() * Vec3::new(x, y, z)
 }
 
 #[cfg(test)]

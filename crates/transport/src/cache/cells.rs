@@ -9,7 +9,7 @@ use crate::path::{Deposit, KnownAt};
 use crate::prepared::SurfaceHit;
 
 /// A point and the unit normal on the side from which it was seen.
-pub(super) type Place = (SurfaceHit, Vec3);
+pub(crate) type Place = (SurfaceHit, Vec3);
 
 /// Points that a cell keeps.
 pub(super) const POINTS: usize = 4;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::cells::{Cells, POINTS, Place};
 use super::{CachePlan, STREAM};
-use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted};
 use crate::path::{Deposit, KnownAt, Scratch};
 use crate::sampler::Sampler;
 
@@ -81,11 +81,7 @@ fn solve(receipts: &[Receipt], len: usize, sweeps: u32) -> Vec<f32> {
         next.par_chunks_mut(len).zip(receipts).for_each(|(out, receipt)| {
             out.copy_from_slice(&receipt.rows);
             for share in &receipt.shares {
-                let from = &light[share.cell as usize * len..][..len];
-                let (out, from) = (out.chunks_exact_mut(len / CHANNELS), from.chunks_exact(len / CHANNELS));
-                for ((out, from), weight) in out.zip(from).zip(share.weight.to_array()) {
-                    out.iter_mut().zip(from).for_each(|(out, from)| *out += weight * from);
-                }
+                add_weighted(out, &light[share.cell as usize * len..][..len], share.weight);
             }
         });
         let total = |light: &[f32]| -> f64 {

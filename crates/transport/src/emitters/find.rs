@@ -94,7 +94,7 @@ fn resolve(requests: &[PanelRequest], candidates: &[Candidate]) -> Result<Vec<Op
             return Err(LightingError::Resolution { node: node.clone(), resolution: *resolution });
         }
         let by_key = surfaces().find(|(_, key, _)| key == node);
-        let Some((idx, key, _)) = by_key.or_else(|| surfaces().find(|(_, _, own)| is_named(own, node))) else {
+        let Some((idx, key, _)) = by_key.or_else(|| surfaces().find(|(_, _, own)| own.is_named(node))) else {
             let known: Vec<&str> = surfaces().map(|(_, key, _)| key).take(20).collect();
             let known = if known.is_empty() { "none".to_string() } else { known.join(", ") };
             return Err(LightingError::UnknownPanelNode { node: node.clone(), known });
@@ -106,17 +106,13 @@ fn resolve(requests: &[PanelRequest], candidates: &[Candidate]) -> Result<Vec<Op
     Ok(asked)
 }
 
-fn is_named(node: &SceneNode, name: &str) -> bool {
-    node.name.as_deref() == Some(name) || name == format!("node:{}", node.index)
-}
-
 /// Nodes that ask to be a panel in the file and shine by no surface of their own.
 fn warn_of_dark_panels(scene: &Scene, candidates: &[Candidate], warnings: &mut Vec<String>) {
     let shines = |index: u32| {
         candidates.iter().any(|light| matches!(&light.kind, CandidateKind::Surface { node, .. } if node.index == index))
     };
     for node in scene.nodes.iter().filter(|node| node.panel.is_some() && !shines(node.index)) {
-        let name = node.name.clone().unwrap_or_else(|| format!("node:{}", node.index));
+        let name = node.key();
         warnings.push(format!("node `{name}` asks to be a panel but its own surfaces do not emit light; it is none"));
     }
 }

@@ -11,7 +11,7 @@ use super::geometry::Built;
 use super::hierarchy::PlacedNode;
 use super::report::Notes;
 use crate::scene::{Mesh, Scene};
-use crate::sensors::{SensorGrid, name_of};
+use crate::sensors::SensorGrid;
 
 /// What a node's extras say to us under a key.
 pub(super) fn extra(node: &Node, key: &str) -> Option<Value> {
@@ -65,7 +65,7 @@ impl Sensors {
         for (node, parts) in self.parts {
             let corners = |mesh: &Mesh| (0..mesh.triangles.len() as u32).map(|t| mesh.corners(t)).collect::<Vec<_>>();
             let triangles: Vec<[Vec3; 3]> = parts.iter().flat_map(corners).collect();
-            let name = name_of(&scene.nodes[node as usize]);
+            let name = scene.nodes[node as usize].key();
             match SensorGrid::on_quad(&name, &triangles, self.sizes[&node]) {
                 Ok(grid) => scene.sensors.push(grid),
                 Err(reason) => {

@@ -91,7 +91,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
         let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
-        let outward = if hit.normal.dot(normal) < 0.0 { -hit.normal } else { hit.normal };
+        let outward = hit.outward(normal);
         let mut walk = Walk::from_camera(hit.origin(outward), direction);
         // Emitters that whoever asks has sampled count next to nothing here.
         walk.density = f32::MIN_POSITIVE;
@@ -113,7 +113,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         scratch: &mut Scratch,
         deposit: &mut impl Deposit,
     ) {
-        let outward = if hit.normal.dot(normal) < 0.0 { -hit.normal } else { hit.normal };
+        let outward = hit.outward(normal);
         let walk = Walk::from_camera(hit.position, -normal);
         // A matt white surface without any rival.
         let white = Bsdf::white(outward, normal);

@@ -5,14 +5,13 @@
 
 use std::f32::consts::PI;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
-use crate::bsdf::{Bsdf, ScatterKind, surface_params};
+use crate::bsdf::{Bsdf, ScatterKind};
 use crate::bvh::Ray;
 use crate::prepared::{SurfaceHit, next_after};
 use crate::sampler::Sampler;
-use crate::scene::Material;
 
 /// A point that light arrives at.
 #[derive(Clone, Copy, Debug)]
@@ -52,9 +51,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         scratch: &mut Scratch,
         deposit: &mut impl Deposit,
     ) {
-        let material = Material { metallic: 0.0, specular: 0.0, ..Material::default() };
-        let white =
-            Bsdf::new(&surface_params(&material, &[], [Vec2::ZERO; 2], None), at.outward, at.normal, at.outward);
+        let white = Bsdf::white(at.outward, at.normal);
         // The surface that measures is not one of the scene: of the triangle nothing is ever asked.
         let (triangle, barycentric) = (u32::MAX, Vec3::ZERO);
         let (position, normal, clearance) = (at.position, at.outward, at.clearance);
@@ -76,7 +73,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             if material.unlit {
                 return None;
             }
-            let outward = if hit.normal.dot(ray.direction) > 0.0 { -hit.normal } else { hit.normal };
+            let outward = hit.outward(-ray.direction);
             if self.scene.has_diffuse_base(&hit) {
                 let normal = self.scene.smooth_normal(&hit, ray.direction);
                 return Some(Receiver { position: hit.position, outward, normal, clearance: hit.clearance });

@@ -10,7 +10,7 @@ use crate::bvh::Ray;
 use crate::irradiance::IrradianceRows;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
-use crate::scene::{Mesh, Scene, SceneNode};
+use crate::scene::{Mesh, Scene};
 
 /// Irradiance that a designer asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -85,11 +85,6 @@ impl IrradianceRequest {
     }
 }
 
-/// The name by which a node is asked for.
-pub(crate) fn name_of(node: &SceneNode) -> String {
-    node.name.clone().unwrap_or_else(|| format!("node:{}", node.index))
-}
-
 /// A grid that the file marks takes another size; any other node stays the surface that it is.
 fn node_grid(scene: &Scene, request: &NodeGrid) -> Result<SensorGrid, SensorError> {
     if let Some(grid) = scene.sensors.iter().find(|grid| grid.name == request.node) {
@@ -99,9 +94,9 @@ fn node_grid(scene: &Scene, request: &NodeGrid) -> Result<SensorGrid, SensorErro
     for (triangle, &node) in (0u32..).zip(&scene.mesh.triangle_node) {
         of_node.entry(node).or_default().push(scene.mesh.corners(triangle));
     }
-    let is_asked = |node: &SceneNode| name_of(node) == request.node || request.node == format!("node:{}", node.index);
-    let Some(triangles) = of_node.iter().find(|(node, _)| is_asked(&scene.nodes[**node as usize])) else {
-        let nodes = of_node.keys().map(|&node| name_of(&scene.nodes[node as usize]));
+    let is_asked = |node: u32| scene.nodes[node as usize].is_named(&request.node);
+    let Some(triangles) = of_node.iter().find(|(node, _)| is_asked(**node)) else {
+        let nodes = of_node.keys().map(|&node| scene.nodes[node as usize].key());
         let known: Vec<String> = scene.sensors.iter().map(|grid| grid.name.clone()).chain(nodes).take(20).collect();
         let known = if known.is_empty() { "none".into() } else { known.join(", ") };
         return Err(SensorError::UnknownNode { node: request.node.clone(), known });

@@ -272,19 +272,3 @@ fn extreme_finishes_stay_finite() {
         }
     }
 }
-
-fn assert_finite(bsdf: &Bsdf) {
-    assert!(bsdf.albedo_estimate().is_finite() && bsdf.peak_estimate().is_finite() && bsdf.base_albedo().is_finite());
-    for index in 0..24 {
-        let mut sampler = Sampler::new(SEED, 9, index);
-        if let Some(sample) = bsdf.sample(sampler.next_1d(), sampler.next_2d()) {
-            assert!(sample.weight.is_finite() && sample.wi.is_finite() && sample.pdf.is_finite());
-            assert!(sample.weight.min_element() >= 0.0);
-        }
-        let wi = uniform_sphere(sampler.next_2d());
-        for wi in [wi, Vec3::new(wi.x, wi.y, wi.z * 1e-6).normalize(), Vec3::Z, -Vec3::Z] {
-            let (f_cos, pdf) = bsdf.eval(wi);
-            assert!(f_cos.is_finite() && pdf.is_finite() && f_cos.min_element() >= 0.0 && pdf >= 0.0);
-        }
-    }
-}
