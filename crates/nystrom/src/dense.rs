@@ -1,11 +1,13 @@
-//! Row-major matrices, small and large, and the few products that compression needs.
+//! Row-major matrices, small and large, and how they are decomposed.
 //!
-//! nalgebra multiplies strided views without a copy, so that a transpose costs nothing. Large matrices are `f32`; what is
+//! Large matrices are `f32`; what is
 //! decomposed (Gram matrices as wide as a basis) is `f64`.
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Dyn, RealField, SymmetricEigen};
+use nalgebra::{DMatrix, DMatrixView, Dyn, RealField, SymmetricEigen};
+
+use crate::product::{coefficients, product};
 
 /// A row-major matrix, rows × columns.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,11 +20,11 @@ pub(crate) struct Dense<T> {
 /// A matrix somewhere inside a slice, with a stride for each direction.
 #[derive(Clone, Copy)]
 pub(crate) struct View<'a, T> {
-    data: &'a [T],
-    n_rows: usize,
-    n_cols: usize,
-    row_stride: usize,
-    col_stride: usize,
+    pub(crate) data: &'a [T],
+    pub(crate) n_rows: usize,
+    pub(crate) n_cols: usize,
+    pub(crate) row_stride: usize,
+    pub(crate) col_stride: usize,
 }
 
 impl<T: RealField + Copy> Dense<T> {
@@ -126,50 +128,12 @@ impl<'a, T: RealField + Copy> View<'a, T> {
         }
     }
 
-    fn at(&self, row: usize, col: usize) -> T {
+    pub(crate) fn at(&self, row: usize, col: usize) -> T {
         self.data[row * self.row_stride + col * self.col_stride]
     }
 
-    fn nalgebra(&self) -> DMatrixView<'a, T, Dyn, Dyn> {
+    pub(crate) fn nalgebra(&self) -> DMatrixView<'a, T, Dyn, Dyn> {
         DMatrixView::from_slice_with_strides(self.data, self.n_rows, self.n_cols, self.row_stride, self.col_stride)
-    }
-}
-
-/// `a · b`.
-pub(crate) fn product<T: RealField + Copy>(a: View<'_, T>, b: View<'_, T>) -> Dense<T> {
-    assert!(a.n_cols == b.n_rows, "inner sizes {} and {} differ", a.n_cols, b.n_rows);
-    let mut out = Dense::zeros(a.n_rows, b.n_cols);
-    // Below six rows or columns the blocked product does not pay (and nalgebra would walk against the strides).
-    if a.n_rows.min(a.n_cols).min(b.n_cols) < 6 {
-        thin_product(a, b, &mut out);
-    } else {
-        let (n_rows, n_cols) = (out.n_rows, out.n_cols);
-        DMatrixViewMut::from_slice_with_strides_mut(&mut out.data, n_rows, n_cols, n_cols, 1).gemm(
-            T::one(),
-            &a.nalgebra(),
-            &b.nalgebra(),
-            T::zero(),
-        );
-    }
-    out
-}
-
-/// `a · b` where one of the sizes is small.
-fn thin_product<T: RealField + Copy>(a: View<'_, T>, b: View<'_, T>, out: &mut Dense<T>) {
-    if a.col_stride == 1 && b.row_stride == 1 {
-        for (row, col) in (0..a.n_rows).flat_map(|row| (0..b.n_cols).map(move |col| (row, col))) {
-            let left = &a.data[row * a.row_stride..][..a.n_cols];
-            out.row_mut(row)[col] = dot(left, &b.data[col * b.col_stride..][..a.n_cols]);
-        }
-    } else if b.col_stride == 1 {
-        for (inner, row) in (0..a.n_cols).flat_map(|inner| (0..a.n_rows).map(move |row| (inner, row))) {
-            add_scaled(out.row_mut(row), a.at(row, inner), &b.data[inner * b.row_stride..][..b.n_cols]);
-        }
-    } else {
-        for (row, col) in (0..a.n_rows).flat_map(|row| (0..b.n_cols).map(move |col| (row, col))) {
-            out.row_mut(row)[col] =
-                (0..a.n_cols).fold(T::zero(), |sum, inner| sum + a.at(row, inner) * b.at(inner, col));
-        }
     }
 }
 
@@ -218,7 +182,7 @@ pub(crate) fn extend_basis(basis: &mut Dense<f32>, mut new: Dense<f32>) {
     let norm = |row: &[f32]| dot(row, row);
     let floor = 1e-10 * (0..new.n_rows).map(|row| norm(new.row(row))).fold(0.0, f32::max);
     for _ in 0..if basis.n_rows > 0 { 2 } else { 0 } {
-        let inside = product(product(new.view(), basis.t()).view(), basis.view());
+        let inside = product(coefficients(&new, basis).view(), basis.view());
         add_scaled(&mut new.data, -1.0, &inside.data);
     }
     for _ in 0..new.n_rows {
@@ -256,31 +220,6 @@ mod tests {
 
     fn random(n_rows: usize, n_cols: usize, rng: &mut Random) -> Dense<f32> {
         Dense { n_rows, n_cols, data: (0..n_rows * n_cols).map(|_| rng.normal()).collect() }
-    }
-
-    #[test]
-    fn thin_and_blocked_products_agree_with_the_definition() {
-        let mut rng = Random::new([1, 2]);
-        for (m, k, n) in [(1, 1, 1), (9, 30, 4), (3, 40, 17), (20, 31, 22), (7, 2, 9), (12, 0, 3)] {
-            let (a, b) = (random(m, k, &mut rng), random(k, n, &mut rng));
-            let bt = Dense {
-                n_rows: n,
-                n_cols: k,
-                data: (0..n * k).map(|i| b.data[i % k.max(1) * n + i / k.max(1)]).collect(),
-            };
-            let at = Dense { n_rows: k, n_cols: m, data: (0..k * m).map(|i| a.data[i % m * k + i / m]).collect() };
-            for out in [
-                product(a.view(), b.view()),
-                product(a.view(), bt.t()),
-                product(at.t(), b.view()),
-                product(at.t(), bt.t()),
-            ] {
-                for (row, col) in (0..m).flat_map(|row| (0..n).map(move |col| (row, col))) {
-                    let want: f32 = (0..k).map(|i| a.row(row)[i] * b.row(i)[col]).sum();
-                    assert!((out.row(row)[col] - want).abs() < 1e-4, "{m} {k} {n}: {} {want}", out.row(row)[col]);
-                }
-            }
-        }
     }
 
     #[test]

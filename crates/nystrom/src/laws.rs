@@ -9,7 +9,8 @@ mod adaptive;
 
 use crate::{
     baseline::{core_wpinv, svd},
-    dense::{Dense, product},
+    dense::Dense,
+    product::product,
     random::Random,
     *,
 };

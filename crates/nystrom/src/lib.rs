@@ -63,6 +63,7 @@ mod means;
 mod measure;
 pub mod partition;
 mod preserve;
+mod product;
 mod project;
 mod random;
 mod run;
@@ -70,6 +71,7 @@ mod sketch;
 mod sparse;
 mod steer;
 mod sums;
+mod vector;
 
 pub use codec::{CodecError, decode_block, encode_block};
 pub use compress::{

@@ -11,10 +11,7 @@
 //! The factors themselves are fitted to the mean of both halves. To first order in the noise they equal (F + G)/2; components
 //! so weak that one half does not find them are found better in the mean, so the figure errs on the cautious side.
 
-use crate::{
-    dense::{Dense, product},
-    means::Means,
-};
+use crate::{dense::Dense, means::Means, product::product};
 
 /// Mean square of the rounding of both factors to the eleven bits of `f16`, relative to the kept energy.
 const PACKING: f64 = 2.2e-8;

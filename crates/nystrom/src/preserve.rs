@@ -61,6 +61,15 @@ fn append(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, unit: &[f64], hel
     *left = wider;
 }
 
+/// Scalar product, in eight partial sums.
 fn dot(a: &[f32], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| f64::from(*a) * b).sum()
+    let ((a8, a), (b8, b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let rest: f64 = a.iter().zip(b).map(|(a, b)| f64::from(*a) * b).sum();
+    let mut sums = [0.0; 8];
+    for (a, b) in a8.iter().zip(b8) {
+        for lane in 0..8 {
+            sums[lane] += f64::from(a[lane]) * b[lane];
+        }
+    }
+    rest + sums.iter().sum::<f64>()
 }

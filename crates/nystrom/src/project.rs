@@ -10,11 +10,12 @@ use std::array;
 
 use crate::{
     compress::{ColumnGroup, CompressConfig, Tolerance},
-    dense::{Dense, eigen, product},
+    dense::{Dense, eigen},
     factors::{BlockError, BlockFactors},
     means::Means,
     measure::{Fit, Measured, least_agreement},
     preserve::preserve,
+    product::{coefficients, combinations, power_step, product},
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
 };
@@ -134,11 +135,9 @@ fn refined<const N: usize>(means: &Means, a: &Dense<f32>, b: &Dense<f32>, goal: 
         all.push((&mean, eigen(&mean_gram(&grams, &cross)), &means.mean));
     }
     array::from_fn(|i| {
-        let (coefficients, half, rows) = &all[i];
-        let once = principal(&product(range(coefficients, half, width).t(), rows.view()).to_f64());
-        let mut met = product(rows.view(), once.t());
-        normalize_columns(&mut met);
-        principal(&product(met.t(), rows.view()).to_f64())
+        let (own, half, rows) = &all[i];
+        let once = principal(&combinations(&range(own, half, width), rows).to_f64());
+        principal(&power_step(rows, &once).to_f64())
     })
 }
 
@@ -174,17 +173,6 @@ fn range(coefficients: &Dense<f64>, (values, vectors): &Eigen, width: usize) -> 
     range.to_f32()
 }
 
-fn normalize_columns(matrix: &mut Dense<f32>) {
-    let mut energies = vec![0.0f32; matrix.n_cols];
-    for row in 0..matrix.n_rows {
-        energies.iter_mut().zip(matrix.row(row)).for_each(|(energy, x)| *energy += x * x);
-    }
-    energies.iter_mut().for_each(|energy| *energy = if *energy > 0.0 { 1.0 / energy.sqrt() } else { 0.0 });
-    for row in 0..matrix.n_rows {
-        matrix.row_mut(row).iter_mut().zip(&energies).for_each(|(x, scale)| *x *= scale);
-    }
-}
-
 /// Right singular vectors of a wide matrix, as rows, largest first.
 fn principal(wide: &Dense<f64>) -> Dense<f32> {
     let (values, vectors) = eigen(&product(wide.view(), wide.t()));
@@ -208,7 +196,7 @@ fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N]) -> [Fit; N] {
         all.data.extend_from_slice(&basis.data);
         all.n_rows += basis.n_rows;
     }
-    let [with_a, with_b] = [&means.a, &means.b].map(|half| product(half.view(), all.t()));
+    let [with_a, with_b] = [&means.a, &means.b].map(|half| coefficients(half, &all));
     let mut first = 0;
     bases.map(|basis| {
         let columns = first..first + basis.n_rows;

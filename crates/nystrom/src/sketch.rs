@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use crate::{
     compress::{CompressConfig, Tolerance},
-    dense::{Dense, dot, eigen, extend_basis, product},
+    dense::{Dense, dot, eigen, extend_basis},
     landmarks::{Candidates, choose_from},
     means::Means,
+    product::{coefficients, product},
     random::Random,
 };
 
@@ -217,7 +218,7 @@ impl<'a> Growth<'a> {
     /// Coefficients of all rows of both halves in the new part of the basis.
     fn project(&mut self, n_before: usize) {
         let new = self.basis.gather_rows(n_before..self.basis.n_rows);
-        let [a, b] = [&self.means.a, &self.means.b].map(|half| product(half.view(), new.t()));
+        let [a, b] = [&self.means.a, &self.means.b].map(|half| coefficients(half, &new));
         for (row, rest) in self.rest.iter_mut().enumerate() {
             *rest -= f64::from(dot(a.row(row), b.row(row)));
         }

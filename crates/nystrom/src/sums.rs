@@ -3,7 +3,7 @@
 //! The first part is all that was there at the last look, the second what came since. As samples double from look to look,
 //! both are equally many.
 
-use std::ops::Range;
+use std::{mem, ops::Range};
 
 use crate::{
     matrix::{Half, SampledMatrix, SparseEntry},
@@ -16,7 +16,7 @@ const MERGE_AT: usize = 1 << 16;
 /// What was sampled of one half of a block.
 #[derive(Default)]
 pub(crate) struct Sums {
-    /// Row-major, rows × columns of the matrix.
+    /// Row-major, rows × columns of the matrix; zero where there is no sample.
     parts: [Vec<f32>; 2],
     n_samples: [u32; 2],
     sparse: Vec<SparseEntry>,
@@ -29,8 +29,10 @@ pub(crate) struct Sums {
 impl Sums {
     /// Forgets the last block.
     pub(crate) fn start(&mut self, n_entries: usize) {
-        for part in &mut self.parts {
-            part.clear();
+        for (part, n_samples) in self.parts.iter_mut().zip(self.n_samples) {
+            if n_samples > 0 {
+                part.clear();
+            }
             part.resize(n_entries, 0.0);
         }
         self.sparse.clear();
@@ -54,9 +56,13 @@ impl Sums {
     /// The second part becomes a part of the first.
     pub(crate) fn join(&mut self) {
         let [all, new] = &mut self.parts;
-        for (all, new) in all.iter_mut().zip(new) {
-            *all += *new;
-            *new = 0.0;
+        if self.n_samples[0] == 0 {
+            mem::swap(all, new);
+        } else if self.n_samples[1] > 0 {
+            for (all, new) in all.iter_mut().zip(new) {
+                *all += *new;
+                *new = 0.0;
+            }
         }
         self.n_samples = [self.n_samples[0] + self.n_samples[1], 0];
     }
