@@ -26,5 +26,6 @@ pub mod scene;
 pub mod sensors;
 mod shared;
 pub mod sky;
+mod slabs;
 pub mod texture;
 pub mod trace;

@@ -7,6 +7,7 @@
 mod gather;
 mod irradiance;
 mod sky;
+mod slabs;
 
 pub(crate) use gather::Gathering;
 pub(crate) use irradiance::Receiver;
@@ -21,6 +22,7 @@ use crate::emitters::{Emitter, SurfacePoint, punctual_falloff};
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
+use crate::slabs::Passage;
 
 /// Takes what a walk finds. Values are radiance per unit of the column's light, RGB.
 pub trait Deposit {
@@ -102,6 +104,13 @@ struct ColumnPlace {
     texel: [u16; 2],
 }
 
+impl ColumnPlace {
+    /// A point of the texel, in texels from the panel's origin.
+    fn texel(self, u: Vec2) -> Vec2 {
+        Vec2::new(f32::from(self.texel[0]), f32::from(self.texel[1])) + u
+    }
+}
+
 /// Buffers of a thread, reused from walk to walk.
 #[derive(Default)]
 pub struct Scratch {
@@ -120,6 +129,10 @@ struct Walk {
     density: f32,
     /// Length from where `density` was chosen to the origin, through clear panes.
     passed: f32,
+    /// Where `density` was chosen.
+    departed: Vec3,
+    /// Slabs that were passed since.
+    passage: Passage,
     /// Where light was sampled last, `None` while only mirrors and clear glass were met.
     sampled_at: Option<Vertex>,
     /// Solid-angle density with which the last broad lobe was left, infinite before that.
@@ -137,6 +150,7 @@ struct Walk {
 }
 
 /// A point on a light as seen from a vertex.
+#[derive(Clone, Copy)]
 struct LightPoint {
     target: Vec3,
     wi: Vec3,
@@ -295,11 +309,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             return deposit.seen(column, walk.throughput * radiance);
         }
         let weight = match walk.rival {
-            Some(vertex) if walk.density > 0.0 => {
-                let distance = walk.passed + hit.t;
-                let pdf = distance * distance / (hit.normal.dot(walk.direction).abs() * area);
+            Some(vertex) if walk.density > 0.0 => self.closeness(walk, hit).map_or(1.0, |closeness| {
+                let pdf = 1.0 / (hit.normal.dot(walk.direction).abs() * area * closeness);
                 power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf)
-            }
+            }),
             _ => 1.0,
         };
         deposit.scattered(column, walk.throughput * radiance * weight);
@@ -324,14 +337,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         } else if self.is_spent(walk) {
             return false;
         } else {
-            let smooth = sample.kind == ScatterKind::Smooth;
-            walk.density = if smooth { sample.pdf * splits as f32 } else { 0.0 };
-            if smooth {
-                walk.sharpness = sample.pdf;
-            }
-            walk.rival = walk.sampled_at;
-            walk.passed = 0.0;
-            walk.specular &= !smooth;
+            self.turn(walk, hit, sample, splits);
         }
         walk.straight &= (sample.wi - walk.direction).length_squared() < STRAIGHT;
         walk.direction = sample.wi;
@@ -341,6 +347,24 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             walk.extinction = self.extinction_behind(hit, !inside);
         }
         true
+    }
+
+    /// Notes how a walk got its new direction.
+    fn turn(&self, walk: &mut Walk, hit: &SurfaceHit, sample: &BsdfSample, splits: u32) {
+        if sample.kind == ScatterKind::Smooth {
+            walk.density = sample.pdf * splits as f32;
+            walk.sharpness = sample.pdf;
+            walk.specular = false;
+            walk.departed = hit.position;
+            walk.passage = Passage::default();
+        } else if sample.transmitted && self.scene.slabs.pass(&mut walk.passage, hit.triangle) {
+            // Connections pass slabs as well.
+            return;
+        } else {
+            walk.density = 0.0;
+        }
+        walk.rival = walk.sampled_at;
+        walk.passed = 0.0;
     }
 
     /// Extinction of what a ray enters that passes a surface, coming `from_back` or from its front, 1/m.
@@ -369,12 +393,32 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let outward = if front { hit.normal } else { -hit.normal };
         let origin = hit.origin(outward);
         let mut fan = Fan::new(origin);
+        // Roulette: a later connection that carries little is seldom asked for, and then carries more.
+        let worth_it = |value: Vec3, nth: usize, column: u32| {
+            let carried = value.max_element() * self.plan.worth(column);
+            if vertex == Vertex::First || carried >= 1.0 {
+                return Some(value);
+            }
+            let die = (roulette.wrapping_add((nth as u32).wrapping_mul(GOLDEN)) >> 8) as f32 / 16_777_216.0;
+            (die < carried).then(|| value / carried)
+        };
         for (nth, pick) in scratch.picks.iter().enumerate() {
-            let Some(light) = self.light_point(pick.column, hit.position, jittered(jitter, nth as u32)) else {
-                continue;
+            let u = jittered(jitter, nth as u32);
+            let light = self.light_point(pick.column, hit.position, u);
+            let arriving = |light: &LightPoint| {
+                let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
+                walk.throughput * f_cos * light.factor * pick.inverse_rate
             };
-            let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
-            let mut value = walk.throughput * f_cos * light.factor * pick.inverse_rate;
+            if !self.scene.slabs.is_empty()
+                && let Some((light, route)) =
+                    self.light_behind_slabs(walk, (pick.column, hit.position, u), light.as_ref())
+                && let Some(value) = worth_it(arriving(&light), nth, pick.column)
+                && value.max_element() > 0.0
+            {
+                deposit.scattered(pick.column, value * self.passed_along(walk, hit, &light, &route));
+            }
+            let Some(light) = light else { continue };
+            let mut value = arriving(&light);
             if value.max_element() <= 0.0 {
                 continue;
             }
@@ -384,15 +428,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 let extinction = if before { walk.extinction } else { self.extinction_behind(hit, !front) };
                 value *= (-extinction * light.target.distance(hit.position)).exp();
             }
-            // Roulette: a later connection that carries little is seldom asked for, and then carries more.
-            let carried = value.max_element() * self.plan.worth(pick.column);
-            if vertex != Vertex::First && carried < 1.0 {
-                let die = (roulette.wrapping_add((nth as u32).wrapping_mul(GOLDEN)) >> 8) as f32 / 16_777_216.0;
-                if die >= carried {
-                    continue;
-                }
-                value /= carried;
-            }
+            let Some(value) = worth_it(value, nth, pick.column) else { continue };
             if light.wi.dot(outward) > 0.0 {
                 fan.push(self.scene, light.target, pick.column, value, deposit);
             } else {
@@ -405,10 +441,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// A point on the light of a column, as seen from `position`; `None` where it sends nothing this way.
     fn light_point(&self, column: u32, position: Vec3, u: Vec2) -> Option<LightPoint> {
-        let ColumnPlace { source, texel } = self.columns[column as usize];
-        match &self.scene.lighting.emitters[source as usize] {
+        let place = self.columns[column as usize];
+        match &self.scene.lighting.emitters[place.source as usize] {
             Emitter::Panel(panel) => {
-                let uv = (Vec2::new(f32::from(texel[0]), f32::from(texel[1])) + u) * panel.texel_side;
+                let uv = place.texel(u) * panel.texel_side;
                 let target = panel.point(uv);
                 let radiance = if panel.textured {
                     let uvs = panel.uv_frame.map(|[o, du, dv]| o + du * uv.x + dv * uv.y);
@@ -454,7 +490,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 })
             }
             sky => {
-                let first = self.scene.lighting.basis.sources[source as usize].columns.start;
+                let first = self.scene.lighting.basis.sources[place.source as usize].columns.start;
                 self.sky_point(sky, column - first, position, u)
             }
         }
@@ -503,6 +539,8 @@ impl Walk {
             share: 1.0,
             density: 0.0,
             passed: 0.0,
+            departed: origin,
+            passage: Passage::default(),
             sharpness: f32::INFINITY,
             sampled_at: None,
             rival: None,

@@ -7,6 +7,7 @@ use crate::bvh::{Bvh, Hit, Ray};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
+use crate::slabs::Slabs;
 
 /// A scene with its lights, ready to be traced.
 pub struct PreparedScene {
@@ -20,6 +21,8 @@ pub struct PreparedScene {
     sheer: Option<Bvh>,
     /// Whether a material attenuates light inside (KHR_materials_volume).
     pub attenuates: bool,
+    /// Solid panes that connections pass.
+    pub(crate) slabs: Slabs,
 }
 
 /// What a ray met.
@@ -84,7 +87,8 @@ impl PreparedScene {
         };
         let (solid, sheer) = (build(&solid), (!sheer.is_empty()).then(|| build(&sheer)));
         let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
-        Ok((PreparedScene { scene, lighting, solid, sheer, attenuates }, warnings))
+        let slabs = Slabs::find(&scene);
+        Ok((PreparedScene { scene, lighting, solid, sheer, attenuates, slabs }, warnings))
     }
 
     /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.
@@ -153,6 +157,18 @@ impl PreparedScene {
         let normal = across.normalize_or(Vec3::Y);
         let clearance = clearance(ab, ac, across);
         SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal, clearance }
+    }
+
+    /// The point of the first of some triangles in whose plane it lies that has it.
+    pub(crate) fn surface_at(&self, point: Vec3, triangles: &[u32]) -> Option<SurfaceHit> {
+        triangles.iter().find_map(|&triangle| {
+            let [a, b, c] = self.scene.mesh.corners(triangle);
+            let (ab, ac, ap) = (b - a, c - a, point - a);
+            let across = ab.cross(ac);
+            let per_area = 1.0 / across.length_squared();
+            let (u, v) = (ap.cross(ac).dot(across) * per_area, ab.cross(ap).dot(across) * per_area);
+            (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| self.surface_hit(&Hit { triangle, t: 0.0, u, v }))
+        })
     }
 
     /// Material of a triangle.

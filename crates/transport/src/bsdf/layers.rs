@@ -183,6 +183,14 @@ impl<F: Film> Layers<F> {
         if clear { self.transmittance(self.wo.z) } else { Vec3::ZERO }
     }
 
+    /// Share of radiance that goes on in the one direction of a smooth solid.
+    pub(super) fn refracted(&self) -> Vec3 {
+        match self.behind {
+            Behind::Solid { eta } if self.choice.clear > 0.0 => self.transmittance(self.wo.z) / (eta * eta),
+            _ => Vec3::ZERO,
+        }
+    }
+
     /// About the greatest `f·|cosθ|` of the facets' reflection.
     pub(super) fn facet_peak(&self) -> f32 {
         if !self.rough_coat {

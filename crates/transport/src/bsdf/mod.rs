@@ -286,6 +286,14 @@ impl Bsdf {
         }
     }
 
+    /// Share of radiance that a smooth solid without finish lets go on in the one direction of its refraction.
+    pub(crate) fn refracted(&self) -> Vec3 {
+        match &self.lobes {
+            Lobes::Layers(layers) => layers.refracted(),
+            _ => Vec3::ZERO,
+        }
+    }
+
     /// About the greatest value of `f·|cosθ|`, 1/sr: where connections may carry much.
     pub fn peak_estimate(&self) -> f32 {
         let more = match &self.lobes {

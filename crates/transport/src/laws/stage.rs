@@ -52,17 +52,26 @@ impl Stage {
     }
 
     /// A white point lamp.
-    pub fn lamp(mut self, name: &str, position: Vec3, candela: f32) -> Stage {
+    pub fn lamp(self, name: &str, position: Vec3, candela: f32) -> Stage {
+        self.punctual(name, PunctualKind::Point, [position, Vec3::NEG_Z], candela)
+    }
+
+    /// A white light from infinitely far away.
+    pub fn distant(self, name: &str, direction: Vec3, lux: f32) -> Stage {
+        self.punctual(name, PunctualKind::Directional, [Vec3::ZERO, direction.normalize()], lux)
+    }
+
+    fn punctual(mut self, name: &str, kind: PunctualKind, [position, direction]: [Vec3; 2], intensity: f32) -> Stage {
         let node = self.node(name, None);
         self.scene.punctual.push(PunctualLight {
             node,
-            kind: PunctualKind::Point,
+            kind,
             position,
-            direction: Vec3::NEG_Z,
+            direction,
             across: [Vec3::X, Vec3::Y],
             profile: None,
             color: Vec3::ONE,
-            intensity: candela,
+            intensity,
         });
         self
     }

@@ -56,7 +56,9 @@ impl<P: LightPlan> Integrator<'_, P> {
     /// Share of a walk that met the sky by itself, against the connections to it; `pdf` is their solid-angle density.
     fn arrival_weight(&self, walk: &Walk, column: u32, pdf: impl FnOnce() -> f32) -> f32 {
         match walk.rival {
-            Some(vertex) if walk.density > 0.0 => power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf()),
+            Some(vertex) if walk.density > 0.0 && self.is_connected_beyond(walk) => {
+                power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf())
+            }
             _ => 1.0,
         }
     }

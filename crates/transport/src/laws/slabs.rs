@@ -1,0 +1,186 @@
+//! Light through solid panes: shifted, dimmed and spread as Snell and Fresnel have it, whichever way a walk finds its lamp.
+
+use std::f64::consts::PI;
+
+use glam::{Quat, Vec3, Vec4};
+
+use super::stage::{Stage, lambert, pane, quad, room};
+use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
+use crate::camera::{Camera, Film};
+use crate::path::LightPlan;
+use crate::plan::{Density, MatrixPlan};
+use crate::prepared::PreparedScene;
+use crate::scene::Material;
+
+const ALBEDO: f32 = 0.5;
+const IOR: f64 = 1.5;
+/// Heights of the slab's faces and of the lights over the floor, m.
+const SLAB: [f32; 2] = [0.75, 1.0];
+const HEIGHT: f32 = 1.5;
+
+/// A floor seen at one point, below everything.
+fn floor(material: Material) -> Stage {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 0.4, 0.6), Vec3::ZERO, 1e-3, 1.0);
+    // So small that next to no light comes back to it.
+    let corners = quad(Vec3::new(-0.01, 0.0, -0.01), Vec3::Z * 0.02, Vec3::X * 0.02);
+    Stage::new(camera).surface("floor", &corners, material)
+}
+
+/// Smooth glass with an inside.
+fn glass() -> Material {
+    Material { thickness: 1.0, ..pane() }
+}
+
+/// A closed box whose fronts look outwards.
+fn block(center: Vec3, half: Vec3, turn: Quat) -> Vec<Vec3> {
+    room(half).into_iter().rev().map(|corner| center + turn * corner).collect()
+}
+
+fn level_slab() -> Vec<Vec3> {
+    let [low, high] = SLAB;
+    block(Vec3::Y * (0.5 * (low + high)), Vec3::new(8.0, 0.5 * (high - low), 8.0), Quat::IDENTITY)
+}
+
+/// Distance aside, from the floor to the lights, of light that leaves the floor at an angle.
+fn aside(theta: f64) -> f64 {
+    let thickness = f64::from(SLAB[1] - SLAB[0]);
+    let within = (theta.sin() / IOR).asin();
+    (f64::from(HEIGHT) - thickness) * theta.tan() + thickness * within.tan()
+}
+
+/// Share that both faces let pass.
+fn passed(theta: f64) -> f64 {
+    let within = (theta.sin() / IOR).asin();
+    let (cos, cos_within) = (theta.cos(), within.cos());
+    let s = (cos - IOR * cos_within) / (cos + IOR * cos_within);
+    let p = (IOR * cos - cos_within) / (IOR * cos + cos_within);
+    let one_face = 1.0 - 0.5 * (s * s + p * p);
+    one_face * one_face
+}
+
+fn seen(scene: &PreparedScene, bounces: Option<u32>) -> Mean {
+    let plan = Even { n_cols: 1, rate: 1.0, splits: 1 };
+    Mean::of(&Walks::of_one_pixel(1000, bounces).streams(scene, &plan, &file_light(scene)))
+}
+
+#[test]
+fn a_lamp_behind_a_slab_sends_what_passes_into_its_rings() {
+    for theta in [0.0, 0.3, 0.9, 1.3f64] {
+        let lamp = Vec3::new(aside(theta) as f32, HEIGHT, 0.0);
+        let stage = floor(lambert(ALBEDO, 0.0)).surface("slab", &level_slab(), glass());
+        let scene = stage.lamp("lamp", lamp, 7.0).prepared();
+        // Seen from the lamp: the solid angle between two cones over the area of the ring that they light.
+        let [a, b] = [(theta - 1e-4).max(0.0), theta + 1e-4];
+        let per_area = 2.0 * (a.cos() - b.cos()) / (aside(b).powi(2) - aside(a).powi(2));
+        let expected = 7.0 * passed(theta) * per_area * f64::from(ALBEDO) / PI;
+        seen(&scene, Some(2)).assert_is(expected, 1e-4, &format!("at {theta} rad"));
+        // Two faces are two surfaces that scatter.
+        assert_eq!(seen(&scene, Some(1)).value, 0.0);
+    }
+}
+
+#[test]
+fn light_from_afar_passes_slabs_of_any_tilt() {
+    for (theta, tilt) in [(0.0, 0.0f32), (0.6, 0.0), (0.4, 0.5)] {
+        let down = Vec3::new(-(theta as f32).sin(), -(theta as f32).cos(), 0.0);
+        let slab = block(Vec3::Y * 3.0, Vec3::new(8.0, 0.125, 8.0), Quat::from_rotation_z(tilt));
+        let level = block(Vec3::Y * 12.0, Vec3::new(16.0, 0.125, 16.0), Quat::IDENTITY);
+        let stage = floor(lambert(ALBEDO, 0.0)).surface("tilted", &slab, glass()).surface("level", &level, glass());
+        let scene = stage.distant("sun", down, 9.0).prepared();
+        assert_eq!(scene.slabs.len(), 2);
+        let on_tilted = theta + f64::from(tilt);
+        let expected = 9.0 * theta.cos() * passed(theta) * passed(on_tilted) * f64::from(ALBEDO) / PI;
+        seen(&scene, Some(4)).assert_is(expected, 1e-4, &format!("at {theta} rad, tilted by {tilt}"));
+    }
+}
+
+#[test]
+fn every_plan_finds_the_light_of_a_square_behind_a_slab() {
+    const HALF: f64 = 1.2;
+    let corner = Vec3::new(-1.2, HEIGHT, -1.2);
+    let stage = floor(lambert(ALBEDO, 0.0)).surface("slab", &level_slab(), glass());
+    let scene = stage.surface("light", &quad(corner, Vec3::X * 2.4, Vec3::Z * 2.4), lambert(0.0, 5.0)).prepared();
+    // By directions from the floor: each goes up, and meets the square or does not.
+    let (n, mut sum) = (2000, 0.0);
+    for i in 0..n {
+        let theta = (f64::from(i) + 0.5) / f64::from(n) * 0.5 * PI;
+        let away = aside(theta);
+        // The share of a circle that is within a square.
+        let corner = if away <= HALF { 0.0 } else { (HALF / away).acos() };
+        let share = (1.0 - corner / (0.25 * PI)).max(0.0);
+        sum += share * passed(theta) * theta.cos() * theta.sin();
+    }
+    let expected = 5.0 * f64::from(ALBEDO) / PI * 2.0 * PI * sum * 0.5 * PI / f64::from(n);
+    let weights = file_light(&scene);
+    let check = |plan: &dyn Fn(&Walks) -> Vec<f64>, streams, what: &str| {
+        Mean::of(&plan(&Walks::of_one_pixel(streams, Some(2)))).assert_is(expected, 1e-2, what);
+    };
+    fn by<'a, P: LightPlan>(
+        scene: &'a PreparedScene,
+        plan: &'a P,
+        weights: &'a [f32],
+    ) -> impl Fn(&Walks) -> Vec<f64> + 'a {
+        move |walks| walks.streams(scene, plan, weights)
+    }
+    for (rate, streams) in [(0.0, 200_000), (1.0, 12_000), (16.0, 1200)] {
+        let plan = Even { n_cols: 1, rate, splits: 1 };
+        check(&by(&scene, &plan, &weights), streams, &format!("{rate} picks of each column"));
+    }
+    check(&by(&scene, &MatrixPlan::new(&scene.lighting, Density::Full), &weights), 5000, "the plan of a matrix");
+}
+
+/// A tilted window with two tinted slabs before a panel, over a floor.
+fn double_window(floor_material: Material) -> PreparedScene {
+    let turn = Quat::from_rotation_z(0.4) * Quat::from_rotation_x(0.3);
+    let out = turn * Vec3::Y;
+    let center = Vec3::new(-0.1, 0.9, 0.1);
+    let tinted = Material { attenuation_distance: 0.2, attenuation_color: Vec3::splat(0.6), ..glass() };
+    let green = Material { base_color: Vec4::new(0.5, 0.9, 0.5, 1.0), ior: 1.7, ..glass() };
+    floor(floor_material)
+        .surface("inner", &block(center, Vec3::new(0.6, 0.04, 0.6), turn), tinted)
+        .surface("outer", &block(center + out * 0.25, Vec3::new(0.6, 0.06, 0.6), turn), green)
+        .panel("panel", &quad(Vec3::new(-0.9, 1.9, -0.8), Vec3::X * 1.2, Vec3::Z * 1.6), 3.0, 4)
+        .surface("lamp", &quad(Vec3::new(0.4, 1.8, -0.2), Vec3::X * 0.3, Vec3::Z * 0.4), lambert(0.0, 8.0))
+        .prepared()
+}
+
+#[test]
+fn windows_have_the_mean_of_walks_that_connect_to_nothing() {
+    let glossy = Material { metallic: 1.0, roughness: 0.3, ..lambert(0.8, 0.0) };
+    for material in [lambert(ALBEDO, 0.0), glossy] {
+        let scene = double_window(material);
+        assert_eq!(scene.slabs.len(), 2);
+        let weights = file_light(&scene);
+        let camera = Film { width: 1, height: 1 };
+        let walks = |spp, seed| Walks { film: camera, streams: 6000, spp, bounces: Some(6), seed };
+        let even = |rate, splits| Even { n_cols: weights.len() as u32, rate, splits };
+        let plain = walks(60, 1).streams(&scene, &even(0.0, 1), &weights);
+        assert_same_mean(
+            &walks(2, 2).streams(&scene, &even(1.0, 2), &weights),
+            &plain,
+            0.03,
+            "one pick of each column",
+        );
+        let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+        assert_same_mean(&walks(2, 3).streams(&scene, &plan, &weights), &plain, 0.04, "the plan of a matrix");
+    }
+}
+
+#[test]
+fn only_thin_closed_bodies_of_smooth_glass_are_slabs() {
+    let half = Vec3::new(1.0, 0.125, 1.0);
+    let count =
+        |corners: &[Vec3], material: Material| floor(glass()).surface("body", corners, material).prepared().slabs.len();
+    let outwards = block(Vec3::Y, half, Quat::from_rotation_x(0.7));
+    assert_eq!(count(&outwards, glass()), 1);
+    let inwards: Vec<Vec3> = outwards.iter().rev().copied().collect();
+    assert_eq!(count(&inwards, glass()), 0, "inside out");
+    assert_eq!(count(&block(Vec3::Y, Vec3::ONE, Quat::IDENTITY), glass()), 0, "a cube");
+    let mut wedge = outwards.clone();
+    wedge.iter_mut().filter(|corner| corner.x > 0.0).for_each(|corner| corner.y *= 1.1);
+    assert_eq!(count(&wedge, glass()), 0, "a wedge");
+    assert_eq!(count(&outwards, Material { roughness: 0.3, ..glass() }), 0, "rough");
+    assert_eq!(count(&outwards, pane()), 0, "without an inside");
+    let open = &outwards[..6];
+    assert_eq!(count(open, glass()), 0, "a single face");
+}

@@ -1,0 +1,94 @@
+//! Connections through solid panes, and how walks weigh that go through them by chance.
+
+use glam::{Vec2, Vec3};
+
+use super::{Integrator, LightPlan, LightPoint, Walk};
+use crate::emitters::Emitter;
+use crate::prepared::SurfaceHit;
+use crate::slabs::Route;
+
+impl<P: LightPlan> Integrator<'_, P> {
+    /// A point on the light of a column as seen through the slabs on the way, `straight` the same point without them; `None`
+    /// where there are none, or the walk may not scatter as often.
+    pub(super) fn light_behind_slabs(
+        &self,
+        walk: &Walk,
+        (column, position, u): (u32, Vec3, Vec2),
+        straight: Option<&LightPoint>,
+    ) -> Option<(LightPoint, Route)> {
+        let slabs = &self.scene.slabs;
+        let may_pass = |route: &Route| {
+            let faces = 2 * route.slabs().len() as u32;
+            walk.n_hits.saturating_add(faces) <= self.bounces.saturating_add(1)
+        };
+        if let Some(light) = straight.filter(|light| light.beyond) {
+            let route = slabs.route_beyond(position, light.wi, self.far).filter(may_pass)?;
+            return Some((*light, route));
+        }
+        let target = straight.map(|light| light.target).or_else(|| self.point_on(column, u))?;
+        let route = slabs.route(position, target).filter(may_pass)?;
+        // From there the light looks, without slabs, as it does from here through them.
+        let eye = target - route.direction / route.closeness.sqrt();
+        Some((self.light_point(column, eye, u)?, route))
+    }
+
+    /// The point of a light of finite distance that [`Integrator::light_point`] takes, wherever it is seen from.
+    fn point_on(&self, column: u32, u: Vec2) -> Option<Vec3> {
+        let place = self.columns[column as usize];
+        match &self.scene.lighting.emitters[place.source as usize] {
+            Emitter::Panel(panel) => Some(panel.point(place.texel(u) * panel.texel_side)),
+            Emitter::Surface(surface) => Some(surface.sample(u).position),
+            Emitter::Punctual(light) => Some(light.position),
+            _ => None,
+        }
+    }
+
+    /// Share of light that comes along a route; nothing where something is in the way, or the route misses a face.
+    pub(super) fn passed_along(&self, walk: &Walk, hit: &SurfaceHit, light: &LightPoint, route: &Route) -> Vec3 {
+        let scene = self.scene;
+        let front = hit.normal.dot(walk.direction) < 0.0;
+        let out = hit.outward(route.direction);
+        let mut extinction = Vec3::ZERO;
+        if scene.attenuates {
+            let before = (out.dot(hit.normal) > 0.0) == front;
+            extinction = if before { walk.extinction } else { self.extinction_behind(hit, !front) };
+        }
+        let (mut at, mut from, mut passed) = (hit.position, hit.origin(out), Vec3::ONE);
+        for crossing in scene.slabs.crossings(route) {
+            let Some(face) = scene.surface_at(crossing.point, crossing.triangles) else { return Vec3::ZERO };
+            let leg = crossing.point - at;
+            let direction = leg.normalize();
+            passed *= scene.bsdf(&face, -direction).refracted() * (-extinction * leg.length()).exp();
+            if passed == Vec3::ZERO {
+                return passed;
+            }
+            passed *= scene.transmittance(from, face.position);
+            if scene.attenuates {
+                extinction = self.extinction_behind(&face, direction.dot(face.normal) > 0.0);
+            }
+            (at, from) = (crossing.point, face.origin(face.outward(direction)));
+        }
+        let end = if light.beyond { at + route.direction * self.far } else { light.target };
+        passed * scene.transmittance(from, end)
+    }
+
+    /// What stands for one over the squared distance between a point on a light that a walk came to by chance and where its
+    /// direction was chosen; `None` where no connection would have found this path.
+    pub(super) fn closeness(&self, walk: &Walk, hit: &SurfaceHit) -> Option<f32> {
+        match walk.passage.slabs()? {
+            [] => Some((walk.passed + hit.t).powi(-2)),
+            passed => {
+                let route = self.scene.slabs.route(walk.departed, hit.position)?;
+                (route.slabs() == passed).then_some(route.closeness)
+            }
+        }
+    }
+
+    /// Whether a connection would have found the path of a walk that left the scene.
+    pub(super) fn is_connected_beyond(&self, walk: &Walk) -> bool {
+        walk.passage.slabs().is_some_and(|passed| {
+            let route = || self.scene.slabs.route_beyond(walk.departed, walk.direction, self.far);
+            passed.is_empty() || route().is_some_and(|route| route.slabs() == passed)
+        })
+    }
+}

@@ -1,0 +1,135 @@
+//! Solid panes of smooth glass with two flat, parallel faces: windows as they are modeled with their thickness.
+//!
+//! A straight shadow ray cannot pass them, because they shift what passes, and walks that hit a lamp behind one by chance are
+//! rare. But light leaves such a slab in the direction in which it came, so that the one path through it between two points
+//! is found by a root of one unknown ([`Slabs::route`]): next-event estimation through a specular chain
+//! \[Hanika2015\], in its simplest case.
+
+mod find;
+mod route;
+
+use glam::Vec3;
+
+pub(crate) use route::Route;
+
+/// Most slabs in a row that a connection passes.
+pub(crate) const IN_A_ROW: usize = 6;
+
+/// All slabs of a scene.
+#[derive(Debug, Default)]
+pub(crate) struct Slabs {
+    slabs: Vec<Slab>,
+    /// Slab and face of each triangle of one, by triangle.
+    faces: Vec<(u32, Face)>,
+    bounds: Bounds,
+}
+
+/// A solid pane.
+#[derive(Debug)]
+struct Slab {
+    /// Unit normal of the front, out of the glass.
+    normal: Vec3,
+    /// `normal · p` of the back's and the front's points.
+    offsets: [f32; 2],
+    /// Index of refraction.
+    ior: f32,
+    bounds: Bounds,
+    /// Triangles of the back and of the front.
+    triangles: [Vec<u32>; 2],
+}
+
+/// A face of a slab; its index among a slab's pairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Face {
+    Back = 0,
+    Front = 1,
+}
+
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    lo: Vec3,
+    hi: Vec3,
+}
+
+impl Default for Bounds {
+    fn default() -> Bounds {
+        Bounds { lo: Vec3::INFINITY, hi: Vec3::NEG_INFINITY }
+    }
+}
+
+impl Bounds {
+    fn with(self, point: Vec3) -> Bounds {
+        Bounds { lo: self.lo.min(point), hi: self.hi.max(point) }
+    }
+
+    fn grown(self, by: f32) -> Bounds {
+        Bounds { lo: self.lo - by, hi: self.hi + by }
+    }
+
+    /// Where a segment enters, 0…1; `None` if it passes by.
+    fn entry(&self, from: Vec3, to: Vec3) -> Option<f32> {
+        let inverse = 1.0 / (to - from);
+        let (a, b) = ((self.lo - from) * inverse, (self.hi - from) * inverse);
+        // A segment along a face's plane has no number there: `min` and `max` leave the other one.
+        let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element().min(1.0));
+        (near <= far).then_some(near)
+    }
+}
+
+/// The slabs that a walk has passed since it last scattered broadly, as long as it did nothing else.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Passage {
+    slabs: [u32; IN_A_ROW],
+    n: u8,
+    /// In the glass, having come in by this face.
+    inside: Option<(u32, Face)>,
+}
+
+impl Passage {
+    /// Slabs passed, in order; `None` in the middle of one.
+    pub(crate) fn slabs(&self) -> Option<&[u32]> {
+        self.inside.is_none().then_some(&self.slabs[..usize::from(self.n)])
+    }
+
+    /// Goes on through a face; false where it is not the next one of a slab.
+    fn pass(&mut self, slab: u32, face: Face) -> bool {
+        match self.inside.take() {
+            None if usize::from(self.n) < IN_A_ROW => {
+                self.inside = Some((slab, face));
+                true
+            }
+            Some((within, by)) if within == slab && by != face => {
+                self.slabs[usize::from(self.n)] = slab;
+                self.n += 1;
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+impl Slabs {
+    /// Whether there are none.
+    #[inline]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.slabs.is_empty()
+    }
+
+    /// How many there are.
+    #[cfg(test)]
+    pub(crate) fn len(&self) -> usize {
+        self.slabs.len()
+    }
+
+    /// Takes a walk through a triangle that let it pass; false where that is not the way through a slab.
+    pub(crate) fn pass(&self, passage: &mut Passage, triangle: u32) -> bool {
+        match self.faces.get(triangle as usize) {
+            Some(&(slab, face)) if slab != NONE => passage.pass(slab, face),
+            _ => false,
+        }
+    }
+}
+
+/// No slab.
+const NONE: u32 = u32::MAX;

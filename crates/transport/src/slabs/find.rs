@@ -1,0 +1,127 @@
+//! Finds the slabs of a scene: closed bodies of smooth glass whose greatest faces are flat and parallel.
+
+use std::collections::HashMap;
+
+use super::{Bounds, Face, NONE, Slab, Slabs};
+use crate::scene::{AlphaMode, Material, Mesh, Scene};
+
+/// One minus the cosine between normals that count as parallel: single precision knows no better.
+const PARALLEL: f32 = 1e-6;
+/// Thickness over the shorter extent of a face up to which a body is a pane and not a block.
+const THINNEST_BLOCK: f32 = 0.5;
+/// Distance of a vertex from a plane over the extent of the body, up to which it lies in it.
+const FLAT: f32 = 1e-5;
+
+impl Slabs {
+    /// All slabs of a scene.
+    pub(crate) fn find(scene: &Scene) -> Slabs {
+        let mesh = &scene.mesh;
+        let is_glass = |t: &u32| refracts_smoothly(&scene.materials[mesh.triangle_material[*t as usize] as usize]);
+        let glass: Vec<u32> = (0..mesh.triangles.len() as u32).filter(is_glass).collect();
+        let mut slabs = Slabs::default();
+        for body in bodies(mesh, &glass) {
+            let material = &scene.materials[mesh.triangle_material[body[0] as usize] as usize];
+            if let Some(slab) = slab(mesh, &body, material.ior) {
+                slabs.add(slab, mesh.triangles.len());
+            }
+        }
+        slabs
+    }
+
+    fn add(&mut self, slab: Slab, n_triangles: usize) {
+        self.faces.resize(n_triangles, (NONE, Face::Back));
+        for (face, triangles) in [Face::Back, Face::Front].into_iter().zip(&slab.triangles) {
+            for &triangle in triangles {
+                self.faces[triangle as usize] = (self.slabs.len() as u32, face);
+            }
+        }
+        self.bounds = self.bounds.with(slab.bounds.lo).with(slab.bounds.hi);
+        self.slabs.push(slab);
+    }
+}
+
+/// Smooth solid glass that nothing bends but its shape.
+fn refracts_smoothly(material: &Material) -> bool {
+    let bends = material.thickness > 0.0 && !crate::bsdf::is_matched(material.ior) && material.ior > 1.0;
+    let plain = material.finish.is_none() && material.normal_texture.is_none() && material.alpha == AlphaMode::Opaque;
+    let smooth = crate::bsdf::is_mirror(material.roughness);
+    !material.unlit && material.transmission > 0.0 && bends && plain && smooth
+}
+
+/// Triangles that hang together by their corners, of one node and material each.
+fn bodies(mesh: &Mesh, triangles: &[u32]) -> Vec<Vec<u32>> {
+    let mut parents: Vec<usize> = (0..triangles.len()).collect();
+    fn root(parents: &mut [usize], mut i: usize) -> usize {
+        while parents[i] != i {
+            parents[i] = parents[parents[i]];
+            i = parents[i];
+        }
+        i
+    }
+    let mut first_at = HashMap::new();
+    for (i, &t) in triangles.iter().enumerate() {
+        let own = (mesh.triangle_node[t as usize], mesh.triangle_material[t as usize]);
+        for corner in mesh.corners(t) {
+            // Plus zero, so that there is but one zero.
+            let place = (corner + 0.0).to_array().map(f32::to_bits);
+            let first = *first_at.entry((own, place)).or_insert(i);
+            let (a, b) = (root(&mut parents, first), root(&mut parents, i));
+            parents[a.max(b)] = a.min(b);
+        }
+    }
+    let mut bodies: Vec<Vec<u32>> = vec![Vec::new(); triangles.len()];
+    for (i, &t) in triangles.iter().enumerate() {
+        bodies[root(&mut parents, i)].push(t);
+    }
+    bodies.retain(|body| !body.is_empty());
+    bodies
+}
+
+/// The slab that a body is, if it is one.
+fn slab(mesh: &Mesh, body: &[u32], ior: f32) -> Option<Slab> {
+    let largest = *body.iter().max_by(|a, b| area(mesh, **a).total_cmp(&area(mesh, **b)))?;
+    let normal = mesh.area_normal(largest).try_normalize()?;
+    let (mut triangles, mut spans) = ([Vec::new(), Vec::new()], [[f32::INFINITY, f32::NEG_INFINITY]; 2]);
+    let mut bounds = Bounds::default();
+    for &triangle in body {
+        let corners = mesh.corners(triangle);
+        bounds = corners.into_iter().fold(bounds, Bounds::with);
+        let Some(own) = mesh.area_normal(triangle).try_normalize() else { continue };
+        let cos = own.dot(normal);
+        if cos.abs() <= 1.0 - PARALLEL {
+            continue;
+        }
+        let shaded = mesh.triangles[triangle as usize].map(|v| mesh.normals[v as usize].dot(own));
+        if shaded.into_iter().any(|cos| cos <= 1.0 - PARALLEL) {
+            return None;
+        }
+        let face = usize::from(cos > 0.0);
+        triangles[face].push(triangle);
+        let [lo, hi] = spans[face];
+        let offsets = corners.map(|corner| corner.dot(normal));
+        spans[face] = [offsets.into_iter().fold(lo, f32::min), offsets.into_iter().fold(hi, f32::max)];
+    }
+    let extent = (bounds.hi - bounds.lo).length();
+    let flat = spans.iter().all(|[lo, hi]| hi - lo <= FLAT * extent);
+    let offsets = spans.map(|[lo, hi]| 0.5 * (lo + hi));
+    let thickness = offsets[1] - offsets[0];
+    if !flat
+        || thickness.is_nan()
+        || thickness <= FLAT * extent
+        || thickness > THINNEST_BLOCK * shorter_side(mesh, &triangles[1])
+    {
+        return None;
+    }
+    Some(Slab { normal, offsets, ior, bounds: bounds.grown(FLAT * extent), triangles })
+}
+
+/// About the shorter extent of a flat face, m: its area over its greatest extent.
+fn shorter_side(mesh: &Mesh, face: &[u32]) -> f32 {
+    let total: f32 = face.iter().map(|&t| area(mesh, t)).sum();
+    let bounds = face.iter().flat_map(|&t| mesh.corners(t)).fold(Bounds::default(), Bounds::with);
+    total / (bounds.hi - bounds.lo).length()
+}
+
+fn area(mesh: &Mesh, triangle: u32) -> f32 {
+    0.5 * mesh.area_normal(triangle).length()
+}
