@@ -7,7 +7,7 @@ use crate::bvh::{Bvh, Hit, Ray};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
-use crate::slabs::Slabs;
+use crate::slabs::{Slabs, hidden};
 
 /// A scene with its lights, ready to be traced.
 pub struct PreparedScene {
@@ -74,7 +74,7 @@ impl PreparedScene {
         panels: &[PanelRequest],
         sky: Option<&SkyRequest>,
     ) -> Result<(PreparedScene, Vec<String>), LightingError> {
-        let (lighting, warnings) = Lighting::with_sky(&scene, panels, sky)?;
+        let (lighting, mut warnings) = Lighting::with_sky(&scene, panels, sky)?;
         let is_solid = |t: &u32| {
             let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
             material.alpha == AlphaMode::Opaque && !material.is_clear_pane()
@@ -88,7 +88,9 @@ impl PreparedScene {
         let (solid, sheer) = (build(&solid), (!sheer.is_empty()).then(|| build(&sheer)));
         let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
         let slabs = Slabs::find(&scene);
-        Ok((PreparedScene { scene, lighting, solid, sheer, attenuates, slabs }, warnings))
+        let prepared = PreparedScene { scene, lighting, solid, sheer, attenuates, slabs };
+        warnings.extend(hidden::warnings(&prepared));
+        Ok((prepared, warnings))
     }
 
     /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.
@@ -106,6 +108,16 @@ impl PreparedScene {
             }
         }
         nearest.map(|hit| self.surface_hit(&hit))
+    }
+
+    /// Whether lamps may be hidden behind glass, so that preparing the scene can tell.
+    pub fn may_hide_lamps(scene: &Scene) -> bool {
+        hidden::may_hide(scene)
+    }
+
+    /// The nearest triangle along a ray that is neither a clear pane nor has alpha.
+    pub(crate) fn first_opaque(&self, ray: &Ray) -> Option<u32> {
+        self.solid.closest(ray).map(|hit| hit.triangle)
     }
 
     /// Share of light that passes from `origin` to `target`: 0 behind a solid surface, less than 1 behind a clear pane.

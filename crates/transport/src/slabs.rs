@@ -6,6 +6,7 @@
 //! \[Hanika2015\], in its simplest case.
 
 mod find;
+pub(crate) mod hidden;
 mod route;
 
 use glam::Vec3;
@@ -120,6 +121,11 @@ impl Slabs {
     #[cfg(test)]
     pub(crate) fn len(&self) -> usize {
         self.slabs.len()
+    }
+
+    /// Whether a triangle is of a slab's face.
+    pub(crate) fn has(&self, triangle: u32) -> bool {
+        self.faces.get(triangle as usize).is_some_and(|&(slab, _)| slab != NONE)
     }
 
     /// Takes a walk through a triangle that let it pass; false where that is not the way through a slab.

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use clerestory_transport::archive;
 use clerestory_transport::basis::LightSource;
 use clerestory_transport::emitters::Lighting;
+use clerestory_transport::prepared::PreparedScene;
 use serde_json::{Value, json};
 
 use super::bake::{figure_words, irradiance_words, merge};
@@ -72,7 +73,12 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
     console.warn_all(fault_words(&imported, path));
     let (scene, report) = (&imported.scene, &imported.report);
     // A light that cannot be made a column is a warning here: the file itself is what was asked about.
-    let sources = match Lighting::new(scene, &[]) {
+    let lighting = if PreparedScene::may_hide_lamps(scene) {
+        PreparedScene::new(scene.clone(), &[]).map(|(prepared, warnings)| (prepared.lighting, warnings))
+    } else {
+        Lighting::new(scene, &[])
+    };
+    let sources = match lighting {
         Ok((lighting, warnings)) => {
             console.warn_all(warnings);
             lighting.basis.sources

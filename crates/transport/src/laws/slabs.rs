@@ -11,6 +11,7 @@ use crate::path::LightPlan;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
+use crate::slabs::hidden;
 
 const ALBEDO: f32 = 0.5;
 const IOR: f64 = 1.5;
@@ -164,6 +165,23 @@ fn windows_have_the_mean_of_walks_that_connect_to_nothing() {
         let plan = MatrixPlan::new(&scene.lighting, Density::Full);
         assert_same_mean(&walks(2, 3).streams(&scene, &plan, &weights), &plain, 0.04, "the plan of a matrix");
     }
+}
+
+#[test]
+fn lamps_in_glass_of_other_shapes_are_named() {
+    let hidden = |half: Vec3, lamp: Vec3, material: Material| {
+        let corners = block(Vec3::Y, half, Quat::IDENTITY);
+        hidden::warnings(
+            &floor(lambert(ALBEDO, 0.0)).surface("body", &corners, material).lamp("bulb", lamp, 1.0).prepared(),
+        )
+    };
+    let within = hidden(Vec3::splat(0.3), Vec3::Y, glass());
+    assert!(within.len() == 1 && within[0].contains("`bulb` sends 100 %"), "{within:?}");
+    let beside = hidden(Vec3::splat(0.3), Vec3::new(0.0, 1.0, 1.0), glass());
+    assert!(beside.len() == 1 && beside[0].contains("into smooth glass"), "{beside:?}");
+    let none: [String; 0] = [];
+    assert_eq!(hidden(Vec3::new(1.0, 0.05, 1.0), Vec3::Y * 2.0, glass()), none, "a slab");
+    assert_eq!(hidden(Vec3::splat(0.3), Vec3::Y, Material { roughness: 0.3, ..glass() }), none, "rough");
 }
 
 #[test]

@@ -41,7 +41,7 @@ impl Slabs {
 }
 
 /// Smooth solid glass that nothing bends but its shape.
-fn refracts_smoothly(material: &Material) -> bool {
+pub(super) fn refracts_smoothly(material: &Material) -> bool {
     let bends = material.thickness > 0.0 && !crate::bsdf::is_matched(material.ior) && material.ior > 1.0;
     let plain = material.finish.is_none() && material.normal_texture.is_none() && material.alpha == AlphaMode::Opaque;
     let smooth = crate::bsdf::is_mirror(material.roughness);
