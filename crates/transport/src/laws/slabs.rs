@@ -123,11 +123,11 @@ fn every_plan_finds_the_light_of_a_square_behind_a_slab() {
     ) -> impl Fn(&Walks) -> Vec<f64> + 'a {
         move |walks| walks.streams(scene, plan, weights)
     }
-    for (rate, streams) in [(0.0, 200_000), (1.0, 12_000), (16.0, 1200)] {
+    for (rate, streams) in [(0.0, 200_000), (1.0, 20_000), (16.0, 1200)] {
         let plan = Even { n_cols: 1, rate, splits: 1 };
         check(&by(&scene, &plan, &weights), streams, &format!("{rate} picks of each column"));
     }
-    check(&by(&scene, &MatrixPlan::new(&scene.lighting, Density::Full), &weights), 5000, "the plan of a matrix");
+    check(&by(&scene, &MatrixPlan::new(&scene.lighting, Density::Full), &weights), 20_000, "the plan of a matrix");
 }
 
 /// A tilted window with two tinted slabs before a panel, over a floor.
@@ -147,7 +147,7 @@ fn double_window(floor_material: Material) -> PreparedScene {
 
 #[test]
 fn windows_have_the_mean_of_walks_that_connect_to_nothing() {
-    let glossy = Material { metallic: 1.0, roughness: 0.3, ..lambert(0.8, 0.0) };
+    let glossy = Material { roughness: 0.3, specular: 1.0, ..lambert(ALBEDO, 0.0) };
     for material in [lambert(ALBEDO, 0.0), glossy] {
         let scene = double_window(material);
         assert_eq!(scene.slabs.len(), 2);
@@ -159,7 +159,7 @@ fn windows_have_the_mean_of_walks_that_connect_to_nothing() {
         assert_same_mean(
             &walks(2, 2).streams(&scene, &even(1.0, 2), &weights),
             &plain,
-            0.03,
+            0.04,
             "one pick of each column",
         );
         let plan = MatrixPlan::new(&scene.lighting, Density::Full);
