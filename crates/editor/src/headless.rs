@@ -47,7 +47,7 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
         .with_context(|| format!("cannot create the folder {FOLDER}; run in a folder that can be written"))?;
 
     let imported = match scene {
-        Some(path) => load_scene(path, console)?,
+        Some(path) => load_scene(path, options.view.skips(), console)?,
         None => import::load_bytes("gallery.glb", GALLERY).context("cannot load the built-in scene")?,
     };
     let mut options = options();
@@ -88,6 +88,7 @@ fn options() -> BakeOptions {
         ies: Vec::new(),
         unitless: false,
         sky: None,
+        no_skip: None,
         seed: 0,
         threads: None,
     };

@@ -106,6 +106,8 @@ struct ColumnPlace {
 #[derive(Default)]
 pub struct Scratch {
     picks: Vec<Pick>,
+    /// Later connections that carried light, and those of them that roulette left out.
+    pub(crate) later: [u64; 2],
 }
 
 /// A walk between two vertices.
@@ -192,6 +194,26 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
         let walk = Walk::from_camera(camera.position(), camera.direction(film, film_px));
         self.follow(walk, &mut sampler, scratch, deposit);
+    }
+
+    /// The same of a pixel that sees nothing: only what shines beyond all surfaces.
+    pub(crate) fn sample_empty_pixel(
+        &self,
+        camera: &Camera,
+        film: Film,
+        pixel: [u32; 2],
+        mut sampler: Sampler,
+        deposit: &mut impl Deposit,
+    ) {
+        if !self.beyond.is_empty() {
+            let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
+            self.pass_by((camera.position(), camera.direction(film, film_px)), deposit);
+        }
+    }
+
+    /// A ray of the camera that meets no surface.
+    pub(crate) fn pass_by(&self, (origin, direction): (Vec3, Vec3), deposit: &mut impl Deposit) {
+        self.collect_beyond(&Walk::from_camera(origin, direction), deposit);
     }
 
     fn follow(&self, mut walk: Walk, sampler: &mut Sampler, scratch: &mut Scratch, deposit: &mut impl Deposit) {
@@ -307,7 +329,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Samples a direction to go on; false where the walk is absorbed.
     fn scatter(&self, walk: &mut Walk, hit: &SurfaceHit, bsdf: &Bsdf, splits: u32, sampler: &mut Sampler) -> bool {
-        let sample = bsdf.sample(sampler.next_1d(), sampler.next_2d());
+        // A surface of one lobe has nothing to choose from.
+        let u_lobe = if bsdf.is_diffuse() { 0.0 } else { sampler.next_1d() };
+        let sample = bsdf.sample(u_lobe, sampler.next_2d());
         sample.is_some_and(|sample| self.leave(walk, hit, &sample, splits))
     }
 
@@ -386,9 +410,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             }
             // Roulette: a later connection that carries little is seldom asked for, and then carries more.
             let carried = value.max_element() * self.plan.worth(pick.column);
+            scratch.later[0] += u64::from(vertex != Vertex::First);
             if vertex != Vertex::First && carried < 1.0 {
                 let die = (roulette.wrapping_add((nth as u32).wrapping_mul(GOLDEN)) >> 8) as f32 / 16_777_216.0;
                 if die >= carried {
+                    scratch.later[1] += 1;
                     continue;
                 }
                 value /= carried;

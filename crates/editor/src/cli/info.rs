@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use clerestory_transport::archive;
 use clerestory_transport::basis::LightSource;
 use clerestory_transport::emitters::Lighting;
+use clerestory_transport::skips::Skips;
 use serde_json::{Value, json};
 
 use super::bake::{figure_words, irradiance_words, merge};
@@ -66,7 +67,7 @@ fn file_kind(path: &Path) -> Result<FileKind> {
 }
 
 fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
-    let imported = import_scene(path)?;
+    let imported = import_scene(path, Skips::default())?;
     // In the answer they stand under `unsupported`.
     console.say_all(unsupported_words(&imported, path));
     console.warn_all(fault_words(&imported, path));

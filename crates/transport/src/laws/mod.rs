@@ -9,5 +9,6 @@ mod leaks;
 mod panes;
 mod reference;
 mod shadows;
+mod skips;
 mod stage;
 mod walks;
