@@ -184,9 +184,9 @@ fn the_sky_over_a_closed_room_is_not_connected_to_and_nothing_changes() {
     for form in [SkyForm::Whole, SkyForm::Patches(1)] {
         let [with, without] = pair(&scene, Some(form), Skip::ClosedSky);
         assert_eq!((dark(&with), dark(&without)), (vec!["sky".to_owned()], vec![]), "{form:?}");
-        let [a, b] = [&with, &without].map(|scene| traced(scene, 64, 1));
+        let [a, b] = [&with, &without].map(|scene| traced(scene, 32, 1));
         // Half of the connections of a picture went to the sky before.
-        assert_same_mean(&a, &b, 1e-2, "a picture under a closed roof");
+        assert_same_mean(&a, &b, 1.5e-2, "a picture under a closed roof");
         let weights = file_light(&with);
         let walks = Walks { film: FILM, streams: 3072, spp: 2, bounces: None, seed: 3 };
         let dark = dark_sources(&with, with.scene.cameras[0].position());
@@ -247,8 +247,8 @@ fn lamps_that_reach_nothing_are_not_connected_to_and_nothing_changes() {
     let [with, without] = pair(&scene, None, Skip::DarkLamps);
     assert_eq!(dark(&with), ["away", "next door", "never on", "other room"]);
     assert!(dark(&without).is_empty());
-    let [a, b] = [&with, &without].map(|scene| traced(scene, 64, 1));
-    assert_same_mean(&a, &b, 2e-2, "a picture without the lamps next door");
+    let [a, b] = [&with, &without].map(|scene| traced(scene, 32, 1));
+    assert_same_mean(&a, &b, 3e-2, "a picture without the lamps next door");
     let [with, without] = [with, without].map(|scene| baked(scene, 16, 60.0));
     assert_eq!(with.figures().skipped.dark_lamp_columns, 19, "three lamps and a panel of sixteen texels");
     assert!(with.figures().skipped.connections_saved > 16.0 * FILM.n_pixels() as f64);
@@ -297,7 +297,7 @@ fn patches_that_pilots_saw_nothing_of_lose_no_light() {
     let plan = || MatrixPlan::new(&scene.lighting, Density::Full);
     let (scale, reach) = TransportMatrix::new(&scene, &plan(), inside(), FILM, None, 3).measure_columns();
     let n_seen = reach.iter().filter(|light| **light > 0.0).count();
-    assert!(n_seen > 20 && 2 * n_seen < reach.len(), "{n_seen} of {} patches shine in", reach.len());
+    assert!(n_seen > 20 && 10 * n_seen < 6 * reach.len(), "{n_seen} of {} patches shine in", reach.len());
     let weights = file_light(&scene);
     let light = |skips: Skips, seed| {
         let walks = Walks { film: FILM, streams: 6144, spp: 4, bounces: None, seed };
@@ -325,8 +325,8 @@ fn connections_that_carry_little_keep_their_light_under_roulette() {
 
 #[test]
 fn blocks_that_stop_early_have_the_mean_of_those_that_go_on() {
-    let [with, without] = pair(&closed_room(false).prepared().scene, None, Skip::ConvergedBlocks);
-    let [with, without] = [with, without].map(|scene| baked(scene, 64, 25.0));
+    let [with, without] = pair(&lit_by_a_panel(), None, Skip::ConvergedBlocks);
+    let [with, without] = [with, without].map(|scene| baked(scene, 32, 22.0));
     let [saved, none] = [&with, &without].map(|bake| bake.figures().skipped.samples_saved);
     assert!(saved > 0.2 && none == 0.0, "{saved}");
     let [a, b] = [&with, &without].map(relit);
