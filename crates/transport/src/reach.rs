@@ -7,6 +7,8 @@
 
 mod walls;
 
+use std::f32::consts::FRAC_PI_2;
+
 use glam::Vec3;
 
 use self::walls::Walls;
@@ -137,7 +139,7 @@ fn looks_at_nothing(scene: &PreparedScene, emitter: &Emitter) -> bool {
                 })
         }
         Emitter::Punctual(light) => match light.kind {
-            PunctualKind::Spot { outer_rad, .. } if light.profile.is_none() => {
+            PunctualKind::Spot { outer_rad, .. } if light.profile.is_none() && outer_rad <= FRAC_PI_2 => {
                 (0..mesh.triangles.len() as u32).all(|t| is_beside_cone(mesh.corners(t), light, outer_rad))
             }
             _ => false,

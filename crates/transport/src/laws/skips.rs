@@ -325,8 +325,8 @@ fn connections_that_carry_little_keep_their_light_under_roulette() {
 
 #[test]
 fn blocks_that_stop_early_have_the_mean_of_those_that_go_on() {
-    let [with, without] = pair(&lit_by_a_panel(), None, Skip::ConvergedBlocks);
-    let [with, without] = [with, without].map(|scene| baked(scene, 32, 22.0));
+    let [with, without] = pair(&with_dark_lamps(), None, Skip::ConvergedBlocks);
+    let [with, without] = [with, without].map(|scene| baked(scene, 32, 20.0));
     let [saved, none] = [&with, &without].map(|bake| bake.figures().skipped.samples_saved);
     assert!(saved > 0.2 && none == 0.0, "{saved}");
     let [a, b] = [&with, &without].map(relit);
