@@ -18,7 +18,9 @@ use super::desk::Desk;
 use super::matrix::process_cpu_secs;
 
 /// Tolerance in dB, one that many blocks can reach.
-const TOLERANCE_DB: f32 = 24.0;
+const TOLERANCE_DB: f32 = 12.0;
+/// Times that each bake is measured; the shortest counts.
+const TRIES: usize = 2;
 
 /// Scenes of `assets/scenes`, and whether a uniform sky of patches stands over them.
 const SCENES: [(&str, bool); 2] = [("gallery", false), ("diffuse", true)];
@@ -37,13 +39,13 @@ struct Run {
 /// # Errors
 /// If a scene cannot be baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    let film = desk.choose(Film { width: 48, height: 48 }, Film { width: 256, height: 192 });
-    let spp = desk.choose(8, 64);
+    let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 256, height: 192 });
+    let spp = desk.choose(16, 64);
     let mut text = format!(
         "## Work that is skipped\n\n\
          Bakes of {} × {} pixels with at most {spp} samples each, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
-         skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, on a\n\
-         machine with other work to do: differences of some percent say nothing. The last column holds the picture under the\n\
+         skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, the lesser of\n\
+         {TRIES} tries, on a machine with other work to do: differences of a tenth say nothing. The last column holds the picture under the\n\
          light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
          differ it shows their noise, which the row with another seed tells.\n",
         film.width, film.height,
@@ -81,7 +83,18 @@ fn scene(desk: &Desk, (name, under_sky): (&str, bool), film: Film, spp: u32) -> 
     ))
 }
 
-fn run(desk: &Desk, (name, under_sky): (&str, bool), film: Film, config: BakeConfig, skips: Skips) -> Result<Run> {
+/// The shortest of some tries; everything else of them is the same.
+fn run(desk: &Desk, scene: (&str, bool), film: Film, config: BakeConfig, skips: Skips) -> Result<Run> {
+    let mut best = attempt(desk, scene, film, config.clone(), skips)?;
+    for _ in 1..TRIES {
+        let next = attempt(desk, scene, film, config.clone(), skips)?;
+        best.load_secs = best.load_secs.min(next.load_secs);
+        best.bake_secs = best.bake_secs.min(next.bake_secs);
+    }
+    Ok(best)
+}
+
+fn attempt(desk: &Desk, (name, under_sky): (&str, bool), film: Film, config: BakeConfig, skips: Skips) -> Result<Run> {
     let path = desk.root.join(format!("assets/scenes/{name}.glb"));
     let started = process_cpu_secs()?;
     let scene = import::load_with(&path, skips).with_context(|| format!("cannot load {}", path.display()))?.scene;
