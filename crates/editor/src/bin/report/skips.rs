@@ -45,7 +45,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Work that is skipped\n\n\
          Bakes of {} × {} pixels with at most {spp} samples each, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
          skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, the lesser of\n\
-         {TRIES} tries, on a machine with other work to do: differences of a tenth say nothing. The last column holds the picture under the\n\
+         {TRIES} tries, on a machine with other work to do: differences of a quarter say nothing. The last column holds the picture under the\n\
          light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
          differ it shows their noise, which the row with another seed tells.\n",
         film.width, film.height,
