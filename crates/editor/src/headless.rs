@@ -8,6 +8,7 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::light::LightSetting;
+use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::SkyForm;
 use serde_json::json;
 
@@ -47,7 +48,7 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
         .with_context(|| format!("cannot create the folder {FOLDER}; run in a folder that can be written"))?;
 
     let imported = match scene {
-        Some(path) => load_scene(path, console)?,
+        Some(path) => load_scene(path, Skips::default(), console)?,
         None => import::load_bytes("gallery.glb", GALLERY).context("cannot load the built-in scene")?,
     };
     let mut options = options();
@@ -88,6 +89,7 @@ fn options() -> BakeOptions {
         ies: Vec::new(),
         unitless: false,
         sky: None,
+        no_skip: None,
         seed: 0,
         threads: None,
     };

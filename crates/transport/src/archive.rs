@@ -407,7 +407,8 @@ fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
     let (column_scale, sky_reach) = (found.column_scale.clone(), found.sky_reach.clone());
     let same_rows = found.irradiance.iter().map(|set| &set.rows).eq(asked.irradiance.iter().map(|set| &set.rows));
     let irradiance = if same_rows { found.irradiance.clone() } else { asked.irradiance.clone() };
-    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, ..asked.clone() };
+    let spared = found.spared.clone();
+    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, spared, ..asked.clone() };
     if *found == same_scale {
         return None;
     }
@@ -416,6 +417,7 @@ fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
         (found.fingerprint != asked.fingerprint, "the scene or camera has changed".to_string()),
         (sizes, format!("its size is {}x{}", found.width, found.height)),
         (found.basis != asked.basis, "its lights differ".into()),
+        (found.skips != asked.skips, "it skips other work".into()),
         (!same_rows, "its rows of irradiance differ".into()),
         (found.config != asked.config, format!("its options are {:?}", found.config)),
         (found.scene != asked.scene, format!("its scene is {}", found.scene)),

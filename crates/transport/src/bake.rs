@@ -22,6 +22,7 @@ use crate::basis::LightBasis;
 use crate::cache::CachePlan;
 use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
+use crate::empty::EmptyPixels;
 use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
@@ -30,8 +31,10 @@ use crate::matrix::TransportMatrix;
 use crate::nodes::{NodePlan, Nodes};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
+use crate::reach::dark_sources;
 use crate::sensors::SensorError;
 use crate::shared::SharedMatrix;
+use crate::skips::{Skip, Skips, Spared};
 
 /// Why a bake ended without a result.
 #[derive(Debug, Error)]
@@ -210,6 +213,12 @@ pub struct BakeHeader {
     /// Matrices of irradiance, if they were asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub irradiance: Vec<IrradianceHeader>,
+    /// Work that was left out.
+    #[serde(default, skip_serializing_if = "Skips::is_all")]
+    pub skips: Skips,
+    /// What of it was found before the first sample.
+    #[serde(default, skip_serializing_if = "Spared::is_nothing")]
+    pub spared: Spared,
 }
 
 impl BakeHeader {
@@ -322,10 +331,10 @@ impl BakeJob {
     /// See [`BakeError`].
     pub fn header(&self) -> Result<BakeHeader, BakeError> {
         self.check()?;
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
-        let matrix = self.matrix(&plan);
-        let (column_scale, sky_reach) = matrix.measure_columns();
-        Ok(BakeHeader {
+        let (empty, dark) = (self.empty_pixels(), dark_sources(&self.scene, self.camera.position()));
+        let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, &dark);
+        let (column_scale, sky_reach) = self.matrix(&plan, empty.clone()).measure_columns();
+        let mut header = BakeHeader {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
             camera: self.camera.name.clone(),
@@ -338,20 +347,39 @@ impl BakeJob {
             column_scale,
             sky_reach,
             sharing_bias: None,
-            irradiance: self.irradiance_headers()?,
-        })
+            irradiance: self.irradiance_headers(&dark)?,
+            skips: self.scene.skips,
+            spared: self.scene.spared(),
+        };
+        header.spared.empty_pixels = empty.as_ref().map_or(0, |empty| empty.count());
+        header.spared.dark_sources = dark;
+        if self.scene.skips.has(Skip::WeakLight) {
+            let plan = self.plan(Density::Full, &header);
+            let mut matrix = self.matrix(&plan, empty);
+            matrix.set_column_scale(header.column_scale.clone());
+            header.spared.weak_connections = matrix.weak_connections();
+        }
+        Ok(header)
+    }
+
+    /// Pixels that see nothing, if there are any and they may be left out.
+    fn empty_pixels(&self) -> Option<Arc<EmptyPixels>> {
+        let find = || EmptyPixels::find(&self.scene.scene.mesh, &self.camera, self.film);
+        self.scene.skips.has(Skip::EmptyPixels).then(find).flatten().map(Arc::new)
     }
 
     fn plan(&self, density: Density, header: &BakeHeader) -> MatrixPlan {
-        let plan = MatrixPlan::new(&self.scene.lighting, density).fitted(&header.column_scale, &header.sky_reach);
+        let plan = MatrixPlan::without(&self.scene.lighting, density, &header.spared.dark_sources);
+        let plan = plan.fitted(&header.column_scale, &header.sky_reach, self.scene.skips);
         match self.config.indirect {
             Indirect::Shared => plan.for_short_walks(),
             Indirect::Traced => plan,
         }
     }
 
-    fn matrix<'a>(&'a self, plan: &'a MatrixPlan) -> TransportMatrix<'a> {
-        TransportMatrix::new(&self.scene, plan, self.camera.clone(), self.film, self.config.bounces, self.config.seed)
+    fn matrix<'a>(&'a self, plan: &'a MatrixPlan, empty: Option<Arc<EmptyPixels>>) -> TransportMatrix<'a> {
+        let BakeConfig { bounces, seed, .. } = self.config;
+        TransportMatrix::new(&self.scene, plan, self.camera.clone(), self.film, bounces, seed).with_empty_pixels(empty)
     }
 
     fn check(&self) -> Result<(), BakeError> {
@@ -381,14 +409,15 @@ impl BakeJob {
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
         let plan = self.plan(Density::Full, &header);
-        let mut matrix = self.matrix(&plan);
+        let empty = self.empty_pixels();
+        let mut matrix = self.matrix(&plan, empty.clone());
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();
         let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
         let n_blocks = partition.n_blocks();
         let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
         let started = Instant::now();
-        let mut run = Run { job: &self, matrix: &matrix, header: &header, matrices, last, bias: None, started };
+        let mut run = Run { job: &self, matrix: &matrix, header: &header, empty, matrices, last, bias: None, started };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -455,11 +484,12 @@ impl BakeJob {
             Indirect::Shared => FIRST_LOOK_SHARED,
             Indirect::Traced => FIRST_LOOK_TRACED,
         };
+        let looks = self.scene.skips.has(Skip::ConvergedBlocks);
         CompressConfig {
             groups: groups.collect(),
             samples: SamplePlan {
                 batch: samples_per_half.min(8),
-                min: samples_per_half.min(first_look),
+                min: if looks { samples_per_half.min(first_look) } else { samples_per_half },
                 max: samples_per_half,
             },
             seed: self.config.seed,
@@ -484,6 +514,7 @@ struct Run<'a> {
     job: &'a BakeJob,
     matrix: &'a TransportMatrix<'a>,
     header: &'a Arc<BakeHeader>,
+    empty: Option<Arc<EmptyPixels>>,
     /// Of the picture, then of each matrix of irradiance.
     matrices: Vec<Vec<BlockLowRank>>,
     /// The last pass.
@@ -532,7 +563,7 @@ impl Run<'_> {
             Some(_) => self.matrix,
             None => {
                 coarse_plan = job.plan(Density::Quarter, &header);
-                coarse = job.matrix(&coarse_plan);
+                coarse = job.matrix(&coarse_plan, self.empty.clone());
                 coarse.set_column_scale(header.column_scale.clone());
                 &coarse
             }

@@ -4,7 +4,10 @@ use clerestory_nystrom::BlockLowRank;
 use serde::Serialize;
 
 use crate::bake::Bake;
+use crate::basis::LightSource;
 use crate::matrix::CHANNELS;
+use crate::reach::is_beyond;
+use crate::skips::Skip;
 
 /// Errors in dB below the columns' peaks: 10·log10(pk² / mean ΔT²) over all entries outside the sparse part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -22,8 +25,8 @@ pub struct ErrorDb {
     pub total: f32,
 }
 
-/// Work that was not needed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+/// Work that was not needed. What is saved is estimated from the samples that were taken.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Skipped {
     /// Blocks, over all groups, that hold no light at all.
     pub dark_blocks: usize,
@@ -33,6 +36,29 @@ pub struct Skipped {
     pub samples_saved: f32,
     /// Patches of the sky that nothing in the picture was seen to receive light from.
     pub sky_patches: usize,
+    /// Columns of sky, sun and directional lamps that closed walls keep out.
+    pub closed_sky_columns: usize,
+    /// Columns of lamps and panels that cannot light what is seen.
+    pub dark_lamp_columns: usize,
+    /// Connections that all these columns would have taken at first vertices alone.
+    pub connections_saved: f64,
+    /// Share of the later connections that was left to roulette, in a few pixels.
+    pub weak_connections: f32,
+    /// Pixels that see nothing.
+    pub empty_pixels: usize,
+    /// Rays of the camera that would have met nothing.
+    pub camera_rays_saved: f64,
+    /// Materials that are diffuse and nothing else: a number less for each scattering.
+    pub diffuse_materials: usize,
+    /// Triangles that are never asked for their alpha.
+    pub opaque_triangles: usize,
+    /// Images that were not decoded.
+    pub idle_images: usize,
+    /// Bytes of their texels, of those whose size was at hand.
+    pub idle_image_bytes: u64,
+    /// What could have been skipped and was not, as asked.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub off: Vec<Skip>,
 }
 
 /// Figures of a finished bake.
@@ -123,8 +149,27 @@ impl Bake {
         let taken: Vec<u32> =
             self.groups.first().map_or(vec![], |g| g.blocks.iter().flatten().map(|b| b.n_samples).collect());
         let share = taken.iter().map(|&n| f64::from(n)).sum::<f64>() / (f64::from(full) * taken.len().max(1) as f64);
+        let (header, spared) = (&self.header, &self.header.spared);
+        let dark = spared.dark_sources.iter().filter_map(|&source| header.basis.sources.get(source as usize));
+        let (closed, lamps): (Vec<_>, Vec<_>) = dark.partition(|source| is_beyond(source.kind));
+        let columns = |sources: &[&LightSource]| sources.iter().map(|source| source.columns.len()).sum::<usize>();
+        let (closed_sky_columns, dark_lamp_columns) = (columns(&closed), columns(&lamps));
+        let unseen = header.sky_reach.iter().filter(|reach| **reach <= 0.0).count();
+        let samples_per_pixel = share * f64::from(full);
+        let samples = samples_per_pixel * f64::from(header.width) * f64::from(header.height);
         Skipped {
-            sky_patches: self.header.sky_reach.iter().filter(|reach| **reach <= 0.0).count(),
+            closed_sky_columns,
+            dark_lamp_columns,
+            connections_saved: (samples * (closed_sky_columns + dark_lamp_columns) as f64).round(),
+            weak_connections: spared.weak_connections,
+            empty_pixels: spared.empty_pixels as usize,
+            camera_rays_saved: (samples_per_pixel * f64::from(spared.empty_pixels)).round(),
+            diffuse_materials: spared.diffuse_materials as usize,
+            opaque_triangles: spared.opaque_triangles as usize,
+            idle_images: spared.idle_images as usize,
+            idle_image_bytes: spared.idle_bytes,
+            off: header.skips.off(),
+            sky_patches: if header.skips.has(Skip::UnseenPatches) { unseen } else { 0 },
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },

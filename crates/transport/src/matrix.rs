@@ -4,12 +4,14 @@
 //! is then as exact, relative to its own light, as a bright one. Coefficients are divided by the same scale.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Film};
+use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
 use crate::light::{LightRig, luminance};
 use crate::path::{Deposit, Integrator, Receiver, Scratch};
@@ -30,6 +32,8 @@ pub struct TransportMatrix<'a> {
     column_scale: Vec<f32>,
     /// What the rows are if not the radiance of the pixels.
     irradiance: Option<&'a IrradianceRows>,
+    /// Pixels whose rays meet nothing.
+    empty: Option<Arc<EmptyPixels>>,
 }
 
 /// Streams of random numbers of rows of irradiance, which no pixel and no node uses: of pixels and of grids.
@@ -38,6 +42,8 @@ const IRRADIANCE_STREAMS: [u64; 2] = [1 << 60, 1 << 61];
 /// Pixels that measure how bright each column is, and samples of each.
 const PILOT_PIXELS: usize = 2048;
 const PILOT_SAMPLES: u32 = 2;
+/// Pixels that tell how many connections are left to roulette.
+const WEAK_PIXELS: usize = 128;
 /// Part of a column's entries that may be brighter than its peak.
 const PEAK_QUANTILE: f32 = 0.995;
 /// Share of the median peak below which a column is not measured against its own: the light of a lamp that hardly reaches
@@ -56,7 +62,33 @@ impl<'a> TransportMatrix<'a> {
     ) -> Self {
         let column_scale = vec![1.0; scene.lighting.basis.n_cols()];
         let integrator = Integrator::new(scene, plan, bounces);
-        TransportMatrix { integrator, camera, film, seed, column_scale, irradiance: None }
+        TransportMatrix { integrator, camera, film, seed, column_scale, irradiance: None, empty: None }
+    }
+
+    /// Traces no rays for some pixels, which see nothing.
+    pub(crate) fn with_empty_pixels(self, empty: Option<Arc<EmptyPixels>>) -> Self {
+        TransportMatrix { empty, ..self }
+    }
+
+    /// Whether a pixel of the picture, not a point of a grid, is known to see nothing.
+    pub(crate) fn is_empty_pixel(&self, pixel: u32) -> bool {
+        let is_picture = !matches!(self.irradiance, Some(IrradianceRows::Grid(_)));
+        is_picture && self.empty.as_ref().is_some_and(|empty| empty.contains(pixel as usize))
+    }
+
+    /// Share of the later connections that carry light and are left to roulette, in a few pixels.
+    pub(crate) fn weak_connections(&self) -> f32 {
+        let (n_cols, n_pixels) = (self.n_cols(), self.film.n_pixels());
+        let n_pilots = n_pixels.clamp(1, WEAK_PIXELS);
+        let pilot = |nth: usize| {
+            let (mut rows, mut scratch) = (vec![0.0; CHANNELS * n_cols], Scratch::default());
+            let mut deposit = RowDeposit::new(&mut rows, n_cols, &self.column_scale);
+            self.deposit_pixel((nth * n_pixels / n_pilots) as u32, 0..1, 2, &mut scratch, &mut deposit);
+            scratch.later
+        };
+        let sum = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
+        let [asked, left_out] = (0..n_pilots).into_par_iter().map(pilot).reduce(|| [0; 2], sum);
+        left_out as f32 / asked.max(1) as f32
     }
 
     /// The same columns over rows of irradiance.
@@ -141,12 +173,20 @@ impl<'a> TransportMatrix<'a> {
     ) {
         let at = [pixel % self.film.width, pixel / self.film.width];
         let Some(rows) = self.irradiance else {
+            let is_empty = self.is_empty_pixel(pixel);
             for sample in samples {
                 let sampler = Sampler::new(self.seed, stream(pixel, half), sample);
-                self.integrator.sample_pixel(&self.camera, self.film, at, sampler, scratch, deposit);
+                if is_empty {
+                    self.integrator.sample_empty_pixel(&self.camera, self.film, at, sampler, deposit);
+                } else {
+                    self.integrator.sample_pixel(&self.camera, self.film, at, sampler, scratch, deposit);
+                }
             }
             return;
         };
+        if self.is_empty_pixel(pixel) {
+            return;
+        }
         let own = IRRADIANCE_STREAMS[usize::from(matches!(rows, IrradianceRows::Grid(_)))];
         for sample in samples {
             let mut sampler = Sampler::new(self.seed, own + stream(pixel, half), sample);

@@ -115,6 +115,8 @@ impl ColumnPlace {
 #[derive(Default)]
 pub struct Scratch {
     picks: Vec<Pick>,
+    /// Later connections that carried light, and those of them that roulette left out.
+    pub(crate) later: [u64; 2],
 }
 
 /// A walk between two vertices.
@@ -206,6 +208,26 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
         let walk = Walk::from_camera(camera.position(), camera.direction(film, film_px));
         self.follow(walk, &mut sampler, scratch, deposit);
+    }
+
+    /// The same of a pixel that sees nothing: only what shines beyond all surfaces.
+    pub(crate) fn sample_empty_pixel(
+        &self,
+        camera: &Camera,
+        film: Film,
+        pixel: [u32; 2],
+        mut sampler: Sampler,
+        deposit: &mut impl Deposit,
+    ) {
+        if !self.beyond.is_empty() {
+            let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
+            self.pass_by((camera.position(), camera.direction(film, film_px)), deposit);
+        }
+    }
+
+    /// A ray of the camera that meets no surface.
+    pub(crate) fn pass_by(&self, (origin, direction): (Vec3, Vec3), deposit: &mut impl Deposit) {
+        self.collect_beyond(&Walk::from_camera(origin, direction), deposit);
     }
 
     fn follow(&self, mut walk: Walk, sampler: &mut Sampler, scratch: &mut Scratch, deposit: &mut impl Deposit) {
@@ -320,7 +342,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Samples a direction to go on; false where the walk is absorbed.
     fn scatter(&self, walk: &mut Walk, hit: &SurfaceHit, bsdf: &Bsdf, splits: u32, sampler: &mut Sampler) -> bool {
-        let sample = bsdf.sample(sampler.next_1d(), sampler.next_2d());
+        // A surface of one lobe has nothing to choose from.
+        let u_lobe = if bsdf.is_diffuse() { 0.0 } else { sampler.next_1d() };
+        let sample = bsdf.sample(u_lobe, sampler.next_2d());
         sample.is_some_and(|sample| self.leave(walk, hit, &sample, splits))
     }
 
@@ -428,7 +452,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 let extinction = if before { walk.extinction } else { self.extinction_behind(hit, !front) };
                 value *= (-extinction * light.target.distance(hit.position)).exp();
             }
-            let Some(value) = worth_it(value, nth, pick.column) else { continue };
+            scratch.later[0] += u64::from(vertex != Vertex::First);
+            let Some(value) = worth_it(value, nth, pick.column) else {
+                scratch.later[1] += 1;
+                continue;
+            };
             if light.wi.dot(outward) > 0.0 {
                 fan.push(self.scene, light.target, pick.column, value, deposit);
             } else {

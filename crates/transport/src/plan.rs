@@ -10,13 +10,14 @@ use crate::light::luminance;
 use crate::path::{LightPlan, Pick, Vertex};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
-use crate::sky::SkyPicks;
+use crate::skips::{Skip, Skips};
+use crate::sky::{SkyPicks, Unseen};
 
 /// For a matrix: every column at the first vertex, at later ones a few of each group, stratified, so that each column of
 /// a group gets its equal share.
 pub struct MatrixPlan {
     /// Columns that later vertices connect to, group by group, with the number of picks.
-    later: Vec<(Range<u32>, u32)>,
+    later: Vec<(Vec<u32>, u32)>,
     /// Columns of the first vertex; lamps along a curve through space and texels of a panel tile by tile, so that sixteen
     /// neighbors look the same way.
     first: Vec<u32>,
@@ -63,20 +64,23 @@ const MOST_PER_PICK: f32 = 50.0;
 impl MatrixPlan {
     /// For all columns that can be connected to.
     pub fn new(lighting: &Lighting, density: Density) -> MatrixPlan {
+        MatrixPlan::without(lighting, density, &[])
+    }
+
+    /// The same without some sources, given in order, that light nothing.
+    pub fn without(lighting: &Lighting, density: Density, dark: &[u32]) -> MatrixPlan {
         let basis = &lighting.basis;
-        let connected = basis.groups.iter().filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel));
-        let picks = |group: &ColumnGroup| match group.kind {
-            ColumnKind::Panel => LATER_TEXELS.min(group.columns.len() as u32),
-            _ => LATER_LAMPS.min(group.columns.len() as u32),
-        };
-        let later: Vec<_> = connected.map(|g| (g.columns.clone(), picks(g))).collect();
+        let shines = |source: usize| dark.binary_search(&(source as u32)).is_err();
+        let later = later_picks(lighting, shines);
         let mut first: Vec<u32> = along_a_curve(lighting)
             .into_iter()
             .map(|idx| &basis.sources[idx])
-            .filter(|s| later.iter().any(|(g, _)| g.contains(&s.columns.start)))
+            .filter(|s| later.iter().any(|(columns, _)| columns.binary_search(&s.columns.start).is_ok()))
             .flat_map(|source| in_tiles(source.kind, source.columns.clone()))
             .collect();
-        let sky = SkyPicks::new(lighting);
+        let is_dome = |emitter: &Emitter| matches!(emitter, Emitter::Dome(_));
+        let dome = lighting.emitters.iter().position(is_dome).filter(|&source| shines(source));
+        let sky = dome.map_or_else(SkyPicks::default, |_| SkyPicks::new(lighting));
         first.extend(sky.columns());
         // Lamps are few and unlike each other; neighboring texels are many and alike.
         let stride = if density == Density::Quarter && first.len() >= 128 { 4 } else { 1 };
@@ -103,8 +107,13 @@ impl MatrixPlan {
     }
 
     /// Fitted to what pilots measured: what each column is multiplied by, and the mean of each patch of the sky.
-    pub fn fitted(self, column_scale: &[f32], sky_reach: &[f32]) -> MatrixPlan {
-        self.with_roulette(column_scale).with_sky_reach(sky_reach)
+    pub fn fitted(self, column_scale: &[f32], sky_reach: &[f32], skips: Skips) -> MatrixPlan {
+        let unseen = if skips.has(Skip::UnseenPatches) { Unseen::Dropped } else { Unseen::Kept };
+        let mut plan = self.with_roulette(column_scale).with_sky_reach(sky_reach, unseen);
+        if !skips.has(Skip::WeakLight) {
+            plan.worth.fill(f32::INFINITY);
+        }
+        plan
     }
 
     /// Leaves connections that carry little to roulette, given what each column is multiplied by.
@@ -121,17 +130,17 @@ impl MatrixPlan {
     fn thinned_panels(&self, lighting: &Lighting) -> Vec<ThinnedPanel> {
         let thin = |(source, panel): (usize, &PanelEmitter)| {
             let columns = lighting.basis.sources[source].columns.clone();
-            let stretch = 1.0 / self.rate(Vertex::Later, columns.start);
-            let worth = f32::INFINITY;
-            (stretch > 1.0).then(|| ThinnedPanel { panel: panel.clone(), stretch, worth, columns })
+            let rate = self.rate(Vertex::Later, columns.start);
+            let (stretch, worth) = (1.0 / rate, f32::INFINITY);
+            (0.0 < rate && rate < 1.0).then(|| ThinnedPanel { panel: panel.clone(), stretch, worth, columns })
         };
         lighting.panels().filter_map(thin).collect()
     }
 
     /// Connects to patches of the sky as pilots saw them, see [`SkyPicks::learn`].
-    pub fn with_sky_reach(mut self, reach: &[f32]) -> MatrixPlan {
+    pub fn with_sky_reach(mut self, reach: &[f32], unseen: Unseen) -> MatrixPlan {
         let before = self.sky.columns().to_vec();
-        self.sky.learn(reach);
+        self.sky.learn(reach, unseen);
         let sky = &self.sky;
         self.first.retain(|column| before.binary_search(column).is_err() || sky.later_rate(*column).is_some());
         self.count_picks();
@@ -146,6 +155,21 @@ impl MatrixPlan {
             }
         }
     }
+}
+
+/// The columns of each group that later vertices connect to, in order, with the number of picks.
+fn later_picks(lighting: &Lighting, shines: impl Fn(usize) -> bool) -> Vec<(Vec<u32>, u32)> {
+    let basis = &lighting.basis;
+    let connected = basis.groups.iter().filter(|g| matches!(g.kind, ColumnKind::Luminaire | ColumnKind::Panel));
+    let of_group = |group: &ColumnGroup| {
+        let sources = basis.sources.iter().enumerate().filter(|(source, _)| shines(*source));
+        let within = sources.filter(|(_, source)| group.columns.contains(&source.columns.start));
+        let columns: Vec<u32> = within.flat_map(|(_, source)| source.columns.clone()).collect();
+        let most = if group.kind == ColumnKind::Panel { LATER_TEXELS } else { LATER_LAMPS };
+        let n_picks = most.min(columns.len() as u32);
+        (columns, n_picks)
+    };
+    connected.map(of_group).filter(|(columns, _)| !columns.is_empty()).collect()
 }
 
 /// The sources in an order in which neighbors are near each other: lamps along Morton's curve, those without a place last.
@@ -225,14 +249,14 @@ impl LightPlan for MatrixPlan {
         for (group, n_picks) in &self.later {
             let n = group.len() as u32;
             if n == *n_picks {
-                picks.extend(group.clone().map(|column| Pick { column, inverse_rate: 1.0 }));
+                picks.extend(group.iter().map(|&column| Pick { column, inverse_rate: 1.0 }));
                 continue;
             }
             // One column from each of equal stretches of the group.
             let stretch = n as f32 / *n_picks as f32;
             for nth in 0..*n_picks {
                 let at = (nth as f32 + sampler.next_1d()) * stretch;
-                picks.push(Pick { column: group.start + (at as u32).min(n - 1), inverse_rate: stretch });
+                picks.push(Pick { column: group[(at as usize).min(group.len() - 1)], inverse_rate: stretch });
             }
         }
         self.sky.pick_later(sampler, picks);
@@ -246,7 +270,7 @@ impl LightPlan for MatrixPlan {
                 if let Some(rate) = self.sky.later_rate(column) {
                     return rate;
                 }
-                let stratum = self.later.iter().find(|(group, _)| group.contains(&column));
+                let stratum = self.later.iter().find(|(group, _)| group.binary_search(&column).is_ok());
                 stratum.map_or(0.0, |(group, n_picks)| *n_picks as f32 / group.len() as f32)
             }
         }

@@ -7,6 +7,7 @@ use crate::bvh::{Bvh, Hit, Ray};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
+use crate::skips::{Skip, Skips, Spared};
 use crate::slabs::{Slabs, hidden};
 
 /// A scene with its lights, ready to be traced.
@@ -15,6 +16,8 @@ pub struct PreparedScene {
     pub scene: Scene,
     /// Its columns.
     pub lighting: Lighting,
+    /// Work that is left out.
+    pub skips: Skips,
     /// Opaque triangles.
     solid: Bvh,
     /// Triangles with alpha and clear panes, `None` where the scene has none: shadow rays may pass them.
@@ -74,10 +77,23 @@ impl PreparedScene {
         panels: &[PanelRequest],
         sky: Option<&SkyRequest>,
     ) -> Result<(PreparedScene, Vec<String>), LightingError> {
+        PreparedScene::with_skips(scene, panels, sky, Skips::default())
+    }
+
+    /// The same, and only some work is left out.
+    ///
+    /// # Errors
+    /// As [`PreparedScene::new`].
+    pub fn with_skips(
+        scene: Scene,
+        panels: &[PanelRequest],
+        sky: Option<&SkyRequest>,
+        skips: Skips,
+    ) -> Result<(PreparedScene, Vec<String>), LightingError> {
         let (lighting, mut warnings) = Lighting::with_sky(&scene, panels, sky)?;
         let is_solid = |t: &u32| {
             let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
-            material.alpha == AlphaMode::Opaque && !material.is_clear_pane()
+            skips.has(Skip::Alpha) && material.alpha == AlphaMode::Opaque && !material.is_clear_pane()
         };
         let all = 0..scene.mesh.triangles.len() as u32;
         let (solid, sheer): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
@@ -88,7 +104,7 @@ impl PreparedScene {
         let (solid, sheer) = (build(&solid), (!sheer.is_empty()).then(|| build(&sheer)));
         let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
         let slabs = Slabs::find(&scene);
-        let prepared = PreparedScene { scene, lighting, solid, sheer, attenuates, slabs };
+        let prepared = PreparedScene { scene, lighting, skips, solid, sheer, attenuates, slabs };
         warnings.extend(hidden::warnings(&prepared));
         Ok((prepared, warnings))
     }
@@ -100,7 +116,8 @@ impl PreparedScene {
             let mut segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
             // Surfaces that are not there are passed one by one.
             while let Some(hit) = sheer.closest(&segment) {
-                if sampler.next_1d() < self.alpha(&hit) {
+                let alpha = self.alpha(&hit);
+                if alpha >= 1.0 || sampler.next_1d() < alpha {
                     nearest = Some(hit);
                     break;
                 }
@@ -188,6 +205,25 @@ impl PreparedScene {
         &self.scene.materials[self.scene.mesh.triangle_material[triangle as usize] as usize]
     }
 
+    /// Whether no light passes a triangle, whatever its textures say.
+    pub(crate) fn is_wall(&self, triangle: u32) -> bool {
+        let material = self.material(triangle);
+        let passes = material.finish.as_ref().is_some_and(|finish| finish.diffuse_transmission > 0.0);
+        material.alpha == AlphaMode::Opaque && material.transmission <= 0.0 && !passes
+    }
+
+    /// What of the scene itself is found needless, whoever looks at it.
+    pub(crate) fn spared(&self) -> Spared {
+        let diffuse = self.scene.materials.iter().filter(|material| material.is_plainly_diffuse()).count();
+        Spared {
+            diffuse_materials: if self.skips.has(Skip::Lobes) { diffuse as u32 } else { 0 },
+            opaque_triangles: if self.skips.has(Skip::Alpha) { self.solid.n_triangles() as u32 } else { 0 },
+            idle_images: self.scene.idle_images,
+            idle_bytes: self.scene.idle_bytes,
+            ..Spared::default()
+        }
+    }
+
     /// Texture coordinates of both sets at a point of a triangle.
     pub fn uvs(&self, triangle: u32, barycentric: Vec3) -> [Vec2; 2] {
         let mesh = &self.scene.mesh;
@@ -253,7 +289,10 @@ impl PreparedScene {
         }
         let color = self.vertex_color(hit.triangle, w);
         let params = bsdf::surface_params(material, &self.scene.textures, uvs, color);
-        let Some(finish) = &material.finish else { return Bsdf::new(&params, hit.normal, ns, wo) };
+        let Some(finish) = &material.finish else {
+            let all_lobes = if self.skips.has(Skip::Lobes) { Bsdf::new } else { Bsdf::layered };
+            return all_lobes(&params, hit.normal, ns, wo);
+        };
         let frame = Frame { vertex_normal, shading_normal: ns, tangent };
         let finish = bsdf::finish_params(finish, &self.scene.textures, uvs, frame);
         Bsdf::finished(&params, &finish, hit.normal, ns, wo)

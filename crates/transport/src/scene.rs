@@ -37,6 +37,10 @@ pub struct Scene {
     /// Grids that nodes of the file ask for, `{"clerestory": {"sensors": [16, 8]}}`. Such a node exists as sensor only: it is
     /// not in the mesh, so that it neither blocks nor scatters light, nor shines.
     pub sensors: Vec<SensorGrid>,
+    /// Images of the file that were not decoded, as nothing samples them.
+    pub idle_images: u32,
+    /// Bytes of their texels, of those whose size was at hand.
+    pub idle_bytes: u64,
 }
 
 /// A node of the file that carries a mesh, a lamp or a camera.
@@ -228,6 +232,12 @@ impl Material {
         let smooth = smooth && self.finish.as_ref().is_none_or(|finish| finish.anisotropy <= 0.0);
         let absorbs = self.thickness > 0.0 && self.attenuation_distance.is_finite();
         !self.unlit && self.transmission > 0.0 && !absorbs && (matched || (smooth && self.thickness == 0.0))
+    }
+
+    /// Whether the surface is diffuse and nothing else, whatever its textures say.
+    pub fn is_plainly_diffuse(&self) -> bool {
+        let has_coat = self.specular > 0.0 && !crate::bsdf::is_matched(self.ior);
+        !self.unlit && self.metallic <= 0.0 && self.transmission <= 0.0 && !has_coat && self.finish.is_none()
     }
 
     /// The texture whose coordinates tangents follow, `None` where the material needs none.

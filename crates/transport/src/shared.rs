@@ -38,6 +38,10 @@ impl SharedMatrix<'_> {
         let (film_px, ray) = matrix.sample_ray(pixel, &mut sampler);
         let inner = RowDeposit::new(rows, n_cols, matrix.column_scale()).with_first_row(first_row);
         let mut deposit = CachedDeposit { inner, cache: &self.nodes.cache, half };
+        if matrix.is_empty_pixel(pixel) {
+            integrator.pass_by(ray, &mut deposit);
+            return deposit.inner.into_sparse();
+        }
         let gathering = integrator.sample_direct(ray, &mut sampler, scratch, &mut deposit);
         let sparse = deposit.inner.into_sparse();
         if let Some(at) = gathering

@@ -7,10 +7,13 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Film};
+use crate::empty::EmptyPixels;
 use crate::path::{Deposit, Integrator, Scratch};
 use crate::plan::PicturePlan;
 use crate::prepared::PreparedScene;
+use crate::reach::dark_sources;
 use crate::sampler::Sampler;
+use crate::skips::Skip;
 
 /// How a picture is traced.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,7 +54,9 @@ pub fn trace(
     progress: &(dyn Fn(f32) -> ControlFlow<()> + Sync),
 ) -> Option<Vec<[f32; 3]>> {
     assert_eq!(coefficients.len(), scene.lighting.basis.n_cols(), "one coefficient per column");
-    let plan = PicturePlan::new(&scene.lighting, coefficients, scene.diameter());
+    let plan = PicturePlan::new(&scene.lighting, &lit(scene, camera, coefficients), scene.diameter());
+    let look_for_empty = scene.skips.has(Skip::EmptyPixels);
+    let empty = look_for_empty.then(|| EmptyPixels::find(&scene.scene.mesh, camera, film)).flatten();
     let integrator = Integrator::new(scene, &plan, config.bounces);
     let (stopped, done) = (AtomicBool::new(false), AtomicUsize::new(0));
     let mut pixels = vec![[0.0; 3]; film.n_pixels()];
@@ -60,13 +65,18 @@ pub fn trace(
             if stopped.load(Ordering::Relaxed) {
                 return;
             }
-            let index = (y * film.width as usize + x) as u64;
+            let index = y * film.width as usize + x;
+            let is_empty = empty.as_ref().is_some_and(|empty| empty.contains(index));
             // Partial sums keep the sum of many samples as exact as that of few.
             let mut total = glam::DVec3::ZERO;
             for sample in 0..config.spp {
                 let mut deposit = PictureDeposit { coefficients, sum: Vec3::ZERO };
-                let sampler = Sampler::new(config.seed, index, sample);
-                integrator.sample_pixel(camera, film, [x as u32, y as u32], sampler, scratch, &mut deposit);
+                let (sampler, at) = (Sampler::new(config.seed, index as u64, sample), [x as u32, y as u32]);
+                if is_empty {
+                    integrator.sample_empty_pixel(camera, film, at, sampler, &mut deposit);
+                } else {
+                    integrator.sample_pixel(camera, film, at, sampler, scratch, &mut deposit);
+                }
                 total += deposit.sum.as_dvec3();
             }
             *pixel = (total / f64::from(config.spp.max(1))).as_vec3().to_array();
@@ -77,4 +87,14 @@ pub fn trace(
         }
     });
     (!stopped.into_inner()).then_some(pixels)
+}
+
+/// The coefficients of the columns that can light what is seen.
+fn lit(scene: &PreparedScene, camera: &Camera, coefficients: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let mut lit = coefficients.to_vec();
+    for source in dark_sources(scene, camera.position()) {
+        let columns = &scene.lighting.basis.sources[source as usize].columns;
+        lit[columns.start as usize..columns.end as usize].fill([0.0; 3]);
+    }
+    lit
 }

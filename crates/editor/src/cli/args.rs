@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
+use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
 
 /// Most pixels of a picture, 8192 × 8192.
@@ -103,12 +104,23 @@ pub struct ViewArgs {
     /// Sky: an equirectangular .hdr or .exr, `uniform`, or `sun:AZIMUTH,ELEVATION` in degrees.
     #[arg(long, value_name = "FILE|uniform|sun:AZ,EL", value_parser = crate::look::sky::typed, allow_hyphen_values = true)]
     pub sky: Option<SkySetting>,
+    /// Leave out no work that a scene does not need, or not the work of these names: slower, and the same picture.
+    #[arg(long, value_name = "NAMES", num_args = 0..=1, require_equals = true, default_missing_value = "all",
+        value_parser = Skips::all_but)]
+    pub no_skip: Option<Skips>,
     /// Seed of all random numbers.
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
     /// Threads to use [default: one per core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+}
+
+impl ViewArgs {
+    /// The work that is left out.
+    pub fn skips(&self) -> Skips {
+        self.no_skip.unwrap_or_default()
+    }
 }
 
 /// A lamp that takes a measured distribution.
@@ -382,6 +394,7 @@ mod tests {
         assert_eq!((view.spp, view.bounces, view.size, view.seed), (256, None, None, 0));
         assert_eq!((bake.options.tolerance, bake.options.fresh), (40.0, false));
         assert_eq!((&view.sky, bake.options.sky_patches), (&None, SkyForm::Patches(1)));
+        assert!(view.skips().is_all());
     }
 
     #[test]
@@ -417,6 +430,7 @@ mod tests {
             ["--sky", ""],
             ["--sky", "sun:10"],
             ["--sky-patches", "146"],
+            ["--no-skip=color", "--json"],
         ];
         for [option, value] in bad {
             let line = ["clerestory", "bake", "a.glb", "-o", "a.transport", option, value];

@@ -164,7 +164,7 @@ pub(crate) fn figure_words(figures: &Value) -> String {
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {} (dense {}, {:.1} times smaller)\n\
-         error       {} in all: truncation {}, sampling {}{bias}; noise of the samples {}",
+         error       {} in all: truncation {}, sampling {}{bias}; noise of the samples {}{}",
         number("pixels"),
         number("columns"),
         number("blocks"),
@@ -177,5 +177,24 @@ pub(crate) fn figure_words(figures: &Value) -> String {
         decibels("truncation"),
         decibels("sampling"),
         decibels("noise"),
+        skipped_words(&figures["skipped"]),
     )
+}
+
+/// What a bake found needless, a line for people; nothing where it found nothing.
+fn skipped_words(skipped: &Value) -> String {
+    let number = |name: &str| skipped[name].as_f64().unwrap_or(0.0);
+    let parts: Vec<String> = [
+        ("samples_saved", 100.0, "% of the samples"),
+        ("closed_sky_columns", 1.0, "columns of a sky behind walls"),
+        ("dark_lamp_columns", 1.0, "columns of lamps that light nothing"),
+        ("sky_patches", 1.0, "unseen patches of the sky"),
+        ("empty_pixels", 1.0, "empty pixels"),
+        ("idle_images", 1.0, "images"),
+    ]
+    .into_iter()
+    .filter(|(name, ..)| number(name) > 0.0)
+    .map(|(name, scale, what)| format!("{:.0} {what}", number(name) * scale))
+    .collect();
+    if parts.is_empty() { String::new() } else { format!("\nskipped     {}", parts.join(", ")) }
 }

@@ -8,6 +8,7 @@ use clerestory_transport::archive;
 use clerestory_transport::basis::LightSource;
 use clerestory_transport::emitters::Lighting;
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::skips::Skips;
 use serde_json::{Value, json};
 
 use super::bake::{figure_words, irradiance_words, merge};
@@ -67,7 +68,7 @@ fn file_kind(path: &Path) -> Result<FileKind> {
 }
 
 fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
-    let imported = import_scene(path)?;
+    let imported = import_scene(path, Skips::default())?;
     // In the answer they stand under `unsupported`.
     console.say_all(unsupported_words(&imported, path));
     console.warn_all(fault_words(&imported, path));

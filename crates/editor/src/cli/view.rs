@@ -13,6 +13,7 @@ use clerestory_transport::lamp_units::assume_unitless;
 use clerestory_transport::photometry::{PhotometricProfile, assign};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Scene;
+use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{SkyForm, SkySetting};
 
 use super::args::{IesRequest, ViewArgs};
@@ -33,16 +34,16 @@ pub(crate) struct View {
 }
 
 /// Loads a scene and says what was left behind; all of it is kept for the answer.
-pub(crate) fn load_scene(path: &Path, console: &mut Console) -> Result<Imported> {
-    let imported = import_scene(path)?;
+pub(crate) fn load_scene(path: &Path, skips: Skips, console: &mut Console) -> Result<Imported> {
+    let imported = import_scene(path, skips)?;
     console.warn_all(unsupported_words(&imported, path));
     console.warn_all(fault_words(&imported, path));
     Ok(imported)
 }
 
 /// Loads a scene.
-pub(super) fn import_scene(path: &Path) -> Result<Imported> {
-    import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))
+pub(super) fn import_scene(path: &Path, skips: Skips) -> Result<Imported> {
+    import::load_with(path, skips).with_context(|| format!("cannot load the scene {}", path.display()))
 }
 
 /// What of a scene is not shown.
@@ -75,7 +76,7 @@ pub(super) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Res
 
 /// Opens a scene for tracing under a sky, if any.
 pub(crate) fn open_view(path: &Path, args: &ViewArgs, sky: Option<&SkyRequest>, console: &mut Console) -> Result<View> {
-    let imported = load_scene(path, console)?;
+    let imported = load_scene(path, args.skips(), console)?;
     prepare_view(imported, &path.display().to_string(), args, sky, console)
 }
 
@@ -111,7 +112,7 @@ pub(crate) fn prepare_view(
     let camera = pick_camera(&scene.cameras, args.camera.as_deref()).with_context(|| format!("cannot see {name}"))?;
     let camera = camera.clone();
     let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
-    let (scene, warnings) = PreparedScene::with_sky(scene, &args.panels, sky)
+    let (scene, warnings) = PreparedScene::with_skips(scene, &args.panels, sky, args.skips())
         .with_context(|| format!("cannot prepare the scene {name}"))?;
     console.warn_all(warnings);
     Ok(View { scene: Arc::new(scene), camera, film })

@@ -14,7 +14,7 @@ use crate::sensors::{SensorError, SensorGrid};
 
 impl BakeJob {
     /// Checks the rows of irradiance and measures the scale of their columns.
-    pub(super) fn irradiance_headers(&self) -> Result<Vec<IrradianceHeader>, BakeError> {
+    pub(super) fn irradiance_headers(&self, dark: &[u32]) -> Result<Vec<IrradianceHeader>, BakeError> {
         let mut n_points = 0;
         for rows in &self.irradiance {
             if let IrradianceRows::Grid(grid) = rows {
@@ -25,9 +25,9 @@ impl BakeJob {
         if n_points > SensorGrid::MAX_POINTS {
             return Err(SensorError::TooMany { n_points }.into());
         }
-        let plan = MatrixPlan::new(&self.scene.lighting, Density::Full);
         let header = |rows: &IrradianceRows| {
-            let (column_scale, sky_reach) = self.matrix(&plan).of_irradiance(rows).measure_columns();
+            let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, dark_for(rows, dark));
+            let (column_scale, sky_reach) = self.matrix(&plan, None).of_irradiance(rows).measure_columns();
             IrradianceHeader { rows: rows.clone(), column_scale, sky_reach }
         };
         Ok(self.irradiance.iter().map(header).collect())
@@ -36,9 +36,16 @@ impl BakeJob {
 
 impl BakeHeader {
     fn irradiance_plan(&self, job: &BakeJob, set: usize) -> MatrixPlan {
-        let IrradianceHeader { column_scale, sky_reach, .. } = &self.irradiance[set];
-        MatrixPlan::new(&job.scene.lighting, Density::Full).fitted(column_scale, sky_reach)
+        let IrradianceHeader { rows, column_scale, sky_reach } = &self.irradiance[set];
+        let dark = dark_for(rows, &self.spared.dark_sources);
+        let plan = MatrixPlan::without(&job.scene.lighting, Density::Full, dark);
+        plan.fitted(column_scale, sky_reach, job.scene.skips)
     }
+}
+
+/// The sources that light none of some rows, given those that light nothing that is seen: grids may lie elsewhere.
+fn dark_for<'a>(rows: &IrradianceRows, dark: &'a [u32]) -> &'a [u32] {
+    if *rows == IrradianceRows::Pixels { dark } else { &[] }
 }
 
 impl Run<'_> {
@@ -52,7 +59,7 @@ impl Run<'_> {
         let (job, header, started) = (self.job, self.header.clone(), self.started);
         let IrradianceHeader { rows, column_scale, .. } = &header.irradiance[set];
         let plan = header.irradiance_plan(job, set);
-        let mut matrix = job.matrix(&plan).of_irradiance(rows);
+        let mut matrix = job.matrix(&plan, self.empty.clone()).of_irradiance(rows);
         matrix.set_column_scale(column_scale.clone());
         let partition = header.partitions().swap_remove(1 + set);
         let there = &self.matrices[1 + set];

@@ -105,15 +105,21 @@ impl Bsdf {
     /// `ng` is the geometric normal of the front side, `ns` a shading normal on the same side; `wo` may be on either side,
     /// and decides whether a solid is entered or left.
     pub fn new(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Bsdf {
-        let Facing { ng, ns, eta } = Facing::new(params, ng, ns, wo);
-        let opaque = (1.0 - params.metallic) * (1.0 - params.transmission);
-        let lambert = params.base_color * (opaque * FRAC_1_PI);
         let is_lambert = params.metallic <= 0.0
             && params.transmission <= 0.0
             && (params.specular <= 0.0 || fresnel::is_matched(params.ior));
         if is_lambert {
-            return Bsdf { ng, ns, lambert, lobes: Lobes::None };
+            let Facing { ng, ns, .. } = Facing::new(params, ng, ns, wo);
+            return Bsdf { ng, ns, lambert: params.base_color * FRAC_1_PI, lobes: Lobes::None };
         }
+        Bsdf::layered(params, ng, ns, wo)
+    }
+
+    /// The same with all lobes of the model, also where they reflect and let pass nothing.
+    pub fn layered(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Bsdf {
+        let Facing { ng, ns, eta } = Facing::new(params, ng, ns, wo);
+        let opaque = (1.0 - params.metallic) * (1.0 - params.transmission);
+        let lambert = params.base_color * (opaque * FRAC_1_PI);
         let pose = Pose::round(turned_to_viewer(ns, wo), wo, eta, params.roughness);
         let layers = Layers::new(params, &pose, lambert, NoFilm);
         Bsdf { ng, ns: pose.frame[2], lambert, lobes: Lobes::Layers(layers) }

@@ -98,6 +98,16 @@ impl SurfaceEmitter {
         }
     }
 
+    /// Whether something holds of a corner, the unit normal and the double-sidedness of each of its triangles.
+    pub(crate) fn all_triangles(&self, mut holds: impl FnMut(Vec3, Vec3, bool) -> bool) -> bool {
+        self.triangles.iter().all(|t| holds(t.corner, t.normal, t.double_sided))
+    }
+
+    /// All corners of its triangles.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = Vec3> {
+        self.triangles.iter().flat_map(|t| [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]])
+    }
+
     /// The middle of its triangles, each weighed by its area.
     pub(crate) fn center(&self) -> Vec3 {
         let weighed = |t: &ShiningTriangle| (t.corner + (t.edges[0] + t.edges[1]) / 3.0) / t.per_area;

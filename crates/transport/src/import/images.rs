@@ -75,7 +75,7 @@ pub(super) fn decode(
 }
 
 /// The images of a texture in the order in which they are tried: its plain source, then those of extensions.
-fn sources_of(document: &Root, index: usize) -> Vec<usize> {
+pub(super) fn sources_of(document: &Root, index: usize) -> Vec<usize> {
     let Some(texture) = document.textures.get(index) else { return Vec::new() };
     let plain = Some(texture.source.value()).filter(|&source| source != NO_SOURCE);
     let extended = |name: &&str| texture.extensions.as_ref()?.others.get(*name)?.get("source")?.as_u64();
@@ -106,6 +106,14 @@ fn decode_image(document: &Root, index: usize, buffers: &Buffers, locator: &Loca
         return Err("it is empty".to_owned());
     }
     Ok(Image { width, height, texels: pixels.into_raw().as_chunks::<4>().0.to_vec() })
+}
+
+/// Width and height of an image that lies in a buffer; others are not read for that.
+pub(super) fn dimensions(document: &Root, index: usize, buffers: &Buffers) -> Option<[u32; 2]> {
+    let view = document.images.get(index).filter(|image| image.uri.is_none())?.buffer_view?;
+    let (bytes, _) = buffers.view(view.value()).ok()?;
+    let (width, height) = ImageReader::new(Cursor::new(bytes)).with_guessed_format().ok()?.into_dimensions().ok()?;
+    (width.max(height) <= MAX_SIDE).then_some([width, height])
 }
 
 fn fetch<'a>(source: &json::Image, buffers: &'a Buffers, locator: &Locator) -> Result<Cow<'a, [u8]>, String> {

@@ -14,6 +14,7 @@ mod extensions;
 mod finish;
 mod geometry;
 mod hierarchy;
+mod idle;
 mod images;
 mod lamps;
 mod material;
@@ -46,6 +47,7 @@ pub use report::ImportReport;
 
 use crate::emitters::lamp_keys;
 use crate::scene::{Scene, SceneNode};
+use crate::skips::{Skip, Skips};
 
 /// Why a file could not be loaded at all.
 #[derive(Debug, thiserror::Error)]
@@ -127,10 +129,18 @@ pub struct Imported {
 /// # Errors
 /// When the file, its JSON or a buffer cannot be read, or geometry is compressed.
 pub fn load(path: &Path) -> Result<Imported, ImportError> {
+    load_with(path, Skips::default())
+}
+
+/// The same; images that nothing samples are decoded unless `skips` has [`Skip::IdleTextures`].
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(path: &Path, skips: Skips) -> Result<Imported, ImportError> {
     let bytes = std::fs::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     let locator = Locator { folder: Some(path.parent().unwrap_or(Path::new("")).to_owned()) };
-    import(&name, &bytes, &locator)
+    import(&name, &bytes, &locator, skips)
 }
 
 /// Loads a GLB, or a JSON glTF with data URIs, from memory.
@@ -138,10 +148,18 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load`]; a reference to another file counts as missing.
 pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    import(name, bytes, &Locator { folder: None })
+    load_bytes_with(name, bytes, Skips::default())
 }
 
-fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, ImportError> {
+/// The same as [`load_with`] from memory.
+///
+/// # Errors
+/// As [`load_bytes`].
+pub fn load_bytes_with(name: &str, bytes: &[u8], skips: Skips) -> Result<Imported, ImportError> {
+    import(name, bytes, &Locator { folder: None }, skips)
+}
+
+fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<Imported, ImportError> {
     let container = container::split(name, bytes)?;
     let Document { root: document, n_animations, n_skins } = document::read(name, &container.json)?;
     let mut notes = Notes::default();
@@ -154,7 +172,11 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
     let mut profiles = Profiles::new(&document, &buffers, locator);
     let (indices, ranged) = add_nodes(&mut scene, &document, &placed, &mut profiles, &mut notes);
     scene.profiles = profiles.loaded;
-    let (slots, textures) = assemble::add_materials(&mut scene, &document, &placed, &mut notes);
+    let (slots, mut textures) = assemble::add_materials(&mut scene, &document, &placed, &mut notes);
+    if skips.has(Skip::IdleTextures) {
+        idle::drop_idle(&mut scene.materials, &mut textures);
+        idle::count_idle(&mut scene, &document, &textures, &buffers);
+    }
     let mut n_degenerate_triangles = 0;
     let mut sensors = Sensors::find(&document, &placed, &indices, &mut notes);
     let mut surfaces = Vec::new();

@@ -9,6 +9,7 @@ mod leaks;
 mod panes;
 mod reference;
 mod shadows;
+mod skips;
 mod slabs;
 mod stage;
 mod walks;

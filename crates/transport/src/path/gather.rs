@@ -42,7 +42,8 @@ impl<P: LightPlan> Integrator<'_, P> {
                 self.connect(&walk, (Vertex::First, Rivals::Coat), (&hit, &bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(Vertex::First);
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
-                if let Some(sample) = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d())
+                if !bsdf.is_diffuse()
+                    && let Some(sample) = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d())
                     && self.leave(&mut walk, &hit, &sample, 1)
                 {
                     self.follow(walk, sampler, scratch, deposit);

@@ -30,7 +30,7 @@ pub use backdrop::Backdrop;
 pub use dome::{DOME_DIVISIONS, Dome, dome_columns};
 pub use emitter::{DomeEmitter, MapEmitter, SunEmitter};
 pub use environment::Environment;
-pub use picks::SkyPicks;
+pub use picks::{SkyPicks, Unseen};
 pub use sampler::MapSampler;
 pub use setting::{SkySetting, SunPlace, SunSetting};
 pub use sun::{SUN_RADIUS_RAD, SunPosition, SunTime, sun_direction, sun_solid_angle};

@@ -15,6 +15,15 @@ const LATER_PATCHES: u32 = 16;
 /// Share of later picks that go to all patches alike, whatever the pilots saw.
 const ALIKE: f32 = 0.2;
 
+/// What becomes of patches that no pilot saw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unseen {
+    /// They are connected to as seldom as the dimmest.
+    Kept,
+    /// They are left to walks that escape to them.
+    Dropped,
+}
+
 /// The patches of a sky that are connected to.
 #[derive(Clone, Debug, Default)]
 pub struct SkyPicks {
@@ -47,11 +56,11 @@ impl SkyPicks {
         SkyPicks { columns: patches.into_iter().map(|(column, _)| column).collect(), summed }
     }
 
-    /// What pilots saw of each patch; patches that none saw are left out. Nothing changes where there is nothing to tell.
-    pub fn learn(&mut self, reach: &[f32]) {
+    /// What pilots saw of each patch. Nothing changes where there is nothing to tell.
+    pub fn learn(&mut self, reach: &[f32], unseen: Unseen) {
         if reach.len() == self.columns.len() && reach.iter().any(|&light| light > 0.0) {
-            let seen = self.columns.iter().copied().zip(reach.iter().copied());
-            *self = SkyPicks::of(seen.filter(|&(_, light)| light > 0.0).collect());
+            let patches = self.columns.iter().copied().zip(reach.iter().map(|light| light.max(0.0)));
+            *self = SkyPicks::of(patches.filter(|&(_, light)| unseen == Unseen::Kept || light > 0.0).collect());
         }
     }
 
@@ -97,7 +106,7 @@ mod tests {
         let mut sky = SkyPicks::of((10..300).map(|column| (column, 1.0)).collect());
         let reach: Vec<f32> =
             (0..290).map(|i| if i < 3 { 0.0 } else { 1.0 + (i % 7) as f32 * (i / 200) as f32 }).collect();
-        sky.learn(&reach);
+        sky.learn(&reach, Unseen::Dropped);
         let (mut counts, mut picks, n) = (vec![0.0; 300], Vec::new(), 20_000);
         for index in 0..n {
             picks.clear();
@@ -118,8 +127,8 @@ mod tests {
     #[test]
     fn pilots_that_saw_nothing_change_nothing() {
         let mut sky = SkyPicks::of((0..40).map(|column| (column, 1.0)).collect());
-        sky.learn(&[0.0; 40]);
-        sky.learn(&[1.0; 3]);
+        sky.learn(&[0.0; 40], Unseen::Dropped);
+        sky.learn(&[1.0; 3], Unseen::Dropped);
         assert_eq!(sky.columns().len(), 40);
         assert!((sky.later_rate(7).unwrap() - 0.4).abs() < 1e-5);
     }

@@ -131,7 +131,7 @@ fn quoted(desk: &Desk, rows: &str) -> Result<String> {
 }
 
 /// CPU seconds of all threads of this process so far, user and system.
-fn process_cpu_secs() -> Result<f64> {
+pub fn process_cpu_secs() -> Result<f64> {
     // Linux tells them in hundredths of a second, in fields 14 and 15; the second field is a name that may hold anything.
     const PER_SECOND: f64 = 100.0;
     let told = std::fs::read_to_string("/proc/self/stat").context("only Linux tells the CPU time of a process")?;

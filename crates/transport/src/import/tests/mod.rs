@@ -4,6 +4,7 @@ mod broken;
 mod conformance;
 mod fixture;
 mod geometry;
+mod idle;
 mod profiles;
 mod scenes;
 mod surfaces;

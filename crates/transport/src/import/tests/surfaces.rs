@@ -85,7 +85,7 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
         let mut fixture = Fixture::triangle();
         fixture.root["images"] = json!([image]);
         fixture.root["textures"] = json!([{"source": 0}]);
-        let imported = fixture.material(json!({"emissiveTexture": {"index": 0}})).load();
+        let imported = fixture.material(json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}})).load();
         assert_eq!(imported.scene.textures[0].image.texels[0], [255, 0, 255, 255]);
         assert!(imported.report.warnings[0].contains("checkerboard"), "{:?}", imported.report.warnings);
     }
@@ -98,7 +98,7 @@ fn a_readable_twin_stands_in_for_an_unreadable_image() {
         let (good, basis) = (fixture.view(&png()), fixture.view(b"\xABKTX 20\xBB\r\n\x1A\n"));
         fixture.root["images"] = json!([{"bufferView": good}, {"bufferView": basis}, {"uri": "nowhere.png"}]);
         fixture.root["textures"] = json!([texture]);
-        fixture.material(json!({"emissiveTexture": {"index": 0}})).load()
+        fixture.material(json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0}})).load()
     };
     let basis = json!({"KHR_texture_basisu": {"source": 1}});
     let webp = json!({"EXT_texture_webp": {"source": 0}});
@@ -132,8 +132,10 @@ fn the_example_of_texture_transform_uses_the_lower_left_quadrant() {
     let mut fixture = Fixture::triangle();
     fixture.root["textures"] = json!([{}]);
     let scene = fixture
-        .material(json!({"emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform":
-            {"offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5], "texCoord": 1}}}}))
+        .material(
+            json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": 0, "extensions": {"KHR_texture_transform":
+            {"offset": [0, 1], "rotation": std::f32::consts::FRAC_PI_2, "scale": [0.5, 0.5], "texCoord": 1}}}}),
+        )
         .load()
         .scene;
     let texture = scene.materials[0].emissive_texture.expect("given");

@@ -1,0 +1,107 @@
+//! Textures that nothing samples: their factor is 0, so that what the image holds is multiplied away. Nobody decodes them.
+
+use glam::Vec3;
+use gltf::json::Root;
+
+use super::container::Buffers;
+use super::images::{dimensions, sources_of};
+use crate::scene::{AlphaMode, Finish, Material, Scene, TextureRef};
+
+/// Takes idle textures from the materials, and from `textures` (indices in the file) those that none uses any more.
+pub(super) fn drop_idle(materials: &mut [Material], textures: &mut Vec<usize>) {
+    materials.iter_mut().for_each(forget_idle);
+    let mut is_used = vec![false; textures.len()];
+    for slot in materials.iter_mut().flat_map(slots) {
+        if let Some(used) = slot.as_ref().and_then(|texture| is_used.get_mut(texture.texture as usize)) {
+            *used = true;
+        }
+    }
+    let places: Vec<u32> = is_used
+        .iter()
+        .scan(0, |kept, &used| {
+            *kept += u32::from(used);
+            Some(kept.saturating_sub(1))
+        })
+        .collect();
+    for texture in materials.iter_mut().flat_map(slots).flatten() {
+        texture.texture = places.get(texture.texture as usize).copied().unwrap_or(texture.texture);
+    }
+    let mut used = is_used.into_iter();
+    textures.retain(|_| used.next().unwrap_or(true));
+}
+
+/// Counts the images of the file that none of the textures needs.
+pub(super) fn count_idle(scene: &mut Scene, document: &Root, textures: &[usize], buffers: &Buffers) {
+    let mut is_needed = vec![false; document.images.len()];
+    for source in textures.iter().flat_map(|&texture| sources_of(document, texture)) {
+        if let Some(needed) = is_needed.get_mut(source) {
+            *needed = true;
+        }
+    }
+    for (index, _) in is_needed.into_iter().enumerate().filter(|(_, needed)| !needed) {
+        let [width, height] = dimensions(document, index, buffers).unwrap_or([0; 2]);
+        scene.idle_images += 1;
+        scene.idle_bytes += 4 * u64::from(width) * u64::from(height);
+    }
+}
+
+fn forget_idle(material: &mut Material) {
+    let matched = crate::bsdf::is_matched(material.ior);
+    let no_coat = material.specular <= 0.0 || matched;
+    let is_black = material.base_color.truncate() == Vec3::ZERO && material.alpha == AlphaMode::Opaque;
+    let idle = |texture: &mut Option<TextureRef>, is_idle: bool| *texture = texture.filter(|_| !is_idle);
+    idle(&mut material.base_color_texture, is_black);
+    idle(&mut material.metallic_roughness_texture, material.metallic <= 0.0 && material.roughness <= 0.0);
+    idle(&mut material.transmission_texture, material.transmission <= 0.0);
+    idle(&mut material.specular_texture, no_coat);
+    idle(&mut material.specular_color_texture, no_coat || material.specular_color == Vec3::ZERO);
+    let shines = material.is_emitter();
+    idle(&mut material.emissive_texture, !shines);
+    if let Some(finish) = &mut material.finish {
+        forget_idle_finish(finish);
+    }
+}
+
+fn forget_idle_finish(finish: &mut Finish) {
+    let idle = |texture: &mut Option<TextureRef>, is_idle: bool| *texture = texture.filter(|_| !is_idle);
+    let (no_coat, no_sheen) = (finish.clearcoat <= 0.0, finish.sheen_color == Vec3::ZERO);
+    idle(&mut finish.clearcoat_texture, no_coat);
+    idle(&mut finish.clearcoat_roughness_texture, no_coat || finish.clearcoat_roughness <= 0.0);
+    idle(&mut finish.clearcoat_normal_texture, no_coat);
+    idle(&mut finish.sheen_color_texture, no_sheen);
+    idle(&mut finish.sheen_roughness_texture, no_sheen || finish.sheen_roughness <= 0.0);
+    idle(&mut finish.anisotropy_texture, finish.anisotropy <= 0.0);
+    idle(&mut finish.iridescence_texture, finish.iridescence <= 0.0);
+    idle(&mut finish.film_thickness_texture, finish.iridescence <= 0.0);
+    idle(&mut finish.diffuse_transmission_texture, finish.diffuse_transmission <= 0.0);
+    let no_color = finish.diffuse_transmission <= 0.0 || finish.diffuse_transmission_color == Vec3::ZERO;
+    idle(&mut finish.diffuse_transmission_color_texture, no_color);
+}
+
+/// Every place of a material that may hold a texture.
+fn slots(material: &mut Material) -> Vec<&mut Option<TextureRef>> {
+    let mut slots = vec![
+        &mut material.base_color_texture,
+        &mut material.metallic_roughness_texture,
+        &mut material.normal_texture,
+        &mut material.emissive_texture,
+        &mut material.transmission_texture,
+        &mut material.specular_texture,
+        &mut material.specular_color_texture,
+    ];
+    if let Some(finish) = &mut material.finish {
+        slots.extend([
+            &mut finish.clearcoat_texture,
+            &mut finish.clearcoat_roughness_texture,
+            &mut finish.clearcoat_normal_texture,
+            &mut finish.sheen_color_texture,
+            &mut finish.sheen_roughness_texture,
+            &mut finish.anisotropy_texture,
+            &mut finish.iridescence_texture,
+            &mut finish.film_thickness_texture,
+            &mut finish.diffuse_transmission_texture,
+            &mut finish.diffuse_transmission_color_texture,
+        ]);
+    }
+    slots
+}

@@ -1,0 +1,345 @@
+//! What is skipped changes no picture: exactly where random numbers stay the same, else in the mean.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use glam::{Quat, Vec3, Vec4};
+
+use super::stage::{Stage, lambert, pane, quad, room};
+use super::walks::{Mean, Walks, assert_same_mean, file_light};
+use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
+use crate::camera::{Camera, Film};
+use crate::emitters::SkyRequest;
+use crate::empty::EmptyPixels;
+use crate::light::LightRig;
+use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::plan::{Density, MatrixPlan};
+use crate::prepared::PreparedScene;
+use crate::reach::dark_sources;
+use crate::scene::{AlphaMode, Material, PunctualKind, Scene};
+use crate::skips::{Skip, Skips};
+use crate::sky::{Environment, SkyForm, SkyLight};
+use crate::trace::{TraceConfig, trace};
+
+const FILM: Film = Film { width: 48, height: 32 };
+const HALF: Vec3 = Vec3::new(1.0, 0.8, 1.2);
+
+fn inside() -> Camera {
+    Camera::look_at("inside", Vec3::new(0.3, 0.1, 0.9), Vec3::new(-0.2, -0.3, -1.0), 1.1, 1.5)
+}
+
+fn prepared(scene: &Scene, form: Option<SkyForm>, skips: Skips) -> PreparedScene {
+    let light = SkyLight::new("even", Environment::from_fn(8, 4, |_| Vec3::ONE));
+    let sky = form.map(|form| SkyRequest { light, form });
+    PreparedScene::with_skips(scene.clone(), &[], sky.as_ref(), skips).expect("a stage has valid lights").0
+}
+
+/// With all skips, and with one off.
+fn pair(scene: &Scene, form: Option<SkyForm>, skip: Skip) -> [PreparedScene; 2] {
+    [Skips::default(), Skips::default().without(skip)].map(|skips| prepared(scene, form, skips))
+}
+
+/// Green radiance under the light of the file.
+fn traced(scene: &PreparedScene, spp: u32, seed: u64) -> Vec<f64> {
+    let coefficients: Vec<[f32; 3]> = file_light(scene).into_iter().map(|w| [w; 3]).collect();
+    let config = TraceConfig { spp, bounces: None, seed };
+    let go_on = |_| ControlFlow::Continue(());
+    let pixels = trace(scene, &scene.scene.cameras[0], FILM, &coefficients, &config, &go_on).expect("nobody stops it");
+    pixels.into_iter().map(|rgb| f64::from(rgb[1])).collect()
+}
+
+fn baked(scene: PreparedScene, spp: u32, tolerance_db: f32) -> Bake {
+    let camera = scene.scene.cameras[0].clone();
+    let config = BakeConfig { spp, tolerance_db, ..BakeConfig::default() };
+    let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
+    let job = BakeJob { scene: Arc::new(scene), camera, film: FILM, config, passes, irradiance };
+    job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+}
+
+/// Green radiance of a bake under the light of the file, mean by mean over 8 × 8 pixels. That picture is not truncated, so
+/// that pixels are independent.
+fn relit(bake: &Bake) -> Vec<f64> {
+    const SIDE: usize = 8;
+    let across = FILM.width as usize / SIDE;
+    let mut means = vec![0.0; FILM.n_pixels() / (SIDE * SIDE)];
+    for (group, coefficients) in bake.groups.iter().zip(bake.header.coefficients(&LightRig::default())) {
+        let green: Vec<f32> = coefficients.iter().map(|rgb| rgb[1]).collect();
+        for (pixel, rows) in group.apply(&green).chunks_exact(CHANNELS).enumerate() {
+            let (x, y) = (pixel % FILM.width as usize / SIDE, pixel / FILM.width as usize / SIDE);
+            means[y * across + x] += f64::from(rows[1]) / (SIDE * SIDE) as f64;
+        }
+    }
+    means
+}
+
+/// A box on a table, and nothing around it.
+fn in_the_open() -> Scene {
+    let camera = Camera::look_at("aside", Vec3::new(0.4, 0.9, 3.0), Vec3::new(0.0, 0.4, 0.0), 0.9, 1.5);
+    let top = quad(Vec3::new(-1.0, 0.0, 0.8), Vec3::X * 2.0, Vec3::NEG_Z * 1.6);
+    Stage::new(camera)
+        .surface("table", &top, lambert(0.7, 0.0))
+        .surface("leaf", &quad(Vec3::new(-0.3, 0.1, 0.0), Vec3::X * 0.6, Vec3::Y * 0.7), lambert(0.5, 0.0))
+        .lamp("lamp", Vec3::new(0.5, 1.5, 1.0), 3.0)
+        .prepared()
+        .scene
+}
+
+#[test]
+fn pixels_that_see_nothing_are_the_same_without_rays() {
+    for form in [None, Some(SkyForm::Whole), Some(SkyForm::Patches(1))] {
+        let [with, without] = pair(&in_the_open(), form, Skip::EmptyPixels);
+        assert!(traced(&with, 4, 3) == traced(&without, 4, 3), "{form:?}");
+        let [with, without] = [with, without].map(|scene| baked(scene, 8, 30.0));
+        let blocks = |bake: &Bake| bake.groups.iter().flat_map(|g| g.blocks.clone()).collect::<Vec<_>>();
+        assert!(blocks(&with) == blocks(&without), "{form:?}");
+        let n_empty = with.figures().skipped.empty_pixels;
+        assert!(n_empty > FILM.n_pixels() / 4 && without.figures().skipped.empty_pixels == 0, "{n_empty}");
+    }
+}
+
+#[test]
+fn no_pixel_is_called_empty_that_a_ray_of_it_finds_full() {
+    let (mut rng, film) = (crate::sampler::Sampler::new(5, 1, 0), Film { width: 40, height: 30 });
+    let mut n_empty = 0;
+    for _ in 0..200 {
+        let mut point = |size: f32| {
+            let ([x, y], z) = (rng.next_2d(), rng.next_1d());
+            (Vec3::new(x, y, z) - 0.5) * size
+        };
+        // Some triangles lie around the camera, some far away, some partly behind it.
+        let (center, eye) = (point(4.0), point(4.0));
+        let corners = [point(1.5) + center, point(1.5) + center, point(8.0)];
+        let stage = Stage::new(Camera::look_at("any", eye, point(4.0), 1.2, 1.3));
+        let scene = stage.surface("triangle", &corners, lambert(0.5, 0.0)).prepared();
+        let Some(empty) = EmptyPixels::find(&scene.scene.mesh, &scene.scene.cameras[0], film) else { continue };
+        n_empty += empty.count();
+        for pixel in (0..film.n_pixels()).filter(|&pixel| empty.contains(pixel)) {
+            let corner = glam::Vec2::new((pixel % 40) as f32, (pixel / 40) as f32);
+            for within in [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::ONE, Vec3::splat(0.5)] {
+                let direction = scene.scene.cameras[0].direction(film, corner + within.truncate());
+                let ray = crate::bvh::Ray { origin: eye, direction, t_min: 0.0, t_max: f32::INFINITY };
+                assert!(scene.closest(&ray, &mut rng.clone()).is_none(), "{corners:?} from {eye} at {corner}");
+            }
+        }
+    }
+    assert!(n_empty > 10_000, "{n_empty} of 240,000");
+}
+
+#[test]
+fn a_diffuse_surface_without_its_lobes_scatters_as_with_them() {
+    let scene = Stage::new(inside()).surface("walls", &room(HALF), lambert(0.7, 0.0)).lamp("lamp", Vec3::ZERO, 1.0);
+    let [with, without] = pair(&scene.prepared().scene, None, Skip::Lobes);
+    assert!(with.spared().diffuse_materials == 1 && without.spared().diffuse_materials == 0);
+    let ray = crate::bvh::Ray { origin: Vec3::ZERO, direction: Vec3::NEG_Y, t_min: 0.0, t_max: 9.0 };
+    let hit = with.closest(&ray, &mut crate::sampler::Sampler::new(0, 0, 0)).expect("the floor");
+    for (wo, wi) in [(Vec3::Y, Vec3::new(0.6, 0.8, 0.0)), (Vec3::new(0.0, 0.1, 0.995), Vec3::Y)] {
+        let [(plain, plain_pdf), (layered, pdf)] = [&with, &without].map(|scene| scene.bsdf(&hit, wo).eval(wi));
+        assert!((plain - layered).abs().max_element() < 1e-6 && (plain_pdf - pdf).abs() < 1e-6, "{plain} {layered}");
+    }
+    let [a, b] = [&with, &without].map(|scene| traced(scene, 32, 1));
+    assert_same_mean(&a, &b, 5e-3, "the picture with all lobes");
+}
+
+#[test]
+fn opaque_surfaces_are_there_whether_or_not_they_are_asked() {
+    let leaf = Material { base_color: Vec4::new(0.4, 0.6, 0.2, 0.5), alpha: AlphaMode::Blend, ..lambert(0.5, 0.0) };
+    let stage = Stage::new(inside())
+        .surface("walls", &room(HALF), lambert(0.6, 0.0))
+        .surface("leaf", &quad(Vec3::new(-0.5, -0.5, -0.4), Vec3::X, Vec3::Y), leaf)
+        .surface("pane", &quad(Vec3::new(-0.9, -0.2, 0.0), Vec3::X * 0.5, Vec3::Y * 0.5), pane())
+        .lamp("lamp", Vec3::new(0.2, 0.5, -0.8), 1.0);
+    let [with, without] = pair(&stage.prepared().scene, None, Skip::Alpha);
+    assert!(with.spared().opaque_triangles == 12 && without.spared().opaque_triangles == 0);
+    // The same rays; only where two triangles meet may rounding choose the other one.
+    let [a, b] = [&with, &without].map(|scene| traced(scene, 2, 1));
+    let differing = a.iter().zip(&b).filter(|(a, b)| (*a - *b).abs() > 1e-4 * b.abs()).count();
+    assert!(differing * 50 < a.len(), "{differing} of {} pixels differ", a.len());
+    assert_same_mean(&a, &b, 5e-3, "the picture with alpha asked everywhere");
+}
+
+/// A closed room, turned so that no wall lies along an axis, with a lamp in it.
+fn closed_room(hole: bool) -> Stage {
+    let turn = Quat::from_rotation_y(0.4) * Quat::from_rotation_x(0.2);
+    let mut corners: Vec<Vec3> = room(HALF).into_iter().map(|corner| turn * corner).collect();
+    if hole {
+        corners.truncate(corners.len() - 3);
+    }
+    Stage::new(inside())
+        .surface("walls", &corners, lambert(0.6, 0.0))
+        .surface("table", &quad(Vec3::new(-0.4, -0.4, -0.4), Vec3::Z * 0.6, Vec3::X * 0.6), lambert(0.5, 0.0))
+        .lamp("lamp", Vec3::new(0.2, 0.4, -0.2), 1.0)
+}
+
+fn keys(scene: &PreparedScene, sources: &[u32]) -> Vec<String> {
+    sources.iter().map(|&source| scene.lighting.basis.sources[source as usize].key.clone()).collect()
+}
+
+fn dark(scene: &PreparedScene) -> Vec<String> {
+    keys(scene, &dark_sources(scene, scene.scene.cameras[0].position()))
+}
+
+#[test]
+fn the_sky_over_a_closed_room_is_not_connected_to_and_nothing_changes() {
+    let scene = closed_room(false).prepared().scene;
+    for form in [SkyForm::Whole, SkyForm::Patches(1)] {
+        let [with, without] = pair(&scene, Some(form), Skip::ClosedSky);
+        assert_eq!((dark(&with), dark(&without)), (vec!["sky".to_owned()], vec![]), "{form:?}");
+        let [a, b] = [&with, &without].map(|scene| traced(scene, 32, 1));
+        // Half of the connections of a picture went to the sky before.
+        assert_same_mean(&a, &b, 1.5e-2, "a picture under a closed roof");
+        let weights = file_light(&with);
+        let walks = Walks { film: FILM, streams: 3072, spp: 2, bounces: None, seed: 3 };
+        let dark = dark_sources(&with, with.scene.cameras[0].position());
+        let plan = MatrixPlan::without(&with.lighting, Density::Full, &dark);
+        let all = MatrixPlan::new(&without.lighting, Density::Full);
+        let [a, b] = [walks.streams(&with, &plan, &weights), walks.streams(&without, &all, &weights)];
+        assert_same_mean(&a, &b, 1e-2, "a matrix under a closed roof");
+    }
+}
+
+#[test]
+fn a_room_with_the_least_hole_keeps_its_sky() {
+    let open = prepared(&closed_room(true).prepared().scene, Some(SkyForm::Whole), Skips::default());
+    assert!(dark(&open).is_empty(), "half a wall is missing");
+    // A window of clear glass, and one that is there by half.
+    for window in [pane(), Material { alpha: AlphaMode::Blend, ..lambert(0.5, 0.0) }] {
+        let corners = room(HALF);
+        let (walls, rest) = corners.split_at(corners.len() - 6);
+        let stage = Stage::new(inside()).surface("walls", walls, lambert(0.6, 0.0)).surface("window", rest, window);
+        let lit = stage.lamp("lamp", Vec3::ZERO, 1.0).prepared().scene;
+        assert!(dark(&prepared(&lit, Some(SkyForm::Patches(1)), Skips::default())).is_empty());
+    }
+    // A hole so small that no random walk finds it.
+    let mut corners = room(HALF);
+    corners[0] *= 1.000_001;
+    let stage = Stage::new(inside()).surface("walls", &corners, lambert(0.6, 0.0)).lamp("lamp", Vec3::ZERO, 1.0);
+    assert!(dark(&prepared(&stage.prepared().scene, Some(SkyForm::Whole), Skips::default())).is_empty());
+    // A camera outside sees the sky.
+    let outside = Camera::look_at("outside", Vec3::new(0.0, 0.3, 5.0), Vec3::ZERO, 1.0, 1.5);
+    let stage = Stage::new(outside).surface("walls", &room(HALF), lambert(0.6, 0.0)).lamp("lamp", Vec3::ZERO, 1.0);
+    let scene = prepared(&stage.prepared().scene, Some(SkyForm::Whole), Skips::default());
+    assert_eq!(dark(&scene), ["lamp"], "the walls keep the lamp in");
+}
+
+/// Lamps that reach nothing, each for a reason of its own, and others that only nearly do.
+fn with_dark_lamps() -> Scene {
+    let away = quad(Vec3::new(-0.3, 2.0, -0.3), Vec3::Z * 0.5, Vec3::X * 0.5);
+    let mut scene = closed_room(false)
+        .panel("other room", &quad(Vec3::new(4.0, -1.0, -1.0), Vec3::Y * 2.0, Vec3::Z * 2.0), 9.0, 4)
+        .surface("away", &away, lambert(0.0, 5.0))
+        .panel("panel", &quad(Vec3::new(-0.2, 0.45, -0.3), Vec3::X * 0.4, Vec3::Z * 0.4), 3.0, 4)
+        .lamp("next door", Vec3::new(-3.0, 0.2, 0.1), 50.0)
+        .lamp("never on", Vec3::new(0.1, 0.2, 0.1), 0.0)
+        .lamp("aside", Vec3::new(0.0, 0.3, 0.1), 5.0)
+        .lamp("spot", Vec3::new(0.1, 0.3, 0.0), 5.0)
+        .prepared()
+        .scene;
+    let spot = PunctualKind::Spot { inner_rad: 0.2, outer_rad: 0.4 };
+    for lamp in scene.punctual.iter_mut().rev().take(2) {
+        lamp.kind = spot;
+    }
+    scene
+}
+
+#[test]
+fn lamps_that_reach_nothing_are_not_connected_to_and_nothing_changes() {
+    let scene = with_dark_lamps();
+    let [with, without] = pair(&scene, None, Skip::DarkLamps);
+    assert_eq!(dark(&with), ["away", "next door", "never on", "other room"]);
+    assert!(dark(&without).is_empty());
+    let [a, b] = [&with, &without].map(|scene| traced(scene, 32, 1));
+    assert_same_mean(&a, &b, 3e-2, "a picture without the lamps next door");
+    let [with, without] = [with, without].map(|scene| baked(scene, 16, 60.0));
+    assert_eq!(with.figures().skipped.dark_lamp_columns, 19, "three lamps and a panel of sixteen texels");
+    assert!(with.figures().skipped.connections_saved > 16.0 * FILM.n_pixels() as f64);
+    let [a, b] = [&with, &without].map(relit);
+    assert_same_mean(&a, &b, 2e-2, "a bake without the lamps next door");
+}
+
+#[test]
+fn lamps_that_look_away_from_everything_are_found_without_walls() {
+    let floor = || {
+        Stage::new(inside()).surface(
+            "floor",
+            &quad(Vec3::new(-2.0, -1.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0),
+            lambert(0.6, 0.0),
+        )
+    };
+    let up = quad(Vec3::new(-0.3, 0.5, -0.3), Vec3::Z * 0.5, Vec3::X * 0.5);
+    let mut scene = floor().panel("up", &up, 3.0, 4).lamp("spot", Vec3::new(1.5, 0.45, 1.5), 1.0).prepared().scene;
+    let mut found = |direction: Vec3, outer_rad: f32| {
+        let lamp = scene.punctual.last_mut().expect("there is a lamp");
+        (lamp.kind, lamp.direction) = (PunctualKind::Spot { inner_rad: 0.1, outer_rad }, direction);
+        dark(&prepared(&scene, None, Skips::default()))
+    };
+    assert_eq!(found(Vec3::Y, 0.5), ["spot", "up"]);
+    assert_eq!(found(Vec3::NEG_Y, 0.5), ["up"]);
+    assert_eq!(found(Vec3::Y, 1.55), ["up"], "a cone that is nearly a half space grazes the panel");
+    // From two sides it shines on the floor as well.
+    let glow = Material { double_sided: true, ..lambert(0.0, 3.0) };
+    assert!(dark(&floor().surface("both", &up, glow).prepared()).is_empty());
+    // Something above it is enough.
+    let stage = floor().panel("up", &up, 3.0, 4);
+    let lid = quad(Vec3::new(5.0, 0.6, 5.0), Vec3::X, Vec3::Z);
+    assert!(dark(&stage.surface("lid", &lid, lambert(0.5, 0.0)).prepared()).is_empty());
+}
+
+/// A room with a window to the sky in one wall.
+fn room_with_a_window() -> Scene {
+    let corners = room(HALF);
+    let stage = Stage::new(inside()).surface("walls", &corners[..corners.len() - 3], lambert(0.6, 0.0));
+    stage.lamp("lamp", Vec3::ZERO, 0.2).prepared().scene
+}
+
+#[test]
+fn patches_that_pilots_saw_nothing_of_lose_no_light() {
+    let scene = prepared(&room_with_a_window(), Some(SkyForm::Patches(1)), Skips::default());
+    let plan = || MatrixPlan::new(&scene.lighting, Density::Full);
+    let (scale, reach) = TransportMatrix::new(&scene, &plan(), inside(), FILM, None, 3).measure_columns();
+    let n_seen = reach.iter().filter(|light| **light > 0.0).count();
+    assert!(n_seen > 20 && 10 * n_seen < 6 * reach.len(), "{n_seen} of {} patches shine in", reach.len());
+    let weights = file_light(&scene);
+    let light = |skips: Skips, seed| {
+        let walks = Walks { film: FILM, streams: 6144, spp: 4, bounces: None, seed };
+        walks.streams(&scene, &plan().fitted(&scale, &reach, skips), &weights)
+    };
+    let all = light(Skips::default().without(Skip::UnseenPatches), 1);
+    assert_same_mean(&light(Skips::default(), 1), &all, 2e-2, "connections to the patches that shine in");
+}
+
+/// A closed room with a lamp and a panel.
+fn lit_by_a_panel() -> Scene {
+    let panel = quad(Vec3::new(-0.2, 0.45, -0.3), Vec3::X * 0.4, Vec3::Z * 0.4);
+    closed_room(false).panel("panel", &panel, 3.0, 4).prepared().scene
+}
+
+#[test]
+fn connections_that_carry_little_keep_their_light_under_roulette() {
+    let [with, without] = pair(&lit_by_a_panel(), None, Skip::WeakLight);
+    let [with, without] = [with, without].map(|scene| baked(scene, 16, 60.0));
+    let [share, none] = [&with, &without].map(|bake| bake.figures().skipped.weak_connections);
+    assert!(share > 0.1 && share < 1.0 && none == 0.0, "{share}");
+    let [a, b] = [&with, &without].map(relit);
+    assert_same_mean(&a, &b, 2e-2, "a bake that asks for every connection");
+}
+
+#[test]
+fn blocks_that_stop_early_have_the_mean_of_those_that_go_on() {
+    let [with, without] = pair(&with_dark_lamps(), None, Skip::ConvergedBlocks);
+    let [with, without] = [with, without].map(|scene| baked(scene, 32, 20.0));
+    let [saved, none] = [&with, &without].map(|bake| bake.figures().skipped.samples_saved);
+    assert!(saved > 0.2 && none == 0.0, "{saved}");
+    let [a, b] = [&with, &without].map(relit);
+    assert_same_mean(&a, &b, 2e-2, "a bake that takes all samples");
+}
+
+#[test]
+fn a_bake_tells_which_skips_were_off() {
+    let scene = in_the_open();
+    let bake = baked(prepared(&scene, None, Skips::none()), 2, 20.0);
+    assert_eq!(bake.figures().skipped.off, Skip::ALL);
+    let json = serde_json::to_value(&*baked(prepared(&scene, None, Skips::default()), 2, 20.0).header);
+    let json = json.expect("a header has a JSON form");
+    assert!(json.get("skips").is_none() && json["spared"]["empty_pixels"].as_u64() > Some(0));
+    assert!(Mean::of(&relit(&bake)).value > 0.0);
+}
