@@ -2,6 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::display::{Dither, DisplayParams, Spacing, Tone, WhitePoint};
+
 /// `Block` in `project.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -44,7 +46,45 @@ pub(crate) struct Display {
     pub height: u32,
     pub tone: u32,
     pub gain: f32,
+    /// Columns of the matrix of white balance, padded.
+    pub balance: [[f32; 4]; 3],
+    pub dither: u32,
+    pub spacing: u32,
+    pub scale_start: f32,
+    pub scale_per_unit: f32,
 }
+
+impl Display {
+    /// The parameters as the shader takes them.
+    pub(crate) fn new(width: u32, height: u32, params: &DisplayParams) -> Self {
+        let rows = params.white.map_or(IDENTITY, WhitePoint::matrix);
+        let spacing = params.false_color.map_or(0, |scale| match scale.spacing {
+            Spacing::Log => 1,
+            Spacing::Linear => 2,
+        });
+        let (scale_start, scale_per_unit) = params.false_color.map_or((0.0, 1.0), |scale| scale.line());
+        Self {
+            width,
+            height,
+            tone: match params.tone {
+                Tone::Agx => 0,
+                Tone::Aces => 1,
+                Tone::Neutral => 2,
+                Tone::Reinhard => 3,
+                Tone::Linear => 4,
+            },
+            gain: params.gain(),
+            balance: std::array::from_fn(|col| [rows[0][col], rows[1][col], rows[2][col], 0.0]),
+            dither: u32::from(params.dither == Dither::Ordered),
+            spacing,
+            scale_start,
+            scale_per_unit,
+        }
+    }
+}
+
+/// White balance that changes nothing.
+const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Name and source of each stage.
 pub(crate) const SHADERS: [(&str, &str); 3] = [
@@ -75,7 +115,7 @@ mod tests {
             shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse),
             shape!(Group: n_cols, frame_width, unused_0, unused_1),
             shape!(SparseTerm: col_channel, value),
-            shape!(Display: width, height, tone, gain),
+            shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit),
         ]
     }
 

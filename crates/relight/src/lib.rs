@@ -35,7 +35,7 @@ pub mod relight;
 pub mod synthetic;
 
 pub use cpu::CpuRelighter;
-pub use display::{DisplayParams, Tone, auto_exposure_ev, encode};
+pub use display::{DisplayParams, Tone, encode};
 pub use frame::{Frame, Radiance};
 pub use gpu::{DeviceChoice, Gpu, GpuRelighter};
 pub use relight::{Relight, RelightError, RelightStats};

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::chunk::{Chunk, ChunkLimits, storage};
 use super::stages::{Stages, bind};
-use crate::display::{DisplayParams, Tone};
+use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::gpu::Gpu;
 use crate::layout::{Display, Group};
@@ -187,12 +187,7 @@ impl GpuRelighter {
     }
 
     fn record_display(&self, encoder: &mut wgpu::CommandEncoder, display: &DisplayParams) {
-        let tone = match display.tone {
-            Tone::Agx => 0,
-            Tone::Neutral => 1,
-            Tone::Linear => 2,
-        };
-        let params = Display { width: self.frame.width, height: self.frame.height, tone, gain: display.gain() };
+        let params = Display::new(self.frame.width, self.frame.height, display);
         self.gpu.queue.write_buffer(&self.output.display_params, 0, bytemuck::bytes_of(&params));
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.stages.display);

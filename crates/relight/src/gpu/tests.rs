@@ -1,6 +1,7 @@
 use super::chunk::ChunkLimits;
 use super::*;
 use crate::synthetic::{Ranks, Recipe};
+use crate::display::{ColorScale, Dither, Spacing, WhitePoint};
 use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
 
 /// A device, or the word that there is none; with `CLERESTORY_REQUIRE_GPU=1` that is a failure.
@@ -99,16 +100,25 @@ fn display_agrees_within_one_step() {
     let (frame, x) = (recipe.frame(), recipe.coefficients(2));
     let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
     let radiance = relit(&mut CpuRelighter::new(&frame).unwrap(), &x);
-    for tone in [Tone::Agx, Tone::Neutral, Tone::Linear] {
-        for exposure_ev in [-6.0, -2.5, 3.0] {
-            let params = DisplayParams { tone, exposure_ev };
-            relighter.relight_to_texture(&x, &params).unwrap();
-            let (found, expected) = (relighter.read_texture().unwrap(), encode(&radiance, &params));
-            assert_eq!(found.len(), expected.len());
-            for (i, (a, b)) in found.iter().zip(&expected).enumerate() {
-                assert!(a.abs_diff(*b) <= 1, "byte {i} at {params:?}: {a} on the GPU, {b} on the CPU");
-            }
+    let mut assert_near = |params: DisplayParams| {
+        relighter.relight_to_texture(&x, &params).unwrap();
+        let (found, expected) = (relighter.read_texture().unwrap(), encode(&radiance, &params));
+        assert_eq!(found.len(), expected.len());
+        for (i, (a, b)) in found.iter().zip(&expected).enumerate() {
+            assert!(a.abs_diff(*b) <= 1, "byte {i} at {params:?}: {a} on the GPU, {b} on the CPU");
         }
+    };
+    let warm = WhitePoint { kelvin: 2900.0, duv: -0.003 };
+    for tone in Tone::ALL {
+        for exposure_ev in [-6.0, -2.5, 3.0] {
+            let plain = DisplayParams { tone, exposure_ev, ..DisplayParams::default() };
+            assert_near(plain);
+            assert_near(DisplayParams { white: Some(warm), dither: Dither::Ordered, ..plain });
+        }
+    }
+    for spacing in [Spacing::Log, Spacing::Linear] {
+        let scale = ColorScale { spacing, low: 0.5, high: 20.0 };
+        assert_near(DisplayParams { false_color: Some(scale), ..DisplayParams::default() });
     }
 }
 
