@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::display::{Dither, DisplayParams, Spacing, Tone, WhitePoint};
 
-/// `Block` in `project.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
+/// `Block` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Block {
@@ -20,14 +20,26 @@ pub(crate) struct Block {
     pub n_sparse: u32,
 }
 
-/// `Group` in `project.wgsl` and `expand.wgsl`.
+/// `Group` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Group {
     pub n_cols: u32,
     pub frame_width: u32,
-    pub unused_0: u32,
-    pub unused_1: u32,
+    pub n_segments: u32,
+    /// An [`ExpandMode`].
+    pub mode: u32,
+}
+
+/// `mode` of a [`Group`]: what expand does with the radiance of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ExpandMode {
+    /// Adds to the groups before.
+    Add = 0,
+    /// Sets it on top of the settled groups.
+    Set = 1,
+    /// The same, but leaves blocks alone whose `z` did not move.
+    SetMoved = 2,
 }
 
 /// `SparseTerm` in `expand.wgsl`.
@@ -87,14 +99,18 @@ impl Display {
 const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// Name and source of each stage.
-pub(crate) const SHADERS: [(&str, &str); 3] = [
+pub(crate) const SHADERS: [(&str, &str); 4] = [
     ("project", include_str!("../shaders/project.wgsl")),
+    ("gather", include_str!("../shaders/gather.wgsl")),
     ("expand", include_str!("../shaders/expand.wgsl")),
     ("display", include_str!("../shaders/display.wgsl")),
 ];
 
-/// Threads of a workgroup of `project` and `expand`.
+/// Threads of a workgroup of `project`, `gather` and `expand`.
 pub(crate) const THREADS: u32 = 64;
+
+/// Columns of a segment: a pair for each thread of `project`.
+pub(crate) const SEGMENT: u32 = 2 * THREADS;
 
 #[cfg(test)]
 mod tests {
@@ -113,7 +129,7 @@ mod tests {
     fn shapes() -> Vec<Shape> {
         vec![
             shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse),
-            shape!(Group: n_cols, frame_width, unused_0, unused_1),
+            shape!(Group: n_cols, frame_width, n_segments, mode),
             shape!(SparseTerm: col_channel, value),
             shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit),
         ]
@@ -150,6 +166,6 @@ mod tests {
                 n_checked += 1;
             }
         }
-        assert_eq!(n_checked, 6);
+        assert_eq!(n_checked, 8);
     }
 }
