@@ -117,7 +117,8 @@ impl Picture<'_> {
         }
         let (shown, params) = match display.quantity() {
             Some(Quantity::Illuminance) => {
-                let irradiance = self.irradiance.context("false color of illuminance needs a bake made with --irradiance")?;
+                let irradiance =
+                    self.irradiance.context("false color of illuminance needs a bake made with --irradiance")?;
                 (irradiance, display.metered(irradiance))
             }
             _ => (self.radiance, exposed),
@@ -306,8 +307,7 @@ mod tests {
         let path = folder.path().join("a.png");
         let mut look = Look::default();
         let range = Some([1.0, 100.0]);
-        look.display.false_color =
-            Some(FalseColor { quantity: Quantity::Illuminance, range, ..FalseColor::default() });
+        look.display.false_color = Some(FalseColor { quantity: Quantity::Illuminance, range, ..FalseColor::default() });
         let (radiance, lux) = (gradient(1.0), Radiance { width: 4, height: 3, pixels: vec![[10.0; 3]; 12] });
         let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
         let error = picture.save(&path).unwrap_err().to_string();

@@ -49,7 +49,8 @@ impl Legend {
     pub fn beside(&self, picture: &RgbImage) -> RgbImage {
         let stroke = (picture.height() / ROWS_PER_STROKE).max(1);
         let height = picture.height().max(LEAST_HEIGHT);
-        let (top, bottom) = (2 * GAP * stroke + GLYPH_HEIGHT * stroke, height - GAP * stroke - GLYPH_HEIGHT * stroke / 2);
+        let (top, bottom) =
+            (2 * GAP * stroke + GLYPH_HEIGHT * stroke, height - GAP * stroke - GLYPH_HEIGHT * stroke / 2);
         let most = ((bottom - top) / ((GLYPH_HEIGHT + 3) * stroke) + 1) as usize;
         let marks = self.marks(most);
         let longest = marks.iter().map(|(_, words)| words.chars().count()).max().unwrap_or(0) as u32;
@@ -86,7 +87,8 @@ impl Legend {
         painter.rect_filled(place, 4.0, Color32::from_black_alpha(190));
         let (font, ink) = (FontId::proportional(12.0), Color32::from_gray(230));
         painter.text(place.left_top() + vec2(8.0, 6.0), Align2::LEFT_TOP, unit, font.clone(), ink);
-        let bar = Rect::from_min_max(place.left_top() + vec2(8.0, 28.0), pos2(place.left() + 24.0, place.bottom() - 10.0));
+        let bar =
+            Rect::from_min_max(place.left_top() + vec2(8.0, 28.0), pos2(place.left() + 24.0, place.bottom() - 10.0));
         for y in 0..bar.height() as u32 {
             let [r, g, b] = turbo_bytes(1.0 - y as f32 / bar.height());
             let row = Rect::from_min_size(bar.left_top() + vec2(0.0, y as f32), vec2(bar.width(), 1.5));
@@ -161,7 +163,15 @@ mod tests {
 
     #[test]
     fn numbers_are_short_and_can_all_be_written() {
-        let cases = [(0.0, "0"), (1000.0, "1000"), (0.05, "0.05"), (2.5, "2.5"), (0.1 + 0.2, "0.3"), (5e6, "5e6"), (2e-4, "2e-4")];
+        let cases = [
+            (0.0, "0"),
+            (1000.0, "1000"),
+            (0.05, "0.05"),
+            (2.5, "2.5"),
+            (0.1 + 0.2, "0.3"),
+            (5e6, "5e6"),
+            (2e-4, "2e-4"),
+        ];
         for (value, words) in cases {
             assert_eq!(number_words(value), words);
             let units = [Quantity::Luminance, Quantity::Illuminance].map(Quantity::unit).concat();

@@ -1,8 +1,8 @@
 //! Relighting on the CPU: the twin that defines the answer, and the one that runs where there is no real GPU.
 //!
 //! A row of tiles is one run of the output, so rows of tiles go to threads and nothing is shared. Every group keeps its
-//! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, and a
-//! block whose `z` did not move is not expanded. The answer depends on frame and coefficients alone, not on what was
+//! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, columns
+//! that did not change are not projected again, and a block whose `z` did not move is not expanded. The answer depends on frame and coefficients alone, not on what was
 //! asked before nor on the number of threads.
 
 mod expand;

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::display::{Dither, DisplayParams, Spacing, Tone, WhitePoint};
+use crate::display::{DisplayParams, Dither, Spacing, Tone, WhitePoint};
 
 /// `Block` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
 #[repr(C)]

@@ -177,10 +177,7 @@ impl Follower {
                         Frame { groups: shown.irradiance[set].clone(), ..shown.frame },
                         shown.header.irradiance_coefficients(set, &asked.rig),
                     ),
-                    None => (
-                        self.sky.light(shown, &asked.rig, &mut changed),
-                        shown.header.coefficients(&asked.rig),
-                    ),
+                    None => (self.sky.light(shown, &asked.rig, &mut changed), shown.header.coefficients(&asked.rig)),
                 };
                 self.ask(ctx, frame, &coefficients, changed, &asked);
                 self.asked = Some(asked);

@@ -45,8 +45,7 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let trace_secs = begun.elapsed().as_secs_f64();
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
-    let shown =
-        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format)?;
+    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format)?;
     let output = args.output.display().to_string();
     let words = format!(
         "{output}: {}×{} at {} spp in {}",

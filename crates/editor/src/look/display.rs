@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use anyhow::{Result, bail};
 use clerestory_relight::Radiance;
-use clerestory_relight::display::{ColorScale, Dither, DisplayParams, Metering, Spacing, Tone, WhitePoint};
+use clerestory_relight::display::{ColorScale, DisplayParams, Dither, Metering, Spacing, Tone, WhitePoint};
 use serde_json::Value;
 
 use super::parse::Reader;
@@ -102,7 +102,9 @@ impl Display {
     /// The same at an exposure and on a scale that were metered earlier, where this leaves them open.
     pub fn as_metered(&self, earlier: &DisplayParams) -> DisplayParams {
         let usable = earlier.false_color.filter(|scale| self.false_color.is_some_and(|f| f.spacing == scale.spacing));
-        let scale = |f: FalseColor| f.given().or(usable).unwrap_or_else(|| ColorScale::fitting(&Radiance::default(), f.spacing));
+        let scale = |f: FalseColor| {
+            f.given().or(usable).unwrap_or_else(|| ColorScale::fitting(&Radiance::default(), f.spacing))
+        };
         self.with(self.exposure_ev.unwrap_or(earlier.exposure_ev), self.false_color.map(scale))
     }
 
@@ -144,8 +146,11 @@ impl Reader<'_> {
             let percent = self.optional(object, "percentile", |r, v| r.number(v, &PERCENT))?;
             return Ok(percent.map_or(Metering::Auto, Metering::Percentile));
         }
-        let names =
-            [("auto", Metering::Auto), ("log_average", Metering::LogAverage), ("percentile", Metering::Percentile(PERCENT_DEFAULT))];
+        let names = [
+            ("auto", Metering::Auto),
+            ("log_average", Metering::LogAverage),
+            ("percentile", Metering::Percentile(PERCENT_DEFAULT)),
+        ];
         Ok(self.by_name(value, names)?.unwrap_or_default())
     }
 
@@ -219,7 +224,8 @@ mod tests {
     #[test]
     fn every_setting_comes_back() {
         let white = WhitePoint { kelvin: 3000.0, duv: -0.004 };
-        let false_color = FalseColor { quantity: Quantity::Illuminance, spacing: Spacing::Linear, range: Some([0.0, 500.0]) };
+        let false_color =
+            FalseColor { quantity: Quantity::Illuminance, spacing: Spacing::Linear, range: Some([0.0, 500.0]) };
         let rich = Display {
             exposure_ev: Some(-1.5),
             metering: Metering::Percentile(95.0),
@@ -229,7 +235,12 @@ mod tests {
             false_color: Some(false_color),
         };
         let plain = WhitePoint { duv: 0.0, ..white };
-        let log = Display { metering: Metering::LogAverage, white: Some(plain), false_color: Some(FalseColor::default()), ..rich };
+        let log = Display {
+            metering: Metering::LogAverage,
+            white: Some(plain),
+            false_color: Some(FalseColor::default()),
+            ..rich
+        };
         for display in [Display::default(), rich, log] {
             let json = Look { display, ..Look::default() }.to_json();
             let (back, warnings) = Look::from_json(&json).unwrap();
@@ -252,7 +263,8 @@ mod tests {
         let (display, warnings) = read(json);
         assert_eq!(display, Display { exposure_ev: Some(1.0), ..Display::default() });
         for (key, name) in [("tone", "sepia"), ("metering", "spot"), ("false_color.quantity", "glare")] {
-            let told = warnings.iter().any(|w| w.contains(&format!("`display.{key}`")) && w.contains(&format!("`{name}`")));
+            let told =
+                warnings.iter().any(|w| w.contains(&format!("`display.{key}`")) && w.contains(&format!("`{name}`")));
             assert!(told, "{key} is not in {warnings:?}");
         }
         assert_eq!(warnings.len(), 3);
@@ -292,7 +304,8 @@ mod tests {
         for kelvin in [2700.0, 4000.0, 10_000.0] {
             let tint = clerestory_transport::light::planckian_tint(kelvin);
             let wall = Radiance { width: 1, height: 1, pixels: vec![(0.3 * tint).to_array()] };
-            let display = Display { exposure_ev: Some(0.0), white: Some(WhitePoint { kelvin, duv: 0.0 }), ..Display::default() };
+            let display =
+                Display { exposure_ev: Some(0.0), white: Some(WhitePoint { kelvin, duv: 0.0 }), ..Display::default() };
             let [r, g, b, _] = encode(&wall, &display.metered(&wall))[..] else { panic!() };
             assert!(r.abs_diff(g) <= 1 && g.abs_diff(b) <= 1, "{kelvin} K: {r} {g} {b}");
         }

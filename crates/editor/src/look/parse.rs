@@ -182,8 +182,10 @@ impl Reader<'_> {
 
     /// A value by its name in files; none, and a warning, if there is none of that name.
     pub(super) fn one_of<T: Copy + serde::Serialize>(&mut self, value: &Value, all: &[T]) -> Result<Option<T>> {
-        let names: Vec<(String, T)> =
-            all.iter().map(|one| Ok((serde_json::from_value(serde_json::to_value(one)?)?, *one))).collect::<Result<_>>()?;
+        let names: Vec<(String, T)> = all
+            .iter()
+            .map(|one| Ok((serde_json::from_value(serde_json::to_value(one)?)?, *one)))
+            .collect::<Result<_>>()?;
         self.by_name(value, names)
     }
 
@@ -193,7 +195,8 @@ impl Reader<'_> {
         value: &Value,
         names: impl IntoIterator<Item = (impl AsRef<str>, T)>,
     ) -> Result<Option<T>> {
-        let wanted = value.as_str().ok_or_else(|| anyhow!("`{}` must be a name in quotes, not {value}", self.name()))?;
+        let wanted =
+            value.as_str().ok_or_else(|| anyhow!("`{}` must be a name in quotes, not {value}", self.name()))?;
         let mut known = Vec::new();
         for (name, one) in names {
             if name.as_ref() == wanted {
@@ -201,7 +204,8 @@ impl Reader<'_> {
             }
             known.push(format!("`{}`", name.as_ref()));
         }
-        let sentence = format!("the look sets `{}` to `{wanted}`; known are {}; it is ignored", self.path, known.join(", "));
+        let sentence =
+            format!("the look sets `{}` to `{wanted}`; known are {}; it is ignored", self.path, known.join(", "));
         self.warnings.push(sentence);
         Ok(None)
     }

@@ -38,7 +38,11 @@ const TONES: [Named<Tone>; 5] = [
 const METERINGS: [Named<Metering>; 3] = [
     (Metering::Auto, "Median", "Four times the median luminance is shown as 1"),
     (Metering::LogAverage, "Log average", "The log-average luminance is shown as middle gray, 0.18"),
-    (Metering::Percentile(PERCENT_DEFAULT), "Percentile", "What this percentage of the pixels stays below is shown as 1"),
+    (
+        Metering::Percentile(PERCENT_DEFAULT),
+        "Percentile",
+        "What this percentage of the pixels stays below is shown as 1",
+    ),
 ];
 const SPACINGS: [Named<Spacing>; 2] = [
     (Spacing::Log, "Logarithmic", "Equal ratios of light are equally far apart, as eyes judge them"),
@@ -126,7 +130,8 @@ fn white_rows(ui: &mut Ui, white: &mut Option<WhitePoint>) {
     let label = ui.label("Temperature");
     ui.spacing_mut().slider_width = (ui.available_width() - 78.0).max(60.0);
     let kelvins = *WHITE_KELVIN.start() as f32..=*WHITE_KELVIN.end() as f32;
-    let slider = Slider::new(&mut white.kelvin, kelvins).logarithmic(true).trailing_fill(false).fixed_decimals(0).suffix(" K");
+    let slider =
+        Slider::new(&mut white.kelvin, kelvins).logarithmic(true).trailing_fill(false).fixed_decimals(0).suffix(" K");
     ui.add(slider).labelled_by(label.id).on_hover_text("Color temperature of the light that is shown as neutral");
     ui.end_row();
     let label = ui.label("Tint");
@@ -151,7 +156,11 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
     let label = ui.label("False color");
     let mut quantity = false_color.map(|f| f.quantity);
     // What was not baked cannot be chosen, but a look that asks for it shows that it does.
-    let choices = if view.has_illuminance || quantity == Some(Quantity::Illuminance) { &QUANTITIES[..] } else { &QUANTITIES[..2] };
+    let choices = if view.has_illuminance || quantity == Some(Quantity::Illuminance) {
+        &QUANTITIES[..]
+    } else {
+        &QUANTITIES[..2]
+    };
     choice_ui(ui, "false color", &mut quantity, choices, label.id);
     if quantity != false_color.map(|f| f.quantity) {
         // Cd/m² and lux are different numbers: a range does not go along.

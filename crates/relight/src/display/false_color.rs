@@ -47,7 +47,8 @@ impl ColorScale {
             return Self { spacing, low: if spacing == Spacing::Log { 0.1 } else { 0.0 }, high: 1.0 };
         }
         let last = values.len() - 1;
-        let mut quantile = |q: f32| *values.select_nth_unstable_by((q * last as f32).round() as usize, f32::total_cmp).1;
+        let mut quantile =
+            |q: f32| *values.select_nth_unstable_by((q * last as f32).round() as usize, f32::total_cmp).1;
         // Bounds that f32 can hold with room on both sides.
         let high = step_above(quantile(0.995).clamp(1e-20, 1e20));
         let low = match spacing {
@@ -179,7 +180,9 @@ mod tests {
         assert_eq!((linear.low, linear.high), (0.0, 500.0));
         let even = ColorScale::fitting(&gray(&[30.0; 9]), Spacing::Log);
         assert_eq!((even.low, even.high), (5.0, 50.0));
-        for black in [ColorScale::fitting(&gray(&[0.0; 4]), Spacing::Log), ColorScale::fitting(&gray(&[]), Spacing::Log)] {
+        for black in
+            [ColorScale::fitting(&gray(&[0.0; 4]), Spacing::Log), ColorScale::fitting(&gray(&[]), Spacing::Log)]
+        {
             assert!(black.low > 0.0 && black.high > black.low);
         }
     }

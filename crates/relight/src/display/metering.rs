@@ -31,7 +31,8 @@ impl Metering {
             return 0.0;
         }
         let last = values.len() - 1;
-        let mut quantile = |q: f32| *values.select_nth_unstable_by((q * last as f32).round() as usize, f32::total_cmp).1;
+        let mut quantile =
+            |q: f32| *values.select_nth_unstable_by((q * last as f32).round() as usize, f32::total_cmp).1;
         let candidates = match self {
             // The brightest 0.5 % of a picture that is mostly black.
             Self::Auto => [4.0 * quantile(0.5), quantile(0.995), quantile(1.0)],

@@ -113,8 +113,8 @@ impl GpuRelighter {
     /// Submits all stages that are due, and display where asked for; after a failure everything is due again.
     fn submit(&mut self, coefficients: &[Vec<[f32; 3]>], display: Option<&DisplayParams>) -> Result<(), RelightError> {
         self.stats = RelightStats::default();
-        let lit = self.state == OutputState::Current
-            && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x));
+        let lit =
+            self.state == OutputState::Current && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x));
         let shown = display.is_none_or(|display| self.shown.as_ref() == Some(display));
         let gpu = self.gpu.clone();
         let result = if lit && shown {

@@ -1,7 +1,7 @@
 use super::chunk::ChunkLimits;
 use super::*;
-use crate::synthetic::{Ranks, Recipe};
 use crate::display::{ColorScale, Dither, Spacing, WhitePoint};
+use crate::synthetic::{Ranks, Recipe};
 use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
 
 /// A device, or the word that there is none; with `CLERESTORY_REQUIRE_GPU=1` that is a failure.
