@@ -34,9 +34,11 @@ const ROWS_PER_STROKE: u32 = 360;
 impl Legend {
     /// For people and programs.
     pub fn json(&self) -> Value {
+        // As short as an f32 allows.
+        let number = |value: f32| value.to_string().parse::<f64>().unwrap_or(f64::from(value));
         json!({
             "quantity": self.quantity.name(), "unit": self.quantity.unit(), "spacing": self.scale.spacing,
-            "low": self.scale.low, "high": self.scale.high,
+            "low": number(self.scale.low), "high": number(self.scale.high),
         })
     }
 
@@ -50,7 +52,7 @@ impl Legend {
         let stroke = (picture.height() / ROWS_PER_STROKE).max(1);
         let height = picture.height().max(LEAST_HEIGHT);
         let (top, bottom) =
-            (2 * GAP * stroke + GLYPH_HEIGHT * stroke, height - GAP * stroke - GLYPH_HEIGHT * stroke / 2);
+            (3 * GAP * stroke + GLYPH_HEIGHT * stroke, height - GAP * stroke - GLYPH_HEIGHT * stroke / 2);
         let most = ((bottom - top) / ((GLYPH_HEIGHT + 3) * stroke) + 1) as usize;
         let marks = self.marks(most);
         let longest = marks.iter().map(|(_, words)| words.chars().count()).max().unwrap_or(0) as u32;
