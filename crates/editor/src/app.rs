@@ -18,7 +18,7 @@ use crate::action::{Action, FileTask, dropped};
 use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileQuestion, UnsavedAnswer, unsaved_ui};
-use crate::panels::display::display_ui;
+use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{LightsState, lights_ui};
 use crate::panels::shortcuts::{shortcuts_ui, take_keys};
 use crate::panels::status::{MessageTone, Status, status_ui};
@@ -395,8 +395,13 @@ impl App {
         });
         Panel::right("bake").frame(frame).default_size(280.0).size_range(240.0..=460.0).show(ui, |ui| {
             egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| {
-                let (shown, metered) = (self.follower.shown_ev(), self.follower.metered_ev());
-                display_ui(ui, &mut self.look.display, shown, metered);
+                let view = DisplayView {
+                    shown_ev: self.follower.shown_ev(),
+                    metered_ev: self.follower.metered_ev(),
+                    legend: self.follower.legend(),
+                    has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
+                };
+                display_ui(ui, &mut self.look.display, &view);
                 ui.add_space(10.0);
                 self.bake_panel_ui(ui);
             });
@@ -460,6 +465,7 @@ impl App {
             stage: &self.session.stage,
             bake: &self.session.bake,
             scene: scene.zip(shown_camera),
+            legend: self.follower.legend(),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             let chosen = &mut self.lights.spot;

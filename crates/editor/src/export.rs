@@ -6,15 +6,16 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
-use clerestory_relight::{DisplayParams, Radiance, auto_exposure_ev, encode};
+use clerestory_relight::{DisplayParams, Radiance, encode};
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, Vec2,
     WritableImage,
 };
-use image::ImageEncoder;
+use image::{ImageEncoder, RgbImage};
 
-use crate::look::Look;
+use crate::legend::Legend;
+use crate::look::{Look, Quantity};
 use crate::output::PendingFile;
 
 /// Kind of picture file.
@@ -57,10 +58,26 @@ pub struct Picture<'a> {
     pub radiance: &'a Radiance,
     /// One per light, or none; their sum is `radiance`.
     pub layers: &'a [LightLayer],
-    /// Light that arrives at what is seen, lux per channel; a layer of its own in an EXR.
+    /// Light that arrives at what is seen, lux per channel; a layer of its own in an EXR, false color in a PNG if the look says so.
     pub irradiance: Option<&'a Radiance>,
     /// What it is lit by; goes along in an EXR, and says how a PNG is shown.
     pub look: &'a Look,
+}
+
+/// How a picture was shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// Exposure in EV: the look's own, else one that suits the picture.
+    pub exposure_ev: f32,
+    /// What the colors mean, in a PNG in false color.
+    pub legend: Option<Legend>,
+}
+
+impl Look {
+    /// Whether a file of this format shows the light that arrives, which not every bake holds.
+    pub fn shows_irradiance(&self, format: ImageFormat) -> bool {
+        format == ImageFormat::Png && self.display.quantity() == Some(Quantity::Illuminance)
+    }
 }
 
 /// sRGB chunk (perceptual intent) and the gAMA chunk that goes with it, both with their checksums [PNG3, 11.3.2].
@@ -76,31 +93,39 @@ const LAYER_TOLERANCE: f64 = 1e-3;
 const MAX_KEY_BYTES: usize = 240;
 
 impl Picture<'_> {
-    /// Exposure in EV that a PNG shows: the look's own, else one that suits the picture.
-    pub fn exposure_ev(&self) -> f32 {
-        self.look.display.exposure_ev.unwrap_or_else(|| auto_exposure_ev(self.radiance))
-    }
-
-    /// Writes the file that the name asks for and returns the exposure.
+    /// Writes the file that the name asks for and returns how it was shown.
     ///
     /// # Errors
     /// As [`Picture::write`], and if the place cannot be written.
-    pub fn save(&self, path: &Path) -> Result<f32> {
+    pub fn save(&self, path: &Path) -> Result<Shown> {
         let format = ImageFormat::of(path)?;
         self.write(PendingFile::create(path)?, format)
     }
 
-    /// Writes a reserved file and returns the exposure.
+    /// Writes a reserved file and returns how it was shown.
     ///
     /// # Errors
-    /// If a pixel is not finite, the layers do not add up to the picture, or the disk is full.
-    pub fn write(&self, place: PendingFile, format: ImageFormat) -> Result<f32> {
+    /// If a pixel is not finite, the layers do not add up to the picture, irradiance is shown that is not there, or the disk
+    /// is full.
+    pub fn write(&self, place: PendingFile, format: ImageFormat) -> Result<Shown> {
         self.check()?;
-        match format {
-            ImageFormat::Exr => place.commit(|writer| self.write_exr(writer))?,
-            ImageFormat::Png => place.commit(|writer| self.write_png(writer))?,
+        let display = &self.look.display;
+        let exposed = display.metered(self.radiance);
+        if format == ImageFormat::Exr {
+            place.commit(|writer| self.write_exr(writer))?;
+            return Ok(Shown { exposure_ev: exposed.exposure_ev, legend: None });
         }
-        Ok(self.exposure_ev())
+        let (shown, params) = match display.quantity() {
+            Some(Quantity::Illuminance) => {
+                let irradiance =
+                    self.irradiance.context("false color of illuminance needs a bake made with --irradiance")?;
+                (irradiance, display.metered(irradiance))
+            }
+            _ => (self.radiance, exposed),
+        };
+        let legend = display.quantity().zip(params.false_color).map(|(quantity, scale)| Legend { quantity, scale });
+        place.commit(|writer| write_png(shown, &params, legend, writer))?;
+        Ok(Shown { exposure_ev: exposed.exposure_ev, legend })
     }
 
     fn check(&self) -> Result<()> {
@@ -149,24 +174,32 @@ impl Picture<'_> {
         image.attributes.other.insert(text("colorInteropID"), AttributeValue::Text(text("lin_rec709_scene")));
         image.write().to_buffered(writer).context("the EXR could not be written")
     }
+}
 
-    fn write_png(&self, writer: &mut BufWriter<File>) -> Result<()> {
-        let params = DisplayParams { tone: self.look.display.tone, exposure_ev: self.exposure_ev() };
-        let rgb: Vec<u8> =
-            encode(self.radiance, &params).chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
-        let mut png = Vec::new();
-        image::codecs::png::PngEncoder::new(&mut png).write_image(
-            &rgb,
-            self.radiance.width,
-            self.radiance.height,
-            image::ExtendedColorType::Rgb8,
-        )?;
-        let (header, rest) = png.split_at(PNG_HEADER_LEN);
-        for part in [header, &PNG_SRGB_CHUNKS, rest] {
-            writer.write_all(part)?;
-        }
-        Ok(())
+fn write_png(
+    shown: &Radiance,
+    params: &DisplayParams,
+    legend: Option<Legend>,
+    writer: &mut BufWriter<File>,
+) -> Result<()> {
+    let rgb = encode(shown, params).chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
+    let picture = RgbImage::from_raw(shown.width, shown.height, rgb).expect("three bytes per pixel");
+    let picture = match legend {
+        Some(legend) => legend.beside(&picture),
+        None => picture,
+    };
+    let mut png = Vec::new();
+    image::codecs::png::PngEncoder::new(&mut png).write_image(
+        &picture,
+        picture.width(),
+        picture.height(),
+        image::ExtendedColorType::Rgb8,
+    )?;
+    let (header, rest) = png.split_at(PNG_HEADER_LEN);
+    for part in [header, &PNG_SRGB_CHUNKS, rest] {
+        writer.write_all(part)?;
     }
+    Ok(())
 }
 
 /// Name and version of this program.
@@ -211,8 +244,11 @@ fn layer_name(key: &str, taken: &mut HashSet<String>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_relight::display::turbo_bytes;
+
     use super::*;
     use crate::compare::read_exr;
+    use crate::look::FalseColor;
 
     fn gradient(scale: f32) -> Radiance {
         let pixels = (0..12).map(|i| [i as f32 * scale, 1.0 * scale, 0.25 * scale]).collect();
@@ -255,14 +291,36 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         let radiance = gradient(1.0);
-        let ev =
+        let shown =
             Picture { radiance: &radiance, layers: &[], irradiance: None, look: &Look::default() }.save(&path).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(&bytes[37..41], b"sRGB");
-        let shown = encode(&radiance, &DisplayParams { exposure_ev: ev, ..DisplayParams::default() });
+        let expected = encode(&radiance, &DisplayParams { exposure_ev: shown.exposure_ev, ..DisplayParams::default() });
         let decoded = image::load_from_memory(&bytes).unwrap().to_rgba8();
         assert_eq!(decoded.dimensions(), (4, 3));
-        assert_eq!(decoded.into_raw(), shown);
+        assert_eq!(decoded.into_raw(), expected);
+    }
+
+    #[test]
+    fn false_color_of_illuminance_shows_irradiance_with_a_legend_or_says_what_is_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut look = Look::default();
+        let range = Some([1.0, 100.0]);
+        look.display.false_color = Some(FalseColor { quantity: Quantity::Illuminance, range, ..FalseColor::default() });
+        let (radiance, lux) = (gradient(1.0), Radiance { width: 4, height: 3, pixels: vec![[10.0; 3]; 12] });
+        let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
+        let error = picture.save(&path).unwrap_err().to_string();
+        assert!(error.contains("--irradiance") && !path.exists(), "{error}");
+
+        let shown = Picture { irradiance: Some(&lux), ..picture }.save(&path).unwrap();
+        assert_eq!(shown.legend.unwrap().json()["high"], 100.0);
+        let png = image::open(&path).unwrap().to_rgb8();
+        assert_eq!(png.get_pixel(2, 1).0, turbo_bytes(0.5), "10 lies halfway from 1 to 100");
+        assert!(png.width() > 4 + 8 && png.height() >= 48, "the legend is beside the picture");
+        let exr = folder.path().join("a.exr");
+        assert_eq!(picture.save(&exr).unwrap().legend, None);
+        assert_eq!(read_exr(&exr).unwrap(), radiance, "an EXR stays linear");
     }
 
     #[test]

@@ -9,6 +9,7 @@ pub mod cli;
 pub mod compare;
 pub mod export;
 pub mod headless;
+pub mod legend;
 pub mod look;
 pub mod output;
 pub mod panels;

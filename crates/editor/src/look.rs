@@ -1,5 +1,6 @@
 //! The one undoable document: how the lights are set and how the picture is shown. A `.look` file is this, as JSON.
 
+pub mod display;
 mod parse;
 pub mod sky;
 mod write;
@@ -7,11 +8,11 @@ mod write;
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use clerestory_relight::display::Tone;
 use clerestory_transport::basis::{LightBasis, Unheeded};
 use clerestory_transport::light::LightRig;
 
 use crate::output::write_whole;
+pub use display::{Display, FalseColor, Quantity};
 
 /// Version that this program writes and the newest that it reads.
 pub const LOOK_VERSION: u64 = 1;
@@ -23,15 +24,6 @@ pub struct Look {
     pub lights: LightRig,
     /// How radiance becomes a picture.
     pub display: Display,
-}
-
-/// How radiance becomes a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Display {
-    /// Stops; `None` finds an exposure that suits the picture.
-    pub exposure_ev: Option<f32>,
-    /// Tone curve.
-    pub tone: Tone,
 }
 
 impl Look {
@@ -122,7 +114,8 @@ mod tests {
         let json = r#"{"clerestory": 1, "lights": {"KEY": {"intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}},
             "panels": {"KEY": [{"position": [0.5, 0.5], "radius": 0.2, "color": [1, 1, 1], "intensity": 1.0}]},
             "sky": {"file": "day.hdr", "rotation_deg": 0, "intensity": 1, "sun": {"azimuth_deg": 135, "elevation_deg": 40,
-            "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "tone": "agx"}}"#;
+            "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "metering": "auto", "tone": "agx", "white_kelvin": 3000,
+            "white_duv": 0, "dither": false, "false_color": {"quantity": "luminance", "spacing": "log", "range": [1, 1000]}}}"#;
         let (look, warnings) = Look::from_json(json).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!(look.lights.lights["KEY"].kelvin, Some(3000.0));
@@ -166,7 +159,6 @@ mod tests {
             (r#"{"clerestory": 1, "panels": {"P": [{"radius": 1}]}}"#, "`panels.P[0].position`"),
             (r#"{"clerestory": 1, "panels": {"P": [{"position": [0, 0], "radius": -1}]}}"#, "`panels.P[0].radius`"),
             (r#"{"clerestory": 1, "display": {"exposure_ev": 1e9}}"#, "`display.exposure_ev`"),
-            (r#"{"clerestory": 1, "display": {"tone": "sepia"}}"#, "`display.tone`"),
             (r#"{"clerestory": 1, "lights": {"L": {"intensity": NaN}}}"#, "not JSON"),
             (r#"{"asset": {"version": "2.0"}}"#, "no look"),
         ];

@@ -16,12 +16,13 @@ use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 
-use crate::cli::relight::frame_of;
-use crate::export::Picture;
+use crate::cli::relight::{frame_of, seen_irradiance};
+use crate::export::{ImageFormat, Picture};
 use crate::look::Look;
 use crate::picture::Changed;
 use task::{Fact, Post, Prepared, Task, words};
@@ -89,6 +90,12 @@ pub struct Shown {
 }
 
 impl Shown {
+    /// Which matrix of irradiance is that of the pixels, if there is one.
+    pub fn pixel_irradiance(&self) -> Option<usize> {
+        let set = self.header.irradiance.iter().position(|set| set.rows == IrradianceRows::Pixels)?;
+        (set < self.irradiance.len()).then_some(set)
+    }
+
     /// The bake, as far as it is there.
     pub fn bake(&self) -> Bake {
         Bake { header: self.header.clone(), groups: self.frame.groups.clone(), irradiance: self.irradiance.clone() }
@@ -297,7 +304,9 @@ impl Session {
         self.write(path.clone(), move || {
             let (frame, coefficients) = (frame_of(&bake, &look.lights), bake.header.coefficients(&look.lights));
             let radiance = task::relight_once(&frame, &coefficients)?;
-            Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.save(&path)?;
+            let asked = look.shows_irradiance(ImageFormat::of(&path)?);
+            let irradiance = if asked { Some(seen_irradiance(&bake, &look.lights)?) } else { None };
+            Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look }.save(&path)?;
             Ok(())
         });
     }

@@ -10,6 +10,7 @@ use eframe::egui::{
 };
 
 use crate::action::{Action, FileTask};
+use crate::legend::Legend;
 use crate::look::Look;
 use crate::session::{BakeState, Stage};
 use crate::theme;
@@ -25,6 +26,8 @@ pub struct Viewed<'a> {
     pub bake: &'a BakeState,
     /// Scene and camera of the picture, where they are known.
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
+    /// What its colors mean, where they are false.
+    pub legend: Option<Legend>,
 }
 
 /// How it is looked at.
@@ -99,6 +102,9 @@ pub fn viewport_ui(
         picker.paint(&painter, look, chosen.as_ref());
     } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         state.grab = Some(Grab::Picture);
+    }
+    if let Some(legend) = viewed.legend {
+        legend.ui(ui, area);
     }
     if matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
         busy_corner(ui, area, &busy_words(viewed));

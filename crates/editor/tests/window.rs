@@ -174,6 +174,28 @@ fn exposure_and_tone_are_part_of_the_look() {
 }
 
 #[test]
+fn white_balance_metering_and_false_color_are_part_of_the_look() {
+    let mut window = baked();
+    click(&mut window, "Metering");
+    click(&mut window, "Log average");
+    click(&mut window, "Balance");
+    click(&mut window, "False color");
+    assert!(window.query_by_label("Illuminance").is_none(), "it was not baked");
+    click(&mut window, "Luminance");
+    let shown = window.state().n_pictures();
+    wait(&mut window, |app| app.is_settled() && app.n_pictures() >= shown);
+    let display = window.state().look().display;
+    assert_eq!(display.metering, clerestory_relight::display::Metering::LogAverage);
+    assert_eq!(display.white.map(|white| white.kelvin), Some(6504.0));
+    assert_eq!(display.quantity(), Some(clerestory::look::Quantity::Luminance));
+    window.run_steps(2);
+    assert_eq!(window.query_all_by_label_contains("Scale of luminance").count(), 1);
+    click(&mut window, "Fit range");
+    let [low, high] = window.state().look().display.false_color.unwrap().range.unwrap();
+    assert!(low > 0.0 && low < high, "{low} {high}");
+}
+
+#[test]
 fn the_bake_tells_its_figures_and_can_be_started_again() {
     let mut window = baked();
     let figures = window.state().session().figures.clone().unwrap();

@@ -41,6 +41,12 @@ fn bench_cpu(recipe: &Recipe, frame: &Frame) -> Result<(), RelightError> {
     let mut radiance = Radiance::default();
     let ms = best_ms(|i| relighter.relight(&recipe.coefficients(i), &mut radiance))?;
     report("relight", ms, relighter.stats().n_bytes);
+    let mut lamps = recipe.coefficients(0);
+    let ms = best_ms(|i| {
+        lamps[0][i as usize % 7 * recipe.n_cols[0] as usize / 7] = [i as f32; 3];
+        relighter.relight(&lamps, &mut radiance)
+    })?;
+    report("one lamp", ms, relighter.stats().n_bytes);
     let ms = best_ms(|_| {
         std::hint::black_box(encode(&radiance, &DisplayParams::default()));
         Ok(())

@@ -1,4 +1,5 @@
-// Expand: radiance += left · z + sparse · x, one thread per pixel of a block. Twin of src/cpu/expand.rs.
+// Expand: left · z + sparse · x, one thread per pixel of a block, added to the radiance or to that of the other groups. Twin
+// of src/cpu/expand.rs.
 
 struct Block {
     rank: u32,
@@ -16,8 +17,9 @@ struct Block {
 struct Group {
     n_cols: u32,
     frame_width: u32,
-    unused_0: u32,
-    unused_1: u32,
+    n_segments: u32,
+    // What expand does: 0 adds, 1 sets, 2 sets where z moved.
+    mode: u32,
 }
 
 struct SparseTerm {
@@ -30,23 +32,31 @@ struct SparseTerm {
 @group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
 // The frame, row by row; the fourth component stays 0.
 @group(0) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
+// The groups that do not move, summed.
+@group(0) @binding(3) var<storage, read> settled: array<vec4<f32>>;
 
 @group(1) @binding(0) var<storage, read> blocks: array<Block>;
 // Pairs of f16 (two components of one row). Of a block: pair by pair, channel by channel, pixel by pixel, so that
 // neighboring threads read neighboring words.
 @group(1) @binding(1) var<storage, read> left: array<u32>;
+// The fourth component says whether the others moved.
 @group(1) @binding(2) var<storage, read> z: array<vec4<f32>>;
 // Of a block with sparse terms: n_pixels + 1 positions in `sparse_terms`.
 @group(1) @binding(3) var<storage, read> sparse_starts: array<u32>;
 @group(1) @binding(4) var<storage, read> sparse_terms: array<SparseTerm>;
 
 const THREADS: u32 = 64u;
+const ADD: u32 = 0u;
+const SET_MOVED: u32 = 2u;
 
 @compute @workgroup_size(THREADS)
 fn expand(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let block = blocks[id.y];
     let pixel = id.x * THREADS + thread;
     if pixel >= block.n_pixels {
+        return;
+    }
+    if group.mode == SET_MOVED && block.n_sparse == 0u && !has_moved(block) {
         return;
     }
 
@@ -73,5 +83,19 @@ fn expand(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
 
     let x = block.x + pixel % block.width;
     let y = block.y + pixel / block.width;
-    radiance[y * group.frame_width + x] += vec4<f32>(sum, 0.0);
+    let at = y * group.frame_width + x;
+    if group.mode == ADD {
+        radiance[at] += vec4<f32>(sum, 0.0);
+    } else {
+        radiance[at] = settled[at] + vec4<f32>(sum, 0.0);
+    }
+}
+
+fn has_moved(block: Block) -> bool {
+    for (var component = 0u; component < block.rank; component += 1u) {
+        if z[block.z + component].w != 0.0 {
+            return true;
+        }
+    }
+    return false;
 }

@@ -1,4 +1,5 @@
-// Project: z = scale · right · x, one workgroup per component of a block. Twin of src/cpu/project.rs.
+// Project: right · x over one segment of columns, one workgroup per component of a block and segment. Twin of
+// src/cpu/project.rs; gather.wgsl sums the segments.
 
 struct Block {
     rank: u32,
@@ -16,20 +17,22 @@ struct Block {
 struct Group {
     n_cols: u32,
     frame_width: u32,
-    unused_0: u32,
-    unused_1: u32,
+    n_segments: u32,
+    // What expand does: 0 adds, 1 sets, 2 sets where z moved.
+    mode: u32,
 }
 
 @group(0) @binding(0) var<uniform> group: Group;
 // One per column, padded with zeros to an even number.
 @group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
+// Segments whose coefficients changed.
+@group(0) @binding(2) var<storage, read> segments: array<u32>;
 
 @group(1) @binding(0) var<storage, read> blocks: array<Block>;
 // Pairs of f16, row by row; every row starts at a word.
 @group(1) @binding(1) var<storage, read> right: array<u32>;
-// One per component; the padding component of an odd rank has 0.
-@group(1) @binding(2) var<storage, read> scale: array<f32>;
-@group(1) @binding(3) var<storage, read_write> z: array<vec4<f32>>;
+// Of a block segment by segment, component by component (an even number of them).
+@group(1) @binding(2) var<storage, read_write> partials: array<vec4<f32>>;
 
 const THREADS: u32 = 64u;
 var<workgroup> partial: array<vec3<f32>, THREADS>;
@@ -38,16 +41,15 @@ var<workgroup> partial: array<vec3<f32>, THREADS>;
 fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let block = blocks[id.y];
     let component = id.x;
+    let segment = segments[id.z];
     let n_pairs = (group.n_cols + 1u) / 2u;
 
-    // Each thread sums every 64th pair of columns.
+    // A segment is as many pairs of columns as there are threads.
+    let k = segment * THREADS + thread;
     var sum = vec3<f32>(0.0);
-    if component < block.rank {
-        let row = block.right + component * n_pairs;
-        for (var k = thread; k < n_pairs; k += THREADS) {
-            let pair = unpack2x16float(right[row + k]);
-            sum += pair.x * coefficients[2u * k].xyz + pair.y * coefficients[2u * k + 1u].xyz;
-        }
+    if component < block.rank && k < n_pairs {
+        let pair = unpack2x16float(right[block.right + component * n_pairs + k]);
+        sum = pair.x * coefficients[2u * k].xyz + pair.y * coefficients[2u * k + 1u].xyz;
     }
     partial[thread] = sum;
     workgroupBarrier();
@@ -59,7 +61,8 @@ fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index
         }
         workgroupBarrier();
     }
-    if thread == 0u && component < 2u * ((block.rank + 1u) / 2u) {
-        z[block.z + component] = vec4<f32>(scale[block.z + component] * partial[0], 0.0);
+    let n_components = 2u * ((block.rank + 1u) / 2u);
+    if thread == 0u && component < n_components {
+        partials[block.z * group.n_segments + segment * n_components + component] = vec4<f32>(partial[0], 0.0);
     }
 }

@@ -1,8 +1,8 @@
 //! Relighting on the CPU: the twin that defines the answer, and the one that runs where there is no real GPU.
 //!
 //! A row of tiles is one run of the output, so rows of tiles go to threads and nothing is shared. Every group keeps its
-//! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, and a
-//! block whose `z` did not move is not expanded. The answer depends on frame and coefficients alone, not on what was
+//! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, columns
+//! that did not change are not projected again, and a block whose `z` did not move is not expanded. The answer depends on frame and coefficients alone, not on what was
 //! asked before nor on the number of threads.
 
 mod expand;
@@ -15,7 +15,7 @@ use crate::frame::{Frame, Radiance};
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, is_dark};
 use expand::{Place, expand_block};
 use kernel::Kernel;
-use project::{Planes, project_block};
+use project::{Partials, Planes};
 
 /// Relights with all cores.
 #[derive(Debug)]
@@ -37,8 +37,16 @@ struct TileRow(Vec<GroupRow>);
 struct GroupRow {
     /// Pixels of this row of tiles, row by row over the whole width; empty before the group was first lit.
     radiance: Vec<[f32; 3]>,
-    /// What each tile was expanded from; none where it must be expanded.
-    z: Vec<Option<Vec<f32>>>,
+    tiles: Vec<Tile>,
+}
+
+/// What is kept of one tile of one group.
+#[derive(Clone, Debug, Default)]
+struct Tile {
+    /// What it was expanded from; none where it must be expanded.
+    z: Option<Vec<f32>>,
+    /// What `z` is the sum of, under the coefficients that are cached.
+    partials: Partials,
 }
 
 /// One group's part in one relight.
@@ -66,7 +74,8 @@ impl CpuRelighter {
     fn with_kernel(frame: &Frame, kernel: Kernel) -> Result<Self, RelightError> {
         frame.check()?;
         let partition = frame.partition();
-        let group_row = GroupRow { radiance: Vec::new(), z: vec![None; partition.tiles_x() as usize] };
+        let tiles = vec![Tile::default(); partition.tiles_x() as usize];
+        let group_row = GroupRow { radiance: Vec::new(), tiles };
         let tile_row = || TileRow(vec![group_row.clone(); frame.groups.len()]);
         Ok(Self {
             frame: frame.clone(),
@@ -83,7 +92,7 @@ impl CpuRelighter {
             Some(cached) if cached == x => GroupState::Unchanged,
             _ => GroupState::Changed,
         };
-        GroupInput { planes: Planes::new(x), state }
+        GroupInput { planes: Planes::new(x, self.cached[group].as_deref()), state }
     }
 }
 
@@ -96,7 +105,9 @@ impl Relight for CpuRelighter {
         self.frame.take_blocks(frame, changed)?;
         let tiles_x = frame.partition().tiles_x() as usize;
         for &(group, block) in changed {
-            self.rows[block / tiles_x].0[group].z[block % tiles_x] = None;
+            let tile = &mut self.rows[block / tiles_x].0[group].tiles[block % tiles_x];
+            tile.z = None;
+            tile.partials.forget();
         }
         Ok(())
     }
@@ -145,7 +156,7 @@ fn relight_row(
     let mut n_lit = 0;
     for (group, (group_row, input)) in row.0.iter_mut().zip(inputs).enumerate() {
         if input.state == GroupState::Dark {
-            stats.n_skipped += group_row.z.len();
+            stats.n_skipped += group_row.tiles.len();
             continue;
         }
         stats = stats.merged(relight_group(frame, kernel, (group, row_idx), group_row, input, pixels.len()));
@@ -175,18 +186,17 @@ fn relight_group(
     let partition = &frame.groups[group].partition;
     row.radiance.resize(n_pixels, [0.0; 3]);
     let mut z_new = Vec::new();
-    for (tile_idx, z_old) in row.z.iter_mut().enumerate() {
-        if z_old.is_some() && input.state == GroupState::Unchanged {
+    for (tile_idx, tile) in row.tiles.iter_mut().enumerate() {
+        if tile.z.is_some() && input.state == GroupState::Unchanged {
             stats.n_skipped += 1;
             continue;
         }
 
-        // The same `z` expands to the same pixels, unless sparse entries carry coefficients past it.
+        // The same `z` expands to the same pixels, unless sparse entries carry another coefficient past it.
         let block_idx = row_idx * partition.tiles_x() as usize + tile_idx;
         let factors = frame.block(group, block_idx).map(|block| &**block);
-        stats.n_bytes += project_block(kernel, factors, &input.planes, &mut z_new);
-        let no_sparse = factors.is_none_or(|f| f.sparse.is_empty());
-        if no_sparse && z_old.as_ref() == Some(&z_new) {
+        stats.n_bytes += tile.partials.project(kernel, factors, &input.planes, &mut z_new);
+        if tile.z.as_ref() == Some(&z_new) && !input.planes.moves_sparse(factors) {
             stats.n_skipped += 1;
             continue;
         }
@@ -201,7 +211,7 @@ fn relight_group(
         } else {
             stats.n_skipped += 1;
         }
-        std::mem::swap(z_old.get_or_insert_default(), &mut z_new);
+        std::mem::swap(tile.z.get_or_insert_default(), &mut z_new);
     }
     stats
 }

@@ -1,6 +1,8 @@
 //! The device, borrowed from the host or opened without a window, and relighting on it.
 
 mod chunk;
+mod group;
+mod output;
 mod pack;
 mod relighter;
 mod stages;
@@ -114,7 +116,7 @@ impl Gpu {
 fn computes(adapter: &wgpu::Adapter) -> bool {
     let needed = wgpu::DownlevelFlags::COMPUTE_SHADERS | wgpu::DownlevelFlags::SHADER_F16_IN_F32;
     adapter.get_downlevel_capabilities().flags.contains(needed)
-        && adapter.limits().max_storage_buffers_per_shader_stage >= 7
+        && adapter.limits().max_storage_buffers_per_shader_stage >= 8
 }
 
 /// Order of preference; OpenGL last within its kind.

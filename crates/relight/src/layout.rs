@@ -2,7 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// `Block` in `project.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
+use crate::display::{DisplayParams, Dither, Spacing, Tone, WhitePoint};
+
+/// `Block` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Block {
@@ -18,14 +20,26 @@ pub(crate) struct Block {
     pub n_sparse: u32,
 }
 
-/// `Group` in `project.wgsl` and `expand.wgsl`.
+/// `Group` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Group {
     pub n_cols: u32,
     pub frame_width: u32,
-    pub unused_0: u32,
-    pub unused_1: u32,
+    pub n_segments: u32,
+    /// An [`ExpandMode`].
+    pub mode: u32,
+}
+
+/// `mode` of a [`Group`]: what expand does with the radiance of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ExpandMode {
+    /// Adds to the groups before.
+    Add = 0,
+    /// Sets it on top of the settled groups.
+    Set = 1,
+    /// The same, but leaves blocks alone whose `z` did not move.
+    SetMoved = 2,
 }
 
 /// `SparseTerm` in `expand.wgsl`.
@@ -44,17 +58,59 @@ pub(crate) struct Display {
     pub height: u32,
     pub tone: u32,
     pub gain: f32,
+    /// Columns of the matrix of white balance, padded.
+    pub balance: [[f32; 4]; 3],
+    pub dither: u32,
+    pub spacing: u32,
+    pub scale_start: f32,
+    pub scale_per_unit: f32,
 }
 
+impl Display {
+    /// The parameters as the shader takes them.
+    pub(crate) fn new(width: u32, height: u32, params: &DisplayParams) -> Self {
+        let rows = params.white.map_or(IDENTITY, WhitePoint::matrix);
+        let spacing = params.false_color.map_or(0, |scale| match scale.spacing {
+            Spacing::Log => 1,
+            Spacing::Linear => 2,
+        });
+        let (scale_start, scale_per_unit) = params.false_color.map_or((0.0, 1.0), |scale| scale.line());
+        Self {
+            width,
+            height,
+            tone: match params.tone {
+                Tone::Agx => 0,
+                Tone::Aces => 1,
+                Tone::Neutral => 2,
+                Tone::Reinhard => 3,
+                Tone::Linear => 4,
+            },
+            gain: params.gain(),
+            balance: std::array::from_fn(|col| [rows[0][col], rows[1][col], rows[2][col], 0.0]),
+            dither: u32::from(params.dither == Dither::Ordered),
+            spacing,
+            scale_start,
+            scale_per_unit,
+        }
+    }
+}
+
+/// White balance that changes nothing.
+const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
 /// Name and source of each stage.
-pub(crate) const SHADERS: [(&str, &str); 3] = [
+pub(crate) const SHADERS: [(&str, &str); 4] = [
     ("project", include_str!("../shaders/project.wgsl")),
+    ("gather", include_str!("../shaders/gather.wgsl")),
     ("expand", include_str!("../shaders/expand.wgsl")),
     ("display", include_str!("../shaders/display.wgsl")),
 ];
 
-/// Threads of a workgroup of `project` and `expand`.
+/// Threads of a workgroup of `project`, `gather` and `expand`.
 pub(crate) const THREADS: u32 = 64;
+
+/// Columns of a segment: a pair for each thread of `project`.
+pub(crate) const SEGMENT: u32 = 2 * THREADS;
 
 #[cfg(test)]
 mod tests {
@@ -73,9 +129,9 @@ mod tests {
     fn shapes() -> Vec<Shape> {
         vec![
             shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse),
-            shape!(Group: n_cols, frame_width, unused_0, unused_1),
+            shape!(Group: n_cols, frame_width, n_segments, mode),
             shape!(SparseTerm: col_channel, value),
-            shape!(Display: width, height, tone, gain),
+            shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit),
         ]
     }
 
@@ -110,6 +166,6 @@ mod tests {
                 n_checked += 1;
             }
         }
-        assert_eq!(n_checked, 6);
+        assert_eq!(n_checked, 8);
     }
 }

@@ -8,12 +8,13 @@
 //! - *project*: `z = scale · right · x`, a few numbers per tile;
 //! - *expand*: `radiance = left · z + sparse · x`, which reads every left factor once and is bound by memory.
 //!
-//! *Display* then applies exposure, a tone curve and the sRGB encoding. Each stage exists twice under the same name: as
+//! *Display* then applies exposure, white balance, a tone curve and the sRGB encoding, or false color. Each stage exists twice under the same name: as
 //! WGSL in `shaders/`, and in Rust. The CPU twin defines the answer ([`CpuRelighter`]); the GPU is right when it agrees
 //! ([`GpuRelighter`]). The crate borrows the device of its host, opens no window and knows no scene.
 //!
-//! Decided: factors stay packed f16 on both sides, since the product is bound by memory. Refused: updating `z` by the
-//! difference of two coefficients, because the picture would then depend on the path a slider took.
+//! Decided: factors stay packed f16 on both sides, since the product is bound by memory. Sums over segments of columns are
+//! kept, so that one light of many reads its own segment alone. Refused: updating `z` by the difference of two coefficients,
+//! because the picture would then depend on the path a slider took.
 //!
 //! ```
 //! use clerestory_relight::{CpuRelighter, Radiance, Relight, synthetic};
@@ -35,7 +36,7 @@ pub mod relight;
 pub mod synthetic;
 
 pub use cpu::CpuRelighter;
-pub use display::{DisplayParams, Tone, auto_exposure_ev, encode};
+pub use display::{DisplayParams, Tone, encode};
 pub use frame::{Frame, Radiance};
 pub use gpu::{DeviceChoice, Gpu, GpuRelighter};
 pub use relight::{Relight, RelightError, RelightStats};

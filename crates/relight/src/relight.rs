@@ -77,14 +77,16 @@ pub enum RelightError {
 /// What the last call of [`Relight::relight`] did and what it could leave out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RelightStats {
-    /// Blocks whose left factor was read, over all groups.
+    /// Blocks whose left factor was read, over all groups; a device leaves out some of these, where `z` stayed the same.
     pub n_expanded: usize,
     /// Blocks left out: dark or unchanged groups, blocks whose `z` stayed the same, blocks without content.
     pub n_skipped: usize,
     /// Groups left out as a whole because all their coefficients are zero.
     pub n_dark_groups: usize,
-    /// Factor bytes read.
+    /// Factor bytes read; on a device those that it reads at most.
     pub n_bytes: u64,
+    /// Command buffers handed to a device; none where nothing changed.
+    pub n_submitted: usize,
 }
 
 impl RelightStats {
@@ -95,6 +97,7 @@ impl RelightStats {
             n_skipped: self.n_skipped + other.n_skipped,
             n_dark_groups: self.n_dark_groups + other.n_dark_groups,
             n_bytes: self.n_bytes + other.n_bytes,
+            n_submitted: self.n_submitted + other.n_submitted,
         }
     }
 }

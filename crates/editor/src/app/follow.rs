@@ -9,7 +9,8 @@ use eframe::egui::{Context, TextureHandle, TextureId, TextureOptions};
 use eframe::egui_wgpu::RenderState;
 
 use super::sky::LitSky;
-use crate::look::{Display, Look};
+use crate::legend::Legend;
+use crate::look::{Display, Look, Quantity};
 use crate::panels::lights::heard;
 use crate::picture::{Changed, DeviceWish, GpuPainter};
 use crate::session::worker::{Order, Relit, Wanted, Worker};
@@ -29,13 +30,13 @@ pub(super) struct Follower {
     wish: DeviceWish,
     /// The graphics device failed; the CPU takes over.
     gpu_failed: bool,
-    /// The worker metered another exposure than the graphics device shows.
-    exposure_moved: bool,
+    /// The worker metered another exposure or scale than the graphics device shows.
+    metering_moved: bool,
     asked: Option<Asked>,
     sky: LitSky,
     texture: Option<TextureHandle>,
     gpu_picture: Option<(TextureId, [u32; 2])>,
-    shown_ev: f32,
+    shown: DisplayParams,
     metered_ev: f32,
     millis: Option<f32>,
     n_pictures: u64,
@@ -50,12 +51,12 @@ impl Follower {
             gpu: state.map(GpuPainter::new),
             wish: DeviceWish::Auto,
             gpu_failed: false,
-            exposure_moved: false,
+            metering_moved: false,
             asked: None,
             sky: LitSky::default(),
             texture: None,
             gpu_picture: None,
-            shown_ev: 0.0,
+            shown: DisplayParams::default(),
             metered_ev: 0.0,
             millis: None,
             n_pictures: 0,
@@ -74,7 +75,13 @@ impl Follower {
     }
 
     pub fn shown_ev(&self) -> f32 {
-        self.shown_ev
+        self.shown.exposure_ev
+    }
+
+    /// What the colors of the picture mean, where they are false.
+    pub fn legend(&self) -> Option<Legend> {
+        let quantity = self.asked.as_ref()?.display.quantity()?;
+        Some(Legend { quantity, scale: self.shown.false_color? })
     }
 
     pub fn metered_ev(&self) -> f32 {
@@ -158,13 +165,21 @@ impl Follower {
         // Before the first block there is nothing to see.
         let has_blocks = |shown: &&Shown| shown.frame.groups.iter().any(|g| g.blocks.iter().any(Option::is_some));
         if let Some(shown) = session.shown.as_ref().filter(has_blocks) {
-            let asked = Asked { rig: heard(&shown.header.basis, &look.lights, solo), display: look.display };
+            let asked = Asked { rig: heard(&shown.header.basis, &look.lights, solo), display: showable(shown, look) };
             let gpu_waits = self.uses_gpu() && self.gpu.as_ref().is_some_and(GpuPainter::has_waiting);
-            let gpu_waits = std::mem::take(&mut self.exposure_moved) || gpu_waits;
+            let gpu_waits = std::mem::take(&mut self.metering_moved) || gpu_waits;
             if !changed.is_empty() || gpu_waits || self.asked.as_ref() != Some(&asked) {
-                let mut changed = if self.asked.is_none() { Changed::All } else { changed };
-                let frame = self.sky.light(shown, &asked.rig, &mut changed);
-                self.ask(ctx, frame, &shown.header.coefficients(&asked.rig), changed, &asked);
+                // Light that is seen and light that arrives are two matrices.
+                let is_other = self.asked.as_ref().is_none_or(|old| old.irradiance(shown) != asked.irradiance(shown));
+                let mut changed = if is_other { Changed::All } else { changed };
+                let (frame, coefficients) = match asked.irradiance(shown) {
+                    Some(set) => (
+                        Frame { groups: shown.irradiance[set].clone(), ..shown.frame },
+                        shown.header.irradiance_coefficients(set, &asked.rig),
+                    ),
+                    None => (self.sky.light(shown, &asked.rig, &mut changed), shown.header.coefficients(&asked.rig)),
+                };
+                self.ask(ctx, frame, &coefficients, changed, &asked);
                 self.asked = Some(asked);
             }
         }
@@ -175,12 +190,12 @@ impl Follower {
         let mut wanted = Wanted::Picture;
         if self.uses_gpu() {
             match self.paint(ctx, &frame, changed.clone(), coefficients, asked) {
-                Ok(()) => wanted = Wanted::Exposure,
+                Ok(()) => wanted = Wanted::Metering,
                 Err(_) => self.gpu_failed = true,
             }
         }
-        // With a fixed exposure there is nothing to meter while the graphics device paints.
-        if wanted == Wanted::Picture || asked.display.exposure_ev.is_none() || !changed.is_empty() {
+        // With all of it fixed there is nothing to meter while the graphics device paints.
+        if wanted == Wanted::Picture || asked.display.meters() || !changed.is_empty() {
             let coefficients = coefficients.to_vec();
             self.n_orders += 1;
             let (display, serial) = (asked.display, self.n_orders);
@@ -198,15 +213,14 @@ impl Follower {
     ) -> Result<(), clerestory_relight::RelightError> {
         let Some(gpu) = &mut self.gpu else { return Ok(()) };
         let started = std::time::Instant::now();
-        let exposure_ev = asked.display.exposure_ev.unwrap_or(self.shown_ev);
-        let display = DisplayParams { tone: asked.display.tone, exposure_ev };
+        let display = asked.display.as_metered(&self.shown);
         let now = ctx.input(|input| input.time);
         let texture = gpu.show(frame, changed, coefficients, &display, now)?;
         self.gpu_picture = Some((texture, [frame.width, frame.height]));
         if gpu.has_waiting() {
             ctx.request_repaint_after(std::time::Duration::from_millis(450));
         }
-        self.shown_ev = exposure_ev;
+        self.shown = display;
         self.millis = Some(1e3 * started.elapsed().as_secs_f32());
         self.n_pictures += 1;
         Ok(())
@@ -214,21 +228,46 @@ impl Follower {
 
     fn show(&mut self, ctx: &Context, relit: Relit, look: &Look) {
         self.last_answered = relit.serial;
+        let mut display = relit.display;
+        if look.display.quantity() == Some(Quantity::Illuminance) {
+            // The light that arrives says nothing about the exposure of the light that is seen.
+            display.exposure_ev = self.shown.exposure_ev;
+        }
         if look.display.exposure_ev.is_none() {
-            self.metered_ev = relit.exposure_ev;
+            self.metered_ev = display.exposure_ev;
         }
         match (relit.image, &mut self.texture) {
             (Some(image), Some(texture)) if texture.size() == image.size => texture.set(image, TextureOptions::LINEAR),
             (Some(image), slot) => *slot = Some(ctx.load_texture("picture", image, TextureOptions::LINEAR)),
-            // The exposure came from here, the picture is made elsewhere: paint it again if that moved.
+            // The metering came from here, the picture is made elsewhere: paint it again if that moved.
             (None, _) => {
-                if (relit.exposure_ev - self.shown_ev).abs() > 1e-3 && look.display.exposure_ev.is_none() {
-                    (self.shown_ev, self.exposure_moved) = (relit.exposure_ev, true);
+                if look.display.meters() && has_moved(&display, &self.shown) {
+                    self.shown.exposure_ev = display.exposure_ev;
+                    self.shown.false_color = display.false_color;
+                    self.metering_moved = true;
                 }
                 return;
             }
         }
-        (self.shown_ev, self.millis) = (relit.exposure_ev, Some(relit.millis));
+        (self.shown, self.millis) = (display, Some(relit.millis));
         self.n_pictures += 1;
     }
+}
+
+impl Asked {
+    /// The matrix of irradiance that is shown, if one is.
+    fn irradiance(&self, shown: &Shown) -> Option<usize> {
+        self.display.quantity().filter(|quantity| *quantity == Quantity::Illuminance).and(shown.pixel_irradiance())
+    }
+}
+
+/// The display of a look, without the false color of what was not baked.
+fn showable(shown: &Shown, look: &Look) -> Display {
+    let is_missing = look.display.quantity() == Some(Quantity::Illuminance) && shown.pixel_irradiance().is_none();
+    Display { false_color: look.display.false_color.filter(|_| !is_missing), ..look.display }
+}
+
+/// Whether a picture metered anew would be another one.
+fn has_moved(new: &DisplayParams, shown: &DisplayParams) -> bool {
+    (new.exposure_ev - shown.exposure_ev).abs() > 1e-3 || new.false_color != shown.false_color
 }

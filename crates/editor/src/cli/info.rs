@@ -179,9 +179,11 @@ fn look(path: &Path, console: &mut Console) -> Result<Answer> {
         format!("{}, turned {}°, intensity {}", sky.name(), sky.rotation_deg, sky.intensity)
     });
     let exposure = look.display.exposure_ev.map_or("automatic".into(), |ev| format!("{ev:+} EV"));
+    let white = look.display.white.map_or(String::new(), |w| format!(", white {} K {:+} Duv", w.kelvin, w.duv));
+    let false_color = look.display.quantity().map_or(String::new(), |q| format!(", false color of {}", q.name()));
     let tone = serde_json::to_value(look.display.tone).context("a tone curve always has a JSON form")?;
     let words = format!(
-        "{}\nlights    {}\npanels    {}\nsky       {sky}\nexposure  {exposure}, tone curve {}",
+        "{}\nlights    {}\npanels    {}\nsky       {sky}\nexposure  {exposure}, tone curve {}{white}{false_color}",
         path.display(),
         listed(&lights),
         listed(&panels),

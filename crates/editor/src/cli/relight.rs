@@ -34,7 +34,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let target = Target::new(&args.relight, console)?;
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
     let view = open_view(&args.scene, &args.bake.view, sky.as_ref(), console)?;
-    let asked = args.relight.layers == Layers::Irradiance;
+    let asked = args.relight.layers == Layers::Irradiance || target.look.shows_irradiance(target.format);
     let irradiance = if asked { vec![IrradianceRows::Pixels] } else { Vec::new() };
     let job = BakeJob { irradiance, ..job(view, &args.bake, Passes::FinalOnly) };
     let (bake, times) = run_with_progress(console, &args.bake, |on_event| job.run(on_event))
@@ -68,10 +68,8 @@ impl Target {
 
     fn finish(self, bake: &Bake, options: &RelightOptions, console: &mut Console) -> Result<Answer> {
         warn_of_unknown_lights(&bake.header.basis, &self.look, console);
-        let irradiance = match options.layers {
-            Layers::Irradiance => Some(seen_irradiance(bake, &self.look.lights)?),
-            Layers::None | Layers::Lights => None,
-        };
+        let asked = options.layers == Layers::Irradiance || self.look.shows_irradiance(self.format);
+        let irradiance = if asked { Some(seen_irradiance(bake, &self.look.lights)?) } else { None };
         let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu)?;
         let coefficients = bake.header.coefficients(&self.look.lights);
         let begun = Instant::now();
@@ -83,7 +81,8 @@ impl Target {
         };
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look: &self.look };
-        let exposure_ev = picture.write(self.place, self.format)?;
+        let shown = picture.write(self.place, self.format)?;
+        let n_layers = layers.len() + usize::from(options.layers == Layers::Irradiance);
         let output = options.output.display().to_string();
         let words = format!(
             "{output}: {}×{}, relit in {} on the {}",
@@ -94,7 +93,8 @@ impl Target {
         );
         let mut json = json!({
             "output": output, "width": radiance.width, "height": radiance.height, "relight_secs": relight_secs,
-            "exposure_ev": exposure_ev, "layers": layers.len() + usize::from(irradiance.is_some()), "warnings": console.warnings(),
+            "exposure_ev": shown.exposure_ev, "false_color": shown.legend.map(|legend| legend.json()), "layers": n_layers,
+            "warnings": console.warnings(),
         });
         merge(&mut json, relighter.json());
         Ok(Answer { json, words })
@@ -141,7 +141,8 @@ pub(crate) fn irradiance_of(bake: &Bake, set: usize, rig: &LightRig) -> Result<R
     Ok(irradiance)
 }
 
-fn seen_irradiance(bake: &Bake, rig: &LightRig) -> Result<Radiance> {
+/// Irradiance at the pixels under a rig, lux per channel.
+pub(crate) fn seen_irradiance(bake: &Bake, rig: &LightRig) -> Result<Radiance> {
     let set = bake.pixel_irradiance();
     let set = set.context("the bake holds no irradiance of its pixels; bake it again with --irradiance")?;
     irradiance_of(bake, set, rig)

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clerestory_relight::Radiance;
 use clerestory_transport::sky::SkyForm;
 use clerestory_transport::trace::{self, TraceConfig};
@@ -21,6 +21,9 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let place = PendingFile::create(&args.output)?;
     let look = load_look(args.look.as_deref(), console)?;
     spare_look(&args.output, args.look.as_deref(), &look)?;
+    if look.shows_irradiance(format) {
+        bail!("trace measures no light that arrives, which the look shows in false color; use `clerestory render`");
+    }
     let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
     let view = open_view(&args.scene, &args.view, sky.as_ref(), console)?;
     let basis = &view.scene.lighting.basis;
@@ -42,8 +45,7 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let trace_secs = begun.elapsed().as_secs_f64();
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
-    let exposure_ev =
-        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format)?;
+    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format)?;
     let output = args.output.display().to_string();
     let words = format!(
         "{output}: {}×{} at {} spp in {}",
@@ -54,7 +56,8 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     );
     let json = json!({
         "output": output, "width": radiance.width, "height": radiance.height, "spp": config.spp,
-        "trace_secs": trace_secs, "exposure_ev": exposure_ev, "device": "cpu", "warnings": console.warnings(),
+        "trace_secs": trace_secs, "exposure_ev": shown.exposure_ev, "false_color": shown.legend.map(|legend| legend.json()), "device": "cpu",
+        "warnings": console.warnings(),
     });
     Ok(Answer { json, words })
 }

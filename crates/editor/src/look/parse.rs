@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 use anyhow::{Context, Result, anyhow, bail};
-use clerestory_relight::display::Tone;
 use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
 use serde_json::{Map, Value};
 
@@ -20,8 +19,6 @@ const KELVIN: RangeInclusive<f64> = 500.0..=100_000.0;
 const POSITION: RangeInclusive<f64> = -100.0..=100.0;
 /// Radius of a spot in shorter sides of its panel.
 const RADIUS: RangeInclusive<f64> = 0.0..=1000.0;
-/// Exposure in stops.
-const EXPOSURE_EV: RangeInclusive<f64> = -60.0..=60.0;
 
 /// A place in the document, and what was noticed on the way.
 pub(super) struct Reader<'a> {
@@ -124,7 +121,7 @@ impl Reader<'_> {
         Ok(number as f32)
     }
 
-    fn numbers<const N: usize>(&mut self, value: &Value, range: &RangeInclusive<f64>) -> Result<[f32; N]> {
+    pub(super) fn numbers<const N: usize>(&mut self, value: &Value, range: &RangeInclusive<f64>) -> Result<[f32; N]> {
         let list = self.array(value)?;
         if list.len() != N {
             bail!("`{}` must be a list of {N} numbers, not {}", self.name(), list.len());
@@ -160,7 +157,7 @@ impl Reader<'_> {
         })
     }
 
-    fn truth(&self, value: &Value) -> Result<bool> {
+    pub(super) fn truth(&self, value: &Value) -> Result<bool> {
         value.as_bool().ok_or_else(|| anyhow!("`{}` must be true or false, not {value}", self.name()))
     }
 
@@ -183,16 +180,33 @@ impl Reader<'_> {
         })
     }
 
-    fn display(&mut self, value: &Value) -> Result<Display> {
-        let object = self.object(value)?;
-        self.report_unknown(object, &["exposure_ev", "tone"]);
-        Ok(Display {
-            exposure_ev: self.optional(object, "exposure_ev", |r, v| r.number(v, &EXPOSURE_EV))?,
-            tone: self.optional(object, "tone", |r, v| r.tone(v))?.unwrap_or_default(),
-        })
+    /// A value by its name in files; none, and a warning, if there is none of that name.
+    pub(super) fn one_of<T: Copy + serde::Serialize>(&mut self, value: &Value, all: &[T]) -> Result<Option<T>> {
+        let names: Vec<(String, T)> = all
+            .iter()
+            .map(|one| Ok((serde_json::from_value(serde_json::to_value(one)?)?, *one)))
+            .collect::<Result<_>>()?;
+        self.by_name(value, names)
     }
 
-    fn tone(&self, value: &Value) -> Result<Tone> {
-        serde_json::from_value(value.clone()).with_context(|| format!("`{}` names no tone curve", self.name()))
+    /// A value by its name; none, and a warning, if there is none of that name.
+    pub(super) fn by_name<T>(
+        &mut self,
+        value: &Value,
+        names: impl IntoIterator<Item = (impl AsRef<str>, T)>,
+    ) -> Result<Option<T>> {
+        let wanted =
+            value.as_str().ok_or_else(|| anyhow!("`{}` must be a name in quotes, not {value}", self.name()))?;
+        let mut known = Vec::new();
+        for (name, one) in names {
+            if name.as_ref() == wanted {
+                return Ok(Some(one));
+            }
+            known.push(format!("`{}`", name.as_ref()));
+        }
+        let sentence =
+            format!("the look sets `{}` to `{wanted}`; known are {}; it is ignored", self.path, known.join(", "));
+        self.warnings.push(sentence);
+        Ok(None)
     }
 }

@@ -3,7 +3,7 @@
 use clerestory_transport::light::{LightSetting, PanelSpot};
 use serde::Serialize;
 
-use super::{Display, LOOK_VERSION, Look};
+use super::{LOOK_VERSION, Look};
 
 /// Readable JSON; see [`Look::to_json`].
 pub(super) fn json(look: &Look) -> String {
@@ -22,7 +22,7 @@ pub(super) fn json(look: &Look) -> String {
     if !sky.is_empty() {
         members.push(format!("  \"sky\": {{ {} }}", sky.join(", ")));
     }
-    let display = display(&look.display);
+    let display = super::display::members(&look.display);
     if !display.is_empty() {
         members.push(format!("  \"display\": {{ {} }}", display.join(", ")));
     }
@@ -64,9 +64,4 @@ fn spot(spot: &PanelSpot) -> String {
         (spot.intensity != 1.0).then(|| member("intensity", &spot.intensity)),
     ];
     format!("{{ {} }}", members.into_iter().flatten().collect::<Vec<_>>().join(", "))
-}
-
-fn display(display: &Display) -> Vec<String> {
-    let tone = (display.tone != Display::default().tone).then(|| member("tone", &display.tone));
-    [display.exposure_ev.map(|ev| member("exposure_ev", &ev)), tone].into_iter().flatten().collect()
 }

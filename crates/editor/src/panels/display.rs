@@ -1,44 +1,113 @@
-//! Exposure and tone curve.
+//! Exposure, white balance, tone curve, and false color.
 
-use clerestory_relight::Tone;
-use eframe::egui::{self, Slider, SliderClamping, Ui};
+use clerestory_relight::display::{Dither, Metering, Spacing, Tone, WhitePoint};
+use eframe::egui::{self, DragValue, Slider, SliderClamping, Ui};
 
-use crate::look::Display;
+use crate::legend::Legend;
+use crate::look::display::{DISPLAY_KELVIN, PERCENT_DEFAULT, WHITE_DUV, WHITE_KELVIN};
+use crate::look::{Display, FalseColor, Quantity};
 use crate::theme;
 
-/// Tone curves with their names.
-const TONES: [(Tone, &str, &str); 3] = [
-    (Tone::Agx, "AgX", "Long shoulder, bright colors fade to white like film"),
-    (Tone::Neutral, "Neutral", "True colors, short shoulder"),
+/// What the panel is told beside the look.
+#[derive(Clone, Copy, Debug)]
+pub struct DisplayView {
+    /// Exposure of the picture, EV.
+    pub shown_ev: f32,
+    /// Exposure that suited it when it was last metered, EV.
+    pub metered_ev: f32,
+    /// What its colors mean, where they are false.
+    pub legend: Option<Legend>,
+    /// Whether the light that arrives at its pixels was baked.
+    pub has_illuminance: bool,
+}
+
+/// A choice with its name and its hint.
+type Named<T> = (T, &'static str, &'static str);
+
+const TONES: [Named<Tone>; 5] = [
+    (
+        Tone::Agx,
+        "AgX",
+        "Troy Sobotka's AgX, base contrast for Rec. 709 in Wrensch's small form: long shoulder, bright colors fade to white like film",
+    ),
+    (Tone::Aces, "ACES", "Stephen Hill's fit to the RRT and ODT of ACES: strong contrast, 0.18 is shown as 0.106"),
+    (Tone::Neutral, "Neutral", "Khronos PBR neutral: true colors, short shoulder"),
+    (Tone::Reinhard, "Reinhard", "Reinhard's extended curve by luminance: hues stay, white is two stops above 1"),
     (Tone::Linear, "Linear", "No curve, bright parts clip"),
+];
+const METERINGS: [Named<Metering>; 3] = [
+    (Metering::Auto, "Median", "Four times the median luminance is shown as 1"),
+    (Metering::LogAverage, "Log average", "The log-average luminance is shown as middle gray, 0.18"),
+    (
+        Metering::Percentile(PERCENT_DEFAULT),
+        "Percentile",
+        "What this percentage of the pixels stays below is shown as 1",
+    ),
+];
+const SPACINGS: [Named<Spacing>; 2] = [
+    (Spacing::Log, "Logarithmic", "Equal ratios of light are equally far apart, as eyes judge them"),
+    (Spacing::Linear, "Even", "Equal differences of light are equally far apart"),
+];
+const QUANTITIES: [Named<Option<Quantity>>; 3] = [
+    (None, "Off", "The picture"),
+    (Some(Quantity::Luminance), "Luminance", "Light that is seen, cd/m²"),
+    (Some(Quantity::Illuminance), "Illuminance", "Light that arrives at the surfaces seen, lx"),
 ];
 /// Stops on either side of the exposure that suits the picture.
 const EV_SPAN: f32 = 6.0;
 
-/// Draws it. `shown_ev` is the exposure of the picture, `metered_ev` the one that suited it when it was last metered.
-pub fn display_ui(ui: &mut Ui, display: &mut Display, shown_ev: f32, metered_ev: f32) {
+/// Draws it.
+pub fn display_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     theme::section(ui, "Display");
     egui::Grid::new("display").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
-        ui.label("Exposure");
-        exposure_ui(ui, display, shown_ev, metered_ev);
-        ui.end_row();
-        ui.label("");
-        let mut is_auto = display.exposure_ev.is_none();
-        let auto = ui.checkbox(&mut is_auto, "Auto").on_hover_text("Keep the exposure that suits the picture");
-        if auto.changed() {
-            display.exposure_ev = if is_auto { None } else { Some((shown_ev * 100.0).round() / 100.0) };
-        }
-        ui.end_row();
+        exposure_rows(ui, display, view);
         let label = ui.label("Tone curve");
-        tone_ui(ui, &mut display.tone, label.id);
+        choice_ui(ui, "tone", &mut display.tone, &TONES, label.id);
         ui.end_row();
+        white_rows(ui, &mut display.white);
+        dither_row(ui, &mut display.dither);
+        false_color_rows(ui, &mut display.false_color, view);
     });
+    if display.quantity() == Some(Quantity::Illuminance) && !view.has_illuminance {
+        ui.weak("This matrix holds no illuminance. Open a .transport made with bake --irradiance.");
+    }
 }
 
-fn exposure_ui(ui: &mut Ui, display: &mut Display, shown_ev: f32, metered_ev: f32) {
+fn exposure_rows(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
+    ui.label("Exposure");
+    exposure_ui(ui, display, view);
+    ui.end_row();
+    ui.label("");
+    let mut is_auto = display.exposure_ev.is_none();
+    let auto = ui.checkbox(&mut is_auto, "Auto").on_hover_text("Keep the exposure that suits the picture");
+    if auto.changed() {
+        display.exposure_ev = if is_auto { None } else { Some((view.shown_ev * 100.0).round() / 100.0) };
+    }
+    ui.end_row();
+    if display.exposure_ev.is_some() {
+        return;
+    }
+    let label = ui.label("Metering");
+    let percent = match display.metering {
+        Metering::Percentile(percent) => percent,
+        Metering::Auto | Metering::LogAverage => PERCENT_DEFAULT,
+    };
+    let mut choices = METERINGS;
+    choices[2].0 = Metering::Percentile(percent);
+    choice_ui(ui, "metering", &mut display.metering, &choices, label.id);
+    ui.end_row();
+    if let Metering::Percentile(percent) = &mut display.metering {
+        let label = ui.label("Below white");
+        let drag = DragValue::new(percent).range(0.0..=100.0).speed(0.1).suffix(" %");
+        ui.add(drag).labelled_by(label.id).on_hover_text(METERINGS[2].2);
+        ui.end_row();
+    }
+}
+
+fn exposure_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     ui.spacing_mut().slider_width = (ui.available_width() - 78.0).max(60.0);
-    let mut ev = display.exposure_ev.unwrap_or(shown_ev);
-    let slider = Slider::new(&mut ev, metered_ev - EV_SPAN..=metered_ev + EV_SPAN)
+    let mut ev = display.exposure_ev.unwrap_or(view.shown_ev);
+    let slider = Slider::new(&mut ev, view.metered_ev - EV_SPAN..=view.metered_ev + EV_SPAN)
         .clamping(SliderClamping::Never)
         .trailing_fill(false)
         .fixed_decimals(2)
@@ -49,12 +118,95 @@ fn exposure_ui(ui: &mut Ui, display: &mut Display, shown_ev: f32, metered_ev: f3
     }
 }
 
-fn tone_ui(ui: &mut Ui, tone: &mut Tone, label: egui::Id) {
-    let name = TONES.iter().find(|t| t.0 == *tone).map_or("", |t| t.1);
-    let combo = egui::ComboBox::from_id_salt("tone").width(ui.available_width()).selected_text(name);
+fn white_rows(ui: &mut Ui, white: &mut Option<WhitePoint>) {
+    ui.label("White");
+    let mut is_balanced = white.is_some();
+    let hint = "Show light of this white point as neutral (Bradford adaptation); off leaves colors exactly as they are";
+    if ui.checkbox(&mut is_balanced, "Balance").on_hover_text(hint).changed() {
+        *white = is_balanced.then_some(WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0 });
+    }
+    ui.end_row();
+    let Some(white) = white else { return };
+    let label = ui.label("Temperature");
+    ui.spacing_mut().slider_width = (ui.available_width() - 78.0).max(60.0);
+    let kelvins = *WHITE_KELVIN.start() as f32..=*WHITE_KELVIN.end() as f32;
+    let slider =
+        Slider::new(&mut white.kelvin, kelvins).logarithmic(true).trailing_fill(false).fixed_decimals(0).suffix(" K");
+    ui.add(slider).labelled_by(label.id).on_hover_text("Color temperature of the light that is shown as neutral");
+    ui.end_row();
+    let label = ui.label("Tint");
+    let duvs = *WHITE_DUV.start() as f32..=*WHITE_DUV.end() as f32;
+    let drag = DragValue::new(&mut white.duv).range(duvs).speed(0.0001).fixed_decimals(4).suffix(" Duv");
+    let hint = "Distance of that light from the black body in CIE 1960 uv: positive is green light, negative magenta";
+    ui.add(drag).labelled_by(label.id).on_hover_text(hint);
+    ui.end_row();
+}
+
+fn dither_row(ui: &mut Ui, dither: &mut Dither) {
+    ui.label("");
+    let mut is_dithered = *dither == Dither::Ordered;
+    let hint = "Break up bands in smooth shades, in the window and in PNG files; pixel by pixel the same every time";
+    if ui.checkbox(&mut is_dithered, "Dither").on_hover_text(hint).changed() {
+        *dither = if is_dithered { Dither::Ordered } else { Dither::Off };
+    }
+    ui.end_row();
+}
+
+fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &DisplayView) {
+    let label = ui.label("False color");
+    let mut quantity = false_color.map(|f| f.quantity);
+    // What was not baked cannot be chosen, but a look that asks for it shows that it does.
+    let choices = if view.has_illuminance || quantity == Some(Quantity::Illuminance) {
+        &QUANTITIES[..]
+    } else {
+        &QUANTITIES[..2]
+    };
+    choice_ui(ui, "false color", &mut quantity, choices, label.id);
+    if quantity != false_color.map(|f| f.quantity) {
+        // Cd/m² and lux are different numbers: a range does not go along.
+        let spacing = false_color.map_or(Spacing::default(), |f| f.spacing);
+        *false_color = quantity.map(|quantity| FalseColor { quantity, spacing, range: None });
+    }
+    ui.end_row();
+    let Some(false_color) = false_color else { return };
+    let label = ui.label("Scale");
+    choice_ui(ui, "spacing", &mut false_color.spacing, &SPACINGS, label.id);
+    ui.end_row();
+    let shown = view.legend.map_or([1.0, 1000.0], |legend| [legend.scale.low, legend.scale.high]);
+    ui.label("");
+    let mut fits = false_color.range.is_none();
+    let hint = "Keep a scale that suits the picture, from its 0.5 to its 99.5 percentile, at round numbers";
+    if ui.checkbox(&mut fits, "Fit range").on_hover_text(hint).changed() {
+        false_color.range = (!fits).then_some(shown);
+    }
+    ui.end_row();
+    range_row(ui, false_color);
+}
+
+/// Keeps what a look can hold: from a lower to a higher value, above 0 where the scale is logarithmic.
+fn range_row(ui: &mut Ui, false_color: &mut FalseColor) {
+    let Some([low, high]) = &mut false_color.range else { return };
+    ui.label("Range");
+    ui.horizontal(|ui| {
+        let unit = format!(" {}", false_color.quantity.unit());
+        for (value, name) in [(&mut *low, "Scale from"), (&mut *high, "Scale to")] {
+            let speed = f64::from(value.abs().max(1e-3)) * 0.01;
+            let drag = DragValue::new(value).range(0.0..=1e9).speed(speed).suffix(&unit);
+            ui.add(drag).on_hover_text(format!("{name}; what lies outside takes the color of the end"));
+        }
+    });
+    ui.end_row();
+    *high = high.max(1e-6);
+    let least = if false_color.spacing == Spacing::Log { *high * 1e-6 } else { 0.0 };
+    *low = low.clamp(least, *high * 0.999);
+}
+
+fn choice_ui<T: Copy + PartialEq>(ui: &mut Ui, salt: &str, chosen: &mut T, choices: &[Named<T>], label: egui::Id) {
+    let name = choices.iter().find(|choice| choice.0 == *chosen).map_or("", |choice| choice.1);
+    let combo = egui::ComboBox::from_id_salt(salt).width(ui.available_width()).selected_text(name);
     let combo = combo.show_ui(ui, |ui| {
-        for (value, name, hint) in TONES {
-            ui.selectable_value(tone, value, name).on_hover_text(hint);
+        for (value, name, hint) in choices {
+            ui.selectable_value(chosen, *value, *name).on_hover_text(*hint);
         }
     });
     combo.response.labelled_by(label);

@@ -4,9 +4,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use clerestory_relight::{
-    CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError, auto_exposure_ev, encode,
-};
+use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError, encode};
 use eframe::egui::Color32;
 use eframe::egui::ColorImage;
 
@@ -19,8 +17,8 @@ use crate::picture::Changed;
 pub enum Wanted {
     /// The picture.
     Picture,
-    /// Only the exposure that suits it, for a picture that is made elsewhere.
-    Exposure,
+    /// Only the exposure and the scale that suit it, for a picture that is made elsewhere.
+    Metering,
 }
 
 /// A frame under some light.
@@ -42,10 +40,10 @@ pub struct Order {
 
 /// A picture, ready to be drawn.
 pub struct Relit {
-    /// Display-encoded pixels; none where only the exposure was wanted.
+    /// Display-encoded pixels; none where only the metering was wanted.
     pub image: Option<ColorImage>,
-    /// Exposure that it is shown at, EV.
-    pub exposure_ev: f32,
+    /// How it is shown.
+    pub display: DisplayParams,
     /// From order to picture, milliseconds.
     pub millis: f32,
     /// Number of the order that it answers.
@@ -158,29 +156,29 @@ fn relight(
         (slot, _) => slot.insert(CpuRelighter::new(&order.frame)?),
     };
     relighter.relight(&order.coefficients, radiance)?;
-    let exposure_ev = order.display.exposure_ev.unwrap_or_else(|| metered_ev(&order.frame, radiance));
+    let display = metered(&order.display, &order.frame, radiance);
     let image = (order.wanted == Wanted::Picture).then(|| {
-        let bytes = encode(radiance, &DisplayParams { tone: order.display.tone, exposure_ev });
+        let bytes = encode(radiance, &display);
         let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
         ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
     });
     let millis = 1e3 * started.elapsed().as_secs_f32();
-    Ok(Relit { image, exposure_ev, millis, serial: order.serial })
+    Ok(Relit { image, display, millis, serial: order.serial })
 }
 
-/// Exposure that suits what is there of a picture: blocks that are not baked yet do not count as black.
-fn metered_ev(frame: &Frame, radiance: &Radiance) -> f32 {
+/// What suits what is there of a picture: blocks that are not baked yet do not count as black.
+fn metered(display: &Display, frame: &Frame, radiance: &Radiance) -> DisplayParams {
     let partition = frame.partition();
     let present: Vec<usize> = (0..partition.n_blocks()).filter(|&b| frame.block(0, b).is_some()).collect();
-    if present.len() == partition.n_blocks() {
-        return auto_exposure_ev(radiance);
+    if !display.meters() || present.len() == partition.n_blocks() {
+        return display.metered(radiance);
     }
     let (mut bundles, mut pixels) = (Vec::new(), Vec::new());
     for block in present {
         partition.bundles(block, &mut bundles);
         pixels.extend(bundles.iter().map(|&pixel| radiance.pixels[pixel as usize]));
     }
-    auto_exposure_ev(&Radiance { width: pixels.len() as u32, height: 1, pixels })
+    display.metered(&Radiance { width: pixels.len() as u32, height: 1, pixels })
 }
 
 #[cfg(test)]
@@ -217,15 +215,15 @@ mod tests {
         worker.order(order.clone());
         let dim = wait_for(&worker);
         assert_eq!(dim.image.unwrap().size, [frame.width as usize, frame.height as usize]);
-        (order.coefficients, order.changed, order.wanted) = (coefficients(2.0), Changed::default(), Wanted::Exposure);
+        (order.coefficients, order.changed, order.wanted) = (coefficients(2.0), Changed::default(), Wanted::Metering);
         worker.order(order);
         let bright = wait_for(&worker);
         assert!(bright.image.is_none());
         assert!(
-            (dim.exposure_ev - bright.exposure_ev - 1.0).abs() < 1e-3,
+            (dim.display.exposure_ev - bright.display.exposure_ev - 1.0).abs() < 1e-3,
             "{} {}",
-            dim.exposure_ev,
-            bright.exposure_ev
+            dim.display.exposure_ev,
+            bright.display.exposure_ev
         );
     }
 }

@@ -31,24 +31,38 @@ impl Kernel {
         Self::Plain
     }
 
-    /// Sum over columns of `right[component][col] · x[channel][col]`, per component and channel. `right` is row-major,
-    /// components × `n_cols`; without columns there is nothing to put.
-    pub(super) fn project(self, right: &[f16], n_cols: usize, planes: &Planes, mut put: impl FnMut(usize, [f32; 3])) {
-        let mut n_done = 0;
+    /// Sum over the columns of each of `segments` of `right[component][col] · x[channel][col]`: `put` takes component, segment
+    /// and the sum per channel. `right` is row-major, components × `n_cols`; without columns there is nothing to put.
+    pub(super) fn project(
+        self,
+        right: &[f16],
+        n_cols: usize,
+        planes: &Planes,
+        segments: &[usize],
+        mut put: impl FnMut(usize, usize, [f32; 3]),
+    ) {
         if n_cols == 0 {
             return;
         }
+        let mut n_done = 0;
         #[cfg(target_arch = "x86_64")]
         if self == Self::Avx2 {
-            for (i, rows) in right.chunks_exact(4 * n_cols).enumerate() {
+            let (fours, rest) = right.split_at(right.len() / (4 * n_cols) * 4 * n_cols);
+            for rows in fours.chunks_exact(4 * n_cols) {
                 // SAFETY: this variant exists only where `detect` found the three features.
-                let sums = unsafe { avx2::project(rows, n_cols, planes) };
-                (4 * i..).zip(sums).for_each(|(component, sums)| put(component, sums));
-                n_done = 4 * (i + 1);
+                unsafe { avx2::project::<4>(rows, n_cols, planes, segments, |c, s, sums| put(n_done + c, s, sums)) };
+                n_done += 4;
+            }
+            for row in rest.chunks_exact(n_cols) {
+                // SAFETY: as above.
+                unsafe { avx2::project::<1>(row, n_cols, planes, segments, |_, s, sums| put(n_done, s, sums)) };
+                n_done += 1;
             }
         }
         for (component, row) in right.chunks_exact(n_cols).enumerate().skip(n_done) {
-            put(component, plain::project(row, planes));
+            for &segment in segments {
+                put(component, segment, plain::project(row, planes, planes.active(segment)));
+            }
         }
     }
 
@@ -68,9 +82,9 @@ impl Kernel {
 mod plain {
     use super::*;
 
-    pub(super) fn project(row: &[f16], planes: &Planes) -> [f32; 3] {
+    pub(super) fn project(row: &[f16], planes: &Planes, active: &[usize]) -> [f32; 3] {
         let mut sums = [[0.0; LANES]; 3];
-        for &col in &planes.active {
+        for &col in active {
             add_lanes(&row[col..row.len().min(col + LANES)], col, planes, &mut sums);
         }
         sums.map(|lanes| lanes.iter().sum())
@@ -116,27 +130,35 @@ mod avx2 {
 
     use super::*;
 
-    /// Four components at a time, so that a coefficient is loaded once for all of them.
+    /// `N` components at a time, four at most, so that a coefficient is loaded once for all of them.
     #[target_feature(enable = "avx2,fma,f16c")]
-    pub(super) fn project(right: &[f16], n_cols: usize, planes: &Planes) -> [[f32; 3]; 4] {
-        let rows: [&[f16]; 4] = std::array::from_fn(|component| &right[component * n_cols..][..n_cols]);
+    pub(super) fn project<const N: usize>(
+        right: &[f16],
+        n_cols: usize,
+        planes: &Planes,
+        segments: &[usize],
+        mut put: impl FnMut(usize, usize, [f32; 3]),
+    ) {
+        let rows: [&[f16]; N] = std::array::from_fn(|component| &right[component * n_cols..][..n_cols]);
         let x: [&[f32]; 3] = std::array::from_fn(|channel| &planes.x[channel * planes.stride..][..planes.stride]);
-        let mut sums = [[_mm256_setzero_ps(); 4]; 3];
-        for &col in &planes.active {
-            let x = x.map(|x| load(&x[col..col + LANES]));
-            for component in 0..4 {
-                let lanes = match rows[component].get(col..col + LANES) {
-                    Some(lanes) => load_f16(lanes),
-                    None => load_f16_padded(&rows[component][col..]),
-                };
-                for channel in 0..3 {
-                    sums[channel][component] = _mm256_fmadd_ps(lanes, x[channel], sums[channel][component]);
+        for &segment in segments {
+            let mut sums = [[_mm256_setzero_ps(); 4]; 3];
+            for &col in planes.active(segment) {
+                let x = x.map(|x| load(&x[col..col + LANES]));
+                for component in 0..N {
+                    let lanes = match rows[component].get(col..col + LANES) {
+                        Some(lanes) => load_f16(lanes),
+                        None => load_f16_padded(&rows[component][col..]),
+                    };
+                    for channel in 0..3 {
+                        sums[channel][component] = _mm256_fmadd_ps(lanes, x[channel], sums[channel][component]);
+                    }
                 }
             }
+            let mut out = [[0.0; 4]; 3];
+            (0..3).for_each(|channel| store(&mut out[channel], sum_rows(sums[channel])));
+            (0..N).for_each(|component| put(component, segment, out.map(|channel| channel[component])));
         }
-        let mut out = [[0.0; 4]; 3];
-        (0..3).for_each(|channel| store(&mut out[channel], sum_rows(sums[channel])));
-        std::array::from_fn(|component| out.map(|channel| channel[component]))
     }
 
     /// Does four pixels at a time, as long as whole lanes lie within `left`; returns how many pixels are done.

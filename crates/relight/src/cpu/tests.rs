@@ -119,6 +119,55 @@ fn a_block_that_does_not_see_the_changed_column_is_not_expanded() {
 }
 
 #[test]
+fn one_light_of_many_reads_its_own_segment_of_columns() {
+    let recipe = Recipe { n_cols: vec![1000], rank: Ranks::Fixed(5), n_sparse: 0, ..Recipe::default() };
+    let frame = recipe.frame();
+    let n_blocks = frame.partition().n_blocks() as u64;
+    let left_bytes: u64 = frame.groups[0].blocks.iter().flatten().map(|b| 2 * b.left.len() as u64).sum();
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_bytes, left_bytes + n_blocks * 5 * 1000 * 2);
+    x[0][700] = [3.0; 3];
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_bytes, left_bytes + n_blocks * 5 * 64 * 2);
+}
+
+#[test]
+fn ten_thousand_increments_end_exactly_where_a_fresh_relight_does() {
+    let recipe = Recipe { width: 20, height: 9, n_cols: vec![150, 9], rank: Ranks::Mixed(6), ..Recipe::default() };
+    let frame = recipe.frame();
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    let mut last = Vec::new();
+    for step in 0..10_000usize {
+        let (group, col) = if step % 5 == 0 { (1, step % 9) } else { (0, step * 7 % 150) };
+        x[group][col] = [0.01 * (step % 331) as f32, 0.3, 0.02 * (step % 57) as f32];
+        last = relit(&mut relighter, &x);
+    }
+    assert_eq!(last, relit(&mut CpuRelighter::new(&frame).unwrap(), &x));
+}
+
+#[test]
+fn sparse_entries_of_lights_that_stayed_do_not_expand_their_block() {
+    let recipe = Recipe { n_cols: vec![16], rank: Ranks::Fixed(4), n_sparse: 0, ..Recipe::default() };
+    let mut frame = recipe.frame();
+    let block = Arc::make_mut(frame.groups[0].blocks[1].as_mut().unwrap());
+    (0..4).for_each(|k| block.right[k * 16 + 3] = half::f16::ZERO);
+    block.sparse = vec![clerestory_nystrom::SparseEntry { row: 2, col: 9, value: 1.5 }];
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    relit(&mut relighter, &x);
+    x[0][3] = [9.0; 3];
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_skipped, 1, "the light of the entry did not change");
+    x[0][9] = [7.0; 3];
+    let shown = relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_skipped, 0);
+    assert_eq!(shown, relit(&mut CpuRelighter::new(&frame).unwrap(), &x));
+}
+
+#[test]
 fn an_updated_block_is_the_only_one_read_and_gives_the_new_frame() {
     let recipe = Recipe { rank: Ranks::Fixed(6), ..Recipe::default() };
     let (mut frame, x) = (recipe.frame(), recipe.coefficients(1));

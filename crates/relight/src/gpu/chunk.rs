@@ -7,7 +7,7 @@ use std::ops::Range;
 use super::pack::{Packed, largest_buffer, pack};
 use super::stages::{Stages, bind};
 use crate::gpu::Gpu;
-use crate::layout::THREADS;
+use crate::layout::{SEGMENT, THREADS};
 use crate::relight::RelightError;
 
 /// How much a chunk may hold.
@@ -31,8 +31,10 @@ impl ChunkLimits {
 pub(super) struct Chunk {
     /// Blocks of the partition.
     pub run: Range<usize>,
-    /// Bytes of factors.
-    pub n_bytes: u64,
+    /// Bytes of right factors, which project reads.
+    pub n_right_bytes: u64,
+    /// Bytes of left factors and sparse terms, which expand reads.
+    pub n_left_bytes: u64,
     /// Blocks with content.
     pub n_blocks: u32,
     /// None where no block has content.
@@ -42,6 +44,7 @@ pub(super) struct Chunk {
 #[derive(Debug)]
 struct Bindings {
     project: wgpu::BindGroup,
+    gather: wgpu::BindGroup,
     expand: wgpu::BindGroup,
     /// Largest rank, rounded up to a pair.
     most_components: u32,
@@ -72,26 +75,36 @@ impl Chunk {
             Self::upload(gpu, stages, limits, low_rank, run.start..cut, chunks)?;
             return Self::upload(gpu, stages, limits, low_rank, cut..run.end, chunks);
         }
-        chunks.push(Self::new(gpu, stages, run.clone(), &pack(low_rank, run)));
+        let n_segments = low_rank.n_cols.div_ceil(SEGMENT);
+        chunks.push(Self::new(gpu, stages, run.clone(), &pack(low_rank, run), n_segments));
         Ok(())
     }
 
-    fn new(gpu: &Gpu, stages: &Stages, run: Range<usize>, packed: &Packed) -> Self {
-        let n_bytes = 4 * (packed.left.len() + packed.right.len() + packed.scale.len() + 2 * packed.sparse_terms.len());
+    fn new(gpu: &Gpu, stages: &Stages, run: Range<usize>, packed: &Packed, n_segments: u32) -> Self {
+        let n_right_bytes = 4 * (packed.right.len() + packed.scale.len()) as u64;
+        let n_left_bytes = 4 * (packed.left.len() + 2 * packed.sparse_terms.len()) as u64;
         let n_blocks = packed.blocks.len() as u32;
-        let bindings = (n_blocks > 0).then(|| Bindings::new(gpu, stages, packed));
-        Self { run, n_bytes: n_bytes as u64, n_blocks, bindings }
+        let bindings = (n_blocks > 0).then(|| Bindings::new(gpu, stages, packed, n_segments));
+        Self { run, n_right_bytes, n_left_bytes, n_blocks, bindings }
     }
 
-    /// Records `z = scale · right · x` for all blocks.
-    pub(super) fn project(&self, pass: &mut wgpu::ComputePass<'_>) {
+    /// Records `right · x` for all blocks, over as many segments as the group names.
+    pub(super) fn project(&self, pass: &mut wgpu::ComputePass<'_>, n_segments: u32) {
         if let Some(bindings) = self.bindings.as_ref().filter(|b| b.most_components > 0) {
             pass.set_bind_group(1, &bindings.project, &[]);
-            pass.dispatch_workgroups(bindings.most_components, self.n_blocks, 1);
+            pass.dispatch_workgroups(bindings.most_components, self.n_blocks, n_segments);
         }
     }
 
-    /// Records `radiance += left · z + sparse · x` for all blocks.
+    /// Records `z = scale · sum of the segments` for all blocks.
+    pub(super) fn gather(&self, pass: &mut wgpu::ComputePass<'_>) {
+        if let Some(bindings) = self.bindings.as_ref().filter(|b| b.most_components > 0) {
+            pass.set_bind_group(1, &bindings.gather, &[]);
+            pass.dispatch_workgroups(bindings.most_components.div_ceil(THREADS), self.n_blocks, 1);
+        }
+    }
+
+    /// Records `left · z + sparse · x` for all blocks.
     pub(super) fn expand(&self, pass: &mut wgpu::ComputePass<'_>) {
         if let Some(bindings) = &self.bindings {
             pass.set_bind_group(1, &bindings.expand, &[]);
@@ -101,18 +114,22 @@ impl Chunk {
 }
 
 impl Bindings {
-    fn new(gpu: &Gpu, stages: &Stages, packed: &Packed) -> Self {
+    fn new(gpu: &Gpu, stages: &Stages, packed: &Packed, n_segments: u32) -> Self {
         let blocks = filled(gpu, "blocks", &packed.blocks);
         let [left, right] =
             [("left", &packed.left), ("right", &packed.right)].map(|(name, words)| filled(gpu, name, words));
         let scale = filled(gpu, "scale", &packed.scale);
         let z = storage(gpu, "z", 16 * packed.scale.len() as u64, wgpu::BufferUsages::empty());
+        let n_partials = packed.scale.len() as u64 * u64::from(n_segments);
+        let partials = storage(gpu, "partials", 16 * n_partials, wgpu::BufferUsages::empty());
         let starts = filled(gpu, "sparse_starts", &packed.sparse_starts);
         let terms = filled(gpu, "sparse_terms", &packed.sparse_terms);
-        let project = [&blocks, &right, &scale, &z].map(|buffer| buffer.as_entire_binding());
+        let project = [&blocks, &right, &partials].map(|buffer| buffer.as_entire_binding());
+        let gather = [&blocks, &scale, &partials, &z].map(|buffer| buffer.as_entire_binding());
         let expand = [&blocks, &left, &z, &starts, &terms].map(|buffer| buffer.as_entire_binding());
         Self {
             project: bind(gpu, &stages.project, 1, &project),
+            gather: bind(gpu, &stages.gather, 1, &gather),
             expand: bind(gpu, &stages.expand, 1, &expand),
             most_components: packed.blocks.iter().map(|b| b.rank.next_multiple_of(2)).max().unwrap_or(0),
             most_pixels: packed.blocks.iter().map(|b| b.n_pixels).max().unwrap_or(0),

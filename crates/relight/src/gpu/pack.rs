@@ -5,7 +5,7 @@ use half::f16;
 use rayon::prelude::*;
 use std::ops::Range;
 
-use crate::layout::{Block, SparseTerm};
+use crate::layout::{Block, SEGMENT, SparseTerm};
 
 /// The buffers of a chunk, before upload.
 #[derive(Debug, Default)]
@@ -25,12 +25,14 @@ pub(super) struct Packed {
 
 /// Size in bytes of the largest buffer that a run of blocks needs.
 pub(super) fn largest_buffer(low_rank: &BlockLowRank, run: Range<usize>) -> u64 {
-    let mut sizes = [0u64; 4];
+    let mut sizes = [0u64; 5];
+    let n_segments = u64::from(low_rank.n_cols.div_ceil(SEGMENT));
     for f in low_rank.blocks[run].iter().flatten() {
         let (n_pixels, n_cols) = (u64::from(f.n_rows) / 3, u64::from(f.n_cols));
         let n_pairs = u64::from(f.rank).div_ceil(2);
         let n_sparse = f.sparse.len() as u64;
-        let own = [12 * n_pairs * n_pixels, 4 * u64::from(f.rank) * n_cols.div_ceil(2), 32 * n_pairs, 8 * n_sparse];
+        let right = 4 * u64::from(f.rank) * n_cols.div_ceil(2);
+        let own = [12 * n_pairs * n_pixels, right, 32 * n_pairs, 32 * n_pairs * n_segments, 8 * n_sparse];
         sizes.iter_mut().zip(own).for_each(|(size, own)| *size += own);
     }
     sizes.into_iter().max().unwrap_or(0)

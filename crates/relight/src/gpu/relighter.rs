@@ -1,14 +1,19 @@
 //! Relighting on a device: factors live there, coefficients go in, a texture (or radiance) comes out.
+//!
+//! While one group moves, the others are summed once and kept; on top of that sum only those blocks of the moving group are
+//! expanded whose `z` moved. Where nothing changed nothing is submitted.
 
 use rayon::prelude::*;
 
-use super::chunk::{Chunk, ChunkLimits, storage};
-use super::stages::{Stages, bind};
-use crate::display::{DisplayParams, Tone};
+use super::chunk::ChunkLimits;
+use super::group::GroupBuffers;
+use super::output::{Output, radiance_bytes};
+use super::stages::Stages;
+use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::gpu::Gpu;
-use crate::layout::{Display, Group};
-use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, is_dark};
+use crate::layout::{Display, ExpandMode};
+use crate::relight::{Relight, RelightError, RelightStats, check_coefficients};
 
 /// Relights on a device.
 #[derive(Debug)]
@@ -21,6 +26,10 @@ pub struct GpuRelighter {
     output: Output,
     /// Whether `output.radiance` shows the coefficients of the groups.
     state: OutputState,
+    /// The group that `output.settled` leaves out, where it holds all others that shine.
+    moving: Option<usize>,
+    /// How the texture shows the radiance; none where it shows an older one.
+    shown: Option<DisplayParams>,
     stats: RelightStats,
 }
 
@@ -28,36 +37,6 @@ pub struct GpuRelighter {
 enum OutputState {
     Stale,
     Current,
-}
-
-/// One group of columns on the device.
-#[derive(Debug)]
-struct GroupBuffers {
-    chunks: Vec<Chunk>,
-    coefficients: wgpu::Buffer,
-    project: wgpu::BindGroup,
-    expand: wgpu::BindGroup,
-    /// What `z` stands for; none where it must be projected.
-    projected: Option<Vec<[f32; 3]>>,
-    /// Whether the radiance holds this group; a dark group adds nothing.
-    lit: Lit,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Lit {
-    Dark,
-    Shining,
-}
-
-/// What the stages write.
-#[derive(Debug)]
-struct Output {
-    /// RGB and a fourth float, row by row.
-    radiance: wgpu::Buffer,
-    texture: wgpu::Texture,
-    view: wgpu::TextureView,
-    display_params: wgpu::Buffer,
-    display: wgpu::BindGroup,
 }
 
 impl GpuRelighter {
@@ -77,11 +56,22 @@ impl GpuRelighter {
             let output = Output::new(gpu, &stages, frame);
             let mut groups = Vec::new();
             for group in 0..frame.groups.len() {
-                groups.push(GroupBuffers::new(gpu, &stages, limits, frame, group, &output.radiance)?);
+                let buffers = [&output.radiance, &output.settled];
+                groups.push(GroupBuffers::new(gpu, &stages, limits, frame, group, buffers)?);
             }
             gpu.queue.submit([]);
-            let (gpu, frame, state) = (gpu.clone(), frame.clone(), OutputState::Stale);
-            Ok(Self { gpu, limits, stages, frame, groups, output, state, stats: RelightStats::default() })
+            Ok(Self {
+                gpu: gpu.clone(),
+                limits,
+                stages,
+                frame: frame.clone(),
+                groups,
+                output,
+                state: OutputState::Stale,
+                moving: None,
+                shown: None,
+                stats: RelightStats::default(),
+            })
         })
     }
 
@@ -122,82 +112,85 @@ impl GpuRelighter {
 
     /// Submits all stages that are due, and display where asked for; after a failure everything is due again.
     fn submit(&mut self, coefficients: &[Vec<[f32; 3]>], display: Option<&DisplayParams>) -> Result<(), RelightError> {
+        self.stats = RelightStats::default();
+        let lit =
+            self.state == OutputState::Current && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x));
+        let shown = display.is_none_or(|display| self.shown.as_ref() == Some(display));
         let gpu = self.gpu.clone();
-        let result = gpu.guarded(|| {
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            self.record(&mut encoder, coefficients);
-            if let Some(display) = display {
-                self.record_display(&mut encoder, display);
-            }
-            gpu.queue.submit([encoder.finish()]);
+        let result = if lit && shown {
             Ok(())
-        });
+        } else {
+            self.stats.n_submitted = 1;
+            gpu.guarded(|| {
+                let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+                if !lit {
+                    self.shown = None;
+                    self.record(&mut encoder, coefficients);
+                }
+                if let Some(display) = display {
+                    self.record_display(&mut encoder, display);
+                }
+                gpu.queue.submit([encoder.finish()]);
+                Ok(())
+            })
+        };
         if result.is_err() {
-            self.state = OutputState::Stale;
-            self.groups.iter_mut().for_each(|group| group.projected = None);
+            (self.state, self.moving, self.shown) = (OutputState::Stale, None, None);
+            self.groups.iter_mut().for_each(GroupBuffers::forget);
         }
+        self.stats.n_dark_groups = self.groups.iter().filter(|group| !group.is_shining()).count();
+        self.stats.n_skipped = self.groups.len() * self.frame.partition().n_blocks() - self.stats.n_expanded;
         result
     }
 
-    /// Records project and expand where the coefficients, or blocks, are others than those shown.
+    /// Records project, gather and expand where the coefficients, or blocks, are others than those shown.
     fn record(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>]) {
-        self.stats = RelightStats::default();
-        self.project(encoder, coefficients);
-        let n_blocks = self.frame.partition().n_blocks();
-        if self.state == OutputState::Current {
-            self.stats.n_skipped = self.groups.len() * n_blocks;
-            return;
+        let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].shows(x)).then_some(idx);
+        let moved: Vec<usize> = coefficients.iter().enumerate().filter_map(is_other).collect();
+        for &idx in &moved {
+            self.groups[idx].take(&self.gpu, &self.stages, encoder, &coefficients[idx], &mut self.stats);
         }
-
-        // Groups add up in the radiance buffer, one after the other.
-        encoder.clear_buffer(&self.output.radiance, 0, None);
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&self.stages.expand);
-        for group in self.groups.iter().filter(|group| group.lit == Lit::Shining) {
-            pass.set_bind_group(0, &group.expand, &[]);
-            for chunk in &group.chunks {
-                chunk.expand(&mut pass);
-                self.stats.n_expanded += chunk.n_blocks as usize;
-                self.stats.n_bytes += chunk.n_bytes;
+        let is_settled = self.state == OutputState::Current && moved.iter().all(|idx| self.moving == Some(*idx));
+        let mut shining = moved.into_iter().filter(|idx| self.groups[*idx].is_shining());
+        match (shining.next(), shining.next()) {
+            (Some(idx), None) if is_settled => self.expand(encoder, idx, ExpandMode::SetMoved),
+            (Some(idx), None) => {
+                self.sum(encoder, Some(idx));
+                let n_bytes = radiance_bytes(&self.frame);
+                encoder.copy_buffer_to_buffer(&self.output.radiance, 0, &self.output.settled, 0, n_bytes);
+                self.expand(encoder, idx, ExpandMode::Set);
+                self.moving = Some(idx);
+            }
+            _ => {
+                self.sum(encoder, None);
+                self.moving = None;
             }
         }
-        self.stats.n_skipped = self.groups.len() * n_blocks - self.stats.n_expanded;
         self.state = OutputState::Current;
     }
 
-    /// Records project for the groups whose coefficients are new, and notes which are lit.
-    fn project(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>]) {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&self.stages.project);
-        for (group, x) in self.groups.iter_mut().zip(coefficients) {
-            let lit = if is_dark(x) { Lit::Dark } else { Lit::Shining };
-            if group.lit != lit {
-                group.lit = lit;
-                self.state = OutputState::Stale;
-            }
-            if lit == Lit::Dark {
-                self.stats.n_dark_groups += 1;
-            } else if group.projected.as_ref() != Some(x) {
-                group.write_coefficients(&self.gpu, x);
-                pass.set_bind_group(0, &group.project, &[]);
-                group.chunks.iter().for_each(|chunk| chunk.project(&mut pass));
-                self.state = OutputState::Stale;
+    /// Records the sum of all groups that shine, but one, one after the other.
+    fn sum(&mut self, encoder: &mut wgpu::CommandEncoder, but: Option<usize>) {
+        encoder.clear_buffer(&self.output.radiance, 0, None);
+        for idx in (0..self.groups.len()).filter(|idx| but != Some(*idx)) {
+            if self.groups[idx].is_shining() {
+                self.expand(encoder, idx, ExpandMode::Add);
             }
         }
     }
 
-    fn record_display(&self, encoder: &mut wgpu::CommandEncoder, display: &DisplayParams) {
-        let tone = match display.tone {
-            Tone::Agx => 0,
-            Tone::Neutral => 1,
-            Tone::Linear => 2,
-        };
-        let params = Display { width: self.frame.width, height: self.frame.height, tone, gain: display.gain() };
+    fn expand(&mut self, encoder: &mut wgpu::CommandEncoder, group: usize, mode: ExpandMode) {
+        self.groups[group].expand(&self.gpu, &self.stages, encoder, mode, &mut self.stats);
+    }
+
+    fn record_display(&mut self, encoder: &mut wgpu::CommandEncoder, display: &DisplayParams) {
+        let params = Display::new(self.frame.width, self.frame.height, display);
         self.gpu.queue.write_buffer(&self.output.display_params, 0, bytemuck::bytes_of(&params));
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.stages.display);
         pass.set_bind_group(0, &self.output.display, &[]);
         pass.dispatch_workgroups(self.frame.width.div_ceil(8), self.frame.height.div_ceil(8), 1);
+        self.shown = Some(*display);
     }
 
     /// Copies into a buffer that the CPU can read, waits, and hands out the bytes.
@@ -273,89 +266,6 @@ impl Relight for GpuRelighter {
     }
 }
 
-impl GroupBuffers {
-    fn new(
-        gpu: &Gpu,
-        stages: &Stages,
-        limits: ChunkLimits,
-        frame: &Frame,
-        group: usize,
-        radiance: &wgpu::Buffer,
-    ) -> Result<Self, RelightError> {
-        let low_rank = &frame.groups[group];
-        let params = uniform(gpu, "group", size_of::<Group>());
-        let content = Group { n_cols: low_rank.n_cols, frame_width: frame.width, ..Group::default() };
-        gpu.queue.write_buffer(&params, 0, bytemuck::bytes_of(&content));
-        let n_bytes = 16 * u64::from(low_rank.n_cols).next_multiple_of(2);
-        let coefficients = storage(gpu, "coefficients", n_bytes, wgpu::BufferUsages::COPY_DST);
-        let resources = [&params, &coefficients, radiance].map(|buffer| buffer.as_entire_binding());
-        let project = bind(gpu, &stages.project, 0, &resources[..2]);
-        let expand = bind(gpu, &stages.expand, 0, &resources);
-        let mut chunks = Vec::new();
-        Chunk::upload(gpu, stages, limits, low_rank, 0..low_rank.blocks.len(), &mut chunks)?;
-        Ok(Self { chunks, coefficients, project, expand, projected: None, lit: Lit::Dark })
-    }
-
-    /// Uploads the chunks that hold any of `blocks`.
-    fn upload_again(
-        &mut self,
-        gpu: &Gpu,
-        stages: &Stages,
-        limits: ChunkLimits,
-        low_rank: &clerestory_nystrom::BlockLowRank,
-        blocks: &[usize],
-    ) -> Result<(), RelightError> {
-        self.projected = None;
-        for chunk in std::mem::take(&mut self.chunks) {
-            if blocks.iter().any(|block| chunk.run.contains(block)) {
-                Chunk::upload(gpu, stages, limits, low_rank, chunk.run, &mut self.chunks)?;
-            } else {
-                self.chunks.push(chunk);
-            }
-        }
-        Ok(())
-    }
-
-    fn write_coefficients(&mut self, gpu: &Gpu, x: &[[f32; 3]]) {
-        let padded: Vec<[f32; 4]> = x.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
-        gpu.queue.write_buffer(&self.coefficients, 0, bytemuck::cast_slice(&padded));
-        self.projected = Some(x.to_vec());
-    }
-}
-
-impl Output {
-    fn new(gpu: &Gpu, stages: &Stages, frame: &Frame) -> Self {
-        let n_bytes = radiance_bytes(frame);
-        let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let radiance = storage(gpu, "radiance", n_bytes, usage);
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("display"),
-            size: wgpu::Extent3d { width: frame.width, height: frame.height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8Unorm,
-            usage: wgpu::TextureUsages::STORAGE_BINDING
-                | wgpu::TextureUsages::TEXTURE_BINDING
-                | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
-        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let display_params = uniform(gpu, "display", size_of::<Display>());
-        let resources = [
-            display_params.as_entire_binding(),
-            radiance.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&view),
-        ];
-        let display = bind(gpu, &stages.display, 0, &resources);
-        Self { radiance, texture, view, display_params, display }
-    }
-}
-
-fn radiance_bytes(frame: &Frame) -> u64 {
-    16 * u64::from(frame.width) * u64::from(frame.height)
-}
-
 fn check_size(gpu: &Gpu, frame: &Frame) -> Result<(), RelightError> {
     let limits = gpu.device.limits();
     let (side, most) = (frame.width.max(frame.height), limits.max_texture_dimension_2d);
@@ -371,13 +281,4 @@ fn check_size(gpu: &Gpu, frame: &Frame) -> Result<(), RelightError> {
         return Err(RelightError::TooLarge { what: "the frame's radiance", size, limit });
     }
     Ok(())
-}
-
-fn uniform(gpu: &Gpu, name: &str, n_bytes: usize) -> wgpu::Buffer {
-    gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(name),
-        size: n_bytes as u64,
-        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    })
 }

@@ -1,4 +1,4 @@
-//! The three compute pipelines.
+//! The four compute pipelines.
 
 use crate::gpu::Gpu;
 use crate::layout::SHADERS;
@@ -7,14 +7,15 @@ use crate::layout::SHADERS;
 #[derive(Debug)]
 pub(super) struct Stages {
     pub project: wgpu::ComputePipeline,
+    pub gather: wgpu::ComputePipeline,
     pub expand: wgpu::ComputePipeline,
     pub display: wgpu::ComputePipeline,
 }
 
 impl Stages {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let [project, expand, display] = SHADERS.map(|(name, source)| pipeline(gpu, name, source));
-        Self { project, expand, display }
+        let [project, gather, expand, display] = SHADERS.map(|(name, source)| pipeline(gpu, name, source));
+        Self { project, gather, expand, display }
     }
 }
 

@@ -1,5 +1,6 @@
 use super::chunk::ChunkLimits;
 use super::*;
+use crate::display::{ColorScale, Dither, Spacing, WhitePoint};
 use crate::synthetic::{Ranks, Recipe};
 use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
 
@@ -93,22 +94,97 @@ fn changed_coefficients_and_blocks_show() {
 }
 
 #[test]
+fn where_nothing_changed_nothing_is_submitted() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { n_cols: vec![300, 40], rank: Ranks::Fixed(3), n_sparse: 0, ..Recipe::default() };
+    let mut relighter = GpuRelighter::new(&gpu, &recipe.frame()).unwrap();
+    let (mut x, mut display) = (recipe.coefficients(1), DisplayParams::default());
+    let mut n_submitted = |x: &[Vec<[f32; 3]>], display: &DisplayParams| {
+        relighter.relight_to_texture(x, display).unwrap();
+        (relighter.stats().n_submitted, relighter.stats().n_bytes > 0)
+    };
+    assert_eq!(n_submitted(&x, &display), (1, true));
+    assert_eq!(n_submitted(&x, &display), (0, false));
+    display.exposure_ev = 1.0;
+    assert_eq!(n_submitted(&x, &display), (1, false), "another exposure is display alone");
+    x[0][299] = [0.0; 3];
+    assert_eq!(n_submitted(&x, &display), (1, true));
+    assert_eq!(n_submitted(&x, &display), (0, false));
+}
+
+#[test]
+fn a_group_that_moves_alone_is_the_only_one_read_and_only_by_its_changed_columns() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { n_cols: vec![300, 40, 200], rank: Ranks::Fixed(5), n_sparse: 0, ..Recipe::default() };
+    let frame = recipe.frame();
+    let n_blocks = frame.partition().n_blocks();
+    let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    relit(&mut relighter, &x);
+    assert_eq!(relighter.stats().n_expanded, 3 * n_blocks);
+    x[0][150] = [4.0; 3];
+    assert_twins_agree(&mut relighter, &frame, &x);
+    assert_eq!(relighter.stats().n_expanded, 3 * n_blocks, "the others are summed once");
+    let whole = relighter.stats().n_bytes;
+    x[0][151] = [5.0; 3];
+    assert_twins_agree(&mut relighter, &frame, &x);
+    assert_eq!(relighter.stats().n_expanded, n_blocks);
+    assert!(relighter.stats().n_bytes < whole / 2);
+    x[2][3] = [0.5; 3];
+    assert_twins_agree(&mut relighter, &frame, &x);
+    assert_eq!(relighter.stats().n_expanded, 3 * n_blocks, "another group moves now");
+}
+
+#[test]
+fn ten_thousand_increments_on_the_device_end_where_a_fresh_relight_does() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { width: 20, height: 9, n_cols: vec![150, 9], rank: Ranks::Mixed(6), ..Recipe::default() };
+    let frame = recipe.frame();
+    let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    // A picture costs a device without hardware much more than ours does, so most increments come in strides.
+    for step in 0..10_000usize {
+        let (group, col) = if step % 97 == 0 { (1, step % 9) } else { (0, step * 7 % 150) };
+        x[group][col] = [0.01 * (step % 331) as f32, 0.3, 0.02 * (step % 57) as f32];
+        if step % 40 < 2 {
+            relighter.relight_to_texture(&x, &DisplayParams::default()).unwrap();
+        }
+    }
+    let fresh = relit(&mut GpuRelighter::new(&gpu, &frame).unwrap(), &x);
+    let found = relit(&mut relighter, &x);
+    let largest = fresh.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
+    for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
+        // Groups are summed in another order while one moves; nothing else may differ.
+        assert!((a - b).abs() <= 4.0 * f32::EPSILON * largest, "{a} after increments, {b} fresh");
+    }
+}
+
+#[test]
 fn display_agrees_within_one_step() {
     let Some(gpu) = gpu() else { return };
     let recipe = Recipe { width: 83, height: 61, rank: Ranks::Fixed(3), n_sparse: 9, ..Recipe::default() };
     let (frame, x) = (recipe.frame(), recipe.coefficients(2));
     let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
     let radiance = relit(&mut CpuRelighter::new(&frame).unwrap(), &x);
-    for tone in [Tone::Agx, Tone::Neutral, Tone::Linear] {
-        for exposure_ev in [-6.0, -2.5, 3.0] {
-            let params = DisplayParams { tone, exposure_ev };
-            relighter.relight_to_texture(&x, &params).unwrap();
-            let (found, expected) = (relighter.read_texture().unwrap(), encode(&radiance, &params));
-            assert_eq!(found.len(), expected.len());
-            for (i, (a, b)) in found.iter().zip(&expected).enumerate() {
-                assert!(a.abs_diff(*b) <= 1, "byte {i} at {params:?}: {a} on the GPU, {b} on the CPU");
-            }
+    let mut assert_near = |params: DisplayParams| {
+        relighter.relight_to_texture(&x, &params).unwrap();
+        let (found, expected) = (relighter.read_texture().unwrap(), encode(&radiance, &params));
+        assert_eq!(found.len(), expected.len());
+        for (i, (a, b)) in found.iter().zip(&expected).enumerate() {
+            assert!(a.abs_diff(*b) <= 1, "byte {i} at {params:?}: {a} on the GPU, {b} on the CPU");
         }
+    };
+    let warm = WhitePoint { kelvin: 2900.0, duv: -0.003 };
+    for tone in Tone::ALL {
+        for exposure_ev in [-6.0, -2.5, 3.0] {
+            let plain = DisplayParams { tone, exposure_ev, ..DisplayParams::default() };
+            assert_near(plain);
+            assert_near(DisplayParams { white: Some(warm), dither: Dither::Ordered, ..plain });
+        }
+    }
+    for spacing in [Spacing::Log, Spacing::Linear] {
+        let scale = ColorScale { spacing, low: 0.5, high: 20.0 };
+        assert_near(DisplayParams { false_color: Some(scale), ..DisplayParams::default() });
     }
 }
 

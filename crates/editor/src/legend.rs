@@ -1,0 +1,185 @@
+//! The legend of a false-color picture: a bar of colors with values and a unit, drawn into files and beside the picture.
+
+mod glyphs;
+
+use clerestory_relight::display::{ColorScale, turbo_bytes};
+use eframe::egui::{self, Align2, Color32, FontId, Rect, Ui, pos2, vec2};
+use image::{Rgb, RgbImage};
+use serde_json::{Value, json};
+
+use crate::look::Quantity;
+use glyphs::{GLYPH_HEIGHT, GLYPH_STEP, rows_of};
+
+/// What the colors of a picture mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Legend {
+    /// What is shown.
+    pub quantity: Quantity,
+    /// Which value has which color.
+    pub scale: ColorScale,
+}
+
+/// Background in a file: that of the window around the picture.
+const PAPER: Rgb<u8> = Rgb([18, 18, 18]);
+const INK: Rgb<u8> = Rgb([230, 230, 230]);
+/// Pixels around and between, width of the bar, and of its marks, at a scale of one.
+const GAP: u32 = 4;
+const BAR: u32 = 8;
+const MARK: u32 = 2;
+/// Least height of a legend, so that two values fit.
+const LEAST_HEIGHT: u32 = 48;
+/// Rows of a picture per pixel of a letter's stroke.
+const ROWS_PER_STROKE: u32 = 360;
+
+impl Legend {
+    /// For people and programs.
+    pub fn json(&self) -> Value {
+        // As short as an f32 allows.
+        let number = |value: f32| value.to_string().parse::<f64>().unwrap_or(f64::from(value));
+        json!({
+            "quantity": self.quantity.name(), "unit": self.quantity.unit(), "spacing": self.scale.spacing,
+            "low": number(self.scale.low), "high": number(self.scale.high),
+        })
+    }
+
+    /// Values with a mark and their words, at most `most`.
+    fn marks(&self, most: usize) -> Vec<(f32, String)> {
+        self.scale.ticks(most).into_iter().map(|value| (self.scale.position(value), number_words(value))).collect()
+    }
+
+    /// Sets the legend beside a picture of RGB bytes, on its right, so that nothing of it is covered.
+    pub fn beside(&self, picture: &RgbImage) -> RgbImage {
+        let stroke = (picture.height() / ROWS_PER_STROKE).max(1);
+        let height = picture.height().max(LEAST_HEIGHT);
+        let (top, bottom) =
+            (3 * GAP * stroke + GLYPH_HEIGHT * stroke, height - GAP * stroke - GLYPH_HEIGHT * stroke / 2);
+        let most = ((bottom - top) / ((GLYPH_HEIGHT + 3) * stroke) + 1) as usize;
+        let marks = self.marks(most);
+        let longest = marks.iter().map(|(_, words)| words.chars().count()).max().unwrap_or(0) as u32;
+        let unit = self.quantity.unit();
+        let text = (BAR + MARK + GAP / 2 + longest * GLYPH_STEP).max(unit.chars().count() as u32 * GLYPH_STEP);
+
+        let left = picture.width() + GAP * stroke;
+        let mut sheet = RgbImage::from_pixel(left + (text + GAP) * stroke, height, PAPER);
+        image::imageops::replace(&mut sheet, picture, 0, 0);
+        write(&mut sheet, unit, [left, GAP * stroke], stroke);
+        for y in top..=bottom {
+            let color = Rgb(turbo_bytes((bottom - y) as f32 / (bottom - top) as f32));
+            (left..left + BAR * stroke).for_each(|x| sheet.put_pixel(x, y, color));
+        }
+        for (place, words) in marks {
+            let y = bottom - (place * (bottom - top) as f32).round() as u32;
+            let right = left + BAR * stroke;
+            (right..right + MARK * stroke).for_each(|x| sheet.put_pixel(x, y, INK));
+            write(&mut sheet, &words, [right + (MARK + GAP / 2) * stroke, y - GLYPH_HEIGHT * stroke / 2], stroke);
+        }
+        sheet
+    }
+
+    /// Draws it into the lower right corner of an area of the window.
+    pub fn ui(&self, ui: &Ui, area: Rect) {
+        let size = vec2(86.0, (area.height() - 40.0).clamp(60.0, 260.0));
+        let place = Rect::from_min_size(area.right_bottom() - size - vec2(12.0, 12.0), size);
+        let response = ui.interact(place, ui.scope_id().with("legend"), egui::Sense::hover());
+        let (low, high, unit) = (number_words(self.scale.low), number_words(self.scale.high), self.quantity.unit());
+        let words = format!("Scale of {} from {low} to {high} {unit}", self.quantity.name());
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &words));
+
+        let painter = ui.painter_at(area);
+        painter.rect_filled(place, 4.0, Color32::from_black_alpha(190));
+        let (font, ink) = (FontId::proportional(12.0), Color32::from_gray(230));
+        painter.text(place.left_top() + vec2(8.0, 6.0), Align2::LEFT_TOP, unit, font.clone(), ink);
+        let bar =
+            Rect::from_min_max(place.left_top() + vec2(8.0, 28.0), pos2(place.left() + 24.0, place.bottom() - 10.0));
+        for y in 0..bar.height() as u32 {
+            let [r, g, b] = turbo_bytes(1.0 - y as f32 / bar.height());
+            let row = Rect::from_min_size(bar.left_top() + vec2(0.0, y as f32), vec2(bar.width(), 1.5));
+            painter.rect_filled(row, 0.0, Color32::from_rgb(r, g, b));
+        }
+        for (position, words) in self.marks((bar.height() / 16.0) as usize + 1) {
+            let y = bar.bottom() - position * bar.height();
+            painter.hline(bar.right()..=bar.right() + 4.0, y, (1.0, ink));
+            painter.text(pos2(bar.right() + 7.0, y), Align2::LEFT_CENTER, words, font.clone(), ink);
+        }
+    }
+}
+
+/// A number with three digits at most, without zeros that say nothing.
+pub fn number_words(value: f32) -> String {
+    let decade = value.abs().max(f32::MIN_POSITIVE).log10().floor();
+    if value != 0.0 && !(-3.0..6.0).contains(&decade) {
+        return format!("{value:.2e}").replace(".00e", "e").replace("0e", "e");
+    }
+    let digits = if value == 0.0 { 0 } else { (2.0 - decade).clamp(0.0, 5.0) as usize };
+    let words = format!("{value:.digits$}");
+    if words.contains('.') { words.trim_end_matches('0').trim_end_matches('.').into() } else { words }
+}
+
+/// Writes words from their upper left corner on; what does not fit is cut off.
+fn write(sheet: &mut RgbImage, words: &str, [left, top]: [u32; 2], stroke: u32) {
+    for (idx, letter) in (0..).zip(words.chars()) {
+        for (row, bits) in (0..).zip(rows_of(letter)) {
+            for col in (0..5).filter(|col| bits >> (4 - col) & 1 == 1) {
+                let (x, y) = (left + (idx * GLYPH_STEP + col) * stroke, top + row * stroke);
+                for (x, y) in (0..stroke * stroke).map(|i| (x + i % stroke, y + i / stroke)) {
+                    if x < sheet.width() && y < sheet.height() {
+                        sheet.put_pixel(x, y, INK);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clerestory_relight::display::Spacing;
+
+    fn legend() -> Legend {
+        let scale = ColorScale { spacing: Spacing::Log, low: 1.0, high: 1000.0 };
+        Legend { quantity: Quantity::Luminance, scale }
+    }
+
+    #[test]
+    fn the_picture_stays_and_the_bar_runs_from_low_to_high() {
+        let picture = RgbImage::from_fn(40, 90, |x, y| Rgb([x as u8, y as u8, 7]));
+        let sheet = legend().beside(&picture);
+        assert!(sheet.width() > 60 && sheet.height() == 90);
+        assert_eq!(image::imageops::crop_imm(&sheet, 0, 0, 40, 90).to_image(), picture);
+        let column: Vec<[u8; 3]> = (0..90).map(|y| sheet.get_pixel(40 + GAP + 1, y).0).collect();
+        let top = column.iter().position(|rgb| *rgb == turbo_bytes(1.0)).unwrap();
+        let bottom = column.iter().rposition(|rgb| *rgb == turbo_bytes(0.0)).unwrap();
+        let middle = column[(top + bottom) / 2];
+        let near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) < 12);
+        assert!(top < bottom && near(middle, turbo_bytes(0.5)), "{top} {bottom} {middle:?}");
+    }
+
+    #[test]
+    fn a_legend_fits_beside_a_picture_of_any_size() {
+        for (width, height) in [(1, 1), (8, 48), (64, 47), (300, 2000)] {
+            let sheet = legend().beside(&RgbImage::new(width, height));
+            assert!(sheet.height() == height.max(LEAST_HEIGHT) && sheet.width() > width + BAR);
+        }
+    }
+
+    #[test]
+    fn numbers_are_short_and_can_all_be_written() {
+        let cases = [
+            (0.0, "0"),
+            (1000.0, "1000"),
+            (0.05, "0.05"),
+            (2.5, "2.5"),
+            (0.1 + 0.2, "0.3"),
+            (5e6, "5e6"),
+            (2e-4, "2e-4"),
+        ];
+        for (value, words) in cases {
+            assert_eq!(number_words(value), words);
+            let units = [Quantity::Luminance, Quantity::Illuminance].map(Quantity::unit).concat();
+            for letter in words.chars().chain(units.chars()) {
+                assert_ne!(rows_of(letter), [0; 7], "{letter} cannot be written");
+            }
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! One group of columns on the device: its chunks, its coefficients, and what its `z` stands for.
+
+use clerestory_nystrom::BlockLowRank;
+
+use super::chunk::{Chunk, ChunkLimits, storage};
+use super::output::uniform;
+use super::stages::{Stages, bind};
+use crate::frame::Frame;
+use crate::gpu::Gpu;
+use crate::layout::{ExpandMode, Group, SEGMENT};
+use crate::relight::{RelightError, RelightStats, is_dark};
+
+/// One group of columns on the device.
+#[derive(Debug)]
+pub(super) struct GroupBuffers {
+    chunks: Vec<Chunk>,
+    params: wgpu::Buffer,
+    content: Group,
+    coefficients: wgpu::Buffer,
+    /// Numbers of the segments to project.
+    segments: wgpu::Buffer,
+    project: wgpu::BindGroup,
+    gather: wgpu::BindGroup,
+    expand: wgpu::BindGroup,
+    /// What `z` stands for; none where all of it must be projected.
+    projected: Option<Vec<[f32; 3]>>,
+    /// Whether the radiance holds this group; a dark group adds nothing.
+    lit: Lit,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lit {
+    Dark,
+    Shining,
+}
+
+impl Lit {
+    fn of(x: &[[f32; 3]]) -> Self {
+        if is_dark(x) { Self::Dark } else { Self::Shining }
+    }
+}
+
+impl GroupBuffers {
+    /// `[radiance, settled]` are those of the output.
+    pub(super) fn new(
+        gpu: &Gpu,
+        stages: &Stages,
+        limits: ChunkLimits,
+        frame: &Frame,
+        group: usize,
+        [radiance, settled]: [&wgpu::Buffer; 2],
+    ) -> Result<Self, RelightError> {
+        let low_rank = &frame.groups[group];
+        let n_segments = low_rank.n_cols.div_ceil(SEGMENT);
+        let params = uniform(gpu, "group", size_of::<Group>());
+        let content = Group { n_cols: low_rank.n_cols, frame_width: frame.width, n_segments, mode: 0 };
+        gpu.queue.write_buffer(&params, 0, bytemuck::bytes_of(&content));
+        let n_bytes = 16 * u64::from(low_rank.n_cols).next_multiple_of(2);
+        let coefficients = storage(gpu, "coefficients", n_bytes, wgpu::BufferUsages::COPY_DST);
+        let segments = storage(gpu, "segments", 4 * u64::from(n_segments), wgpu::BufferUsages::COPY_DST);
+        let resources = [&params, &coefficients, &segments].map(|buffer| buffer.as_entire_binding());
+        let project = bind(gpu, &stages.project, 0, &resources);
+        let gather = bind(gpu, &stages.gather, 0, &resources[..1]);
+        let resources = [&params, &coefficients, radiance, settled].map(|buffer| buffer.as_entire_binding());
+        let expand = bind(gpu, &stages.expand, 0, &resources);
+        let mut chunks = Vec::new();
+        Chunk::upload(gpu, stages, limits, low_rank, 0..low_rank.blocks.len(), &mut chunks)?;
+        let (projected, lit) = (None, Lit::Dark);
+        Ok(Self { chunks, params, content, coefficients, segments, project, gather, expand, projected, lit })
+    }
+
+    /// Uploads the chunks that hold any of `blocks`.
+    pub(super) fn upload_again(
+        &mut self,
+        gpu: &Gpu,
+        stages: &Stages,
+        limits: ChunkLimits,
+        low_rank: &BlockLowRank,
+        blocks: &[usize],
+    ) -> Result<(), RelightError> {
+        self.forget();
+        for chunk in std::mem::take(&mut self.chunks) {
+            if blocks.iter().any(|block| chunk.run.contains(block)) {
+                Chunk::upload(gpu, stages, limits, low_rank, chunk.run, &mut self.chunks)?;
+            } else {
+                self.chunks.push(chunk);
+            }
+        }
+        Ok(())
+    }
+
+    /// All of `z` must be projected.
+    pub(super) fn forget(&mut self) {
+        self.projected = None;
+    }
+
+    pub(super) fn is_shining(&self) -> bool {
+        self.lit == Lit::Shining
+    }
+
+    /// Whether the radiance holds the group under these coefficients.
+    pub(super) fn shows(&self, x: &[[f32; 3]]) -> bool {
+        let lit = Lit::of(x);
+        self.lit == lit && (lit == Lit::Dark || self.projected.as_deref() == Some(x))
+    }
+
+    /// Takes over coefficients, and records project and gather over the segments where they are others.
+    pub(super) fn take(
+        &mut self,
+        gpu: &Gpu,
+        stages: &Stages,
+        encoder: &mut wgpu::CommandEncoder,
+        x: &[[f32; 3]],
+        stats: &mut RelightStats,
+    ) {
+        self.lit = Lit::of(x);
+        if self.lit == Lit::Dark || self.projected.as_deref() == Some(x) {
+            return;
+        }
+        let before = self.projected.as_deref();
+        let size = SEGMENT as usize;
+        let is_other = |(i, new): &(u32, &[[f32; 3]])| {
+            before.is_none_or(|before| before[*i as usize * size..].chunks(size).next() != Some(new))
+        };
+        let changed: Vec<u32> = (0..).zip(x.chunks(size)).filter(is_other).map(|(i, _)| i).collect();
+        let padded: Vec<[f32; 4]> = x.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
+        gpu.queue.write_buffer(&self.coefficients, 0, bytemuck::cast_slice(&padded));
+        gpu.queue.write_buffer(&self.segments, 0, bytemuck::cast_slice(&changed));
+        self.projected = Some(x.to_vec());
+
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&stages.project);
+        pass.set_bind_group(0, &self.project, &[]);
+        for chunk in &self.chunks {
+            chunk.project(&mut pass, changed.len() as u32);
+            stats.n_bytes += chunk.n_right_bytes * changed.len() as u64 / u64::from(self.content.n_segments.max(1));
+        }
+        pass.set_pipeline(&stages.gather);
+        pass.set_bind_group(0, &self.gather, &[]);
+        self.chunks.iter().for_each(|chunk| chunk.gather(&mut pass));
+    }
+
+    /// Records expand; one mode per submission.
+    pub(super) fn expand(
+        &mut self,
+        gpu: &Gpu,
+        stages: &Stages,
+        encoder: &mut wgpu::CommandEncoder,
+        mode: ExpandMode,
+        stats: &mut RelightStats,
+    ) {
+        if self.content.mode != mode as u32 {
+            self.content.mode = mode as u32;
+            gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&self.content));
+        }
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&stages.expand);
+        pass.set_bind_group(0, &self.expand, &[]);
+        for chunk in &self.chunks {
+            chunk.expand(&mut pass);
+            stats.n_expanded += chunk.n_blocks as usize;
+            stats.n_bytes += chunk.n_left_bytes;
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! What the stages write: radiance, and the picture for the display.
+
+use super::chunk::storage;
+use super::stages::{Stages, bind};
+use crate::frame::Frame;
+use crate::gpu::Gpu;
+use crate::layout::Display;
+
+/// What the stages write.
+#[derive(Debug)]
+pub(super) struct Output {
+    /// RGB and a fourth float, row by row.
+    pub radiance: wgpu::Buffer,
+    /// The same of all groups but the one that moves.
+    pub settled: wgpu::Buffer,
+    pub texture: wgpu::Texture,
+    pub view: wgpu::TextureView,
+    pub display_params: wgpu::Buffer,
+    pub display: wgpu::BindGroup,
+}
+
+impl Output {
+    pub(super) fn new(gpu: &Gpu, stages: &Stages, frame: &Frame) -> Self {
+        let n_bytes = radiance_bytes(frame);
+        let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
+        let [radiance, settled] = ["radiance", "settled"].map(|name| storage(gpu, name, n_bytes, usage));
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("display"),
+            size: wgpu::Extent3d { width: frame.width, height: frame.height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba8Unorm,
+            usage: wgpu::TextureUsages::STORAGE_BINDING
+                | wgpu::TextureUsages::TEXTURE_BINDING
+                | wgpu::TextureUsages::COPY_SRC,
+            view_formats: &[],
+        });
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let display_params = uniform(gpu, "display", size_of::<Display>());
+        let resources = [
+            display_params.as_entire_binding(),
+            radiance.as_entire_binding(),
+            wgpu::BindingResource::TextureView(&view),
+        ];
+        let display = bind(gpu, &stages.display, 0, &resources);
+        Self { radiance, settled, texture, view, display_params, display }
+    }
+}
+
+pub(super) fn radiance_bytes(frame: &Frame) -> u64 {
+    16 * u64::from(frame.width) * u64::from(frame.height)
+}
+
+/// A buffer of parameters.
+pub(super) fn uniform(gpu: &Gpu, name: &str, n_bytes: usize) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(name),
+        size: n_bytes as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
