@@ -21,9 +21,10 @@ use clerestory_nystrom::codec::{CodecError, MIN_BLOCK_BYTES, decode_block, encod
 use clerestory_nystrom::{BlockFactors, BlockLowRank, Partition};
 use header::{header_bytes, parse_header};
 use part::Part;
+pub use part::{PartState, part_state};
 use thiserror::Error;
 
-use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob};
+use crate::bake::{Bake, BakeError, BakeEvent, BakeJob};
 use crate::irradiance::first_block;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
@@ -35,7 +36,7 @@ const VERSION: u32 = 3;
 #[non_exhaustive]
 pub enum ArchiveError {
     /// The operating system says no.
-    #[error("{doing} `{path}`: {source}")]
+    #[error("{doing} `{path}`: {source}{advice}", advice = advice_on(.source))]
     Io {
         /// What was tried.
         doing: &'static str,
@@ -95,6 +96,17 @@ pub enum Restart {
     Resume,
     /// Start over.
     Fresh,
+}
+
+/// What to do about it, where the system's answer leaves that open.
+fn advice_on(source: &io::Error) -> &'static str {
+    match source.kind() {
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+            "; make room on the disk and run the same command again: it goes on with what is done"
+        }
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => "; choose a folder that can be written",
+        _ => "",
+    }
 }
 
 fn at(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ArchiveError {

@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
+use super::interrupt::nothing_kept;
 use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, LightLayer, Picture};
 use crate::look::Look;
@@ -37,7 +38,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let asked = args.relight.layers == Layers::Irradiance;
     let irradiance = if asked { vec![IrradianceRows::Pixels] } else { Vec::new() };
     let job = BakeJob { irradiance, ..job(view, &args.bake, Passes::FinalOnly) };
-    let (bake, times) = run_with_progress(console, &args.bake, |on_event| job.run(on_event))
+    let (bake, times) = run_with_progress(console, &args.bake, &nothing_kept, |on_event| job.run(on_event))
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
     let mut answer = baked(&bake, times, &args.bake, console)?;
     let relit = target.finish(&bake, &args.relight, console)?;

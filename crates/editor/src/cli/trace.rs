@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clerestory_relight::Radiance;
 use clerestory_transport::sky::SkyForm;
 use clerestory_transport::trace::{self, TraceConfig};
@@ -11,6 +11,7 @@ use serde_json::json;
 
 use super::args::TraceArgs;
 use super::console::{Answer, Console, advance, duration_words};
+use super::interrupt::nothing_kept;
 use super::view::{inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, Picture};
 use crate::output::{PendingFile, spare_inputs};
@@ -30,15 +31,18 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let config = TraceConfig { spp: args.view.spp, bounces: args.view.bounces, seed: args.view.seed };
     let begun = Instant::now();
     let bar = console.start_progress("tracing");
+    let interrupt = console.interrupt.heeded()?;
     let progress = |done: f32| {
         advance(&bar, done);
-        ControlFlow::Continue(())
+        if interrupt.came() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let pixels = on_threads(args.view.threads, || {
-        trace::trace(&view.scene, &view.camera, view.film, &coefficients, &config, &progress)
+    let pixels = interrupt.watched(&bar, &nothing_kept, || {
+        on_threads(args.view.threads, || {
+            trace::trace(&view.scene, &view.camera, view.film, &coefficients, &config, &progress)
+        })
     });
     console.end_progress();
-    let pixels = pixels?.context("the picture was stopped before its end")?;
+    let pixels = pixels?.ok_or_else(|| interrupt.stopped(nothing_kept()))?;
     let trace_secs = begun.elapsed().as_secs_f64();
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };

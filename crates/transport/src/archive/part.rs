@@ -9,11 +9,11 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clerestory_nystrom::BlockFactors;
+use clerestory_nystrom::{BlockFactors, Partition};
 use clerestory_nystrom::codec::encode_block;
 
 use super::header::{checksum, header_bytes, parse_header};
-use super::{ArchiveError, Restart, at, read_block};
+use super::{ArchiveError, Restart, at, damaged, read_block};
 use crate::bake::BakeHeader;
 use crate::irradiance::locate;
 
@@ -24,6 +24,30 @@ const CHECKSUM_LEN: usize = 8;
 
 /// Blocks of a half-done bake by their number through all matrices.
 pub(super) type Done = Vec<(usize, Vec<Arc<BlockFactors>>)>;
+
+/// How far a half-done bake is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PartState {
+    /// Blocks that are there, of all matrices.
+    pub n_done: usize,
+    /// Blocks of all matrices.
+    pub n_blocks: usize,
+    /// Bytes behind the last whole block, of one that was half written.
+    pub n_torn_bytes: usize,
+}
+
+/// Looks at a half-done bake without taking it up.
+///
+/// # Errors
+/// A file that cannot be read or is no half-done bake of this program.
+pub fn part_state(path: &Path) -> Result<PartState, ArchiveError> {
+    let bytes = fs::read(path).map_err(at("cannot read", path))?;
+    let found = understood(&bytes, path)?.ok_or_else(|| damaged(path, "it ends in its header".into()))?;
+    let (header, offset, seal) = found;
+    let n_blocks = header.partitions().iter().map(Partition::n_blocks).sum();
+    let (done, end) = read_records(&bytes, offset, seal, &header);
+    Ok(PartState { n_done: done.len(), n_blocks, n_torn_bytes: bytes.len() - end })
+}
 
 /// How records end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,7 @@
 //! Laws of the files: what is written comes back, every version stays readable, and damage is seen.
 
 use super::*;
+use crate::bake::BakeHeader;
 use crate::light::LightRig;
 
 /// A file of each version, as the programs of their time wrote them.
@@ -75,9 +76,9 @@ fn every_flipped_bit_is_seen_or_changes_nothing() {
         for at in 0..written.len() {
             let mut flipped = written.clone();
             flipped[at] ^= 1 << (at % 8);
-            let harmless = decoded(&flipped).is_ok_and(|read| is_same(&read, &bake));
-            let seen = decoded(&flipped).is_err();
-            assert!(seen || harmless, "version {version}, byte {at}");
+            // Only the name of the checksum in the header may change, and then says nothing.
+            let harmless = decoded(&flipped).map_or(true, |read| is_same(&read, &bake));
+            assert!(harmless, "version {version}, byte {at}");
         }
     }
 }
@@ -164,6 +165,8 @@ fn of_a_damaged_half_done_bake_the_blocks_before_the_damage_are_taken_up() {
             let (part, done) = Part::open(&path, header.clone(), Restart::Resume).unwrap();
             assert!(done.len() < blocks.len(), "byte {at}");
             assert!(done.iter().all(|(number, factors)| *factors == blocks[*number]), "byte {at}");
+            let state = part_state(&path).unwrap();
+            assert_eq!((state.n_done, state.n_blocks, state.n_torn_bytes), (done.len(), blocks.len(), 0));
             // What follows is written behind the last whole record.
             assert!(whole.starts_with(&fs::read(&path).unwrap()), "byte {at}");
             drop(part);

@@ -1,13 +1,14 @@
 //! Equirectangular .hdr and .exr files into maps of the sky.
 
-use std::fs;
 use std::io::Cursor;
+use std::panic::catch_unwind;
 use std::path::Path;
 
 use exr::prelude::{MetaData, ReadChannels, ReadLayers};
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 
+use super::files::read_at_most;
 use crate::sky::{Environment, SkyError};
 
 /// Largest file that is read.
@@ -20,11 +21,7 @@ const MAX_FILE_BYTES: u64 = 1 << 30;
 pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
     let name = path.display().to_string();
     let read = |source| SkyError::Read { path: name.clone(), source };
-    if fs::metadata(path).map_err(read)?.len() > MAX_FILE_BYTES {
-        return Err(SkyError::Decode { path: name, reason: "it is larger than 1 GiB".into() });
-    }
-    let read = |source| SkyError::Read { path: name.clone(), source };
-    let bytes = fs::read(path).map_err(read)?;
+    let bytes = read_at_most(path, MAX_FILE_BYTES).map_err(read)?;
     decode_sky(&name, &bytes)
 }
 
@@ -35,8 +32,8 @@ pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
 pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>), SkyError> {
     let refuse = |reason: String| SkyError::Decode { path: name.into(), reason };
     let (width, height, pixels) = match () {
-        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => decode_exr(bytes).map_err(refuse)?,
-        () if bytes.starts_with(b"#?") => decode_hdr(bytes).map_err(refuse)?,
+        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => guarded(decode_exr, bytes).map_err(refuse)?,
+        () if bytes.starts_with(b"#?") => guarded(decode_hdr, bytes).map_err(refuse)?,
         () => return Err(refuse("it is neither Radiance nor OpenEXR".into())),
     };
     let (map, n_cleaned) = Environment::new(width, height, pixels)?;
@@ -53,6 +50,11 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
 }
 
 type Decoded = Result<(usize, usize, Vec<[f32; 3]>), String>;
+
+/// A fault of a decoder is a fault of the file.
+fn guarded(decode: fn(&[u8]) -> Decoded, bytes: &[u8]) -> Decoded {
+    catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("its decoder failed".to_owned()))
+}
 
 fn too_large(width: usize, height: usize) -> Option<String> {
     (!Environment::is_size(width, height)).then(|| SkyError::Size { width, height }.to_string())

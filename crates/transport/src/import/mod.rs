@@ -11,6 +11,7 @@ mod container;
 mod document;
 mod environment;
 mod extensions;
+mod files;
 mod finish;
 mod geometry;
 mod hierarchy;
@@ -101,6 +102,16 @@ pub enum ImportError {
         /// What to do about it.
         remedy: String,
     },
+    /// It would fill the memory.
+    #[error("{name} would have more than {most} {what}: leave out copies, or simplify its meshes")]
+    TooMuch {
+        /// Which file.
+        name: String,
+        /// What there is too much of.
+        what: &'static str,
+        /// Most that is allowed.
+        most: u64,
+    },
     /// A buffer that geometry or images need is not there.
     #[error("buffer {index} of {name} cannot be had: {reason}")]
     Buffer {
@@ -122,15 +133,18 @@ pub struct Imported {
     pub report: ImportReport,
 }
 
+/// Largest file that is opened; a GLB cannot be longer.
+const MAX_FILE_BYTES: u64 = 4 << 30;
+
 /// Loads a `.glb` or `.gltf` file with the files that it refers to.
 ///
 /// # Errors
 /// When the file, its JSON or a buffer cannot be read, or geometry is compressed.
 pub fn load(path: &Path) -> Result<Imported, ImportError> {
-    let bytes = std::fs::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read_at_most(path, MAX_FILE_BYTES)
+        .map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    let locator = Locator { folder: Some(path.parent().unwrap_or(Path::new("")).to_owned()) };
-    import(&name, &bytes, &locator)
+    import(&name, &bytes, &Locator::new(Some(path.parent().unwrap_or(Path::new("")))))
 }
 
 /// Loads a GLB, or a JSON glTF with data URIs, from memory.
@@ -138,7 +152,7 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load`]; a reference to another file counts as missing.
 pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
-    import(name, bytes, &Locator { folder: None })
+    import(name, bytes, &Locator::new(None))
 }
 
 fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, ImportError> {
@@ -158,7 +172,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator) -> Result<Imported, Impor
     let mut n_degenerate_triangles = 0;
     let mut sensors = Sensors::find(&document, &placed, &indices, &mut notes);
     let mut surfaces = Vec::new();
-    for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes) {
+    for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes)? {
         notes.absorb(std::mem::take(&mut built.notes));
         n_degenerate_triangles += built.n_degenerate_triangles;
         surfaces.extend(sensors.take(built));
