@@ -11,10 +11,16 @@ const RICH_BIN: &[u8] = include_bytes!("../seeds/rich.bin");
 /// Valid files for a target.
 pub fn of(target: &str) -> Vec<Vec<u8>> {
     let files: &[&[u8]] = match target {
-        "gltf" => return vec![include_bytes!("../../crates/editor/tests/room.gltf").to_vec(), glb(RICH_JSON, RICH_BIN)],
+        "gltf" => {
+            return vec![include_bytes!("../../crates/editor/tests/room.gltf").to_vec(), glb(RICH_JSON, RICH_BIN)];
+        }
         "meshopt" => return meshopt(),
         "photometry" => &[include_bytes!("../seeds/lamp.ies"), include_bytes!("../seeds/lamp.ldt")],
-        "sky" => &[include_bytes!("../seeds/sky.hdr"), include_bytes!("../seeds/flat.hdr"), include_bytes!("../seeds/sky.exr")],
+        "sky" => &[
+            include_bytes!("../seeds/sky.hdr"),
+            include_bytes!("../seeds/flat.hdr"),
+            include_bytes!("../seeds/sky.exr"),
+        ],
         "archive" => &[
             include_bytes!("../../crates/transport/tests/data/v1.transport"),
             include_bytes!("../../crates/transport/tests/data/v2.transport"),

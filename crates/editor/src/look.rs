@@ -200,7 +200,10 @@ mod tests {
             ("{\"clerestory\": 1,\n\"display\": {\"tone\": \"se\\\"pia\", \"exposure_ev\": 0}}", "line 2, column 21"),
             ("{\"clerestory\": 1, \"lights\":\n{\"\\u004c\": {\"color\": [1, \"}\", 2]}}}", "line 2, column 22"),
             ("{\"panels\": {\"P\": [{\"position\": [0, 0],\n\"radius\": 1}, {\n\"radius\": 1}]}}", "line 2, column 15"),
-            ("{\"clerestory\": 1, \"sky\": {\n\t\"sun\": {\"azimuth_deg\": \"é\", \"elevation_deg\": 3}}}", "line 2, column 25"),
+            (
+                "{\"clerestory\": 1, \"sky\": {\n\t\"sun\": {\"azimuth_deg\": \"é\", \"elevation_deg\": 3}}}",
+                "line 2, column 25",
+            ),
             ("{\"clerestory\": 1,\n\"lights\": {\"L\"}}", "line 2 column 15"),
         ] {
             let error = format!("{:#}", Look::from_json(json).unwrap_err());

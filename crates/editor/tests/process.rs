@@ -155,14 +155,17 @@ fn without_a_display_three_looks_become_frames() {
     assert!(said.contains("frames/") && said.contains("display"), "{said}");
 }
 
+/// Some two dozen blocks.
+const SHORT_BAKE: &str = "bake room.gltf --size 96x64 --spp 48 --threads 1 -o";
+
 /// Starts a bake and waits until something worth keeping was written.
 fn half_done(folder: &Path, name: &str) -> Child {
     let part = folder.join(format!("{name}.part"));
     let mut bake = clerestory(folder);
-    bake.args(format!("{BAKE} {name}").split_whitespace()).stdout(Stdio::null()).stderr(Stdio::piped());
+    bake.args(format!("{SHORT_BAKE} {name}").split_whitespace()).stdout(Stdio::null()).stderr(Stdio::piped());
     let child = bake.spawn().unwrap();
     let deadline = Instant::now() + Duration::from_secs(60);
-    while std::fs::metadata(&part).map_or(0, |m| m.len()) < 20_000 {
+    while std::fs::metadata(&part).map_or(0, |m| m.len()) < 8_000 {
         assert!(Instant::now() < deadline, "nothing was written in a minute");
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -185,7 +188,7 @@ fn signal(child: &Child, name: &str) {
 #[test]
 fn an_interrupted_bake_keeps_what_is_done_and_says_so() {
     let folder = desk();
-    succeeds(folder.path(), &format!("{BAKE} a.transport"));
+    succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
     let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
     for (name, code) in [("-INT", 130), ("-TERM", 143)] {
         let child = half_done(folder.path(), "b.transport");
@@ -197,7 +200,7 @@ fn an_interrupted_bake_keeps_what_is_done_and_says_so() {
         assert!(said.starts_with("stopped: ") && said.contains("the same command goes on"), "{name}: {said}");
         assert!(begun.elapsed() < Duration::from_secs(20), "{name} took {:?}", begun.elapsed());
         assert_eq!(names_in(folder.path()), ["a.transport", "b.transport.part", "room.gltf"]);
-        succeeds(folder.path(), &format!("{BAKE} b.transport"));
+        succeeds(folder.path(), &format!("{SHORT_BAKE} b.transport"));
         assert!(std::fs::read(folder.path().join("b.transport")).unwrap() == reference, "{name}: other bytes");
         std::fs::remove_file(folder.path().join("b.transport")).unwrap();
     }
@@ -210,8 +213,12 @@ fn an_interrupted_render_or_trace_leaves_nothing_behind() {
     for command in ["render", "trace"] {
         let line = format!("{command} room.gltf -o a.png --size 640x480 --spp 4096");
         let child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
-        // Until the long work has begun a signal ends the process as ever.
-        std::thread::sleep(Duration::from_millis(1500));
+        // From its first file on it heeds signals.
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while names_in(folder.path()).len() < 2 {
+            assert!(Instant::now() < deadline, "nothing was begun in a minute");
+            std::thread::sleep(Duration::from_millis(2));
+        }
         signal(&child, "-INT");
         let output = child.wait_with_output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -224,10 +231,10 @@ fn an_interrupted_render_or_trace_leaves_nothing_behind() {
 #[test]
 fn two_bakes_to_one_file_do_not_disturb_each_other() {
     let folder = desk();
-    succeeds(folder.path(), &format!("{BAKE} a.transport"));
+    succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
     let first = half_done(folder.path(), "b.transport");
     for more in ["", " --fresh"] {
-        let second = run(folder.path(), &format!("{BAKE} b.transport{more}"));
+        let second = run(folder.path(), &format!("{SHORT_BAKE} b.transport{more}"));
         let said = String::from_utf8_lossy(&second.stderr).into_owned();
         assert_eq!(second.status.code(), Some(1), "{said}");
         assert!(said.contains("is being written by another bake"), "{said}");
@@ -242,11 +249,11 @@ fn two_bakes_to_one_file_do_not_disturb_each_other() {
 #[test]
 fn a_disk_that_fills_up_costs_nothing_but_time() {
     let folder = desk();
-    succeeds(folder.path(), &format!("{BAKE} a.transport"));
+    succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
     let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
     std::fs::write(folder.path().join("b.transport"), b"the old file").unwrap();
-    // Files may not grow beyond 40 blocks of 512 bytes (1024 in some shells).
-    let script = format!("trap '' XFSZ; ulimit -f 40; exec \"$0\" {BAKE} b.transport");
+    // Files may not grow beyond 16 blocks of 512 bytes (1024 in some shells).
+    let script = format!("trap '' XFSZ; ulimit -f 16; exec \"$0\" {SHORT_BAKE} b.transport");
     let mut limited = Command::new("sh");
     limited.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
     let output = limited.stdin(Stdio::null()).output().unwrap();
@@ -255,7 +262,7 @@ fn a_disk_that_fills_up_costs_nothing_but_time() {
     assert!(said.contains("b.transport.part") && said.contains("run the same command again"), "{said}");
     assert_eq!(std::fs::read(folder.path().join("b.transport")).unwrap(), b"the old file");
     assert_eq!(names_in(folder.path()), ["a.transport", "b.transport", "b.transport.part", "room.gltf"]);
-    succeeds(folder.path(), &format!("{BAKE} b.transport"));
+    succeeds(folder.path(), &format!("{SHORT_BAKE} b.transport"));
     assert!(std::fs::read(folder.path().join("b.transport")).unwrap() == reference);
 }
 
@@ -265,7 +272,7 @@ fn a_folder_that_cannot_be_written_is_found_out_at_once() {
     let folder = desk();
     for output in ["/proc/a.transport", "/dev/full/a.transport", "none/a.transport"] {
         let begun = Instant::now();
-        let refused = run(folder.path(), &format!("{BAKE} {output}"));
+        let refused = run(folder.path(), &format!("{SHORT_BAKE} {output}"));
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert_eq!(refused.status.code(), Some(1), "{said}");
         assert!(said.starts_with("error: cannot write") && said.contains(output), "{said}");

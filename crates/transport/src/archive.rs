@@ -260,4 +260,3 @@ fn read_block(bytes: &[u8], groups: &mut [BlockLowRank], block_idx: usize) -> Re
     }
     Ok(offset)
 }
-

@@ -15,6 +15,8 @@ use indicatif::ProgressBar;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use crate::output::PendingFile;
+
 /// How often a signal is looked for.
 const POLL: Duration = Duration::from_millis(20);
 /// How long a command may take to end by itself; a block under way can take longer, and is lost either way.
@@ -57,6 +59,12 @@ impl Stopped {
 /// What commands leave behind that write only at their end.
 pub(crate) fn nothing_kept() -> String {
     "nothing was written".into()
+}
+
+/// The same with the place of a file that will not come to be.
+pub(super) fn discarded(place: &PendingFile) -> String {
+    place.discard();
+    nothing_kept()
 }
 
 impl Interrupt {

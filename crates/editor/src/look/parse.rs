@@ -105,11 +105,7 @@ impl Reader<'_> {
     }
 
     /// The same; `None` where a fault was left out.
-    fn part<T>(
-        &mut self,
-        step: impl Into<Step>,
-        read: impl FnOnce(&mut Reader) -> Result<T>,
-    ) -> Result<Option<T>> {
+    fn part<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<Option<T>> {
         match (self.at(step, read), self.on_fault) {
             (Err(error), OnFault::LeaveOut) => {
                 self.warnings.push(format!("{error:#}; it is left out"));

@@ -45,11 +45,7 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
 }
 
 /// Reads the header at the start of `bytes`, and says where the blocks begin.
-pub(super) fn parse_header(
-    magic: &[u8; 8],
-    bytes: &[u8],
-    path: &Path,
-) -> Result<(BakeHeader, usize), ArchiveError> {
+pub(super) fn parse_header(magic: &[u8; 8], bytes: &[u8], path: &Path) -> Result<(BakeHeader, usize), ArchiveError> {
     let cut_off = || damaged(path, "it ends in its header".into());
     let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     if bytes.get(..8) != Some(magic) {

@@ -9,8 +9,8 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clerestory_nystrom::{BlockFactors, Partition};
 use clerestory_nystrom::codec::encode_block;
+use clerestory_nystrom::{BlockFactors, Partition};
 
 use super::header::{checksum, header_bytes, parse_header};
 use super::{ArchiveError, Restart, at, damaged, read_block};

@@ -124,7 +124,8 @@ impl Load {
             let n_corners = primitive.indices.map_or(n_vertices, |index| of(index.value()));
             let is_list = primitive.mode == Checked::Valid(Mode::Triangles);
             load.triangles = load.triangles.saturating_add((if is_list { n_corners / 3 } else { n_corners }).max(1));
-            load.elements = attributes.chain(targets).fold(load.elements.saturating_add(n_corners), u64::saturating_add);
+            load.elements =
+                attributes.chain(targets).fold(load.elements.saturating_add(n_corners), u64::saturating_add);
         }
         load
     }

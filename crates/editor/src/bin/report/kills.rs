@@ -9,9 +9,9 @@ use clerestory_transport::archive::{PartState, part_of, part_state};
 
 use super::desk::Desk;
 
-/// Scene of the repository, and how it is baked: some seconds on two threads.
-const SCENE: &str = "assets/scenes/mixed.glb";
-const OPTIONS: [&str; 6] = ["--size", "160x120", "--spp", "64", "--threads", "2"];
+/// Scene of the repository, and how it is baked: a second or two on two threads, 48 blocks.
+const SCENE: &str = "crates/editor/tests/room.gltf";
+const OPTIONS: [&str; 6] = ["--size", "128x96", "--spp", "48", "--threads", "2"];
 /// Blocks under way at any moment: one a thread.
 const THREADS: usize = 2;
 const SEED: u64 = 1;

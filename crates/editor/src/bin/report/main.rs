@@ -73,7 +73,8 @@ fn report(flags: &[String], names: &[String]) -> Result<PathBuf> {
         let path = desk.root.join("docs/reliability.md");
         let text = kills::write(&desk).with_context(|| format!("cannot measure the section {RELIABILITY}"))?;
         let page = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let page = page::replaced(&page, RELIABILITY, text.trim_end()).context("docs/reliability.md has lost its marks")?;
+        let page =
+            page::replaced(&page, RELIABILITY, text.trim_end()).context("docs/reliability.md has lost its marks")?;
         std::fs::write(&path, page).with_context(|| format!("cannot write {}", path.display()))?;
         complain(&format!("wrote {}", path.display()));
     }

@@ -221,7 +221,8 @@ fn what_a_few_words_multiply_is_refused_before_it_is_made() {
 #[test]
 fn a_transform_beyond_single_precision_is_not_finite() {
     let mut fixture = Fixture::triangle();
-    fixture.root["nodes"] = json!([{"children": [1], "scale": [1e30, 1e30, 1e30]}, {"mesh": 0, "scale": [1e30, 1e30, 1e30]}]);
+    fixture.root["nodes"] =
+        json!([{"children": [1], "scale": [1e30, 1e30, 1e30]}, {"mesh": 0, "scale": [1e30, 1e30, 1e30]}]);
     let report = fixture.load().report;
     assert!(report.warnings.iter().any(|line| line.contains("not finite")), "{:?}", report.warnings);
 }
