@@ -34,7 +34,7 @@ impl Locator {
         let decoded = String::from_utf8(percent_decode(uri))
             .map_err(|_| format!("the file name {uri:?} is not readable text"))?;
         let elsewhere = || format!("{decoded:?} does not lie beside the glTF file");
-        if !is_below(&decoded) || !is_below(uri) {
+        if has_scheme(uri) || !is_below(&decoded) || !is_below(uri) {
             return Err(elsewhere());
         }
         let folder = self.folder.as_ref().ok_or_else(|| format!("there is no folder to look for {decoded:?} in"))?;
@@ -62,13 +62,19 @@ impl Locator {
     }
 }
 
+/// Whether a URI says by what means it is to be had; a drive of Windows looks alike.
+fn has_scheme(uri: &str) -> bool {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
+    uri.split_once(':').is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.chars().all(is_part))
+}
+
 /// Whether a name, read as one of this system or of another, stays below the folder that it is looked for in.
 fn is_below(name: &str) -> bool {
-    // `C:` and `http:` alike; a colon further down is part of a name where the system allows it.
-    let first = name.split(['/', '\\']).next().unwrap_or_default();
+    // Where the system allows it a colon is part of a name, but for that of a drive.
+    let on_a_drive = name.find(':') == Some(1) || (cfg!(windows) && name.contains(':'));
     let climbs = name.split(['/', '\\']).any(|step| step == "..");
     let plain = |component| matches!(component, Component::Normal(_) | Component::CurDir);
-    !first.contains(':') && !name.starts_with('\\') && !climbs && Path::new(name).components().all(plain)
+    !on_a_drive && !name.starts_with('\\') && !climbs && Path::new(name).components().all(plain)
 }
 
 /// `[media type][;base64],payload`, after `data:`.
@@ -164,6 +170,7 @@ mod tests {
             "..\\a.bin",
             "C:\\a.bin",
             "C:a.bin",
+            "C%3A/a.bin",
             "\\\\server\\share\\a.bin",
         ] {
             assert!(locator.fetch(uri).expect_err("refused").contains("beside"), "{uri}");
