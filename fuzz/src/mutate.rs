@@ -105,7 +105,8 @@ fn mend(bytes: &mut Vec<u8>) {
         let json = find(bytes, b"BIN\0", 20).map_or(bytes.len().saturating_sub(20), |at| at.saturating_sub(24));
         set_word(bytes, 12, json as u32);
         if let Some(at) = find(bytes, b"BIN\0", 20).filter(|at| *at >= 24) {
-            set_word(bytes, at - 4, (bytes.len() - at - 4) as u32);
+            let n_bytes = bytes.len() - at - 4;
+            set_word(bytes, at - 4, n_bytes as u32);
         }
     }
     if bytes.starts_with(b"CLERTRAN") && bytes.len() >= 16 {
@@ -131,9 +132,12 @@ fn mend_archive(bytes: &mut [u8]) {
         };
         let (Some(rows), Some(cols), Some(rank), Some(sparse)) = (word(0), word(1), word(2), word(3)) else { break };
         let sides = rows.saturating_add(cols);
-        let len = rank.saturating_mul(4 + 2 * sides).saturating_add(12 * sparse).saturating_add(40);
-        let end = start as u64 + len;
-        if end + 8 <= bytes.len() as u64 {
+        let len = rank
+            .saturating_mul(sides.saturating_mul(2).saturating_add(4))
+            .saturating_add(12 * sparse)
+            .saturating_add(40);
+        let end = len.saturating_add(start as u64);
+        if end.saturating_add(8) <= bytes.len() as u64 {
             let end = end as usize;
             let sum = checksum(&bytes[start..end]);
             bytes[end..end + 8].copy_from_slice(&sum.to_le_bytes());
