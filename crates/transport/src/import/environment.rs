@@ -56,15 +56,24 @@ fn guarded(decode: fn(&[u8]) -> Decoded, bytes: &[u8]) -> Decoded {
     catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("its decoder failed".to_owned()))
 }
 
-fn too_large(width: usize, height: usize) -> Option<String> {
-    (!Environment::is_size(width, height)).then(|| SkyError::Size { width, height }.to_string())
+/// More pixels than a byte of a compressed file stands for.
+const MAX_PIXELS_PER_BYTE: usize = 1024;
+
+fn too_large(width: usize, height: usize, n_bytes: usize) -> Option<String> {
+    match Environment::is_size(width, height) {
+        false => Some(SkyError::Size { width, height }.to_string()),
+        true if width * height > n_bytes.saturating_mul(MAX_PIXELS_PER_BYTE) => {
+            Some(format!("{width}×{height} pixels cannot be in {n_bytes} bytes"))
+        }
+        true => None,
+    }
 }
 
 fn decode_hdr(bytes: &[u8]) -> Decoded {
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
-    if let Some(problem) = too_large(width, height) {
+    if let Some(problem) = too_large(width, height, bytes.len()) {
         return Err(problem);
     }
     let mut raw = vec![0u8; width * height * 12];
@@ -78,7 +87,7 @@ fn decode_exr(bytes: &[u8]) -> Decoded {
     // Sizes are known before anything is allocated for the pixels.
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| e.to_string())?;
     for header in &meta.headers {
-        if let Some(problem) = too_large(header.layer_size.width(), header.layer_size.height()) {
+        if let Some(problem) = too_large(header.layer_size.width(), header.layer_size.height(), bytes.len()) {
             return Err(problem);
         }
     }

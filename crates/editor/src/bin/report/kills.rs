@@ -60,14 +60,14 @@ fn words(desk: &Desk, kills: &[Kill], run_secs: f64) -> String {
     let wasted = kills.iter().filter(|kill| !kill.ended).map(|kill| kill.at_secs + kill.resume_secs - run_secs);
     let rows = [
         ("kills (SIGKILL, one in each part of the run, moments drawn from a seed)", kills.len().to_string()),
-        ("of them before the first block was kept", count(|kill| kill.found.is_none() && !kill.ended).to_string()),
+        ("of them before anything was kept", count(|kill| kill.found.is_none() && !kill.ended).to_string()),
         ("of them after the bake had ended", count(|kill| kill.ended).to_string()),
         ("finished bakes that equal the uninterrupted one byte for byte", count(|kill| kill.same_bytes).to_string()),
         ("blocks of the bake", n_blocks.to_string()),
         ("blocks that were kept, least and most", format!("{least}, {most}")),
         ("kept blocks that were lost", count(|kill| kill.lost_bytes > 0).to_string()),
         ("blocks that were half written, of all kills", n_torn.to_string()),
-        ("blocks lost at most, those under way", THREADS.to_string()),
+        ("blocks under way, the most that a kill can cost (one a thread; by design, not measured)", THREADS.to_string()),
         ("time lost at most", format!("{:.1} s of {run_secs:.1} s", wasted.fold(0.0, f64::max))),
     ];
     let rows: String = rows.iter().map(|(what, figure)| format!("| {what} | {figure} |\n")).collect();
