@@ -37,7 +37,7 @@ fn every_crate_uses_only_what_its_arrows_allow() {
         (
             "editor",
             "anyhow clap clerestory-nystrom clerestory-relight clerestory-transport eframe egui_plot egui_tiles exr glam \
-             image indicatif rayon rfd serde serde_json",
+             image indicatif rayon rfd serde serde_json signal-hook",
         ),
     ];
     for (crate_name, allowed) in arrows {
@@ -110,4 +110,48 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
         }
     }
     found
+}
+
+#[test]
+fn everything_comes_from_the_registry_and_nothing_that_is_banned() {
+    let banned: BTreeSet<String> = {
+        let deny = manifest("deny.toml");
+        let list = deny["bans"]["deny"].as_array().unwrap();
+        list.iter().filter_map(|ban| Some(ban["crate"].as_str()?.to_owned())).collect()
+    };
+    assert!(banned.len() > 3, "{banned:?}");
+    for package in manifest("Cargo.lock")["package"].as_array().unwrap() {
+        let name = package["name"].as_str().unwrap();
+        let source = package.get("source").and_then(|source| source.as_str());
+        let known = "registry+https://github.com/rust-lang/crates.io-index";
+        assert!(source.is_none_or(|source| source == known), "{name} comes from {source:?}");
+        assert!(!banned.contains(name), "{name} is banned by deny.toml");
+    }
+}
+
+#[test]
+fn unsafe_code_is_where_docs_reliability_says_and_no_more() {
+    let page = std::fs::read_to_string(root().join("docs/reliability.md")).unwrap();
+    let told: BTreeSet<(String, usize)> = page
+        .lines()
+        .filter_map(|line| {
+            let mut cells = line.strip_prefix("| `crates/")?.split('|').map(str::trim);
+            let file = cells.next()?.strip_suffix('`')?;
+            Some((file.to_owned(), cells.next()?.parse().ok()?))
+        })
+        .collect();
+    let crates = root().join("crates");
+    let found = sources(&crates).into_iter().filter_map(|file| {
+        let n_uses = uses_of_unsafe(&std::fs::read_to_string(&file).unwrap());
+        let name = file.strip_prefix(&crates).unwrap().to_string_lossy().replace('\\', "/");
+        (n_uses > 0).then_some((name, n_uses))
+    });
+    assert_eq!(found.collect::<BTreeSet<_>>(), told, "the table of docs/reliability.md differs from the sources");
+}
+
+/// Blocks and functions, not lints of that name.
+fn uses_of_unsafe(text: &str) -> usize {
+    let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    code.flat_map(|line| line.split(move |c| !is_word(c))).filter(|word| *word == "unsafe").count()
 }

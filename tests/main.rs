@@ -6,6 +6,8 @@
 mod architecture;
 /// Scenes whose radiance is known by hand: closed spheres and furnaces.
 mod energy;
+/// Files from strangers: mutated by the thousand, none brings the house down.
+mod hostile;
 /// Lux: of what is seen, and of sensor grids.
 mod irradiance;
 /// Light adds up.

@@ -264,7 +264,7 @@ impl App {
     }
 
     fn open_look(&mut self, path: PathBuf) {
-        match Look::load(&path) {
+        match Look::load_readable(&path) {
             Ok((look, mut warnings)) => {
                 warnings.extend(self.session.basis().map_or(Vec::new(), |basis| look.unheeded(basis)));
                 self.look = look.clone();

@@ -4,6 +4,7 @@ pub mod args;
 pub(crate) mod bake;
 mod console;
 mod info;
+mod interrupt;
 pub(crate) mod relight;
 mod sensors;
 mod trace;
@@ -21,6 +22,9 @@ use serde_json::json;
 use crate::compare::{compare, read_exr};
 use args::{Arguments, Command, CompareArgs};
 pub use console::{Answer, Console};
+pub use interrupt::Interrupt;
+use interrupt::Stopped;
+pub(crate) use interrupt::nothing_kept;
 
 /// Exit code of a failed command.
 const FAILED: u8 = 1;
@@ -29,6 +33,16 @@ const WRONG_USAGE: u8 = 2;
 
 /// Runs a command line, the program's name first. Answers go to `stdout`, warnings and errors to `stderr`.
 pub fn run<T: Into<OsString> + Clone>(
+    args: impl IntoIterator<Item = T>,
+    stdout: &mut (dyn Write + Send),
+    stderr: &mut (dyn Write + Send),
+) -> ExitCode {
+    run_until(Interrupt::never(), args, stdout, stderr)
+}
+
+/// The same until somebody interrupts it.
+pub fn run_until<T: Into<OsString> + Clone>(
+    interrupt: Interrupt,
     args: impl IntoIterator<Item = T>,
     stdout: &mut (dyn Write + Send),
     stderr: &mut (dyn Write + Send),
@@ -42,7 +56,7 @@ pub fn run<T: Into<OsString> + Clone>(
         }
         Err(help) => return finish(write!(stdout, "{}", help.render()).map_err(Into::into), stderr),
     };
-    let mut console = Console::new(started, stdout, stderr);
+    let mut console = Console::new(started, stdout, stderr, interrupt);
     let result = dispatch(&arguments, &mut console);
     finish(result, stderr)
 }
@@ -73,6 +87,10 @@ fn finish(result: Result<()>, stderr: &mut (dyn Write + Send)) -> ExitCode {
     };
     if error.chain().any(reader_left) {
         return ExitCode::SUCCESS;
+    }
+    if let Some(stopped) = error.downcast_ref::<Stopped>() {
+        let _ = writeln!(stderr, "{stopped}");
+        return ExitCode::from(stopped.exit_code());
     }
     // The front end has nowhere left to complain when stderr itself is closed.
     let _ = writeln!(stderr, "error: {}", in_words(&error));

@@ -16,7 +16,7 @@ use crate::cli::args::{BakeOptions, ViewArgs};
 use crate::cli::bake::{baked, job, merge, run_with_progress};
 use crate::cli::relight::Relighter;
 use crate::cli::view::{load_scene, prepare_view, warn_of_unknown_lights};
-use crate::cli::{Answer, Console};
+use crate::cli::{Answer, Console, nothing_kept};
 use crate::export::Picture;
 use crate::look::Look;
 
@@ -59,7 +59,7 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
         None => gallery_looks()?,
     };
     let job = job(view, &options, Passes::FinalOnly);
-    let (bake, times) = run_with_progress(console, &options, |on_event| job.run(on_event))?;
+    let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
     let mut answer = baked(&bake, times, &options, console)?;
 
     let mut frames = Vec::new();

@@ -1,10 +1,13 @@
 //! The one undoable document: how the lights are set and how the picture is shown. A `.look` file is this, as JSON.
 
+mod damage;
 pub mod display;
 mod parse;
+mod place;
 pub mod sky;
 mod write;
 
+use std::io::Read;
 use std::path::Path;
 
 use anyhow::{Context, Result};
@@ -16,6 +19,9 @@ pub use display::{Display, FalseColor, Quantity};
 
 /// Version that this program writes and the newest that it reads.
 pub const LOOK_VERSION: u64 = 1;
+
+/// Longest file that is read.
+const MAX_BYTES: u64 = 16 << 20;
 
 /// How a scene is lit and shown. What it leaves out keeps the scene's value.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,9 +36,17 @@ impl Look {
     /// Reads a look, and a sentence for each key that is not known.
     ///
     /// # Errors
-    /// Names the key whose value is missing, of the wrong type or out of range.
+    /// Names line, column and key of a value that is missing, of the wrong type or out of range.
     pub fn from_json(json: &str) -> Result<(Look, Vec<String>)> {
-        parse::look(json)
+        parse::look(json, parse::OnFault::Refuse)
+    }
+
+    /// Reads what can be read of a damaged look, and a sentence for each fault, with its line and column.
+    ///
+    /// # Errors
+    /// If it is no look at all, or of a newer program.
+    pub fn recover(json: &str) -> Result<(Look, Vec<String>)> {
+        parse::look(json, parse::OnFault::LeaveOut)
     }
 
     /// Readable JSON with what differs from the scene.
@@ -57,12 +71,30 @@ impl Look {
     /// # Errors
     /// If a file cannot be read, or holds no look or no sky.
     pub fn load(path: &Path) -> Result<(Look, Vec<String>)> {
-        let json = std::fs::read_to_string(path)
-            .with_context(|| format!("cannot read the look {}: check the path", path.display()))?;
         let problem = || format!("cannot use the look {}", path.display());
-        let (mut look, mut warnings) = Look::from_json(&json).with_context(problem)?;
+        let (mut look, mut warnings) = Look::from_json(&read_text(path)?).with_context(problem)?;
         if let Some(sky) = &mut look.lights.sky {
             warnings.extend(sky::load(sky, path.parent().unwrap_or(Path::new(""))).with_context(problem)?);
+        }
+        Ok((look, warnings))
+    }
+
+    /// Reads what can be read of a file, for somebody who can look at the rest; see [`Look::recover`]. A sky that cannot be
+    /// had is left out too.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is no look at all.
+    pub fn load_readable(path: &Path) -> Result<(Look, Vec<String>)> {
+        let problem = || format!("cannot use the look {}", path.display());
+        let (mut look, mut warnings) = Look::recover(&read_text(path)?).with_context(problem)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        match look.lights.sky.as_mut().map(|sky| sky::load(sky, folder)) {
+            Some(Ok(odd)) => warnings.extend(odd),
+            Some(Err(error)) => {
+                warnings.push(format!("{error:#}; the sky of the look is left out"));
+                look.lights.sky = None;
+            }
+            None => {}
         }
         Ok((look, warnings))
     }
@@ -74,6 +106,16 @@ impl Look {
     pub fn save(&self, path: &Path) -> Result<()> {
         write_whole(path, self.to_json().as_bytes())
     }
+}
+
+/// Text of a look; more than `MAX_BYTES` is none.
+fn read_text(path: &Path) -> Result<String> {
+    let problem = || format!("cannot read the look {}: check the path", path.display());
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(path).with_context(problem)?;
+    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).with_context(problem)?;
+    anyhow::ensure!(bytes.len() as u64 <= MAX_BYTES, "{} is longer than any look", path.display());
+    String::from_utf8(bytes).with_context(|| format!("cannot use the look {}: it is no text", path.display()))
 }
 
 #[cfg(test)]
@@ -142,6 +184,61 @@ mod tests {
         for key in ["a", "lights.L.b", "panels.P[0].c", "display.d"] {
             assert!(warnings.iter().any(|w| w.contains(&format!("`{key}`"))), "{key} is not in {warnings:?}");
         }
+    }
+
+    #[test]
+    fn a_fault_is_told_with_its_line_and_column() {
+        for (json, place) in [
+            ("{\n  \"clerestory\": 1,\n  \"lights\": {\n    \"L\": { \"muted\": 1 }\n  }\n}", "line 4, column 21"),
+            ("{\"clerestory\": 1,\n\"display\": {\"tone\": \"se\\\"pia\", \"exposure_ev\": 0}}", "line 2, column 21"),
+            ("{\"clerestory\": 1, \"lights\":\n{\"\\u004c\": {\"color\": [1, \"}\", 2]}}}", "line 2, column 22"),
+            ("{\"panels\": {\"P\": [{\"position\": [0, 0],\n\"radius\": 1}, {\n\"radius\": 1}]}}", "line 2, column 15"),
+            (
+                "{\"clerestory\": 1, \"sky\": {\n\t\"sun\": {\"azimuth_deg\": \"é\", \"elevation_deg\": 3}}}",
+                "line 2, column 25",
+            ),
+            ("{\"clerestory\": 1,\n\"lights\": {\"L\"}}", "line 2 column 15"),
+        ] {
+            let error = format!("{:#}", Look::from_json(json).unwrap_err());
+            assert!(error.contains(place), "{json}: {error}");
+        }
+    }
+
+    #[test]
+    fn of_a_damaged_look_what_can_be_read_is_kept() {
+        let json = "{\"clerestory\": 1, \"lights\": {\"A\": {\"intensity\": 2, \"muted\": 1}, \"B\": 3, \"C\": {\"kelvin\": 3000}},\n\
+                    \"panels\": {\"P\": [{\"radius\": 1}, {\"position\": [0, 1], \"radius\": 1}]}, \"sky\": 7,\n\
+                    \"display\": {\"exposure_ev\": 1e9, \"tone\": \"linear\"}}";
+        let (look, warnings) = Look::recover(json).unwrap();
+        assert_eq!(look.lights.lights["A"], LightSetting { intensity: 2.0, ..LightSetting::default() });
+        assert_eq!(look.lights.lights["C"].kelvin, Some(3000.0));
+        assert_eq!((look.lights.lights.len(), look.lights.panels["P"].len()), (2, 1));
+        assert_eq!(
+            look.display,
+            Display { exposure_ev: None, tone: clerestory_relight::Tone::Linear, ..Display::default() }
+        );
+        assert_eq!(warnings.len(), 5, "{warnings:?}");
+        assert!(warnings.iter().all(|w| w.starts_with("line ") && w.ends_with("it is left out")), "{warnings:?}");
+        assert!(Look::recover("{\"clerestory\": 2}").is_err() && Look::recover("nothing").is_err());
+    }
+
+    #[test]
+    fn a_look_that_was_cut_off_keeps_what_stands_before() {
+        let json = rich().to_json();
+        let json = json.trim_end();
+        let (mut n_kept, mut most) = (0, 0);
+        for end in json.char_indices().map(|(at, _)| at).skip(1) {
+            let (look, warnings) = match Look::recover(&json[..end]) {
+                Ok(read) => read,
+                Err(error) => panic!("{end}: {error:#}"),
+            };
+            assert!(warnings.iter().any(|w| w.contains("damaged")), "{end}: {warnings:?}");
+            let kept = look.lights.lights.len() + look.lights.panels.len();
+            assert!(kept + 1 >= most, "less is kept of {end} bytes than of fewer");
+            (n_kept, most) = (n_kept + kept, most.max(kept));
+        }
+        assert_eq!(most, 3);
+        assert!(n_kept > 0);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use std::process::ExitCode;
 
+use clerestory::cli::{Interrupt, run_until};
+
 fn main() -> ExitCode {
-    clerestory::cli::run(std::env::args_os(), &mut std::io::stdout(), &mut std::io::stderr())
+    run_until(Interrupt::of_process(), std::env::args_os(), &mut std::io::stdout(), &mut std::io::stderr())
 }

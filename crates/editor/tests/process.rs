@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// A closed room with a lamp, as a glTF file with its buffer inside.
@@ -153,4 +153,159 @@ fn without_a_display_three_looks_become_frames() {
         assert_eq!(names.iter().filter(|name| name.ends_with(extension)).count(), 3, "{names:?}");
     }
     assert!(said.contains("frames/") && said.contains("display"), "{said}");
+}
+
+/// Some two dozen blocks.
+const SHORT_BAKE: &str = "bake room.gltf --size 96x64 --spp 48 --threads 1 -o";
+
+/// Starts a bake and waits until something worth keeping was written.
+fn half_done(folder: &Path, name: &str) -> Child {
+    let part = folder.join(format!("{name}.part"));
+    let mut bake = clerestory(folder);
+    bake.args(format!("{SHORT_BAKE} {name}").split_whitespace()).stdout(Stdio::null()).stderr(Stdio::piped());
+    let child = bake.spawn().unwrap();
+    let deadline = Instant::now() + Duration::from_secs(60);
+    while std::fs::metadata(&part).map_or(0, |m| m.len()) < 8_000 {
+        assert!(Instant::now() < deadline, "nothing was written in a minute");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[cfg(unix)]
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_bake_keeps_what_is_done_and_says_so() {
+    let folder = desk();
+    succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
+    let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
+    for (name, code) in [("-INT", 130), ("-TERM", 143)] {
+        let child = half_done(folder.path(), "b.transport");
+        let begun = Instant::now();
+        signal(&child, name);
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{name}: {said}");
+        assert!(said.starts_with("stopped: ") && said.contains("the same command goes on"), "{name}: {said}");
+        assert!(begun.elapsed() < Duration::from_secs(20), "{name} took {:?}", begun.elapsed());
+        assert_eq!(names_in(folder.path()), ["a.transport", "b.transport.part", "room.gltf"]);
+        succeeds(folder.path(), &format!("{SHORT_BAKE} b.transport"));
+        assert!(std::fs::read(folder.path().join("b.transport")).unwrap() == reference, "{name}: other bytes");
+        std::fs::remove_file(folder.path().join("b.transport")).unwrap();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_render_or_trace_leaves_nothing_behind() {
+    let folder = desk();
+    for command in ["render", "trace"] {
+        let line = format!("{command} room.gltf -o a.png --size 640x480 --spp 4096");
+        let child = clerestory(folder.path()).args(line.split(' ')).stderr(Stdio::piped()).spawn().unwrap();
+        // From its first file on it heeds signals.
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while names_in(folder.path()).len() < 2 {
+            assert!(Instant::now() < deadline, "nothing was begun in a minute");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        signal(&child, "-INT");
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(130), "{command}: {said}");
+        assert_eq!(said, "stopped: nothing was written\n", "{command}");
+    }
+    assert_eq!(names_in(folder.path()), ["room.gltf"]);
+}
+
+#[test]
+fn two_bakes_to_one_file_do_not_disturb_each_other() {
+    let folder = desk();
+    succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
+    let first = half_done(folder.path(), "b.transport");
+    for more in ["", " --fresh"] {
+        let second = run(folder.path(), &format!("{SHORT_BAKE} b.transport{more}"));
+        let said = String::from_utf8_lossy(&second.stderr).into_owned();
+        assert_eq!(second.status.code(), Some(1), "{said}");
+        assert!(said.contains("is being written by another bake"), "{said}");
+    }
+    assert!(first.wait_with_output().unwrap().status.success());
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    assert!(read("a.transport") == read("b.transport"));
+    assert_eq!(names_in(folder.path()), ["a.transport", "b.transport", "room.gltf"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_disk_that_fills_up_costs_nothing_but_time() {
+    let folder = desk();
+    succeeds(folder.path(), &format!("{SHORT_BAKE} a.transport"));
+    let reference = std::fs::read(folder.path().join("a.transport")).unwrap();
+    std::fs::write(folder.path().join("b.transport"), b"the old file").unwrap();
+    // Files may not grow beyond 16 blocks of 512 bytes (1024 in some shells).
+    let script = format!("trap '' XFSZ; ulimit -f 16; exec \"$0\" {SHORT_BAKE} b.transport");
+    let mut limited = Command::new("sh");
+    limited.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
+    let output = limited.stdin(Stdio::null()).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("b.transport.part") && said.contains("run the same command again"), "{said}");
+    assert_eq!(std::fs::read(folder.path().join("b.transport")).unwrap(), b"the old file");
+    assert_eq!(names_in(folder.path()), ["a.transport", "b.transport", "b.transport.part", "room.gltf"]);
+    succeeds(folder.path(), &format!("{SHORT_BAKE} b.transport"));
+    assert!(std::fs::read(folder.path().join("b.transport")).unwrap() == reference);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_cannot_be_written_is_found_out_at_once() {
+    let folder = desk();
+    for output in ["/proc/a.transport", "/dev/full/a.transport", "none/a.transport"] {
+        let begun = Instant::now();
+        let refused = run(folder.path(), &format!("{SHORT_BAKE} {output}"));
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(1), "{said}");
+        assert!(said.starts_with("error: cannot write") && said.contains(output), "{said}");
+        assert!(begun.elapsed() < Duration::from_secs(10), "{output} was tried after the long work");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_that_vanishes_is_an_error_in_words() {
+    let folder = desk();
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    let child = half_done(folder.path(), "sub/b.transport");
+    std::fs::remove_dir_all(folder.path().join("sub")).unwrap();
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("cannot create") && said.contains("sub/b.transport"), "{said}");
+}
+
+#[test]
+fn a_scene_never_makes_the_program_read_elsewhere() {
+    let folder = desk();
+    let inside = folder.path().join("scene");
+    std::fs::create_dir(&inside).unwrap();
+    std::fs::write(folder.path().join("secret.bin"), [0; 360]).unwrap();
+    for uri in ["../secret.bin", "%2e%2e/secret.bin", "/etc/hostname", "http://localhost/a.bin"] {
+        let start = ROOM.find("data:application").unwrap();
+        let end = start + ROOM[start..].find('"').unwrap();
+        std::fs::write(inside.join("a.gltf"), format!("{}{uri}{}", &ROOM[..start], &ROOM[end..])).unwrap();
+        let refused = run(&inside, "info a.gltf");
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert_eq!(refused.status.code(), Some(1), "{uri}: {said}");
+        assert!(said.contains("does not lie beside the glTF file"), "{uri}: {said}");
+    }
 }

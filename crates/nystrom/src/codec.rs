@@ -18,6 +18,8 @@ const VERSION: u16 = 1;
 /// Magic, version, five counts, three errors.
 const HEADER_LEN: usize = 8 + 5 * 4 + 3 * 4;
 const CHECKSUM_LEN: usize = 8;
+/// Bytes of the smallest block: rank 0 without a sparse part.
+pub const MIN_BLOCK_BYTES: usize = HEADER_LEN + CHECKSUM_LEN;
 /// Rows or columns that a block may have.
 const MAX_SIDE: u32 = 1 << 24;
 

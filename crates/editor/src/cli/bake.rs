@@ -1,8 +1,9 @@
 //! `clerestory bake`: light transport into a file.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clerestory_transport::archive::{self, Restart};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use clerestory_transport::irradiance::IrradianceFigures;
@@ -37,7 +38,8 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
     let irradiance = rows.with_context(|| format!("cannot measure light in {}", args.scene.display()))?;
     let job = BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) };
     let restart = if args.options.fresh { Restart::Fresh } else { Restart::Resume };
-    let (bake, times) = run_with_progress(console, &args.options, |on_event| {
+    let kept = || kept_words(&args.output);
+    let (bake, times) = run_with_progress(console, &args.options, &kept, |on_event| {
         archive::bake_to_file(job, &args.output, restart, on_event)
     })
     .with_context(|| format!("cannot bake {} to {}", args.scene.display(), args.output.display()))?;
@@ -45,6 +47,15 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
     answer.json["output"] = json!(args.output.display().to_string());
     answer.words = format!("{}: {}", args.output.display(), answer.words);
     Ok(answer)
+}
+
+/// What a bake that is stopped leaves behind.
+fn kept_words(output: &Path) -> String {
+    let part = archive::part_of(output);
+    match part.exists() {
+        true => format!("what is done is kept in {}, and the same command goes on with it", part.display()),
+        false => "nothing was done yet".into(),
+    }
 }
 
 /// The irradiance that was asked for.
@@ -68,23 +79,32 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
 }
 
-/// Runs a bake with a bar, on the threads asked for, and keeps the time.
-pub(crate) fn run_with_progress<R>(console: &mut Console, options: &BakeOptions, run: R) -> Result<(Bake, BakeTimes)>
+/// Runs a bake with a bar, on the threads asked for, and keeps the time. `kept` says what is left of it when it is
+/// interrupted.
+pub(crate) fn run_with_progress<R>(
+    console: &mut Console,
+    options: &BakeOptions,
+    kept: &(dyn Fn() -> String + Sync),
+    run: R,
+) -> Result<(Bake, BakeTimes)>
 where
     R: FnOnce(&mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send)) -> Result<Option<Bake>, BakeError> + Send,
 {
     let begun = std::time::Instant::now();
     let bar = console.start_progress("baking");
     let mut times = BakeTimes::default();
-    let result = on_threads(options.view.threads, || {
-        run(&mut |event| {
-            observe(event, &bar, &mut times, console);
-            ControlFlow::Continue(())
+    let interrupt = console.interrupt.heeded()?;
+    let result = interrupt.watched(&bar, kept, || {
+        on_threads(options.view.threads, || {
+            run(&mut |event| {
+                observe(event, &bar, &mut times, console);
+                if interrupt.came() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            })
         })
     });
     console.end_progress();
     let Some(bake) = result?? else {
-        bail!("the bake was stopped before its end");
+        return Err(interrupt.stopped(kept()));
     };
     times.bake_secs = begun.elapsed().as_secs_f64();
     Ok((bake, times))

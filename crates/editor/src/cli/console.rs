@@ -7,6 +7,8 @@ use anyhow::Result;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
+use super::interrupt::Interrupt;
+
 /// What a command found out, for programs and for people.
 #[derive(Clone, Debug)]
 pub struct Answer {
@@ -23,13 +25,20 @@ pub struct Console<'a> {
     stdout: &'a mut (dyn Write + Send),
     stderr: &'a mut (dyn Write + Send),
     progress: ProgressBar,
+    /// What may ask long commands to end.
+    pub(crate) interrupt: Interrupt,
     warnings: Vec<String>,
 }
 
 impl<'a> Console<'a> {
     /// A console without progress so far.
-    pub fn new(started: Instant, stdout: &'a mut (dyn Write + Send), stderr: &'a mut (dyn Write + Send)) -> Self {
-        Console { started, stdout, stderr, progress: ProgressBar::hidden(), warnings: Vec::new() }
+    pub fn new(
+        started: Instant,
+        stdout: &'a mut (dyn Write + Send),
+        stderr: &'a mut (dyn Write + Send),
+        interrupt: Interrupt,
+    ) -> Self {
+        Console { started, stdout, stderr, progress: ProgressBar::hidden(), interrupt, warnings: Vec::new() }
     }
 
     /// Prints the answer of the command.

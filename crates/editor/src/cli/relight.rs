@@ -10,11 +10,13 @@ use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeJob, Passes};
 use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::light::LightRig;
+use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
+use super::interrupt::discarded;
 use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, LightLayer, Picture};
 use crate::look::Look;
@@ -31,13 +33,16 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
     let scene = [("scene", args.scene.as_path())];
     spare_inputs(&args.relight.output, scene.into_iter().chain(inputs_of(&args.bake.view)))?;
+    let interrupt = console.interrupt.heeded()?;
     let target = Target::new(&args.relight, console)?;
+    let kept = || discarded(&target.place);
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
-    let view = open_view(&args.scene, &args.bake.view, sky.as_ref(), console)?;
+    let view = interrupt
+        .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.bake.view, sky.as_ref(), console))?;
     let asked = args.relight.layers == Layers::Irradiance || target.look.shows_irradiance(target.format);
     let irradiance = if asked { vec![IrradianceRows::Pixels] } else { Vec::new() };
     let job = BakeJob { irradiance, ..job(view, &args.bake, Passes::FinalOnly) };
-    let (bake, times) = run_with_progress(console, &args.bake, |on_event| job.run(on_event))
+    let (bake, times) = run_with_progress(console, &args.bake, &kept, |on_event| job.run(on_event))
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
     let mut answer = baked(&bake, times, &args.bake, console)?;
     let relit = target.finish(&bake, &args.relight, console)?;

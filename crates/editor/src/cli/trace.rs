@@ -3,14 +3,16 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use clerestory_relight::Radiance;
 use clerestory_transport::sky::SkyForm;
 use clerestory_transport::trace::{self, TraceConfig};
+use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::args::TraceArgs;
 use super::console::{Answer, Console, advance, duration_words};
+use super::interrupt::discarded;
 use super::view::{inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, Picture};
 use crate::output::{PendingFile, spare_inputs};
@@ -18,14 +20,17 @@ use crate::output::{PendingFile, spare_inputs};
 pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let format = ImageFormat::of(&args.output)?;
     spare_inputs(&args.output, [("scene", args.scene.as_path())].into_iter().chain(inputs_of(&args.view)))?;
+    let interrupt = console.interrupt.heeded()?;
     let place = PendingFile::create(&args.output)?;
+    let kept = || discarded(&place);
     let look = load_look(args.look.as_deref(), console)?;
     spare_look(&args.output, args.look.as_deref(), &look)?;
     if look.shows_irradiance(format) {
         bail!("trace measures no light that arrives, which the look shows in false color; use `clerestory render`");
     }
     let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
-    let view = open_view(&args.scene, &args.view, sky.as_ref(), console)?;
+    let view = interrupt
+        .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.view, sky.as_ref(), console))?;
     let basis = &view.scene.lighting.basis;
     warn_of_unknown_lights(basis, &look, console);
     let coefficients = basis.project(&look.lights);
@@ -35,13 +40,15 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let bar = console.start_progress("tracing");
     let progress = |done: f32| {
         advance(&bar, done);
-        ControlFlow::Continue(())
+        if interrupt.came() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let pixels = on_threads(args.view.threads, || {
-        trace::trace(&view.scene, &view.camera, view.film, &coefficients, &config, &progress)
+    let pixels = interrupt.watched(&bar, &kept, || {
+        on_threads(args.view.threads, || {
+            trace::trace(&view.scene, &view.camera, view.film, &coefficients, &config, &progress)
+        })
     });
     console.end_progress();
-    let pixels = pixels?.context("the picture was stopped before its end")?;
+    let pixels = pixels?.ok_or_else(|| interrupt.stopped(kept()))?;
     let trace_secs = begun.elapsed().as_secs_f64();
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };

@@ -7,7 +7,8 @@ use anyhow::{Context, Result, anyhow, bail};
 use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
 use serde_json::{Map, Value};
 
-use super::{Display, LOOK_VERSION, Look};
+use super::place::{self, Step};
+use super::{Display, LOOK_VERSION, Look, damage};
 
 /// Multipliers of a lamp.
 pub(super) const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
@@ -20,18 +21,38 @@ const POSITION: RangeInclusive<f64> = -100.0..=100.0;
 /// Radius of a spot in shorter sides of its panel.
 const RADIUS: RangeInclusive<f64> = 0.0..=1000.0;
 
+/// What happens at a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum OnFault {
+    /// The whole look is refused.
+    Refuse,
+    /// The member is left out with a warning.
+    LeaveOut,
+}
+
 /// A place in the document, and what was noticed on the way.
 pub(super) struct Reader<'a> {
     warnings: &'a mut Vec<String>,
     path: String,
+    steps: Vec<Step>,
+    text: &'a str,
+    on_fault: OnFault,
 }
 
-/// Reads a look; see [`Look::from_json`].
-pub(super) fn look(json: &str) -> Result<(Look, Vec<String>)> {
+/// Reads a look; see [`Look::from_json`] and [`Look::recover`].
+pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)> {
     let json = json.strip_prefix('\u{feff}').unwrap_or(json);
-    let value: Value = serde_json::from_str(json).context("it is not JSON; see the example in docs/cli.md")?;
     let mut warnings = Vec::new();
-    let mut reader = Reader { warnings: &mut warnings, path: String::new() };
+    let value = match serde_json::from_str::<Value>(json) {
+        Ok(value) => value,
+        Err(error) if on_fault == OnFault::LeaveOut => {
+            warnings.push(format!("the look is damaged ({error}); what stands before is read"));
+            damage::readable(json, &error).with_context(|| format!("nothing of it can be read ({error})"))?
+        }
+        Err(error) => return Err(error).context("it is not JSON; see the example in docs/cli.md"),
+    };
+    let (path, steps) = (String::new(), Vec::new());
+    let mut reader = Reader { warnings: &mut warnings, path, steps, text: json, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
     reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "display"]);
@@ -41,7 +62,7 @@ pub(super) fn look(json: &str) -> Result<(Look, Vec<String>)> {
         sky: reader.optional(document, "sky", |reader, value| reader.sky(value))?,
     };
     let display = match document.get("display") {
-        Some(value) => reader.at("display", |reader| reader.display(value))?,
+        Some(value) => reader.part("display", |reader| reader.display(value))?.unwrap_or_default(),
         None => Display::default(),
     };
     Ok((Look { lights, display }, warnings))
@@ -69,11 +90,26 @@ fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<(
 }
 
 impl Reader<'_> {
-    /// Reads something one step deeper, so that complaints carry the whole path.
-    fn at<T>(&mut self, step: &str, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<T> {
-        let separator = if self.path.is_empty() || step.starts_with('[') { "" } else { "." };
+    /// Reads something one step deeper, so that complaints carry the whole path, and the line and column.
+    fn at<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<T> {
+        let step = step.into();
+        let separator = if self.path.is_empty() || matches!(step, Step::Item(_)) { "" } else { "." };
         let path = format!("{}{separator}{step}", self.path);
-        read(&mut Reader { warnings: self.warnings, path })
+        let steps = [self.steps.as_slice(), &[step]].concat();
+        let (text, on_fault) = (self.text, self.on_fault);
+        let mut deeper = Reader { warnings: self.warnings, path, steps, text, on_fault };
+        read(&mut deeper).map_err(|error| place::located(error, text, &deeper.steps))
+    }
+
+    /// The same; `None` where a fault was left out.
+    fn part<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<Option<T>> {
+        match (self.at(step, read), self.on_fault) {
+            (Err(error), OnFault::LeaveOut) => {
+                self.warnings.push(format!("{error:#}; it is left out"));
+                Ok(None)
+            }
+            (result, _) => result.map(Some),
+        }
     }
 
     /// The name of this place for people.
@@ -107,10 +143,16 @@ impl Reader<'_> {
         let Some(value) = document.get(name) else {
             return Ok(BTreeMap::new());
         };
-        self.at(name, |reader| {
-            let object = reader.object(value)?;
-            object.iter().map(|(key, value)| Ok((key.clone(), reader.at(key, |r| read(r, value))?))).collect()
-        })
+        let entries = self.part(name, |reader| {
+            let mut entries = BTreeMap::new();
+            for (key, value) in reader.object(value)? {
+                if let Some(entry) = reader.part(key.as_str(), |r| read(r, value))? {
+                    entries.insert(key.clone(), entry);
+                }
+            }
+            Ok(entries)
+        })?;
+        Ok(entries.unwrap_or_default())
     }
 
     pub(super) fn number(&self, value: &Value, range: &RangeInclusive<f64>) -> Result<f32> {
@@ -142,7 +184,7 @@ impl Reader<'_> {
     ) -> Result<Option<T>> {
         match object.get(key) {
             None | Some(Value::Null) => Ok(None),
-            Some(value) => self.at(key, |reader| read(reader, value)).map(Some),
+            Some(value) => self.part(key, |reader| read(reader, value)),
         }
     }
 
@@ -163,7 +205,8 @@ impl Reader<'_> {
 
     fn spots(&mut self, value: &Value) -> Result<Vec<PanelSpot>> {
         let list = self.array(value)?;
-        list.iter().enumerate().map(|(idx, value)| self.at(&format!("[{idx}]"), |reader| reader.spot(value))).collect()
+        let spots = list.iter().enumerate().map(|(idx, value)| self.part(idx, |reader| reader.spot(value)));
+        spots.filter_map(Result::transpose).collect()
     }
 
     fn spot(&mut self, value: &Value) -> Result<PanelSpot> {

@@ -63,6 +63,17 @@ impl Reader<'_> {
         self.elements(index, accessor, 0, component.size(), |bytes| index_from(component, bytes))
     }
 
+    /// How many elements an accessor may give, without a look at them: never more than it has bytes.
+    pub fn n_elements(&self, index: usize) -> u64 {
+        let Ok(accessor) = self.accessor(index) else { return 0 };
+        let count = size(accessor.count);
+        let most = match accessor.buffer_view {
+            Some(view) => self.buffers.view(view.value()).map_or(0, |(bytes, _)| bytes.len()),
+            None => MAX_ELEMENTS_WITHOUT_BYTES,
+        };
+        count.min(most) as u64
+    }
+
     /// Whether an accessor is more than zeros.
     pub fn has_bytes(&self, index: usize) -> bool {
         self.accessor(index).is_ok_and(|accessor| accessor.buffer_view.is_some() || accessor.sparse.is_some())

@@ -1,9 +1,13 @@
 //! Materials in use, and the primitives of every node with theirs.
 
 use glam::DMat4;
+use gltf::json::mesh::Mode;
+use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Node, Root};
 use rayon::prelude::*;
+use serde_json::Value;
 
+use super::ImportError;
 use super::accessor::Reader;
 use super::document::called;
 use super::geometry::{self, Built, Job};
@@ -67,13 +71,13 @@ pub(super) fn build_geometry(
     indices: &[Option<u32>],
     slots: &MaterialSlots,
     notes: &mut Notes,
-) -> Vec<Built> {
+) -> Result<Vec<Built>, ImportError> {
     let document = reader.document;
     let mut names = Vec::with_capacity(placed.len());
     for node in placed {
         names.push(called("node", node.index, document.nodes[node.index].name.as_ref()));
     }
-    let mut jobs = Vec::new();
+    let (mut jobs, mut load) = (Vec::new(), Load::default());
     for ((placed, node_idx), name) in placed.iter().zip(indices).zip(&names) {
         let node = &document.nodes[placed.index];
         let (Some(mesh_idx), Some(node_idx), true) = (node.mesh, *node_idx, placed.visible) else { continue };
@@ -81,6 +85,8 @@ pub(super) fn build_geometry(
             notes.warn(format!("{name}: mesh {mesh_idx} does not exist: it is left out"));
             continue;
         };
+        // Before anything is read or multiplied.
+        load.add(&Load::of_mesh(reader, mesh), n_copies(reader, node)).check(&scene.name)?;
         let weights = node.weights.as_ref().or(mesh.weights.as_ref()).map_or(&[][..], Vec::as_slice);
         for world_from_mesh in transforms(reader, node, placed, name, notes) {
             jobs.extend(mesh.primitives.iter().map(|primitive| {
@@ -90,20 +96,73 @@ pub(super) fn build_geometry(
             }));
         }
     }
-    jobs.par_iter().map(|job| geometry::build(reader, job)).collect()
+    Ok(jobs.par_iter().map(|job| geometry::build(reader, job)).collect())
+}
+
+/// What building geometry takes, at most.
+#[derive(Clone, Copy, Debug, Default)]
+struct Load {
+    /// A primitive without any counts as one.
+    triangles: u64,
+    /// Elements of accessors that are read.
+    elements: u64,
+}
+
+impl Load {
+    const MAX_TRIANGLES: u64 = 1 << 26;
+    const MAX_ELEMENTS: u64 = 1 << 31;
+
+    /// One copy of a mesh.
+    fn of_mesh(reader: &Reader, mesh: &json::Mesh) -> Load {
+        let mut load = Load::default();
+        for primitive in &mesh.primitives {
+            let of = |index: usize| reader.n_elements(index);
+            let attributes = primitive.attributes.values().map(|index| of(index.value()));
+            let targets = primitive.targets.iter().flatten().flat_map(|target| [target.positions, target.normals]);
+            let targets = targets.flatten().map(|index| of(index.value()));
+            let n_vertices = attributes.clone().max().unwrap_or(0);
+            let n_corners = primitive.indices.map_or(n_vertices, |index| of(index.value()));
+            let is_list = primitive.mode == Checked::Valid(Mode::Triangles);
+            load.triangles = load.triangles.saturating_add((if is_list { n_corners / 3 } else { n_corners }).max(1));
+            load.elements =
+                attributes.chain(targets).fold(load.elements.saturating_add(n_corners), u64::saturating_add);
+        }
+        load
+    }
+
+    fn add(&mut self, one: &Load, n_copies: u64) -> &Load {
+        self.triangles = self.triangles.saturating_add(one.triangles.saturating_mul(n_copies));
+        self.elements = self.elements.saturating_add(one.elements.saturating_mul(n_copies));
+        self
+    }
+
+    fn check(&self, name: &str) -> Result<(), ImportError> {
+        let refuse = |what, most| Err(ImportError::TooMuch { name: name.to_owned(), what, most });
+        match () {
+            () if self.triangles > Load::MAX_TRIANGLES => refuse("triangles", Load::MAX_TRIANGLES),
+            () if self.elements > Load::MAX_ELEMENTS => refuse("vertices", Load::MAX_ELEMENTS),
+            () => Ok(()),
+        }
+    }
+}
+
+/// How often a node shows its mesh, at most.
+fn n_copies(reader: &Reader, node: &Node) -> u64 {
+    instancing(node).map_or(1, |instancing| hierarchy::n_instances(reader, instancing).max(1))
+}
+
+fn instancing(node: &Node) -> Option<&Value> {
+    node.extensions.as_ref()?.others.get("EXT_mesh_gpu_instancing")
 }
 
 /// The node's own transform, or one per instance.
 fn transforms(reader: &Reader, node: &Node, placed: &PlacedNode, name: &str, notes: &mut Notes) -> Vec<DMat4> {
-    let extensions = node.extensions.as_ref();
-    let Some(instancing) = extensions.and_then(|extensions| extensions.others.get("EXT_mesh_gpu_instancing")) else {
-        return vec![placed.world_from_node];
-    };
+    let Some(instancing) = instancing(node) else { return vec![placed.world_from_node] };
     match hierarchy::instances(reader, instancing) {
         Ok(instances) => instances
             .into_iter()
             .map(|node_from_instance| placed.world_from_node * node_from_instance)
-            .filter(DMat4::is_finite)
+            .filter(|world_from_instance| world_from_instance.as_mat4().is_finite())
             .collect(),
         Err(reason) => {
             notes.warn(format!("{name}: {reason}: its instances are left out"));

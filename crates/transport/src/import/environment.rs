@@ -1,13 +1,14 @@
 //! Equirectangular .hdr and .exr files into maps of the sky.
 
-use std::fs;
 use std::io::Cursor;
+use std::panic::catch_unwind;
 use std::path::Path;
 
 use exr::prelude::{MetaData, ReadChannels, ReadLayers};
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 
+use super::files::read_at_most;
 use crate::sky::{Environment, SkyError};
 
 /// Largest file that is read.
@@ -20,11 +21,7 @@ const MAX_FILE_BYTES: u64 = 1 << 30;
 pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
     let name = path.display().to_string();
     let read = |source| SkyError::Read { path: name.clone(), source };
-    if fs::metadata(path).map_err(read)?.len() > MAX_FILE_BYTES {
-        return Err(SkyError::Decode { path: name, reason: "it is larger than 1 GiB".into() });
-    }
-    let read = |source| SkyError::Read { path: name.clone(), source };
-    let bytes = fs::read(path).map_err(read)?;
+    let bytes = read_at_most(path, MAX_FILE_BYTES).map_err(read)?;
     decode_sky(&name, &bytes)
 }
 
@@ -35,8 +32,8 @@ pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
 pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>), SkyError> {
     let refuse = |reason: String| SkyError::Decode { path: name.into(), reason };
     let (width, height, pixels) = match () {
-        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => decode_exr(bytes).map_err(refuse)?,
-        () if bytes.starts_with(b"#?") => decode_hdr(bytes).map_err(refuse)?,
+        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => guarded(decode_exr, bytes).map_err(refuse)?,
+        () if bytes.starts_with(b"#?") => guarded(decode_hdr, bytes).map_err(refuse)?,
         () => return Err(refuse("it is neither Radiance nor OpenEXR".into())),
     };
     let (map, n_cleaned) = Environment::new(width, height, pixels)?;
@@ -54,15 +51,29 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
 
 type Decoded = Result<(usize, usize, Vec<[f32; 3]>), String>;
 
-fn too_large(width: usize, height: usize) -> Option<String> {
-    (!Environment::is_size(width, height)).then(|| SkyError::Size { width, height }.to_string())
+/// A fault of a decoder is a fault of the file.
+fn guarded(decode: fn(&[u8]) -> Decoded, bytes: &[u8]) -> Decoded {
+    catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("its decoder failed".to_owned()))
+}
+
+/// More pixels than a byte of a compressed file stands for.
+const MAX_PIXELS_PER_BYTE: usize = 1024;
+
+fn too_large(width: usize, height: usize, n_bytes: usize) -> Option<String> {
+    match Environment::is_size(width, height) {
+        false => Some(SkyError::Size { width, height }.to_string()),
+        true if width * height > n_bytes.saturating_mul(MAX_PIXELS_PER_BYTE) => {
+            Some(format!("{width}×{height} pixels cannot be in {n_bytes} bytes"))
+        }
+        true => None,
+    }
 }
 
 fn decode_hdr(bytes: &[u8]) -> Decoded {
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
-    if let Some(problem) = too_large(width, height) {
+    if let Some(problem) = too_large(width, height, bytes.len()) {
         return Err(problem);
     }
     let mut raw = vec![0u8; width * height * 12];
@@ -76,7 +87,7 @@ fn decode_exr(bytes: &[u8]) -> Decoded {
     // Sizes are known before anything is allocated for the pixels.
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| e.to_string())?;
     for header in &meta.headers {
-        if let Some(problem) = too_large(header.layer_size.width(), header.layer_size.height()) {
+        if let Some(problem) = too_large(header.layer_size.width(), header.layer_size.height(), bytes.len()) {
             return Err(problem);
         }
     }

@@ -35,7 +35,8 @@ pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
             continue;
         }
         let world_from_node = world_from_parent * local_transform(node);
-        if !world_from_node.is_finite() {
+        // In single precision too, as lamps and vertices are.
+        if !world_from_node.as_mat4().is_finite() {
             notes.warn(format!("{name} has a transform that is not finite: it is left out with all below it"));
             continue;
         }
@@ -91,6 +92,13 @@ fn trs(translation: Option<[f32; 3]>, rotation: Option<[f32; 4]>, scale: Option<
         rotation,
         translation.map_or(DVec3::ZERO, |t| t.map(f64::from).into()),
     )
+}
+
+/// Most instances that EXT_mesh_gpu_instancing can ask for; 0 where it gives none.
+pub(super) fn n_instances(reader: &Reader, instancing: &Value) -> u64 {
+    let attributes = instancing.get("attributes");
+    let accessors = ["TRANSLATION", "ROTATION", "SCALE"].into_iter().filter_map(|name| attributes?.get(name)?.as_u64());
+    accessors.map(|index| usize::try_from(index).map_or(0, |index| reader.n_elements(index))).min().unwrap_or(0)
 }
 
 /// Transforms of EXT_mesh_gpu_instancing within the node, or the reason why they cannot be read.

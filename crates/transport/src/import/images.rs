@@ -2,12 +2,14 @@
 
 use std::borrow::Cow;
 use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Root};
-use image::{ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use rayon::prelude::*;
 
 use super::container::Buffers;
@@ -25,6 +27,9 @@ const NO_SOURCE: usize = u32::MAX as usize;
 /// Most bytes that decoding one image may take.
 const MAX_DECODE_BYTES: u64 = 2 << 30;
 
+/// Most texels of all images of a file together.
+const MAX_TEXELS: u64 = 1 << 30;
+
 /// Decodes the images of some textures, given by their indices in the file, each image once.
 pub(super) fn decode(
     document: &Root,
@@ -40,10 +45,11 @@ pub(super) fn decode(
     let name_of =
         |index: usize| called("image", index, document.images.get(index).and_then(|image| image.name.as_ref()));
     let placeholder = Arc::new(checkerboard());
+    let n_texels_left = AtomicU64::new(MAX_TEXELS);
     let first_readable = |sources: &Vec<usize>| {
         let mut notes = Notes::default();
         for (place, &index) in sources.iter().enumerate() {
-            match decode_image(document, index, buffers, locator) {
+            match decode_image(document, index, buffers, locator, &n_texels_left) {
                 Ok(image) => return (Arc::new(image), notes),
                 Err(reason) => {
                     let name = name_of(index);
@@ -83,7 +89,13 @@ pub(super) fn sources_of(document: &Root, index: usize) -> Vec<usize> {
     plain.into_iter().chain(alternatives.iter().filter_map(extended).map(|source| source as usize)).collect()
 }
 
-fn decode_image(document: &Root, index: usize, buffers: &Buffers, locator: &Locator) -> Result<Image, String> {
+fn decode_image(
+    document: &Root,
+    index: usize,
+    buffers: &Buffers,
+    locator: &Locator,
+    n_texels_left: &AtomicU64,
+) -> Result<Image, String> {
     let source = document.images.get(index).ok_or("it does not exist")?;
     let bytes = fetch(source, buffers, locator)?;
     if bytes.starts_with(b"\xABKTX") {
@@ -92,15 +104,33 @@ fn decode_image(document: &Root, index: usize, buffers: &Buffers, locator: &Loca
                 .to_owned(),
         );
     }
-    let mut reader = ImageReader::new(Cursor::new(&bytes))
+    // A fault of a decoder in a single image must not take the whole scene with it.
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode_bytes(&bytes, n_texels_left)));
+    decoded.unwrap_or_else(|_| Err("it cannot be decoded (its decoder failed)".to_owned()))
+}
+
+fn decode_bytes(bytes: &[u8], n_texels_left: &AtomicU64) -> Result<Image, String> {
+    let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|error| format!("it cannot be read ({error})"))?;
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_SIDE);
     limits.max_image_height = Some(MAX_SIDE);
     limits.max_alloc = Some(MAX_DECODE_BYTES);
-    reader.limits(limits);
-    let pixels = reader.decode().map_err(|error| format!("it cannot be decoded ({error})"))?.into_rgba8();
+    reader.limits(limits.clone());
+    let undecodable = |error| format!("it cannot be decoded ({error})");
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    decoder.set_limits(limits).map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    let n_texels = u64::from(width) * u64::from(height);
+    if decoder.total_bytes() > MAX_DECODE_BYTES {
+        return Err(format!("its {width}×{height} pixels are too large"));
+    }
+    let left = |left: u64| left.checked_sub(n_texels);
+    if n_texels_left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, left).is_err() {
+        return Err(format!("all images together have more than {MAX_TEXELS} pixels"));
+    }
+    let pixels = DynamicImage::from_decoder(decoder).map_err(undecodable)?.into_rgba8();
     let (width, height) = pixels.dimensions();
     if width == 0 || height == 0 {
         return Err("it is empty".to_owned());

@@ -11,6 +11,7 @@ mod container;
 mod document;
 mod environment;
 mod extensions;
+mod files;
 mod finish;
 mod geometry;
 mod hierarchy;
@@ -103,6 +104,16 @@ pub enum ImportError {
         /// What to do about it.
         remedy: String,
     },
+    /// It would fill the memory.
+    #[error("{name} would have more than {most} {what}: leave out copies, or simplify its meshes")]
+    TooMuch {
+        /// Which file.
+        name: String,
+        /// What there is too much of.
+        what: &'static str,
+        /// Most that is allowed.
+        most: u64,
+    },
     /// A buffer that geometry or images need is not there.
     #[error("buffer {index} of {name} cannot be had: {reason}")]
     Buffer {
@@ -124,6 +135,9 @@ pub struct Imported {
     pub report: ImportReport,
 }
 
+/// Largest file that is opened; a GLB cannot be longer.
+const MAX_FILE_BYTES: u64 = 4 << 30;
+
 /// Loads a `.glb` or `.gltf` file with the files that it refers to.
 ///
 /// # Errors
@@ -137,10 +151,10 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load`].
 pub fn load_with(path: &Path, skips: Skips) -> Result<Imported, ImportError> {
-    let bytes = std::fs::read(path).map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
+    let bytes = files::read_at_most(path, MAX_FILE_BYTES)
+        .map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    let locator = Locator { folder: Some(path.parent().unwrap_or(Path::new("")).to_owned()) };
-    import(&name, &bytes, &locator, skips)
+    import(&name, &bytes, &Locator::new(Some(path.parent().unwrap_or(Path::new("")))), skips)
 }
 
 /// Loads a GLB, or a JSON glTF with data URIs, from memory.
@@ -156,7 +170,7 @@ pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load_bytes`].
 pub fn load_bytes_with(name: &str, bytes: &[u8], skips: Skips) -> Result<Imported, ImportError> {
-    import(name, bytes, &Locator { folder: None }, skips)
+    import(name, bytes, &Locator::new(None), skips)
 }
 
 fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<Imported, ImportError> {
@@ -180,7 +194,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
     let mut n_degenerate_triangles = 0;
     let mut sensors = Sensors::find(&document, &placed, &indices, &mut notes);
     let mut surfaces = Vec::new();
-    for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes) {
+    for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes)? {
         notes.absorb(std::mem::take(&mut built.notes));
         n_degenerate_triangles += built.n_degenerate_triangles;
         surfaces.extend(sensors.take(built));
@@ -196,6 +210,8 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
     scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
     note_ranges(&scene, &ranged, &mut notes);
     let made_camera = if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials) } else { None };
+    // Around a scene at the edge of single precision there is no place for one.
+    let made_camera = made_camera.filter(|camera| camera.world_from_camera.is_finite());
     note_motion(&document, &placed, n_animations, n_skins, &mut notes);
     let report = ImportReport {
         unsupported: notes.unsupported,

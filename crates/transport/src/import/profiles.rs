@@ -68,7 +68,7 @@ impl<'a> Profiles<'a> {
                 "{name}: its measured distribution cannot be had: it shines all around with {SUBSTITUTE_CD} cd instead"
             ));
         }
-        let intensity = max_candela.unwrap_or(SUBSTITUTE_CD) * multiplier;
+        let intensity = (max_candela.unwrap_or(SUBSTITUTE_CD) * multiplier).min(f32::MAX);
         Some(PunctualLight { profile, color, intensity, ..lamp })
     }
 

@@ -1,14 +1,31 @@
 //! Where bytes outside the JSON come from: data URIs and files beside it.
+//!
+//! A file from a stranger must not make this program read what is not part of it: a URI names a file in the folder of the
+//! glTF or below, whatever links lie there, and nothing is ever fetched over a network.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::files::read_at_most;
+
+/// Most bytes of all files beside a glTF together; one that is named twice counts twice.
+const MAX_BYTES: u64 = 8 << 30;
 
 /// Finds what a `uri` of the file names.
 pub(super) struct Locator {
     /// Folder of the glTF file; `None` for bytes that came without one.
-    pub folder: Option<PathBuf>,
+    folder: Option<PathBuf>,
+    /// What may still be read.
+    n_bytes_left: AtomicU64,
 }
 
 impl Locator {
+    /// For a glTF in a folder, or for bytes that came without one.
+    pub fn new(folder: Option<&Path>) -> Locator {
+        let folder = folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
+        Locator { folder: folder.map(Path::to_path_buf), n_bytes_left: AtomicU64::new(MAX_BYTES) }
+    }
+
     /// Bytes behind a URI, or a reason in words.
     pub fn fetch(&self, uri: &str) -> Result<Vec<u8>, String> {
         if let Some(rest) = uri.strip_prefix("data:") {
@@ -16,18 +33,48 @@ impl Locator {
         }
         let decoded = String::from_utf8(percent_decode(uri))
             .map_err(|_| format!("the file name {uri:?} is not readable text"))?;
-        if decoded.contains("://") || Path::new(&decoded).is_absolute() {
-            return Err(format!("{decoded:?} does not lie beside the glTF file"));
+        let elsewhere = || format!("{decoded:?} does not lie beside the glTF file");
+        if has_scheme(uri) || !is_below(&decoded) || !is_below(uri) {
+            return Err(elsewhere());
         }
         let folder = self.folder.as_ref().ok_or_else(|| format!("there is no folder to look for {decoded:?} in"))?;
-        let plain = || std::fs::read(folder.join(uri));
-        std::fs::read(folder.join(&decoded)).or_else(|error| plain().map_err(|_| error)).map_err(|error| {
-            match error.kind() {
-                std::io::ErrorKind::NotFound => format!("the file {decoded:?} is missing"),
-                _ => format!("the file {decoded:?} cannot be read ({error})"),
-            }
-        })
+        let in_words = |error: std::io::Error| match error.kind() {
+            std::io::ErrorKind::NotFound => format!("the file {decoded:?} is missing"),
+            _ => format!("the file {decoded:?} cannot be read ({error})"),
+        };
+        let named = folder.join(&decoded).canonicalize();
+        // Some names hold percent signs of their own.
+        let path = named.or_else(|error| folder.join(uri).canonicalize().map_err(|_| error)).map_err(in_words)?;
+        if !path.starts_with(folder.canonicalize().map_err(in_words)?) {
+            return Err(elsewhere());
+        }
+        self.read(&path).map_err(in_words)
     }
+
+    fn read(&self, path: &Path) -> std::io::Result<Vec<u8>> {
+        let bytes = read_at_most(path, self.n_bytes_left.load(Ordering::Relaxed))?;
+        let n_bytes = bytes.len() as u64;
+        let left = |left: u64| left.checked_sub(n_bytes);
+        match self.n_bytes_left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, left) {
+            Ok(_) => Ok(bytes),
+            Err(_) => Err(std::io::Error::other(format!("all files together have more than {} GiB", MAX_BYTES >> 30))),
+        }
+    }
+}
+
+/// Whether a URI says by what means it is to be had; a drive of Windows looks alike.
+fn has_scheme(uri: &str) -> bool {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.');
+    uri.split_once(':').is_some_and(|(scheme, _)| !scheme.is_empty() && scheme.chars().all(is_part))
+}
+
+/// Whether a name, read as one of this system or of another, stays below the folder that it is looked for in.
+fn is_below(name: &str) -> bool {
+    // Where the system allows it a colon is part of a name, but for that of a drive.
+    let on_a_drive = name.find(':') == Some(1) || (cfg!(windows) && name.contains(':'));
+    let climbs = name.split(['/', '\\']).any(|step| step == "..");
+    let plain = |component| matches!(component, Component::Normal(_) | Component::CurDir);
+    !on_a_drive && !name.starts_with('\\') && !climbs && Path::new(name).components().all(plain)
 }
 
 /// `[media type][;base64],payload`, after `data:`.
@@ -110,9 +157,46 @@ mod tests {
 
     #[test]
     fn files_elsewhere_are_refused_in_words() {
-        let locator = Locator { folder: Some(PathBuf::from("/tmp")) };
-        for uri in ["/etc/hostname", "https://example.org/a.bin", "file:///etc/hostname"] {
+        let locator = Locator::new(Some(Path::new("/tmp")));
+        for uri in [
+            "/etc/hostname",
+            "https://example.org/a.bin",
+            "file:///etc/hostname",
+            "file:a.bin",
+            "../etc/hostname",
+            "a/../../etc/hostname",
+            "%2e%2e/etc/hostname",
+            "%2Fetc%2Fhostname",
+            "..\\a.bin",
+            "C:\\a.bin",
+            "C:a.bin",
+            "C%3A/a.bin",
+            "\\\\server\\share\\a.bin",
+        ] {
             assert!(locator.fetch(uri).expect_err("refused").contains("beside"), "{uri}");
         }
+    }
+
+    #[test]
+    fn files_below_are_read_and_links_that_lead_out_are_not() {
+        let (folder, outside) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        std::fs::create_dir(folder.path().join("textures")).unwrap();
+        for (name, bytes) in [("a b.bin", "a"), ("100%25.bin", "b"), ("textures/c.bin", "c")] {
+            std::fs::write(folder.path().join(name), bytes).unwrap();
+        }
+        let locator = Locator::new(Some(folder.path()));
+        for (uri, bytes) in [("a%20b.bin", "a"), ("./a b.bin", "a"), ("100%25.bin", "b"), ("textures/c.bin", "c")] {
+            assert_eq!(locator.fetch(uri).unwrap(), bytes.as_bytes(), "{uri}");
+        }
+        assert!(locator.fetch("textures").unwrap_err().contains("no regular file"));
+        #[cfg(unix)]
+        {
+            std::fs::write(outside.path().join("secret"), "s").unwrap();
+            std::os::unix::fs::symlink(outside.path(), folder.path().join("out")).unwrap();
+            std::os::unix::fs::symlink(folder.path().join("a b.bin"), folder.path().join("in")).unwrap();
+            assert!(locator.fetch("out/secret").unwrap_err().contains("beside"));
+            assert_eq!(locator.fetch("in").unwrap(), b"a");
+        }
+        drop(outside);
     }
 }

@@ -2,6 +2,11 @@
 
 use std::fmt::Display;
 
+/// Brightest intensity that is believed, candela: a lighthouse has 10⁷, and a flux of more could not be told.
+const MAX_CANDELA: f32 = 1e12;
+/// Least distance of two angles, degrees: closer ones become one in single precision.
+const MIN_STEP_DEG: f64 = 1e-3;
+
 /// What is wrong in a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Fault {
@@ -69,7 +74,7 @@ impl<'a> Numbers<'a> {
                 let reason = format!("{what} {angle}° is not within {}° to {}°", range.0, range.1);
                 return Err(self.fault(reason));
             }
-            if angles.last().is_some_and(|&last| last >= angle) {
+            if angles.last().is_some_and(|&last| angle - last < MIN_STEP_DEG) {
                 return Err(self.fault(format!("{what} {angle}° is not larger than the one before it")));
             }
             angles.push(angle);
@@ -83,7 +88,7 @@ impl<'a> Numbers<'a> {
         for nth in 1..=n {
             let value = self.next(format_args!("intensity {nth} of {n}"))?;
             let scaled = (value * scale) as f32;
-            if value < 0.0 || !scaled.is_finite() {
+            if value < 0.0 || !(0.0..=MAX_CANDELA).contains(&scaled) {
                 return Err(self.fault(format!("the intensity {value} (times {scale}) is not possible")));
             }
             candela.push(scaled);

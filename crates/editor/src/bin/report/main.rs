@@ -1,4 +1,5 @@
-//! The one command that writes `docs/benchmarks.md`: it measures, and writes down what it measured, section by section.
+//! The one command that writes `docs/benchmarks.md`, and the measured part of `docs/reliability.md`: it measures, and writes
+//! down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [SECTION]…`
 //!
 //! Without a section it runs all of them; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
@@ -7,6 +8,7 @@
 mod bakes;
 mod cases;
 mod desk;
+mod kills;
 mod matrix;
 mod page;
 mod rays;
@@ -26,6 +28,9 @@ struct Section {
     name: &'static str,
     write: fn(&Desk) -> Result<String>,
 }
+
+/// The section that has a page of its own.
+const RELIABILITY: &str = "reliability";
 
 /// In the order of the page.
 const SECTIONS: [Section; 4] = [
@@ -55,7 +60,7 @@ fn complain(words: &str) {
 }
 
 fn report(flags: &[String], names: &[String]) -> Result<PathBuf> {
-    let known = || SECTIONS.iter().map(|section| section.name);
+    let known = || SECTIONS.iter().map(|section| section.name).chain([RELIABILITY]);
     if let Some(flag) = flags.iter().find(|flag| *flag != "--quick") {
         anyhow::bail!("no option `{flag}`; there is --quick");
     }
@@ -64,6 +69,15 @@ fn report(flags: &[String], names: &[String]) -> Result<PathBuf> {
     }
     let desk = Desk::new(!flags.is_empty())?;
     let out = desk.root.join("docs/benchmarks.md");
+    if names.is_empty() || names.iter().any(|name| name == RELIABILITY) {
+        let path = desk.root.join("docs/reliability.md");
+        let text = kills::write(&desk).with_context(|| format!("cannot measure the section {RELIABILITY}"))?;
+        let page = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let page =
+            page::replaced(&page, RELIABILITY, text.trim_end()).context("docs/reliability.md has lost its marks")?;
+        std::fs::write(&path, page).with_context(|| format!("cannot write {}", path.display()))?;
+        complain(&format!("wrote {}", path.display()));
+    }
     for section in SECTIONS.iter().filter(|section| names.is_empty() || names.iter().any(|name| name == section.name)) {
         let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
         // Section by section, so that a later one that fails costs nothing of an earlier one.

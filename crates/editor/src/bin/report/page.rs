@@ -47,9 +47,23 @@ impl Page {
     }
 }
 
+/// A page that is written by hand but for a section, with another text there; `None` if it has no such section.
+pub fn replaced(page: &str, name: &str, text: &str) -> Option<String> {
+    let (before, rest) = page.split_once(&start(name))?;
+    let (_, after) = rest.split_once(&end(name))?;
+    Some(format!("{before}{}\n{text}\n{}{after}", start(name), end(name)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_the_section_of_a_page_written_by_hand_is_replaced() {
+        let page = "# By hand\n\n<!-- section a -->\nold\n<!-- end of a -->\n\nmore\n";
+        assert_eq!(replaced(page, "a", "new"), Some(page.replace("old", "new")));
+        assert_eq!(replaced(page, "b", "new"), None);
+    }
 
     #[test]
     fn a_section_is_replaced_and_the_others_stay() {

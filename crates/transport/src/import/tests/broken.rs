@@ -195,3 +195,34 @@ fn cycles_shared_children_and_long_chains_end() {
     fixture.root["nodes"] = json!(nodes);
     assert_eq!(fixture.load().scene.mesh.triangles.len(), 1);
 }
+
+#[test]
+fn what_a_few_words_multiply_is_refused_before_it_is_made() {
+    // 16 million vertices that the file does not give, many times over: by nodes, and by instances.
+    let mut nodes = Fixture::triangle();
+    nodes.root["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": 1 << 24});
+    let mut instances = Fixture::triangle();
+    let zeros = json!({"componentType": 5126, "type": "VEC3", "count": 1 << 24});
+    instances.root["accessors"] = json!([instances.root["accessors"][0], zeros]);
+    nodes.root["nodes"] = json!(vec![json!({"mesh": 0}); 100]);
+    nodes.root["scenes"] = json!([{"nodes": (0..100).collect::<Vec<_>>()}]);
+    instances.root["nodes"] = json!(vec![
+        json!({"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 1}}}});
+        100
+    ]);
+    instances.root["scenes"] = nodes.root["scenes"].clone();
+    for fixture in [nodes, instances] {
+        let error = load_bytes("flood.gltf", &fixture.json()).unwrap_err();
+        assert!(matches!(error, ImportError::TooMuch { .. }), "{error}");
+        assert!(error.to_string().contains("triangles: leave out copies"), "{error}");
+    }
+}
+
+#[test]
+fn a_transform_beyond_single_precision_is_not_finite() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["nodes"] =
+        json!([{"children": [1], "scale": [1e30, 1e30, 1e30]}, {"mesh": 0, "scale": [1e30, 1e30, 1e30]}]);
+    let report = fixture.load().report;
+    assert!(report.warnings.iter().any(|line| line.contains("not finite")), "{:?}", report.warnings);
+}

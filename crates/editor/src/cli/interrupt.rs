@@ -1,0 +1,154 @@
+//! Ctrl-C and termination: the first asks a long command to end in good order, the second ends it at once.
+//!
+//! Until a command begins its long work, and in commands without any, a signal ends the process as ever: there is nothing
+//! to keep.
+
+use std::fmt;
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use indicatif::ProgressBar;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use crate::output::PendingFile;
+
+/// How often a signal is looked for.
+const POLL: Duration = Duration::from_millis(20);
+/// How long a command may take to end by itself; a block under way can take longer, and is lost either way.
+const GRACE: Duration = Duration::from_millis(500);
+/// Exit code of a process that a signal ended, less the signal, as shells count.
+const SIGNAL_BASE: u8 = 128;
+
+/// What may ask a command to end.
+#[derive(Clone, Debug)]
+pub struct Interrupt {
+    listens: bool,
+    /// The signal that came, 0 for none.
+    signal: Arc<AtomicUsize>,
+    /// Set by the first signal: the next one ends the process.
+    again: Arc<AtomicBool>,
+}
+
+/// A command that a signal ended.
+#[derive(Debug)]
+pub(super) struct Stopped {
+    signal: usize,
+    kept: String,
+}
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "stopped: {}", self.kept)
+    }
+}
+
+impl std::error::Error for Stopped {}
+
+impl Stopped {
+    /// 130 after Ctrl-C, 143 after a termination.
+    pub fn exit_code(&self) -> u8 {
+        SIGNAL_BASE.saturating_add(u8::try_from(self.signal).unwrap_or(0))
+    }
+}
+
+/// What commands leave behind that write only at their end.
+pub(crate) fn nothing_kept() -> String {
+    "nothing was written".into()
+}
+
+/// The same with the place of a file that will not come to be.
+pub(super) fn discarded(place: &PendingFile) -> String {
+    place.discard();
+    nothing_kept()
+}
+
+impl Interrupt {
+    /// Nobody interrupts: for a command that runs inside of another program.
+    pub fn never() -> Interrupt {
+        Interrupt { listens: false, signal: Arc::default(), again: Arc::default() }
+    }
+
+    /// The signals of this process, once a command heeds them.
+    pub fn of_process() -> Interrupt {
+        Interrupt { listens: true, ..Interrupt::never() }
+    }
+
+    /// From here on the first signal is kept for [`Interrupt::came`], and the second ends the process.
+    pub(super) fn heeded(&mut self) -> Result<Interrupt> {
+        if std::mem::take(&mut self.listens) {
+            for signal in [SIGINT, SIGTERM] {
+                let code = i32::from(SIGNAL_BASE) + signal;
+                // In this order: a signal finds what the one before it has set.
+                flag::register_conditional_shutdown(signal, code, self.again.clone())
+                    .and_then(|_| flag::register(signal, self.again.clone()))
+                    .and_then(|_| flag::register_usize(signal, self.signal.clone(), signal.unsigned_abs() as usize))
+                    .context("cannot listen to Ctrl-C")?;
+            }
+        }
+        Ok(self.clone())
+    }
+
+    /// Whether the command shall end.
+    pub(super) fn came(&self) -> bool {
+        self.signal.load(Ordering::Relaxed) != 0
+    }
+
+    /// The end of a command that heeded it.
+    pub(super) fn stopped(&self, kept: String) -> anyhow::Error {
+        Stopped { signal: self.signal.load(Ordering::Relaxed), kept }.into()
+    }
+
+    /// Does long work; ends the process if the work does not end soon after a signal.
+    pub(super) fn watched<T>(
+        &self,
+        bar: &ProgressBar,
+        kept: &(dyn Fn() -> String + Sync),
+        work: impl FnOnce() -> T,
+    ) -> T {
+        let (working, ended) = channel::<()>();
+        std::thread::scope(|scope| {
+            scope.spawn(move || {
+                while ended.recv_timeout(POLL) == Err(RecvTimeoutError::Timeout) {
+                    if self.came() && ended.recv_timeout(GRACE) == Err(RecvTimeoutError::Timeout) {
+                        bar.finish_and_clear();
+                        let stopped = Stopped { signal: self.signal.load(Ordering::Relaxed), kept: kept() };
+                        let _ = writeln!(std::io::stderr(), "{stopped}");
+                        std::process::exit(stopped.exit_code().into());
+                    }
+                }
+            });
+            let result = work();
+            // Dropped by a panic too, so that the watch always ends.
+            drop(working);
+            result
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_that_nobody_interrupts_ends_by_itself() {
+        let mut interrupt = Interrupt::never();
+        let heeded = interrupt.heeded().unwrap();
+        assert_eq!(heeded.watched(&ProgressBar::hidden(), &nothing_kept, || 7), 7);
+        assert!(!heeded.came());
+    }
+
+    #[test]
+    fn exit_codes_are_those_that_shells_expect() {
+        let interrupt = Interrupt::never();
+        for (signal, code) in [(SIGINT, 130), (SIGTERM, 143)] {
+            interrupt.signal.store(signal as usize, Ordering::Relaxed);
+            let error = interrupt.stopped("nothing".into()).context("cannot bake");
+            assert_eq!(error.downcast_ref::<Stopped>().map(Stopped::exit_code), Some(code));
+        }
+    }
+}

@@ -1,0 +1,148 @@
+//! What stands before the blocks: magic, version, the header as JSON, and the map of the sky. See `docs/format.md`.
+//!
+//! The JSON ends in a member `checksum` over all bytes before its digits. Programs that do not know the member pass over
+//! it, and files without it are read as ever: their blocks are checked, their header only for sense.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::{ArchiveError, VERSION, damaged};
+use crate::bake::BakeHeader;
+use crate::basis::{LightBasis, SourceKind};
+use crate::sky::{DOME_DIVISIONS, Environment, dome_columns};
+
+/// Version of a file without irradiance, which older programs read.
+const PLAIN_VERSION: u32 = 2;
+/// Oldest version that is read: it knows no sky.
+const OLDEST_VERSION: u32 = 1;
+/// Longest header that is believed.
+const MAX_HEADER_BYTES: u32 = 256 << 20;
+/// Magic, version, length of the JSON.
+const FIXED_BYTES: usize = 16;
+/// Before the digits of the checksum, and behind them.
+const CHECKSUM_KEY: &[u8] = b",\"checksum\":\"";
+const CHECKSUM_END: &[u8] = b"\"}";
+const CHECKSUM_DIGITS: usize = 16;
+
+/// Everything before the first block.
+pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
+    let mut json = serde_json::to_vec(header).expect("a header has only string keys and plain values");
+    json.pop();
+    json.extend(CHECKSUM_KEY);
+    let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
+    let mut bytes = magic.to_vec();
+    let version = if header.irradiance.is_empty() { PLAIN_VERSION } else { VERSION };
+    bytes.extend(version.to_le_bytes());
+    bytes.extend((len as u32).to_le_bytes());
+    bytes.extend(json);
+    let digits = format!("{:016x}", checksum(&bytes));
+    bytes.extend(digits.as_bytes());
+    bytes.extend(CHECKSUM_END);
+    if let Some(sky) = &header.basis.sky {
+        bytes.extend(sky.map.encode());
+    }
+    bytes
+}
+
+/// Reads the header at the start of `bytes`, and says where the blocks begin.
+pub(super) fn parse_header(magic: &[u8; 8], bytes: &[u8], path: &Path) -> Result<(BakeHeader, usize), ArchiveError> {
+    let cut_off = || damaged(path, "it ends in its header".into());
+    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    if bytes.get(..8) != Some(magic) {
+        return Err(ArchiveError::NotATransport { path: path.into() });
+    }
+    let version = word(8).ok_or_else(cut_off)?;
+    if !(OLDEST_VERSION..=VERSION).contains(&version) {
+        return Err(ArchiveError::Version { path: path.into(), version });
+    }
+    let len = word(12).filter(|&len| len <= MAX_HEADER_BYTES).ok_or_else(cut_off)?;
+    let mut offset = FIXED_BYTES + len as usize;
+    let front = bytes.get(..offset).ok_or_else(cut_off)?;
+    if !is_intact(front) {
+        return Err(damaged(path, "its header: the checksum does not fit".into()));
+    }
+    let json = serde_json::from_slice(&front[FIXED_BYTES..]);
+    let mut header: BakeHeader = json.map_err(|e| damaged(path, format!("its header: {e}")))?;
+    check(&header).map_err(|what| damaged(path, what.into()))?;
+    if let Some(sky) = &mut header.basis.sky {
+        let map = Environment::decode(&bytes[offset..]);
+        let (map, len) = map.ok_or_else(|| damaged(path, "the map of its sky".into()))?;
+        sky.map = Arc::new(map);
+        offset += len;
+    }
+    Ok((header, offset))
+}
+
+/// Whether the checksum at the end of the JSON fits; a header of a program that wrote none passes.
+fn is_intact(front: &[u8]) -> bool {
+    let content = front.strip_suffix(CHECKSUM_END).and_then(|rest| rest.split_last_chunk::<CHECKSUM_DIGITS>());
+    match content.filter(|(content, _)| content.ends_with(CHECKSUM_KEY)) {
+        Some((content, digits)) => *digits == *format!("{:016x}", checksum(content)).as_bytes(),
+        None => true,
+    }
+}
+
+/// FNV-1a of 64 bits, as blocks have it.
+pub(super) fn checksum(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
+}
+
+/// A header that the rest of the program can trust.
+fn check(header: &BakeHeader) -> Result<(), &'static str> {
+    let max = crate::camera::Film::MAX_SIDE;
+    let basis = &header.basis;
+    if header.width == 0 || header.height == 0 || header.width > max || header.height > max || header.tile == 0 {
+        return Err("its header has an impossible size");
+    }
+    check_columns(basis)?;
+    if header.column_scale.len() != basis.n_cols() {
+        return Err("its header has columns without a group or a scale");
+    }
+    if header.column_scale.iter().any(|s| !s.is_finite() || *s <= 0.0) {
+        return Err("its header has an impossible scale");
+    }
+    if header.sky_reach.iter().any(|reach| !reach.is_finite() || *reach < 0.0) {
+        return Err("its header has an impossible reach of the sky");
+    }
+    if header.view.as_ref().is_some_and(|view| !view.world_from_camera.is_finite() || !view.yfov_rad.is_finite()) {
+        return Err("its header has an impossible camera");
+    }
+    if basis.sky.as_ref().is_some_and(|sky| !sky.is_finite()) {
+        return Err("its header has an impossible sky");
+    }
+    header.check_irradiance()
+}
+
+/// Columns that follow each other, each of one light and one group.
+fn check_columns(basis: &LightBasis) -> Result<(), &'static str> {
+    let mut next = 0;
+    for source in &basis.sources {
+        if source.columns.start != next || source.columns.end < next {
+            return Err("its header has columns out of order");
+        }
+        next = source.columns.end;
+        if !source.color.is_finite() || !source.strength.is_finite() {
+            return Err("its header has a light that is not finite");
+        }
+        let texels = match source.kind {
+            SourceKind::Panel { resolution, .. } => resolution.saturating_mul(resolution),
+            SourceKind::Dome { divisions } if !DOME_DIVISIONS.contains(&divisions) => {
+                return Err("its header has a sky of unknown patches");
+            }
+            SourceKind::Dome { divisions } => dome_columns(divisions),
+            _ => 1,
+        };
+        if source.columns.len() as u32 != texels {
+            return Err("its header has a light with missing columns");
+        }
+    }
+    let mut next = 0;
+    for group in &basis.groups {
+        // An empty group would cost memory for each block and no byte of the file.
+        if group.columns.start != next || group.columns.end <= next {
+            return Err("its header has groups out of order");
+        }
+        next = group.columns.end;
+    }
+    if next as usize == basis.n_cols() { Ok(()) } else { Err("its header has columns without a group or a scale") }
+}

@@ -1,0 +1,235 @@
+//! A bake under way: the header, then blocks as they were finished. See `docs/format.md`.
+//!
+//! A record is the number of its block through all matrices, one block per group of columns, and a checksum over both. Each
+//! is handed to the system in one piece before anybody is told of the block, so that a killed program loses the blocks
+//! that it was working on and no other.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clerestory_nystrom::codec::encode_block;
+use clerestory_nystrom::{BlockFactors, Partition};
+
+use super::header::{checksum, header_bytes, parse_header};
+use super::{ArchiveError, Restart, at, damaged, read_block};
+use crate::bake::BakeHeader;
+use crate::irradiance::locate;
+
+const MAGIC: &[u8; 8] = b"CLERPAR2";
+/// Of programs whose records had no checksum of their own.
+const OLD_MAGIC: &[u8; 8] = b"CLERPART";
+const CHECKSUM_LEN: usize = 8;
+
+/// Blocks of a half-done bake by their number through all matrices.
+pub(super) type Done = Vec<(usize, Vec<Arc<BlockFactors>>)>;
+
+/// How far a half-done bake is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PartState {
+    /// Blocks that are there, of all matrices.
+    pub n_done: usize,
+    /// Blocks of all matrices.
+    pub n_blocks: usize,
+    /// Bytes behind the last whole block, of one that was half written.
+    pub n_torn_bytes: usize,
+}
+
+/// Looks at a half-done bake without taking it up.
+///
+/// # Errors
+/// A file that cannot be read or is no half-done bake of this program.
+pub fn part_state(path: &Path) -> Result<PartState, ArchiveError> {
+    let bytes = fs::read(path).map_err(at("cannot read", path))?;
+    let found = understood(&bytes, path)?.ok_or_else(|| damaged(path, "it ends in its header".into()))?;
+    let (header, offset, seal) = found;
+    let n_blocks = header.partitions().iter().map(Partition::n_blocks).sum();
+    let (done, end) = read_records(&bytes, offset, seal, &header);
+    Ok(PartState { n_done: done.len(), n_blocks, n_torn_bytes: bytes.len() - end })
+}
+
+/// How records end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seal {
+    /// With their last block.
+    Nothing,
+    /// With FNV-1a over the number and the blocks.
+    Checksum,
+}
+
+/// A half-done bake that this process writes to, and no other.
+pub(super) struct Part {
+    path: PathBuf,
+    file: File,
+    seal: Seal,
+    pub header: Arc<BakeHeader>,
+}
+
+impl Part {
+    /// Opens or creates the file; takes up its blocks if it belongs to the same bake. The lock is the operating system's:
+    /// it ends with the process that holds it.
+    pub fn open(path: &Path, header: BakeHeader, restart: Restart) -> Result<(Part, Done), ArchiveError> {
+        let mut file = locked(path)?;
+        let mut bytes = Vec::new();
+        if restart == Restart::Resume {
+            file.read_to_end(&mut bytes).map_err(at("cannot read", path))?;
+        }
+        let (part, done, end) = match understood(&bytes, path)? {
+            Some((found, offset, seal)) => {
+                if let Some(difference) = difference(&found, &header) {
+                    return Err(ArchiveError::OtherBake { path: path.into(), difference });
+                }
+                let (done, end) = read_records(&bytes, offset, seal, &found);
+                (Part { path: path.into(), file, seal, header: Arc::new(found) }, done, end)
+            }
+            None => {
+                let bytes = header_bytes(MAGIC, &header);
+                let start_over = |file: &mut File| {
+                    file.set_len(0)?;
+                    file.seek(SeekFrom::Start(0))?;
+                    file.write_all(&bytes)
+                };
+                start_over(&mut file).map_err(at("cannot write", path))?;
+                let header = Arc::new(header);
+                (Part { path: path.into(), file, seal: Seal::Checksum, header }, Vec::new(), bytes.len())
+            }
+        };
+        // Whatever a kill has left half-written behind the last whole record goes.
+        let cut = part.file.set_len(end as u64).and_then(|()| (&part.file).seek(SeekFrom::End(0)));
+        cut.map_err(at("cannot write", path))?;
+        Ok((part, done))
+    }
+
+    /// `number` counts through all matrices.
+    pub fn append(&mut self, number: usize, factors: &[Arc<BlockFactors>]) -> Result<(), ArchiveError> {
+        let bytes = record(number, factors, self.seal);
+        self.file.write_all(&bytes).map_err(at("cannot write", &self.path))
+    }
+
+    /// Deletes the file while it is still locked, so that no other bake takes it up on its way out.
+    pub fn remove(self) {
+        // The result is safe already; a leftover only costs space.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+/// The file under a path, created if need be, with its lock held.
+fn locked(path: &Path) -> Result<File, ArchiveError> {
+    loop {
+        let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
+        let file = options.open(path).map_err(at("cannot create", path))?;
+        match file.try_lock() {
+            Err(fs::TryLockError::WouldBlock) => return Err(ArchiveError::Busy { path: path.into() }),
+            // A file system without locks: go on without.
+            Err(fs::TryLockError::Error(_)) | Ok(()) => {}
+        }
+        // Between opening and locking, the bake that held it may have ended and deleted it.
+        if is_at(&file, path).map_err(at("cannot read", path))? {
+            return Ok(file);
+        }
+    }
+}
+
+/// Whether an open file is the one that a path names.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> io::Result<bool> {
+    use std::os::unix::fs::MetadataExt;
+    let opened = file.metadata()?;
+    match fs::metadata(path) {
+        Ok(named) => Ok((opened.dev(), opened.ino()) == (named.dev(), named.ino())),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+/// A file that is open keeps its name here.
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> io::Result<bool> {
+    Ok(true)
+}
+
+/// Header, start of the records and their kind; `None` where nothing was begun that could be taken up.
+fn understood(bytes: &[u8], path: &Path) -> Result<Option<(BakeHeader, usize, Seal)>, ArchiveError> {
+    for (magic, seal) in [(MAGIC, Seal::Checksum), (OLD_MAGIC, Seal::Nothing)] {
+        match parse_header(magic, bytes, path) {
+            Ok((header, offset)) => return Ok(Some((header, offset, seal))),
+            Err(ArchiveError::NotATransport { .. }) => {}
+            // Cut off before its first record, or useless without a header that can be trusted.
+            Err(ArchiveError::Damaged { .. }) => return Ok(None),
+            Err(newer) => return Err(newer),
+        }
+    }
+    let is_begun = MAGIC.starts_with(bytes) || OLD_MAGIC.starts_with(bytes);
+    if is_begun { Ok(None) } else { Err(ArchiveError::InTheWay { path: path.into() }) }
+}
+
+fn record(number: usize, factors: &[Arc<BlockFactors>], seal: Seal) -> Vec<u8> {
+    let mut bytes = (number as u32).to_le_bytes().to_vec();
+    for factors in factors {
+        encode_block(factors, &mut bytes);
+    }
+    if seal == Seal::Checksum {
+        let sum = checksum(&bytes);
+        bytes.extend(sum.to_le_bytes());
+    }
+    bytes
+}
+
+/// Whole records of a half-done bake, and where they end.
+fn read_records(bytes: &[u8], mut offset: usize, seal: Seal, header: &BakeHeader) -> (Done, usize) {
+    let (mut done, mut matrices) = (Done::new(), header.empty_matrices());
+    let partitions = header.partitions();
+    while let Some(index) = bytes.get(offset..offset + 4) {
+        let number = u32::from_le_bytes([index[0], index[1], index[2], index[3]]) as usize;
+        let Some((matrix, block_idx)) = locate(&partitions, number) else { break };
+        let groups = &mut matrices[matrix];
+        if groups.first().is_some_and(|g| g.blocks[block_idx].is_some()) {
+            break;
+        }
+        let Ok(len) = read_block(&bytes[offset + 4..], groups, block_idx) else { break };
+        let end = offset + 4 + len;
+        let Some(end) = sealed_end(bytes, offset..end, seal) else { break };
+        let factors: Option<Vec<_>> = groups.iter().map(|g| g.blocks[block_idx].clone()).collect();
+        let Some(factors) = factors else { break };
+        done.push((number, factors));
+        offset = end;
+    }
+    (done, offset)
+}
+
+/// Where a record ends, `None` if its seal does not fit.
+fn sealed_end(bytes: &[u8], content: std::ops::Range<usize>, seal: Seal) -> Option<usize> {
+    match seal {
+        Seal::Nothing => Some(content.end),
+        Seal::Checksum => {
+            let end = content.end + CHECKSUM_LEN;
+            let stored = bytes.get(content.end..end)?;
+            (*stored == checksum(&bytes[content]).to_le_bytes()).then_some(end)
+        }
+    }
+}
+
+/// What differs between a half-done bake and the one that is asked for, in words.
+fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
+    let (column_scale, sky_reach) = (found.column_scale.clone(), found.sky_reach.clone());
+    let same_rows = found.irradiance.iter().map(|set| &set.rows).eq(asked.irradiance.iter().map(|set| &set.rows));
+    let irradiance = if same_rows { found.irradiance.clone() } else { asked.irradiance.clone() };
+    let spared = found.spared.clone();
+    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, spared, ..asked.clone() };
+    if *found == same_scale {
+        return None;
+    }
+    let sizes = (found.width, found.height) != (asked.width, asked.height);
+    let checks = [
+        (found.fingerprint != asked.fingerprint, "the scene or camera has changed".to_string()),
+        (sizes, format!("its size is {}x{}", found.width, found.height)),
+        (found.basis != asked.basis, "its lights differ".into()),
+        (found.skips != asked.skips, "it skips other work".into()),
+        (!same_rows, "its rows of irradiance differ".into()),
+        (found.config != asked.config, format!("its options are {:?}", found.config)),
+        (found.scene != asked.scene, format!("its scene is {}", found.scene)),
+    ];
+    let differences: Vec<String> = checks.into_iter().filter(|(differs, _)| *differs).map(|(_, what)| what).collect();
+    Some(differences.join(", "))
+}

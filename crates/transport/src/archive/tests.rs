@@ -1,0 +1,272 @@
+//! Laws of the files: what is written comes back, every version stays readable, and damage is seen.
+
+use super::*;
+use crate::bake::BakeHeader;
+use crate::light::LightRig;
+
+/// A file of each version, as the programs of their time wrote them.
+const FIXTURES: [(u32, &[u8]); 3] = [
+    (1, include_bytes!("../../tests/data/v1.transport")),
+    (2, include_bytes!("../../tests/data/v2.transport")),
+    (3, include_bytes!("../../tests/data/v3.transport")),
+];
+
+fn decoded(bytes: &[u8]) -> Result<Bake, ArchiveError> {
+    decode(bytes, Path::new("a.transport"))
+}
+
+/// The file as this program writes it.
+fn encoded(bake: &Bake) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport");
+    write(bake, &path).unwrap();
+    fs::read(path).unwrap()
+}
+
+fn is_same(a: &Bake, b: &Bake) -> bool {
+    let blocks = |bake: &Bake| -> Vec<Vec<Option<Arc<BlockFactors>>>> {
+        let all = std::iter::once(&bake.groups).chain(&bake.irradiance).flatten();
+        all.map(|group| group.blocks.clone()).collect()
+    };
+    a.header == b.header && blocks(a) == blocks(b)
+}
+
+/// Mean over all rows under the light of the file.
+fn mean(bake: &Bake) -> f64 {
+    let coefficients = bake.header.coefficients(&LightRig::default());
+    let rows = bake.groups.iter().zip(coefficients).map(|(group, coefficients)| {
+        let red: Vec<f32> = coefficients.iter().map(|rgb| rgb[0]).collect();
+        group.apply(&red).into_iter().map(f64::from).sum::<f64>() / group.n_rows() as f64
+    });
+    rows.sum()
+}
+
+#[test]
+fn a_file_of_each_version_stays_readable() {
+    let expected = [(20, 18, 1, 0), (10, 8, 292, 0), (18, 9, 1, 2)];
+    for ((version, bytes), (width, height, n_cols, n_sets)) in FIXTURES.iter().zip(expected) {
+        assert_eq!(bytes[8..12], version.to_le_bytes());
+        let bake = decoded(bytes).unwrap();
+        let header = &bake.header;
+        assert_eq!((header.width, header.height, header.basis.n_cols()), (width, height, n_cols), "version {version}");
+        assert_eq!((bake.irradiance.len(), header.basis.sky.is_some()), (n_sets, *version == 2));
+        assert!(bake.groups.iter().all(|group| group.blocks.iter().all(Option::is_some)));
+        let mean = mean(&bake);
+        assert!(mean > 0.05 && mean < 5.0, "version {version}: {mean}");
+        // What this program makes of it holds the same.
+        assert!(is_same(&decoded(&encoded(&bake)).unwrap(), &bake), "version {version}");
+    }
+}
+
+#[test]
+fn a_version_to_come_is_refused_with_advice() {
+    for version in [0, VERSION + 1, u32::MAX] {
+        let mut bytes = FIXTURES[1].1.to_vec();
+        bytes[8..12].copy_from_slice(&version.to_le_bytes());
+        let said = decoded(&bytes).unwrap_err().to_string();
+        assert!(said.contains(&format!("format version {version}")) && said.contains("update the program"), "{said}");
+    }
+}
+
+#[test]
+fn every_flipped_bit_is_seen_or_changes_nothing() {
+    for (version, bytes) in FIXTURES {
+        let bake = decoded(bytes).unwrap();
+        let written = encoded(&bake);
+        for at in 0..written.len() {
+            let mut flipped = written.clone();
+            flipped[at] ^= 1 << (at % 8);
+            // Only the name of the checksum in the header may change, and then says nothing.
+            let harmless = decoded(&flipped).map_or(true, |read| is_same(&read, &bake));
+            assert!(harmless, "version {version}, byte {at}");
+        }
+    }
+}
+
+#[test]
+fn without_a_checksum_of_its_header_the_blocks_of_an_old_file_are_checked_all_the_same() {
+    for (version, bytes) in FIXTURES {
+        let header_len = 16 + u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+        for at in 0..bytes.len() {
+            let mut flipped = bytes.to_vec();
+            flipped[at] ^= 1 << (at % 8);
+            assert!(decoded(&flipped).is_err() || at < header_len, "version {version}, byte {at}");
+        }
+    }
+}
+
+#[test]
+fn a_file_that_is_cut_or_longer_is_refused() {
+    for (version, bytes) in FIXTURES {
+        for len in (0..bytes.len()).step_by(7).chain([bytes.len() - 1]) {
+            assert!(decoded(&bytes[..len]).is_err(), "version {version}, {len} bytes");
+        }
+        assert!(decoded(&[bytes, &[0]].concat()).unwrap_err().to_string().contains("longer"), "version {version}");
+    }
+}
+
+/// A file whose header was changed by somebody who knows the format.
+fn forged(bytes: &[u8], from: &str, to: &str) -> Vec<u8> {
+    let len = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+    let json = String::from_utf8(bytes[16..16 + len].to_vec()).unwrap();
+    assert!(json.contains(from), "{json}");
+    let json = json.replacen(from, to, 1);
+    [&bytes[..12], &(json.len() as u32).to_le_bytes(), json.as_bytes(), &bytes[16 + len..]].concat()
+}
+
+#[test]
+fn what_a_header_asks_for_is_held_against_the_bytes_that_are_there() {
+    let bytes = FIXTURES[0].1;
+    for (from, to) in [
+        ("\"width\":20", "\"width\":16384"),
+        ("\"tile\":16", "\"tile\":1"),
+        ("\"width\":20,\"height\":18,\"tile\":16", "\"width\":16384,\"height\":16384,\"tile\":1"),
+        ("\"width\":20", "\"width\":0"),
+        ("\"width\":20", "\"width\":4294967295"),
+        ("\"tile\":16", "\"tile\":0"),
+        ("\"column_scale\":[", "\"column_scale\":[1e39,"),
+        ("\"strength\":3.0", "\"strength\":1e39"),
+        ("\"groups\":[", "\"groups\":[{\"kind\":\"panel\",\"columns\":{\"start\":0,\"end\":0}},"),
+    ] {
+        let said = decoded(&forged(bytes, from, to)).unwrap_err().to_string();
+        assert!(said.contains("damaged"), "{to}: {said}");
+    }
+    let mut long = bytes.to_vec();
+    long[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
+    assert!(decoded(&long).unwrap_err().to_string().contains("ends in its header"));
+}
+
+fn part_of_fixture(path: &Path) -> (BakeHeader, Vec<Vec<Arc<BlockFactors>>>) {
+    let bake = decoded(FIXTURES[0].1).unwrap();
+    let header = BakeHeader::clone(&bake.header);
+    let (mut part, done) = Part::open(path, header.clone(), Restart::Resume).unwrap();
+    assert!(done.is_empty());
+    let n_blocks = header.partition().n_blocks();
+    let block = |idx: usize| -> Vec<_> { bake.groups.iter().filter_map(|group| group.blocks[idx].clone()).collect() };
+    let blocks: Vec<_> = (0..n_blocks).map(block).collect();
+    for (number, factors) in blocks.iter().enumerate().rev() {
+        part.append(number, factors).unwrap();
+    }
+    (header, blocks)
+}
+
+#[test]
+fn of_a_damaged_half_done_bake_the_blocks_before_the_damage_are_taken_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.part");
+    let (header, blocks) = part_of_fixture(&path);
+    let whole = fs::read(&path).unwrap();
+    let start = header_bytes(b"CLERPAR2", &header).len();
+    for at in (start..whole.len()).step_by(5) {
+        let mut flipped = whole.clone();
+        flipped[at] ^= 1 << (at % 8);
+        for bytes in [&flipped, &whole[..at]] {
+            fs::write(&path, bytes).unwrap();
+            let (part, done) = Part::open(&path, header.clone(), Restart::Resume).unwrap();
+            assert!(done.len() < blocks.len(), "byte {at}");
+            assert!(done.iter().all(|(number, factors)| *factors == blocks[*number]), "byte {at}");
+            let state = part_state(&path).unwrap();
+            assert_eq!((state.n_done, state.n_blocks, state.n_torn_bytes), (done.len(), blocks.len(), 0));
+            // What follows is written behind the last whole record.
+            assert!(whole.starts_with(&fs::read(&path).unwrap()), "byte {at}");
+            drop(part);
+        }
+    }
+}
+
+#[test]
+fn half_done_bakes_of_older_programs_are_taken_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.part");
+    let (header, blocks) = part_of_fixture(&path);
+    let mut old = header_bytes(b"CLERPART", &header);
+    for (number, factors) in blocks.iter().enumerate().skip(1) {
+        old.extend((number as u32).to_le_bytes());
+        factors.iter().for_each(|factors| encode_block(factors, &mut old));
+    }
+    fs::write(&path, &old).unwrap();
+    let (mut part, done) = Part::open(&path, header.clone(), Restart::Resume).unwrap();
+    assert_eq!(done.len(), blocks.len() - 1);
+    part.append(0, &blocks[0]).unwrap();
+    drop(part);
+    let (_, done) = Part::open(&path, header, Restart::Resume).unwrap();
+    assert_eq!(done.len(), blocks.len());
+}
+
+#[test]
+fn two_bakes_to_one_file_do_not_meet() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.part");
+    let header = BakeHeader::clone(&decoded(FIXTURES[0].1).unwrap().header);
+    let (part, _) = Part::open(&path, header.clone(), Restart::Resume).unwrap();
+    for restart in [Restart::Resume, Restart::Fresh] {
+        let second = Part::open(&path, header.clone(), restart).err().expect("the first one holds it");
+        assert!(matches!(second, ArchiveError::Busy { .. }), "{second}");
+    }
+    // A lock ends with its holder, whatever became of the file.
+    part.remove();
+    assert!(!path.exists());
+    drop(Part::open(&path, header.clone(), Restart::Resume).unwrap());
+    drop(Part::open(&path, header, Restart::Resume).unwrap());
+}
+
+#[test]
+fn what_is_no_half_done_bake_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.part");
+    let header = BakeHeader::clone(&decoded(FIXTURES[0].1).unwrap().header);
+    let mut newer = header_bytes(b"CLERPAR2", &header);
+    newer[8] = 99;
+    for (bytes, words) in [(&b"a letter to a friend"[..], "in the way"), (&newer, "version 99")] {
+        fs::write(&path, bytes).unwrap();
+        let said = Part::open(&path, header.clone(), Restart::Resume).err().expect("refused").to_string();
+        assert!(said.contains(words), "{said}");
+        assert_eq!(fs::read(&path).unwrap(), bytes);
+        drop(Part::open(&path, header.clone(), Restart::Fresh).unwrap());
+    }
+    // A kill before the header was there leaves its beginning.
+    for len in [0, 3, 8, 20] {
+        fs::write(&path, &header_bytes(b"CLERPAR2", &header)[..len]).unwrap();
+        assert!(Part::open(&path, header.clone(), Restart::Resume).unwrap().1.is_empty());
+    }
+}
+
+#[test]
+fn a_failed_write_leaves_the_old_file_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport");
+    let [first, second] = [0, 2].map(|i| decoded(FIXTURES[i].1).unwrap());
+    write(&first, &path).unwrap();
+    let old = fs::read(&path).unwrap();
+    // A folder in the way of the temporary name, and one that is gone.
+    fs::create_dir(folder.path().join("a.transport.tmp")).unwrap();
+    assert!(matches!(write(&second, &path), Err(ArchiveError::Io { .. })));
+    assert_eq!(fs::read(&path).unwrap(), old);
+    let gone = folder.path().join("gone").join("a.transport");
+    let said = write(&second, &gone).unwrap_err().to_string();
+    assert!(said.contains("cannot create") && said.contains("gone"), "{said}");
+}
+
+#[test]
+fn a_file_that_is_replaced_while_it_is_read_is_one_of_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport");
+    let bakes = [0, 2].map(|i| decoded(FIXTURES[i].1).unwrap());
+    write(&bakes[0], &path).unwrap();
+    let (path, bakes) = (&path, &bakes);
+    let ended = std::sync::atomic::AtomicBool::new(false);
+    rayon::join(
+        || {
+            for turn in 0..50 {
+                write(&bakes[turn % 2], path).unwrap();
+            }
+            ended.store(true, std::sync::atomic::Ordering::Relaxed);
+        },
+        || {
+            while !ended.load(std::sync::atomic::Ordering::Relaxed) {
+                let found = read(path).unwrap();
+                assert!(bakes.iter().any(|bake| is_same(bake, &found)));
+            }
+        },
+    );
+}

@@ -1,0 +1,41 @@
+//! Reading files with a bound on their size, so that no file is a flood.
+
+use std::fs;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// A whole file of at most so many bytes.
+///
+/// # Errors
+/// What the system says; a folder, a device, a pipe or a larger file is refused before a byte of it is read.
+pub(super) fn read_at_most(path: &Path, n_bytes: u64) -> io::Result<Vec<u8>> {
+    // A pipe would block already when it is opened.
+    let found = fs::metadata(path)?;
+    if !found.is_file() {
+        return Err(io::Error::other("it is no regular file"));
+    }
+    let too_long = || io::Error::other(format!("it has more than {} MiB", n_bytes >> 20));
+    if found.len() > n_bytes {
+        return Err(too_long());
+    }
+    let mut bytes = Vec::with_capacity(usize::try_from(found.len()).map_err(io::Error::other)?);
+    fs::File::open(path)?.take(n_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > n_bytes { Err(too_long()) } else { Ok(bytes) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_up_to_its_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a");
+        fs::write(&path, [7; 100]).unwrap();
+        assert_eq!(read_at_most(&path, 100).unwrap(), [7; 100]);
+        assert!(read_at_most(&path, 99).unwrap_err().to_string().contains("more than"));
+        assert!(read_at_most(folder.path(), 99).unwrap_err().to_string().contains("no regular file"));
+        #[cfg(unix)]
+        assert!(read_at_most(Path::new("/dev/zero"), 99).unwrap_err().to_string().contains("no regular file"));
+    }
+}
