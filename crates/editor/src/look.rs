@@ -190,7 +190,10 @@ mod tests {
     fn a_fault_is_told_with_its_line_and_column() {
         for (json, place) in [
             ("{\n  \"clerestory\": 1,\n  \"lights\": {\n    \"L\": { \"muted\": 1 }\n  }\n}", "line 4, column 21"),
-            ("{\"clerestory\": 1,\n\"display\": {\"tone\": \"se\\\"pia\", \"exposure_ev\": 0}}", "line 2, column 21"),
+            (
+                "{\"clerestory\": 1,\n\"display\": {\"tone\": \"se\\\"pia\", \"exposure_ev\": true}}",
+                "line 2, column 47",
+            ),
             ("{\"clerestory\": 1, \"lights\":\n{\"\\u004c\": {\"color\": [1, \"}\", 2]}}}", "line 2, column 22"),
             ("{\"panels\": {\"P\": [{\"position\": [0, 0],\n\"radius\": 1}, {\n\"radius\": 1}]}}", "line 2, column 15"),
             (
