@@ -98,7 +98,7 @@ fn change_number(bytes: &mut Vec<u8>, at: usize, dice: &mut Dice) {
 }
 
 /// Makes lengths and checksums fit again, so that what lies behind them is reached.
-fn mend(bytes: &mut Vec<u8>) {
+fn mend(bytes: &mut [u8]) {
     if bytes.starts_with(b"glTF") && bytes.len() >= 20 {
         let length = bytes.len() as u32;
         set_word(bytes, 8, length);

@@ -67,7 +67,10 @@ fn words(desk: &Desk, kills: &[Kill], run_secs: f64) -> String {
         ("blocks that were kept, least and most", format!("{least}, {most}")),
         ("kept blocks that were lost", count(|kill| kill.lost_bytes > 0).to_string()),
         ("blocks that were half written, of all kills", n_torn.to_string()),
-        ("blocks under way, the most that a kill can cost (one a thread; by design, not measured)", THREADS.to_string()),
+        (
+            "blocks under way, the most that a kill can cost (one a thread; by design, not measured)",
+            THREADS.to_string(),
+        ),
         ("time lost at most", format!("{:.1} s of {run_secs:.1} s", wasted.fold(0.0, f64::max))),
     ];
     let rows: String = rows.iter().map(|(what, figure)| format!("| {what} | {figure} |\n")).collect();
