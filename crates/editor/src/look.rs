@@ -216,12 +216,12 @@ mod tests {
         assert_eq!(look.lights.lights["A"], LightSetting { intensity: 2.0, ..LightSetting::default() });
         assert_eq!(look.lights.lights["C"].kelvin, Some(3000.0));
         assert_eq!((look.lights.lights.len(), look.lights.panels["P"].len()), (2, 1));
-        assert_eq!(
-            look.display,
-            Display { exposure_ev: None, tone: clerestory_relight::Tone::Linear, ..Display::default() }
-        );
+        assert_eq!((look.display.exposure_ev, look.display.tone), (None, clerestory_relight::Tone::Linear));
         assert_eq!(warnings.len(), 5, "{warnings:?}");
         assert!(warnings.iter().all(|w| w.starts_with("line ") && w.ends_with("it is left out")), "{warnings:?}");
+        // A fault before the place from where on nothing can be read.
+        let (look, warnings) = Look::recover("{\"lights\": {\"A\": {\"muted\": 1, \"kelvin\": 3000}}, ::}").unwrap();
+        assert_eq!((look.lights.lights["A"].kelvin, warnings.len()), (Some(3000.0), 3), "{warnings:?}");
         assert!(Look::recover("{\"clerestory\": 2}").is_err() && Look::recover("nothing").is_err());
     }
 

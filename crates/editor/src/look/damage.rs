@@ -12,15 +12,16 @@ struct Cut {
     open: Vec<u8>,
 }
 
-/// What stands before an error of syntax, its brackets closed; `None` if there is nothing.
-pub(super) fn readable(text: &str, error: &Error) -> Option<Value> {
+/// What stands before an error of syntax, its brackets closed, as text and as a document; `None` if there is nothing.
+pub(super) fn readable(text: &str, error: &Error) -> Option<(String, Value)> {
     let end = offset_of(text, error);
     let cuts = cuts(&text.as_bytes()[..end]);
     // The last one that makes a document holds the most.
     cuts.iter().rev().find_map(|cut| {
         let closing: String = cut.open.iter().rev().map(|open| if *open == b'{' { '}' } else { ']' }).collect();
-        let value: Value = serde_json::from_str(&format!("{}{closing}", text.get(..cut.end)?)).ok()?;
-        value.is_object().then_some(value)
+        let closed = format!("{}{closing}", text.get(..cut.end)?);
+        let value: Value = serde_json::from_str(&closed).ok()?;
+        value.is_object().then_some((closed, value))
     })
 }
 

@@ -43,16 +43,20 @@ pub(super) struct Reader<'a> {
 pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)> {
     let json = json.strip_prefix('\u{feff}').unwrap_or(json);
     let mut warnings = Vec::new();
-    let value = match serde_json::from_str::<Value>(json) {
-        Ok(value) => value,
+    let recovered;
+    let (text, value) = match serde_json::from_str::<Value>(json) {
+        Ok(value) => (json, value),
         Err(error) if on_fault == OnFault::LeaveOut => {
             warnings.push(format!("the look is damaged ({error}); what stands before is read"));
-            damage::readable(json, &error).with_context(|| format!("nothing of it can be read ({error})"))?
+            let closed = damage::readable(json, &error);
+            let (closed, value) = closed.with_context(|| format!("nothing of it can be read ({error})"))?;
+            recovered = closed;
+            (recovered.as_str(), value)
         }
         Err(error) => return Err(error).context("it is not JSON; see the example in docs/cli.md"),
     };
     let (path, steps) = (String::new(), Vec::new());
-    let mut reader = Reader { warnings: &mut warnings, path, steps, text: json, on_fault };
+    let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
     reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "display"]);

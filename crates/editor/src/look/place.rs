@@ -93,7 +93,9 @@ fn member(text: &[u8], start: usize, step: &Step) -> Option<usize> {
             at = after_space(text, after_space(text, key_end) + 1);
         }
         found = if is_it { Some(at) } else { found };
-        at = after_space(text, after_value(text, at)?);
+        // Text that is not valid after all must not hold anybody up.
+        let end = after_value(text, at).filter(|end| *end > at)?;
+        at = after_space(text, end);
         if *text.get(at)? == b',' {
             at = after_space(text, at + 1);
         }
