@@ -153,7 +153,7 @@ impl Reader<'_> {
 }
 
 /// FNV-1a of 64 bits: each step is one to one, so a single changed byte never goes unseen.
-fn checksum(bytes: &[u8]) -> u64 {
+pub fn checksum(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
 }
 

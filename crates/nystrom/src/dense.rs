@@ -214,11 +214,11 @@ fn normalize(row: &mut [f32]) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::random::Random;
 
-    fn random(n_rows: usize, n_cols: usize, rng: &mut Random) -> Dense<f32> {
+    pub(crate) fn random(n_rows: usize, n_cols: usize, rng: &mut Random) -> Dense<f32> {
         Dense { n_rows, n_cols, data: (0..n_rows * n_cols).map(|_| rng.normal()).collect() }
     }
 

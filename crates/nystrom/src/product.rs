@@ -133,11 +133,7 @@ fn thin_product<T: RealField + Copy>(a: View<'_, T>, b: View<'_, T>, out: &mut D
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
-
-    fn random(n_rows: usize, n_cols: usize, rng: &mut Random) -> Dense<f32> {
-        Dense { n_rows, n_cols, data: (0..n_rows * n_cols).map(|_| rng.normal()).collect() }
-    }
+    use crate::{dense::tests::random, random::Random};
 
     #[test]
     fn products_with_a_block_agree_with_the_definition() {

@@ -409,7 +409,7 @@ impl BakeJob {
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
         let plan = self.plan(Density::Full, &header);
-        let empty = self.empty_pixels();
+        let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
         let mut matrix = self.matrix(&plan, empty.clone());
         matrix.set_column_scale(header.column_scale.clone());
         let partition = header.partition();

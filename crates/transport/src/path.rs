@@ -391,6 +391,13 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         walk.passed = 0.0;
     }
 
+    /// Extinction of what lies before or behind a surface that a walk met, wherever a direction leads, 1/m.
+    fn extinction_towards(&self, walk: &Walk, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
+        let back = hit.normal.dot(walk.direction) >= 0.0;
+        let before = (direction.dot(hit.normal) > 0.0) != back;
+        if before { walk.extinction } else { self.extinction_behind(hit, back) }
+    }
+
     /// Extinction of what a ray enters that passes a surface, coming `from_back` or from its front, 1/m.
     fn extinction_behind(&self, hit: &SurfaceHit, from_back: bool) -> Vec3 {
         let material = self.scene.material(hit.triangle);
@@ -413,8 +420,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         self.plan.pick(vertex, sampler, &mut scratch.picks);
         let jitter = sampler.next_2d().map(bits_of);
         let roulette = bits_of(sampler.next_1d());
-        let front = hit.normal.dot(walk.direction) < 0.0;
-        let outward = if front { hit.normal } else { -hit.normal };
+        let outward = hit.outward(-walk.direction);
         let origin = hit.origin(outward);
         let mut fan = Fan::new(origin);
         // Roulette: a later connection that carries little is seldom asked for, and then carries more.
@@ -448,8 +454,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             }
             // Walks to the same lights are attenuated as well, but for those that never end.
             if self.scene.attenuates && !light.beyond {
-                let before = light.wi.dot(outward) > 0.0;
-                let extinction = if before { walk.extinction } else { self.extinction_behind(hit, !front) };
+                let extinction = self.extinction_towards(walk, hit, light.wi);
                 value *= (-extinction * light.target.distance(hit.position)).exp();
             }
             scratch.later[0] += u64::from(vertex != Vertex::First);

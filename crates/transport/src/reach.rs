@@ -16,7 +16,7 @@ use crate::basis::SourceKind;
 use crate::bvh::Ray;
 use crate::emitters::{Emitter, punctual_falloff};
 use crate::prepared::PreparedScene;
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, uniform_sphere};
 use crate::scene::{PunctualKind, PunctualLight};
 use crate::skips::Skip;
 
@@ -67,7 +67,7 @@ fn is_never_on(scene: &PreparedScene, source: usize) -> bool {
 fn scout(scene: &PreparedScene, eye: Vec3, asked: &mut Vec<usize>) {
     for walk in 0..WALKS {
         let mut sampler = Sampler::new(0, STREAM, walk);
-        let (mut origin, mut direction) = (eye, ball(sampler.next_2d()));
+        let (mut origin, mut direction) = (eye, uniform_sphere(sampler.next_2d()));
         for _ in 0..SURFACES {
             if asked.is_empty() {
                 return;
@@ -84,7 +84,7 @@ fn scout(scene: &PreparedScene, eye: Vec3, asked: &mut Vec<usize>) {
                 let target = seen_point(scene, &scene.lighting.emitters[source], hit.position, u);
                 target.is_none_or(|target| scene.transmittance(origin, target) == Vec3::ZERO)
             });
-            direction = ball(sampler.next_2d());
+            direction = uniform_sphere(sampler.next_2d());
             // Through what lets light pass the walk may go on, through walls it may not.
             if direction.dot(outward) < 0.0 {
                 if scene.is_wall(hit.triangle) {
@@ -95,14 +95,6 @@ fn scout(scene: &PreparedScene, eye: Vec3, asked: &mut Vec<usize>) {
             }
         }
     }
-}
-
-/// A unit vector, all directions alike.
-fn ball([u, v]: [f32; 2]) -> Vec3 {
-    let z = 1.0 - 2.0 * u;
-    let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
-    let radius = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(radius * cos, radius * sin, z)
 }
 
 /// A point of a lamp that shines on a position; `None` where it does not, or has no place.

@@ -3,6 +3,10 @@
 //! Every pair of dimensions is an Owen-scrambled Sobol (0,2)-sequence with its own shuffled index, so that consecutive
 //! samples of a stream are stratified in each pair and different pairs know nothing of each other. \[Burley2020\]
 
+use std::f32::consts::TAU;
+
+use glam::Vec3;
+
 /// A cursor over the dimensions of one sample of a stream. Cheap to copy.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler {
@@ -88,6 +92,14 @@ fn sobol_reversed(index: u32) -> u32 {
     x ^= (x >> 4) & 0x0F0F_0F0F;
     x ^= (x >> 8) & 0x00FF_00FF;
     x ^ (x >> 16)
+}
+
+/// A unit vector from two uniform numbers, all directions alike.
+pub(crate) fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
+    let z = 1.0 - 2.0 * u;
+    let (sin, cos) = (TAU * v).sin_cos();
+    let radius = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(radius * cos, radius * sin, z)
 }
 
 #[cfg(test)]

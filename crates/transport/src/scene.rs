@@ -97,6 +97,12 @@ impl Mesh {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
+    /// What the same for corners that lie in the same place to the last bit, however often their vertex is there.
+    pub(crate) fn place(position: Vec3) -> [u32; 3] {
+        // Plus zero, so that there is but one zero.
+        (position + Vec3::ZERO).to_array().map(f32::to_bits)
+    }
+
     /// Twice the area times the unit geometric normal of a triangle, m².
     pub fn area_normal(&self, triangle: u32) -> Vec3 {
         let [a, b, c] = self.corners(triangle);

@@ -13,6 +13,9 @@ use glam::Vec3;
 
 pub(crate) use route::Route;
 
+/// One minus the cosine between normals that count as parallel: single precision knows no better.
+const PARALLEL: f32 = 1e-6;
+
 /// Most slabs in a row that a connection passes.
 pub(crate) const IN_A_ROW: usize = 6;
 

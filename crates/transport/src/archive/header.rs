@@ -6,6 +6,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use clerestory_nystrom::codec::checksum;
+
 use super::{ArchiveError, VERSION, damaged};
 use crate::bake::BakeHeader;
 use crate::basis::{LightBasis, SourceKind};
@@ -80,11 +82,6 @@ fn is_intact(front: &[u8]) -> bool {
         Some((content, digits)) => *digits == *format!("{:016x}", checksum(content)).as_bytes(),
         None => true,
     }
-}
-
-/// FNV-1a of 64 bits, as blocks have it.
-pub(super) fn checksum(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01b3))
 }
 
 /// A header that the rest of the program can trust.

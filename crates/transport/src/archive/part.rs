@@ -9,10 +9,10 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clerestory_nystrom::codec::encode_block;
+use clerestory_nystrom::codec::{checksum, encode_block};
 use clerestory_nystrom::{BlockFactors, Partition};
 
-use super::header::{checksum, header_bytes, parse_header};
+use super::header::{header_bytes, parse_header};
 use super::{ArchiveError, Restart, at, damaged, read_block};
 use crate::bake::BakeHeader;
 use crate::irradiance::locate;

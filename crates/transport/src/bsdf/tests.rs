@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use super::*;
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, uniform_sphere};
 
 const SEED: u64 = 20_231;
 
@@ -87,12 +87,6 @@ fn towards(theta: f32, phi: f32) -> Vec3 {
 /// Normal incidence, oblique and near grazing, from the front and from the back.
 fn viewers() -> [Vec3; 6] {
     [0.05, 0.8, 1.4, PI - 0.1, PI - 0.8, PI - 1.35].map(|theta| towards(theta, 0.7))
-}
-
-fn uniform_sphere(u: [f32; 2]) -> Vec3 {
-    let z = 1.0 - 2.0 * u[0];
-    let radius = (1.0 - z * z).max(0.0).sqrt();
-    Vec3::new(radius * (2.0 * PI * u[1]).cos(), radius * (2.0 * PI * u[1]).sin(), z)
 }
 
 /// Mean and standard error of the albedo of one color channel mean, delta lobes included; `eta2` undoes the squeezing of

@@ -7,7 +7,6 @@ use glam::{DVec3, Vec3};
 use super::stage::{Stage, lambert, pane, quad, tint};
 use super::walks::{Even, Mean, Walks, file_light};
 use crate::camera::Camera;
-use crate::path::LightPlan;
 use crate::plan::{Density, MatrixPlan, PicturePlan};
 use crate::prepared::PreparedScene;
 
@@ -51,25 +50,17 @@ fn glass_passes(cos: f64) -> f64 {
 fn assert_every_plan_finds(scene: &PreparedScene, expected: f64, bounces: Option<u32>) {
     let weights = file_light(scene);
     let walks = |streams| Walks::of_one_pixel(streams, bounces);
-    let check = |plan: &dyn Fn(&Walks) -> Vec<f64>, streams, what: &str| {
-        Mean::of(&plan(&walks(streams))).assert_is(expected, 1e-2, what);
-    };
-    fn by<'a, P: LightPlan>(
-        scene: &'a PreparedScene,
-        plan: &'a P,
-        weights: &'a [f32],
-    ) -> impl Fn(&Walks) -> Vec<f64> + 'a {
-        move |walks| walks.streams(scene, plan, weights)
-    }
     let n_cols = weights.len() as u32;
     for (rate, splits, streams) in [(0.0, 1, 60_000), (0.5, 1, 20_000), (1.0, 3, 5000), (16.0, 1, 1200)] {
         let plan = Even { n_cols, rate, splits };
-        check(&by(scene, &plan, &weights), streams, &format!("{rate} picks of each column, {splits} walks on"));
+        let what = format!("{rate} picks of each column, {splits} walks on");
+        walks(streams).assert_mean(scene, &plan, &weights, (expected, 1e-2), &what);
     }
-    check(&by(scene, &MatrixPlan::new(&scene.lighting, Density::Full), &weights), 10_000, "the plan of a matrix");
+    let matrix = MatrixPlan::new(&scene.lighting, Density::Full);
+    walks(10_000).assert_mean(scene, &matrix, &weights, (expected, 1e-2), "the plan of a matrix");
     let coefficients: Vec<[f32; 3]> = weights.iter().map(|&w| [w; 3]).collect();
     let picture = PicturePlan::new(&scene.lighting, &coefficients, scene.diameter());
-    check(&by(scene, &picture, &weights), 10_000, "the plan of a picture");
+    walks(10_000).assert_mean(scene, &picture, &weights, (expected, 1e-2), "the plan of a picture");
 }
 
 #[test]

@@ -7,7 +7,6 @@ use glam::{Quat, Vec3, Vec4};
 use super::stage::{Stage, lambert, pane, quad, room};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
-use crate::path::LightPlan;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
@@ -113,21 +112,14 @@ fn every_plan_finds_the_light_of_a_square_behind_a_slab() {
     }
     let expected = 5.0 * f64::from(ALBEDO) / PI * 2.0 * PI * sum * 0.5 * PI / f64::from(n);
     let weights = file_light(&scene);
-    let check = |plan: &dyn Fn(&Walks) -> Vec<f64>, streams, what: &str| {
-        Mean::of(&plan(&Walks::of_one_pixel(streams, Some(2)))).assert_is(expected, 1e-2, what);
-    };
-    fn by<'a, P: LightPlan>(
-        scene: &'a PreparedScene,
-        plan: &'a P,
-        weights: &'a [f32],
-    ) -> impl Fn(&Walks) -> Vec<f64> + 'a {
-        move |walks| walks.streams(scene, plan, weights)
-    }
+    let walks = |streams| Walks::of_one_pixel(streams, Some(2));
     for (rate, streams) in [(0.0, 200_000), (1.0, 20_000), (16.0, 1200)] {
         let plan = Even { n_cols: 1, rate, splits: 1 };
-        check(&by(&scene, &plan, &weights), streams, &format!("{rate} picks of each column"));
+        let what = format!("{rate} picks of each column");
+        walks(streams).assert_mean(&scene, &plan, &weights, (expected, 1e-2), &what);
     }
-    check(&by(&scene, &MatrixPlan::new(&scene.lighting, Density::Full), &weights), 20_000, "the plan of a matrix");
+    let matrix = MatrixPlan::new(&scene.lighting, Density::Full);
+    walks(20_000).assert_mean(&scene, &matrix, &weights, (expected, 1e-2), "the plan of a matrix");
 }
 
 /// A tilted window with two tinted slabs before a panel, over a floor.

@@ -91,7 +91,20 @@ impl Walks {
         })
     }
 
-    /// The same by [`plain_walk`]; without a limit of bounces by paths so long that they carry nothing.
+    /// Asserts that the mean of [`Walks::streams`] is a value, as [`Mean::assert_is`] does with a sharpness.
+    #[track_caller]
+    pub fn assert_mean(
+        &self,
+        scene: &PreparedScene,
+        plan: &impl LightPlan,
+        weights: &[f32],
+        (expected, sharpness): (f64, f64),
+        what: &str,
+    ) {
+        Mean::of(&self.streams(scene, plan, weights)).assert_is(expected, sharpness, what);
+    }
+
+    /// The same as [`Walks::streams`] by [`plain_walk`]; without a limit of bounces by paths so long that they carry nothing.
     pub fn plain(&self, scene: &PreparedScene, weights: &[f32]) -> Vec<f64> {
         let camera = &scene.scene.cameras[0];
         self.each(|pixel, mut sampler| {

@@ -46,14 +46,9 @@ impl<P: LightPlan> Integrator<'_, P> {
     /// Share of light that comes along a route; nothing where something is in the way, or the route misses a face.
     pub(super) fn passed_along(&self, walk: &Walk, hit: &SurfaceHit, light: &LightPoint, route: &Route) -> Vec3 {
         let scene = self.scene;
-        let front = hit.normal.dot(walk.direction) < 0.0;
-        let out = hit.outward(route.direction);
-        let mut extinction = Vec3::ZERO;
-        if scene.attenuates {
-            let before = (out.dot(hit.normal) > 0.0) == front;
-            extinction = if before { walk.extinction } else { self.extinction_behind(hit, !front) };
-        }
-        let (mut at, mut from, mut passed) = (hit.position, hit.origin(out), Vec3::ONE);
+        let mut extinction = self.extinction_towards(walk, hit, route.direction);
+        let (mut at, mut from) = (hit.position, hit.origin(hit.outward(route.direction)));
+        let mut passed = Vec3::ONE;
         for crossing in scene.slabs.crossings(route) {
             let Some(face) = scene.surface_at(crossing.point, crossing.triangles) else { return Vec3::ZERO };
             let leg = crossing.point - at;
@@ -63,9 +58,7 @@ impl<P: LightPlan> Integrator<'_, P> {
                 return passed;
             }
             passed *= scene.transmittance(from, face.position);
-            if scene.attenuates {
-                extinction = self.extinction_behind(&face, direction.dot(face.normal) > 0.0);
-            }
+            extinction = self.extinction_behind(&face, direction.dot(face.normal) > 0.0);
             (at, from) = (crossing.point, face.origin(face.outward(direction)));
         }
         let end = if light.beyond { at + route.direction * self.far } else { light.target };

@@ -10,6 +10,7 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec3};
 
 use crate::prepared::PreparedScene;
+use crate::scene::Mesh;
 
 /// Closed surfaces, and the side of each on which the eye is.
 pub(super) struct Walls {
@@ -43,10 +44,9 @@ impl Walls {
         let mesh = &scene.scene.mesh;
         let (mut index, mut places) = (HashMap::new(), Vec::new());
         let mut weld = |vertex: u32| {
-            // Zeros have two signs.
-            let place = mesh.positions[vertex as usize] + Vec3::ZERO;
-            *index.entry(place.to_array().map(f32::to_bits)).or_insert_with(|| {
-                places.push(place.as_dvec3());
+            let position = mesh.positions[vertex as usize];
+            *index.entry(Mesh::place(position)).or_insert_with(|| {
+                places.push(position.as_dvec3());
                 places.len() as u32 - 1
             })
         };

@@ -1,5 +1,6 @@
 //! A map as bytes behind the header of a file: width and height u32, scale f32, three f16 per pixel, FNV-1a u64.
 
+use clerestory_nystrom::codec::checksum;
 use glam::Vec3;
 use half::f16;
 
@@ -90,10 +91,6 @@ impl Environment {
         let is_clean = pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0);
         is_clean.then(|| (Environment::of_clean(width, height, pixels), end + CHECKSUM_LEN))
     }
-}
-
-fn checksum(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, b| (hash ^ u64::from(*b)).wrapping_mul(0x0000_0100_0000_01B3))
 }
 
 #[cfg(test)]

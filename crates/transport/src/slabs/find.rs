@@ -2,11 +2,9 @@
 
 use std::collections::HashMap;
 
-use super::{Bounds, Face, NONE, Slab, Slabs};
+use super::{Bounds, Face, NONE, PARALLEL, Slab, Slabs};
 use crate::scene::{AlphaMode, Material, Mesh, Scene};
 
-/// One minus the cosine between normals that count as parallel: single precision knows no better.
-const PARALLEL: f32 = 1e-6;
 /// Thickness over the shorter extent of a face up to which a body is a pane and not a block.
 const THINNEST_BLOCK: f32 = 0.5;
 /// Distance of a vertex from a plane over the extent of the body, up to which it lies in it.
@@ -62,9 +60,7 @@ fn bodies(mesh: &Mesh, triangles: &[u32]) -> Vec<Vec<u32>> {
     for (i, &t) in triangles.iter().enumerate() {
         let own = (mesh.triangle_node[t as usize], mesh.triangle_material[t as usize]);
         for corner in mesh.corners(t) {
-            // Plus zero, so that there is but one zero.
-            let place = (corner + 0.0).to_array().map(f32::to_bits);
-            let first = *first_at.entry((own, place)).or_insert(i);
+            let first = *first_at.entry((own, Mesh::place(corner))).or_insert(i);
             let (a, b) = (root(&mut parents, first), root(&mut parents, i));
             parents[a.max(b)] = a.min(b);
         }

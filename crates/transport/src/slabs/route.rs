@@ -2,12 +2,10 @@
 
 use glam::Vec3;
 
-use super::{Face, IN_A_ROW, Slab, Slabs};
+use super::{Face, IN_A_ROW, PARALLEL, Slab, Slabs};
 
 /// Steps of Newton's method: quadratic from the near side, so that these reach single precision from any start.
 const STEPS: u32 = 12;
-/// One minus the cosine between slabs that count as parallel.
-const PARALLEL: f32 = 1e-6;
 
 /// Cosine below which surfaces turn their normals to be seen at all, so that refraction is not what it was.
 const LEAST_COS: f32 = 0.01;
