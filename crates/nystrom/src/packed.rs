@@ -1,0 +1,233 @@
+//! A compressed matrix as few bytes: what remains of each block's factors after a cosine transform, rounded to a common step
+//! and entropy-coded.
+//!
+//! A block's left factors are pictures of its tile, its right factors often pictures of a grid of columns: smooth for the
+//! most part. Orthogonal components ([`quantize`](self)) are transformed along the rows and columns of their grids, rounded so
+//! that the error asked for is just met, and coded with tables that the whole matrix shares, each coefficient under the
+//! magnitude of its known neighbors. Blocks stay apart: each can be read alone, and bears a checksum.
+//!
+//! **Decision.** Bytes on disk are not bytes in memory: [`PackedMatrix::unpack`] gives factors in `f16`. **Refused:** vectors of few
+//! bits that could be used as they lie; they take three to six times the room.
+
+mod block;
+mod coder;
+mod cosine;
+mod entries;
+mod layout;
+mod orthogonal;
+mod planes;
+mod quantize;
+mod tables;
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use self::{
+    block::{N_TABLES, RoundedBlock},
+    coder::{Counter, Decoder, Encoder},
+    layout::Layout,
+    quantize::{Coefficients, quarters_between, step_of},
+    tables::Tables,
+};
+use crate::{codec::CodecError, factors::BlockFactors, low_rank::BlockLowRank, partition::Partition};
+
+pub use layout::ColumnRun;
+
+/// Share of a block's own error, or of what is allowed, that storing may add where sampling has used up all of it.
+const LEAST_SHARE: f64 = 0.07;
+/// How much worse than allowed a single block may be stored: 4 dB.
+const WORST_BLOCK: f64 = 2.5;
+/// Blocks that tell how fine the common step and the tables are.
+const N_TELLING: usize = 1024;
+/// Steps of the search for the common step, each half as wide as the one before.
+const N_HALVINGS: usize = 14;
+
+/// How a matrix is packed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PackPlan {
+    /// How the columns lie.
+    pub columns: Vec<ColumnRun>,
+    /// Mean square error per entry at which the matrix aims, in all: truncation, sampling and packing.
+    pub allowed: f32,
+    /// One weight per column: errors of the product with these weights weigh most. Empty: all products weigh the same.
+    pub preserved: Vec<f32>,
+}
+
+/// A matrix, or one group of its columns, as bytes.
+#[derive(Clone, Debug)]
+pub struct PackedMatrix {
+    layout: Layout,
+    partition: Partition,
+    tables: Tables,
+    /// Step of the coefficients; 0 where no block has any.
+    step: f32,
+    /// One per block of the partition; a block that is not there has no bytes.
+    blocks: Vec<Arc<[u8]>>,
+}
+
+impl PackedMatrix {
+    /// Packs what is there of a matrix. The errors that blocks bear grow by what packing costs them.
+    pub fn pack(matrix: &BlockLowRank, plan: &PackPlan) -> Self {
+        let layout = Layout::new(matrix.partition.clone(), matrix.bundle_len, plan.columns.clone());
+        assert!(
+            layout.n_cols() == matrix.n_cols as usize,
+            "a plan for {} columns cannot pack {}",
+            layout.n_cols(),
+            matrix.n_cols
+        );
+        let packer = Packer::new(matrix, &layout, plan);
+        let step = packer.common_step();
+        let tables = packer.tables(step);
+        let block = |block_idx: usize| -> Arc<[u8]> {
+            match packer.rounded(block_idx, step) {
+                Some(rounded) => {
+                    let mut out = Encoder::new(&tables);
+                    rounded.write(block_idx, &layout, &mut out);
+                    out.finish().into()
+                }
+                None => Arc::new([]),
+            }
+        };
+        let blocks = (0..matrix.blocks.len()).into_par_iter().map(block).collect();
+        Self { partition: matrix.partition.clone(), tables, step, blocks, layout }
+    }
+
+    /// The factors of all blocks.
+    ///
+    /// # Errors
+    /// Bytes that no packer wrote.
+    pub fn unpack(&self) -> Result<BlockLowRank, CodecError> {
+        let block = |(block_idx, bytes): (usize, &Arc<[u8]>)| match bytes.len() {
+            0 => Ok(None),
+            _ => self.unpack_block(block_idx, bytes).map(Some),
+        };
+        let blocks = self.blocks.par_iter().enumerate().map(block).collect::<Result<_, _>>()?;
+        let (bundle_len, n_cols) = (self.layout.bundle_len, self.layout.n_cols() as u32);
+        Ok(BlockLowRank { partition: self.partition.clone(), bundle_len, n_cols, blocks })
+    }
+
+    fn unpack_block(&self, block_idx: usize, bytes: &[u8]) -> Result<Arc<BlockFactors>, CodecError> {
+        let mut input = Decoder::new(&self.tables, bytes);
+        let factors = block::read(block_idx, &self.layout, self.step, &mut input);
+        factors.map(Arc::new).ok_or(CodecError::Malformed("the coefficients of a block"))
+    }
+
+    /// Memory that the unpacked factors take, in bytes, as the blocks say it themselves; sparse entries aside, which take
+    /// at most some hundred times their bytes.
+    ///
+    /// # Errors
+    /// Bytes that no packer wrote.
+    pub fn unpacked_bytes(&self) -> Result<u64, CodecError> {
+        let of_block = |(block_idx, bytes): (usize, &Arc<[u8]>)| {
+            if bytes.is_empty() {
+                return Ok(0);
+            }
+            let mut input = Decoder::new(&self.tables, bytes);
+            let rank = block::read_rank(block_idx, &self.layout, &mut input).map(|(_, rank)| u64::from(rank));
+            let rank = rank.ok_or(CodecError::Malformed("the rank of a block"))?;
+            Ok(rank * 2 * (self.layout.n_rows(block_idx) + self.layout.n_cols()) as u64)
+        };
+        self.blocks.par_iter().enumerate().map(of_block).sum()
+    }
+
+    /// Bytes of all blocks and tables, those that [`encode`](Self::encode) puts around them aside.
+    pub fn n_bytes(&self) -> usize {
+        self.tables.encode().len() + self.blocks.iter().map(|bytes| bytes.len()).sum::<usize>()
+    }
+}
+
+/// A matrix that is being packed.
+struct Packer<'a> {
+    matrix: &'a BlockLowRank,
+    layout: &'a Layout,
+    plan: &'a PackPlan,
+    /// The preserved direction, of length 1; empty where there is none.
+    preserved: Vec<f32>,
+}
+
+impl<'a> Packer<'a> {
+    fn new(matrix: &'a BlockLowRank, layout: &'a Layout, plan: &'a PackPlan) -> Self {
+        let norm = plan.preserved.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+        let is_direction = norm > 0.0 && norm.is_finite() && plan.preserved.len() == layout.n_cols();
+        let unit = |x: &f32| (f64::from(*x) / norm) as f32;
+        let preserved = if is_direction { plan.preserved.iter().map(unit).collect() } else { Vec::new() };
+        Self { matrix, layout, plan, preserved }
+    }
+
+    /// Blocks all over the matrix, at most [`N_TELLING`].
+    fn telling(&self) -> impl ParallelIterator<Item = usize> {
+        let n_blocks = self.matrix.blocks.len();
+        (0..n_blocks).into_par_iter().step_by(n_blocks.div_ceil(N_TELLING).max(1))
+    }
+
+    fn coefficients(&self, block_idx: usize) -> Option<(&'a BlockFactors, Coefficients)> {
+        let factors = self.matrix.blocks[block_idx].as_deref()?;
+        Some((factors, Coefficients::new(factors, block_idx, self.layout, &self.preserved)))
+    }
+
+    /// Mean square error that packing a block may add.
+    fn budget(&self, factors: &BlockFactors) -> f64 {
+        let allowed = f64::from(self.plan.allowed);
+        (allowed - own_error(factors)).max(LEAST_SHARE * allowed)
+    }
+
+    /// The coarsest step for which the telling blocks together stay within their budgets.
+    fn common_step(&self) -> f32 {
+        let blocks: Vec<_> = self.telling().filter_map(|block_idx| self.coefficients(block_idx)).collect();
+        let budget: f64 = blocks.iter().map(|(factors, block)| self.budget(factors) * block.n_entries()).sum();
+        let n_entries: f64 = blocks.iter().map(|(_, block)| block.n_entries()).sum();
+        let first = blocks.iter().map(|(_, block)| block.step_for(budget / n_entries)).filter(|step| step.is_finite());
+        let (Some(least), Some(most)) = (first.clone().reduce(f64::min), first.reduce(f64::max)) else { return 0.0 };
+        // Coefficients that round to 0 err less than a step's worth: the true step may be much coarser.
+        let (mut low, mut high) = (0.5 * least, 256.0 * most);
+        for _ in 0..N_HALVINGS {
+            let middle = (low * high).sqrt();
+            let errors = blocks.par_iter().map(|(_, block)| block.error(middle as f32) * block.n_entries());
+            // One after the other, so that the sum does not depend on the threads.
+            let error: f64 = errors.collect::<Vec<_>>().into_iter().sum();
+            *(if error > budget { &mut high } else { &mut low }) = middle;
+        }
+        low as f32
+    }
+
+    /// A block for the common step: coarser where its own error drowns the step's, finer where it would be far too bad.
+    fn rounded(&self, block_idx: usize, step: f32) -> Option<RoundedBlock<'a>> {
+        let (factors, block) = self.coefficients(block_idx)?;
+        let allowed = f64::from(self.plan.allowed);
+        let own = own_error(factors);
+        let mut quarters = 0;
+        if own > allowed {
+            quarters = quarters_between(step, block.step_for(LEAST_SHARE * own)).max(0);
+        }
+        let most = (WORST_BLOCK * allowed - own).max(self.budget(factors)).max(LEAST_SHARE * own);
+        while quarters > -40 && block.error(step_of(step, quarters)) > most {
+            quarters -= 1;
+        }
+        let step = step_of(step, quarters);
+        let mut error = factors.error;
+        error.truncation += block.error(step) as f32;
+        Some(RoundedBlock { quarters, components: block.round(step), factors, error })
+    }
+
+    /// Tables that fit the telling blocks.
+    fn tables(&self, step: f32) -> Tables {
+        let none = || Counter { counts: vec![[0; 16]; N_TABLES] };
+        let count = |mut counter: Counter, block_idx: usize| {
+            if let Some(rounded) = self.rounded(block_idx, step) {
+                rounded.write(block_idx, self.layout, &mut counter);
+            }
+            counter
+        };
+        let both = |mut a: Counter, b: Counter| {
+            a.counts.as_flattened_mut().iter_mut().zip(b.counts.as_flattened()).for_each(|(a, b)| *a += b);
+            a
+        };
+        Tables::from_counts(&self.telling().fold(none, count).reduce(none, both).counts)
+    }
+}
+
+/// What truncation and sampling have left in a block.
+fn own_error(factors: &BlockFactors) -> f64 {
+    f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0))
+}

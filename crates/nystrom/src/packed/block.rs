@@ -1,0 +1,142 @@
+//! One block as bytes: counts and errors, the components' coefficients, the sparse entries.
+
+use half::bf16;
+
+use super::{
+    coder::{Decoder, Sink},
+    entries::{self, Entries},
+    layout::Layout,
+    planes::{self, Shape},
+    quantize::{Rounded, restore, step_of},
+};
+use crate::factors::{BlockError, BlockFactors};
+
+/// Tables of numbers, after those of coefficients.
+#[derive(Clone, Copy)]
+enum Of {
+    Samples,
+    Rank,
+    Step,
+    Size,
+    Fineness,
+}
+
+const N_NUMBERS: usize = 5;
+/// Tables of a matrix.
+pub(super) const N_TABLES: usize = planes::N_TABLES + N_NUMBERS + entries::N_TABLES;
+/// Octaves in quarters that anything honest is within.
+const MAX_QUARTERS: i32 = 400;
+
+fn table(of: Of) -> usize {
+    planes::N_TABLES + of as usize
+}
+
+fn entries_of(layout: &Layout) -> Entries {
+    Entries { first_table: planes::N_TABLES + N_NUMBERS, bundle_len: layout.bundle_len }
+}
+
+/// A block, rounded; what is stored of it.
+pub(super) struct RoundedBlock<'a> {
+    /// Octaves of its step over that of the matrix, in quarters.
+    pub(super) quarters: i32,
+    pub(super) components: Vec<Rounded>,
+    /// The block as it was: its sparse entries and counts are taken from it.
+    pub(super) factors: &'a BlockFactors,
+    /// Errors to be stored.
+    pub(super) error: BlockError,
+}
+
+impl RoundedBlock<'_> {
+    pub(super) fn write(&self, block_idx: usize, layout: &Layout, out: &mut impl Sink) {
+        out.number(table(Of::Samples), self.factors.n_samples);
+        for error in [self.error.truncation, self.error.sampling, self.error.noise] {
+            out.bits(u32::from(bf16::from_f32(error).to_bits()), 16);
+        }
+        out.number(table(Of::Rank), self.components.len() as u32);
+        if !self.components.is_empty() {
+            out.signed(table(Of::Step), self.quarters);
+        }
+        let mut size = 0;
+        for (i, component) in self.components.iter().enumerate() {
+            out.signed(table(Of::Size), component.size - size);
+            out.number(table(Of::Fineness), component.fineness);
+            size = component.size;
+            for (nth, (shape, range)) in row_planes(block_idx, layout, i).enumerate() {
+                let first = (nth > 0).then(|| &component.left[..range.len()]);
+                shape.write(&component.left[range], first, out);
+            }
+            for (shape, range) in column_runs(layout, i) {
+                shape.write(&component.right[range], None, out);
+            }
+        }
+        entries_of(layout).write(&self.factors.sparse, out);
+    }
+}
+
+/// Planes of the row transform, and where they lie.
+fn row_planes(
+    block_idx: usize,
+    layout: &Layout,
+    component: usize,
+) -> impl Iterator<Item = (Shape, std::ops::Range<usize>)> {
+    let [width, height] = layout.tile(block_idx).map(|side| side as usize);
+    let n = width * height;
+    (0..layout.bundle_len as usize).map(move |nth| {
+        let kind = 2 * usize::from(nth > 0) + usize::from(component > 0);
+        (Shape { kind, width, height }, nth * n..(nth + 1) * n)
+    })
+}
+
+/// Runs of columns, and where they lie.
+fn column_runs(layout: &Layout, component: usize) -> impl Iterator<Item = (Shape, std::ops::Range<usize>)> {
+    let mut first = 0;
+    layout.columns.iter().map(move |run| {
+        let [width, height] = run.size().map(|side| side as usize);
+        let range = first..first + width * height;
+        first = range.end;
+        (Shape { kind: 4 + usize::from(component > 0), width, height }, range)
+    })
+}
+
+/// The rank that a block says it has; `None` where no honest block has it.
+pub(super) fn read_rank(block_idx: usize, layout: &Layout, input: &mut Decoder<'_>) -> Option<(BlockFactors, u32)> {
+    let mut factors = BlockFactors { n_samples: input.number(table(Of::Samples)), ..BlockFactors::default() };
+    let [truncation, sampling, noise] = [(); 3].map(|()| bf16::from_bits(input.bits(16) as u16).to_f32());
+    factors.error = BlockError { truncation, sampling, noise };
+    let rank = input.number(table(Of::Rank));
+    let most = layout.n_rows(block_idx).min(layout.n_cols());
+    (rank as usize <= most && !input.is_lost()).then_some((factors, rank))
+}
+
+/// Reads a block of a matrix with some step; `None` if no encoder wrote it.
+pub(super) fn read(block_idx: usize, layout: &Layout, step: f32, input: &mut Decoder<'_>) -> Option<BlockFactors> {
+    let (about, rank) = read_rank(block_idx, layout, input)?;
+    let within = |quarters: i32| (-MAX_QUARTERS..=MAX_QUARTERS).contains(&quarters).then_some(quarters);
+    let quarters = if rank > 0 { within(input.signed(table(Of::Step)))? } else { 0 };
+    let mut components = Vec::new();
+    let mut size = 0i32;
+    for i in 0..rank as usize {
+        size = within(size.checked_add(input.signed(table(Of::Size)))?)?;
+        let fineness = input.number(table(Of::Fineness)).min(MAX_QUARTERS as u32);
+        let (mut left, mut right) = (Vec::new(), Vec::new());
+        for (nth, (shape, range)) in row_planes(block_idx, layout, i).enumerate() {
+            let plane = shape.read((nth > 0).then(|| &left[..range.len()]), input);
+            left.extend(plane);
+        }
+        for (shape, _) in column_runs(layout, i) {
+            right.extend(shape.read(None, input));
+        }
+        if input.is_lost() {
+            return None;
+        }
+        components.push(Rounded { size, fineness, left, right });
+    }
+    let sparse = entries_of(layout).read(layout.n_rows(block_idx) as u32, layout.n_cols() as u32, input)?;
+    if !input.is_clean() {
+        return None;
+    }
+    let factors = restore(&components, step_of(step, quarters), block_idx, layout);
+    let is_finite = factors.scale.iter().all(|x| x.is_finite())
+        && factors.left.iter().chain(&factors.right).all(|x| x.is_finite());
+    is_finite.then_some(BlockFactors { sparse, n_samples: about.n_samples, error: about.error, ..factors })
+}

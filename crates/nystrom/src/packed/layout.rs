@@ -1,0 +1,135 @@
+//! How rows and columns lie beside each other, so that neighbors can be told from strangers.
+
+use super::cosine::{Cosines, Direction};
+use crate::partition::Partition;
+
+/// Columns that follow each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColumnRun {
+    /// So many columns that have nothing to do with their neighbors.
+    List(u32),
+    /// Columns that lie on a grid, row by row: width × height. Neighbors are often alike.
+    Grid {
+        /// Columns of the grid.
+        width: u32,
+        /// Rows of the grid.
+        height: u32,
+    },
+}
+
+impl ColumnRun {
+    /// Width and height; a list is as wide as it is long.
+    pub(super) fn size(self) -> [u32; 2] {
+        match self {
+            ColumnRun::List(len) => [len, 1],
+            ColumnRun::Grid { width, height } => [width, height],
+        }
+    }
+
+    /// Number of columns.
+    pub fn n_cols(self) -> u32 {
+        let [width, height] = self.size();
+        width * height
+    }
+}
+
+/// The layout of a matrix, and the transforms that it calls for.
+#[derive(Clone, Debug)]
+pub(super) struct Layout {
+    partition: Partition,
+    pub(super) bundle_len: u32,
+    pub(super) columns: Vec<ColumnRun>,
+    cosines: Cosines,
+}
+
+impl Layout {
+    pub(super) fn new(partition: Partition, bundle_len: u32, columns: Vec<ColumnRun>) -> Self {
+        let Partition { width, height, tile } = partition;
+        let of_rows = [width, height].into_iter().flat_map(|side| [side.min(tile), side % tile]);
+        let of_columns = columns.iter().flat_map(|run| match run {
+            ColumnRun::List(_) => [1, 1],
+            ColumnRun::Grid { width, height } => [*width, *height],
+        });
+        let cosines = Cosines::new(of_rows.chain(of_columns).chain([bundle_len]));
+        Self { partition, bundle_len, columns, cosines }
+    }
+
+    /// Width and height of a block's tile in bundles.
+    pub(super) fn tile(&self, block_idx: usize) -> [u32; 2] {
+        let [_, _, width, height] = self.partition.rect(block_idx);
+        [width, height]
+    }
+
+    /// Rows of a block.
+    pub(super) fn n_rows(&self, block_idx: usize) -> usize {
+        let [width, height] = self.tile(block_idx);
+        (width * height * self.bundle_len) as usize
+    }
+
+    /// Columns of the matrix.
+    pub(super) fn n_cols(&self) -> usize {
+        self.columns.iter().map(|run| run.n_cols() as usize).sum()
+    }
+
+    /// One value per row, bundle by bundle, to one plane of coefficients per member of a bundle; the first is their mean.
+    pub(super) fn rows_forward(&self, rows: &[f32], block_idx: usize) -> Vec<f32> {
+        let (len, n_bundles) = (self.bundle_len as usize, rows.len() / self.bundle_len as usize);
+        let mut planes: Vec<f32> = (0..rows.len()).map(|at| rows[at % n_bundles * len + at / n_bundles]).collect();
+        self.cosines.along(&mut planes, self.bundle_len, n_bundles, Direction::Forward);
+        self.cosines.planes(&mut planes, self.tile(block_idx), Direction::Forward);
+        planes
+    }
+
+    /// The way back.
+    pub(super) fn rows_inverse(&self, mut planes: Vec<f32>, block_idx: usize) -> Vec<f32> {
+        let (len, n_bundles) = (self.bundle_len as usize, planes.len() / self.bundle_len as usize);
+        self.cosines.planes(&mut planes, self.tile(block_idx), Direction::Inverse);
+        self.cosines.along(&mut planes, self.bundle_len, n_bundles, Direction::Inverse);
+        (0..planes.len()).map(|at| planes[at % len * n_bundles + at / len]).collect()
+    }
+
+    /// One value per column to coefficients, run by run, or back.
+    pub(super) fn columns(&self, values: &mut [f32], direction: Direction) {
+        let mut first = 0;
+        for run in &self.columns {
+            let own = &mut values[first..first + run.n_cols() as usize];
+            if let ColumnRun::Grid { width, height } = *run {
+                self.cosines.planes(own, [width, height], direction);
+            }
+            first += own.len();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn rows_and_columns_come_back() {
+        let mut rng = Random::new([41, 0]);
+        let partition = Partition { width: 21, height: 18, tile: 16 };
+        let columns = vec![ColumnRun::List(5), ColumnRun::Grid { width: 4, height: 3 }];
+        let layout = Layout::new(partition, 3, columns);
+        assert_eq!((layout.n_cols(), layout.n_rows(3)), (17, 5 * 2 * 3));
+        for block_idx in 0..4 {
+            let rows: Vec<f32> = (0..layout.n_rows(block_idx)).map(|_| rng.normal()).collect();
+            let back = layout.rows_inverse(layout.rows_forward(&rows, block_idx), block_idx);
+            assert!(rows.iter().zip(&back).all(|(a, b)| (a - b).abs() < 1e-5));
+        }
+        let values: Vec<f32> = (0..17).map(|_| rng.normal()).collect();
+        let mut changed = values.clone();
+        layout.columns(&mut changed, Direction::Forward);
+        assert!(changed[..5] == values[..5] && changed[5..] != values[5..]);
+        layout.columns(&mut changed, Direction::Inverse);
+        assert!(values.iter().zip(&changed).all(|(a, b)| (a - b).abs() < 1e-5));
+    }
+
+    #[test]
+    fn a_gray_even_tile_is_one_coefficient() {
+        let layout = Layout::new(Partition { width: 4, height: 2, tile: 4 }, 3, vec![ColumnRun::List(1)]);
+        let planes = layout.rows_forward(&[1.0; 24], 0);
+        assert!((planes[0] - 24f32.sqrt()).abs() < 1e-5 && planes[1..].iter().all(|x| x.abs() < 1e-5));
+    }
+}

@@ -1,0 +1,93 @@
+//! Factors in the form of a singular value decomposition, whoever made them: what is stored of each component is then worth
+//! its singular value, and no product of two components is stored twice.
+
+use crate::{
+    dense::{Dense, eigen},
+    factors::BlockFactors,
+    product::product,
+};
+
+/// `left · right` with orthogonal columns and orthonormal rows, largest first.
+#[derive(Clone, Debug)]
+pub(super) struct Orthogonal {
+    /// One per component: the norm of its column of `left`.
+    pub(super) singular: Vec<f64>,
+    /// Components × rows: the columns of `left`, one after the other.
+    pub(super) left: Dense<f32>,
+    /// Components × columns.
+    pub(super) right: Dense<f32>,
+}
+
+impl Orthogonal {
+    pub(super) fn new(factors: &BlockFactors) -> Self {
+        let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
+        let right = Dense { n_rows: k, n_cols: n, data: factors.right.iter().map(|x| x.to_f64()).collect() };
+        let scaled = |(i, x): (usize, &half::f16)| x.to_f64() * f64::from(factors.scale[i % k.max(1)]);
+        let left = Dense { n_rows: m, n_cols: k, data: factors.left.iter().enumerate().map(scaled).collect() };
+
+        // Rows first: right = basis of its span, and left takes what turns the one into the other.
+        let (basis, to_basis) = orthonormal_rows(&right);
+        let left = product(left.view(), to_basis.view());
+        // Then columns, by the small Gram matrix; the same rotation turns the rows.
+        let (energies, turn) = eigen(&product(left.t(), left.view()));
+        Self {
+            singular: energies.iter().map(|energy| energy.sqrt()).collect(),
+            left: product(turn.t(), left.t()).to_f32(),
+            right: product(turn.t(), basis.view()).to_f32(),
+        }
+    }
+}
+
+/// An orthonormal basis of the span of some rows (basis × columns), and what gives the rows back: rows × basis.
+fn orthonormal_rows(rows: &Dense<f64>) -> (Dense<f64>, Dense<f64>) {
+    let (energies, vectors) = eigen(&product(rows.view(), rows.t()));
+    let mut basis = product(vectors.t(), rows.view());
+    let mut back = vectors;
+    for (i, energy) in energies.iter().enumerate() {
+        let norm = energy.sqrt();
+        basis.row_mut(i).iter_mut().for_each(|x| *x /= norm);
+        (0..back.n_rows).for_each(|row| back.row_mut(row)[i] *= norm);
+    }
+    (basis, back)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    #[test]
+    fn the_product_stays_and_components_are_orthogonal() {
+        let mut rng = Random::new([31, 0]);
+        let (m, n, k) = (20, 15, 5);
+        let mut values = |count: usize| (0..count).map(|_| rng.normal()).collect::<Vec<f32>>();
+        let (mut left, mut right) = (values(m * k), values(k * n));
+        // The last component repeats the first, and the fourth is nothing.
+        right.copy_within(0..n, 4 * n);
+        (0..m).for_each(|row| left[row * k + 3] = 0.0);
+        let factors = BlockFactors::from_f32(&left, &right, m, n, k);
+        let orthogonal = Orthogonal::new(&factors);
+        assert_eq!(orthogonal.singular.len(), 3);
+        assert!(orthogonal.singular.is_sorted_by(|a, b| a >= b));
+        let gram = |x: &Dense<f32>| product(x.to_f64().view(), x.to_f64().t());
+        let (left, right) = (gram(&orthogonal.left), gram(&orthogonal.right));
+        for i in 0..3 {
+            for j in 0..3 {
+                let sigma = if i == j { orthogonal.singular[i] } else { 0.0 };
+                assert!((left.row(i)[j] - sigma * sigma).abs() < 1e-4);
+                assert!((right.row(i)[j] - f64::from(i == j)).abs() < 1e-5);
+            }
+        }
+        let back = product(orthogonal.left.to_f64().t(), orthogonal.right.to_f64().view());
+        for (row, got) in back.data.chunks(n).enumerate() {
+            got.iter().enumerate().for_each(|(col, x)| assert!((x - f64::from(factors.entry(row, col))).abs() < 1e-5));
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_components() {
+        let zero = BlockFactors::from_f32(&[0.0; 6], &[0.0; 4], 3, 2, 2);
+        assert!(Orthogonal::new(&zero).singular.is_empty());
+        assert!(Orthogonal::new(&BlockFactors::default()).singular.is_empty());
+    }
+}

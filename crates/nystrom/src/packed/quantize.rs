@@ -1,0 +1,167 @@
+//! How finely a block is stored: one step for all coefficients of both factors, each component scaled to its worth.
+//!
+//! Rounding the coefficients of `left` (which carry the singular value) to multiples of a step Δ adds Δ²/12 each to the
+//! squared error of the block, and so does rounding those of the unit vector `right` to multiples of Δ/σ. One step for
+//! everything, in all blocks, is what the least bytes for a mean error ask for (reverse water-filling); a component whose
+//! energy is below the error that storing it would bring is left out.
+
+use super::{cosine::Direction, layout::Layout, orthogonal::Orthogonal};
+use crate::factors::BlockFactors;
+
+/// Share of its coefficients' rounding error below which a component is left out.
+const LEAST_WORTH: f64 = 0.8;
+/// Rounding towards zero: coefficients up to half a step and this share of it become 0, and so on. It saves more bytes
+/// than it costs error.
+const DEAD_ZONE: f32 = 0.1;
+/// How much an error in the preserved direction weighs over one in any other: its coefficients are rounded up to eight
+/// times as finely.
+const PRESERVED_WEIGHT: f64 = 63.0;
+/// Steps between two powers of two.
+const PER_OCTAVE: f64 = 4.0;
+
+/// A block in coefficients of the cosine transforms, not yet rounded.
+pub(super) struct Coefficients {
+    /// One per component, largest first.
+    components: Vec<Component>,
+    /// Entries of the block.
+    n_entries: f64,
+    /// Rows and columns together.
+    n_values: f64,
+}
+
+struct Component {
+    singular: f64,
+    /// Weight of its errors, at least 1.
+    weight: f64,
+    left: Vec<f32>,
+    right: Vec<f32>,
+}
+
+/// A component, rounded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Rounded {
+    /// Octaves of the singular value over the step, in quarters.
+    pub(super) size: i32,
+    /// Octaves by which `left` is finer than the block's step, in quarters.
+    pub(super) fineness: u32,
+    /// Planes of the row transform.
+    pub(super) left: Vec<i32>,
+    /// Runs of the column transform.
+    pub(super) right: Vec<i32>,
+}
+
+impl Rounded {
+    /// Steps of both factors, for a block's step.
+    fn steps(&self, step: f32) -> [f32; 2] {
+        [step / octaves(self.fineness as i32) as f32, (1.0 / octaves(self.size)) as f32]
+    }
+}
+
+/// 2^(quarters / 4).
+fn octaves(quarters: i32) -> f64 {
+    (f64::from(quarters) / PER_OCTAVE).exp2()
+}
+
+/// The step of a block from that of the matrix.
+pub(super) fn step_of(step: f32, quarters: i32) -> f32 {
+    (f64::from(step) * octaves(quarters)) as f32
+}
+
+/// Quarters of an octave from one step down to another.
+pub(super) fn quarters_between(step: f32, other: f64) -> i32 {
+    let quarters = (other / f64::from(step)).log2() * PER_OCTAVE;
+    if quarters.is_finite() { quarters.clamp(-400.0, 400.0).floor() as i32 } else { 0 }
+}
+
+impl Coefficients {
+    /// `preserved` is a unit vector, one weight per column, or empty.
+    pub(super) fn new(factors: &BlockFactors, block_idx: usize, layout: &Layout, preserved: &[f32]) -> Self {
+        let orthogonal = Orthogonal::new(factors);
+        let component = |(i, &singular): (usize, &f64)| {
+            let mut right = orthogonal.right.row(i).to_vec();
+            let along: f64 = right.iter().zip(preserved).map(|(x, p)| f64::from(x * p)).sum();
+            layout.columns(&mut right, Direction::Forward);
+            let left = layout.rows_forward(orthogonal.left.row(i), block_idx);
+            Component { singular, weight: 1.0 + PRESERVED_WEIGHT * along * along, left, right }
+        };
+        Self {
+            components: orthogonal.singular.iter().enumerate().map(component).collect(),
+            n_entries: f64::from(factors.n_rows) * f64::from(factors.n_cols),
+            n_values: f64::from(factors.n_rows + factors.n_cols),
+        }
+    }
+
+    pub(super) fn n_entries(&self) -> f64 {
+        self.n_entries
+    }
+
+    /// The step at which all components together would have some mean square error per entry, were no coefficient 0.
+    pub(super) fn step_for(&self, mean_square: f64) -> f64 {
+        (12.0 * mean_square * self.n_entries / (self.components.len() as f64 * self.n_values)).sqrt()
+    }
+
+    /// Rounds for a step; components that are not worth it are left out.
+    pub(super) fn round(&self, step: f32) -> Vec<Rounded> {
+        self.kept(step).map(|component| component.round(step)).collect()
+    }
+
+    /// Mean square error per entry for a step.
+    pub(super) fn error(&self, step: f32) -> f64 {
+        let energy: f64 = self.components.iter().map(|component| component.singular.powi(2)).sum();
+        let change = |component: &Component| component.error(step) - component.singular.powi(2);
+        (energy + self.kept(step).map(change).sum::<f64>()).max(0.0) / self.n_entries.max(1.0)
+    }
+
+    fn kept(&self, step: f32) -> impl Iterator<Item = &Component> {
+        let least = LEAST_WORTH * f64::from(step).powi(2) / 12.0 * self.n_values;
+        self.components.iter().filter(move |component| component.singular.powi(2) * component.weight > least)
+    }
+}
+
+impl Component {
+    /// Size and fineness for a step, without coefficients.
+    fn scales(&self, step: f32) -> Rounded {
+        let size = (self.singular / f64::from(step)).log2() * PER_OCTAVE;
+        let fineness = (0.5 * self.weight.log2() * PER_OCTAVE).round() as u32;
+        Rounded { size: size.clamp(-400.0, 400.0).round() as i32, fineness, ..Rounded::default() }
+    }
+
+    fn round(&self, step: f32) -> Rounded {
+        let scales = self.scales(step);
+        let [of_left, of_right] = scales.steps(step);
+        let rounded = |values: &[f32], step: f32| values.iter().map(|x| round(x / step)).collect();
+        Rounded { left: rounded(&self.left, of_left), right: rounded(&self.right, of_right), ..scales }
+    }
+
+    fn error(&self, step: f32) -> f64 {
+        let [of_left, of_right] = self.scales(step).steps(step);
+        let squares = |values: &[f32], step: f32| -> f64 {
+            let error = |x: &f32| f64::from(x - round(x / step) as f32 * step);
+            values.iter().map(|x| error(x).powi(2)).sum()
+        };
+        squares(&self.left, of_left) + self.singular.powi(2) * squares(&self.right, of_right)
+    }
+}
+
+fn round(x: f32) -> i32 {
+    // The cast cuts off, and so does what is too large for it.
+    let magnitude = (x.abs() + 0.5 - DEAD_ZONE) as i32;
+    if x < 0.0 { -magnitude } else { magnitude }
+}
+
+/// Factors from what was rounded.
+pub(super) fn restore(components: &[Rounded], step: f32, block_idx: usize, layout: &Layout) -> BlockFactors {
+    let (m, n, k) = (layout.n_rows(block_idx), layout.n_cols(), components.len());
+    let (mut left, mut right) = (vec![0.0; m * k], Vec::with_capacity(k * n));
+    for (i, component) in components.iter().enumerate() {
+        let [of_left, of_right] = component.steps(step);
+        let planes = component.left.iter().map(|&q| q as f32 * of_left).collect();
+        for (row, x) in layout.rows_inverse(planes, block_idx).into_iter().enumerate() {
+            left[row * k + i] = x;
+        }
+        let first = right.len();
+        right.extend(component.right.iter().map(|&q| q as f32 * of_right));
+        layout.columns(&mut right[first..], Direction::Inverse);
+    }
+    BlockFactors::from_f32(&left, &right, m, n, k)
+}
