@@ -10,6 +10,7 @@
 //! bits that could be used as they lie; they take three to six times the room.
 
 mod block;
+mod bytes;
 mod coder;
 mod cosine;
 mod entries;
@@ -18,6 +19,8 @@ mod orthogonal;
 mod planes;
 mod quantize;
 mod tables;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 
@@ -27,7 +30,8 @@ use self::{
     block::{N_TABLES, RoundedBlock},
     coder::{Counter, Decoder, Encoder},
     layout::Layout,
-    quantize::{Coefficients, quarters_between, step_of},
+    orthogonal::squared_difference,
+    quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
 use crate::{codec::CodecError, factors::BlockFactors, low_rank::BlockLowRank, partition::Partition};
@@ -38,10 +42,15 @@ pub use layout::ColumnRun;
 const LEAST_SHARE: f64 = 0.07;
 /// How much worse than allowed a single block may be stored: 4 dB.
 const WORST_BLOCK: f64 = 2.5;
+/// Octaves in quarters that such a block may be finer than the others.
+const FINEST: i32 = -60;
 /// Blocks that tell how fine the common step and the tables are.
 const N_TELLING: usize = 1024;
 /// Steps of the search for the common step, each half as wide as the one before.
 const N_HALVINGS: usize = 14;
+/// Corrections of that step, and about the power of the error that it goes with.
+const N_CORRECTIONS: usize = 2;
+const STEP_PER_ERROR: f64 = 0.6;
 
 /// How a matrix is packed.
 #[derive(Clone, Debug, PartialEq)]
@@ -174,40 +183,68 @@ impl<'a> Packer<'a> {
 
     /// The coarsest step for which the telling blocks together stay within their budgets.
     fn common_step(&self) -> f32 {
-        let blocks: Vec<_> = self.telling().filter_map(|block_idx| self.coefficients(block_idx)).collect();
-        let budget: f64 = blocks.iter().map(|(factors, block)| self.budget(factors) * block.n_entries()).sum();
-        let n_entries: f64 = blocks.iter().map(|(_, block)| block.n_entries()).sum();
-        let first = blocks.iter().map(|(_, block)| block.step_for(budget / n_entries)).filter(|step| step.is_finite());
+        let with_place = |block_idx| self.coefficients(block_idx).map(|(factors, block)| (block_idx, factors, block));
+        let blocks: Vec<_> = self.telling().filter_map(with_place).collect();
+        let budget: f64 = blocks.iter().map(|(_, factors, block)| self.budget(factors) * block.n_entries()).sum();
+        let n_entries: f64 = blocks.iter().map(|(.., block)| block.n_entries()).sum();
+        let first = blocks.iter().map(|(.., block)| block.step_for(budget / n_entries)).filter(|step| step.is_finite());
         let (Some(least), Some(most)) = (first.clone().reduce(f64::min), first.reduce(f64::max)) else { return 0.0 };
+        // One after the other, so that sums do not depend on the threads.
+        let sum = |errors: Vec<f64>| errors.into_iter().sum::<f64>();
         // Coefficients that round to 0 err less than a step's worth: the true step may be much coarser.
         let (mut low, mut high) = (0.5 * least, 256.0 * most);
         for _ in 0..N_HALVINGS {
             let middle = (low * high).sqrt();
-            let errors = blocks.par_iter().map(|(_, block)| block.error(middle as f32) * block.n_entries());
-            // One after the other, so that the sum does not depend on the threads.
-            let error: f64 = errors.collect::<Vec<_>>().into_iter().sum();
-            *(if error > budget { &mut high } else { &mut low }) = middle;
+            let error = |(_, factors, block): &(usize, &BlockFactors, Coefficients)| {
+                block.error(middle as f32).min(self.most(factors)) * block.n_entries()
+            };
+            *(if sum(blocks.par_iter().map(error).collect()) > budget { &mut high } else { &mut low }) = middle;
         }
-        low as f32
+        // That was the weighted error; the plain one is a little less.
+        let mut step = low;
+        for _ in 0..N_CORRECTIONS {
+            let error = |(block_idx, factors, block): &(usize, &BlockFactors, Coefficients)| {
+                let (_, error) = self.round(*block_idx, factors, block, step as f32);
+                error.min(self.most(factors)) * block.n_entries()
+            };
+            let error = sum(blocks.par_iter().map(error).collect());
+            if error > 0.0 {
+                step *= (budget / error).powf(STEP_PER_ERROR).clamp(0.5, 2.0);
+            }
+        }
+        step as f32
+    }
+
+    /// Most mean square error that packing a block may add.
+    fn most(&self, factors: &BlockFactors) -> f64 {
+        let own = own_error(factors);
+        let worst = WORST_BLOCK * f64::from(self.plan.allowed) - own;
+        worst.max(self.budget(factors)).max(LEAST_SHARE * own)
+    }
+
+    /// A block for a step, and the mean square error that this adds.
+    fn round(&self, block_idx: usize, factors: &BlockFactors, block: &Coefficients, step: f32) -> (Vec<Rounded>, f64) {
+        let components = block.round(step);
+        let squared = squared_difference(factors, &restore(&components, step, block_idx, self.layout));
+        (components, squared / block.n_entries().max(1.0))
     }
 
     /// A block for the common step: coarser where its own error drowns the step's, finer where it would be far too bad.
     fn rounded(&self, block_idx: usize, step: f32) -> Option<RoundedBlock<'a>> {
         let (factors, block) = self.coefficients(block_idx)?;
-        let allowed = f64::from(self.plan.allowed);
-        let own = own_error(factors);
+        let (own, most) = (own_error(factors), self.most(factors));
         let mut quarters = 0;
-        if own > allowed {
+        if own > f64::from(self.plan.allowed) {
             quarters = quarters_between(step, block.step_for(LEAST_SHARE * own)).max(0);
         }
-        let most = (WORST_BLOCK * allowed - own).max(self.budget(factors)).max(LEAST_SHARE * own);
-        while quarters > -40 && block.error(step_of(step, quarters)) > most {
+        let (mut components, mut added) = self.round(block_idx, factors, &block, step_of(step, quarters));
+        while added > most && quarters > FINEST {
             quarters -= 1;
+            (components, added) = self.round(block_idx, factors, &block, step_of(step, quarters));
         }
-        let step = step_of(step, quarters);
         let mut error = factors.error;
-        error.truncation += block.error(step) as f32;
-        Some(RoundedBlock { quarters, components: block.round(step), factors, error })
+        error.truncation += added as f32;
+        Some(RoundedBlock { quarters, components, factors, error })
     }
 
     /// Tables that fit the telling blocks.

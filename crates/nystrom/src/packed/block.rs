@@ -136,7 +136,7 @@ pub(super) fn read(block_idx: usize, layout: &Layout, step: f32, input: &mut Dec
         return None;
     }
     let factors = restore(&components, step_of(step, quarters), block_idx, layout);
-    let is_finite = factors.scale.iter().all(|x| x.is_finite())
-        && factors.left.iter().chain(&factors.right).all(|x| x.is_finite());
+    let is_finite =
+        factors.scale.iter().all(|x| x.is_finite()) && factors.left.iter().chain(&factors.right).all(|x| x.is_finite());
     is_finite.then_some(BlockFactors { sparse, n_samples: about.n_samples, error: about.error, ..factors })
 }

@@ -26,7 +26,7 @@ pub(super) trait Sink {
         let low = n_bits.min(MAX_RAW_BITS);
         self.raw(value & mask(low), low);
         if n_bits > low {
-            self.raw(value >> low & mask(n_bits - low), n_bits - low);
+            self.raw((value >> low) & mask(n_bits - low), n_bits - low);
         }
     }
 
@@ -44,7 +44,7 @@ pub(super) trait Sink {
 
     /// A number of either sign.
     fn signed(&mut self, table: usize, value: i32) {
-        self.number(table, (value << 1 ^ value >> 31) as u32);
+        self.number(table, ((value << 1) ^ (value >> 31)) as u32);
     }
 }
 
@@ -84,13 +84,13 @@ impl<'a> Encoder<'a> {
     pub(super) fn finish(self) -> Vec<u8> {
         let (mut state, mut backwards) = (LEAST, Vec::new());
         for step in self.steps.iter().rev() {
-            let most = u64::from(LEAST >> step.bits << 8) * u64::from(step.len);
+            let most = u64::from((LEAST >> step.bits) << 8) * u64::from(step.len);
             while u64::from(state) >= most {
                 backwards.push(state as u8);
                 state >>= 8;
             }
             let len = u32::from(step.len);
-            state = (state / len << step.bits) + state % len + u32::from(step.start);
+            state = ((state / len) << step.bits) + state % len + u32::from(step.start);
         }
         backwards.extend(state.to_le_bytes());
         backwards.reverse();
@@ -123,7 +123,7 @@ pub(super) struct Decoder<'a> {
 impl<'a> Decoder<'a> {
     pub(super) fn new(tables: &'a Tables, bytes: &'a [u8]) -> Self {
         let mut decoder = Self { tables, state: 0, rest: bytes, is_lost: false };
-        decoder.state = (0..4).fold(0, |state, _| state << 8 | decoder.byte());
+        decoder.state = (0..4).fold(0, |state, _| (state << 8) | decoder.byte());
         decoder
     }
 
@@ -182,7 +182,7 @@ impl<'a> Decoder<'a> {
         // In bounds for bytes of an encoder; others may say what they like.
         self.state = len.wrapping_mul(self.state >> bits).wrapping_add(at - start);
         while self.state < LEAST && !self.is_lost {
-            self.state = self.state << 8 | self.byte();
+            self.state = (self.state << 8) | self.byte();
         }
     }
 

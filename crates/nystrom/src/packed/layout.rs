@@ -3,6 +3,11 @@
 use super::cosine::{Cosines, Direction};
 use crate::partition::Partition;
 
+/// Errors of two blocks know nothing of each other, so that they differ more across a border than within. Rows at a border
+/// count half as much again in the norm, and the next ones less and less over so many bundles.
+const BORDER_WEIGHT: f32 = 0.5;
+const BORDER_REACH: f32 = 2.0;
+
 /// Columns that follow each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColumnRun {
@@ -69,6 +74,14 @@ impl Layout {
     /// Columns of the matrix.
     pub(super) fn n_cols(&self) -> usize {
         self.columns.iter().map(|run| run.n_cols() as usize).sum()
+    }
+
+    /// How much an error counts in each row of a block: more towards the border of its tile, where it meets another block's.
+    pub(super) fn row_weights(&self, block_idx: usize) -> Vec<f32> {
+        let [width, height] = self.tile(block_idx);
+        let along = |at: u32, len: u32| 1.0 + BORDER_WEIGHT * (-(at.min(len - 1 - at) as f32) / BORDER_REACH).exp();
+        let of_bundle = |bundle: u32| along(bundle % width, width) * along(bundle / width, height);
+        (0..width * height * self.bundle_len).map(|row| of_bundle(row / self.bundle_len)).collect()
     }
 
     /// One value per row, bundle by bundle, to one plane of coefficients per member of a bundle; the first is their mean.

@@ -1,13 +1,15 @@
 //! Factors in the form of a singular value decomposition, whoever made them: what is stored of each component is then worth
 //! its singular value, and no product of two components is stored twice.
 
+use half::f16;
+
 use crate::{
     dense::{Dense, eigen},
     factors::BlockFactors,
     product::product,
 };
 
-/// `left · right` with orthogonal columns and orthonormal rows, largest first.
+/// `weights · left · right` with orthogonal columns and orthonormal rows, largest first.
 #[derive(Clone, Debug)]
 pub(super) struct Orthogonal {
     /// One per component: the norm of its column of `left`.
@@ -19,11 +21,10 @@ pub(super) struct Orthogonal {
 }
 
 impl Orthogonal {
-    pub(super) fn new(factors: &BlockFactors) -> Self {
-        let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
-        let right = Dense { n_rows: k, n_cols: n, data: factors.right.iter().map(|x| x.to_f64()).collect() };
-        let scaled = |(i, x): (usize, &half::f16)| x.to_f64() * f64::from(factors.scale[i % k.max(1)]);
-        let left = Dense { n_rows: m, n_cols: k, data: factors.left.iter().enumerate().map(scaled).collect() };
+    /// `weights` has one number per row.
+    pub(super) fn new(factors: &BlockFactors, weights: &[f32]) -> Self {
+        let (mut left, right) = both(factors);
+        (0..left.n_rows).for_each(|row| left.row_mut(row).iter_mut().for_each(|x| *x *= f64::from(weights[row])));
 
         // Rows first: right = basis of its span, and left takes what turns the one into the other.
         let (basis, to_basis) = orthonormal_rows(&right);
@@ -36,6 +37,27 @@ impl Orthogonal {
             right: product(turn.t(), basis.view()).to_f32(),
         }
     }
+}
+
+/// `left · diag(scale)` and `right` in double precision.
+fn both(factors: &BlockFactors) -> (Dense<f64>, Dense<f64>) {
+    let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
+    let scaled = |(i, x): (usize, &f16)| x.to_f64() * f64::from(factors.scale[i % k]);
+    let left = factors.left.iter().enumerate().map(scaled).collect();
+    let right = factors.right.iter().map(|x| x.to_f64()).collect();
+    (Dense { n_rows: m, n_cols: k, data: left }, Dense { n_rows: k, n_cols: n, data: right })
+}
+
+/// Squared difference of two blocks of one size over all entries, sparse ones aside.
+pub(super) fn squared_difference(a: &BlockFactors, b: &BlockFactors) -> f64 {
+    let [(left_a, right_a), (left_b, right_b)] = [both(a), both(b)];
+    // ⟨L R, M S⟩ = ⟨Lᵀ M, R Sᵀ⟩: only matrices of ranks are multiplied.
+    let inner = |l: &Dense<f64>, r: &Dense<f64>, m: &Dense<f64>, s: &Dense<f64>| -> f64 {
+        let (lefts, rights) = (product(l.t(), m.view()), product(r.view(), s.t()));
+        lefts.data.iter().zip(&rights.data).map(|(x, y)| x * y).sum()
+    };
+    let own = inner(&left_a, &right_a, &left_a, &right_a) + inner(&left_b, &right_b, &left_b, &right_b);
+    (own - 2.0 * inner(&left_a, &right_a, &left_b, &right_b)).max(0.0)
 }
 
 /// An orthonormal basis of the span of some rows (basis × columns), and what gives the rows back: rows × basis.
@@ -66,7 +88,7 @@ mod tests {
         right.copy_within(0..n, 4 * n);
         (0..m).for_each(|row| left[row * k + 3] = 0.0);
         let factors = BlockFactors::from_f32(&left, &right, m, n, k);
-        let orthogonal = Orthogonal::new(&factors);
+        let orthogonal = Orthogonal::new(&factors, &[1.0; 20]);
         assert_eq!(orthogonal.singular.len(), 3);
         assert!(orthogonal.singular.is_sorted_by(|a, b| a >= b));
         let gram = |x: &Dense<f32>| product(x.to_f64().view(), x.to_f64().t());
@@ -85,9 +107,27 @@ mod tests {
     }
 
     #[test]
+    fn the_difference_of_two_blocks_is_that_of_their_entries() {
+        let mut rng = Random::new([32, 0]);
+        let mut block = |k: usize| {
+            let mut values = |count: usize| (0..count).map(|_| rng.normal()).collect::<Vec<f32>>();
+            BlockFactors::from_f32(&values(12 * k), &values(k * 9), 12, 9, k)
+        };
+        let (a, b, none) = (block(3), block(2), block(0));
+        let dense = |x: &BlockFactors, y: &BlockFactors| -> f64 {
+            x.dense().iter().zip(y.dense()).map(|(x, y)| f64::from(x - y).powi(2)).sum()
+        };
+        for (x, y) in [(&a, &b), (&a, &none), (&none, &none)] {
+            let (got, want) = (squared_difference(x, y), dense(x, y));
+            assert!((got - want).abs() <= 1e-5 * want, "{got} {want}");
+        }
+        assert!(squared_difference(&a, &a) < 1e-10);
+    }
+
+    #[test]
     fn nothing_has_no_components() {
         let zero = BlockFactors::from_f32(&[0.0; 6], &[0.0; 4], 3, 2, 2);
-        assert!(Orthogonal::new(&zero).singular.is_empty());
-        assert!(Orthogonal::new(&BlockFactors::default()).singular.is_empty());
+        assert!(Orthogonal::new(&zero, &[1.0; 3]).singular.is_empty());
+        assert!(Orthogonal::new(&BlockFactors::default(), &[]).singular.is_empty());
     }
 }

@@ -143,15 +143,12 @@ mod tests {
         for magnitude in [0.0, 0.3, 3.0, 300.0, 1e8] {
             let mut plane = || (0..63).map(|_| (rng.normal() * magnitude) as i32).collect::<Vec<_>>();
             let (first, second) = (plane(), plane());
-            let write = |out: &mut dyn FnMut(&[i32], Option<&[i32]>)| {
-                out(&first, None);
-                out(&second, Some(&first));
-            };
+            let planes = [(&first, None), (&second, Some(&first[..]))];
             let mut counter = Counter { counts: vec![[0; 16]; N_TABLES] };
-            write(&mut |plane, before| shape.write(plane, before, &mut counter));
+            planes.iter().for_each(|(plane, before)| shape.write(plane, *before, &mut counter));
             let tables = Tables::from_counts(&counter.counts);
             let mut encoder = Encoder::new(&tables);
-            write(&mut |plane, before| shape.write(plane, before, &mut encoder));
+            planes.iter().for_each(|(plane, before)| shape.write(plane, *before, &mut encoder));
             let bytes = encoder.finish();
             let mut decoder = Decoder::new(&tables, &bytes);
             let read = shape.read(None, &mut decoder);

@@ -124,7 +124,10 @@ mod tests {
             for symbol in 0..16 {
                 let (start, len) = table.share(symbol);
                 assert!(len > 0);
-                assert_eq!((table.symbol_at(start.into()), table.symbol_at((start + len - 1).into())), (symbol, symbol));
+                assert_eq!(
+                    (table.symbol_at(start.into()), table.symbol_at((start + len - 1).into())),
+                    (symbol, symbol)
+                );
             }
         }
         let bytes = tables.encode();

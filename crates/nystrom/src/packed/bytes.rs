@@ -1,0 +1,113 @@
+//! Packed matrices to bytes and back: little-endian, tables first, then block after block, each with a checksum.
+//!
+//! ```text
+//! step f32 · length of the tables u32 · tables · FNV-1a u64 over all that, then for each block length u32 · bytes · FNV-1a u32 over both
+//! ```
+
+use std::sync::Arc;
+
+use super::{ColumnRun, PackedMatrix, block::N_TABLES, layout::Layout, tables::Tables};
+use crate::{
+    codec::{CodecError, checksum},
+    partition::Partition,
+};
+
+/// Step and length of the tables.
+const FRONT_LEN: usize = 8;
+const TABLES_CHECKSUM_LEN: usize = 8;
+/// Length and checksum of a block.
+const AROUND_LEN: usize = 8;
+
+impl PackedMatrix {
+    /// Bytes of a block that is not there.
+    pub const MIN_BLOCK_BYTES: usize = AROUND_LEN;
+
+    /// Appends the matrix.
+    pub fn encode(&self, out: &mut Vec<u8>) {
+        let start = out.len();
+        let tables = self.tables.encode();
+        out.extend(self.step.to_le_bytes());
+        out.extend((tables.len() as u32).to_le_bytes());
+        out.extend(tables);
+        out.extend(checksum(&out[start..]).to_le_bytes());
+        for block in &self.blocks {
+            let start = out.len();
+            out.extend((block.len() as u32).to_le_bytes());
+            out.extend(&block[..]);
+            out.extend(short_checksum(&out[start..]).to_le_bytes());
+        }
+    }
+
+    /// Reads a matrix at the start of `bytes`, and says how many bytes it took. Every checksum is verified; nothing is
+    /// allocated that is not there.
+    ///
+    /// # Errors
+    /// Bytes that are cut off, damaged, or of no packer.
+    pub fn decode(
+        bytes: &[u8],
+        partition: Partition,
+        bundle_len: u32,
+        columns: Vec<ColumnRun>,
+    ) -> Result<(Self, usize), CodecError> {
+        let mut reader = Reader { bytes, at: 0 };
+        let [a, b, c, d] = reader.array()?;
+        let step = f32::from_le_bytes([a, b, c, d]);
+        let tables_len = reader.len()?;
+        let tables = reader.take(tables_len)?;
+        let sum = checksum(&bytes[..FRONT_LEN + tables_len]);
+        if reader.array::<TABLES_CHECKSUM_LEN>()? != sum.to_le_bytes() {
+            return Err(CodecError::Checksum);
+        }
+        let tables = Tables::decode(tables, N_TABLES).ok_or(CodecError::Malformed("the tables of a matrix"))?;
+        if !step.is_finite() || step < 0.0 {
+            return Err(CodecError::Malformed("the step of a matrix"));
+        }
+        let n_blocks = partition.n_blocks();
+        if n_blocks.saturating_mul(AROUND_LEN) > bytes.len() - reader.at {
+            return Err(reader.truncated(n_blocks.saturating_mul(AROUND_LEN)));
+        }
+        let blocks = (0..n_blocks).map(|_| reader.block()).collect::<Result<_, _>>()?;
+        let layout = Layout::new(partition.clone(), bundle_len, columns);
+        Ok((Self { layout, partition, tables, step, blocks }, reader.at))
+    }
+}
+
+struct Reader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn truncated(&self, missing: usize) -> CodecError {
+        let needed = self.at.saturating_add(missing) as u64;
+        CodecError::Truncated { needed, present: self.bytes.len() }
+    }
+
+    fn take(&mut self, len: usize) -> Result<&'a [u8], CodecError> {
+        let taken = self.bytes[self.at..].get(..len).ok_or_else(|| self.truncated(len))?;
+        self.at += len;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], CodecError> {
+        let taken = self.take(N)?;
+        Ok(std::array::from_fn(|i| taken[i]))
+    }
+
+    fn len(&mut self) -> Result<usize, CodecError> {
+        Ok(u32::from_le_bytes(self.array()?) as usize)
+    }
+
+    fn block(&mut self) -> Result<Arc<[u8]>, CodecError> {
+        let start = self.at;
+        let len = self.len()?;
+        let block = self.take(len)?;
+        let sum = short_checksum(&self.bytes[start..self.at]);
+        if self.array()? == sum.to_le_bytes() { Ok(block.into()) } else { Err(CodecError::Checksum) }
+    }
+}
+
+/// FNV-1a of 32 bits: a single changed byte never goes unseen.
+fn short_checksum(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0x811c_9dc5, |hash, &byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
+}

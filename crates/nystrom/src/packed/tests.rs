@@ -1,0 +1,170 @@
+//! What packing promises of whole matrices.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::{factors::BlockError, matrix::SparseEntry, random::Random};
+
+const WIDTH: u32 = 40;
+const HEIGHT: u32 = 24;
+
+fn columns() -> Vec<ColumnRun> {
+    vec![ColumnRun::List(3), ColumnRun::Grid { width: 8, height: 8 }]
+}
+
+/// Smooth waves over rows and columns, with some noise and some sparse entries; one block is missing.
+fn example(noise: f32) -> BlockLowRank {
+    let mut rng = Random::new([50, 0]);
+    let partition = Partition { width: WIDTH, height: HEIGHT, tile: 16 };
+    let mut matrix = BlockLowRank::new(partition.clone(), 3, 67);
+    for block_idx in 0..partition.n_blocks() - 1 {
+        let [x0, y0, w, h] = partition.rect(block_idx);
+        let rank = 1 + block_idx % 4;
+        let (m, n) = ((3 * w * h) as usize, 67);
+        let wave = |at: f32, nth: usize| (at * (nth as f32 + 1.0) * 0.07).cos() / (nth as f32 + 1.0).powi(2);
+        let mut left = vec![0.0; m * rank];
+        for (at, x) in left.iter_mut().enumerate() {
+            let (row, nth) = ((at / rank) as u32, at % rank);
+            let bundle = row / 3;
+            *x = wave((x0 + bundle % w + y0 + bundle / w + 5 * (row % 3)) as f32, nth) + noise * rng.normal();
+        }
+        let right: Vec<f32> = (0..rank * n).map(|at| wave((at % n) as f32, at / n) + noise * rng.normal()).collect();
+        let mut factors = BlockFactors::from_f32(&left, &right, m, n, rank);
+        factors.n_samples = 64;
+        factors.error = BlockError { truncation: 1e-7, sampling: 1e-6, noise: 0.5 };
+        factors.sparse = vec![SparseEntry { row: 1, col: 5, value: 12.0 }, SparseEntry { row: 4, col: 0, value: -0.1 }];
+        matrix.blocks[block_idx] = Some(Arc::new(factors));
+    }
+    matrix
+}
+
+fn plan(allowed: f32) -> PackPlan {
+    PackPlan { columns: columns(), allowed, preserved: vec![1.0; 67] }
+}
+
+/// Mean square difference over the blocks that are there.
+fn difference(a: &BlockLowRank, b: &BlockLowRank) -> f64 {
+    let both = a.blocks.iter().zip(&b.blocks).filter_map(|(a, b)| Some((a.as_ref()?, b.as_ref()?)));
+    let (mut sum, mut n) = (0.0, 0);
+    for (a, b) in both {
+        sum += a.dense().iter().zip(b.dense()).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        n += a.dense().len();
+    }
+    sum / n as f64
+}
+
+#[test]
+fn a_packed_matrix_is_as_exact_as_asked_and_says_so() {
+    for (noise, allowed) in [(0.0, 1e-3), (0.0, 1e-6), (0.05, 1e-3), (0.05, 1e-5)] {
+        let matrix = example(noise);
+        let packed = PackedMatrix::pack(&matrix, &plan(allowed));
+        let unpacked = packed.unpack().unwrap();
+        assert!(unpacked.blocks.iter().map(Option::is_some).eq(matrix.blocks.iter().map(Option::is_some)));
+        // The sparse entries have errors of their own: a share of themselves.
+        let bare = |matrix: &BlockLowRank| {
+            let mut bare = matrix.clone();
+            for block in bare.blocks.iter_mut().flatten() {
+                *block = Arc::new(BlockFactors { sparse: Vec::new(), ..(**block).clone() });
+            }
+            bare
+        };
+        let error = difference(&bare(&matrix), &bare(&unpacked));
+        let said = f64::from(unpacked.mean_error().truncation) - 1e-7;
+        assert!(error <= 1.05 * f64::from(allowed), "{noise} {allowed}: {error}");
+        assert!((said / error - 1.0).abs() < 0.02, "{noise} {allowed}: {said} for {error}");
+        let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[1].as_ref().unwrap().clone());
+        assert_eq!((a.n_samples, a.error.noise, a.sparse.len()), (b.n_samples, b.error.noise, b.sparse.len()));
+        assert!((b.sparse[0].value / a.sparse[0].value - 1.0).abs() < 2e-3);
+        assert_eq!(u64::from(unpacked.max_rank() > 0) * unpacked_bytes(&unpacked), packed.unpacked_bytes().unwrap());
+    }
+}
+
+fn unpacked_bytes(matrix: &BlockLowRank) -> u64 {
+    let of_block = |block: &Arc<BlockFactors>| u64::from(block.rank) * 2 * u64::from(block.n_rows + block.n_cols);
+    matrix.blocks.iter().flatten().map(of_block).sum()
+}
+
+#[test]
+fn smooth_factors_take_a_fraction_of_their_halves() {
+    let matrix = example(0.0);
+    let packed = PackedMatrix::pack(&matrix, &plan(1e-4));
+    assert!(8 * packed.n_bytes() < matrix.n_bytes(), "{} of {}", packed.n_bytes(), matrix.n_bytes());
+}
+
+#[test]
+fn the_preserved_product_is_far_more_exact_than_any_other() {
+    let matrix = example(0.05);
+    let error = |plan: &PackPlan, x: &[f32]| {
+        let unpacked = PackedMatrix::pack(&matrix, plan).unpack().unwrap();
+        let products = matrix.apply(x).into_iter().zip(unpacked.apply(x));
+        products.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+    };
+    let ones = [1.0; 67];
+    let (kept, other) = (error(&plan(1e-4), &ones), error(&PackPlan { preserved: Vec::new(), ..plan(1e-4) }, &ones));
+    assert!(kept < 0.4 * other, "{kept} {other}");
+}
+
+#[test]
+fn bytes_come_back_and_every_single_changed_one_is_noticed() {
+    let packed = PackedMatrix::pack(&example(0.0), &plan(1e-3));
+    let mut bytes = Vec::new();
+    packed.encode(&mut bytes);
+    let read = |bytes: &[u8]| PackedMatrix::decode(bytes, packed.partition.clone(), 3, columns());
+    let (again, len) = read(&bytes).unwrap();
+    assert_eq!(len, bytes.len());
+    assert_eq!(again.unpack().unwrap().blocks, packed.unpack().unwrap().blocks);
+    for i in 0..bytes.len() {
+        let mut changed = bytes.clone();
+        changed[i] ^= 1 << (i % 8);
+        assert!(read(&changed).is_err(), "byte {i}");
+        assert!(i % 7 != 0 || read(&bytes[..i]).is_err(), "cut off at {i}");
+    }
+}
+
+#[test]
+fn blocks_of_nobody_are_errors_and_never_panics() {
+    let mut packed = PackedMatrix::pack(&example(0.02), &plan(1e-3));
+    let mut rng = Random::new([51, 0]);
+    let mut n_errors = 0;
+    for _ in 0..3000 {
+        let block_idx = rng.below(packed.blocks.len() - 1);
+        let honest = packed.blocks[block_idx].clone();
+        let mut forged = honest.to_vec();
+        for _ in 0..1 + rng.below(4) {
+            let at = rng.below(forged.len());
+            forged[at] = rng.bits() as u8;
+        }
+        forged.truncate(1 + rng.below(2 * forged.len()));
+        packed.blocks[block_idx] = forged.into();
+        let _ = packed.unpacked_bytes();
+        n_errors += usize::from(packed.unpack().is_err());
+        packed.blocks[block_idx] = honest;
+    }
+    assert!(n_errors > 2900, "{n_errors}");
+}
+
+#[test]
+fn nothing_and_next_to_nothing_pack() {
+    let partition = Partition { width: 3, height: 1, tile: 2 };
+    let mut matrix = BlockLowRank::new(partition, 1, 1);
+    let plan = PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, preserved: Vec::new() };
+    let there_and_back = |matrix: &BlockLowRank| PackedMatrix::pack(matrix, &plan).unpack().unwrap();
+    assert!(there_and_back(&matrix).blocks.iter().all(Option::is_none));
+    let zero = BlockFactors::from_f32(&[], &[], 2, 1, 0);
+    matrix.blocks[0] = Some(Arc::new(zero.clone()));
+    matrix.blocks[1] = Some(Arc::new(BlockFactors::from_f32(&[4.0], &[0.5], 1, 1, 1)));
+    let back = there_and_back(&matrix);
+    assert_eq!(*back.blocks[0].clone().unwrap(), zero);
+    assert!((back.blocks[1].as_ref().unwrap().entry(0, 0) - 2.0).abs() < 0.05);
+}
+
+#[test]
+fn the_same_matrix_gives_the_same_bytes_on_any_number_of_threads() {
+    let bytes = |n_threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        let mut bytes = Vec::new();
+        pool.install(|| PackedMatrix::pack(&example(0.05), &plan(1e-4))).encode(&mut bytes);
+        bytes
+    };
+    assert_eq!(bytes(1), bytes(3));
+}
