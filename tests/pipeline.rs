@@ -150,7 +150,7 @@ fn info_says_what_is_in_scene_transport_and_look() {
     let transport = desk.json("info @room.transport");
     assert_eq!((&transport["pixels"], &transport["columns"]), (&json!(360), &json!(18)));
     assert_eq!(transport["dense_bytes"], json!(360 * 18 * 3 * 4));
-    for name in ["blocks", "mean_rank", "max_rank", "bytes", "ratio"] {
+    for name in ["blocks", "mean_rank", "max_rank", "bytes", "file_bytes", "ratio"] {
         assert!(transport[name].as_f64().unwrap() > 0.0, "{name} of {transport}");
     }
     for name in ["truncation", "sampling", "noise", "total"] {

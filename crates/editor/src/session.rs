@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::Frame;
 use clerestory_transport::archive;
-use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, PackedMatrices, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelRequest;
@@ -87,6 +87,8 @@ pub struct Shown {
     pub frame: Frame,
     /// Irradiance of an opened file, so that it is there when the bake is saved again.
     pub irradiance: Vec<Vec<BlockLowRank>>,
+    /// The bytes of all that, once they are what is shown.
+    pub packed: Option<Arc<PackedMatrices>>,
 }
 
 impl Shown {
@@ -98,7 +100,12 @@ impl Shown {
 
     /// The bake, as far as it is there.
     pub fn bake(&self) -> Bake {
-        Bake { header: self.header.clone(), groups: self.frame.groups.clone(), irradiance: self.irradiance.clone() }
+        Bake {
+            header: self.header.clone(),
+            groups: self.frame.groups.clone(),
+            irradiance: self.irradiance.clone(),
+            packed: self.packed.clone(),
+        }
     }
 }
 
@@ -404,7 +411,8 @@ impl Session {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
                 self.opened = Some(Opened { name, scene: None, report, lamps, chosen });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
-                self.show(Shown { header: bake.header, camera: None, frame, irradiance: bake.irradiance });
+                let Bake { header, irradiance, packed, .. } = bake;
+                self.show(Shown { header, camera: None, frame, irradiance, packed });
                 self.bake = BakeState::Done;
                 self.count();
                 self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
@@ -470,7 +478,7 @@ impl Session {
         self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
         let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
         let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
-        let started = Shown { header, camera, frame, irradiance: Vec::new() };
+        let started = Shown { header, camera, frame, irradiance: Vec::new(), packed: None };
         // A picture of the same view stays until the new one is whole; another view starts from black.
         let is_same_view = |shown: &Shown| {
             let (a, b) = (&shown.header, &started.header);
@@ -486,6 +494,7 @@ impl Session {
     fn block_done(&mut self, block_idx: usize, factors: &[Arc<clerestory_nystrom::BlockFactors>]) {
         let is_shown = self.incoming.is_none();
         let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
+        shown.packed = None;
         for (group, factors) in shown.frame.groups.iter_mut().zip(factors) {
             group.blocks[block_idx] = Some(factors.clone());
         }
@@ -502,6 +511,12 @@ impl Session {
                 let figures = bake.figures();
                 notices.push(Notice::Said(format!("Baked at {:.1} dB", figures.error_db.total)));
                 self.error_db = Some(figures.error_db);
+                // The file will hold these, a little less exact than the blocks that came one by one.
+                if let Some(shown) = &mut self.shown {
+                    (shown.header, shown.frame.groups) = (bake.header, bake.groups);
+                    (shown.irradiance, shown.packed) = (bake.irradiance, bake.packed);
+                    self.changed = Changed::All;
+                }
                 BakeState::Done
             }
             Ok(None) => BakeState::Stopped,

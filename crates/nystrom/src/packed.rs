@@ -61,6 +61,8 @@ pub struct PackPlan {
     pub allowed: f32,
     /// One weight per column: errors of the product with these weights weigh most. Empty: all products weigh the same.
     pub preserved: Vec<f32>,
+    /// How much the square of such an error weighs over that of any other.
+    pub preserved_weight: f64,
 }
 
 /// A matrix, or one group of its columns, as bytes.
@@ -172,7 +174,10 @@ impl<'a> Packer<'a> {
 
     fn coefficients(&self, block_idx: usize) -> Option<(&'a BlockFactors, Coefficients)> {
         let factors = self.matrix.blocks[block_idx].as_deref()?;
-        Some((factors, Coefficients::new(factors, block_idx, self.layout, &self.preserved)))
+        Some((
+            factors,
+            Coefficients::new(factors, block_idx, self.layout, (&self.preserved, self.plan.preserved_weight)),
+        ))
     }
 
     /// Mean square error that packing a block may add.

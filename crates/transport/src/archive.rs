@@ -1,7 +1,7 @@
 //! `.transport` files, and bakes that survive being stopped.
 //!
-//! A file is `CLERTRAN`, a version, the header as JSON, the map of the sky if there is one, then every block of every
-//! group in order, each with its own checksum: first those of the picture, then those of each matrix of irradiance.
+//! A file is `CLERTRAN`, a version, the header as JSON, the map of the sky if there is one, then every group of columns of the
+//! picture and of each matrix of irradiance, packed block by block, each block with its own checksum.
 //! While a bake runs, finished blocks are appended to `FILE.part`; the same bake takes them up again. At the end the file
 //! is written in order under a temporary name and renamed, so that it is whole or not there, and the same bake gives the
 //! same bytes whether it was interrupted or not. `docs/format.md` tells both files byte by byte.
@@ -18,18 +18,24 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clerestory_nystrom::codec::{CodecError, MIN_BLOCK_BYTES, decode_block, encode_block};
-use clerestory_nystrom::{BlockFactors, BlockLowRank, Partition};
-use header::{header_bytes, parse_header};
+use clerestory_nystrom::{BlockFactors, BlockLowRank, PackedMatrix, Partition};
+use header::{Blocks, header_bytes, parse_header};
 use part::Part;
 pub use part::{PartState, part_state};
 use thiserror::Error;
 
-use crate::bake::{Bake, BakeError, BakeEvent, BakeJob};
+use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices};
 use crate::irradiance::first_block;
+use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
-/// Newest version that is read: it may hold irradiance.
-const VERSION: u32 = 3;
+/// Newest version that is read: its blocks are packed.
+const VERSION: u32 = 4;
+
+/// Side of a packed tile that is believed.
+const MAX_TILE: u32 = 256;
+/// Memory of factors that a file is believed to hold.
+const MAX_UNPACKED_BYTES: u64 = 64 << 30;
 
 /// Why a `.transport` file cannot be read or written.
 #[derive(Debug, Error)]
@@ -66,6 +72,14 @@ pub enum ArchiveError {
         path: PathBuf,
         /// What does not fit.
         what: String,
+    },
+    /// More than is believed of a file, whose bytes may stand for a thousand times as many.
+    #[error("`{path}` would take {gigabytes} GB of memory; a bake may take {max}", max = MAX_UNPACKED_BYTES >> 30)]
+    TooLarge {
+        /// Which file.
+        path: PathBuf,
+        /// Memory of its factors.
+        gigabytes: u64,
     },
     /// A half-done bake of something else is in the way.
     #[error("`{path}` belongs to another bake ({difference}); finish that one, or start over with --fresh")]
@@ -191,7 +205,13 @@ pub fn write(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
 fn write_all(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
     let file = File::create(path).map_err(at("cannot create", path))?;
     let mut out = BufWriter::new(file);
-    let mut bytes = header_bytes(MAGIC, &bake.header);
+    if let Some(packed) = &bake.packed {
+        let mut bytes = header_bytes(MAGIC, &bake.header, Blocks::Packed);
+        packed.iter().flatten().for_each(|group| group.encode(&mut bytes));
+        out.write_all(&bytes).map_err(at("cannot write", path))?;
+        return finish(out, path);
+    }
+    let mut bytes = header_bytes(MAGIC, &bake.header, Blocks::Plain);
     let absent = BlockFactors::default();
     let matrices = std::iter::once(&bake.groups).chain(&bake.irradiance);
     for (groups, partition) in matrices.zip(bake.header.partitions()) {
@@ -203,6 +223,10 @@ fn write_all(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
             bytes.clear();
         }
     }
+    finish(out, path)
+}
+
+fn finish(out: BufWriter<File>, path: &Path) -> Result<(), ArchiveError> {
     let file = out.into_inner().map_err(|e| at("cannot write", path)(e.into_error()))?;
     file.sync_all().map_err(at("cannot write", path))
 }
@@ -220,7 +244,10 @@ pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
 /// # Errors
 /// See [`ArchiveError`].
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
-    let (header, mut offset) = parse_header(MAGIC, bytes, path)?;
+    let (header, mut offset, blocks) = parse_header(MAGIC, bytes, path)?;
+    if blocks == Blocks::Packed {
+        return decode_packed(header, &bytes[offset..], path);
+    }
     let n_blocks: usize = header.partitions().iter().map(Partition::n_blocks).sum();
     // An absent block too has its bytes, so that memory is asked for in proportion to the file alone.
     let least = n_blocks.saturating_mul(header.basis.groups.len()).saturating_mul(MIN_BLOCK_BYTES);
@@ -238,7 +265,35 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
         return Err(damaged(path, "it is longer than its header says".into()));
     }
     let groups = matrices.remove(0);
-    Ok(Bake { header: Arc::new(header), groups, irradiance: matrices })
+    Ok(Bake { header: Arc::new(header), groups, irradiance: matrices, packed: None })
+}
+
+/// Reads the packed matrices behind a header.
+fn decode_packed(header: BakeHeader, bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
+    let wrong = |error: CodecError| damaged(path, error.to_string());
+    if header.tile > MAX_TILE {
+        return Err(damaged(path, "its header has impossibly large tiles".into()));
+    }
+    let (mut packed, mut offset, mut n_unpacked) = (PackedMatrices::new(), 0, 0);
+    for (partition, plans) in header.partitions().iter().zip(header.pack_plans()) {
+        let mut groups = Vec::new();
+        for plan in plans {
+            let read = PackedMatrix::decode(&bytes[offset..], partition.clone(), CHANNELS as u32, plan.columns);
+            let (group, len) = read.map_err(wrong)?;
+            n_unpacked += group.unpacked_bytes().map_err(wrong)?;
+            offset += len;
+            groups.push(group);
+        }
+        packed.push(groups);
+    }
+    if offset != bytes.len() {
+        return Err(damaged(path, "it is longer than its header says".into()));
+    }
+    if n_unpacked > MAX_UNPACKED_BYTES {
+        let gigabytes = n_unpacked >> 30;
+        return Err(ArchiveError::TooLarge { path: path.into(), gigabytes });
+    }
+    Bake::unpacking(Arc::new(header), packed).map_err(wrong)
 }
 
 fn damaged(path: &Path, what: String) -> ArchiveError {

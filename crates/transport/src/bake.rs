@@ -4,16 +4,17 @@
 
 mod clock;
 mod irradiance;
+mod packing;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
 use clerestory_nystrom::{
-    BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, Partition, SamplePlan, Tolerance, compress,
+    BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, PackedMatrix, Partition, SamplePlan,
+    Tolerance, compress,
 };
 use clock::Clock;
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -26,7 +27,7 @@ use crate::empty::EmptyPixels;
 use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
-use crate::light::{LightRig, luminance};
+use crate::light::LightRig;
 use crate::matrix::TransportMatrix;
 use crate::nodes::{NodePlan, Nodes};
 use crate::plan::{Density, MatrixPlan};
@@ -303,7 +304,12 @@ pub struct Bake {
     pub groups: Vec<BlockLowRank>,
     /// For each matrix of irradiance in the header, one part per group of columns.
     pub irradiance: Vec<Vec<BlockLowRank>>,
+    /// The same factors as a file holds them, if they come from there or are to go there: all matrices, the picture first.
+    pub packed: Option<Arc<PackedMatrices>>,
 }
+
+/// For each matrix one part per group of columns.
+pub type PackedMatrices = Vec<Vec<PackedMatrix>>;
 
 impl BakeEvent {
     /// The event of a block; matrix 0 is the picture.
@@ -453,9 +459,7 @@ impl BakeJob {
             Some(_) => Arc::new(BakeHeader { sharing_bias: run.bias, ..(*header).clone() }),
             None => header.clone(),
         };
-        let mut matrices = run.matrices.into_iter();
-        let groups = matrices.next().expect("the picture is the first matrix");
-        Ok(Some(Bake { header, groups, irradiance: matrices.collect() }))
+        Ok(Some(Bake::packing(header, &run.matrices)))
     }
 
     /// Samples per half of each pass; `None` is the preview.
@@ -471,10 +475,8 @@ impl BakeJob {
 
     /// `column_scale` is that of the header: the light of the file comes out as it was sampled, whatever is truncated.
     fn compress_config(&self, samples_per_half: u32, tolerance_db: f32, column_scale: &[f32]) -> CompressConfig {
-        let file_light = self.scene.lighting.basis.project(&LightRig::default());
-        let file_light: Vec<f32> =
-            file_light.iter().zip(column_scale).map(|(&light, scale)| luminance(Vec3::from(light)) / scale).collect();
-        let tolerance = 10f32.powf(-tolerance_db / 10.0);
+        let file_light = self.scene.lighting.basis.file_light(column_scale);
+        let tolerance = mean_square(tolerance_db);
         let groups = self.scene.lighting.basis.groups.iter().map(|g| ColumnGroup {
             columns: g.columns.start as usize..g.columns.end as usize,
             tolerance: Tolerance::AbsoluteMeanSquare(tolerance),
@@ -496,6 +498,11 @@ impl BakeJob {
             ..CompressConfig::default()
         }
     }
+}
+
+/// Mean square error of a tolerance, the peak of a column being 1.
+fn mean_square(tolerance_db: f32) -> f32 {
+    10f32.powf(-tolerance_db / 10.0)
 }
 
 /// Blocks from the middle of the picture outwards, where people look first.

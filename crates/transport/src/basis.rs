@@ -6,12 +6,16 @@
 use std::collections::HashSet;
 use std::ops::Range;
 
+use clerestory_nystrom::ColumnRun;
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::light::{LightRig, LightSetting, PanelSpot};
+use crate::light::{LightRig, LightSetting, PanelSpot, luminance};
 use crate::scene::PunctualKind;
 use crate::sky::SkyLight;
+
+/// Texels along a panel of which neighbors count as such.
+const MOST_TEXELS: u32 = 256;
 
 /// What kind of light a column belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -191,6 +195,30 @@ impl LightBasis {
             }
         }
         coefficients
+    }
+
+    /// Luminance of each column's coefficient under the light of the file: what a scene is first seen under.
+    pub(crate) fn file_light(&self, column_scale: &[f32]) -> Vec<f32> {
+        let light = self.project(&LightRig::default());
+        light.iter().zip(column_scale).map(|(&rgb, scale)| luminance(Vec3::from(rgb)) / scale).collect()
+    }
+
+    /// How the columns of a group lie beside each other: texels of a panel on a grid, the others in no order.
+    pub(crate) fn runs(&self, group: &ColumnGroup) -> Vec<ColumnRun> {
+        let is_inside =
+            |source: &&LightSource| group.columns.contains(&source.columns.start) && !source.columns.is_empty();
+        let mut runs: Vec<ColumnRun> = Vec::new();
+        for source in self.sources.iter().filter(is_inside) {
+            let n_cols = source.columns.len() as u32;
+            match (source.kind, runs.last_mut()) {
+                (SourceKind::Panel { resolution, .. }, _) if resolution <= MOST_TEXELS => {
+                    runs.push(ColumnRun::Grid { width: resolution, height: resolution });
+                }
+                (_, Some(ColumnRun::List(len))) => *len += n_cols,
+                _ => runs.push(ColumnRun::List(n_cols)),
+            }
+        }
+        runs
     }
 
     /// Keys of a rig that change nothing in this basis.

@@ -1,6 +1,6 @@
 //! What a bake cost and how exact it is.
 
-use clerestory_nystrom::BlockLowRank;
+use clerestory_nystrom::{BlockLowRank, PackedMatrix};
 use serde::Serialize;
 
 use crate::bake::Bake;
@@ -74,11 +74,13 @@ pub struct Figures {
     pub mean_rank: f32,
     /// Highest rank of a block, summed over the groups of columns.
     pub max_rank: u32,
-    /// Bytes of the factors.
+    /// Memory of the factors, in bytes.
     pub bytes: usize,
+    /// Bytes of the packed factors, as the file holds them; `None` while a bake runs, and for files of older programs.
+    pub file_bytes: Option<usize>,
     /// Bytes of the dense matrix in 32-bit floats.
     pub dense_bytes: usize,
-    /// Dense over compressed.
+    /// Dense over the bytes of the file, or over those in memory where there is no packed form.
     pub ratio: f32,
     /// Measured errors.
     pub error_db: ErrorDb,
@@ -122,6 +124,8 @@ impl Bake {
         let blocks = self.header.partition().n_blocks();
         let (pixels, columns) = (self.header.width as usize * self.header.height as usize, self.header.basis.n_cols());
         let bytes = self.groups.iter().map(BlockLowRank::n_bytes).sum::<usize>();
+        let packed = self.packed.as_ref().and_then(|matrices| matrices.first());
+        let file_bytes = packed.map(|groups| groups.iter().map(PackedMatrix::n_bytes).sum::<usize>());
         let dense_bytes = CHANNELS * pixels * columns * size_of::<f32>();
         Figures {
             pixels,
@@ -130,8 +134,9 @@ impl Bake {
             mean_rank: self.groups.iter().map(|g| g.mean_rank()).sum(),
             max_rank: (0..blocks).map(|block_idx| self.rank(block_idx)).max().unwrap_or(0),
             bytes,
+            file_bytes,
             dense_bytes,
-            ratio: dense_bytes as f32 / bytes.max(1) as f32,
+            ratio: dense_bytes as f32 / file_bytes.unwrap_or(bytes).max(1) as f32,
             error_db: error_db(&self.groups, self.header.sharing_bias),
             skipped: self.skipped(),
         }

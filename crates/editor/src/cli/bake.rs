@@ -183,13 +183,14 @@ pub(crate) fn figure_words(figures: &Value) -> String {
     format!(
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
-         size        {} (dense {}, {:.1} times smaller)\n\
+         size        {}{} in memory (dense {}, {:.1} times as large)\n\
          error       {} in all: truncation {}, sampling {}{bias}; noise of the samples {}{}",
         number("pixels"),
         number("columns"),
         number("blocks"),
         number("mean_rank"),
         number("max_rank"),
+        figures["file_bytes"].as_f64().map_or(String::new(), |bytes| bytes_words(bytes) + " packed, "),
         bytes_words(number("bytes")),
         bytes_words(number("dense_bytes")),
         number("ratio"),

@@ -200,7 +200,13 @@ fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &Ba
         ("Lights", format!("{} columns", figures.columns), "Columns of the matrix"),
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
         ("Rank", format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank), "Terms that each block needs"),
-        ("Memory", format!("{}, {:.0}× smaller", bytes(figures.bytes), figures.ratio), "Against the full matrix"),
+        ("Memory", bytes(figures.bytes), "What relighting reads"),
+        ("File", figures.file_bytes.map_or("when the bake is done".into(), bytes), "The packed factors"),
+        (
+            "Full matrix",
+            format!("{:.0}× as large", figures.ratio),
+            "In 32-bit floats, against the file once there is one",
+        ),
         ("Truncation", decibels(error.map(|e| e.truncation)), "What the ranks leave out"),
         ("Sampling", decibels(error.map(|e| e.sampling)), "Noise that stays"),
         (

@@ -14,9 +14,6 @@ const LEAST_WORTH: f64 = 4.0;
 /// Rounding towards zero: coefficients up to half a step and this share of it become 0, and so on. It saves more bytes
 /// than it costs error.
 const DEAD_ZONE: f32 = 0.1;
-/// How much an error in the preserved direction weighs over one in any other: its coefficients are rounded up to eight
-/// times as finely.
-const PRESERVED_WEIGHT: f64 = 63.0;
 /// Steps between two powers of two.
 const PER_OCTAVE: f64 = 4.0;
 
@@ -75,15 +72,20 @@ pub(super) fn quarters_between(step: f32, other: f64) -> i32 {
 }
 
 impl Coefficients {
-    /// `preserved` is a unit vector, one weight per column, or empty.
-    pub(super) fn new(factors: &BlockFactors, block_idx: usize, layout: &Layout, preserved: &[f32]) -> Self {
+    /// The preserved direction is a unit vector, one number per column, or empty; errors along it weigh so much more.
+    pub(super) fn new(
+        factors: &BlockFactors,
+        block_idx: usize,
+        layout: &Layout,
+        (preserved, preserved_weight): (&[f32], f64),
+    ) -> Self {
         let orthogonal = Orthogonal::new(factors, &layout.row_weights(block_idx));
         let component = |(i, &singular): (usize, &f64)| {
             let mut right = orthogonal.right.row(i).to_vec();
             let along: f64 = right.iter().zip(preserved).map(|(x, p)| f64::from(x * p)).sum();
             layout.columns(&mut right, Direction::Forward);
             let left = layout.rows_forward(orthogonal.left.row(i), block_idx);
-            Component { singular, weight: 1.0 + PRESERVED_WEIGHT * along * along, left, right }
+            Component { singular, weight: 1.0 + preserved_weight * along * along, left, right }
         };
         Self {
             components: orthogonal.singular.iter().enumerate().map(component).collect(),

@@ -15,6 +15,8 @@ use crate::sky::{DOME_DIVISIONS, Environment, dome_columns};
 
 /// Version of a file without irradiance, which older programs read.
 const PLAIN_VERSION: u32 = 2;
+/// Version of a file with irradiance whose blocks are not packed.
+const IRRADIANCE_VERSION: u32 = 3;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -26,14 +28,27 @@ const CHECKSUM_KEY: &[u8] = b",\"checksum\":\"";
 const CHECKSUM_END: &[u8] = b"\"}";
 const CHECKSUM_DIGITS: usize = 16;
 
+/// How the blocks behind a header are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Blocks {
+    /// In halves, each for itself: files before version 4, and bakes under way.
+    Plain,
+    /// Packed, group by group.
+    Packed,
+}
+
 /// Everything before the first block.
-pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
+pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks) -> Vec<u8> {
     let mut json = serde_json::to_vec(header).expect("a header has only string keys and plain values");
     json.pop();
     json.extend(CHECKSUM_KEY);
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
-    let version = if header.irradiance.is_empty() { PLAIN_VERSION } else { VERSION };
+    let version = match blocks {
+        Blocks::Packed => VERSION,
+        Blocks::Plain if header.irradiance.is_empty() => PLAIN_VERSION,
+        Blocks::Plain => IRRADIANCE_VERSION,
+    };
     bytes.extend(version.to_le_bytes());
     bytes.extend((len as u32).to_le_bytes());
     bytes.extend(json);
@@ -46,8 +61,12 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
     bytes
 }
 
-/// Reads the header at the start of `bytes`, and says where the blocks begin.
-pub(super) fn parse_header(magic: &[u8; 8], bytes: &[u8], path: &Path) -> Result<(BakeHeader, usize), ArchiveError> {
+/// Reads the header at the start of `bytes`, and says where the blocks begin and how they are written.
+pub(super) fn parse_header(
+    magic: &[u8; 8],
+    bytes: &[u8],
+    path: &Path,
+) -> Result<(BakeHeader, usize, Blocks), ArchiveError> {
     let cut_off = || damaged(path, "it ends in its header".into());
     let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     if bytes.get(..8) != Some(magic) {
@@ -72,7 +91,7 @@ pub(super) fn parse_header(magic: &[u8; 8], bytes: &[u8], path: &Path) -> Result
         sky.map = Arc::new(map);
         offset += len;
     }
-    Ok((header, offset))
+    Ok((header, offset, if version == VERSION { Blocks::Packed } else { Blocks::Plain }))
 }
 
 /// Whether the checksum at the end of the JSON fits; a header of a program that wrote none passes.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use clerestory_nystrom::codec::{checksum, encode_block};
 use clerestory_nystrom::{BlockFactors, Partition};
 
-use super::header::{header_bytes, parse_header};
+use super::header::{Blocks, header_bytes, parse_header};
 use super::{ArchiveError, Restart, at, damaged, read_block};
 use crate::bake::BakeHeader;
 use crate::irradiance::locate;
@@ -84,7 +84,7 @@ impl Part {
                 (Part { path: path.into(), file, seal, header: Arc::new(found) }, done, end)
             }
             None => {
-                let bytes = header_bytes(MAGIC, &header);
+                let bytes = header_bytes(MAGIC, &header, Blocks::Plain);
                 let start_over = |file: &mut File| {
                     file.set_len(0)?;
                     file.seek(SeekFrom::Start(0))?;
@@ -153,7 +153,8 @@ fn is_at(_: &File, _: &Path) -> io::Result<bool> {
 fn understood(bytes: &[u8], path: &Path) -> Result<Option<(BakeHeader, usize, Seal)>, ArchiveError> {
     for (magic, seal) in [(MAGIC, Seal::Checksum), (OLD_MAGIC, Seal::Nothing)] {
         match parse_header(magic, bytes, path) {
-            Ok((header, offset)) => return Ok(Some((header, offset, seal))),
+            Ok((header, offset, Blocks::Plain)) => return Ok(Some((header, offset, seal))),
+            Ok((_, _, Blocks::Packed)) => return Err(ArchiveError::InTheWay { path: path.into() }),
             Err(ArchiveError::NotATransport { .. }) => {}
             // Cut off before its first record, or useless without a header that can be trusted.
             Err(ArchiveError::Damaged { .. }) => return Ok(None),

@@ -156,7 +156,7 @@ fn of_a_damaged_half_done_bake_the_blocks_before_the_damage_are_taken_up() {
     let path = folder.path().join("a.part");
     let (header, blocks) = part_of_fixture(&path);
     let whole = fs::read(&path).unwrap();
-    let start = header_bytes(b"CLERPAR2", &header).len();
+    let start = header_bytes(b"CLERPAR2", &header, Blocks::Plain).len();
     for at in (start..whole.len()).step_by(5) {
         let mut flipped = whole.clone();
         flipped[at] ^= 1 << (at % 8);
@@ -179,7 +179,7 @@ fn half_done_bakes_of_older_programs_are_taken_up() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.part");
     let (header, blocks) = part_of_fixture(&path);
-    let mut old = header_bytes(b"CLERPART", &header);
+    let mut old = header_bytes(b"CLERPART", &header, Blocks::Plain);
     for (number, factors) in blocks.iter().enumerate().skip(1) {
         old.extend((number as u32).to_le_bytes());
         factors.iter().for_each(|factors| encode_block(factors, &mut old));
@@ -215,7 +215,7 @@ fn what_is_no_half_done_bake_is_not_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.part");
     let header = BakeHeader::clone(&decoded(FIXTURES[0].1).unwrap().header);
-    let mut newer = header_bytes(b"CLERPAR2", &header);
+    let mut newer = header_bytes(b"CLERPAR2", &header, Blocks::Plain);
     newer[8] = 99;
     for (bytes, words) in [(&b"a letter to a friend"[..], "in the way"), (&newer, "version 99")] {
         fs::write(&path, bytes).unwrap();
@@ -226,7 +226,7 @@ fn what_is_no_half_done_bake_is_not_overwritten() {
     }
     // A kill before the header was there leaves its beginning.
     for len in [0, 3, 8, 20] {
-        fs::write(&path, &header_bytes(b"CLERPAR2", &header)[..len]).unwrap();
+        fs::write(&path, &header_bytes(b"CLERPAR2", &header, Blocks::Plain)[..len]).unwrap();
         assert!(Part::open(&path, header.clone(), Restart::Resume).unwrap().1.is_empty());
     }
 }

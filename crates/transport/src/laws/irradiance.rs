@@ -230,9 +230,5 @@ fn a_bake_that_stops_amid_irradiance_is_taken_up_to_the_same_bytes() {
     let read = archive::read(&whole).unwrap();
     assert_eq!((read.header.as_ref(), read.irradiance.len()), (finished.header.as_ref(), 2));
     assert_eq!(relit(&read, 1), relit(&finished, 1));
-    assert_eq!(bytes[0][8..12], 3u32.to_le_bytes());
-    let plain = job(&scene, Vec::new(), Indirect::Traced);
-    archive::bake_to_file(plain, &stopped, Restart::Resume, |_| ControlFlow::Continue(())).unwrap().unwrap();
-    assert_eq!(std::fs::read(&stopped).unwrap()[8..12], 2u32.to_le_bytes(), "older programs read it");
     std::fs::remove_dir_all(&folder).unwrap();
 }

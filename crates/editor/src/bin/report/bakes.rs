@@ -26,7 +26,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          At most {} samples per pixel, asked for {TOLERANCE} dB. Times in seconds, from the start of the command: to the preview (a whole\n\
          picture with all columns) and to the end. Errors in dB, measured on held-out entries: truncation / sampling / total. The\n\
          last column holds the relit picture (all lights as in the file) against a path-traced one of {reference_spp} samples, whose own noise counts.\n\n\
-         | scene | size | columns | preview | bake | rank mean / max | MB | dense / file | error dB | PSNR against trace |\n\
+         | scene | size | columns | preview | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | PSNR against trace |\n\
          |---|---|---|---|---|---|---|---|---|---|\n{rows}",
         cases.first().map_or("", |case| case.spp),
     ))
@@ -42,7 +42,7 @@ fn measure(desk: &Desk, case: &Case, reference_spp: &str) -> Result<String> {
     clerestory(&trace)?;
     let compared = clerestory(&["compare", &relit, &traced, "--json"])?;
     Ok(format!(
-        "| {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {:.1} |\n",
+        "| {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.2} / {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {:.1} |\n",
         case.name,
         case.size.replace('x', "×"),
         number(&told, "/columns"),
@@ -50,6 +50,7 @@ fn measure(desk: &Desk, case: &Case, reference_spp: &str) -> Result<String> {
         number(&baked, "/bake_secs"),
         number(&told, "/mean_rank"),
         number(&told, "/max_rank"),
+        number(&told, "/file_bytes") / 1e6,
         number(&told, "/bytes") / 1e6,
         number(&told, "/ratio"),
         number(&told, "/error_db/truncation"),
