@@ -103,7 +103,7 @@ pub enum Method {
     GeneralizedNystrom,
     /// Every row by itself from random measurements of it, sparse in Haar's basis \[Peers2009\], \[Sen2009\].
     CompressedSensing,
-    /// This crate's own: [`crate::compress`] with all rows as samples, its result in `f16`.
+    /// This crate's own: [`crate::compress()`] with all rows as samples, its result in `f16`.
     Projected,
 }
 
