@@ -6,8 +6,7 @@
 //! changes no digit), and infinities are refused.
 //!
 //! ```
-//! use clerestory_nystrom::rivals::{Method, approximate};
-//! use nalgebra::DMatrix;
+//! use clerestory_nystrom::rivals::{DMatrix, Method, approximate};
 //!
 //! // Hilbert's matrix: its singular values fall by a factor of about thirty each.
 //! let hilbert = DMatrix::from_fn(40, 30, |i, j| 1.0 / (i + j + 1) as f64);
@@ -39,7 +38,7 @@ mod real;
 mod sensing;
 mod svd;
 
-use nalgebra::DMatrix;
+pub use nalgebra::DMatrix;
 
 pub use approximation::Approximation;
 #[cfg(test)]

@@ -87,6 +87,11 @@ impl Method {
         }
     }
 
+    /// Whether it is one of a kind: no algorithm that takes a core.
+    pub fn is_by_itself(self) -> bool {
+        !matches!(self, Method::Alg1(_) | Method::Alg2(_) | Method::Alg3(_) | Method::Alg4(_))
+    }
+
     /// Whether the approximation is a product of factors, so that a product with a vector needs no entry of it.
     pub fn has_factors(self) -> bool {
         !matches!(self, Method::Kernel { .. })
