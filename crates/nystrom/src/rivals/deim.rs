@@ -37,3 +37,43 @@ fn points<S: Real>(mut vectors: DMatrix<S>) -> Vec<usize> {
     }
     points
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{super::decompose::orthonormal, *};
+    use crate::random::Random;
+
+    #[test]
+    fn each_point_is_where_interpolation_at_the_earlier_ones_fails_most() {
+        let mut rng = Random::new([21, 0]);
+        let vectors = orthonormal(&DMatrix::from_fn(40, 9, |_, _| f64::from(rng.normal())));
+        let points = points(vectors.clone());
+        assert_eq!(points.len(), 9);
+        assert_eq!(Some(points[0]), largest(vectors.column(0).iter().copied(), |_| true));
+        for j in 1..9 {
+            // The definition: c solves U[p, ..j] c = u_j[p], and what is left is u_j − U c.
+            let (earlier, vector) = (vectors.columns(0, j).into_owned(), vectors.column(j).into_owned());
+            let at_points = vector.select_rows(&points[..j]);
+            let c = earlier.select_rows(&points[..j]).lu().solve(&at_points).unwrap();
+            let rest = vector - earlier * c;
+            assert_eq!(Some(points[j]), largest(rest.iter().copied(), |_| true), "point {j}");
+        }
+    }
+
+    #[test]
+    fn the_error_stays_within_the_bound_of_the_points() {
+        let mut rng = Random::new([22, 0]);
+        let mut basis = |n| orthonormal(&DMatrix::from_fn(n, 30, |_, _| f64::from(rng.normal())));
+        let (left, right) = (basis(60), basis(30));
+        let values = DMatrix::from_fn(30, 30, |i, j| if i == j { 0.6f64.powi(i as i32) } else { 0.0 });
+        let matrix = &left * values * right.transpose();
+        let eta = |vectors: &DMatrix<f64>| {
+            let vectors = vectors.columns(0, 8).into_owned();
+            let chosen = vectors.select_rows(&points(vectors.clone()));
+            1.0 / chosen.singular_values().min()
+        };
+        let rest = matrix.clone() - deim_cur(&matrix, 8).unwrap().to_dense();
+        let (error, bound) = (rest.singular_values().max(), (eta(&left) + eta(&right)) * 0.6f64.powi(8));
+        assert!(error <= bound && error >= 0.6f64.powi(8) * 0.999, "{error}, {bound}");
+    }
+}
