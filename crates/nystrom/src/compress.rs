@@ -10,6 +10,7 @@ use crate::{
     partition::Partition,
     project::factor,
     random::Random,
+    rivals::{self, Method, MethodError},
     run::Run,
     sparse::sparse_part,
 };
@@ -59,6 +60,8 @@ pub struct CompressConfig {
     pub samples: SamplePlan,
     /// How landmarks are chosen.
     pub selection: Selection,
+    /// What makes factors of the samples; all but [`Method::Projected`] are there for comparison.
+    pub method: Method,
     /// Greatest rank of a block.
     pub max_rank: u32,
     /// The same seed gives the same factors.
@@ -71,6 +74,7 @@ impl Default for CompressConfig {
             groups: Vec::new(),
             samples: SamplePlan { batch: 16, min: 16, max: 64 },
             selection: Selection::Alg4,
+            method: Method::Projected,
             max_rank: 96,
             seed: 0,
         }
@@ -88,6 +92,16 @@ pub enum CompressError {
         block: u32,
         /// Row, counted from the first row of the block.
         row: u32,
+    },
+    /// The method that was asked for found no factors.
+    #[error("block {block} has no factors by the method `{method}`: {source}")]
+    Method {
+        /// Block.
+        block: u32,
+        /// Name of the method.
+        method: String,
+        /// What stood in the way.
+        source: MethodError,
     },
     /// The request does not fit the matrix.
     #[error("cannot compress: {0}")]
@@ -158,8 +172,12 @@ pub(crate) fn compress_group(
     means: &mut Means,
 ) -> Result<BlockFactors, CompressError> {
     fill(means, samples, group, block_idx)?;
-    let rng = Random::new([config.seed, u64::from(block_idx)]);
-    let mut factors = factor(means, samples.bundle_len, group, config, rng);
+    let mut rng = Random::new([config.seed, u64::from(block_idx)]);
+    let mut factors = match config.method {
+        Method::Projected => factor(means, samples.bundle_len, group, config, rng),
+        method => rivals::block::factor(means, group.tolerance, config, rng.bits())
+            .map_err(|source| CompressError::Method { block: block_idx, method: method.to_string(), source })?,
+    };
     factors.n_samples = samples.n_samples.iter().sum();
     factors.sparse = sparse_part(samples.sparse, &group.columns, samples.n_samples);
     match factors.sparse.iter().find(|entry| !entry.value.is_finite()) {
@@ -202,6 +220,9 @@ fn check<M: SampledMatrix>(
 }
 
 fn check_groups(config: &CompressConfig, n_cols: usize) -> Result<(), CompressError> {
+    if let Some(why) = config.method.without_factors() {
+        return Err(CompressError::Config(format!("the method `{}` has no low-rank factors: {why}", config.method)));
+    }
     let bad = |group: &&ColumnGroup| group.columns.is_empty() || group.columns.end > n_cols;
     if let Some(group) = config.groups.iter().find(bad) {
         return Err(CompressError::Config(format!("columns {:?} are not among {n_cols}", group.columns)));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clerestory_nystrom::{Half, SampledMatrix};
 use rayon::prelude::*;
 
-use crate::bake::{Bake, BakeConfig, BakeJob, Indirect, Passes};
+use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::Film;
 use crate::import;
 use crate::matrix::{CHANNELS, TransportMatrix};
@@ -107,7 +107,7 @@ fn sampled(scene: &PreparedScene, half: Half) -> Vec<Vec<f64>> {
 }
 
 fn baked(scene: &Arc<PreparedScene>) -> Bake {
-    let config = BakeConfig { spp: 2 * SPP, tolerance_db: 60.0, bounces: BOUNCES, seed: 2, indirect: Indirect::Traced };
+    let config = BakeConfig { spp: 2 * SPP, tolerance_db: 60.0, bounces: BOUNCES, seed: 2, ..BakeConfig::default() };
     let camera = scene.scene.cameras[0].clone();
     let job =
         BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
