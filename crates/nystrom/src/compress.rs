@@ -12,6 +12,7 @@ use crate::{
     random::Random,
     run::Run,
     sparse::sparse_part,
+    unpacked::Unpacked,
 };
 
 /// How much a block may differ from the matrix.
@@ -82,12 +83,16 @@ impl Default for CompressConfig {
 #[non_exhaustive]
 pub enum CompressError {
     /// A sample is infinite or not a number.
-    #[error("row {row} of block {block} has a sample that is not finite; the matrix must return finite estimates")]
+    #[error(
+        "row {row}, column {col} of block {block} has a sample that is not finite; the matrix must return finite estimates"
+    )]
     NonFinite {
         /// Block.
         block: u32,
         /// Row, counted from the first row of the block.
         row: u32,
+        /// Column of the matrix.
+        col: u32,
     },
     /// The request does not fit the matrix.
     #[error("cannot compress: {0}")]
@@ -157,15 +162,29 @@ pub(crate) fn compress_group(
     block_idx: u32,
     means: &mut Means,
 ) -> Result<BlockFactors, CompressError> {
-    fill(means, samples, group, block_idx)?;
-    let rng = Random::new([config.seed, u64::from(block_idx)]);
-    let mut factors = factor(means, samples.bundle_len, group, config, rng);
+    let mut factors = unpacked(samples, group, config, block_idx, means)?.packed();
     factors.n_samples = samples.n_samples.iter().sum();
     factors.sparse = sparse_part(samples.sparse, &group.columns, samples.n_samples);
     match factors.sparse.iter().find(|entry| !entry.value.is_finite()) {
-        Some(entry) => Err(CompressError::NonFinite { block: block_idx, row: entry.row }),
+        Some(entry) => {
+            let col = group.columns.start as u32 + entry.col;
+            Err(CompressError::NonFinite { block: block_idx, row: entry.row, col })
+        }
         None => Ok(factors),
     }
+}
+
+/// The factors of a group of columns of a block, before they are packed and without a sparse part.
+pub(crate) fn unpacked(
+    samples: &BlockSamples<'_>,
+    group: &ColumnGroup,
+    config: &CompressConfig,
+    block_idx: u32,
+    means: &mut Means,
+) -> Result<Unpacked, CompressError> {
+    fill(means, samples, group, block_idx)?;
+    let rng = Random::new([config.seed, u64::from(block_idx)]);
+    Ok(factor(means, samples.bundle_len, group, config, rng))
 }
 
 /// Takes over the columns of a group.
@@ -176,7 +195,7 @@ pub(crate) fn fill(
     block_idx: u32,
 ) -> Result<(), CompressError> {
     let filled = means.fill(samples.halves, samples.n_cols, &group.columns, samples.n_samples);
-    filled.map_err(|row| CompressError::NonFinite { block: block_idx, row: row as u32 })
+    filled.map_err(|[row, col]| CompressError::NonFinite { block: block_idx, row: row as u32, col: col as u32 })
 }
 
 fn check<M: SampledMatrix>(

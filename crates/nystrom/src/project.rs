@@ -11,13 +11,14 @@ use std::array;
 use crate::{
     compress::{ColumnGroup, CompressConfig, Tolerance},
     dense::{Dense, eigen},
-    factors::{BlockError, BlockFactors},
+    fit::Fit,
     means::Means,
-    measure::{Fit, Measured, least_agreement},
+    measure::{Measured, least_agreement},
     preserve::preserve,
     product::{coefficients, combinations, power_step, product},
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
+    unpacked::Unpacked,
 };
 
 /// Components that the refinement may carry beyond those that seem to pay.
@@ -30,7 +31,7 @@ pub(crate) fn factor(
     group: &ColumnGroup,
     config: &CompressConfig,
     rng: Random,
-) -> BlockFactors {
+) -> Unpacked {
     let ColumnGroup { tolerance, preserved, .. } = group;
     let limit = limit(means, config, *tolerance);
     let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, *tolerance, config, rng);
@@ -39,15 +40,15 @@ pub(crate) fn factor(
     of_mean.keep(measured.rank);
     let mut left = of_mean.mean();
     let added = preserve(means, &mut of_mean, &mut left, preserved);
-    let rank = left.n_cols;
-    left.data.iter_mut().for_each(|x| *x = (f64::from(*x) * means.unit) as f32);
-    let mut factors =
-        BlockFactors::from_f32(&left.data, &of_mean.basis.data, means.mean.n_rows, means.mean.n_cols, rank);
-    let (truncation, sampling) = (measured.truncation + added[0], measured.sampling + added[1]);
-    let [truncation, sampling, noise] =
-        [truncation, sampling, means.noise_per_entry()].map(|x| (x * means.unit * means.unit) as f32);
-    factors.error = BlockError { truncation, sampling, noise };
-    factors
+    Unpacked {
+        left,
+        right: of_mean.basis,
+        unit: means.unit,
+        truncation: measured.truncation + added[0],
+        sampling: measured.sampling + added[1],
+        noise: means.noise_per_entry(),
+        packing: measured.packing,
+    }
 }
 
 /// The noise of the factors' samples over what is allowed, as one half expects it from its own two parts (`means` holds

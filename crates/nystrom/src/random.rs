@@ -38,7 +38,6 @@ impl Random {
     }
 
     /// A sample of the standard normal distribution (Box and Muller).
-    #[cfg(test)]
     pub(crate) fn normal(&mut self) -> f32 {
         let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
         (radius * (std::f64::consts::TAU * self.unit()).cos()) as f32
