@@ -3,6 +3,7 @@
 use crate::{
     dense::{Dense, add_scaled},
     random::Random,
+    rivals::Real,
 };
 
 /// Rounds of Lloyd's iteration: representatives hardly move after these.
@@ -10,7 +11,12 @@ const N_ROUNDS: usize = 4;
 
 /// At most `count` different points (rows of `points`), one near the middle of each cluster, in the order of their seeds.
 /// Points of weight 0 are never chosen; duplicates count as one point.
-pub(crate) fn representatives(points: &Dense<f32>, weights: &[f32], count: usize, rng: &mut Random) -> Vec<usize> {
+pub(crate) fn representatives<T: Real>(
+    points: &Dense<T>,
+    weights: &[f32],
+    count: usize,
+    rng: &mut Random,
+) -> Vec<usize> {
     let mut centers = seeds(points, weights, count, rng);
     if centers.n_rows == 0 {
         return Vec::new();
@@ -22,7 +28,7 @@ pub(crate) fn representatives(points: &Dense<f32>, weights: &[f32], count: usize
         }
         move_to_means(points, weights, &cluster, &mut centers);
     }
-    let mut chosen: Vec<Option<(f32, usize)>> = vec![None; centers.n_rows];
+    let mut chosen: Vec<Option<(T, usize)>> = vec![None; centers.n_rows];
     for i in (0..points.n_rows).filter(|&i| weights[i] > 0.0) {
         let best = &mut chosen[cluster[i]];
         let distance = distance_squared(points.row(i), centers.row(cluster[i]));
@@ -34,17 +40,17 @@ pub(crate) fn representatives(points: &Dense<f32>, weights: &[f32], count: usize
 }
 
 /// k-means++: each further seed with a probability that grows with its squared distance from the seeds before it.
-fn seeds(points: &Dense<f32>, weights: &[f32], count: usize, rng: &mut Random) -> Dense<f32> {
+fn seeds<T: Real>(points: &Dense<T>, weights: &[f32], count: usize, rng: &mut Random) -> Dense<T> {
     let mut centers = Dense::zeros(0, points.n_cols);
     let mut chances: Vec<f64> = weights.iter().map(|&w| f64::from(w)).collect();
-    let mut least = vec![f32::INFINITY; points.n_rows];
+    let mut least = vec![T::nearest(f64::INFINITY); points.n_rows];
     while centers.n_rows < count {
         let Some(pick) = pick(&chances, rng) else { break };
         centers.data.extend_from_slice(points.row(pick));
         centers.n_rows += 1;
         for i in 0..points.n_rows {
             least[i] = least[i].min(distance_squared(points.row(i), points.row(pick)));
-            chances[i] = f64::from(weights[i]) * f64::from(least[i]);
+            chances[i] = f64::from(weights[i]) * least[i].to_f64();
         }
     }
     centers
@@ -65,20 +71,21 @@ fn pick(chances: &[f64], rng: &mut Random) -> Option<usize> {
 }
 
 /// A cluster without weight keeps its center.
-fn move_to_means(points: &Dense<f32>, weights: &[f32], cluster: &[usize], centers: &mut Dense<f32>) {
+fn move_to_means<T: Real>(points: &Dense<T>, weights: &[f32], cluster: &[usize], centers: &mut Dense<T>) {
     let mut sums = Dense::zeros(centers.n_rows, centers.n_cols);
-    let mut totals = vec![0.0; centers.n_rows];
+    let mut totals = vec![T::zero(); centers.n_rows];
     for (i, &cluster) in cluster.iter().enumerate() {
-        add_scaled(sums.row_mut(cluster), weights[i], points.row(i));
-        totals[cluster] += weights[i];
+        let weight = T::nearest(f64::from(weights[i]));
+        add_scaled(sums.row_mut(cluster), weight, points.row(i));
+        totals[cluster] += weight;
     }
-    for (k, &total) in totals.iter().enumerate().filter(|(_, total)| **total > 0.0) {
-        centers.row_mut(k).iter_mut().zip(sums.row(k)).for_each(|(center, sum)| *center = sum / total);
+    for (k, &total) in totals.iter().enumerate().filter(|(_, total)| **total > T::zero()) {
+        centers.row_mut(k).iter_mut().zip(sums.row(k)).for_each(|(center, &sum)| *center = sum / total);
     }
 }
 
-fn nearest(point: &[f32], centers: &Dense<f32>) -> usize {
-    let mut best = (f32::INFINITY, 0);
+fn nearest<T: Real>(point: &[T], centers: &Dense<T>) -> usize {
+    let mut best = (T::nearest(f64::INFINITY), 0);
     for k in 0..centers.n_rows {
         let distance = distance_squared(point, centers.row(k));
         if distance < best.0 {
@@ -88,16 +95,17 @@ fn nearest(point: &[f32], centers: &Dense<f32>) -> usize {
     best.1
 }
 
-fn distance_squared(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0; 8];
+fn distance_squared<T: Real>(a: &[T], b: &[T]) -> T {
+    let mut sums = [T::zero(); 8];
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f32 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| (x - y) * (x - y)).sum();
+    let rest = a8.remainder().iter().zip(b8.remainder()).map(|(&x, &y)| (x - y) * (x - y));
+    let rest = rest.fold(T::zero(), |sum, x| sum + x);
     for (x, y) in a8.zip(b8) {
         for lane in 0..8 {
             sums[lane] += (x[lane] - y[lane]) * (x[lane] - y[lane]);
         }
     }
-    rest + sums.iter().sum::<f32>()
+    rest + sums.iter().fold(T::zero(), |sum, &x| sum + x)
 }
 
 #[cfg(test)]

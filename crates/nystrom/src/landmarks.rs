@@ -3,7 +3,7 @@
 //! Rows are chosen in whole bundles. Later rounds weigh each bundle by what the landmarks so far leave of it, so that a lone
 //! odd row is found.
 
-use crate::{dense::Dense, kmeans::representatives, random::Random};
+use crate::{dense::Dense, kmeans::representatives, random::Random, rivals::Real};
 
 /// How landmarks are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,9 +30,9 @@ pub struct Landmarks {
 
 /// A block whose landmarks are sought.
 #[derive(Clone, Copy)]
-pub struct Candidates<'a> {
+pub struct Candidates<'a, T = f32> {
     /// Row-major, rows × columns.
-    pub values: &'a [f32],
+    pub values: &'a [T],
     /// Number of columns.
     pub n_cols: usize,
     /// Rows per bundle.
@@ -47,8 +47,8 @@ pub struct Candidates<'a> {
 const N_FIRST_COLUMNS: usize = 16;
 
 /// Chooses at most `n_bundles` bundles and `n_columns` columns. The same key gives the same choice.
-pub fn choose(
-    candidates: &Candidates<'_>,
+pub fn choose<T: Real>(
+    candidates: &Candidates<'_, T>,
     selection: Selection,
     n_bundles: usize,
     n_columns: usize,
@@ -57,8 +57,8 @@ pub fn choose(
     choose_from(candidates, selection, n_bundles, n_columns, &mut Random::new(key))
 }
 
-pub(crate) fn choose_from(
-    candidates: &Candidates<'_>,
+pub(crate) fn choose_from<T: Real>(
+    candidates: &Candidates<'_, T>,
     selection: Selection,
     n_bundles: usize,
     n_columns: usize,
@@ -84,7 +84,7 @@ pub(crate) fn choose_from(
     }
 }
 
-impl Candidates<'_> {
+impl<T: Real> Candidates<'_, T> {
     /// Algorithm 4: rows and columns in turn, two rounds.
     fn alternate(&self, n_bundles: usize, n_columns: usize, rng: &mut Random) -> Landmarks {
         let all_columns: Vec<usize> = (0..self.n_cols).collect();

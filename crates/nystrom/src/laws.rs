@@ -9,12 +9,13 @@ mod adaptive;
 mod stability;
 
 use crate::{
-    baseline::{core_wpinv, svd},
     dense::Dense,
     product::product,
     random::Random,
+    rivals::{Core, Method, approximate, with_core},
     *,
 };
+use nalgebra::DMatrix;
 
 /// A known matrix; each sample of each entry has normal noise of its own.
 struct Known {
@@ -86,6 +87,14 @@ impl SampledMatrix for Known {
     }
 }
 
+/// The best factors of a rank, row-major: rows × rank and rank × columns.
+fn best_factors(matrix: &[f32], n_cols: usize, rank: usize) -> [Vec<f32>; 2] {
+    let matrix = DMatrix::from_row_iterator(matrix.len() / n_cols, n_cols, matrix.iter().map(|&x| f64::from(x)));
+    let best = approximate(Method::Svd, &matrix, rank, 0).unwrap();
+    let (left, right) = best.factors().unwrap();
+    [left, right].map(|factor| factor.transpose().iter().map(|&x| x as f32).collect())
+}
+
 /// Smooth random factors; component r has singular value about `decay^r`, mean square 1 before that.
 fn decaying(n_rows: usize, n_cols: usize, rank: usize, decay: f32, rng: &mut Random) -> Dense<f32> {
     let normal = |n: usize, rng: &mut Random| -> Vec<f32> { (0..n).map(|_| rng.normal()).collect() };
@@ -151,8 +160,8 @@ fn decaying_spectra_stay_within_tolerance_near_the_best_rank() {
 fn single_precision_follows_a_long_spectrum() {
     let matrix = Known::new(decaying(384, 128, 60, 0.75, &mut Random::new([33, 0])), 3, 0.0);
     let ours = factors(&matrix, &config(Tolerance::Rank(24), 128, 1), 1);
-    let best = svd(&matrix.truth.data, 128, 24);
-    let best = BlockFactors::from_f32(&best.left, &best.right, 384, 128, 24);
+    let [left, right] = best_factors(&matrix.truth.data, 128, 24);
+    let best = BlockFactors::from_f32(&left, &right, 384, 128, 24);
     let (ours, best) = (relative(&ours, &matrix.truth), relative(&best, &matrix.truth));
     assert!(ours < 1.1 * best, "{ours} against {best}");
 }
@@ -302,11 +311,11 @@ fn the_rank_is_within_half_a_decibel_of_the_best() {
         let halves = one_sample(&matrix, 0);
         let ours = mean_square(&factors_of_picture(&halves, 1e-9, 0).dense(), &matrix.truth.data);
         let mean: Vec<f32> = halves[0].iter().zip(&halves[1]).map(|(x, y)| 0.5 * (x + y)).collect();
-        let best = svd(&mean, 256, 24);
+        let [left, right] = best_factors(&mean, 256, 24);
         let mut rest = matrix.truth.data.clone();
         let error = |r: usize| {
             for (i, rest) in rest.iter_mut().enumerate() {
-                *rest -= best.left[i / 256 * 24 + r] * best.right[r * 256 + i % 256];
+                *rest -= left[i / 256 * 24 + r] * right[r * 256 + i % 256];
             }
             rest.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / rest.len() as f64
         };
@@ -445,9 +454,9 @@ fn the_projected_core_survives_what_breaks_the_inverted_one() {
     let truth = decaying(384, 128, 20, 0.6, &mut rng);
     let noisy = Dense { data: truth.data.iter().map(|x| x + 0.05 * rng.normal()).collect(), ..truth.clone() };
     let (rows, cols): (Vec<usize>, Vec<usize>) = ((0..24).map(|i| 16 * i).collect(), (0..24).map(|i| 5 * i).collect());
-    let inverted = core_wpinv(&noisy.data, 128, &rows, &cols, 1e-6);
-    let left = Dense { n_rows: 384, n_cols: 24, data: inverted.left };
-    let inverted = product(left.view(), Dense { n_rows: 24, n_cols: 128, data: inverted.right }.view()).data;
+    let noisy = DMatrix::from_row_slice(384, 128, &noisy.data).cast::<f64>();
+    let (left, right) = with_core(&noisy, &rows, &cols, Core::PseudoInverse { rcond: 1e-6 }).unwrap();
+    let inverted: Vec<f32> = (left * right).transpose().iter().map(|&x| x as f32).collect();
     let ours = factors(&Known::new(truth.clone(), 3, 0.05), &config(Tolerance::RelativeFrobenius(0.01), 128, 1), 1);
     let (ours, inverted) = (mean_square(&ours.dense(), &truth.data), mean_square(&inverted, &truth.data));
     assert!(inverted > 20.0 * ours, "{inverted} against {ours}");

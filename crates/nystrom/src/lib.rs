@@ -14,7 +14,7 @@
 //! ([`Selection`]), span the space of rows; all rows are met with an orthonormal basis of that span, and a small decomposition
 //! finds the components that both halves confirm. **Refused:** the classic Nyström core `C · W⁺ · R` \[Drineas2005\], also after a
 //! nonlinear map of the entries \[Wang2009\]. The intersection W of chosen rows and columns is singular as soon as two of them
-//! are alike, and with noise its inverse multiplies it without bound; [`baseline`] keeps it for comparison.
+//! are alike, and with noise its inverse multiplies it without bound; [`rivals`] keeps it, among all methods of the field, for comparison.
 //! (The "Block-Nyström" of \[Garg2025\] averages several small approximations of one positive kernel: another method
 //! of the same name.)
 //!
@@ -48,7 +48,6 @@
 //! # Ok::<(), CompressError>(())
 //! ```
 
-pub mod baseline;
 pub mod codec;
 pub mod compress;
 mod dense;
@@ -68,6 +67,7 @@ mod preserve;
 mod product;
 mod project;
 mod random;
+pub mod rivals;
 mod run;
 mod sketch;
 mod sparse;
