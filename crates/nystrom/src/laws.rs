@@ -6,6 +6,7 @@ use std::{
 };
 
 mod adaptive;
+mod properties;
 mod stability;
 
 use crate::{
