@@ -10,6 +10,7 @@ use crate::{
     partition::Partition,
     project::factor,
     random::Random,
+    rivals::{self, Method, MethodError},
     run::Run,
     sparse::sparse_part,
     unpacked::Unpacked,
@@ -60,6 +61,8 @@ pub struct CompressConfig {
     pub samples: SamplePlan,
     /// How landmarks are chosen.
     pub selection: Selection,
+    /// What makes factors of the samples; all but [`Method::Projected`] are there for comparison.
+    pub method: Method,
     /// Greatest rank of a block.
     pub max_rank: u32,
     /// The same seed gives the same factors.
@@ -72,6 +75,7 @@ impl Default for CompressConfig {
             groups: Vec::new(),
             samples: SamplePlan { batch: 16, min: 16, max: 64 },
             selection: Selection::Alg4,
+            method: Method::Projected,
             max_rank: 96,
             seed: 0,
         }
@@ -93,6 +97,16 @@ pub enum CompressError {
         row: u32,
         /// Column of the matrix.
         col: u32,
+    },
+    /// The method that was asked for found no factors.
+    #[error("block {block} has no factors by the method `{method}`: {source}")]
+    Method {
+        /// Block.
+        block: u32,
+        /// Name of the method.
+        method: String,
+        /// What stood in the way.
+        source: MethodError,
     },
     /// The request does not fit the matrix.
     #[error("cannot compress: {0}")]
@@ -162,7 +176,15 @@ pub(crate) fn compress_group(
     block_idx: u32,
     means: &mut Means,
 ) -> Result<BlockFactors, CompressError> {
-    let mut factors = unpacked(samples, group, config, block_idx, means)?.packed();
+    let mut factors = match config.method {
+        Method::Projected => unpacked(samples, group, config, block_idx, means)?.packed(),
+        method => {
+            fill(means, samples, group, block_idx)?;
+            let mut rng = Random::new([config.seed, u64::from(block_idx)]);
+            rivals::block::factor(means, group.tolerance, config, rng.bits())
+                .map_err(|source| CompressError::Method { block: block_idx, method: method.to_string(), source })?
+        }
+    };
     factors.n_samples = samples.n_samples.iter().sum();
     factors.sparse = sparse_part(samples.sparse, &group.columns, samples.n_samples);
     match factors.sparse.iter().find(|entry| !entry.value.is_finite()) {
@@ -221,6 +243,9 @@ fn check<M: SampledMatrix>(
 }
 
 fn check_groups(config: &CompressConfig, n_cols: usize) -> Result<(), CompressError> {
+    if let Some(why) = config.method.without_factors() {
+        return Err(CompressError::Config(format!("the method `{}` has no low-rank factors: {why}", config.method)));
+    }
     let bad = |group: &&ColumnGroup| group.columns.is_empty() || group.columns.end > n_cols;
     if let Some(group) = config.groups.iter().find(bad) {
         return Err(CompressError::Config(format!("columns {:?} are not among {n_cols}", group.columns)));

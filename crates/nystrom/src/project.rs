@@ -88,7 +88,7 @@ pub(crate) fn error_share(
 }
 
 /// The greatest rank that the factors may have.
-fn limit(means: &Means, config: &CompressConfig, tolerance: Tolerance) -> usize {
+pub(crate) fn limit(means: &Means, config: &CompressConfig, tolerance: Tolerance) -> usize {
     rank_limit(config, tolerance).min(means.mean.n_rows).min(means.mean.n_cols)
 }
 

@@ -6,8 +6,7 @@
 //! changes no digit), and infinities are refused.
 //!
 //! ```
-//! use clerestory_nystrom::rivals::{Method, approximate};
-//! use nalgebra::DMatrix;
+//! use clerestory_nystrom::rivals::{DMatrix, Method, approximate};
 //!
 //! // Hilbert's matrix: its singular values fall by a factor of about thirty each.
 //! let hilbert = DMatrix::from_fn(40, 30, |i, j| 1.0 / (i + j + 1) as f64);
@@ -25,6 +24,7 @@
 
 mod aca;
 mod approximation;
+pub(crate) mod block;
 mod cross;
 mod decompose;
 mod deim;
@@ -39,7 +39,7 @@ mod real;
 mod sensing;
 mod svd;
 
-use nalgebra::DMatrix;
+pub use nalgebra::DMatrix;
 
 pub use approximation::Approximation;
 pub(crate) use cross::landmarks;
@@ -48,7 +48,7 @@ pub(crate) use cross::with_core;
 pub use names::UnknownMethod;
 pub use real::Real;
 
-use crate::{compress::CompressError, landmarks::Selection, random::Random};
+use crate::{landmarks::Selection, random::Random};
 use real::scaled;
 
 /// What stands between chosen columns C and chosen rows R, whose intersection is W.
@@ -73,7 +73,7 @@ pub enum Core {
 }
 
 /// A way to approximate a matrix by one of low rank.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Method {
     /// Random rows; columns by k-means over them.
@@ -104,7 +104,9 @@ pub enum Method {
     GeneralizedNystrom,
     /// Every row by itself from random measurements of it, sparse in Haar's basis \[Peers2009\], \[Sen2009\].
     CompressedSensing,
-    /// This crate's own: [`crate::compress`] with all rows as samples, its result in `f16`.
+    /// This crate's own: [`crate::compress()`] with all rows as samples, its result in `f16`. Asked for a rank
+    /// and not for a tolerance, it decomposes the whole matrix.
+    #[default]
     Projected,
 }
 
@@ -126,9 +128,9 @@ pub enum MethodError {
         /// Rows of the intersection.
         size: usize,
     },
-    /// The crate's own method found no way.
-    #[error(transparent)]
-    Compress(#[from] CompressError),
+    /// The method makes no factors of low rank.
+    #[error("the method has no factors of low rank; take one that has")]
+    NoFactors,
     /// An iteration did not end.
     #[error("the singular values did not settle in {n_sweeps} sweeps; scale the rows of the matrix to like magnitudes")]
     NoConvergence {
@@ -170,7 +172,7 @@ pub fn approximate<S: Real>(
         Method::AcaFull => aca::full(matrix, rank),
         Method::GeneralizedNystrom => generalized::generalized_nystrom(matrix, rank, rng)?,
         Method::CompressedSensing => sensing::compressed_sensing(matrix, rank, rng)?,
-        Method::Projected => ours::projected(matrix, rank, seed)?,
+        Method::Projected => ours::projected(matrix, rank, seed),
     };
     Ok(found.times_power_of_two(exponent))
 }

@@ -4,11 +4,13 @@
 
 mod clock;
 mod irradiance;
+mod method;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
+use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{
     BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, Partition, SamplePlan, Tolerance, compress,
 };
@@ -85,6 +87,9 @@ pub struct BakeConfig {
     /// Where the light between surfaces comes from.
     #[serde(default)]
     pub indirect: Indirect,
+    /// What makes factors of the samples, in the last pass; all but the default are there for comparison.
+    #[serde(default, with = "method", skip_serializing_if = "method::is_default")]
+    pub method: Method,
 }
 
 /// How the light that surfaces send to each other is found.
@@ -136,7 +141,8 @@ impl BakeConfig {
 
 impl Default for BakeConfig {
     fn default() -> Self {
-        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect: Indirect::default() }
+        let (indirect, method) = (Indirect::default(), Method::default());
+        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect, method }
     }
 }
 
@@ -397,6 +403,9 @@ impl BakeJob {
         if !(0.0..=120.0).contains(&config.tolerance_db) {
             return complain("the tolerance must be between 0 and 120 dB");
         }
+        if let Some(why) = config.method.without_factors() {
+            return complain(&format!("the method `{}` cannot relight in compressed form: {why}", config.method));
+        }
         Ok(())
     }
 
@@ -493,6 +502,7 @@ impl BakeJob {
                 max: samples_per_half,
             },
             seed: self.config.seed,
+            method: self.config.method,
             ..CompressConfig::default()
         }
     }
@@ -584,7 +594,10 @@ impl Run<'_> {
             Some(_) => job.config.tolerance_db,
             None => job.config.tolerance_db.min(PREVIEW_DB),
         };
-        let config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
+        let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
+        if !is_last {
+            config.method = Method::default();
+        }
         self.bias = shared.as_ref().filter(|_| is_last).map(|shared| shared.bias(job.config.tolerance_db));
         let on_block =
             |block: u32, factors: Vec<BlockFactors>| self.deliver((0, block as usize), pass, factors, clock, on_event);

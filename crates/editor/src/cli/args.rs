@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use clerestory_nystrom::rivals::{Method, UnknownMethod};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
@@ -151,6 +152,10 @@ pub struct BakeOptions {
     /// Follow the light between surfaces from every sample, without bias (the default).
     #[arg(long)]
     pub exact: bool,
+    /// What makes factors of the samples: `projected` is our own, the others are there to be compared with, such as `svd`,
+    /// `row-id`, `aca-full` or `alg4:qr`; a name that does not exist lists them all.
+    #[arg(long, value_name = "NAME", default_value_t, value_parser = parse_method)]
+    pub method: Method,
     /// Start over, even if an earlier bake of the same name was stopped half way.
     #[arg(long)]
     pub fresh: bool,
@@ -370,6 +375,16 @@ fn parse_patches(text: &str) -> Result<SkyForm, String> {
     divisions.map(SkyForm::Patches).ok_or_else(|| "write 145, 577 or 2305".into())
 }
 
+fn parse_method(text: &str) -> Result<Method, String> {
+    let method: Method = text.parse().map_err(|error: UnknownMethod| error.to_string())?;
+    match method.without_factors() {
+        Some(why) => Err(format!(
+            "`{method}` cannot relight in compressed form: {why}; its error stands in the table of methods in docs/benchmarks.md"
+        )),
+        None => Ok(method),
+    }
+}
+
 fn parse_tolerance(text: &str) -> Result<f32, String> {
     let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
     decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
@@ -393,6 +408,7 @@ mod tests {
         let view = &bake.options.view;
         assert_eq!((view.spp, view.bounces, view.size, view.seed), (256, None, None, 0));
         assert_eq!((bake.options.tolerance, bake.options.fresh), (40.0, false));
+        assert_eq!(bake.options.method, Method::Projected);
         assert_eq!((&view.sky, bake.options.sky_patches), (&None, SkyForm::Patches(1)));
         assert!(view.skips().is_all());
     }
@@ -428,6 +444,9 @@ mod tests {
             ["--work-plane", "0.8:"],
             ["--threads", "0"],
             ["--sky", ""],
+            ["--method", "best"],
+            ["--method", "kernel"],
+            ["--method", "compressed-sensing"],
             ["--sky", "sun:10"],
             ["--sky-patches", "146"],
             ["--no-skip=color", "--json"],

@@ -75,6 +75,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         bounces: options.view.bounces,
         seed: options.view.seed,
         indirect: if options.fast { Indirect::Shared } else { Indirect::Traced },
+        method: options.method,
     };
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
 }

@@ -54,6 +54,14 @@ impl<S: Real> Approximation<S> {
         }
     }
 
+    /// The factors themselves.
+    pub fn into_factors(self) -> Option<(DMatrix<S>, DMatrix<S>)> {
+        match self.parts {
+            Parts::Product { left, right } => Some((left, right)),
+            Parts::Root { .. } => None,
+        }
+    }
+
     /// How many numbers are stored. For a sparse factor, value and place count as two.
     pub fn n_values(&self) -> usize {
         self.n_values

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::*;
+use crate::{BlockFactors, BlockSamples, ColumnGroup, CompressConfig, CompressError, Tolerance, compress_block};
 
 /// Random singular vectors and the singular values `decay^r`.
 fn spectrum<S: Real>(n_rows: usize, n_cols: usize, decay: f64, seed: u64) -> DMatrix<S> {
@@ -288,4 +289,66 @@ fn single_precision_is_what_it_says() {
         relative(error(&double, &found(Method::Svd, &double, 12, 0))),
     ];
     assert!(in_double < 1e-11 && in_single > 1e-8 && in_single < 1e-5, "{in_single}, {in_double}");
+}
+
+/// One block from the sums of two halves of one sample each.
+fn compressed(halves: [&DMatrix<f64>; 2], method: Method, tolerance: Tolerance) -> BlockFactors {
+    let sums = halves.map(|half| half.transpose().iter().map(|&x| x as f32).collect::<Vec<_>>());
+    let n_cols = halves[0].ncols();
+    let samples =
+        BlockSamples { halves: [&sums[0], &sums[1]], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new() }];
+    let config = CompressConfig { groups, method, ..CompressConfig::default() };
+    compress_block(&samples, &config, 0).unwrap().swap_remove(0)
+}
+
+fn dense(factors: &BlockFactors) -> DMatrix<f64> {
+    DMatrix::from_row_slice(factors.n_rows as usize, factors.n_cols as usize, &factors.dense()).cast()
+}
+
+#[test]
+fn every_method_brings_a_block_within_the_tolerance() {
+    let matrix = spectrum::<f64>(120, 50, 0.7, 17) * 1e-3;
+    let within = |factors: &BlockFactors| (dense(factors) - &matrix).norm() / matrix.norm();
+    for tolerance in [0.2, 0.02] {
+        let of = |method| compressed([&matrix; 2], method, Tolerance::RelativeFrobenius(tolerance));
+        let best = of(Method::Svd).rank;
+        // What singular values leave: 0.7^r of the whole.
+        assert_eq!(best, (f64::from(tolerance).ln() / 0.7f64.ln()).ceil() as u32);
+        for method in Method::ALL.into_iter().filter(|method| method.without_factors().is_none()) {
+            let found = of(method);
+            assert!(found.rank >= best, "{method}: {}, best {best}", found.rank);
+            let told = f64::from(found.error.truncation).sqrt() * (120.0 * 50.0f64).sqrt() / matrix.norm();
+            assert!((told / within(&found) - 1.0).abs() < 0.1, "{method}: {told}, {}", within(&found));
+            let tames = !matches!(method, Method::Alg3(Core::Inverse) | Method::Alg3(Core::PseudoInverse { .. }));
+            assert!(!tames || within(&found) < 1.01 * f64::from(tolerance), "{method}: {}", within(&found));
+        }
+    }
+}
+
+#[test]
+fn the_errors_told_know_noise_from_truth() {
+    let truth = spectrum::<f64>(150, 60, 0.6, 18);
+    let mut rng = Random::new([19, 0]);
+    let (mut told, mut real) = (0.0, 0.0);
+    for _ in 0..20 {
+        let [a, b] = [0, 1].map(|_| truth.map(|x| x + 0.004 * f64::from(rng.normal())));
+        let found = compressed([&a, &b], Method::Svd, Tolerance::Rank(5));
+        told += f64::from(found.error.truncation + found.error.sampling) * truth.len() as f64;
+        real += (dense(&found) - &truth).norm_squared();
+    }
+    assert!((told / real - 1.0).abs() < 0.15, "{told}, {real}");
+}
+
+#[test]
+fn methods_without_factors_are_refused_with_a_reason() {
+    for method in [Method::Kernel { gamma: None }, Method::CompressedSensing] {
+        let samples =
+            BlockSamples { halves: [&[1.0; 12]; 2], sparse: [&[]; 2], n_cols: 4, bundle_len: 3, n_samples: [1; 2] };
+        let tolerance = Tolerance::RelativeFrobenius(0.1);
+        let groups = vec![ColumnGroup { columns: 0..4, tolerance, preserved: Vec::new() }];
+        let config = CompressConfig { groups, method, ..CompressConfig::default() };
+        let Err(CompressError::Config(words)) = compress_block(&samples, &config, 0) else { panic!("{method}") };
+        assert!(words.contains(&method.to_string()) && words.contains("factors"), "{words}");
+    }
 }

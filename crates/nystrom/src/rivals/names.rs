@@ -87,6 +87,24 @@ impl Method {
         }
     }
 
+    /// Why its result is no pair of low-rank factors; `None` where it is.
+    pub fn without_factors(self) -> Option<&'static str> {
+        match self {
+            Method::Kernel { .. } => Some(
+                "its entries are roots of a product, which no factors give: every product with a vector takes all entries",
+            ),
+            Method::CompressedSensing => {
+                Some("its result is as many sparse coefficients per row, in a basis as wide as the matrix")
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether it is one of a kind: no algorithm that takes a core.
+    pub fn is_by_itself(self) -> bool {
+        !matches!(self, Method::Alg1(_) | Method::Alg2(_) | Method::Alg3(_) | Method::Alg4(_))
+    }
+
     /// Whether the approximation is a product of factors, so that a product with a vector needs no entry of it.
     pub fn has_factors(self) -> bool {
         !matches!(self, Method::Kernel { .. })

@@ -3,25 +3,21 @@
 use nalgebra::DMatrix;
 
 use super::{Approximation, real::Real};
-use crate::compress::{BlockSamples, ColumnGroup, CompressConfig, CompressError, Tolerance, compress_block};
+use crate::compress::{BlockSamples, ColumnGroup, CompressConfig, Tolerance, compress_block};
 
 /// Both halves are the matrix, as samples without noise are. It computes in `f32`, its eigenvalues in `f64`, and its
 /// factors are packed, whatever the matrix's numbers are.
-pub(super) fn projected<S: Real>(
-    matrix: &DMatrix<S>,
-    rank: usize,
-    seed: u64,
-) -> Result<Approximation<S>, CompressError> {
+pub(super) fn projected<S: Real>(matrix: &DMatrix<S>, rank: usize, seed: u64) -> Approximation<S> {
     let (n_rows, n_cols) = matrix.shape();
     let row_major: Vec<f32> = matrix.transpose().iter().map(|x| x.to_f64() as f32).collect();
     let samples = BlockSamples { halves: [&row_major; 2], sparse: [&[]; 2], n_cols, bundle_len: 1, n_samples: [1; 2] };
     let tolerance = Tolerance::Rank(rank as u32);
     let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new() }];
     let config = CompressConfig { groups, max_rank: rank as u32, seed, ..CompressConfig::default() };
-    let found = compress_block(&samples, &config, 0)?.swap_remove(0);
+    let found = compress_block(&samples, &config, 0).expect("whole rows of finite samples").swap_remove(0);
     let rank = found.rank as usize;
     let number = |x: f32| S::nearest(f64::from(x));
     let left = DMatrix::from_fn(n_rows, rank, |i, r| number(found.left[i * rank + r].to_f32() * found.scale[r]));
     let right = DMatrix::from_fn(rank, n_cols, |r, j| number(found.right[r * n_cols + j].to_f32()));
-    Ok(Approximation::product(left, right))
+    Approximation::product(left, right)
 }

@@ -80,7 +80,7 @@ fn pursue<S: Real>(dictionary: &DMatrix<S>, signal: &DVector<S>, most: usize) ->
 pub(super) fn haar<S: Real>(n: usize) -> DMatrix<S> {
     let mut basis = DMatrix::zeros(n, n);
     basis.row_mut(0).fill(S::one() / S::nearest(n as f64).sqrt());
-    let (mut next, mut pieces) = (1, vec![0..n]);
+    let (mut next, mut pieces) = (1, Vec::from_iter(std::iter::once(0..n)));
     while let Some(piece) = pieces.pop().filter(|_| next < n) {
         let middle = piece.start + piece.len() / 2;
         let (first, second) = (piece.start..middle, middle..piece.end);

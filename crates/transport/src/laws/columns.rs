@@ -56,7 +56,7 @@ fn relit(bake: &Bake, weights: &[f32]) -> Vec<f64> {
 }
 
 fn baked(scene: &Arc<PreparedScene>, spp: u32) -> Bake {
-    let config = BakeConfig { spp, tolerance_db: 60.0, bounces: None, seed: 5, indirect: Indirect::Traced };
+    let config = BakeConfig { spp, tolerance_db: 60.0, bounces: None, seed: 5, ..BakeConfig::default() };
     let camera = scene.scene.cameras[0].clone();
     let job =
         BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };

@@ -158,7 +158,7 @@ fn points_inside_blocks_are_left_out_of_a_work_plane() {
 }
 
 fn job(scene: &Arc<PreparedScene>, irradiance: Vec<IrradianceRows>, indirect: Indirect) -> BakeJob {
-    let config = BakeConfig { spp: 12, tolerance_db: 60.0, bounces: None, seed: 5, indirect };
+    let config = BakeConfig { spp: 12, tolerance_db: 60.0, bounces: None, seed: 5, indirect, ..BakeConfig::default() };
     let camera = scene.scene.cameras[0].clone();
     BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance }
 }

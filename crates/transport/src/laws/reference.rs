@@ -107,7 +107,7 @@ fn sampled(scene: &PreparedScene, half: Half) -> Vec<Vec<f64>> {
 }
 
 fn baked(scene: &Arc<PreparedScene>) -> Bake {
-    let config = BakeConfig { spp: 2 * SPP, tolerance_db: 60.0, bounces: BOUNCES, seed: 2, indirect: Indirect::Traced };
+    let config = BakeConfig { spp: 2 * SPP, tolerance_db: 60.0, bounces: BOUNCES, seed: 2, ..BakeConfig::default() };
     let camera = scene.scene.cameras[0].clone();
     let job =
         BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };

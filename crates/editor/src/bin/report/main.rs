@@ -10,6 +10,7 @@ mod cases;
 mod desk;
 mod kills;
 mod matrix;
+mod methods;
 mod page;
 mod rays;
 mod reference;
@@ -35,10 +36,11 @@ const OWN_PAGES: [Section; 2] =
     [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
-const SECTIONS: [Section; 4] = [
+const SECTIONS: [Section; 5] = [
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
+    Section { name: "methods", write: methods::write },
     Section { name: "rays", write: rays::write },
 ];
 

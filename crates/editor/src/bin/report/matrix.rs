@@ -59,7 +59,8 @@ fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_s
         for &spp in samples {
             desk.say(&format!("baking {name} with {spp} samples per pixel, indirect light {way}"));
             // A tolerance out of reach: every block takes all its samples.
-            let config = BakeConfig { spp, tolerance_db: 80.0, bounces: BOUNCES, seed: 1, indirect };
+            let config =
+                BakeConfig { spp, tolerance_db: 80.0, bounces: BOUNCES, seed: 1, indirect, ..BakeConfig::default() };
             let (secs, bake) = baked(&scene, film, config)?;
             let errors = reference.errors(&bake);
             measured.push((secs, errors.mean_db()));

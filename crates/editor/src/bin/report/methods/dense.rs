@@ -1,0 +1,135 @@
+//! A whole matrix of a picture, and how far an approximation is from it.
+
+use std::path::Path;
+
+use anyhow::{Result, ensure};
+use clerestory_nystrom::rivals::{DMatrix, Real};
+
+use super::npz;
+
+/// Channels of a pixel.
+const CHANNELS: usize = 3;
+/// Side of a block in pixels.
+const TILE: usize = 16;
+/// What values of the shared matrices are multiplied by.
+const SHARED_UNIT: f32 = 1024.0;
+/// Share of a column's entries that are no brighter than its peak.
+const PEAK_QUANTILE: f64 = 0.995;
+
+/// All rows of a picture: its pixels from left to right and top to bottom, three channels each.
+pub struct Picture {
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+    /// Columns.
+    pub n_cols: usize,
+    /// Row-major, channels of pixels × columns.
+    pub values: Vec<f32>,
+}
+
+impl Picture {
+    /// The converged matrix of an archive of the shared data.
+    ///
+    /// # Errors
+    /// If it cannot be read or has another shape.
+    pub fn shared(path: &Path) -> Result<Picture> {
+        let array = npz::read(path, "T")?;
+        let [height, width, channels, n_cols] = array.shape[..] else {
+            anyhow::bail!("{} has a matrix of {} axes, not 4", path.display(), array.shape.len());
+        };
+        ensure!(channels == CHANNELS, "{} has {channels} channels", path.display());
+        let values = array.values.iter().map(|x| x / SHARED_UNIT).collect();
+        Ok(Picture { width, height, n_cols, values }.in_z_order())
+    }
+
+    /// Columns of a square panel in the order of Morton's curve, so that neighbors in the plane are neighbors in the matrix.
+    pub fn in_z_order(mut self) -> Picture {
+        let side = self.n_cols.isqrt();
+        if side * side == self.n_cols && side.is_power_of_two() {
+            let spread = |x: usize| (0..16).map(|bit| (x >> bit & 1) << (2 * bit)).sum::<usize>();
+            let place = |column: usize| spread(column % side) | spread(column / side) << 1;
+            let places: Vec<usize> = (0..self.n_cols).map(place).collect();
+            for row in self.values.chunks_exact_mut(self.n_cols) {
+                let old = row.to_vec();
+                old.into_iter().zip(&places).for_each(|(value, &place)| row[place] = value);
+            }
+        }
+        self
+    }
+
+    /// Median over the columns of the value that 99.5 % of a column's entries do not exceed.
+    pub fn peak(&self) -> f64 {
+        let quantile = |mut values: Vec<f32>, share: f64| {
+            let last = values.len() - 1;
+            *values.select_nth_unstable_by((last as f64 * share).round() as usize, f32::total_cmp).1
+        };
+        let column = |column: usize| self.values.iter().skip(column).step_by(self.n_cols).copied().collect();
+        f64::from(quantile((0..self.n_cols).map(|c| quantile(column(c), PEAK_QUANTILE)).collect(), 0.5))
+    }
+
+    /// Every `step`-th block of 16 × 16 pixels, counted along the rows of blocks.
+    pub fn blocks<S: Real>(&self, step: usize) -> Vec<DMatrix<S>> {
+        let (across, down) = (self.width / TILE, self.height / TILE);
+        let block = |block: usize| {
+            let (left, top) = (block % across * TILE, block / across * TILE);
+            self.part((top..top + TILE).flat_map(|y| (left..left + TILE).map(move |x| (x, y))).collect())
+        };
+        (0..across * down).step_by(step).map(block).collect()
+    }
+
+    /// One matrix of every `step`-th pixel across and down.
+    pub fn thinned<S: Real>(&self, step: usize) -> DMatrix<S> {
+        let rows = (0..self.height).step_by(step);
+        self.part(rows.flat_map(|y| (0..self.width).step_by(step).map(move |x| (x, y))).collect())
+    }
+
+    fn part<S: Real>(&self, pixels: Vec<(usize, usize)>) -> DMatrix<S> {
+        DMatrix::from_fn(pixels.len() * CHANNELS, self.n_cols, |row, column| {
+            let (x, y) = pixels[row / CHANNELS];
+            let row = (y * self.width + x) * CHANNELS + row % CHANNELS;
+            S::nearest(f64::from(self.values[row * self.n_cols + column]))
+        })
+    }
+}
+
+/// Sum of squared differences. What is not finite is infinitely far away.
+pub fn squared_error<S: Real>(truth: &DMatrix<S>, found: &DMatrix<S>) -> f64 {
+    let square = |(x, y): (&S, &S)| (x.to_f64() - y.to_f64()).powi(2);
+    let sum: f64 = truth.iter().zip(found).map(square).sum();
+    if sum.is_finite() { sum } else { f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture() -> Picture {
+        let values = (0..32 * 48 * 3 * 4).map(|i| i as f32).collect();
+        Picture { width: 32, height: 48, n_cols: 4, values }
+    }
+
+    #[test]
+    fn blocks_and_pixels_are_where_they_belong() {
+        let blocks = picture().blocks::<f64>(1);
+        assert_eq!((blocks.len(), blocks[0].shape()), (6, (768, 4)));
+        // Block 3 begins at pixel (16, 16), its second row of pixels one below.
+        assert_eq!(blocks[3][(1, 2)], ((16 * 32 + 16) * 3 + 1) as f64 * 4.0 + 2.0);
+        assert_eq!(blocks[3][(16 * 3, 0)], ((17 * 32 + 16) * 3) as f64 * 4.0);
+        let thinned = picture().thinned::<f32>(16);
+        assert_eq!((thinned.shape(), thinned[(3, 0)]), ((2 * 3 * 3, 4), 16.0 * 3.0 * 4.0));
+    }
+
+    #[test]
+    fn the_peak_is_the_median_of_the_columns() {
+        // 200 entries a column: the 199th, by size.
+        let values = (0..200).flat_map(|i| [i as f32, 10.0 * i as f32, 100.0 * i as f32]).collect();
+        assert_eq!(Picture { width: 1, height: 200, n_cols: 3, values }.peak(), 1980.0);
+    }
+
+    #[test]
+    fn neighbors_in_the_plane_come_together() {
+        let picture = Picture { width: 1, height: 1, n_cols: 16, values: (0..16).map(|i| i as f32).collect() };
+        assert_eq!(picture.in_z_order().values[..8], [0.0, 1.0, 4.0, 5.0, 2.0, 3.0, 6.0, 7.0]);
+    }
+}
