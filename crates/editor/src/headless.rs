@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use clerestory_nystrom::rivals::Method;
 use clerestory_transport::bake::{Bake, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
@@ -93,7 +94,8 @@ fn options() -> BakeOptions {
         seed: 0,
         threads: None,
     };
-    BakeOptions { view, sky_patches: SkyForm::Patches(1), tolerance: 40.0, fast: true, exact: false, fresh: true }
+    let (sky_patches, method) = (SkyForm::Patches(1), Method::default());
+    BakeOptions { view, sky_patches, tolerance: 40.0, fast: true, exact: false, method, fresh: true }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {

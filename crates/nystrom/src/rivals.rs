@@ -105,7 +105,7 @@ pub enum Method {
     /// Every row by itself from random measurements of it, sparse in Haar's basis \[Peers2009\], \[Sen2009\].
     CompressedSensing,
     /// This crate's own: [`crate::compress()`] with all rows as samples, its result in `f16`. Asked for a rank
-    /// and not for a tolerance, it decomposes the whole matrix.
+    /// and not for a tolerance, it takes landmarks for a good deal more than that.
     #[default]
     Projected,
 }

@@ -270,3 +270,23 @@ fn a_file_that_is_replaced_while_it_is_read_is_one_of_both() {
         },
     );
 }
+
+#[test]
+fn a_half_done_bake_of_another_method_is_not_taken_up() {
+    use clerestory_nystrom::rivals::{Core, Method};
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport.part");
+    let (header, _) = part_of_fixture(&path);
+    let mut by_svd = header.clone();
+    by_svd.config.method = Method::Svd;
+    let Err(ArchiveError::OtherBake { difference, .. }) = Part::open(&path, by_svd.clone(), Restart::Resume) else {
+        panic!("another method was taken up")
+    };
+    assert!(difference.contains("options"), "{difference}");
+    // A method is kept by its name, and our own is not told.
+    let json = |header: &BakeHeader| serde_json::to_value(&header.config).unwrap();
+    assert_eq!((json(&header).get("method"), json(&by_svd)["method"].as_str()), (None, Some("svd")));
+    by_svd.config.method = Method::Alg4(Core::PseudoInverse { rcond: 0.01 });
+    let config: crate::bake::BakeConfig = serde_json::from_value(json(&by_svd)).unwrap();
+    assert_eq!(config, by_svd.config);
+}

@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use super::stage::{Stage, lambert, quad, room};
 use super::walks::{Mean, assert_same_mean, file_light};
-use crate::bake::{Bake, BakeConfig, BakeJob, Indirect, Passes};
+use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::{Camera, Film};
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::plan::{Density, MatrixPlan};

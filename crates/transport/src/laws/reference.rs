@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clerestory_nystrom::{Half, SampledMatrix};
 use rayon::prelude::*;
 
-use crate::bake::{Bake, BakeConfig, BakeJob, Indirect, Passes};
+use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::Film;
 use crate::import;
 use crate::matrix::{CHANNELS, TransportMatrix};

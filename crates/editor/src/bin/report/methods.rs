@@ -40,14 +40,16 @@ pub fn write(desk: &Desk) -> Result<String> {
         text +=
             &section(desk, &format!("`{name}` of the shared matrices"), &Picture::shared(&path)?, desk.choose(6, 1));
     }
-    let spp = desk.choose(16, 256);
-    desk.say(&format!("sampling the matrix of mixed.glb with {spp} samples per pixel and half"));
-    let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 64, height: 48 });
-    let (picture, noise) = own::sampled(&desk.root.join("assets/scenes/mixed.glb"), film, spp)?;
-    let noise_db = decibels(picture.peak(), noise);
-    let title =
-        format!("`assets/scenes/mixed.glb`, {spp} samples per pixel and half, itself noisy at {noise_db:.1} dB");
-    text += &section(desk, &title, &picture, desk.choose(2, 1));
+    let (film, spp) = desk.choose((Film { width: 32, height: 32 }, 64), (Film { width: 64, height: 48 }, 256));
+    let scenes: &[&str] = desk.choose(&["diffuse"], &["diffuse", "mixed"]);
+    for name in scenes {
+        desk.say(&format!("sampling the matrix of {name}.glb with {spp} samples per pixel and half"));
+        let (picture, noise) = own::sampled(&desk.root.join(format!("assets/scenes/{name}.glb")), film, spp)?;
+        let noise_db = decibels(picture.peak(), noise);
+        let title =
+            format!("`assets/scenes/{name}.glb`, {spp} samples per pixel and half, {noise_db:.1} dB above its noise");
+        text += &section(desk, &title, &picture, desk.choose(2, 1));
+    }
     Ok(text)
 }
 
