@@ -88,7 +88,7 @@ fn figure(x: f64) -> String {
         "inf".into()
     } else if x == 0.0 {
         "0".into()
-    } else if (0.095..9.95).contains(&x) {
+    } else if (0.005..9.95).contains(&x) {
         format!("{x:.2}")
     } else if (9.95..999.5).contains(&x) {
         format!("{x:.0}")
@@ -147,16 +147,16 @@ fn core_of(method: Method) -> Option<Core> {
 fn own_table(measured: &[Measured]) -> String {
     let mut text = String::from(
         "## Ours\n\n\
-         Errors over the norm. *Allowed* is twice the optimum and 1e-6; *packed* has the rounding of stored factors on top.\n\n\
+         Shares of the norm. *Allowed* is twice the optimum and 1e-6; *packed* has the rounding of stored factors on top.\n\n\
          | case | rows × columns | rank asked for / kept | optimum | error | allowed | over the optimum | told by the halves | packed |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );
     for of_case in measured {
         let Measured { case, optimum, ours } = of_case;
-        let norm = if case.norm() > 0.0 { case.norm() } else { 1.0 };
+        let norm = case.norm();
         let [optimum, error, allowed, told, packed] =
             [*optimum, ours.error, 2.0 * optimum + FLOOR * norm, ours.told, ours.packed_error]
-                .map(|x| format!("{:.1e}", x / norm));
+                .map(|x| if x == 0.0 { "0".into() } else { format!("{:.1e}", x / norm) });
         text += &format!(
             "| {} | {} × {} | {} / {} | {optimum} | {error} | {allowed} | {} | {told} | {packed} |\n",
             case.name,
@@ -214,15 +214,15 @@ fn refusals() -> String {
         })
     };
     let (refusing, others): (Vec<Method>, Vec<Method>) = Method::ALL.into_iter().partition(|method| refused(*method));
-    let ours = odd.iter().filter_map(|(case, _)| Some(ours(case).err()?.to_string()));
+    let ours = odd.iter().map(|(case, _)| ours(case).map_or_else(|error| format!("“{error}”"), |_| "nothing".into()));
     let others: Vec<String> = others.iter().map(Method::to_string).collect();
     format!(
         "\n## Entries that are no numbers\n\n\
-         Not a number, infinity and minus infinity, one in a case, are refused by {} of {} methods{}. Ours says: {}.\n",
+         Not a number, infinity and minus infinity, one in a case, are refused by {} of {} methods{}. Of samples ours says:\n\n- {}\n",
         refusing.len(),
         Method::ALL.len(),
         if others.is_empty() { String::new() } else { format!(", not by {}", others.join(", ")) },
-        ours.map(|words| format!("“{words}”")).collect::<Vec<_>>().join(", "),
+        ours.collect::<Vec<_>>().join("\n- "),
     )
 }
 
