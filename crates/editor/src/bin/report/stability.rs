@@ -1,101 +1,17 @@
 //! Stability: every method on every matrix of the stress suite, in single and in double precision.
 
-use anyhow::{Context, Result};
+mod answer;
+
+use anyhow::Result;
 use clerestory_nystrom::Selection;
-use clerestory_nystrom::rivals::{Core, Method, MethodError, Real};
-use clerestory_nystrom::stress::{Case, Ours, cases, condition, ours, refused, rival};
+use clerestory_nystrom::rivals::{Core, Method};
+use clerestory_nystrom::stress::{cases, condition, ours, refused, rival};
 
 use super::desk::Desk;
+use answer::{Answer, FLOOR, Measured, figure, refusal};
 
 /// Of the cases and of the methods.
 const SEED: u64 = 1;
-/// An optimum below this share of the norm counts as this share: single precision does not hold less.
-const FLOOR: f64 = 1e-6;
-
-/// What a method made of a case.
-#[derive(Clone, Copy)]
-enum Answer {
-    /// Error over the optimum, and whether it is within twice the optimum and a millionth of the norm.
-    Error { ratio: f64, is_within: bool },
-    /// It named an entry that is no number.
-    Refused,
-    /// It found W without an inverse.
-    Singular,
-    /// It gave up for another reason.
-    GaveUp,
-}
-
-/// A case with what is known of it.
-struct Measured {
-    case: Case,
-    optimum: f64,
-    ours: Ours,
-}
-
-impl Measured {
-    fn new(case: Case) -> Result<Self> {
-        let ours = ours(&case).with_context(|| format!("the case {}", case.name))?;
-        Ok(Self { optimum: case.optimum(), case, ours })
-    }
-
-    fn answer(&self, error: f64) -> Answer {
-        let (norm, optimum) = (self.case.norm(), self.optimum);
-        let least = optimum.max(FLOOR * norm);
-        // A matrix of zeros that comes out as zeros.
-        let ratio = if error == 0.0 { 0.0 } else { error / least };
-        Answer::Error { ratio, is_within: error <= 2.0 * optimum + FLOOR * norm }
-    }
-
-    fn rival<S: Real>(&self, method: Method) -> Answer {
-        match rival::<S>(&self.case, method, SEED) {
-            Ok(error) => self.answer(error),
-            Err(error) => refusal(&error),
-        }
-    }
-}
-
-fn refusal(error: &MethodError) -> Answer {
-    match error {
-        MethodError::NonFinite { .. } => Answer::Refused,
-        MethodError::Singular { .. } => Answer::Singular,
-        _ => Answer::GaveUp,
-    }
-}
-
-impl Answer {
-    fn words(self) -> String {
-        match self {
-            Answer::Error { ratio, .. } => figure(ratio),
-            Answer::Refused => "refused".into(),
-            Answer::Singular => "singular".into(),
-            Answer::GaveUp => "gave up".into(),
-        }
-    }
-
-    /// For the worst and the middle of many: no answer is worse than any.
-    fn ratio(self) -> f64 {
-        if let Answer::Error { ratio, .. } = self { ratio } else { f64::INFINITY }
-    }
-
-    fn is_within(self) -> bool {
-        matches!(self, Answer::Error { is_within: true, .. })
-    }
-}
-
-/// Three digits at most, few characters at any magnitude.
-fn figure(x: f64) -> String {
-    if !x.is_finite() {
-        "inf".into()
-    } else if x == 0.0 {
-        "0".into()
-    } else if (0.005..9.95).contains(&x) {
-        format!("{x:.2}")
-    } else if (9.95..999.5).contains(&x) {
-        format!("{x:.0}")
-    } else {
-        format!("{x:.0e}")
-    }
-}
 
 /// Runs every method on every case.
 ///
