@@ -10,6 +10,8 @@ pub(crate) struct Fit {
     pub(crate) a: Dense<f32>,
     /// Second half, rows × components.
     pub(crate) b: Dense<f32>,
+    /// Landmark rows, of both halves' mean, from which the basis was found; 0 if it was found from one half alone.
+    pub(crate) n_landmarks: usize,
 }
 
 impl Fit {

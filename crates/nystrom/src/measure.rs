@@ -51,7 +51,7 @@ struct Pair<'a> {
 impl Measured {
     /// The components that pay, at most `limit`; with a goal no more than bring the truncation within half of it.
     pub(crate) fn new(means: &Means, of_a: &Fit, of_b: &Fit, limit: usize, goal: Option<f64>) -> Self {
-        let agreement = least_agreement(means);
+        let agreement = least_agreement(means, of_a.n_landmarks);
         let pair = Pair::new(of_a, of_b, agreement);
         let mut rank = pair.n_confirmed(agreement).min(limit);
         let left_out = pair.left_out(means);
@@ -162,12 +162,18 @@ fn inner_product(x: &Dense<f32>, y: &Dense<f32>) -> f64 {
 /// the optimal hard threshold \[Gavish2014\] and m is the greater side. The halves have twice the noise, so y is half as great
 /// in them, and the expected share is `(y² − β) / ((y + 1)(y + β))` with β = smaller / greater side: a third for
 /// a matrix of few columns, 0.2 for a square one.
-pub(crate) fn least_agreement(means: &Means) -> f64 {
+///
+/// Landmarks are rows of the mean, so bases that begin in their span know something of both halves. Of n columns of noise, a
+/// combination of L landmark rows can be chosen that agrees with the other half's by a share in proportion to √(L/n), and it makes up
+/// n in m + n of the component's energy: half of their product has to be confirmed beyond the threshold (without it, noise of
+/// 96 × 64 entries passed for a second component in some seeds; with all of it, weak components of 768 × 256 were missed).
+pub(crate) fn least_agreement(means: &Means, n_landmarks: usize) -> f64 {
     let (m, n) = (means.mean.n_rows as f64, means.mean.n_cols as f64);
     let beta = m.min(n) / m.max(n);
     let sum = beta + 1.0;
     let threshold = 2.0 * sum + 8.0 * beta / (sum + (beta * beta + 14.0 * beta + 1.0).sqrt());
     let excess = threshold - sum;
     let y = 0.25 * (excess + (excess * excess - 4.0 * beta).sqrt());
-    (y * y - beta) / ((y + 1.0) * (y + beta))
+    let known = 0.5 * (n_landmarks as f64 * n).sqrt() / (m + n);
+    (y * y - beta) / ((y + 1.0) * (y + beta)) + known
 }

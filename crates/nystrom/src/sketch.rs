@@ -26,6 +26,13 @@ pub(crate) enum Sketch {
     Rows,
 }
 
+impl Sketch {
+    /// Dimensions of the span that both halves begin in; 0 if each begins in its own.
+    pub(crate) fn n_landmarks(&self) -> usize {
+        if let Sketch::Landmarks { a, .. } = self { a.n_cols } else { 0 }
+    }
+}
+
 /// Mean-square goal of a block in the scaled units of [`Means`].
 pub(crate) fn allowed(means: &Means, tolerance: Tolerance) -> f64 {
     match tolerance {

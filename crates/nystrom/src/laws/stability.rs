@@ -56,3 +56,15 @@ fn every_tolerance_that_single_precision_holds_is_kept() {
         }
     }
 }
+
+#[test]
+fn noise_alone_is_no_more_than_one_component() {
+    // Landmarks know both halves a little; what they know must not pass for a signal. The first component is kept in any doubt.
+    for seed in 0..100 {
+        let of_noise = |case: &Case| ["noise 10", "noise alone"].contains(&case.name);
+        for case in cases(seed).into_iter().filter(of_noise) {
+            let rank = ours(&case).unwrap().rank;
+            assert!(rank <= 1, "{} of seed {seed}: rank {rank}", case.name);
+        }
+    }
+}
