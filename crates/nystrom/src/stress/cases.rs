@@ -132,8 +132,8 @@ fn scales(rng: &mut Random) -> Vec<Case> {
     let scaled = |scale: &dyn Fn(usize, usize) -> f64| {
         DMatrix::from_fn(SHAPE.0, SHAPE.1, |row, col| clean[(row, col)] * scale(row, col))
     };
-    let mut firefly = clean.clone();
-    firefly[(50, 20)] += 1e6;
+    let mut spike = clean.clone();
+    spike[(50, 20)] += 1e6;
     vec![
         exact("row scales 1e±12", scaled(&|row, _| of_row[row]), RANK),
         exact("column scales 1e±12", scaled(&|_, col| of_col[col]), RANK),
@@ -142,7 +142,7 @@ fn scales(rng: &mut Random) -> Vec<Case> {
         exact("scale 1e30", scaled(&|_, _| 1e30), RANK),
         exact("scale 1e-30", scaled(&|_, _| 1e-30), RANK),
         exact("denormal numbers", scaled(&|_, _| 1e-40), RANK),
-        exact("one entry of 1e6", firefly, RANK),
+        exact("one entry of 1e6", spike, RANK),
     ]
 }
 
@@ -171,9 +171,9 @@ fn noises(rng: &mut Random) -> Vec<Case> {
     ];
     let mut cases: Vec<Case> =
         levels.map(|(name, level)| noisy(exact(name, smooth(SHAPE, rng), RANK), level, rng)).into();
-    let mut firefly = noisy(exact("1e6 in one entry of one half", smooth(SHAPE, rng), RANK), 0.1, rng);
-    firefly.halves[0][(50, 20)] += 1e6;
-    cases.push(firefly);
+    let mut one_sided = noisy(exact("1e6 in one entry of one half", smooth(SHAPE, rng), RANK), 0.1, rng);
+    one_sided.halves[0][(50, 20)] += 1e6;
+    cases.push(one_sided);
     cases.push(noisy(exact("noise alone", DMatrix::zeros(SHAPE.0, SHAPE.1), RANK), 1.0, rng));
     cases
 }
