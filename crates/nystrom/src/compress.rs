@@ -13,6 +13,7 @@ use crate::{
     rivals::{self, Method, MethodError},
     run::Run,
     sparse::sparse_part,
+    unpacked::Unpacked,
 };
 
 /// How much a block may differ from the matrix.
@@ -86,12 +87,16 @@ impl Default for CompressConfig {
 #[non_exhaustive]
 pub enum CompressError {
     /// A sample is infinite or not a number.
-    #[error("row {row} of block {block} has a sample that is not finite; the matrix must return finite estimates")]
+    #[error(
+        "row {row}, column {col} of block {block} has a sample that is not finite; the matrix must return finite estimates"
+    )]
     NonFinite {
         /// Block.
         block: u32,
         /// Row, counted from the first row of the block.
         row: u32,
+        /// Column of the matrix.
+        col: u32,
     },
     /// The method that was asked for found no factors.
     #[error("block {block} has no factors by the method `{method}`: {source}")]
@@ -171,19 +176,37 @@ pub(crate) fn compress_group(
     block_idx: u32,
     means: &mut Means,
 ) -> Result<BlockFactors, CompressError> {
-    fill(means, samples, group, block_idx)?;
-    let mut rng = Random::new([config.seed, u64::from(block_idx)]);
     let mut factors = match config.method {
-        Method::Projected => factor(means, samples.bundle_len, group, config, rng),
-        method => rivals::block::factor(means, group.tolerance, config, rng.bits())
-            .map_err(|source| CompressError::Method { block: block_idx, method: method.to_string(), source })?,
+        Method::Projected => unpacked(samples, group, config, block_idx, means)?.packed(),
+        method => {
+            fill(means, samples, group, block_idx)?;
+            let mut rng = Random::new([config.seed, u64::from(block_idx)]);
+            rivals::block::factor(means, group.tolerance, config, rng.bits())
+                .map_err(|source| CompressError::Method { block: block_idx, method: method.to_string(), source })?
+        }
     };
     factors.n_samples = samples.n_samples.iter().sum();
     factors.sparse = sparse_part(samples.sparse, &group.columns, samples.n_samples);
     match factors.sparse.iter().find(|entry| !entry.value.is_finite()) {
-        Some(entry) => Err(CompressError::NonFinite { block: block_idx, row: entry.row }),
+        Some(entry) => {
+            let col = group.columns.start as u32 + entry.col;
+            Err(CompressError::NonFinite { block: block_idx, row: entry.row, col })
+        }
         None => Ok(factors),
     }
+}
+
+/// The factors of a group of columns of a block, before they are packed and without a sparse part.
+pub(crate) fn unpacked(
+    samples: &BlockSamples<'_>,
+    group: &ColumnGroup,
+    config: &CompressConfig,
+    block_idx: u32,
+    means: &mut Means,
+) -> Result<Unpacked, CompressError> {
+    fill(means, samples, group, block_idx)?;
+    let rng = Random::new([config.seed, u64::from(block_idx)]);
+    Ok(factor(means, samples.bundle_len, group, config, rng))
 }
 
 /// Takes over the columns of a group.
@@ -194,7 +217,7 @@ pub(crate) fn fill(
     block_idx: u32,
 ) -> Result<(), CompressError> {
     let filled = means.fill(samples.halves, samples.n_cols, &group.columns, samples.n_samples);
-    filled.map_err(|row| CompressError::NonFinite { block: block_idx, row: row as u32 })
+    filled.map_err(|[row, col]| CompressError::NonFinite { block: block_idx, row: row as u32, col: col as u32 })
 }
 
 fn check<M: SampledMatrix>(

@@ -157,8 +157,8 @@ pub(crate) fn add_scaled<T: RealField + Copy>(out: &mut [T], factor: T, x: &[T])
     }
 }
 
-/// Eigenvalues of a symmetric matrix, largest first, and their vectors as columns. Those below `1e-12` of the largest
-/// (singular values below `1e-6`) are left out.
+/// Eigenvalues of a symmetric matrix, largest first, and their vectors as columns. Those below `1e-14` of the largest
+/// (singular values below `1e-7`, which single precision does not hold) are left out.
 pub(crate) fn eigen(gram: &Dense<f64>) -> (Vec<f64>, Dense<f64>) {
     let k = gram.n_rows;
     if gram.data.iter().all(|&x| x == 0.0) {
@@ -167,7 +167,7 @@ pub(crate) fn eigen(gram: &Dense<f64>) -> (Vec<f64>, Dense<f64>) {
     let eigen = SymmetricEigen::new(DMatrix::from_column_slice(k, k, &gram.data));
     let mut order: Vec<usize> = (0..k).collect();
     order.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
-    let floor = 1e-12 * eigen.eigenvalues[order[0]].max(0.0);
+    let floor = 1e-14 * eigen.eigenvalues[order[0]].max(0.0);
     order.retain(|&i| eigen.eigenvalues[i] > floor);
     let values = order.iter().map(|&i| eigen.eigenvalues[i]).collect();
     let data = (0..k).flat_map(|row| order.iter().map(move |&i| (row, i))).map(|at| eigen.eigenvectors[at]).collect();
@@ -177,18 +177,21 @@ pub(crate) fn eigen(gram: &Dense<f64>) -> (Vec<f64>, Dense<f64>) {
 /// Adds an orthonormal basis of what the rows of `new` add to the span of the rows of `basis`.
 ///
 /// Gram–Schmidt with pivoting, "twice is enough" \[Giraud2005\]: the largest rest is taken next, so duplicates and zero rows
-/// fall out and no intersection matrix is ever inverted. Rests below `1e-5` of the largest new row count as zero.
+/// fall out and no intersection matrix is ever inverted. Rests below `1e-6` of their own row or below `3e-7` of the largest new
+/// row are rounding, and count as zero.
 pub(crate) fn extend_basis(basis: &mut Dense<f32>, mut new: Dense<f32>) {
     let norm = |row: &[f32]| dot(row, row);
-    let floor = 1e-10 * (0..new.n_rows).map(|row| norm(new.row(row))).fold(0.0, f32::max);
+    let whole: Vec<f32> = (0..new.n_rows).map(|row| norm(new.row(row))).collect();
+    let floor = 1e-13 * whole.iter().fold(0.0, |largest: f32, &x| largest.max(x));
     for _ in 0..if basis.n_rows > 0 { 2 } else { 0 } {
         let inside = product(coefficients(&new, basis).view(), basis.view());
         add_scaled(&mut new.data, -1.0, &inside.data);
     }
     for _ in 0..new.n_rows {
-        let norms = (0..new.n_rows).map(|row| norm(new.row(row)));
-        let Some((pivot, largest)) = norms.enumerate().max_by(|x, y| x.1.total_cmp(&y.1)) else { return };
-        if largest <= floor || basis.n_rows == basis.n_cols {
+        let rests = (0..new.n_rows).map(|row| (row, norm(new.row(row))));
+        let told = rests.filter(|&(row, rest)| rest > floor.max(1e-12 * whole[row]));
+        let Some((pivot, _)) = told.max_by(|x, y| x.1.total_cmp(&y.1)) else { return };
+        if basis.n_rows == basis.n_cols {
             return;
         }
         let mut direction = new.row(pivot).to_vec();

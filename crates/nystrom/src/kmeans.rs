@@ -132,4 +132,28 @@ mod tests {
         assert_eq!(chosen, [0, 2]);
         assert!(representatives(&points, &[0.0; 6], 5, &mut rng).is_empty());
     }
+
+    #[test]
+    fn the_key_alone_decides() {
+        let mut rng = Random::new([7, 0]);
+        let points = Dense { n_rows: 200, n_cols: 11, data: (0..2200).map(|_| rng.normal()).collect() };
+        let chosen = |key| representatives(&points, &[1.0; 200], 12, &mut Random::new([key, 1]));
+        assert_eq!(chosen(1), chosen(1));
+        assert_ne!(chosen(1), chosen(2));
+    }
+
+    #[test]
+    fn a_seed_is_chosen_by_its_squared_distance_from_those_before() {
+        // The first is practically always the heavy one; then 1 against 4, and never the heavy one again.
+        let points = Dense { n_rows: 3, n_cols: 1, data: vec![0.0f32, 1.0, 2.0] };
+        let n_keys = 4000;
+        let n_far = (0..n_keys).filter(|&key| {
+            let seeds = seeds(&points, &[1e9, 1.0, 1.0], 2, &mut Random::new([key, 2]));
+            assert_eq!(seeds.data[0], 0.0);
+            seeds.data[1] == 2.0
+        });
+        let (mean, sd) = (0.8 * n_keys as f64, (0.16 * n_keys as f64).sqrt());
+        let z = (n_far.count() as f64 - mean) / sd;
+        assert!(z.abs() < 4.0, "{z} standard deviations from four in five");
+    }
 }

@@ -6,6 +6,8 @@ use std::{
 };
 
 mod adaptive;
+mod properties;
+mod stability;
 
 use crate::{
     dense::Dense,
@@ -353,13 +355,23 @@ fn a_bright_sample_that_one_half_alone_holds_is_no_component() {
 }
 
 #[test]
-fn odd_samples_are_an_error_that_names_the_row() {
+fn odd_samples_are_an_error_that_names_row_and_column() {
     let matrix = Known::new(decaying(96, 20, 3, 0.5, &mut Random::new([38, 0])), 3, 0.0);
-    let [mut a, b] = matrix.halves(1);
-    a[20 * 50 + 7] = f32::NAN;
-    let samples = BlockSamples { halves: [&b, &a], sparse: [&[]; 2], n_cols: 20, bundle_len: 3, n_samples: [1; 2] };
-    let result = compress_block(&samples, &config(Tolerance::Rank(3), 20, 1), 9);
-    assert_eq!(result, Err(CompressError::NonFinite { block: 9, row: 50 }));
+    let mut config = config(Tolerance::Rank(3), 20, 1);
+    config.groups[0].columns = 5..20;
+    for odd in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let [mut a, b] = matrix.halves(1);
+        let entry = [SparseEntry { row: 50, col: 11, value: odd }];
+        let samples =
+            BlockSamples { halves: [&b; 2], sparse: [&[], &entry], n_cols: 20, bundle_len: 3, n_samples: [1; 2] };
+        let named = Err(CompressError::NonFinite { block: 9, row: 50, col: 11 });
+        assert_eq!(compress_block(&samples, &config, 9), named, "{odd} among the sparse entries");
+        a[20 * 50 + 11] = odd;
+        a[20 * 50 + 17] = f32::NAN;
+        // A column that is not asked for.
+        a[20 * 4 + 2] = odd;
+        assert_eq!(compress_block(&BlockSamples { halves: [&b, &a], ..samples }, &config, 9), named, "{odd}");
+    }
 }
 
 fn compress_all(matrix: &Known, config: &CompressConfig, n_threads: usize) -> Vec<Option<Vec<BlockFactors>>> {

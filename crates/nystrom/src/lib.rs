@@ -52,6 +52,8 @@ pub mod codec;
 pub mod compress;
 mod dense;
 pub mod factors;
+mod fit;
+mod growth;
 mod kmeans;
 pub mod landmarks;
 #[cfg(test)]
@@ -71,7 +73,9 @@ mod run;
 mod sketch;
 mod sparse;
 mod steer;
+pub mod stress;
 mod sums;
+mod unpacked;
 mod vector;
 
 pub use codec::{CodecError, decode_block, encode_block};

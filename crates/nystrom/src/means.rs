@@ -25,18 +25,19 @@ impl Means {
     /// Takes over some columns of the sums of both halves, each of so many samples.
     ///
     /// # Errors
-    /// The first row with a value that is not finite.
+    /// Row and column (both of `halves`) of a value that is not finite: the first row that has one.
     pub(crate) fn fill(
         &mut self,
         halves: [&[f32]; 2],
         n_cols: usize,
         columns: &Range<usize>,
         n_samples: [u32; 2],
-    ) -> Result<(), usize> {
+    ) -> Result<(), [usize; 2]> {
         let mut largest = 0.0f32;
         for row in 0..halves[0].len() / n_cols {
             for half in halves {
-                largest = largest.max(greatest_magnitude(&half[row * n_cols..][columns.clone()]).ok_or(row)?);
+                let values = &half[row * n_cols..][columns.clone()];
+                largest = largest.max(greatest_magnitude(values).map_err(|col| [row, columns.start + col])?);
             }
         }
         let exponent = if largest > 0.0 { f64::from(largest).log2().floor() as i32 } else { 0 };
@@ -95,17 +96,23 @@ impl Means {
     }
 }
 
-/// Two factors of a scale: one beyond the range of `f32` (sums near its limits) is applied in two steps.
+/// Two factors of a scale: one beyond the range of `f32` (sums near its limits) is applied in two steps, the first of which is
+/// a power of two and rounds nothing.
 fn in_two_steps(scale: f64) -> [f32; 2] {
-    if (scale as f32).is_normal() { [scale as f32, 1.0] } else { [scale.sqrt() as f32; 2] }
+    if (scale as f32).is_normal() {
+        return [scale as f32, 1.0];
+    }
+    let first = power_of_two((0.5 * scale.log2()) as i32);
+    [first as f32, (scale / first) as f32]
 }
 
-/// `None` if a value is not finite.
-fn greatest_magnitude(values: &[f32]) -> Option<f32> {
+/// # Errors
+/// The place of the first value that is not finite.
+fn greatest_magnitude(values: &[f32]) -> Result<f32, usize> {
     // As unsigned numbers, magnitudes keep their order, and whatever is not finite comes last.
     let bits = values.iter().fold(0, |greatest, x| (x.to_bits() & 0x7fff_ffff).max(greatest));
     let greatest = f32::from_bits(bits);
-    greatest.is_finite().then_some(greatest)
+    if greatest.is_finite() { Ok(greatest) } else { Err(values.iter().take_while(|x| x.is_finite()).count()) }
 }
 
 /// Less than eight values, and zeros.

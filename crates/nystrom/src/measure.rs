@@ -11,58 +11,17 @@
 //! The factors themselves are fitted to the mean of both halves. To first order in the noise they equal (F + G)/2; components
 //! so weak that one half does not find them are found better in the mean, so the figure errs on the cautious side.
 
-use crate::{dense::Dense, means::Means, product::product};
+use crate::{
+    dense::{Dense, dot},
+    fit::{Fit, front},
+    means::Means,
+    product::product,
+};
 
 /// Mean square of the rounding of both factors to the eleven bits of `f16`, relative to the kept energy.
 const PACKING: f64 = 2.2e-8;
-/// Relative energy that single precision cannot tell from zero.
+/// Share of what is there up to which a difference of energies in single precision has hardly a digit left.
 const ROUNDING: f64 = 1e-6;
-
-/// An orthonormal right basis, and both halves' coefficients in it.
-pub(crate) struct Fit {
-    /// Components × columns.
-    pub(crate) basis: Dense<f32>,
-    /// First half, rows × components.
-    pub(crate) a: Dense<f32>,
-    /// Second half, rows × components.
-    pub(crate) b: Dense<f32>,
-}
-
-impl Fit {
-    /// Mean of both halves' coefficients.
-    pub(crate) fn mean(&self) -> Dense<f32> {
-        let data = self.a.data.iter().zip(&self.b.data).map(|(x, y)| 0.5 * (x + y)).collect();
-        Dense { data, ..self.a }
-    }
-
-    /// Keeps at most `count` components: those that a single half made up come last. Returns how many are left.
-    pub(crate) fn keep(&mut self, count: usize) -> usize {
-        let (shared, [own_a, own_b]) = (self.shared(), self.own());
-        let one_sided = |r: usize| {
-            let difference = 0.25 * (own_a[r] + own_b[r] - 2.0 * shared[r]);
-            difference > shared[r]
-        };
-        let mut order = front(self.basis.n_rows, |r| !one_sided(r));
-        order.truncate(count);
-        self.reorder(&order);
-        order.len()
-    }
-
-    fn reorder(&mut self, order: &[usize]) {
-        self.basis = self.basis.gather_rows(order.iter().copied());
-        [&mut self.a, &mut self.b].into_iter().for_each(|half| *half = half.gather_cols(order));
-    }
-
-    /// ⟨A v, B v⟩ of each component v.
-    fn shared(&self) -> Vec<f64> {
-        products_by_column(&self.a, &self.b)
-    }
-
-    /// ‖A v‖² and ‖B v‖² of each component v.
-    fn own(&self) -> [Vec<f64>; 2] {
-        [&self.a, &self.b].map(|half| products_by_column(half, half))
-    }
-}
 
 /// What the two independent fits tell about the factors of their mean.
 pub(crate) struct Measured {
@@ -72,50 +31,129 @@ pub(crate) struct Measured {
     pub(crate) truncation: f64,
     /// Mean square per entry of the noise that stays.
     pub(crate) sampling: f64,
+    /// Mean square per entry of the rounding of packed factors.
+    pub(crate) packing: f64,
+}
+
+/// What two fits have in common, component by component, each in the order in which it keeps them.
+struct Pair<'a> {
+    fits: [&'a Fit; 2],
+    /// Those first that the other half confirms.
+    orders: [Vec<usize>; 2],
+    /// ⟨A v, B v⟩ of each component.
+    shared: [Vec<f64>; 2],
+    /// Energy of each component.
+    own: [Vec<f64>; 2],
+    /// ⟨component of A's fit, component of B's fit⟩
+    between: Dense<f64>,
 }
 
 impl Measured {
     /// The components that pay, at most `limit`; with a goal no more than bring the truncation within half of it.
     pub(crate) fn new(means: &Means, of_a: &Fit, of_b: &Fit, limit: usize, goal: Option<f64>) -> Self {
-        let agreement = least_agreement(means);
-        let (own_a, own_b) = (&of_a.own()[0], &of_b.own()[1]);
-        let (shared_a, shared_b) = (of_a.shared(), of_b.shared());
-        let order_a = front(own_a.len(), |r| shared_a[r] > agreement * own_a[r]);
-        let order_b = front(own_b.len(), |r| shared_b[r] > agreement * own_b[r]);
-        let pays = |shared: &[f64], own: &[f64]| {
-            let count = shared.iter().zip(own).filter(|(shared, own)| **shared > agreement * **own).count();
-            // The first is kept whenever it is there at all, so that doubt never empties a block.
-            count.max(usize::from(shared.iter().any(|shared| *shared > 0.0)))
-        };
-        let mut rank = pays(&shared_a, own_a).max(pays(&shared_b, own_b)).min(limit);
-        // ⟨component r of A's fit, component s of B's fit⟩
-        let between = {
-            let left = product(of_a.a.to_f64().t(), of_b.b.to_f64().view());
-            let right = product(of_a.basis.to_f64().view(), of_b.basis.to_f64().t());
-            Dense { data: left.data.iter().zip(&right.data).map(|(x, y)| x * y).collect(), ..left }
-        };
-        let energy: f64 = means.cross.iter().sum();
-        let sum =
-            |order: &[usize], values: &[f64], rank: usize| order.iter().take(rank).map(|&r| values[r]).sum::<f64>();
-        let common = |rank: usize| -> f64 {
-            let pairs = order_a.iter().take(rank).flat_map(|&r| order_b.iter().take(rank).map(move |&s| (r, s)));
-            pairs.map(|(r, s)| between.row(r)[s]).sum()
-        };
-        let truncation = |rank: usize| {
-            let rest = energy - sum(&order_a, &shared_a, rank) - sum(&order_b, &shared_b, rank) + common(rank);
-            if rest.abs() < ROUNDING * energy.abs() { 0.0 } else { rest }
-        };
+        let agreement = least_agreement(means, of_a.n_landmarks);
+        let pair = Pair::new(of_a, of_b, agreement);
+        let mut rank = pair.n_confirmed(agreement).min(limit);
+        let left_out = pair.left_out(means);
         let half_of_goal = goal.map(|goal| 0.5 * goal * means.n_entries());
-        while rank > 0 && half_of_goal.is_some_and(|half| truncation(rank - 1) <= half) {
+        while rank > 0 && half_of_goal.is_some_and(|half| left_out(rank - 1) <= half) {
             rank -= 1;
         }
-        let fitted = sum(&order_a, own_a, rank) + sum(&order_b, own_b, rank);
-        let difference = 0.25 * (fitted - 2.0 * common(rank));
-        let sampling = if difference < ROUNDING * 0.25 * fitted { 0.0 } else { difference };
+        let fitted = pair.fitted(rank);
         let per_entry = 1.0 / means.n_entries();
-        let truncation = (truncation(rank) + PACKING * 0.5 * fitted) * per_entry;
-        Self { rank, truncation, sampling: sampling * per_entry }
+        Self {
+            rank,
+            truncation: left_out(rank) * per_entry,
+            sampling: 0.25 * pair.difference(rank, fitted) * per_entry,
+            packing: PACKING * 0.5 * fitted * per_entry,
+        }
     }
+}
+
+impl<'a> Pair<'a> {
+    fn new(of_a: &'a Fit, of_b: &'a Fit, agreement: f64) -> Self {
+        let left = product(of_a.a.to_f64().t(), of_b.b.to_f64().view());
+        let right = product(of_a.basis.to_f64().view(), of_b.basis.to_f64().t());
+        let between = Dense { data: left.data.iter().zip(&right.data).map(|(x, y)| x * y).collect(), ..left };
+        let ([own_a, _], [_, own_b]) = (of_a.own(), of_b.own());
+        let (shared, own) = ([of_a.shared(), of_b.shared()], [own_a, own_b]);
+        let orders = [0, 1].map(|i| front(own[i].len(), |r| shared[i][r] > agreement * own[i][r]));
+        Self { fits: [of_a, of_b], orders, shared, own, between }
+    }
+
+    /// How many components of either half the other one confirms.
+    fn n_confirmed(&self, agreement: f64) -> usize {
+        let count = |i: usize| {
+            let confirmed = |(shared, own): &(&f64, &f64)| **shared > agreement * **own;
+            let count = self.shared[i].iter().zip(&self.own[i]).filter(confirmed).count();
+            // The first is kept whenever it is there at all, so that doubt never empties a block.
+            count.max(usize::from(self.shared[i].iter().any(|shared| *shared > 0.0)))
+        };
+        count(0).max(count(1))
+    }
+
+    fn width(&self) -> usize {
+        self.orders[0].len().max(self.orders[1].len())
+    }
+
+    /// One value of the component that a fit keeps as its r-th; 0 if it has fewer.
+    fn nth(&self, values: &[Vec<f64>; 2], fit: usize, r: usize) -> f64 {
+        self.orders[fit].get(r).map_or(0.0, |&at| values[fit][at])
+    }
+
+    fn between(&self, r: usize, s: usize) -> f64 {
+        let at = self.orders[0].get(r).zip(self.orders[1].get(s));
+        at.map_or(0.0, |(&r, &s)| self.between.row(r)[s])
+    }
+
+    /// ⟨A − F, B − G⟩ by rank. It is summed from the last component down: what the first hold would swallow it.
+    fn left_out(&self, means: &Means) -> impl Fn(usize) -> f64 + use<> {
+        let width = self.width();
+        let mut sums = vec![0.0; width + 1];
+        for r in (0..width).rev() {
+            let others: f64 = (0..r).map(|s| self.between(r, s) + self.between(s, r)).sum();
+            let own = self.nth(&self.shared, 0, r) + self.nth(&self.shared, 1, r);
+            sums[r] = sums[r + 1] + own - self.between(r, r) - others;
+        }
+        let energy: f64 = means.cross.iter().sum();
+        let mut outside = energy - sums[0];
+        if outside.abs() < ROUNDING * energy.abs() {
+            let [a, b] = [&means.a, &means.b];
+            outside = inner_product(&minus(a, &self.fit(0, width)), &minus(b, &self.fit(1, width)));
+        }
+        move |rank| outside + sums[rank.min(width)]
+    }
+
+    /// ‖F‖² + ‖G‖² of a rank.
+    fn fitted(&self, rank: usize) -> f64 {
+        (0..rank).map(|r| self.nth(&self.own, 0, r) + self.nth(&self.own, 1, r)).sum()
+    }
+
+    /// ‖F − G‖² of a rank; `fitted` is ‖F‖² + ‖G‖².
+    fn difference(&self, rank: usize, fitted: f64) -> f64 {
+        let common: f64 = (0..rank).flat_map(|r| (0..rank).map(move |s| (r, s))).map(|(r, s)| self.between(r, s)).sum();
+        let difference = fitted - 2.0 * common;
+        if difference.abs() >= ROUNDING * fitted {
+            return difference;
+        }
+        let rest = minus(&self.fit(0, rank), &self.fit(1, rank));
+        inner_product(&rest, &rest)
+    }
+
+    /// F or G of a rank, entry by entry.
+    fn fit(&self, i: usize, rank: usize) -> Dense<f32> {
+        let order = &self.orders[i][..rank.min(self.orders[i].len())];
+        let left = [&self.fits[0].a, &self.fits[1].b][i].gather_cols(order);
+        product(left.view(), self.fits[i].basis.gather_rows(order.iter().copied()).view())
+    }
+}
+
+fn minus(x: &Dense<f32>, y: &Dense<f32>) -> Dense<f32> {
+    Dense { data: x.data.iter().zip(&y.data).map(|(x, y)| x - y).collect(), ..*x }
+}
+
+fn inner_product(x: &Dense<f32>, y: &Dense<f32>) -> f64 {
+    (0..x.n_rows).map(|row| f64::from(dot(x.row(row), y.row(row)))).sum()
 }
 
 /// Share of a half's component that the other half must confirm for it to pay in the mean of both.
@@ -124,29 +162,18 @@ impl Measured {
 /// the optimal hard threshold \[Gavish2014\] and m is the greater side. The halves have twice the noise, so y is half as great
 /// in them, and the expected share is `(y² − β) / ((y + 1)(y + β))` with β = smaller / greater side: a third for
 /// a matrix of few columns, 0.2 for a square one.
-pub(crate) fn least_agreement(means: &Means) -> f64 {
+///
+/// Landmarks are rows of the mean, so bases that begin in their span know something of both halves. Of n columns of noise, a
+/// combination of L landmark rows can be chosen that agrees with the other half's by a share in proportion to √(L/n), and it makes up
+/// n in m + n of the component's energy: half of their product has to be confirmed beyond the threshold (without it, noise of
+/// 96 × 64 entries passed for a second component in some seeds; with all of it, weak components of 768 × 256 were missed).
+pub(crate) fn least_agreement(means: &Means, n_landmarks: usize) -> f64 {
     let (m, n) = (means.mean.n_rows as f64, means.mean.n_cols as f64);
     let beta = m.min(n) / m.max(n);
     let sum = beta + 1.0;
     let threshold = 2.0 * sum + 8.0 * beta / (sum + (beta * beta + 14.0 * beta + 1.0).sqrt());
     let excess = threshold - sum;
     let y = 0.25 * (excess + (excess * excess - 4.0 * beta).sqrt());
-    (y * y - beta) / ((y + 1.0) * (y + beta))
-}
-
-/// Indices below `count`, those that fulfill a condition first; their order is kept otherwise.
-fn front(count: usize, is_first: impl Fn(usize) -> bool) -> Vec<usize> {
-    let (mut order, rest): (Vec<usize>, Vec<usize>) = (0..count).partition(|&r| is_first(r));
-    order.extend(rest);
-    order
-}
-
-fn products_by_column(x: &Dense<f32>, y: &Dense<f32>) -> Vec<f64> {
-    let mut sums = vec![0.0; x.n_cols];
-    for row in 0..x.n_rows {
-        for (sum, (x, y)) in sums.iter_mut().zip(x.row(row).iter().zip(y.row(row))) {
-            *sum += f64::from(*x) * f64::from(*y);
-        }
-    }
-    sums
+    let known = 0.5 * (n_landmarks as f64 * n).sqrt() / (m + n);
+    (y * y - beta) / ((y + 1.0) * (y + beta)) + known
 }

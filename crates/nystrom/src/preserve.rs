@@ -4,7 +4,7 @@
 //! the one that is asked for most. So the left factor takes the residual of that one product: the least change (in the
 //! Frobenius norm) for which `left · right · x` is what was sampled.
 
-use crate::{dense::Dense, means::Means, measure::Fit};
+use crate::{dense::Dense, fit::Fit, means::Means};
 
 /// Least share of the preserved direction that the basis must hold to carry its residual.
 const LEAST_SHARE: f64 = 0.25;

@@ -11,13 +11,14 @@ use std::array;
 use crate::{
     compress::{ColumnGroup, CompressConfig, Tolerance},
     dense::{Dense, eigen},
-    factors::{BlockError, BlockFactors},
+    fit::Fit,
     means::Means,
-    measure::{Fit, Measured, least_agreement},
+    measure::{Measured, least_agreement},
     preserve::preserve,
     product::{coefficients, combinations, power_step, product},
     random::Random,
     sketch::{Sketch, allowed, rank_limit, sketch},
+    unpacked::Unpacked,
 };
 
 /// Components that the refinement may carry beyond those that seem to pay.
@@ -30,7 +31,7 @@ pub(crate) fn factor(
     group: &ColumnGroup,
     config: &CompressConfig,
     rng: Random,
-) -> BlockFactors {
+) -> Unpacked {
     let ColumnGroup { tolerance, preserved, .. } = group;
     let limit = limit(means, config, *tolerance);
     let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, *tolerance, config, rng);
@@ -39,15 +40,15 @@ pub(crate) fn factor(
     of_mean.keep(measured.rank);
     let mut left = of_mean.mean();
     let added = preserve(means, &mut of_mean, &mut left, preserved);
-    let rank = left.n_cols;
-    left.data.iter_mut().for_each(|x| *x = (f64::from(*x) * means.unit) as f32);
-    let mut factors =
-        BlockFactors::from_f32(&left.data, &of_mean.basis.data, means.mean.n_rows, means.mean.n_cols, rank);
-    let (truncation, sampling) = (measured.truncation + added[0], measured.sampling + added[1]);
-    let [truncation, sampling, noise] =
-        [truncation, sampling, means.noise_per_entry()].map(|x| (x * means.unit * means.unit) as f32);
-    factors.error = BlockError { truncation, sampling, noise };
-    factors
+    Unpacked {
+        left,
+        right: of_mean.basis,
+        unit: means.unit,
+        truncation: measured.truncation + added[0],
+        sampling: measured.sampling + added[1],
+        noise: means.noise_per_entry(),
+        packing: measured.packing,
+    }
 }
 
 /// The noise of the factors' samples over what is allowed, as one half expects it from its own two parts (`means` holds
@@ -100,32 +101,37 @@ fn fitted<const N: usize>(
     mut rng: Random,
 ) -> [Fit; N] {
     let limit = limit(means, config, tolerance);
-    let bases = if means.mean.data.iter().all(|&x| x == 0.0) || limit == 0 {
-        array::from_fn(|_| Dense::zeros(0, means.mean.n_cols))
-    } else {
-        let sketch = sketch(means, bundle_len, tolerance, config, &mut rng);
-        bases(means, &sketch, allowed(means, tolerance), limit)
-    };
-    fits(means, bases)
+    if means.mean.data.iter().all(|&x| x == 0.0) || limit == 0 {
+        return fits(means, array::from_fn(|_| Dense::zeros(0, means.mean.n_cols)), 0);
+    }
+    let sketch = sketch(means, bundle_len, tolerance, config, &mut rng);
+    fits(means, bases(means, &sketch, allowed(means, tolerance), limit), sketch.n_landmarks())
 }
 
 /// Orthonormal right bases of A, of B and of their mean, largest component first, a little wider than what seems to pay.
 fn bases<const N: usize>(means: &Means, sketch: &Sketch, goal: f64, limit: usize) -> [Dense<f32>; N] {
     match sketch {
         Sketch::Rows => array::from_fn(|i| principal(&[&means.a, &means.b, &means.mean][i].to_f64())),
-        Sketch::Columns => refined(means, &means.a, &means.b, goal, limit),
-        Sketch::Landmarks { a, b } => refined(means, a, b, goal, limit),
+        Sketch::Columns => refined(means, [&means.a, &means.b], 0, goal, limit),
+        Sketch::Landmarks { a, b } => refined(means, [a, b], sketch.n_landmarks(), goal, limit),
     }
 }
 
 /// Two steps from the coefficients of all rows back to the columns. Each half's basis is made of its own rows alone: the
 /// landmarks, which both have in common, only say where to begin, and what their noise brought fades with each step.
-fn refined<const N: usize>(means: &Means, a: &Dense<f32>, b: &Dense<f32>, goal: f64, limit: usize) -> [Dense<f32>; N] {
-    let [a, b] = [a, b].map(Dense::to_f64);
+fn refined<const N: usize>(
+    means: &Means,
+    halves: [&Dense<f32>; 2],
+    n_landmarks: usize,
+    goal: f64,
+    limit: usize,
+) -> [Dense<f32>; N] {
+    let [a, b] = halves.map(Dense::to_f64);
     let cross = product(a.t(), b.view());
     let grams = [&a, &b].map(|half| product(half.t(), half.view()));
     let [half_a, half_b] = grams.each_ref().map(eigen);
-    let worth = |half: &Eigen| worth(half, &cross, least_agreement(means), 0.125 * goal * means.n_entries());
+    let worth =
+        |half: &Eigen| worth(half, &cross, least_agreement(means, n_landmarks), 0.125 * goal * means.n_entries());
     let width = (worth(&half_a).max(worth(&half_b)) + OVERSAMPLING).min(limit + OVERSAMPLING);
     let mut all = vec![(&a, half_a, &means.a), (&b, half_b, &means.b)];
     let mut mean = Dense::zeros(0, 0);
@@ -190,7 +196,7 @@ fn signals(vectors: &Dense<f64>, cross: &Dense<f64>) -> Vec<f64> {
 }
 
 /// Both halves met with all bases at once: reading the halves is what costs.
-fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N]) -> [Fit; N] {
+fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N], n_landmarks: usize) -> [Fit; N] {
     let mut all = Dense::zeros(0, means.mean.n_cols);
     for basis in &bases {
         all.data.extend_from_slice(&basis.data);
@@ -202,6 +208,6 @@ fn fits<const N: usize>(means: &Means, bases: [Dense<f32>; N]) -> [Fit; N] {
         let columns = first..first + basis.n_rows;
         first = columns.end;
         let [a, b] = [&with_a, &with_b].map(|with| with.cols(columns.clone()));
-        Fit { basis, a, b }
+        Fit { basis, a, b, n_landmarks }
     })
 }

@@ -42,6 +42,7 @@ mod svd;
 pub use nalgebra::DMatrix;
 
 pub use approximation::Approximation;
+pub(crate) use cross::landmarks;
 #[cfg(test)]
 pub(crate) use cross::with_core;
 pub use names::UnknownMethod;

@@ -30,7 +30,7 @@ pub(super) fn cross<S: Real>(
 }
 
 /// Rows and columns of a dense matrix; a bundle is a row.
-pub(super) fn landmarks<S: Real>(
+pub(crate) fn landmarks<S: Real>(
     matrix: &DMatrix<S>,
     selection: Selection,
     count: usize,

@@ -1,5 +1,5 @@
-//! The one command that writes `docs/benchmarks.md`, and the measured part of `docs/reliability.md`: it measures, and writes
-//! down what it measured, section by section.
+//! The one command that writes `docs/benchmarks.md`, and the measured parts of `docs/reliability.md` and `docs/stability.md`: it
+//! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [SECTION]…`
 //!
 //! Without a section it runs all of them; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
@@ -15,8 +15,9 @@ mod page;
 mod rays;
 mod reference;
 mod skips;
+mod stability;
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
@@ -30,8 +31,9 @@ struct Section {
     write: fn(&Desk) -> Result<String>,
 }
 
-/// The section that has a page of its own.
-const RELIABILITY: &str = "reliability";
+/// Sections that are part of a page written by hand, `docs/NAME.md`.
+const OWN_PAGES: [Section; 2] =
+    [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
 const SECTIONS: [Section; 5] = [
@@ -45,10 +47,7 @@ const SECTIONS: [Section; 5] = [
 fn main() -> ExitCode {
     let (flags, names): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|arg| arg.starts_with("--"));
     match report(&flags, &names) {
-        Ok(path) => {
-            complain(&format!("wrote {}", path.display()));
-            ExitCode::SUCCESS
-        }
+        Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             complain(&format!("report: {error:#}"));
             ExitCode::FAILURE
@@ -61,8 +60,8 @@ fn complain(words: &str) {
     eprintln!("{words}");
 }
 
-fn report(flags: &[String], names: &[String]) -> Result<PathBuf> {
-    let known = || SECTIONS.iter().map(|section| section.name).chain([RELIABILITY]);
+fn report(flags: &[String], names: &[String]) -> Result<()> {
+    let known = || SECTIONS.iter().chain(&OWN_PAGES).map(|section| section.name);
     if let Some(flag) = flags.iter().find(|flag| *flag != "--quick") {
         anyhow::bail!("no option `{flag}`; there is --quick");
     }
@@ -70,23 +69,31 @@ fn report(flags: &[String], names: &[String]) -> Result<PathBuf> {
         anyhow::bail!("no section `{name}`; there are: {}", known().collect::<Vec<_>>().join(", "));
     }
     let desk = Desk::new(!flags.is_empty())?;
-    let out = desk.root.join("docs/benchmarks.md");
-    if names.is_empty() || names.iter().any(|name| name == RELIABILITY) {
-        let path = desk.root.join("docs/reliability.md");
-        let text = kills::write(&desk).with_context(|| format!("cannot measure the section {RELIABILITY}"))?;
+    let asked = |section: &&Section| names.is_empty() || names.iter().any(|name| name == section.name);
+    let measured = |section: &Section| {
+        (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))
+    };
+    for section in OWN_PAGES.iter().filter(asked) {
+        let path = desk.root.join(format!("docs/{}.md", section.name));
+        let text = measured(section)?;
         let page = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let page =
-            page::replaced(&page, RELIABILITY, text.trim_end()).context("docs/reliability.md has lost its marks")?;
-        std::fs::write(&path, page).with_context(|| format!("cannot write {}", path.display()))?;
-        complain(&format!("wrote {}", path.display()));
+        let page = page::replaced(&page, section.name, text.trim_end())
+            .with_context(|| format!("{} has lost its marks", path.display()))?;
+        put(&path, &page)?;
     }
-    for section in SECTIONS.iter().filter(|section| names.is_empty() || names.iter().any(|name| name == section.name)) {
-        let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
+    let path = desk.root.join("docs/benchmarks.md");
+    for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
-        let text = format!("{}\n\n{}", desk.provenance(section.name), text.trim_end());
-        let mut page = Page::parse(&std::fs::read_to_string(&out).unwrap_or_default());
+        let text = format!("{}\n\n{}", desk.provenance(section.name), measured(section)?.trim_end());
+        let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
         page.put(section.name, text);
-        std::fs::write(&out, page.text(known())).with_context(|| format!("cannot write {}", out.display()))?;
+        put(&path, &page.text(known()))?;
     }
-    Ok(out)
+    Ok(())
+}
+
+fn put(path: &Path, page: &str) -> Result<()> {
+    std::fs::write(path, page).with_context(|| format!("cannot write {}", path.display()))?;
+    complain(&format!("wrote {}", path.display()));
+    Ok(())
 }

@@ -1,0 +1,172 @@
+//! Stability: every method on every matrix of the stress suite, in single and in double precision.
+
+mod answer;
+
+use anyhow::Result;
+use clerestory_nystrom::Selection;
+use clerestory_nystrom::rivals::{Core, Method};
+use clerestory_nystrom::stress::{cases, condition, ours, refused, rival};
+
+use super::desk::Desk;
+use answer::{Answer, FLOOR, Measured, figure, refusal};
+
+/// Of the cases and of the methods.
+const SEED: u64 = 1;
+
+/// Runs every method on every case.
+///
+/// # Errors
+/// If our own method has no answer to one of them.
+pub fn write(desk: &Desk) -> Result<String> {
+    desk.say("compressing the cases of the stress suite");
+    let measured = cases(SEED).into_iter().map(Measured::new).collect::<Result<Vec<_>>>()?;
+    let mut answers: Vec<(Method, Vec<[Answer; 2]>)> = Vec::new();
+    for method in Method::ALL {
+        desk.say(&format!("running {method}"));
+        let both = |measured: &Measured| [measured.rival::<f32>(method), measured.rival::<f64>(method)];
+        answers.push((method, measured.iter().map(both).collect()));
+    }
+    let mut text = format!("{}\n\n{}", desk.provenance("stability"), own_table(&measured));
+    text += &summary(&measured, &answers);
+    text += &refusals();
+    for (title, selection) in [
+        ("Algorithm 1: random rows, columns by k-means", Some(Selection::Alg1)),
+        ("Algorithm 2: random columns, rows by k-means", Some(Selection::Alg2)),
+        ("Algorithm 3: random rows and columns", Some(Selection::Alg3)),
+        ("Algorithm 4: rows and columns by k-means in turn", Some(Selection::Alg4)),
+        ("Other methods", None),
+    ] {
+        let of_table = answers.iter().filter(|(method, _)| selection_of(*method) == selection);
+        text += &table(title, selection, &measured, &of_table.collect::<Vec<_>>());
+    }
+    Ok(text)
+}
+
+/// The algorithm whose intersection W a method has; `None` if its name does not begin with one.
+fn selection_of(method: Method) -> Option<Selection> {
+    match method {
+        Method::Alg1(_) => Some(Selection::Alg1),
+        Method::Alg2(_) => Some(Selection::Alg2),
+        Method::Alg3(_) => Some(Selection::Alg3),
+        Method::Alg4(_) => Some(Selection::Alg4),
+        _ => None,
+    }
+}
+
+fn core_of(method: Method) -> Option<Core> {
+    match method {
+        Method::Alg1(core) | Method::Alg2(core) | Method::Alg3(core) | Method::Alg4(core) => Some(core),
+        _ => None,
+    }
+}
+
+fn own_table(measured: &[Measured]) -> String {
+    let mut text = String::from(
+        "## Ours\n\n\
+         Shares of the norm. *Allowed* is twice the optimum and 1e-6; *packed* has the rounding of stored factors on top.\n\n\
+         | case | rows × columns | rank asked for / kept | optimum | error | allowed | over the optimum | told by the halves | packed |\n\
+         |---|---|---|---|---|---|---|---|---|\n",
+    );
+    for of_case in measured {
+        let Measured { case, optimum, ours } = of_case;
+        let norm = case.norm();
+        let [optimum, error, allowed, told, packed] =
+            [*optimum, ours.error, 2.0 * optimum + FLOOR * norm, ours.told, ours.packed_error]
+                .map(|x| if x == 0.0 { "0".into() } else { format!("{:.1e}", x / norm) });
+        text += &format!(
+            "| {} | {} × {} | {} / {} | {optimum} | {error} | {allowed} | {} | {told} | {packed} |\n",
+            case.name,
+            case.truth.nrows(),
+            case.truth.ncols(),
+            case.rank,
+            ours.rank,
+            of_case.answer(ours.error).words(),
+        );
+    }
+    text
+}
+
+fn summary(measured: &[Measured], answers: &[(Method, Vec<[Answer; 2]>)]) -> String {
+    let mut text = format!(
+        "\n## All methods\n\n\
+         Of {} cases: how many are within twice the optimum and 1e-6 of the norm, the median of the error over the optimum, and the\n\
+         worst; in single / double precision.\n\n\
+         | method | within the bound | median | worst | where |\n|---|---|---|---|---|\n",
+        measured.len()
+    );
+    let own: Vec<Answer> = measured.iter().map(|measured| measured.answer(measured.ours.error)).collect();
+    let names: Vec<&str> = measured.iter().map(|measured| measured.case.name).collect();
+    let (within, median, worst, at) = summed(&own, &names);
+    text += &format!("| **ours, before packing** (both halves) | {within} | {median} | {worst} | {at} |\n");
+    for (method, of_cases) in answers {
+        let [single, double] = [0, 1].map(|precision| {
+            let one: Vec<Answer> = of_cases.iter().map(|both| both[precision]).collect();
+            summed(&one, &names)
+        });
+        text += &format!(
+            "| {method} | {} / {} | {} / {} | {} / {} | {} / {} |\n",
+            single.0, double.0, single.1, double.1, single.2, double.2, single.3, double.3
+        );
+    }
+    text
+}
+
+/// How many are within the bound, the median, the worst, and the case of the worst.
+fn summed(answers: &[Answer], names: &[&str]) -> (usize, String, String, String) {
+    let within = answers.iter().filter(|answer| answer.is_within()).count();
+    let mut order: Vec<usize> = (0..answers.len()).collect();
+    order.sort_by(|&i, &j| answers[i].ratio().total_cmp(&answers[j].ratio()));
+    let [middle, last] = [order[order.len() / 2], order[order.len() - 1]];
+    (within, answers[middle].words(), answers[last].words(), names[last].into())
+}
+
+/// Entries that are no numbers: who names them.
+fn refusals() -> String {
+    let odd = refused(SEED);
+    let refused = |method: Method| {
+        odd.iter().all(|(case, _)| {
+            let both = [rival::<f32>(case, method, SEED), rival::<f64>(case, method, SEED)];
+            both.iter().all(|answer| answer.as_ref().is_err_and(|error| matches!(refusal(error), Answer::Refused)))
+        })
+    };
+    let (refusing, others): (Vec<Method>, Vec<Method>) = Method::ALL.into_iter().partition(|method| refused(*method));
+    let ours = odd.iter().map(|(case, _)| ours(case).map_or_else(|error| format!("“{error}”"), |_| "nothing".into()));
+    let others: Vec<String> = others.iter().map(Method::to_string).collect();
+    format!(
+        "\n## Entries that are no numbers\n\n\
+         Not a number, infinity and minus infinity, one in a case, are refused by {} of {} methods{}. Of samples ours says:\n\n- {}\n",
+        refusing.len(),
+        Method::ALL.len(),
+        if others.is_empty() { String::new() } else { format!(", not by {}", others.join(", ")) },
+        ours.collect::<Vec<_>>().join("\n- "),
+    )
+}
+
+fn table(
+    title: &str,
+    selection: Option<Selection>,
+    measured: &[Measured],
+    answers: &[&(Method, Vec<[Answer; 2]>)],
+) -> String {
+    let mut text = format!("\n## {title}\n\n| case |");
+    if selection.is_some() {
+        text += " cond(W) |";
+    }
+    for (method, _) in answers {
+        let name = core_of(*method).map_or_else(|| method.to_string(), |core| core.to_string());
+        text += &format!(" {name} |");
+    }
+    text += &format!("\n|{}\n", "---|".repeat(answers.len() + 1 + usize::from(selection.is_some())));
+    for (i, Measured { case, .. }) in measured.iter().enumerate() {
+        text += &format!("| {} |", case.name);
+        if let Some(selection) = selection {
+            text += &format!(" {} |", figure(condition(case, selection, SEED)));
+        }
+        for (_, of_cases) in answers {
+            let [single, double] = of_cases[i].map(Answer::words);
+            text += &if single == double { format!(" {single} |") } else { format!(" {single} / {double} |") };
+        }
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,179 @@
+//! Laws that hold on any matrix: proptest makes them up, and makes those that break a law as small as they can be.
+
+use nalgebra::DMatrix;
+use proptest::{collection::vec, prelude::*, sample::Index};
+
+use super::decaying;
+use crate::{
+    random::Random,
+    stress::{Case, Ours, ours},
+};
+
+fn quick(cases: u32) -> ProptestConfig {
+    // Nothing is written beside the sources: a failure prints what it takes to repeat it.
+    ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// A matrix that is made of few numbers, so that it can be made simpler.
+#[derive(Clone, Copy, Debug)]
+struct Recipe {
+    n_bundles: usize,
+    bundle_len: usize,
+    n_cols: usize,
+    /// Each singular value over the one before.
+    decay: f32,
+    seed: u64,
+}
+
+fn recipes() -> impl Strategy<Value = Recipe> {
+    (1usize..40, 1usize..4, 1usize..80, 0.3f32..1.0, 0u64..1000)
+        .prop_map(|(n_bundles, bundle_len, n_cols, decay, seed)| Recipe { n_bundles, bundle_len, n_cols, decay, seed })
+}
+
+impl Recipe {
+    fn n_rows(&self) -> usize {
+        self.n_bundles * self.bundle_len
+    }
+
+    fn lesser_side(&self) -> usize {
+        self.n_rows().min(self.n_cols)
+    }
+
+    fn truth(&self) -> DMatrix<f32> {
+        let rng = &mut Random::new([self.seed, 71]);
+        let dense = decaying(self.n_rows(), self.n_cols, self.lesser_side(), self.decay, rng);
+        DMatrix::from_row_slice(self.n_rows(), self.n_cols, &dense.data)
+    }
+
+    fn case(&self, truth: DMatrix<f32>, rank: usize) -> Case {
+        Case { name: "made up", halves: [truth.clone(), truth.clone()], truth, bundle_len: self.bundle_len, rank }
+    }
+
+    /// A noise of this standard deviation on each half.
+    fn noisy(&self, truth: DMatrix<f32>, rank: usize, noise: f32) -> Case {
+        let rng = &mut Random::new([self.seed, 72]);
+        let mut case = self.case(truth, rank);
+        case.halves.iter_mut().flat_map(|half| half.iter_mut()).for_each(|x| *x += noise * rng.normal());
+        case
+    }
+}
+
+fn answer(case: &Case) -> Ours {
+    ours(case).unwrap()
+}
+
+/// What becomes of a row or a column.
+#[derive(Clone, Debug)]
+enum Fate {
+    Itself,
+    Zero,
+    /// A copy of some row times a power of two.
+    Copy(Index, i32),
+}
+
+fn fates() -> impl Strategy<Value = Fate> {
+    prop_oneof![
+        Just(Fate::Itself),
+        Just(Fate::Zero),
+        (any::<Index>(), -20i32..20).prop_map(|(of, exponent)| Fate::Copy(of, exponent)),
+    ]
+}
+
+/// Rows by their fates; those that no fate is told of stay.
+fn fated(matrix: &DMatrix<f32>, fates: &[Fate]) -> DMatrix<f32> {
+    DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |row, col| match fates.get(row) {
+        None | Some(Fate::Itself) => matrix[(row, col)],
+        Some(Fate::Zero) => 0.0,
+        Some(Fate::Copy(of, exponent)) => matrix[(of.index(matrix.nrows()), col)] * 2f32.powi(*exponent),
+    })
+}
+
+proptest! {
+    #![proptest_config(quick(150))]
+
+    #[test]
+    fn full_rank_is_exact_to_six_digits(recipe in recipes()) {
+        let case = recipe.case(recipe.truth(), recipe.lesser_side());
+        let ours = answer(&case);
+        prop_assert!(ours.error <= 1e-6 * case.norm(), "{} of {}", ours.error, case.norm());
+    }
+
+    #[test]
+    fn singular_matrices_survive(
+        recipe in recipes(), rows in vec(fates(), 0..60), cols in vec(fates(), 0..60), rank in 1usize..24,
+    ) {
+        let truth = fated(&fated(&recipe.truth(), &rows).transpose(), &cols).transpose();
+        let case = recipe.case(truth, rank);
+        let ours = answer(&case);
+        prop_assert!(ours.error <= case.allowed(), "{} where {} is allowed", ours.error, case.allowed());
+        prop_assert!(ours.told.is_finite() && ours.packed_error.is_finite(), "{ours:?}");
+    }
+
+    #[test]
+    fn more_components_are_never_worse(recipe in recipes(), rank in 1usize..20) {
+        let truth = recipe.truth();
+        let [fewer, more] = [rank, rank + 1].map(|rank| answer(&recipe.case(truth.clone(), rank)).error);
+        let slack = 1e-3 * fewer + 1e-6 * recipe.case(truth, rank).norm();
+        prop_assert!(more <= fewer + slack, "{fewer} with {rank}, {more} with one more");
+    }
+
+    #[test]
+    fn the_order_of_rows_and_columns_does_not_matter(
+        recipe in recipes(), rank in 1usize..20, noise in prop_oneof![Just(0f32), 0f32..0.3],
+    ) {
+        let case = recipe.noisy(recipe.truth(), rank, noise);
+        let rng = &mut Random::new([recipe.seed, 73]);
+        let mut shuffled = |n: usize| rng.choose(&(0..n).collect::<Vec<_>>(), n);
+        let (bundles, cols) = (shuffled(recipe.n_bundles), shuffled(recipe.n_cols));
+        let rows: Vec<usize> =
+            bundles.iter().flat_map(|bundle| (0..recipe.bundle_len).map(move |i| bundle * recipe.bundle_len + i)).collect();
+        let permuted = |matrix: &DMatrix<f32>| matrix.select_rows(&rows).select_columns(&cols);
+        let other = Case { truth: permuted(&case.truth), halves: case.halves.each_ref().map(permuted), ..case.clone() };
+        let [one, two] = [&case, &other].map(answer);
+        // Other landmarks are chosen. With noise, a component that hardly pays is kept in one order and dropped in the other.
+        let share = if noise == 0.0 { 0.02 } else { 0.25 };
+        let slack = share * one.error.max(two.error) + 1e-6 * case.norm();
+        prop_assert!((one.error - two.error).abs() <= slack, "{} and {}", one.error, two.error);
+    }
+
+    #[test]
+    fn powers_of_two_change_no_digit(recipe in recipes(), rank in 1usize..20, noise in 0f32..0.3, exponent in -60i32..=60) {
+        let case = recipe.noisy(recipe.truth(), rank, noise);
+        let scale = 2f32.powi(exponent);
+        let scaled = |matrix: &DMatrix<f32>| matrix * scale;
+        let other = Case { truth: scaled(&case.truth), halves: case.halves.each_ref().map(scaled), ..case.clone() };
+        let [one, two] = [&case, &other].map(answer);
+        let scale = f64::from(scale);
+        prop_assert_eq!(
+            Ours {
+                error: one.error * scale,
+                packed_error: one.packed_error * scale,
+                told: one.told * scale,
+                doubt: one.doubt * scale * scale,
+                unit: one.unit * scale,
+                ..one
+            },
+            two
+        );
+    }
+}
+
+/// What the halves tell of the error is a random number itself. It *holds* where the square of the error is no more than the square
+/// of what is told and three of its standard deviations, and it is of use where, over many seeds, it is right in the mean.
+#[test]
+fn what_is_told_of_the_error_holds_for_99_in_100_seeds() {
+    for (noise, rank) in [(0.01, 4), (0.1, 6), (0.5, 6)] {
+        let (mut held, mut told, mut truth) = (0, 0.0, 0.0);
+        for seed in 0..1000 {
+            let recipe = Recipe { n_bundles: 24, bundle_len: 2, n_cols: 32, decay: 0.6, seed };
+            let case = recipe.noisy(recipe.truth(), rank, noise);
+            let ours = answer(&case);
+            held += u32::from(ours.error.powi(2) <= ours.told.powi(2) + 3.0 * ours.doubt);
+            told += ours.told.powi(2);
+            truth += ours.error.powi(2);
+        }
+        eprintln!("noise {noise}: {held} of 1000 hold, {} in the mean", told / truth);
+        assert!(held >= 990, "noise {noise}: {held} of 1000 hold");
+        assert!((0.95..1.1).contains(&(told / truth)), "noise {noise}: told {told}, truth {truth}");
+    }
+}
