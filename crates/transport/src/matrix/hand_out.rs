@@ -94,7 +94,8 @@ mod tests {
             for (at, (after, before)) in plain.iter().zip(&before).enumerate() {
                 let (place, of_place) = (at / (CHANNELS * n_cols), at % (CHANNELS * n_cols));
                 let number = receivers.iter().position(|&receiver| receiver == place);
-                let share = |walk: usize| number.map_or(0.0, |n: usize| shares[walk * receivers.len() + n][of_place / n_cols]);
+                let share =
+                    |walk: usize| number.map_or(0.0, |n: usize| shares[walk * receivers.len() + n][of_place / n_cols]);
                 let got: f32 = (0..n_walks).map(|walk| share(walk) * light[walk * CHANNELS * n_cols + of_place]).sum();
                 assert!((after - before - got).abs() < 1e-5, "{n_cols} columns, entry {at}: {after} after {before}");
             }

@@ -113,9 +113,7 @@ impl Batch {
             let weight = cos * spread / (1.0 + ratio * ratio);
             let arrives = (cos_light > 0.0) & (cos > 0.0) & (above > 0.0) & (closeness < f32::MAX);
             points.weight[i] = if arrives { weight } else { 0.0 };
-            for axis in 0..3 {
-                points.position[axis][i] = at[axis];
-            }
+            points.position.iter_mut().zip(at).for_each(|(lanes, at)| lanes[i] = at);
         }
         points
     }
@@ -162,7 +160,7 @@ mod tests {
                 let target = corner + u_edge * u.x + v_edge * u.y;
                 let light = area_point(eye, target, normal, double_sided, area, Vec3::ONE).filter(|_| slot < n_picks);
                 let expected = light.map_or(0.0, |light| {
-                    let rate = picks[slot].inverse_rate;
+                    let rate = picks[0].inverse_rate;
                     let f_cos = Rivals::All { splits: rivals }.weigh(&white, light.wi, light.spread_sr * rate);
                     (f_cos * light.factor * rate).x / FRAC_1_PI
                 });
