@@ -1,7 +1,8 @@
 //! The seam: a matrix that is never stored, only sampled.
 //!
 //! Entries are Monte Carlo estimates. A caller says which rows, which of a row's independent samples, and which of two
-//! independent halves; the same question always gets the same answer.
+//! independent halves; the same question always gets the same answer. Rows that are asked for together may have noise in
+//! common within a half, so that a row's answer depends on the others of its question.
 
 use std::ops::Range;
 

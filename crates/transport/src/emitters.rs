@@ -97,6 +97,21 @@ pub enum Emitter {
     Constant,
 }
 
+/// A light, or a texel of one, that is a flat parallelogram without texture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plate {
+    pub corner: Vec3,
+    /// From the corner to its two neighbors, m.
+    pub edges: [Vec3; 2],
+    /// Unit normal of the shining side.
+    pub normal: Vec3,
+    /// In m².
+    pub area: f32,
+    pub double_sided: bool,
+    /// The white column's radiance.
+    pub white: Vec3,
+}
+
 /// A panel in world space: point(u, v) = origin + u · u_edge + v · v_edge.
 #[derive(Clone, Debug)]
 pub struct PanelEmitter {
@@ -137,6 +152,19 @@ impl PanelEmitter {
         let det = (uu * vv - uv * uv).max(f32::MIN_POSITIVE);
         let (du, dv) = (d.dot(self.u_edge), d.dot(self.v_edge));
         Vec2::new((vv * du - uv * dv) / det, (uu * dv - uv * du) / det)
+    }
+
+    /// A texel by its numbers along u and v; `None` under a texture.
+    pub(crate) fn plate(&self, texel: [u16; 2]) -> Option<Plate> {
+        let edges = [self.u_edge, self.v_edge].map(|edge| edge * self.texel_side);
+        (!self.textured).then(|| Plate {
+            corner: self.origin + edges[0] * f32::from(texel[0]) + edges[1] * f32::from(texel[1]),
+            edges,
+            normal: self.normal,
+            area: self.texel_area,
+            double_sided: self.double_sided,
+            white: Vec3::ONE,
+        })
     }
 
     /// Texel at (u, v), counted as in [`LightSource::columns`].

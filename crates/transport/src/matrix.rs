@@ -3,6 +3,9 @@
 //! Columns are scaled so that the 99.5 percentile of each is about 1 ([`TransportMatrix::column_scale`]): a dim or far lamp
 //! is then as exact, relative to its own light, as a bright one. Coefficients are divided by the same scale.
 
+mod hand_out;
+mod reuse;
+
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -276,8 +279,10 @@ impl SampledMatrix for TransportMatrix<'_> {
         out: &mut [f32],
         sparse: &mut Vec<SparseEntry>,
     ) {
-        let n_cols = self.n_cols();
-        let mut scratch = Scratch::default();
+        if self.irradiance.is_none() {
+            return self.add_pixels(bundles, samples, half, out, sparse);
+        }
+        let (n_cols, mut scratch) = (self.n_cols(), Scratch::default());
         let half = u64::from(half == Half::B);
         for (nth, (&pixel, rows)) in bundles.iter().zip(out.chunks_exact_mut(CHANNELS * n_cols)).enumerate() {
             let first_row = (nth * CHANNELS) as u32;

@@ -6,19 +6,26 @@
 
 mod gather;
 mod irradiance;
+mod plates;
+mod reuse;
 mod sky;
 mod slabs;
 
 pub(crate) use gather::Gathering;
 pub(crate) use irradiance::Receiver;
+pub(crate) use reuse::{Meeting, Start};
+
+use std::f32::consts::FRAC_1_PI;
 
 use glam::{Vec2, Vec3};
+
+use plates::{BATCH, Batch, Onlooker, Points};
 
 use crate::basis::SourceKind;
 use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
-use crate::emitters::{Emitter, SurfacePoint, punctual_falloff};
+use crate::emitters::{Emitter, Plate, SurfacePoint, punctual_falloff};
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
@@ -90,6 +97,10 @@ pub struct Integrator<'a, P> {
     plan: &'a P,
     bounces: u32,
     columns: Vec<ColumnPlace>,
+    /// The lights of columns that are sampled many at a time.
+    plates: Vec<Option<Plate>>,
+    /// Walks that leave the first surface of a pixel that shares them.
+    scouts: u32,
     /// Sources that shine where a walk meets no surface.
     beyond: Vec<u32>,
     far: f32,
@@ -184,10 +195,12 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             let texel = move |nth: u32| [(nth % side) as u16, (nth / side) as u16];
             (0..source.columns.len() as u32).map(move |nth| ColumnPlace { source: idx as u32, texel: texel(nth) })
         });
-        let columns = places.collect();
+        let columns: Vec<ColumnPlace> = places.collect();
+        let of_column = columns.iter().map(|place| (place.source, place.texel));
+        let plates = plates::of_columns(&scene.lighting.emitters, of_column);
         let beyond = sky::sources_beyond(&scene.lighting);
-        let far = 4.0 * scene.diameter();
-        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, beyond, far }
+        let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
+        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, plates, scouts, beyond, far }
     }
 
     /// Scattering events beyond the first at most.
@@ -268,24 +281,43 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     ) -> bool {
         let mut splits = 1;
         if bsdf.has_smooth_lobes() && !self.is_spent(walk) {
-            let vertex = match walk.sampled_at {
-                None => Vertex::First,
-                Some(_) => self.plan.later(hit.position, || walk.throughput.max_element() * bsdf.peak_estimate()),
-            };
-            splits = if vertex == Vertex::First { self.plan.splits() } else { 1 };
-            self.connect(walk, (vertex, Rivals::All { splits }), (hit, bsdf), sampler, scratch, deposit);
-            walk.sampled_at = Some(vertex);
-            walk.throughput /= splits as f32;
-            walk.share /= splits as f32;
+            if walk.sampled_at.is_none() {
+                splits = self.plan.splits();
+                self.connect_first(walk, splits, (hit, bsdf), sampler, scratch, deposit);
+            } else {
+                let peak = || walk.throughput.max_element() * bsdf.peak_estimate();
+                let vertex = self.plan.later(hit.position, peak);
+                self.connect(walk, (vertex, Rivals::All { splits: 1 }), (hit, bsdf), sampler, scratch, deposit);
+                walk.sampled_at = Some(vertex);
+            }
         }
         // All continuations but the last are walks of their own.
         for split in 1..splits {
-            let (mut branch, mut own) = (*walk, sampler.fork(split));
+            let (mut branch, mut own) = (*walk, sampler.fork(split, splits));
             if self.scatter(&mut branch, hit, bsdf, splits, &mut own) {
                 self.follow(branch, &mut own, scratch, deposit);
             }
         }
+        if splits > 1 {
+            *sampler = sampler.fork(0, splits);
+        }
         self.scatter(walk, hit, bsdf, splits, sampler)
+    }
+
+    /// Connects the first vertex of a walk, which becomes one of `splits`, to the lights.
+    fn connect_first(
+        &self,
+        walk: &mut Walk,
+        splits: u32,
+        (hit, bsdf): (&SurfaceHit, &Bsdf),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        self.connect(walk, (Vertex::First, Rivals::All { splits }), (hit, bsdf), sampler, scratch, deposit);
+        walk.sampled_at = Some(Vertex::First);
+        walk.throughput /= splits as f32;
+        walk.share /= splits as f32;
     }
 
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.
@@ -421,55 +453,104 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let jitter = sampler.next_2d().map(bits_of);
         let roulette = bits_of(sampler.next_1d());
         let outward = hit.outward(-walk.direction);
-        let origin = hit.origin(outward);
-        let mut fan = Fan::new(origin);
-        // Roulette: a later connection that carries little is seldom asked for, and then carries more.
-        let worth_it = |value: Vec3, nth: usize, column: u32| {
-            let carried = value.max_element() * self.plan.worth(column);
-            if vertex == Vertex::First || carried >= 1.0 {
-                return Some(value);
-            }
-            let die = (roulette.wrapping_add((nth as u32).wrapping_mul(GOLDEN)) >> 8) as f32 / 16_777_216.0;
-            (die < carried).then(|| value / carried)
-        };
-        for (nth, pick) in scratch.picks.iter().enumerate() {
-            let u = jittered(jitter, nth as u32);
-            let light = self.light_point(pick.column, hit.position, u);
-            let arriving = |light: &LightPoint| {
-                let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
-                walk.throughput * f_cos * light.factor * pick.inverse_rate
-            };
-            if !self.scene.slabs.is_empty()
-                && let Some((light, route)) =
-                    self.light_behind_slabs(walk, (pick.column, hit.position, u), light.as_ref())
-                && let Some(value) = worth_it(arriving(&light), nth, pick.column)
-                && value.max_element() > 0.0
-            {
-                deposit.scattered(pick.column, value * self.passed_along(walk, hit, &light, &route));
-            }
-            let Some(light) = light else { continue };
-            let mut value = arriving(&light);
-            if value.max_element() <= 0.0 {
+        let joint = Joint { walk, vertex, rivals, hit, bsdf, outward, jitter, roulette };
+        let onlooker = if self.scene.is_airy() { joint.onlooker() } else { None };
+        let mut fan = Fan::new(hit.origin(outward));
+        let Scratch { picks, later } = scratch;
+        for (first, picks) in (0u32..).step_by(BATCH).zip(picks.chunks(BATCH)) {
+            let batch = onlooker.as_ref().and_then(|onlooker| Some((onlooker, Batch::of(picks, &self.plates)?)));
+            if let Some((onlooker, batch)) = batch {
+                let points = batch.points(onlooker, first);
+                self.connect_batch(&joint, (first, picks), &points, &mut fan, later, deposit);
                 continue;
             }
-            // Walks to the same lights are attenuated as well, but for those that never end.
-            if self.scene.attenuates && !light.beyond {
-                let extinction = self.extinction_towards(walk, hit, light.wi);
-                value *= (-extinction * light.target.distance(hit.position)).exp();
-            }
-            scratch.later[0] += u64::from(vertex != Vertex::First);
-            let Some(value) = worth_it(value, nth, pick.column) else {
-                scratch.later[1] += 1;
-                continue;
-            };
-            if light.wi.dot(outward) > 0.0 {
-                fan.push(self.scene, light.target, pick.column, value, deposit);
-            } else {
-                let behind = hit.origin(-outward);
-                deposit.scattered(pick.column, value * self.scene.transmittance(behind, light.target));
+            for (nth, pick) in (first..).zip(picks) {
+                self.connect_one(&joint, (nth, *pick), &mut fan, later, deposit);
             }
         }
         fan.flush(self.scene, deposit);
+    }
+
+    /// Connects a plain diffuse surface to points whose weights are known.
+    fn connect_batch(
+        &self,
+        joint: &Joint<'_>,
+        (first, picks): (u32, &[Pick]),
+        points: &Points,
+        fan: &mut Fan,
+        later: &mut [u64; 2],
+        deposit: &mut impl Deposit,
+    ) {
+        let color = joint.walk.throughput * joint.bsdf.base_albedo() * FRAC_1_PI;
+        for (slot, pick) in picks.iter().enumerate().filter(|(slot, _)| points.weight[*slot] > 0.0) {
+            let white = self.plates[pick.column as usize].as_ref().map_or(Vec3::ZERO, |plate| plate.white);
+            let value = color * white * points.weight[slot];
+            later[0] += u64::from(joint.vertex != Vertex::First);
+            match self.worth_it(joint, value, first + slot as u32, pick.column) {
+                Some(value) => fan.push(self.scene, points.position(slot), pick.column, value, deposit),
+                None => later[1] += 1,
+            }
+        }
+    }
+
+    /// Roulette: a later connection that carries little is seldom asked for, and then carries more.
+    #[inline]
+    fn worth_it(&self, joint: &Joint<'_>, value: Vec3, nth: u32, column: u32) -> Option<Vec3> {
+        if joint.vertex == Vertex::First {
+            return Some(value);
+        }
+        let carried = value.max_element() * self.plan.worth(column);
+        if carried >= 1.0 {
+            return Some(value);
+        }
+        let die = (joint.roulette.wrapping_add(nth.wrapping_mul(GOLDEN)) >> 8) as f32 / 16_777_216.0;
+        (die < carried).then(|| value / carried)
+    }
+
+    /// Connects a vertex to a point of one light.
+    fn connect_one(
+        &self,
+        joint: &Joint<'_>,
+        (nth, pick): (u32, Pick),
+        fan: &mut Fan,
+        later: &mut [u64; 2],
+        deposit: &mut impl Deposit,
+    ) {
+        let Joint { walk, vertex, rivals, hit, bsdf, outward, jitter, .. } = *joint;
+        let u = jittered(jitter, nth);
+        let light = self.light_point(pick.column, hit.position, u);
+        let arriving = |light: &LightPoint| {
+            let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
+            walk.throughput * f_cos * light.factor * pick.inverse_rate
+        };
+        if !self.scene.slabs.is_empty()
+            && let Some((light, route)) = self.light_behind_slabs(walk, (pick.column, hit.position, u), light.as_ref())
+            && let Some(value) = self.worth_it(joint, arriving(&light), nth, pick.column)
+            && value.max_element() > 0.0
+        {
+            deposit.scattered(pick.column, value * self.passed_along(walk, hit, &light, &route));
+        }
+        let Some(light) = light else { return };
+        let mut value = arriving(&light);
+        if value.max_element() <= 0.0 {
+            return;
+        }
+        // Walks to the same lights are attenuated as well, but for those that never end.
+        if self.scene.attenuates && !light.beyond {
+            let extinction = self.extinction_towards(walk, hit, light.wi);
+            value *= (-extinction * light.target.distance(hit.position)).exp();
+        }
+        later[0] += u64::from(vertex != Vertex::First);
+        let Some(value) = self.worth_it(joint, value, nth, pick.column) else {
+            later[1] += 1;
+            return;
+        };
+        if light.wi.dot(outward) > 0.0 {
+            fan.push(self.scene, light.target, pick.column, value, deposit);
+        } else {
+            let behind = hit.origin(-outward);
+            deposit.scattered(pick.column, value * self.scene.transmittance(behind, light.target));
+        }
     }
 
     /// A point on the light of a column, as seen from `position`; `None` where it sends nothing this way.
@@ -527,6 +608,39 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 self.sky_point(sky, column - first, position, u)
             }
         }
+    }
+}
+
+/// A vertex that is being connected to lights.
+struct Joint<'a> {
+    walk: &'a Walk,
+    vertex: Vertex,
+    rivals: Rivals,
+    hit: &'a SurfaceHit,
+    bsdf: &'a Bsdf,
+    /// Unit geometric normal on the side that the walk came from.
+    outward: Vec3,
+    /// Random offset of the lattice of points on lights.
+    jitter: [u32; 2],
+    /// The same of the numbers that roulette draws.
+    roulette: u32,
+}
+
+impl Joint<'_> {
+    /// What a plain diffuse surface sees; `None` for any other.
+    fn onlooker(&self) -> Option<Onlooker> {
+        let rivals = match self.rivals {
+            Rivals::All { splits } => splits as f32,
+            Rivals::Coat => 0.0,
+            Rivals::CoatAlone => return None,
+        };
+        self.bsdf.is_diffuse().then(|| Onlooker {
+            position: self.hit.position,
+            geometric_normal: self.outward,
+            shading_normal: self.bsdf.shading_normal(),
+            rivals,
+            jitter: self.jitter,
+        })
     }
 }
 
@@ -665,9 +779,11 @@ fn bits_of(u: f32) -> u32 {
 /// Steps of the golden ratio: numbers that neighbors draw are far apart.
 const GOLDEN: u32 = 0x9E37_79B9;
 
-/// The `nth` point of a lattice that is shifted by a random offset: every point is uniform, neighbors differ. \[Roberts2018\]
+/// Steps of a lattice in the plane whose points are far apart. \[Roberts2018\]
+const STEP: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
+
+/// The `nth` point of the lattice, shifted by a random offset: every point is uniform, neighbors differ.
 fn jittered(offset: [u32; 2], nth: u32) -> Vec2 {
-    const STEP: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
     let unit = |offset: u32, step: u32| (offset.wrapping_add(nth.wrapping_mul(step)) >> 8) as f32 / 16_777_216.0;
     Vec2::new(unit(offset[0], STEP[0]), unit(offset[1], STEP[1]))
 }

@@ -55,7 +55,7 @@ pub enum Density {
 /// Columns of a panel that a later vertex connects to.
 const LATER_TEXELS: u32 = 8;
 /// Columns of lamps that a later vertex connects to: unlike texels each has a place of its own, and roulette takes the weak.
-const LATER_LAMPS: u32 = 16;
+const LATER_LAMPS: u32 = 32;
 /// Radiance, in peaks of its column, below which a connection is left to roulette.
 const ROULETTE_BELOW: f32 = 0.5;
 /// Radiance, in the unit of [`LightPlan::worth`], that a single pick of few may carry; where it would be more, all are taken.

@@ -109,6 +109,11 @@ impl PreparedScene {
         Ok((prepared, warnings))
     }
 
+    /// Whether light goes straight and undimmed between surfaces, clear panes and what has alpha aside.
+    pub(crate) fn is_airy(&self) -> bool {
+        !self.attenuates && self.slabs.is_empty()
+    }
+
     /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.
     pub fn closest(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
         let mut nearest = self.solid.closest(ray);

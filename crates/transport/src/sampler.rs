@@ -37,11 +37,13 @@ impl Sampler {
         [to_unit(first), to_unit(second)]
     }
 
-    /// A stream of its own for one of several continuations; equal salts at equal places stay stratified over samples.
-    pub fn fork(&self, salt: u32) -> Sampler {
-        let place = u64::from(self.pair) << 32 | u64::from(salt);
+    /// The numbers of one of `n` continuations, a power of two: those of all continuations of consecutive samples are
+    /// stratified together.
+    pub fn fork(&self, nth: u32, n: u32) -> Sampler {
+        let place = u64::from(self.pair) << 32;
         let key = mix(self.key ^ mix(place.wrapping_add(0x9E6C_63D0_876A_68DE)));
-        Sampler { key, reversed_index: self.reversed_index, pair: 0 }
+        let index = self.reversed_index.reverse_bits().wrapping_mul(n).wrapping_add(nth);
+        Sampler { key, reversed_index: index.reverse_bits(), pair: 0 }
     }
 
     /// Shuffled index of the next pair, and the seeds of its two dimensions.
@@ -158,8 +160,19 @@ mod tests {
         assert_ne!(first(1, 2, 3), first(1, 3, 3));
         assert_ne!(first(1, 2, 3), first(1, 2, 4));
         let (parent, again) = (Sampler::new(1, 2, 3), Sampler::new(1, 2, 3));
-        assert_eq!(parent.fork(1).next_1d(), again.fork(1).next_1d());
-        assert_ne!(parent.fork(1).next_1d(), parent.fork(2).next_1d());
+        assert_eq!(parent.fork(1, 4).next_1d(), again.fork(1, 4).next_1d());
+        assert_ne!(parent.fork(1, 4).next_1d(), parent.fork(2, 4).next_1d());
+    }
+
+    #[test]
+    fn continuations_of_consecutive_samples_are_stratified_together() {
+        let mut count = [0; 32];
+        for (index, nth) in (0..8).flat_map(|index| (0..4).map(move |nth| (index, nth))) {
+            let mut parent = Sampler::new(1, 2, index);
+            parent.next_2d();
+            count[(parent.fork(nth, 4).next_1d() * 32.0) as usize] += 1;
+        }
+        assert_eq!(count, [1; 32]);
     }
 
     #[test]
@@ -178,7 +191,7 @@ mod tests {
                 let mut sampler = Sampler::new(9, s, 1);
                 [sampler.next_2d()[1], sampler.next_2d()[1]]
             }),
-            correlation(&|s| [Sampler::new(9, s, 0).fork(1).next_1d(), Sampler::new(9, s, 0).fork(2).next_1d()]),
+            correlation(&|s| [Sampler::new(9, s, 0).next_1d(), Sampler::new(9, s, 0).fork(0, 4).next_1d()]),
             correlation(&|i| {
                 let mut sampler = Sampler::new(9, 4, i as u32);
                 [sampler.next_2d()[0], sampler.next_2d()[0]]

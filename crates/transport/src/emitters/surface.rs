@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::share_of;
+use super::{Plate, share_of};
 use crate::scene::{Material, Scene};
 
 /// Emissive triangles of one node.
@@ -33,6 +33,16 @@ pub struct ShiningTriangle {
     area_before: f32,
     /// One over its own area, 1/m².
     per_area: f32,
+}
+
+/// Squared distance over the area, and of unit normals, up to which two triangles are taken for the halves of a
+/// parallelogram: what rounding does to their corners.
+const FLAT: f32 = 1e-10;
+
+impl ShiningTriangle {
+    fn corners(&self) -> [Vec3; 3] {
+        [self.corner, self.corner + self.edges[0], self.corner + self.edges[1]]
+    }
 }
 
 /// A point of a surface that shines.
@@ -98,6 +108,24 @@ impl SurfaceEmitter {
         }
     }
 
+    /// All of it, if it is one flat parallelogram without texture.
+    pub(crate) fn plate(&self) -> Option<Plate> {
+        let [first, second] = self.triangles.as_slice() else { return None };
+        let alike = first.white == second.white && first.double_sided == second.double_sided;
+        if !alike || first.textured || second.textured || first.normal.distance_squared(second.normal) > FLAT {
+            return None;
+        }
+        let (corners, others) = (first.corners(), second.corners());
+        let near = |a: Vec3, b: Vec3| a.distance_squared(b) <= FLAT * self.area;
+        // The corner that the second triangle does not have, and the two beside it.
+        let alone = (0..3).find(|&i| !others.iter().any(|&other| near(corners[i], other)))?;
+        let [corner, next, last] = [0, 1, 2].map(|step| corners[(alone + step) % 3]);
+        let edges = [next - corner, last - corner];
+        let is_whole = [next, last, next + edges[1]].iter().all(|&c| others.iter().any(|&other| near(c, other)));
+        let (normal, double_sided) = (first.normal, first.double_sided);
+        is_whole.then_some(Plate { corner, edges, normal, area: self.area, double_sided, white: first.white })
+    }
+
     /// Whether something holds of a corner, the unit normal and the double-sidedness of each of its triangles.
     pub(crate) fn all_triangles(&self, mut holds: impl FnMut(Vec3, Vec3, bool) -> bool) -> bool {
         self.triangles.iter().all(|t| holds(t.corner, t.normal, t.double_sided))
@@ -105,7 +133,7 @@ impl SurfaceEmitter {
 
     /// All corners of its triangles.
     pub(crate) fn corners(&self) -> impl Iterator<Item = Vec3> {
-        self.triangles.iter().flat_map(|t| [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]])
+        self.triangles.iter().flat_map(ShiningTriangle::corners)
     }
 
     /// The middle of its triangles, each weighed by its area.
@@ -126,6 +154,37 @@ fn barycentric_of([x, y]: [f32; 2]) -> Vec3 {
 mod tests {
     use super::*;
     use crate::sampler::Sampler;
+    use crate::scene::Mesh;
+
+    fn emitter(corners: &[[Vec3; 3]]) -> SurfaceEmitter {
+        let mesh = Mesh {
+            positions: corners.concat(),
+            triangles: (0..corners.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
+            triangle_material: vec![0; corners.len()],
+            ..Mesh::default()
+        };
+        let material = Material { emissive: Vec3::ONE, ..Material::default() };
+        let scene = Scene { mesh, materials: vec![material], ..Scene::default() };
+        let triangles: Vec<u32> = (0..corners.len() as u32).collect();
+        SurfaceEmitter::new(&scene, &triangles, Vec3::ONE)
+    }
+
+    #[test]
+    fn two_halves_of_a_parallelogram_are_a_plate_and_nothing_else_is() {
+        let [a, b, c, d] = [Vec3::ZERO, Vec3::X * 2.0, Vec3::new(3.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0)];
+        for halves in [[[a, b, c], [a, c, d]], [[c, a, b], [d, a, c]], [[b, d, a], [d, b, c]], [[d, a, b], [c, d, b]]] {
+            let plate = emitter(&halves).plate().expect("a parallelogram");
+            let corner = |u, v| plate.corner + plate.edges[0] * u + plate.edges[1] * v;
+            let corners = [corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0), corner(1.0, 1.0)];
+            assert!([a, b, c, d].iter().all(|p| corners.iter().any(|q| p.distance(*q) < 1e-6)), "{plate:?}");
+            assert!((plate.area - 2.0).abs() < 1e-6 && plate.normal.y.abs() > 0.999, "{plate:?}");
+        }
+        let (lifted, far) = (d + Vec3::Y * 0.1, d + Vec3::X * 0.1);
+        assert!(emitter(&[[a, b, c], [a, c, lifted]]).plate().is_none(), "bent");
+        assert!(emitter(&[[a, b, c], [a, c, far]]).plate().is_none(), "no parallelogram");
+        assert!(emitter(&[[a, b, c], [a, b, c]]).plate().is_none(), "the same triangle twice");
+        assert!(emitter(&[[a, b, c]]).plate().is_none(), "a single triangle");
+    }
 
     #[test]
     fn points_fill_the_parts_of_a_triangle_by_their_area() {

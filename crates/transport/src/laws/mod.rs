@@ -8,6 +8,7 @@ mod irradiance;
 mod leaks;
 mod panes;
 mod reference;
+mod reuse;
 mod shadows;
 mod skips;
 mod slabs;

@@ -1,0 +1,83 @@
+//! Pixels that share their walks have the means of pixels that do not.
+
+use clerestory_nystrom::{Half, SampledMatrix};
+use glam::{Vec3, Vec4};
+
+use super::stage::{Stage, lambert, pane, quad, room};
+use super::walks::{Mean, Walks, assert_same_mean, file_light};
+use crate::camera::{Camera, Film};
+use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::plan::{Density, MatrixPlan};
+use crate::prepared::PreparedScene;
+use crate::scene::{AlphaMode, Material};
+
+const FILM: Film = Film { width: 16, height: 12 };
+
+/// A room seen past a block that hides parts of it from other parts, with a pane, a sheet that is half there, a mirror and
+/// a coated plate.
+fn room_with_a_block() -> PreparedScene {
+    let camera = Camera::look_at("eye", Vec3::new(1.7, 0.3, 1.2), Vec3::new(-1.5, -0.4, -0.8), 1.2, 4.0 / 3.0);
+    let block =
+        room(Vec3::new(0.25, 0.5, 0.2)).iter().map(|corner| *corner + Vec3::new(-0.2, -0.7, 0.2)).collect::<Vec<_>>();
+    let sheet = Material { base_color: Vec4::new(0.7, 0.7, 0.7, 0.5), alpha: AlphaMode::Blend, ..lambert(0.7, 0.0) };
+    let coated = Material { specular: 1.0, roughness: 0.4, ..lambert(0.5, 0.0) };
+    let mirror = Material { roughness: 0.0, ..Material::default() };
+    Stage::new(camera)
+        .surface("walls", &room(Vec3::new(2.0, 1.2, 1.5)), lambert(0.6, 0.0))
+        .surface("block", &block, lambert(0.8, 0.0))
+        .surface("pane", &quad(Vec3::new(-1.2, -1.1, -1.1), Vec3::Y * 1.2, Vec3::Z * 1.4), pane())
+        .surface("sheet", &quad(Vec3::new(0.3, -0.9, -1.2), Vec3::X * 0.9, Vec3::Y * 0.9), sheet)
+        .surface("coated", &quad(Vec3::new(-0.8, -1.15, -1.3), Vec3::Z * 0.9, Vec3::X * 1.6), coated)
+        .surface("mirror", &quad(Vec3::new(-1.0, -0.3, -1.49), Vec3::X * 1.2, Vec3::Y * 0.8), mirror)
+        .panel("panel", &quad(Vec3::new(-0.6, 1.1, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2), 3.0, 4)
+        .surface("light", &quad(Vec3::new(-1.9, -0.9, 0.9), Vec3::Y * 0.4, Vec3::Z * 0.4), lambert(0.0, 9.0))
+        .prepared()
+}
+
+/// Green radiance of each pixel under the light of the file, all pixels sampled together: pixel by pixel, seed by seed.
+fn together(scene: &PreparedScene, seeds: u64, bounces: Option<u32>) -> Vec<Vec<f64>> {
+    let (plan, weights) = (MatrixPlan::new(&scene.lighting, Density::Full), file_light(scene));
+    let pixels: Vec<u32> = (0..FILM.n_pixels() as u32).collect();
+    let n_cols = weights.len();
+    let mut found = vec![Vec::new(); pixels.len()];
+    for seed in 0..seeds {
+        let camera = scene.scene.cameras[0].clone();
+        let matrix = TransportMatrix::new(scene, &plan, camera, FILM, bounces, 1000 + seed);
+        let (mut rows, mut sparse) = (vec![0.0; matrix.n_rows() * n_cols], Vec::new());
+        matrix.add_rows(&pixels, 0..1, Half::A, &mut rows, &mut sparse);
+        for entry in sparse {
+            rows[entry.row as usize * n_cols + entry.col as usize] += entry.value;
+        }
+        for (found, rows) in found.iter_mut().zip(rows.chunks_exact(CHANNELS * n_cols)) {
+            let green = rows[n_cols..2 * n_cols].iter().zip(&weights).map(|(x, w)| f64::from(x * w)).sum();
+            found.push(green);
+        }
+    }
+    found
+}
+
+#[test]
+fn pixels_that_share_walks_have_the_mean_of_their_own_walks() {
+    let scene = room_with_a_block();
+    let (plan, weights) = (MatrixPlan::new(&scene.lighting, Density::Full), file_light(&scene));
+    for bounces in [Some(3), None] {
+        let shared = together(&scene, 1200, bounces);
+        let per_pixel = 600;
+        let walks = Walks { film: FILM, streams: per_pixel * FILM.n_pixels() as u64, spp: 2, bounces, seed: 5 };
+        let alone = walks.streams(&scene, &plan, &weights);
+        let mut squares = 0.0;
+        for (pixel, shared) in shared.iter().enumerate() {
+            let alone: Vec<f64> = alone.iter().skip(pixel).step_by(FILM.n_pixels()).copied().collect();
+            let (a, b) = (Mean::of(shared), Mean::of(&alone));
+            let z = (a.value - b.value) / a.error.hypot(b.error).max(1e-6 * b.value.abs()).max(f64::MIN_POSITIVE);
+            assert!(z.abs() < 5.5, "pixel {pixel} with {bounces:?} bounces: {a:?} is not {b:?}");
+            squares += z * z / FILM.n_pixels() as f64;
+        }
+        assert!(squares < 1.5, "the pixels are off by {squares} variances in the mean, with {bounces:?} bounces");
+        // By seeds, since pixels of a tile are not independent of each other.
+        let sums: Vec<f64> = (0..shared[0].len()).map(|seed| shared.iter().map(|pixel| pixel[seed]).sum()).collect();
+        let own: Vec<f64> = alone.chunks_exact(FILM.n_pixels()).map(|pixels| pixels.iter().sum()).collect();
+        let pairs: Vec<f64> = sums.chunks_exact(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
+        assert_same_mean(&pairs, &own, 8e-3, "the whole picture");
+    }
+}
