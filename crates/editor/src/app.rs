@@ -247,7 +247,7 @@ impl App {
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
         let suggestion = match task {
-            FileTask::OpenScene | FileTask::OpenLook => String::new(),
+            FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
             FileTask::SaveBake => format!("{stem}.transport"),
@@ -416,12 +416,13 @@ impl App {
             state: &self.session.bake,
             figures: self.session.figures.as_ref(),
             error_db: self.session.error_db,
-            has_scene: opened.is_some_and(|opened| opened.scene.is_some()),
+            can_bake: opened.is_some_and(|opened| opened.scene.is_some() || opened.stack.is_some()),
+            pictures: self.session.pictures(),
             units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),
         };
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
-        let mut of_file = self.session.shown.as_ref().filter(|_| !view.has_scene).map(|shown| BakeSettings {
+        let mut of_file = self.session.shown.as_ref().filter(|_| !view.can_bake).map(|shown| BakeSettings {
             camera_idx: 0,
             film: Film { width: shown.header.width, height: shown.header.height },
             config: shown.header.config.clone(),

@@ -4,6 +4,7 @@
 
 mod clock;
 mod irradiance;
+pub mod stack;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -25,6 +26,7 @@ use crate::emitters::LightingError;
 use crate::empty::EmptyPixels;
 use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
+use crate::import::stack::StackError;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::light::{LightRig, luminance};
 use crate::matrix::TransportMatrix;
@@ -63,6 +65,9 @@ pub enum BakeError {
     /// The sensors cannot be laid as asked.
     #[error(transparent)]
     Sensors(#[from] SensorError),
+    /// The pictures of a stack cannot be used.
+    #[error(transparent)]
+    Stack(#[from] StackError),
     /// Compression failed.
     #[error(transparent)]
     Compress(#[from] CompressError),

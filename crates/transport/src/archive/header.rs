@@ -15,6 +15,8 @@ use crate::sky::{DOME_DIVISIONS, Environment, dome_columns};
 
 /// Version of a file without irradiance, which older programs read.
 const PLAIN_VERSION: u32 = 2;
+/// Version of a file with irradiance.
+const IRRADIANCE_VERSION: u32 = 3;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -33,8 +35,7 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
     json.extend(CHECKSUM_KEY);
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
-    let version = if header.irradiance.is_empty() { PLAIN_VERSION } else { VERSION };
-    bytes.extend(version.to_le_bytes());
+    bytes.extend(version_of(header).to_le_bytes());
     bytes.extend((len as u32).to_le_bytes());
     bytes.extend(json);
     let digits = format!("{:016x}", checksum(&bytes));
@@ -44,6 +45,15 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader) -> Vec<u8> {
         bytes.extend(sky.map.encode());
     }
     bytes
+}
+
+/// The oldest version that holds what a file holds.
+fn version_of(header: &BakeHeader) -> u32 {
+    match () {
+        () if header.basis.is_measured() => VERSION,
+        () if header.irradiance.is_empty() => PLAIN_VERSION,
+        () => IRRADIANCE_VERSION,
+    }
 }
 
 /// Reads the header at the start of `bytes`, and says where the blocks begin.
