@@ -54,6 +54,8 @@ pub struct App {
     undoer: Undoer<Look>,
     settings: BakeSettings,
     fixed_settings: Option<BakeSettings>,
+    /// How pictures are baked: no machine is too slow for a fine tolerance.
+    stack_settings: BakeSettings,
     lights: LightsState,
     view: ViewState,
     follower: Follower,
@@ -121,6 +123,7 @@ impl App {
             undoer: Undoer::default(),
             settings: start.settings.clone().unwrap_or_else(default_settings),
             fixed_settings: start.settings,
+            stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
             lights: LightsState::default(),
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
@@ -201,7 +204,9 @@ impl App {
     }
 
     fn start_bake(&mut self) {
-        self.session.start_bake(&self.settings, Passes::Progressive);
+        let is_stack = self.session.opened.as_ref().is_some_and(|opened| opened.stack.is_some());
+        let settings = if is_stack { &self.stack_settings } else { &self.settings };
+        self.session.start_bake(settings, Passes::Progressive);
     }
 
     fn apply(&mut self, ctx: &Context, action: Action) {
@@ -427,7 +432,8 @@ impl App {
             film: Film { width: shown.header.width, height: shown.header.height },
             config: shown.header.config.clone(),
         });
-        bake_ui(ui, of_file.as_mut().unwrap_or(&mut self.settings), &view, &mut self.actions);
+        let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
+        bake_ui(ui, of_file.as_mut().unwrap_or(own), &view, &mut self.actions);
     }
 
     fn bars_ui(&mut self, ui: &mut Ui) {

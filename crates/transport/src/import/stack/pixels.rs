@@ -1,4 +1,4 @@
-//! Pictures as linear numbers: OpenEXR and Radiance as they are, PNG and JPEG through the curve of sRGB \[IEC61966\].
+//! Pictures as linear numbers: OpenEXR and Radiance as they are, PNG and JPEG through the curve of sRGB \[IEC61966-2-1\].
 
 use std::io::{BufRead, Cursor, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
