@@ -112,6 +112,7 @@ fn stacks_that_cannot_be_used_are_refused_and_nothing_is_written() {
     desk.fails("bake --images @empty -o @a.transport", 1, "holds no picture");
     desk.fails("bake --images @none -o @a.transport", 1, "check the path");
     desk.fails("bake --images @room.glb -o @a.transport", 1, "is no folder");
+    desk.fails("bake @stage -o @a.transport", 1, "is a folder; name a scene, or bake the pictures in it with --images");
     assert!(!desk.path("a.transport").exists() && !archive::part_of(&desk.path("a.transport")).exists());
 }
 

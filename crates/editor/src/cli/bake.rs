@@ -42,6 +42,9 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
 }
 
 fn bake_scene(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+    if scene.is_dir() {
+        bail!("{0} is a folder; name a scene, or bake the pictures in it with --images {0}", scene.display());
+    }
     let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
     reserve(&args.output, &inputs)?;
     let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
