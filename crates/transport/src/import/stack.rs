@@ -4,6 +4,7 @@
 //! pixels.
 
 mod names;
+mod openexr;
 mod pixels;
 
 use std::fs::File;
@@ -238,7 +239,9 @@ mod tests {
         bytes.into_inner()
     }
 
-    fn folder(files: &[(&str, &[u8])]) -> tempfile::TempDir {
+    type Files<'a> = &'a [(&'a str, &'a [u8])];
+
+    fn folder(files: Files) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
         for (name, bytes) in files {
             fs::write(folder.path().join(name), bytes).unwrap();
@@ -263,7 +266,7 @@ mod tests {
     #[test]
     fn folders_that_are_no_stacks_are_refused_in_words() {
         let (small, large) = (png(4, 3), png(5, 3));
-        let cases: [(&[(&str, &[u8])], &[&str]); 6] = [
+        let cases: [(Files, &[&str]); 6] = [
             (&[], &["holds no picture;", ".exr"]),
             (&[("a.txt", b"a"), ("b.tif", b"b")], &["holds no picture (2 other files (a.txt, b.tif))"]),
             (&[("a.png", &small), ("b.png", &small), ("c.png", &large)], &["a.png` has 4 × 3", "c.png` has 5 × 3"]),
