@@ -69,10 +69,12 @@ impl SurveyedStack {
         let mut run = Run { job: &job, header: &header, partition, groups, clock, started, on_event: &mut *on_event };
         let mut first = Some(first);
         for rows in job.bands() {
+            // Taken even where all of it is done, so that no two bands are in memory.
+            let known = first.take_if(|band| band.rows == rows);
             if run.blocks(&rows).is_empty() {
                 continue;
             }
-            let band = match first.take_if(|band| band.rows == rows) {
+            let band = match known {
                 Some(band) => band,
                 None => Band::read(&job.stack, rows, &digests)?,
             };
