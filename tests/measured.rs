@@ -86,6 +86,9 @@ fn a_measured_bake_says_what_it_is_and_what_it_is_not() {
     assert!(!desk.path("a.exr").exists() && !desk.path("b.transport").exists());
 }
 
+/// Puts a file that does not belong there.
+type Spoil<'a> = &'a dyn Fn(&str);
+
 #[test]
 fn stacks_that_cannot_be_used_are_refused_and_nothing_is_written() {
     let desk = Desk::new();
@@ -97,7 +100,7 @@ fn stacks_that_cannot_be_used_are_refused_and_nothing_is_written() {
     };
     let other_size = |to: &str| image::GrayImage::new(40, 50).save(desk.path(to)).unwrap();
     let letter = |to: &str| std::fs::write(desk.path(to), b"Dear Sir").unwrap();
-    let spoil: [(&dyn Fn(&str), &str, &str); 4] = [
+    let spoil: [(Spoil, &str, &str); 4] = [
         (&other_size, "stage/tall.png", "tall.png` has 40 × 50"),
         (&copy, "stage/cool.hdr", "would both be the light `cool`"),
         (&cut, "stage/cut.exr", "cut.exr`"),
