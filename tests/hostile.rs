@@ -49,6 +49,11 @@ fn hostile_skies_do_no_harm() {
 }
 
 #[test]
+fn hostile_pictures_do_no_harm() {
+    survives("picture", 3000, targets::picture);
+}
+
+#[test]
 fn hostile_bakes_do_no_harm() {
     survives("archive", 2000, |bytes| {
         targets::archive(bytes);

@@ -12,6 +12,8 @@ mod hostile;
 mod irradiance;
 /// Light adds up.
 mod linearity;
+/// A picture for each light in, any light out.
+mod measured;
 /// glTF in, EXR out, through the command line.
 mod pipeline;
 /// `trace` against pictures that another renderer made.

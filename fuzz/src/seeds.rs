@@ -3,7 +3,7 @@
 use super::targets::glb;
 
 /// Names of the targets.
-pub const TARGETS: [&str; 5] = ["gltf", "meshopt", "photometry", "sky", "archive"];
+pub const TARGETS: [&str; 6] = ["gltf", "meshopt", "photometry", "sky", "picture", "archive"];
 
 const RICH_JSON: &[u8] = include_bytes!("../seeds/rich.json");
 const RICH_BIN: &[u8] = include_bytes!("../seeds/rich.bin");
@@ -21,10 +21,16 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
             include_bytes!("../seeds/flat.hdr"),
             include_bytes!("../seeds/sky.exr"),
         ],
+        "picture" => &[
+            include_bytes!("../seeds/flat.hdr"),
+            include_bytes!("../seeds/sky.exr"),
+            include_bytes!("../seeds/light.png"),
+        ],
         "archive" => &[
             include_bytes!("../../crates/transport/tests/data/v1.transport"),
             include_bytes!("../../crates/transport/tests/data/v2.transport"),
             include_bytes!("../../crates/transport/tests/data/v3.transport"),
+            include_bytes!("../../crates/transport/tests/data/v4.transport"),
         ],
         "look" => &[include_bytes!("../seeds/rich.look")],
         _ => &[],

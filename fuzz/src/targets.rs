@@ -6,6 +6,7 @@ use std::path::Path;
 use clerestory_nystrom::BlockLowRank;
 use clerestory_transport::archive;
 use clerestory_transport::camera::Film;
+use clerestory_transport::import::stack::decode_picture;
 use clerestory_transport::import::{Imported, decode_sky, load_bytes};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::photometry::PhotometricProfile;
@@ -106,6 +107,13 @@ pub fn sky(bytes: &[u8]) {
         let stored = map.storable();
         assert!(stored.pixels().iter().flatten().all(|value| value.is_finite()), "cannot be stored");
     }
+}
+
+/// A picture of a measured stack.
+pub fn picture(bytes: &[u8]) {
+    let Ok(picture) = decode_picture(bytes) else { return };
+    let [width, height] = picture.size;
+    assert_eq!(picture.pixels.len(), width as usize * height as usize, "a picture of another size");
 }
 
 /// A `.transport` file: read, measured and multiplied.

@@ -11,7 +11,7 @@ use crate::picture::DeviceWish;
 pub enum Action {
     /// Ask for a file, in the desktop's dialog and in a path field.
     Ask(FileTask),
-    /// Open a scene or a finished bake.
+    /// Open a scene, a finished bake, or a folder of pictures.
     Open(PathBuf),
     /// Open the scene that is part of the program.
     OpenBuiltIn,
@@ -59,6 +59,8 @@ pub enum Action {
 pub enum FileTask {
     /// A scene or a bake to open.
     OpenScene,
+    /// A folder of pictures to open, each under one light.
+    OpenPictures,
     /// A look to open.
     OpenLook,
     /// A place for the look.
@@ -74,6 +76,7 @@ impl FileTask {
     pub fn title(self) -> &'static str {
         match self {
             FileTask::OpenScene => "Open a scene",
+            FileTask::OpenPictures => "Open a folder of pictures",
             FileTask::OpenLook => "Open a look",
             FileTask::SaveLook => "Save the look",
             FileTask::Export => "Export the picture",
@@ -81,10 +84,11 @@ impl FileTask {
         }
     }
 
-    /// What the files are, for people, and their endings; the first one is added where a name has none.
+    /// What the files are, for people, and their endings; the first one is added where a name has none. Folders have none.
     pub fn extensions(self) -> (&'static str, &'static [&'static str]) {
         match self {
             FileTask::OpenScene => ("glTF scenes and bakes", &["glb", "gltf", "transport"]),
+            FileTask::OpenPictures => ("Folders", &[]),
             FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
             FileTask::Export => ("Pictures", &["png", "exr"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
@@ -102,7 +106,7 @@ impl FileTask {
             path.set_extension(self.extensions().1[0]);
         }
         match self {
-            FileTask::OpenScene => Action::Open(path),
+            FileTask::OpenScene | FileTask::OpenPictures => Action::Open(path),
             FileTask::OpenLook => Action::OpenLook(path),
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
@@ -132,5 +136,6 @@ mod tests {
     fn dropped_looks_are_taken_over_and_scenes_opened() {
         assert_eq!(dropped("warm.LOOK".into()), Action::OpenLook("warm.LOOK".into()));
         assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
+        assert_eq!(dropped("stage".into()), Action::Open("stage".into()));
     }
 }

@@ -54,6 +54,8 @@ pub struct App {
     undoer: Undoer<Look>,
     settings: BakeSettings,
     fixed_settings: Option<BakeSettings>,
+    /// How pictures are baked: no machine is too slow for a fine tolerance.
+    stack_settings: BakeSettings,
     lights: LightsState,
     view: ViewState,
     follower: Follower,
@@ -121,6 +123,7 @@ impl App {
             undoer: Undoer::default(),
             settings: start.settings.clone().unwrap_or_else(default_settings),
             fixed_settings: start.settings,
+            stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
             lights: LightsState::default(),
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
@@ -201,7 +204,9 @@ impl App {
     }
 
     fn start_bake(&mut self) {
-        self.session.start_bake(&self.settings, Passes::Progressive);
+        let is_stack = self.session.opened.as_ref().is_some_and(|opened| opened.stack.is_some());
+        let settings = if is_stack { &self.stack_settings } else { &self.settings };
+        self.session.start_bake(settings, Passes::Progressive);
     }
 
     fn apply(&mut self, ctx: &Context, action: Action) {
@@ -247,7 +252,7 @@ impl App {
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
         let suggestion = match task {
-            FileTask::OpenScene | FileTask::OpenLook => String::new(),
+            FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
             FileTask::SaveBake => format!("{stem}.transport"),
@@ -416,17 +421,19 @@ impl App {
             state: &self.session.bake,
             figures: self.session.figures.as_ref(),
             error_db: self.session.error_db,
-            has_scene: opened.is_some_and(|opened| opened.scene.is_some()),
+            can_bake: opened.is_some_and(|opened| opened.scene.is_some() || opened.stack.is_some()),
+            pictures: self.session.pictures(),
             units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),
         };
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
-        let mut of_file = self.session.shown.as_ref().filter(|_| !view.has_scene).map(|shown| BakeSettings {
+        let mut of_file = self.session.shown.as_ref().filter(|_| !view.can_bake).map(|shown| BakeSettings {
             camera_idx: 0,
             film: Film { width: shown.header.width, height: shown.header.height },
             config: shown.header.config.clone(),
         });
-        bake_ui(ui, of_file.as_mut().unwrap_or(&mut self.settings), &view, &mut self.actions);
+        let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
+        bake_ui(ui, of_file.as_mut().unwrap_or(own), &view, &mut self.actions);
     }
 
     fn bars_ui(&mut self, ui: &mut Ui) {

@@ -14,7 +14,7 @@ use clerestory_transport::sky::SkyForm;
 use serde_json::json;
 
 use crate::cli::args::{BakeOptions, ViewArgs};
-use crate::cli::bake::{baked, job, merge, run_with_progress};
+use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progress, stack_job};
 use crate::cli::relight::Relighter;
 use crate::cli::view::{load_scene, prepare_view, warn_of_unknown_lights};
 use crate::cli::{Answer, Console, nothing_kept};
@@ -48,19 +48,10 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
     std::fs::create_dir_all(FOLDER)
         .with_context(|| format!("cannot create the folder {FOLDER}; run in a folder that can be written"))?;
 
-    let imported = match scene {
-        Some(path) => load_scene(path, Skips::default(), console)?,
-        None => import::load_bytes("gallery.glb", GALLERY).context("cannot load the built-in scene")?,
+    let (bake, times, options, looks) = match scene {
+        Some(folder) if folder.is_dir() => images(folder, console)?,
+        _ => scene_or_gallery(scene, &name, console)?,
     };
-    let mut options = options();
-    options.view.size = imported.scene.cameras.first().map(|camera| Film::of_width(WIDTH_PX, camera));
-    let view = prepare_view(imported, &name, &options.view, None, console)?;
-    let looks = match scene {
-        Some(_) => plain_looks(&view.scene.lighting.basis),
-        None => gallery_looks()?,
-    };
-    let job = job(view, &options, Passes::FinalOnly);
-    let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
     let mut answer = baked(&bake, times, &options, console)?;
 
     let mut frames = Vec::new();
@@ -78,6 +69,35 @@ pub fn run(scene: Option<&Path>, reason: &str, console: &mut Console) -> Result<
     );
     merge(&mut answer.json, json!({ "frames": frames }));
     Ok(answer)
+}
+
+/// A bake, what it took, how it was asked for, and the looks of its frames.
+type Baked = (Bake, BakeTimes, BakeOptions, Vec<(&'static str, Look)>);
+
+fn scene_or_gallery(scene: Option<&Path>, name: &str, console: &mut Console) -> Result<Baked> {
+    let imported = match scene {
+        Some(path) => load_scene(path, Skips::default(), console)?,
+        None => import::load_bytes("gallery.glb", GALLERY).context("cannot load the built-in scene")?,
+    };
+    let mut options = options();
+    options.view.size = imported.scene.cameras.first().map(|camera| Film::of_width(WIDTH_PX, camera));
+    let view = prepare_view(imported, name, &options.view, None, console)?;
+    let looks = match scene {
+        Some(_) => plain_looks(&view.scene.lighting.basis),
+        None => gallery_looks()?,
+    };
+    let job = job(view, &options, Passes::FinalOnly);
+    let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
+    Ok((bake, times, options, looks))
+}
+
+/// A folder of pictures, each under one light.
+fn images(folder: &Path, console: &mut Console) -> Result<Baked> {
+    let options = options();
+    let job = stack_job(&open_stack(folder, console)?, &options);
+    let (bake, times) = run_with_progress(console, &options, &nothing_kept, |on_event| job.run(on_event))?;
+    let looks = plain_looks(&bake.header.basis);
+    Ok((bake, times, options, looks))
 }
 
 fn options() -> BakeOptions {

@@ -11,11 +11,13 @@ use std::time::{Duration, Instant};
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::Frame;
 use clerestory_transport::archive;
+use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, PackedMatrices, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::import::stack::ImageStack;
 use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::prepared::PreparedScene;
@@ -47,12 +49,14 @@ pub struct BakeSettings {
     pub config: BakeConfig,
 }
 
-/// A scene or a bake that is open.
+/// A scene, a stack or a bake that is open.
 pub struct Opened {
     /// For people.
     pub name: String,
     /// The scene; a bake that was opened from a file has none.
     pub scene: Option<Arc<PreparedScene>>,
+    /// The folder of pictures, where one was opened instead.
+    pub stack: Option<Arc<ImageStack>>,
     /// What was left behind or had to be guessed, in words.
     pub report: Vec<String>,
     /// Lamps as the file has them.
@@ -278,8 +282,27 @@ impl Session {
         });
     }
 
-    /// Starts a bake of the open scene, ending one that runs.
+    /// Number and size of the pictures that were opened, or that the opened bake is of.
+    pub fn pictures(&self) -> Option<(usize, Film)> {
+        let of_stack = || self.opened.as_ref()?.stack.as_ref().map(|stack| (stack.images.len(), stack.film));
+        let of_bake = || {
+            let header = &self.shown.as_ref()?.header;
+            let film = Film { width: header.width, height: header.height };
+            header.basis.is_measured().then(|| (header.basis.n_cols(), film))
+        };
+        of_stack().or_else(of_bake)
+    }
+
+    /// Starts a bake of the open scene or stack, ending one that runs.
     pub fn start_bake(&mut self, settings: &BakeSettings, passes: Passes) {
+        if let Some(stack) = self.opened.as_ref().and_then(|opened| opened.stack.clone()) {
+            self.stop_baking();
+            let BakeConfig { tolerance_db, seed, .. } = settings.config;
+            let job = StackJob { stack, tolerance_db, seed, memory_bytes: MEMORY_BYTES };
+            self.bake = BakeState::Preparing;
+            self.baking = self.spawn("bake", move |post| task::bake_stack(job, post));
+            return;
+        }
         let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
             return;
         };
@@ -376,11 +399,12 @@ impl Session {
             Fact::Loaded(name, result) if is_of(&self.loading) => self.loaded(name, result, notices),
             Fact::Prepared(result) if is_of(&self.loading) => self.prepared_again(result, notices),
             Fact::Bake(event) if is_of(&self.baking) => self.bake_event(event),
+            Fact::Remarks(remarks) if is_of(&self.baking) => self.remarked(remarks),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
             // Facts of a task that was stopped no longer count.
-            Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::BakeEnded(_) => {}
+            Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) | Fact::BakeEnded(_) => {}
         }
     }
 
@@ -405,11 +429,15 @@ impl Session {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
                 let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
-                self.opened = Some(Opened { name, scene, report, lamps, chosen });
+                self.opened = Some(Opened { name, scene, stack: None, report, lamps, chosen });
+            }
+            Loaded::Stack(stack) => {
+                let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
+                self.opened = Some(Opened { name, scene: None, stack: Some(Arc::new(stack)), report, lamps, chosen });
             }
             Loaded::Bake(bake) => {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                self.opened = Some(Opened { name, scene: None, report, lamps, chosen });
+                self.opened = Some(Opened { name, scene: None, stack: None, report, lamps, chosen });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 let Bake { header, irradiance, packed, .. } = bake;
                 self.show(Shown { header, camera: None, frame, irradiance, packed });
@@ -438,6 +466,14 @@ impl Session {
             }
             (Ok(_), None) => {}
             (Err(why), _) => notices.push(Notice::Failed(why)),
+        }
+    }
+
+    fn remarked(&mut self, remarks: Vec<String>) {
+        if let Some(opened) = &mut self.opened {
+            opened
+                .report
+                .extend(remarks.into_iter().filter(|remark| !opened.report.contains(remark)).collect::<Vec<_>>());
         }
     }
 

@@ -214,7 +214,7 @@ fn words_ui(ui: &mut Ui, area: Rect, viewed: &Viewed, actions: &mut Vec<Action>)
             match (viewed.stage, viewed.bake) {
                 (Stage::Empty, _) => {
                     title(ui, "Nothing is open");
-                    ui.label(RichText::new("Drop a glTF file here").color(dim));
+                    ui.label(RichText::new("Drop a glTF file or a folder of pictures here").color(dim));
                     open(ui, actions);
                 }
                 (Stage::Failed(name, why), _) => {

@@ -227,6 +227,59 @@ fn an_opened_bake_tells_the_figures_of_its_file() {
     }
 }
 
+/// A folder of three gray pictures of 32 × 24 pixels and a file that is none.
+fn stage() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (light, gray) in [("left_2", 60), ("left_10", 120), ("right", 180)] {
+        let shade = |x: u32, y: u32| image::Luma([gray + (x + y) as u8]);
+        image::GrayImage::from_fn(32, 24, shade).save(folder.path().join(format!("{light}.png"))).unwrap();
+    }
+    std::fs::write(folder.path().join("notes.txt"), "f/8").unwrap();
+    folder
+}
+
+#[test]
+fn a_dropped_folder_of_pictures_is_baked_and_each_light_has_a_slider() {
+    let folder = stage();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(Arc::new(Dropped(folder.path().into())));
+    let is_measured = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.header.basis.is_measured());
+    wait(&mut window, |app| is_measured(app) && app.session().bake == BakeState::Done && app.is_settled());
+    window.get_by_label("3 of 32 × 24");
+    let sliders = ["left_2", "left_10", "right"].map(|key| window.get_by_label(&format!("{key} intensity")).rect());
+    assert!(
+        sliders[0].top() < sliders[1].top() && sliders[1].top() < sliders[2].top(),
+        "in natural order: {sliders:?}"
+    );
+    click(&mut window, "Report (2)");
+    for words in ["notes.txt", "sRGB"] {
+        assert_eq!(window.query_all_by_label_contains(words).count(), 1, "{words}");
+    }
+
+    let (ev_before, slider) = (window.state().shown_ev(), sliders[2]);
+    let from = pos2(slider.left() + 0.6 * slider.width(), slider.center().y);
+    drag(&mut window, from, pos2(slider.right() - 6.0, slider.center().y));
+    assert!(window.state().look().lights.lights["right"].intensity > 2.0);
+    wait(&mut window, |app| app.shown_ev() < ev_before - 0.2);
+
+    // A light without a place has no handle: what is dragged in the picture is the picture.
+    let (look, area) = (window.state().look().clone(), window.get_by_label("Picture").rect());
+    drag(&mut window, area.center(), area.center() + vec2(40.0, 20.0));
+    assert_eq!(*window.state().look(), look);
+    click(&mut window, "Start bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Done);
+    window.get_by_label("Save bake…");
+}
+
+#[test]
+fn a_folder_that_is_no_stack_is_told_in_words() {
+    let folder = stage();
+    image::GrayImage::new(8, 8).save(folder.path().join("wrong.png")).unwrap();
+    let mut window = open(Source::File(folder.path().into()));
+    wait(&mut window, |app| matches!(app.session().stage, Stage::Failed(..)));
+    assert_eq!(window.query_all_by_label_contains("wrong.png` has 8 × 8").count(), 1);
+}
+
 #[test]
 fn lamps_without_units_shine_683_times_as_bright_and_back() {
     let mut window = baked();

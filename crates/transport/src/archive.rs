@@ -20,16 +20,17 @@ use std::sync::Arc;
 use clerestory_nystrom::codec::{CodecError, MIN_BLOCK_BYTES, decode_block, encode_block};
 use clerestory_nystrom::{BlockFactors, BlockLowRank, PackedMatrix, Partition};
 use header::{Blocks, header_bytes, parse_header};
-use part::Part;
+use part::{Done, Part};
 pub use part::{PartState, part_state};
 use thiserror::Error;
 
+use crate::bake::stack::SurveyedStack;
 use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices};
 use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
-/// Newest version that is read: its blocks are packed.
+/// Newest version that is read: its blocks are packed, and it may hold pictures of a measured stack.
 const VERSION: u32 = 4;
 
 /// Side of a packed tile that is believed.
@@ -148,16 +149,44 @@ pub fn bake_to_file(
     job: BakeJob,
     path: &Path,
     restart: Restart,
-    mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+    on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
     let header = job.header()?;
+    keep(header, path, restart, on_event, |header, done, on_event| job.run_from(header, done, on_event))
+}
+
+/// The same for a measured stack.
+///
+/// # Errors
+/// As [`bake_to_file`].
+pub fn stack_to_file(
+    stack: SurveyedStack,
+    path: &Path,
+    restart: Restart,
+    on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+) -> Result<Option<Bake>, BakeError> {
+    let header = stack.header().clone();
+    keep(header, path, restart, on_event, |header, done, on_event| stack.run_from(header, done, on_event))
+}
+
+/// Who hears of a bake.
+pub(crate) type Listener<'a> = &'a mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send);
+
+/// Runs a bake that is given its header and what is done already; keeps every block as it comes.
+fn keep(
+    header: BakeHeader,
+    path: &Path,
+    restart: Restart,
+    mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+    run: impl FnOnce(Arc<BakeHeader>, &Done, Listener) -> Result<Option<Bake>, BakeError>,
+) -> Result<Option<Bake>, BakeError> {
     let (mut part, done) = Part::open(&part_of(path), header, restart)?;
     let (mut failure, mut last_pass) = (None, 0);
     let header = part.header.clone();
     let n_done = done.len();
     let mut replayed = 0;
     let partitions = header.partitions();
-    let bake = job.run_from(header, &done, |event| {
+    let bake = run(header, &done, &mut |event| {
         let mut finished = None;
         match &event {
             BakeEvent::Started { n_passes, .. } => last_pass = n_passes - 1,

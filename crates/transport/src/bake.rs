@@ -6,6 +6,7 @@ mod clock;
 mod irradiance;
 mod method;
 mod packing;
+pub mod stack;
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -28,6 +29,7 @@ use crate::emitters::LightingError;
 use crate::empty::EmptyPixels;
 use crate::figures::{ErrorDb, error_db};
 use crate::fingerprint::fingerprint;
+use crate::import::stack::StackError;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::light::LightRig;
 use crate::matrix::TransportMatrix;
@@ -66,6 +68,9 @@ pub enum BakeError {
     /// The sensors cannot be laid as asked.
     #[error(transparent)]
     Sensors(#[from] SensorError),
+    /// The pictures of a stack cannot be used.
+    #[error(transparent)]
+    Stack(#[from] StackError),
     /// Compression failed.
     #[error(transparent)]
     Compress(#[from] CompressError),

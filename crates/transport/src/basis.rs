@@ -21,7 +21,7 @@ const MOST_TEXELS: u32 = 256;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColumnKind {
-    /// One column per punctual lamp and per node with an emissive surface.
+    /// One column per punctual lamp, per node with an emissive surface, and per picture of a measured stack.
     Luminaire,
     /// A rectangle of texels, one column each.
     Panel,
@@ -64,6 +64,8 @@ pub enum SourceKind {
     },
     /// Unlit surfaces.
     Constant,
+    /// A light that was photographed; strength 1 is the picture as it was taken.
+    Image,
 }
 
 impl From<PunctualKind> for SourceKind {
@@ -92,6 +94,7 @@ impl SourceKind {
         match self {
             SourceKind::Point | SourceKind::Spot => "cd",
             SourceKind::Directional | SourceKind::Sun { .. } => "lx",
+            SourceKind::Image => "of the picture",
             _ => "nit",
         }
     }
@@ -171,6 +174,11 @@ impl LightBasis {
     /// Number of columns.
     pub fn n_cols(&self) -> usize {
         self.sources.last().map_or(0, |source| source.columns.end as usize)
+    }
+
+    /// Whether the columns are pictures that were taken, not light that was traced.
+    pub fn is_measured(&self) -> bool {
+        self.sources.iter().any(|source| source.kind == SourceKind::Image)
     }
 
     /// The light with that key.

@@ -3,6 +3,8 @@
 use crate::camera::Camera;
 use crate::scene::Scene;
 
+const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
+
 /// 64-bit FNV-1a over 8-byte words.
 struct Fnv(u64);
 
@@ -17,9 +19,16 @@ impl Fnv {
     }
 }
 
+/// A hash of some bytes.
+pub(crate) fn digest(bytes: &[u8]) -> u64 {
+    let mut hash = Fnv(OFFSET);
+    hash.bytes(bytes);
+    hash.0
+}
+
 /// Sixteen hexadecimal digits.
 pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
-    let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+    let mut hash = Fnv(OFFSET);
     let mesh = &scene.mesh;
     hash.bytes(bytemuck::cast_slice(&mesh.positions));
     hash.bytes(bytemuck::cast_slice(&mesh.normals));

@@ -48,7 +48,7 @@ const PILOT_SAMPLES: u32 = 2;
 /// Pixels that tell how many connections are left to roulette.
 const WEAK_PIXELS: usize = 128;
 /// Part of a column's entries that may be brighter than its peak.
-const PEAK_QUANTILE: f32 = 0.995;
+pub(crate) const PEAK_QUANTILE: f32 = 0.995;
 /// Share of the median peak below which a column is not measured against its own: the light of a lamp that hardly reaches
 /// the picture comes by rare walks, and would cost more than all others.
 const DIMMEST: f32 = 0.125;
@@ -238,7 +238,7 @@ fn stream(pixel: u32, half: u64) -> u64 {
 
 /// One over the peak of each column; of lamps whose light in the file stays dim in the picture, one over a share of the
 /// median peak. `light` is the luminance that the file gives each column.
-fn scale_of_peaks(peaks: &[f32], light: &[f32]) -> Vec<f32> {
+pub(crate) fn scale_of_peaks(peaks: &[f32], light: &[f32]) -> Vec<f32> {
     let lit = |p: f32| p > 0.0 && p.is_finite();
     let median_peak = median(peaks.iter().copied().filter(|&p| lit(p))).unwrap_or(1.0);
     let shown = peaks.iter().zip(light).map(|(p, l)| p * l);

@@ -22,6 +22,7 @@ fn main() {
         "meshopt" => targets::meshopt,
         "photometry" => targets::photometry,
         "sky" => targets::sky,
+        "picture" => targets::picture,
         "archive" => targets::archive,
         #[cfg(feature = "look")]
         "look" => look,

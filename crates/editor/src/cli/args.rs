@@ -20,7 +20,8 @@ pub struct Arguments {
     /// What to do; without it the editor opens.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// Scene that the editor opens, .gltf or .glb; the built-in gallery if left out.
+    /// What the editor opens: a scene (.gltf, .glb), a .transport, or a folder with a picture for each light; the built-in
+    /// gallery if left out.
     pub scene: Option<PathBuf>,
     /// Print figures as one JSON object on stdout.
     #[arg(long)]
@@ -31,7 +32,8 @@ const EDITOR_EXAMPLE: &str = "Example: clerestory room.glb\n\
     Without a display the scene is baked, relit under three looks, and written to frames/ in the current folder.";
 const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16\n         \
     or: clerestory bake room.glb -o room.transport --ies Downlight=maker/downlight.ies\n         \
-    or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75";
+    or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75\n         \
+    or: clerestory bake --images stage/ -o face.transport --tolerance 45";
 const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights\n         \
     or: clerestory relight room.transport -o lux.exr --layers irradiance";
 const SENSORS_EXAMPLE: &str = "Example: clerestory sensors room.transport --look evening.look -o evening.csv";
@@ -45,7 +47,7 @@ const INFO_EXAMPLE: &str = "Example: clerestory info room.transport --json";
 /// The subcommands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Compute the light transport of a scene and write it to a file.
+    /// Compute the light transport of a scene, or compress pictures taken under one light each, and write it to a file.
     ///
     /// A bake that was stopped is taken up where it stood by the same command.
     #[command(after_help = BAKE_EXAMPLE)]
@@ -65,7 +67,7 @@ pub enum Command {
     /// Hold picture A against the reference B.
     #[command(after_help = COMPARE_EXAMPLE)]
     Compare(CompareArgs),
-    /// Say what is in a scene, a transport file or a look.
+    /// Say what is in a scene, a transport file, a look, or a folder of pictures.
     #[command(after_help = INFO_EXAMPLE)]
     Info(InfoArgs),
 }
@@ -161,11 +163,36 @@ pub struct BakeOptions {
     pub fresh: bool,
 }
 
+/// Options that mean nothing to pictures that were taken: nothing is traced.
+const OF_SCENES: [&str; 16] = [
+    "scene",
+    "camera",
+    "size",
+    "spp",
+    "bounces",
+    "panels",
+    "ies",
+    "unitless",
+    "sky",
+    "no_skip",
+    "sky_patches",
+    "fast",
+    "exact",
+    "irradiance",
+    "sensors",
+    "work_planes",
+];
+
 /// `clerestory bake`.
 #[derive(Debug, Args)]
 pub struct BakeArgs {
     /// Scene, .gltf or .glb.
-    pub scene: PathBuf,
+    #[arg(required_unless_present = "images")]
+    pub scene: Option<PathBuf>,
+    /// Bake pictures instead of a scene: a folder with one .exr, .hdr, .png or .jpg of the same view for each light, whose
+    /// key is the file's name. Takes 1 GiB of memory for pixels, however many there are.
+    #[arg(long, value_name = "DIR", conflicts_with_all = OF_SCENES)]
+    pub images: Option<PathBuf>,
     /// Transport file to write.
     #[arg(short, long, value_name = "FILE.transport")]
     pub output: PathBuf,
@@ -292,7 +319,7 @@ pub struct CompareArgs {
 /// `clerestory info`.
 #[derive(Debug, Args)]
 pub struct InfoArgs {
-    /// Scene, transport file or look.
+    /// Scene, transport file, look, or folder of pictures.
     pub file: PathBuf,
     /// How to answer.
     #[command(flatten)]
@@ -455,6 +482,36 @@ mod tests {
             let line = ["clerestory", "bake", "a.glb", "-o", "a.transport", option, value];
             assert!(Arguments::try_parse_from(line).is_err(), "{option} {value} was accepted");
         }
+    }
+
+    #[test]
+    fn pictures_take_the_place_of_a_scene_and_of_its_options() {
+        let line = |rest: &str| {
+            let line = format!("clerestory bake --images stage -o a.transport {rest}");
+            Arguments::try_parse_from(line.split_whitespace().map(str::to_owned))
+        };
+        assert!(line("--tolerance 45 --fresh --seed 3 --threads 2 --json").is_ok());
+        for of_scenes in [
+            "a.glb",
+            "--spp 4",
+            "--size 4x4",
+            "--camera 0",
+            "--bounces 1",
+            "--panel a=4",
+            "--ies a=b",
+            "--unitless",
+            "--sky uniform",
+            "--no-skip",
+            "--sky-patches 145",
+            "--fast",
+            "--exact",
+            "--irradiance",
+            "--sensors a=4x4",
+            "--work-plane 1",
+        ] {
+            assert!(line(of_scenes).is_err(), "{of_scenes} was accepted");
+        }
+        assert!(Arguments::try_parse_from(["clerestory", "bake", "-o", "a.transport"]).is_err());
     }
 
     #[test]

@@ -2,10 +2,14 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
+use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
+use clerestory_transport::basis::LightBasis;
+use clerestory_transport::import::stack::ImageStack;
 use clerestory_transport::irradiance::IrradianceFigures;
 use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 use indicatif::ProgressBar;
@@ -26,27 +30,73 @@ pub(crate) struct BakeTimes {
 }
 
 pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
-    let scene = [("scene", args.scene.as_path())];
-    for place in [args.output.as_path(), &archive::part_of(&args.output)] {
-        spare_inputs(place, scene.into_iter().chain(inputs_of(&args.options.view)))?;
-    }
-    // A place that cannot be written is found out before the long work, not after it.
-    drop(PendingFile::create(&args.output)?);
-    let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
-    let view = open_view(&args.scene, &args.options.view, sky.as_ref(), console)?;
-    let rows = requested(&args.irradiance).rows(&view.scene);
-    let irradiance = rows.with_context(|| format!("cannot measure light in {}", args.scene.display()))?;
-    let job = BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) };
-    let restart = if args.options.fresh { Restart::Fresh } else { Restart::Resume };
-    let kept = || kept_words(&args.output);
-    let (bake, times) = run_with_progress(console, &args.options, &kept, |on_event| {
-        archive::bake_to_file(job, &args.output, restart, on_event)
-    })
-    .with_context(|| format!("cannot bake {} to {}", args.scene.display(), args.output.display()))?;
+    let (bake, times) = match (&args.images, &args.scene) {
+        (Some(folder), _) => bake_images(folder, args, console)?,
+        (None, Some(scene)) => bake_scene(scene, args, console)?,
+        (None, None) => bail!("name a scene, or a folder of pictures with --images"),
+    };
     let mut answer = baked(&bake, times, &args.options, console)?;
     answer.json["output"] = json!(args.output.display().to_string());
     answer.words = format!("{}: {}", args.output.display(), answer.words);
     Ok(answer)
+}
+
+fn bake_scene(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+    if scene.is_dir() {
+        bail!("{0} is a folder; name a scene, or bake the pictures in it with --images {0}", scene.display());
+    }
+    let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
+    reserve(&args.output, &inputs)?;
+    let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
+    let view = open_view(scene, &args.options.view, sky.as_ref(), console)?;
+    let rows = requested(&args.irradiance).rows(&view.scene);
+    let irradiance = rows.with_context(|| format!("cannot measure light in {}", scene.display()))?;
+    let job = BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) };
+    run_with_progress(console, &args.options, &|| kept_words(&args.output), |on_event| {
+        archive::bake_to_file(job, &args.output, restart(&args.options), on_event)
+    })
+    .with_context(|| format!("cannot bake {} to {}", scene.display(), args.output.display()))
+}
+
+fn bake_images(folder: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+    let stack = open_stack(folder, console)?;
+    let inputs: Vec<_> = stack.images.iter().map(|image| ("picture", image.path.as_path())).collect();
+    reserve(&args.output, &inputs)?;
+    let mut remarks = Vec::new();
+    let job = stack_job(&stack, &args.options);
+    let baked = run_with_progress(console, &args.options, &|| kept_words(&args.output), |on_event| {
+        let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
+        remarks = surveyed.remarks();
+        archive::stack_to_file(surveyed, &args.output, restart(&args.options), on_event)
+    });
+    console.warn_all(remarks);
+    baked.with_context(|| format!("cannot bake {} to {}", folder.display(), args.output.display()))
+}
+
+/// Opens a folder of pictures and says what else is in it.
+pub(crate) fn open_stack(folder: &Path, console: &mut Console) -> Result<Arc<ImageStack>> {
+    let stack = ImageStack::open(folder)?;
+    console.warn_all(stack.remarks());
+    Ok(Arc::new(stack))
+}
+
+/// The job that was asked for.
+pub(crate) fn stack_job(stack: &Arc<ImageStack>, options: &BakeOptions) -> StackJob {
+    let (tolerance_db, seed) = (options.tolerance, options.view.seed);
+    StackJob { stack: stack.clone(), tolerance_db, seed, memory_bytes: MEMORY_BYTES }
+}
+
+/// A place that cannot be written, or is an input, is found out before the long work, not after it.
+fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
+    for place in [output, &archive::part_of(output)] {
+        spare_inputs(place, inputs.iter().copied())?;
+    }
+    drop(PendingFile::create(output)?);
+    Ok(())
+}
+
+fn restart(options: &BakeOptions) -> Restart {
+    if options.fresh { Restart::Fresh } else { Restart::Resume }
 }
 
 /// What a bake that is stopped leaves behind.
@@ -143,7 +193,7 @@ pub(crate) fn baked(bake: &Bake, times: BakeTimes, options: &BakeOptions, consol
     let words = format!(
         "baked in {} on {threads} threads\n{}{}",
         duration_words(times.bake_secs),
-        figure_words(&figures),
+        figure_words(&figures, &bake.header.basis),
         irradiance_words(&irradiance),
     );
     Ok(Answer { json, words })
@@ -173,19 +223,13 @@ pub(crate) fn irradiance_words(figures: &[IrradianceFigures]) -> String {
 }
 
 /// The figures of a transport for people.
-pub(crate) fn figure_words(figures: &Value) -> String {
+pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
     let number = |name: &str| figures[name].as_f64().unwrap_or(f64::NAN);
-    let decibels =
-        |name: &str| figures["error_db"][name].as_f64().map_or("unmeasured".into(), |db| format!("{db:.1} dB"));
-    let bias = match figures["error_db"]["bias"].as_f64() {
-        Some(db) => format!(", bias of shared light {db:.1} dB"),
-        None => String::new(),
-    };
     format!(
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
-         error       {} in all: truncation {}, sampling {}{bias}; noise of the samples {}{}",
+         error       {}{}",
         number("pixels"),
         number("columns"),
         number("blocks"),
@@ -195,12 +239,20 @@ pub(crate) fn figure_words(figures: &Value) -> String {
         bytes_words(number("bytes")),
         bytes_words(number("dense_bytes")),
         number("ratio"),
-        decibels("total"),
-        decibels("truncation"),
-        decibels("sampling"),
-        decibels("noise"),
+        error_words(&figures["error_db"], basis),
         skipped_words(&figures["skipped"]),
     )
+}
+
+fn error_words(error_db: &Value, basis: &LightBasis) -> String {
+    let decibels = |name: &str| error_db[name].as_f64().map_or("unmeasured".into(), |db| format!("{db:.1} dB"));
+    let total = decibels("total");
+    if basis.is_measured() {
+        return format!("{total} against the pictures, all of it truncation; their own noise is not known");
+    }
+    let bias = error_db["bias"].as_f64().map_or(String::new(), |db| format!(", bias of shared light {db:.1} dB"));
+    let (truncation, sampling, noise) = (decibels("truncation"), decibels("sampling"), decibels("noise"));
+    format!("{total} in all: truncation {truncation}, sampling {sampling}{bias}; noise of the samples {noise}")
 }
 
 /// What a bake found needless, a line for people; nothing where it found nothing.

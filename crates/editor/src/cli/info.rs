@@ -1,4 +1,4 @@
-//! `clerestory info`: what is in a scene, a transport file or a look.
+//! `clerestory info`: what is in a scene, a transport file, a look, or a folder of pictures.
 
 use std::io::Read;
 use std::path::Path;
@@ -6,12 +6,13 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive;
 use clerestory_transport::basis::LightSource;
+use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::Lighting;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::skips::Skips;
 use serde_json::{Value, json};
 
-use super::bake::{figure_words, irradiance_words, merge};
+use super::bake::{figure_words, irradiance_words, merge, open_stack};
 use super::console::{Answer, Console};
 use super::view::{fault_words, import_scene, unsupported_words};
 use crate::look::Look;
@@ -31,6 +32,9 @@ enum FileKind {
 }
 
 pub(super) fn info(path: &Path, console: &mut Console) -> Result<Answer> {
+    if path.is_dir() {
+        return stack(path, console);
+    }
     match file_kind(path)? {
         FileKind::Scene => scene(path, console),
         FileKind::Transport => transport(path),
@@ -142,6 +146,20 @@ fn listed(items: &[impl AsRef<str>]) -> String {
     if items.is_empty() { "none".into() } else { items.iter().map(AsRef::as_ref).collect::<Vec<_>>().join(", ") }
 }
 
+fn stack(folder: &Path, console: &mut Console) -> Result<Answer> {
+    let stack = open_stack(folder, console)?;
+    let keys: Vec<&str> = stack.images.iter().map(|image| image.key.as_str()).collect();
+    let Film { width, height } = stack.film;
+    let words =
+        format!("{}: {} pictures, {width}×{height}\nlights      {}", folder.display(), keys.len(), listed(&keys));
+    let (passed_over, warnings) = (&stack.passed_over, console.warnings());
+    let json = json!({
+        "pictures": keys.len(), "width": width, "height": height, "lights": keys, "passed_over": passed_over,
+        "warnings": warnings,
+    });
+    Ok(Answer { json, words })
+}
+
 fn transport(path: &Path) -> Result<Answer> {
     let bake = archive::read(path).with_context(|| format!("cannot read the transport {}", path.display()))?;
     let header = &bake.header;
@@ -149,20 +167,23 @@ fn transport(path: &Path) -> Result<Answer> {
     let irradiance = bake.irradiance_figures();
     let keys: Vec<&str> = header.basis.sources.iter().map(|source| source.key.as_str()).collect();
     let sky = header.basis.sky.as_ref().map_or("none", |sky| sky.name.as_str());
+    let measured = header.basis.is_measured();
+    let what = match measured {
+        true => format!("pictures in {}", header.scene),
+        false => format!("{} seen by {}", header.scene, header.camera),
+    };
     let words = format!(
-        "{}: {} seen by {}, {}×{}\nlights      {}\nsky         {sky}\n{}{}",
+        "{}: {what}, {}×{}\nlights      {}\nsky         {sky}\n{}{}",
         path.display(),
-        header.scene,
-        header.camera,
         header.width,
         header.height,
         listed(&keys),
-        figure_words(&figures),
+        figure_words(&figures, &header.basis),
         irradiance_words(&irradiance),
     );
     let mut json = figures;
     let about = json!({
-        "scene": header.scene, "camera": header.camera, "width": header.width, "height": header.height,
+        "scene": header.scene, "camera": header.camera, "measured": measured, "width": header.width, "height": header.height,
         "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
     });
     merge(&mut json, about);

@@ -149,6 +149,9 @@ pub(crate) fn irradiance_of(bake: &Bake, set: usize, rig: &LightRig) -> Result<R
 /// Irradiance at the pixels under a rig, lux per channel.
 pub(crate) fn seen_irradiance(bake: &Bake, rig: &LightRig) -> Result<Radiance> {
     let set = bake.pixel_irradiance();
+    if set.is_none() && bake.header.basis.is_measured() {
+        bail!("the bake is of pictures, which tell no irradiance; that takes a scene");
+    }
     let set = set.context("the bake holds no irradiance of its pixels; bake it again with --irradiance")?;
     irradiance_of(bake, set, rig)
 }

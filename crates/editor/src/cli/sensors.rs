@@ -50,6 +50,9 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let all = readings(&bake, &look.lights)?;
+    if all.is_empty() && bake.header.basis.is_measured() {
+        bail!("{} was baked from pictures, which tell no lux; sensors need a scene", args.transport.display());
+    }
     if all.is_empty() {
         bail!(
             "{} holds no sensors; bake it again with --sensors NODE=WxH or --work-plane HEIGHT",

@@ -1,4 +1,4 @@
-//! Quality, size and camera of the bake; what it does, and what came of it.
+//! Quality, size and camera of the bake, or the pictures that it is of; what it does, and what came of it.
 
 use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::{Camera, Film};
@@ -44,8 +44,10 @@ pub struct BakeView<'a> {
     pub figures: Option<&'a Figures>,
     /// Error of the last pass.
     pub error_db: Option<ErrorDb>,
-    /// Whether there is a scene, so that it can be baked.
-    pub has_scene: bool,
+    /// Whether there is a scene or a stack, so that it can be baked.
+    pub can_bake: bool,
+    /// Number and size of the pictures, where the columns are pictures that were taken.
+    pub pictures: Option<(usize, Film)>,
     /// How its lamps are counted, where it has lamps that leave room for a doubt.
     pub units: Option<LampUnits>,
     /// What was left behind on import, in words.
@@ -55,7 +57,10 @@ pub struct BakeView<'a> {
 /// Draws it.
 pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     theme::section(ui, "Bake");
-    ui.add_enabled_ui(view.has_scene, |ui| settings_ui(ui, settings, view, actions));
+    ui.add_enabled_ui(view.can_bake, |ui| match view.pictures {
+        Some(pictures) => pictures_ui(ui, &mut settings.config, pictures),
+        None => settings_ui(ui, settings, view, actions),
+    });
     ui.add_space(4.0);
     progress_ui(ui, view, actions);
     if let Some(figures) = view.figures {
@@ -82,9 +87,7 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
         ui.horizontal(|ui| {
             let spp = DragValue::new(&mut settings.config.spp).range(2..=65_536).suffix(" spp");
             ui.add(spp).on_hover_text("Samples per pixel, at most").accessible_name("Samples per pixel");
-            let tolerance =
-                DragValue::new(&mut settings.config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
-            ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
+            tolerance_ui(ui, &mut settings.config);
         });
         ui.end_row();
         ui.label("");
@@ -101,6 +104,23 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
             ui.end_row();
         }
     });
+}
+
+/// What there is to set where nothing is traced.
+fn pictures_ui(ui: &mut Ui, config: &mut BakeConfig, (n_pictures, film): (usize, Film)) {
+    egui::Grid::new("picture settings").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
+        ui.label("Pictures");
+        ui.label(format!("{n_pictures} of {} × {}", film.width, film.height));
+        ui.end_row();
+        ui.label("Tolerance");
+        tolerance_ui(ui, config);
+        ui.end_row();
+    });
+}
+
+fn tolerance_ui(ui: &mut Ui, config: &mut BakeConfig) {
+    let tolerance = DragValue::new(&mut config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
+    ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
 }
 
 fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
@@ -171,7 +191,7 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
         return;
     }
     let start = Button::new(RichText::new("Start bake").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-    let start = ui.add_enabled_ui(view.has_scene, |ui| ui.add_sized(width, start)).inner;
+    let start = ui.add_enabled_ui(view.can_bake, |ui| ui.add_sized(width, start)).inner;
     if start.on_disabled_hover_text("Open a scene first").clicked() {
         actions.push(Action::StartBake);
     }
@@ -188,7 +208,11 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
 
 /// While nothing tells how long the bake will take, how far its pass is.
 fn pass_words(pass: u32, n_passes: u32, pass_done: f32, secs_left: Option<f32>) -> String {
-    let what = if pass == 0 { "Preview".into() } else { format!("Pass {pass} of {}", n_passes.saturating_sub(1)) };
+    let what = match (pass, n_passes) {
+        (_, 1) => "Compressing".into(),
+        (0, _) => "Preview".into(),
+        _ => format!("Pass {pass} of {}", n_passes.saturating_sub(1)),
+    };
     match secs_left {
         Some(secs) => format!("{what}, {} left", duration(secs)),
         None => format!("{what}, {:.0} %", 100.0 * pass_done),
@@ -273,6 +297,7 @@ mod tests {
     #[test]
     fn a_pass_tells_its_share_until_time_can_be_judged() {
         assert_eq!(pass_words(0, 3, 0.42, None), "Preview, 42 %");
+        assert_eq!(pass_words(0, 1, 0.42, None), "Compressing, 42 %");
         assert_eq!(pass_words(1, 3, 0.42, Some(61.0)), "Pass 1 of 2, 1 min 1 s left");
     }
 

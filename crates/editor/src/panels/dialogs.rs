@@ -68,11 +68,14 @@ impl FileQuestion {
 
     fn browse(&mut self) {
         let (what, extensions) = self.task.extensions();
-        let dialog = rfd::AsyncFileDialog::new().set_title(self.task.title()).add_filter(what, extensions);
+        let dialog = rfd::AsyncFileDialog::new().set_title(self.task.title());
+        let dialog = if extensions.is_empty() { dialog } else { dialog.add_filter(what, extensions) };
         let path_of = |file: Option<rfd::FileHandle>| file.map(|file| file.path().to_path_buf());
         let answer: Answer = if self.task.writes() {
             let dialog = dialog.set_file_name(&self.path);
             Box::pin(async move { path_of(dialog.save_file().await) })
+        } else if extensions.is_empty() {
+            Box::pin(async move { path_of(dialog.pick_folder().await) })
         } else {
             Box::pin(async move { path_of(dialog.pick_file().await) })
         };
@@ -110,7 +113,11 @@ impl FileQuestion {
         }
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let (_, extensions) = self.task.extensions();
-        ui.label(RichText::new(format!("Ends in .{}", extensions.join(", ."))).weak().small());
+        let hint = match extensions {
+            [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
+            endings => format!("Ends in .{}", endings.join(", .")),
+        };
+        ui.label(RichText::new(hint).weak().small());
         ui.add_space(8.0);
         let mut answer = None;
         ui.horizontal(|ui| {

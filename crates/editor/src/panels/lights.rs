@@ -180,12 +180,13 @@ fn name_ui(
     let name = ui.allocate_ui_with_layout(size, layout, |ui| {
         ui.add(Label::new(text).truncate().sense(Sense::click()).selectable(false))
     });
-    let name = name.inner.on_hover_text(format!(
-        "{key}\n{}, {} {} in the file\nDouble-click to reset, right-click for more",
-        kind_words(source.kind),
-        source.strength,
-        source.kind.unit()
-    ));
+    let strength = match source.kind {
+        SourceKind::Image => String::new(),
+        kind => format!(", {} {} in the file", source.strength, kind.unit()),
+    };
+    let kind = kind_words(source.kind);
+    let name =
+        name.inner.on_hover_text(format!("{key}\n{kind}{strength}\nDouble-click to reset, right-click for more"));
     let mut reset = name.double_clicked();
     name.context_menu(|ui| {
         reset |= ui.button("Reset").clicked();
@@ -223,6 +224,7 @@ fn kind_words(kind: SourceKind) -> String {
         SourceKind::Dome { divisions } => format!("Sky of {} patches", 144 * divisions * divisions + 146),
         SourceKind::Sun { .. } => "Sun".into(),
         SourceKind::Constant => "Unlit surfaces".into(),
+        SourceKind::Image => "Picture taken under this light".into(),
     }
 }
 

@@ -44,10 +44,10 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             if let Some([width, height]) = status.size {
                 ui.label(RichText::new(format!("{width} × {height}")).weak());
             }
-            if let BakeState::Running { done, pass, pass_done, secs_left, .. } = status.bake {
+            if let BakeState::Running { done, pass, n_passes, pass_done, secs_left } = status.bake {
                 let text = match secs_left {
                     Some(secs) => format!("{} left", duration(*secs)),
-                    None if *pass == 0 => format!("Preview, {:.0} %", 100.0 * pass_done),
+                    None if *pass == 0 && *n_passes > 1 => format!("Preview, {:.0} %", 100.0 * pass_done),
                     None => format!("{:.0} %", 100.0 * done),
                 };
                 let bar = ProgressBar::new(*done)

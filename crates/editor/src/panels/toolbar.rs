@@ -47,6 +47,10 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     if ui.button("Open…").on_hover_text("Open a glTF scene or a finished bake, Ctrl+O").clicked() {
         actions.push(Action::Ask(FileTask::OpenScene));
     }
+    let hint = "Open a folder with a picture for each light, as a light stage takes them";
+    if ui.button("Open pictures…").on_hover_text(hint).clicked() {
+        actions.push(Action::Ask(FileTask::OpenPictures));
+    }
     ui.menu_button("Recent", |ui| recent_menu(ui, state.recent, actions));
     ui.separator();
     if ui.button("Open look…").clicked() {

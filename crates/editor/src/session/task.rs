@@ -11,9 +11,10 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::archive;
-use clerestory_transport::bake::{Bake, BakeEvent, BakeJob};
+use clerestory_transport::bake::stack::StackJob;
+use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeJob};
 use clerestory_transport::emitters::LightingError;
-use clerestory_transport::import;
+use clerestory_transport::import::{self, stack::ImageStack};
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{PunctualLight, Scene};
@@ -26,7 +27,7 @@ use crate::headless::GALLERY;
 pub enum Source {
     /// The scene that is part of the program.
     BuiltIn,
-    /// A scene or a finished bake.
+    /// A scene, a finished bake, or a folder of pictures.
     File(PathBuf),
     /// A glTF file in memory.
     Bytes {
@@ -59,6 +60,8 @@ pub enum Loaded {
         /// What was left behind, in words.
         report: Vec<String>,
     },
+    /// Pictures, ready to be baked.
+    Stack(ImageStack),
     /// A bake from a file.
     Bake(Bake),
 }
@@ -78,6 +81,8 @@ pub(super) enum Fact {
     Prepared(Result<Prepared, String>),
     /// The bake goes on.
     Bake(BakeEvent),
+    /// What was done with what is baked, in words.
+    Remarks(Vec<String>),
     /// The bake ended; with nothing if it was stopped.
     BakeEnded(Result<Option<Bake>, String>),
     /// A file was written, or why not.
@@ -167,6 +172,7 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
         Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("transport")) => {
             return Ok(Loaded::Bake(archive::read(&path)?));
         }
+        Source::File(path) if path.is_dir() => return Ok(Loaded::Stack(ImageStack::open(&path)?)),
         Source::File(path) => import::load(&path)?,
     };
     anyhow::ensure!(
@@ -202,20 +208,31 @@ const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 
 /// Bakes on all cores but one, which stays with the window.
 pub(super) fn bake(job: BakeJob, post: Post) {
-    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads((n_cores - 1).max(1)).build();
-    let result = match pool {
-        Ok(pool) => pool
-            .install(|| {
-                job.run(|event| {
-                    let soon = if matches!(event, BakeEvent::PassDone { .. }) { Duration::ZERO } else { BLOCKS_WITHIN };
-                    post.send(Fact::Bake(event), soon)
-                })
-            })
-            .map_err(words),
-        Err(error) => Err(words(error)),
-    };
+    let result = beside_the_window(|| job.run(|event| tell(&post, event)));
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
+}
+
+/// The same for a stack of pictures.
+pub(super) fn bake_stack(job: StackJob, post: Post) {
+    let result = beside_the_window(|| {
+        let Some(surveyed) = job.survey(&mut |event| tell(&post, event))? else { return Ok(None) };
+        let _ = post.send(Fact::Remarks(surveyed.remarks()), BLOCKS_WITHIN);
+        surveyed.run(|event| tell(&post, event))
+    });
+    let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
+}
+
+fn tell(post: &Post, event: BakeEvent) -> ControlFlow<()> {
+    let soon = if matches!(event, BakeEvent::PassDone { .. }) { Duration::ZERO } else { BLOCKS_WITHIN };
+    post.send(Fact::Bake(event), soon)
+}
+
+fn beside_the_window(bake: impl FnOnce() -> Result<Option<Bake>, BakeError> + Send) -> Result<Option<Bake>, String> {
+    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
+    match rayon::ThreadPoolBuilder::new().num_threads((n_cores - 1).max(1)).build() {
+        Ok(pool) => pool.install(bake).map_err(words),
+        Err(error) => Err(words(error)),
+    }
 }
 
 /// One picture, for a file.

@@ -221,9 +221,11 @@ fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
     if *found == same_scale {
         return None;
     }
+    let what_changed =
+        if asked.basis.is_measured() { "the pictures have changed" } else { "the scene or camera has changed" };
     let sizes = (found.width, found.height) != (asked.width, asked.height);
     let checks = [
-        (found.fingerprint != asked.fingerprint, "the scene or camera has changed".to_string()),
+        (found.fingerprint != asked.fingerprint, what_changed.to_string()),
         (sizes, format!("its size is {}x{}", found.width, found.height)),
         (found.basis != asked.basis, "its lights differ".into()),
         (found.skips != asked.skips, "it skips other work".into()),

@@ -5,10 +5,11 @@ use crate::bake::BakeHeader;
 use crate::light::LightRig;
 
 /// A file of each version, as the programs of their time wrote them.
-const FIXTURES: [(u32, &[u8]); 3] = [
+const FIXTURES: [(u32, &[u8]); 4] = [
     (1, include_bytes!("../../tests/data/v1.transport")),
     (2, include_bytes!("../../tests/data/v2.transport")),
     (3, include_bytes!("../../tests/data/v3.transport")),
+    (4, include_bytes!("../../tests/data/v4.transport")),
 ];
 
 fn decoded(bytes: &[u8]) -> Result<Bake, ArchiveError> {
@@ -43,7 +44,7 @@ fn mean(bake: &Bake) -> f64 {
 
 #[test]
 fn a_file_of_each_version_stays_readable() {
-    let expected = [(20, 18, 1, 0), (10, 8, 292, 0), (18, 9, 1, 2)];
+    let expected = [(20, 18, 1, 0), (10, 8, 292, 0), (18, 9, 1, 2), (18, 9, 3, 0)];
     for ((version, bytes), (width, height, n_cols, n_sets)) in FIXTURES.iter().zip(expected) {
         assert_eq!(bytes[8..12], version.to_le_bytes());
         let bake = decoded(bytes).unwrap();

@@ -24,6 +24,7 @@ mod meshopt;
 mod profiles;
 mod report;
 mod sensors;
+pub mod stack;
 mod tangents;
 #[cfg(test)]
 mod tests;

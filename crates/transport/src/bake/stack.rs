@@ -1,0 +1,233 @@
+//! Bakes of measured stacks: pictures of one view, each under one light, are the columns of a matrix that needs no tracing.
+//!
+//! Both halves of the matrix are the same numbers: what was photographed is what there is. So the error of sampling is 0,
+//! that of truncation is exact, and the half of a tolerance that a traced bake leaves to noise goes to truncation too.
+//! A stack is never in memory as a whole: it is read once to learn the brightness of its columns, and once more for each band
+//! of rows beyond the first that [`StackJob::memory_bytes`] holds.
+
+mod band;
+mod run;
+
+use std::ops::{ControlFlow, Range};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, TILE};
+use crate::basis::{LightBasis, LightSource, SourceKind};
+use crate::camera::Film;
+use crate::fingerprint::digest;
+use crate::import::stack::{ImageStack, StackError};
+use crate::matrix::{PEAK_QUANTILE, scale_of_peaks};
+use crate::skips::{Skips, Spared};
+use band::Band;
+
+/// Bytes of pixels in memory at a time, unless a single row of blocks has more.
+pub const MEMORY_BYTES: usize = 1 << 30;
+/// Pixels that tell how bright a picture is.
+const PEAK_PIXELS: usize = 1 << 20;
+/// Scales that no factor of 32 bits overflows with.
+const SCALES: std::ops::RangeInclusive<f32> = 1e-30..=1e30;
+/// Share of the progress that reading the pictures counts for.
+const READING: f32 = 0.2;
+
+/// A stack and how exactly it is baked.
+#[derive(Clone, Debug)]
+pub struct StackJob {
+    /// The pictures.
+    pub stack: Arc<ImageStack>,
+    /// Truncation error at which a block is done, in dB: 10·log10(pk² / mean ΔT²).
+    pub tolerance_db: f32,
+    /// Same seed, same bytes.
+    pub seed: u64,
+    /// Bytes of pixels in memory at a time, such as [`MEMORY_BYTES`]; the result does not depend on it.
+    pub memory_bytes: usize,
+}
+
+/// A stack that was read once: its columns are known.
+pub struct SurveyedStack {
+    job: StackJob,
+    header: BakeHeader,
+    digests: Vec<u64>,
+    /// The middle of the pictures, kept from reading them.
+    first: Band,
+    n_negative: u64,
+    n_encoded: usize,
+}
+
+/// What is learned of a picture when it is read for the first time.
+struct Survey {
+    digest: u64,
+    peak: f32,
+    n_negative: u64,
+    was_encoded: bool,
+    column: Vec<f32>,
+}
+
+impl StackJob {
+    /// Bakes. `on_event` may ask to stop; then the result is `None`.
+    ///
+    /// # Errors
+    /// See [`BakeError`].
+    pub fn run(self, mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send) -> Result<Option<Bake>, BakeError> {
+        match self.survey(&mut on_event)? {
+            Some(surveyed) => surveyed.run(on_event),
+            None => Ok(None),
+        }
+    }
+
+    /// Reads every picture once. `on_event` hears of the progress and may ask to stop; then the result is `None`.
+    ///
+    /// # Errors
+    /// A tolerance out of range, or a picture that cannot be used.
+    pub fn survey(
+        self,
+        on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send + ?Sized),
+    ) -> Result<Option<SurveyedStack>, BakeError> {
+        if !(0.0..=120.0).contains(&self.tolerance_db) {
+            return Err(BakeError::Config { what: "the tolerance must be between 0 and 120 dB".into() });
+        }
+        let rows = self.bands().swap_remove(0);
+        let n_images = self.stack.images.len();
+        let heard = Mutex::new((on_event, 0usize));
+        let survey = |nth: usize| -> Result<Survey, Halt> {
+            let survey = self.survey_image(nth, &rows)?;
+            let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
+            heard.1 += 1;
+            let done = READING * heard.1 as f32 / n_images as f32;
+            match (heard.0)(BakeEvent::Progress { pass: 0, done, secs_left: None }) {
+                ControlFlow::Continue(()) => Ok(survey),
+                ControlFlow::Break(()) => Err(Halt::Asked),
+            }
+        };
+        match (0..n_images).into_par_iter().map(survey).collect::<Result<Vec<Survey>, Halt>>() {
+            Ok(surveys) => Ok(Some(self.surveyed(rows, surveys))),
+            Err(Halt::Asked) => Ok(None),
+            Err(Halt::Failed(error)) => Err(error.into()),
+        }
+    }
+
+    fn survey_image(&self, nth: usize, rows: &Range<u32>) -> Result<Survey, StackError> {
+        let (picture, bytes) = self.stack.read(&self.stack.images[nth])?;
+        Ok(Survey {
+            digest: digest(&bytes),
+            peak: peak(&picture.pixels),
+            n_negative: picture.pixels.iter().flatten().filter(|value| **value < 0.0).count() as u64,
+            was_encoded: picture.was_encoded,
+            column: band::column(&picture, rows),
+        })
+    }
+
+    fn surveyed(self, rows: Range<u32>, surveys: Vec<Survey>) -> SurveyedStack {
+        let peaks: Vec<f32> = surveys.iter().map(|survey| survey.peak).collect();
+        let scale = scale_of_peaks(&peaks, &vec![1.0; peaks.len()]);
+        let digests: Vec<u64> = surveys.iter().map(|survey| survey.digest).collect();
+        let header =
+            self.header(&digests, scale.into_iter().map(|s| s.clamp(*SCALES.start(), *SCALES.end())).collect());
+        SurveyedStack {
+            n_negative: surveys.iter().map(|survey| survey.n_negative).sum(),
+            n_encoded: surveys.iter().filter(|survey| survey.was_encoded).count(),
+            first: Band { rows, columns: surveys.into_iter().map(|survey| survey.column).collect() },
+            job: self,
+            header,
+            digests,
+        }
+    }
+
+    fn header(&self, digests: &[u64], column_scale: Vec<f32>) -> BakeHeader {
+        let ImageStack { film, images, .. } = &*self.stack;
+        let source = |(key, column): (&str, u32)| LightSource {
+            key: key.into(),
+            kind: SourceKind::Image,
+            columns: column..column + 1,
+            color: Vec3::ONE,
+            strength: 1.0,
+        };
+        let keys = images.iter().map(|image| image.key.as_str());
+        let words: Vec<u8> = digests.iter().flat_map(|digest| digest.to_le_bytes()).collect();
+        BakeHeader {
+            scene: self.stack.name(),
+            fingerprint: format!("{:016x}", digest(&words)),
+            camera: String::new(),
+            view: None,
+            width: film.width,
+            height: film.height,
+            tile: TILE,
+            // Nothing is sampled.
+            config: BakeConfig {
+                spp: 0,
+                tolerance_db: self.tolerance_db,
+                bounces: None,
+                seed: self.seed,
+                ..BakeConfig::default()
+            },
+            basis: LightBasis::new(keys.zip(0..).map(source).collect()),
+            column_scale,
+            sky_reach: Vec::new(),
+            sharing_bias: None,
+            irradiance: Vec::new(),
+            skips: Skips::default(),
+            spared: Spared::default(),
+        }
+    }
+
+    /// Rows of pixels that are in memory together, those in the middle of the picture first.
+    fn bands(&self) -> Vec<Range<u32>> {
+        let Film { width, height } = self.stack.film;
+        let bytes_per_row = width as usize * size_of::<[f32; 3]>() * self.stack.images.len();
+        let n_tiles = (self.memory_bytes / bytes_per_row / TILE as usize).max(1);
+        let n_rows = u32::try_from(n_tiles).unwrap_or(u32::MAX).saturating_mul(TILE);
+        let mut bands: Vec<Range<u32>> =
+            (0..height).step_by(n_rows as usize).map(|first| first..first.saturating_add(n_rows).min(height)).collect();
+        bands.sort_by_key(|band| (i64::from(band.start) + i64::from(band.end) - i64::from(height)).abs());
+        bands
+    }
+}
+
+/// Why reading ended early.
+enum Halt {
+    Asked,
+    Failed(StackError),
+}
+
+impl From<StackError> for Halt {
+    fn from(error: StackError) -> Halt {
+        Halt::Failed(error)
+    }
+}
+
+/// The 99.5 percentile of a picture's values; where that is dark, the brightest of them.
+fn peak(pixels: &[[f32; 3]]) -> f32 {
+    let every = pixels.len().div_ceil(PEAK_PIXELS);
+    let mut values: Vec<f32> = pixels.iter().step_by(every).flatten().copied().collect();
+    let at = ((values.len() as f32 * PEAK_QUANTILE) as usize).min(values.len() - 1);
+    let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
+    if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }
+}
+
+impl SurveyedStack {
+    /// What the bake will be of.
+    pub fn header(&self) -> &BakeHeader {
+        &self.header
+    }
+
+    /// What was done with the numbers of the pictures, in words.
+    pub fn remarks(&self) -> Vec<String> {
+        let (folder, n_images) = (self.job.stack.folder.display(), self.job.stack.images.len());
+        let encoded = (self.n_encoded > 0).then(|| {
+            format!(
+                "{folder}: {} of {n_images} pictures are PNG or JPEG; their values were taken as sRGB and made linear, \
+                 white being 1",
+                self.n_encoded
+            )
+        });
+        let negative = (self.n_negative > 0).then(|| {
+            format!("{folder}: {} values of its pixels are negative; they count as they are", self.n_negative)
+        });
+        encoded.into_iter().chain(negative).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

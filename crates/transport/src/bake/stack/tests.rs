@@ -1,0 +1,193 @@
+//! Laws of measured stacks: what the pictures hold comes back, to the error that was asked for.
+
+use std::fs;
+use std::path::Path;
+
+use exr::prelude::{Image, SpecificChannels, Vec2, WritableImage};
+
+use super::*;
+use crate::archive::{self, ArchiveError, Restart};
+use crate::light::{LightRig, LightSetting};
+use crate::matrix::CHANNELS;
+
+const SIZE: [usize; 2] = [45, 37];
+const N_LIGHTS: usize = 12;
+
+/// A dim, smooth, colored light with an edge that moves from picture to picture.
+fn value(light: usize, x: usize, y: usize, channel: usize) -> f32 {
+    let at = (x as f32 / SIZE[0] as f32, y as f32 / SIZE[1] as f32);
+    let angle = light as f32 * 0.5 + channel as f32 * 0.2;
+    let smooth = 1.0 + (at.0 * angle.cos() * 3.0 + at.1 * angle.sin() * 2.0).sin();
+    let edge = if (x + 2 * y) % N_LIGHTS == light { 0.5 } else { 0.0 };
+    (smooth + edge) * 10f32.powi(light as i32 % 3)
+}
+
+fn write_light(folder: &Path, light: usize, value: impl Fn(usize, usize, usize) -> f32 + Sync) {
+    let channels = SpecificChannels::rgb(|at: Vec2<usize>| {
+        (value(at.x(), at.y(), 0), value(at.x(), at.y(), 1), value(at.x(), at.y(), 2))
+    });
+    let path = folder.join(format!("light_{light}.exr"));
+    Image::from_channels((SIZE[0], SIZE[1]), channels).write().to_file(path).unwrap();
+}
+
+fn stack() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    (0..N_LIGHTS).for_each(|light| write_light(folder.path(), light, |x, y, channel| value(light, x, y, channel)));
+    folder
+}
+
+fn job(folder: &Path, tolerance_db: f32) -> StackJob {
+    let stack = Arc::new(ImageStack::open(folder).unwrap());
+    StackJob { stack, tolerance_db, seed: 7, memory_bytes: MEMORY_BYTES }
+}
+
+fn baked(job: StackJob) -> Bake {
+    job.run(|_| ControlFlow::Continue(())).unwrap().expect("nobody asked to stop")
+}
+
+/// A channel of the picture under a rig.
+fn relit(bake: &Bake, rig: &LightRig, channel: usize) -> Vec<f32> {
+    let weights: Vec<f32> = bake.header.coefficients(rig)[0].iter().map(|rgb| rgb[channel]).collect();
+    let rows = bake.groups[0].apply(&weights);
+    rows.chunks_exact(CHANNELS).map(|rows| rows[channel]).collect()
+}
+
+#[test]
+fn every_picture_comes_back_to_the_error_that_was_asked_for() {
+    let folder = stack();
+    for tolerance_db in [25.0, 40.0, 60.0] {
+        let bake = baked(job(folder.path(), tolerance_db));
+        let error = bake.figures().error_db;
+        let mut sum = 0.0f64;
+        for light in 0..N_LIGHTS {
+            let dark = LightSetting { muted: true, ..LightSetting::default() };
+            let others = (0..N_LIGHTS).filter(|other| *other != light);
+            let lights = others.map(|other| (format!("light_{other}"), dark)).collect();
+            let rig = LightRig { lights, ..LightRig::default() };
+            for channel in 0..CHANNELS {
+                for (pixel, relit) in relit(&bake, &rig, channel).into_iter().enumerate() {
+                    let (x, y) = (pixel % SIZE[0], pixel / SIZE[0]);
+                    let missed = (relit - value(light, x, y, channel)) * bake.header.column_scale[light];
+                    sum += f64::from(missed).powi(2);
+                }
+            }
+        }
+        let measured = -10.0 * (sum / (N_LIGHTS * CHANNELS * SIZE[0] * SIZE[1]) as f64).log10();
+        assert!(measured > f64::from(tolerance_db) - 0.3, "{measured} dB, {tolerance_db} dB were asked for");
+        // Beyond that the rounding of the factors decides.
+        let [of_pictures, told] = [measured, f64::from(error.total)].map(|db| db.min(70.0));
+        assert!((of_pictures - told).abs() < 0.3, "{measured} dB, but told are {error:?}");
+        assert!(error.noise >= 120.0 && error.sampling >= 100.0, "{error:?}");
+    }
+}
+
+#[test]
+fn a_rig_of_the_pictures_is_their_sum() {
+    let folder = stack();
+    let bake = baked(job(folder.path(), 50.0));
+    let setting = |intensity, color| LightSetting { intensity, color, ..LightSetting::default() };
+    let mut rig = LightRig::default();
+    rig.lights.insert("light_2".into(), setting(3.0, Some([0.5, 0.25, 2.0])));
+    rig.lights.insert("light_5".into(), LightSetting { muted: true, ..LightSetting::default() });
+    let weight = |light: usize, channel: usize| match light {
+        2 => 3.0 * [0.5f32, 0.25, 2.0][channel],
+        5 => 0.0,
+        _ => 1.0,
+    };
+    for (rig, weight) in [(&rig, &weight as &dyn Fn(usize, usize) -> f32), (&LightRig::default(), &|_, _| 1.0)] {
+        for channel in 0..CHANNELS {
+            for (pixel, relit) in relit(&bake, rig, channel).into_iter().enumerate() {
+                let (x, y) = (pixel % SIZE[0], pixel / SIZE[0]);
+                let sum: f32 = (0..N_LIGHTS).map(|light| weight(light, channel) * value(light, x, y, channel)).sum();
+                assert!((relit - sum).abs() < 0.02 * sum, "{relit} {sum} at ({x}, {y})");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_memory_threads_or_being_stopped() {
+    let folder = stack();
+    let out = tempfile::tempdir().unwrap();
+    let path = |name: &str| out.path().join(name);
+    let to_file = |job: StackJob, name: &str, n_blocks: usize| {
+        let mut n_left = n_blocks;
+        let mut on_event = |event: BakeEvent| {
+            n_left -= usize::from(matches!(event, BakeEvent::BlockDone { .. }));
+            if n_left == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let surveyed = job.survey(&mut |_: BakeEvent| ControlFlow::Continue(())).unwrap().unwrap();
+        archive::stack_to_file(surveyed, &path(name), Restart::Resume, &mut on_event).unwrap().is_some()
+    };
+    assert!(to_file(job(folder.path(), 40.0), "whole", usize::MAX));
+    let banded = || StackJob { memory_bytes: 1, ..job(folder.path(), 40.0) };
+    assert_eq!(banded().bands(), [16..32, 0..16, 32..37]);
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    assert!(one_thread.install(|| to_file(banded(), "banded", usize::MAX)));
+    assert!(!to_file(banded(), "stopped", 4), "it was asked to stop");
+    assert!(to_file(job(folder.path(), 40.0), "stopped", usize::MAX));
+    let bytes = |name: &str| fs::read(path(name)).unwrap();
+    assert!(bytes("whole") == bytes("banded") && bytes("whole") == bytes("stopped"));
+    assert!(!archive::part_of(&path("stopped")).exists());
+
+    let read = archive::read(&path("whole")).unwrap();
+    assert!(read.header.basis.is_measured() && read.header.basis.sources[11].key == "light_11");
+    assert_eq!(bytes("whole")[8..12], 4u32.to_le_bytes());
+}
+
+#[test]
+fn a_half_done_bake_of_other_pictures_is_not_taken_up() {
+    let folder = stack();
+    let path = folder.path().join("a.transport");
+    let survey = || job(folder.path(), 40.0).survey(&mut |_: BakeEvent| ControlFlow::Continue(())).unwrap().unwrap();
+    let stop = |event: BakeEvent| match event {
+        BakeEvent::BlockDone { .. } => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    assert!(archive::stack_to_file(survey(), &path, Restart::Resume, stop).unwrap().is_none());
+    write_light(folder.path(), 3, |_, _, _| 0.5);
+    let error = archive::stack_to_file(survey(), &path, Restart::Resume, |_| ControlFlow::Continue(())).unwrap_err();
+    assert!(matches!(error, BakeError::Archive(ArchiveError::OtherBake { .. })), "{error}");
+    assert!(error.to_string().contains("the pictures have changed"), "{error}");
+}
+
+#[test]
+fn a_picture_that_changes_while_it_is_baked_is_named() {
+    let folder = stack();
+    let banded = StackJob { memory_bytes: 1, ..job(folder.path(), 40.0) };
+    let surveyed = banded.survey(&mut |_: BakeEvent| ControlFlow::Continue(())).unwrap().unwrap();
+    write_light(folder.path(), 3, |_, _, _| 0.5);
+    let header = Arc::new(surveyed.header.clone());
+    let baked = surveyed.run_from(header, &[], &mut |_| ControlFlow::Continue(()));
+    let error = baked.map(|baked| baked.is_some()).unwrap_err().to_string();
+    assert!(error.contains("light_3.exr` was changed"), "{error}");
+}
+
+#[test]
+fn values_without_a_number_are_refused_and_negative_ones_told() {
+    let folder = stack();
+    write_light(folder.path(), 1, |x, y, _| if (x, y) == (3, 5) { -1.0 } else { 1.0 });
+    let survey = || job(folder.path(), 40.0).survey(&mut |_: BakeEvent| ControlFlow::Continue(()));
+    let remarks = survey().unwrap().unwrap().remarks();
+    assert!(remarks.len() == 1 && remarks[0].contains("3 values of its pixels are negative"), "{remarks:?}");
+    write_light(folder.path(), 1, |x, y, _| if (x, y) == (3, 5) { f32::NAN } else { 1.0 });
+    let error = survey().err().expect("a picture without numbers").to_string();
+    assert!(
+        error.contains("light_1.exr`: 1 of its pixels are infinite or no numbers, the first of them at (3, 5)"),
+        "{error}"
+    );
+}
+
+#[test]
+fn reading_can_be_stopped_and_black_pictures_are_columns_too() {
+    let folder = stack();
+    (0..N_LIGHTS).for_each(|light| write_light(folder.path(), light, |_, _, _| 0.0));
+    let mut n_told = 0;
+    let stopped = job(folder.path(), 40.0).run(|_| {
+        n_told += 1;
+        if n_told == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(stopped.unwrap().is_none());
+    let bake = baked(job(folder.path(), 40.0));
+    assert!(relit(&bake, &LightRig::default(), 0).iter().all(|value| *value == 0.0));
+}

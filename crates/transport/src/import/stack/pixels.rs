@@ -1,0 +1,234 @@
+//! Pictures as linear numbers: OpenEXR and Radiance as they are, PNG and JPEG through the curve of sRGB \[IEC61966-2-1\].
+
+use std::io::{self, BufRead, Cursor, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use image::codecs::hdr::HdrDecoder;
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+
+use super::MAX_PIXELS;
+use super::openexr::{decode_exr, exr_size};
+use crate::camera::Film;
+
+/// More pixels than a byte of a compressed file stands for.
+const MAX_PIXELS_PER_BYTE: u64 = 1 << 14;
+/// Most bytes that decoding one picture may take beside its pixels.
+const MAX_DECODE_BYTES: u64 = 1 << 30;
+
+/// A picture in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Linear red, green and blue, row by row from the top left.
+    pub pixels: Vec<[f32; 3]>,
+    /// Whether the values of the file were display-encoded.
+    pub was_encoded: bool,
+}
+
+/// The kinds of picture, told by their first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    OpenExr,
+    Radiance,
+    Encoded,
+}
+
+fn kind_of(start: &[u8]) -> Result<Kind, String> {
+    match start {
+        [0x76, 0x2f, 0x31, 0x01, ..] => Ok(Kind::OpenExr),
+        [b'#', b'?', ..] => Ok(Kind::Radiance),
+        [0x89, b'P', b'N', b'G', ..] | [0xff, 0xd8, 0xff, ..] => Ok(Kind::Encoded),
+        _ => Err("it is neither OpenEXR, Radiance, PNG nor JPEG, whatever its name says".into()),
+    }
+}
+
+/// Width and height from the head of a file of so many bytes.
+pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 2], String> {
+    let start = file.fill_buf().map_err(|e| of_file(&e))?;
+    let kind = kind_of(start)?;
+    file.seek(SeekFrom::Start(0)).map_err(|e| of_file(&e))?;
+    let size = guarded(|| match kind {
+        Kind::OpenExr => exr_size(file),
+        Kind::Radiance => Ok(HdrDecoder::new(file).map_err(of_image)?.dimensions().into()),
+        Kind::Encoded => {
+            let reader = ImageReader::new(file).with_guessed_format().map_err(|e| of_file(&e))?;
+            Ok(reader.into_dimensions().map_err(of_image)?.into())
+        }
+    })?;
+    check_size(size, n_bytes)?;
+    Ok(size)
+}
+
+/// Decodes a picture; every size is checked before anything is allocated for it.
+///
+/// # Errors
+/// What is wrong with it, in words.
+pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
+    let size = size(Cursor::new(bytes), bytes.len() as u64)?;
+    guarded(|| match kind_of(bytes)? {
+        Kind::OpenExr => decode_exr(bytes),
+        Kind::Radiance => decode_hdr(bytes, size),
+        Kind::Encoded => decode_encoded(bytes),
+    })
+}
+
+/// A fault of a decoder is a fault of the file.
+fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err("its decoder failed".into()))
+}
+
+/// What a decoder says of a picture.
+fn of_image(error: image::ImageError) -> String {
+    match error {
+        image::ImageError::IoError(error) => of_file(&error),
+        error => error.to_string(),
+    }
+}
+
+pub(super) fn of_file(error: &io::Error) -> String {
+    if error.kind() == io::ErrorKind::UnexpectedEof { "it is cut off".into() } else { error.to_string() }
+}
+
+pub(super) fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
+    let n_pixels = u64::from(width) * u64::from(height);
+    match () {
+        () if n_pixels == 0 => Err("it is empty".into()),
+        () if width.max(height) > Film::MAX_SIDE || n_pixels > MAX_PIXELS => Err(format!(
+            "its {width} × {height} pixels are too many, at most {MAX_PIXELS} in all and {} to a side",
+            Film::MAX_SIDE
+        )),
+        () if n_pixels > n_bytes.saturating_mul(MAX_PIXELS_PER_BYTE) => {
+            Err(format!("{width} × {height} pixels cannot be in {n_bytes} bytes"))
+        }
+        () => Ok(()),
+    }
+}
+
+/// Radiance, in the unit that its head tells: values are stored times all its `EXPOSURE`.
+fn decode_hdr(bytes: &[u8], size: [u32; 2]) -> Result<Picture, String> {
+    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(of_image)?;
+    let exposure = decoder.metadata().exposure.unwrap_or(1.0);
+    if !(exposure.is_finite() && exposure > 0.0) {
+        return Err(format!("its head tells an exposure of {exposure}"));
+    }
+    let mut raw = vec![0u8; decoder.total_bytes() as usize];
+    decoder.read_image(&mut raw).map_err(of_image)?;
+    let value = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]) / exposure;
+    let pixels = raw.chunks_exact(12).map(|b| [value(b), value(&b[4..]), value(&b[8..])]).collect();
+    Ok(Picture { size, pixels, was_encoded: false })
+}
+
+/// PNG and JPEG of 8 or 16 bits; what is transparent keeps its color.
+fn decode_encoded(bytes: &[u8]) -> Result<Picture, String> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| of_file(&e))?;
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_DECODE_BYTES);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(of_image)?;
+    let size = [picture.width(), picture.height()];
+    let pixels = match picture {
+        DynamicImage::ImageLuma16(_)
+        | DynamicImage::ImageLumaA16(_)
+        | DynamicImage::ImageRgb16(_)
+        | DynamicImage::ImageRgba16(_) => {
+            let curve = curve(u16::MAX);
+            picture.into_rgb16().pixels().map(|rgb| rgb.0.map(|code| curve[usize::from(code)])).collect()
+        }
+        _ => {
+            let curve = curve(u16::from(u8::MAX));
+            picture.into_rgb8().pixels().map(|rgb| rgb.0.map(|code| curve[usize::from(code)])).collect()
+        }
+    };
+    Ok(Picture { size, pixels, was_encoded: true })
+}
+
+/// Linear light of each code up to the greatest, which is 1.
+fn curve(greatest: u16) -> Vec<f32> {
+    let linear = |code: u16| {
+        let encoded = f64::from(code) / f64::from(greatest);
+        if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+    };
+    (0..=greatest).map(|code| linear(code) as f32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
+
+    use super::*;
+
+    fn encoded(picture: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        picture.into().write_to(&mut bytes, format).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn the_curve_of_srgb_is_taken_off_eight_and_sixteen_bits() {
+        // IEC 61966-2-1 by hand: a code in the linear part, one beyond it, and the ends.
+        let known = |code: f64| if code <= 0.04045 { code / 12.92 } else { ((code + 0.055) / 1.055).powf(2.4) };
+        let eight = ImageBuffer::from_pixel(1, 1, Rgb([8u8, 128, 255]));
+        let sixteen = ImageBuffer::from_pixel(1, 1, Rgb([2056u16, 32896, 65535]));
+        let expected = [8.0 / 255.0, 128.0 / 255.0, 1.0].map(|code| known(code) as f32);
+        assert!((expected[0] - 0.002_428).abs() < 1e-6 && (expected[1] - 0.215_861).abs() < 1e-6, "{expected:?}");
+        for bytes in [encoded(eight, ImageFormat::Png), encoded(sixteen, ImageFormat::Png)] {
+            let picture = decode_picture(&bytes).unwrap();
+            assert!(picture.was_encoded);
+            for (value, expected) in picture.pixels[0].into_iter().zip(expected) {
+                assert!((value - expected).abs() <= 1e-7 * expected, "{:?} {expected:?}", picture.pixels);
+            }
+        }
+    }
+
+    #[test]
+    fn gray_and_transparent_pictures_have_three_channels() {
+        let gray = ImageBuffer::from_pixel(3, 2, Luma([255u8]));
+        let deep = ImageBuffer::from_pixel(3, 2, Luma([65535u16]));
+        let clear = ImageBuffer::from_pixel(3, 2, Rgba([255u8, 255, 255, 0]));
+        let jpeg = encoded(ImageBuffer::from_pixel(3, 2, Rgb([255u8; 3])), ImageFormat::Jpeg);
+        let png = |picture: DynamicImage| encoded(picture, ImageFormat::Png);
+        for bytes in [png(gray.into()), png(deep.into()), png(clear.into()), jpeg] {
+            let picture = decode_picture(&bytes).unwrap();
+            assert_eq!((picture.size, picture.pixels), ([3, 2], vec![[1.0; 3]; 6]));
+        }
+    }
+
+    /// Pixels of 1, 2 and 4 in flat Radiance encoding: mantissa · 2^(exponent − 136).
+    fn hdr(head: &str) -> Vec<u8> {
+        let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n{head}\n-Y 2 +X 4\n").into_bytes();
+        (0..8).for_each(|_| bytes.extend([32, 64, 128, 131]));
+        bytes
+    }
+
+    #[test]
+    fn radiance_is_divided_by_its_exposure() {
+        for (head, factor) in [("", 1.0), ("EXPOSURE=2\nEXPOSURE=4\n", 0.125)] {
+            let picture = decode_picture(&hdr(head)).unwrap();
+            for (value, expected) in picture.pixels[7].into_iter().zip([1.0, 2.0, 4.0]) {
+                assert!((value - factor * expected).abs() < 0.02 * expected, "{:?}", picture.pixels[7]);
+            }
+        }
+    }
+
+    #[test]
+    fn pictures_that_are_none_are_refused_in_words() {
+        let hdr_of = |size: &str| String::from_utf8_lossy(&hdr("")[..60]).replace("-Y 2 +X 4", size);
+        let (huge, wide) = (hdr_of("-Y 60000 +X 60000"), hdr_of("-Y 8000 +X 8000"));
+        let png = encoded(ImageBuffer::from_pixel(64, 64, Rgb([7u8; 3])), ImageFormat::Png);
+        let cases: [(&[u8], &str); 8] = [
+            (b"GIF89a", "neither OpenEXR"),
+            (b"", "neither OpenEXR"),
+            (huge.as_bytes(), "too many"),
+            (wide.as_bytes(), "cannot be in"),
+            (&hdr("EXPOSURE=0\n"), "exposure of 0"),
+            (&hdr("")[..70], "it is cut off"),
+            (&png[..png.len() - 30], "it is cut off"),
+            (&png[..20], "it is cut off"),
+        ];
+        for (bytes, words) in cases {
+            let said = decode_picture(bytes).expect_err(words);
+            assert!(said.contains(words), "{said} should say {words:?}");
+        }
+    }
+}
