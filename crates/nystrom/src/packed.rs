@@ -14,6 +14,7 @@ mod bytes;
 mod coder;
 mod cosine;
 mod entries;
+mod kept;
 mod layout;
 mod orthogonal;
 mod planes;
@@ -29,8 +30,9 @@ use rayon::prelude::*;
 use self::{
     block::{N_TABLES, RoundedBlock},
     coder::{Counter, Decoder, Encoder},
+    kept::Kept,
     layout::Layout,
-    orthogonal::squared_difference,
+    orthogonal::{product_with, squared_difference},
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
@@ -59,10 +61,9 @@ pub struct PackPlan {
     pub columns: Vec<ColumnRun>,
     /// Mean square error per entry at which the matrix aims, in all: truncation, sampling and packing.
     pub allowed: f32,
-    /// One weight per column: errors of the product with these weights weigh most. Empty: all products weigh the same.
+    /// One weight per column: the product with these weights is kept to a share of itself, or of its noise, whatever is
+    /// allowed. Empty: no product is.
     pub preserved: Vec<f32>,
-    /// How much the square of such an error weighs over that of any other.
-    pub preserved_weight: f64,
 }
 
 /// A matrix, or one group of its columns, as bytes.
@@ -73,6 +74,8 @@ pub struct PackedMatrix {
     tables: Tables,
     /// Step of the coefficients; 0 where no block has any.
     step: f32,
+    /// The direction whose product is kept, of length 1; empty if there is none.
+    direction: Vec<f32>,
     /// One per block of the partition; a block that is not there has no bytes.
     blocks: Vec<Arc<[u8]>>,
 }
@@ -101,7 +104,7 @@ impl PackedMatrix {
             }
         };
         let blocks = (0..matrix.blocks.len()).into_par_iter().map(block).collect();
-        Self { partition: matrix.partition.clone(), tables, step, blocks, layout }
+        Self { partition: matrix.partition.clone(), tables, step, direction: packer.direction, blocks, layout }
     }
 
     /// The factors of all blocks.
@@ -120,11 +123,11 @@ impl PackedMatrix {
 
     fn unpack_block(&self, block_idx: usize, bytes: &[u8]) -> Result<Arc<BlockFactors>, CodecError> {
         let mut input = Decoder::new(&self.tables, bytes);
-        let factors = block::read(block_idx, &self.layout, self.step, &mut input);
+        let factors = block::read(block_idx, &self.layout, (self.step, &self.direction), &mut input);
         factors.map(Arc::new).ok_or(CodecError::Malformed("the coefficients of a block"))
     }
 
-    /// Memory that the unpacked factors take, in bytes, as the blocks say it themselves; sparse entries aside, which take
+    /// Memory that the unpacked factors take at most, in bytes, as the blocks say it themselves; sparse entries aside, which take
     /// at most some hundred times their bytes.
     ///
     /// # Errors
@@ -137,14 +140,17 @@ impl PackedMatrix {
             let mut input = Decoder::new(&self.tables, bytes);
             let rank = block::read_rank(block_idx, &self.layout, &mut input).map(|(_, rank)| u64::from(rank));
             let rank = rank.ok_or(CodecError::Malformed("the rank of a block"))?;
-            Ok(rank * 2 * (self.layout.n_rows(block_idx) + self.layout.n_cols()) as u64)
+            // One more may be needed for the kept product.
+            Ok((rank + 1) * 2 * (self.layout.n_rows(block_idx) + self.layout.n_cols()) as u64)
         };
         self.blocks.par_iter().enumerate().map(of_block).sum()
     }
 
     /// Bytes of all blocks and tables, those that [`encode`](Self::encode) puts around them aside.
     pub fn n_bytes(&self) -> usize {
-        self.tables.encode().len() + self.blocks.iter().map(|bytes| bytes.len()).sum::<usize>()
+        4 * self.direction.len()
+            + self.tables.encode().len()
+            + self.blocks.iter().map(|bytes| bytes.len()).sum::<usize>()
     }
 }
 
@@ -153,8 +159,8 @@ struct Packer<'a> {
     matrix: &'a BlockLowRank,
     layout: &'a Layout,
     plan: &'a PackPlan,
-    /// The preserved direction, of length 1; empty where there is none.
-    preserved: Vec<f32>,
+    /// See [`PackedMatrix`].
+    direction: Vec<f32>,
 }
 
 impl<'a> Packer<'a> {
@@ -162,8 +168,8 @@ impl<'a> Packer<'a> {
         let norm = plan.preserved.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
         let is_direction = norm > 0.0 && norm.is_finite() && plan.preserved.len() == layout.n_cols();
         let unit = |x: &f32| (f64::from(*x) / norm) as f32;
-        let preserved = if is_direction { plan.preserved.iter().map(unit).collect() } else { Vec::new() };
-        Self { matrix, layout, plan, preserved }
+        let direction = if is_direction { plan.preserved.iter().map(unit).collect() } else { Vec::new() };
+        Self { matrix, layout, plan, direction }
     }
 
     /// Blocks all over the matrix, at most [`N_TELLING`].
@@ -174,10 +180,7 @@ impl<'a> Packer<'a> {
 
     fn coefficients(&self, block_idx: usize) -> Option<(&'a BlockFactors, Coefficients)> {
         let factors = self.matrix.blocks[block_idx].as_deref()?;
-        Some((
-            factors,
-            Coefficients::new(factors, block_idx, self.layout, (&self.preserved, self.plan.preserved_weight)),
-        ))
+        Some((factors, Coefficients::new(factors, block_idx, self.layout)))
     }
 
     /// Mean square error that packing a block may add.
@@ -209,7 +212,7 @@ impl<'a> Packer<'a> {
         let mut step = low;
         for _ in 0..N_CORRECTIONS {
             let error = |(block_idx, factors, block): &(usize, &BlockFactors, Coefficients)| {
-                let (_, error) = self.round(*block_idx, factors, block, step as f32);
+                let (.., error) = self.round(*block_idx, factors, block, step as f32);
                 error.min(self.most(factors)) * block.n_entries()
             };
             let error = sum(blocks.par_iter().map(error).collect());
@@ -228,10 +231,24 @@ impl<'a> Packer<'a> {
     }
 
     /// A block for a step, and the mean square error that this adds.
-    fn round(&self, block_idx: usize, factors: &BlockFactors, block: &Coefficients, step: f32) -> (Vec<Rounded>, f64) {
-        let components = block.round(step);
-        let squared = squared_difference(factors, &restore(&components, step, block_idx, self.layout));
-        (components, squared / block.n_entries().max(1.0))
+    fn round(
+        &self,
+        block_idx: usize,
+        factors: &BlockFactors,
+        block: &Coefficients,
+        step: f32,
+    ) -> (Vec<Rounded>, Option<Kept>, f64) {
+        let (components, direction) = (block.round(step), &self.direction);
+        let kept = if direction.is_empty() {
+            None
+        } else {
+            let rounded = restore(&components, step, block_idx, self.layout);
+            let wanted = product_with(factors, direction);
+            Kept::new(&wanted, f64::from(factors.error.noise), &rounded, direction, block_idx, self.layout)
+        };
+        let restored = block::factors(&components, kept.as_ref(), (step, direction), block_idx, self.layout);
+        let error = squared_difference(factors, &restored) / block.n_entries().max(1.0);
+        (components, kept, error)
     }
 
     /// A block for the common step: coarser where its own error drowns the step's, finer where it would be far too bad.
@@ -242,14 +259,14 @@ impl<'a> Packer<'a> {
         if own > f64::from(self.plan.allowed) {
             quarters = quarters_between(step, block.step_for(LEAST_SHARE * own)).max(0);
         }
-        let (mut components, mut added) = self.round(block_idx, factors, &block, step_of(step, quarters));
+        let (mut components, mut kept, mut added) = self.round(block_idx, factors, &block, step_of(step, quarters));
         while added > most && quarters > FINEST {
             quarters -= 1;
-            (components, added) = self.round(block_idx, factors, &block, step_of(step, quarters));
+            (components, kept, added) = self.round(block_idx, factors, &block, step_of(step, quarters));
         }
         let mut error = factors.error;
         error.truncation += added as f32;
-        Some(RoundedBlock { quarters, components, factors, error })
+        Some(RoundedBlock { quarters, components, kept, factors, error })
     }
 
     /// Tables that fit the telling blocks.

@@ -1,10 +1,13 @@
 //! One block as bytes: counts and errors, the components' coefficients, the sparse entries.
 
+use std::ops::Range;
+
 use half::bf16;
 
 use super::{
     coder::{Decoder, Sink},
     entries::{self, Entries},
+    kept::{self, Kept},
     layout::Layout,
     planes::{self, Shape},
     quantize::{Rounded, restore, step_of},
@@ -18,12 +21,14 @@ enum Of {
     Rank,
     Step,
     Size,
-    Fineness,
+    Kept,
 }
 
 const N_NUMBERS: usize = 5;
 /// Tables of a matrix.
 pub(super) const N_TABLES: usize = planes::N_TABLES + N_NUMBERS + entries::N_TABLES;
+/// Kind of the planes of the kept product.
+const KEPT: usize = 6;
 /// Octaves in quarters that anything honest is within.
 const MAX_QUARTERS: i32 = 400;
 
@@ -40,6 +45,7 @@ pub(super) struct RoundedBlock<'a> {
     /// Octaves of its step over that of the matrix, in quarters.
     pub(super) quarters: i32,
     pub(super) components: Vec<Rounded>,
+    pub(super) kept: Option<Kept>,
     /// The block as it was: its sparse entries and counts are taken from it.
     pub(super) factors: &'a BlockFactors,
     /// Errors to be stored.
@@ -59,36 +65,67 @@ impl RoundedBlock<'_> {
         let mut size = 0;
         for (i, component) in self.components.iter().enumerate() {
             out.signed(table(Of::Size), component.size - size);
-            out.number(table(Of::Fineness), component.fineness);
             size = component.size;
-            for (nth, (shape, range)) in row_planes(block_idx, layout, i).enumerate() {
-                let first = (nth > 0).then(|| &component.left[..range.len()]);
-                shape.write(&component.left[range], first, out);
-            }
+            write_rows(&component.left, row_planes(block_idx, layout, usize::from(i > 0)), out);
             for (shape, range) in column_runs(layout, i) {
                 shape.write(&component.right[range], None, out);
             }
+        }
+        out.bits(u32::from(self.kept.is_some()), 1);
+        if let Some(kept) = &self.kept {
+            out.signed(table(Of::Kept), kept.quarters);
+            write_rows(&kept.planes, row_planes(block_idx, layout, KEPT), out);
         }
         entries_of(layout).write(&self.factors.sparse, out);
     }
 }
 
-/// Planes of the row transform, and where they lie.
-fn row_planes(
+fn write_rows(values: &[i32], planes: impl Iterator<Item = Place>, out: &mut impl Sink) {
+    for (nth, (shape, range)) in planes.enumerate() {
+        let first = (nth > 0).then(|| &values[..range.len()]);
+        shape.write(&values[range], first, out);
+    }
+}
+
+fn read_rows(planes: impl Iterator<Item = Place>, input: &mut Decoder<'_>) -> Vec<i32> {
+    let mut values = Vec::new();
+    for (nth, (shape, range)) in planes.enumerate() {
+        let plane = shape.read((nth > 0).then(|| &values[..range.len()]), input);
+        values.extend(plane);
+    }
+    values
+}
+
+/// A plane, and where its values lie.
+type Place = (Shape, Range<usize>);
+
+/// The factors that a block is restored to.
+pub(super) fn factors(
+    components: &[Rounded],
+    kept: Option<&Kept>,
+    (step, direction): (f32, &[f32]),
     block_idx: usize,
     layout: &Layout,
-    component: usize,
-) -> impl Iterator<Item = (Shape, std::ops::Range<usize>)> {
+) -> BlockFactors {
+    let mut plain = restore(components, step, block_idx, layout);
+    if let Some(kept) = kept {
+        kept.restore(&mut plain, direction, block_idx, layout);
+    }
+    BlockFactors::from_f32(&plain.left, &plain.right, layout.n_rows(block_idx), layout.n_cols(), plain.rank)
+}
+
+/// Planes of the row transform. What they belong to is 0 for the first component, 1 for the others, or [`KEPT`].
+fn row_planes(block_idx: usize, layout: &Layout, of: usize) -> impl Iterator<Item = Place> {
     let [width, height] = layout.tile(block_idx).map(|side| side as usize);
     let n = width * height;
     (0..layout.bundle_len as usize).map(move |nth| {
-        let kind = 2 * usize::from(nth > 0) + usize::from(component > 0);
+        let kind = of + if of == KEPT { usize::from(nth > 0) } else { 2 * usize::from(nth > 0) };
         (Shape { kind, width, height }, nth * n..(nth + 1) * n)
     })
 }
 
-/// Runs of columns, and where they lie.
-fn column_runs(layout: &Layout, component: usize) -> impl Iterator<Item = (Shape, std::ops::Range<usize>)> {
+/// Runs of columns.
+fn column_runs(layout: &Layout, component: usize) -> impl Iterator<Item = Place> {
     let mut first = 0;
     layout.columns.iter().map(move |run| {
         let [width, height] = run.size().map(|side| side as usize);
@@ -108,8 +145,13 @@ pub(super) fn read_rank(block_idx: usize, layout: &Layout, input: &mut Decoder<'
     (rank as usize <= most && !input.is_lost()).then_some((factors, rank))
 }
 
-/// Reads a block of a matrix with some step; `None` if no encoder wrote it.
-pub(super) fn read(block_idx: usize, layout: &Layout, step: f32, input: &mut Decoder<'_>) -> Option<BlockFactors> {
+/// Reads a block of a matrix with some step and kept direction; `None` if no encoder wrote it.
+pub(super) fn read(
+    block_idx: usize,
+    layout: &Layout,
+    (step, direction): (f32, &[f32]),
+    input: &mut Decoder<'_>,
+) -> Option<BlockFactors> {
     let (about, rank) = read_rank(block_idx, layout, input)?;
     let within = |quarters: i32| (-MAX_QUARTERS..=MAX_QUARTERS).contains(&quarters).then_some(quarters);
     let quarters = if rank > 0 { within(input.signed(table(Of::Step)))? } else { 0 };
@@ -117,25 +159,29 @@ pub(super) fn read(block_idx: usize, layout: &Layout, step: f32, input: &mut Dec
     let mut size = 0i32;
     for i in 0..rank as usize {
         size = within(size.checked_add(input.signed(table(Of::Size)))?)?;
-        let fineness = input.number(table(Of::Fineness)).min(MAX_QUARTERS as u32);
-        let (mut left, mut right) = (Vec::new(), Vec::new());
-        for (nth, (shape, range)) in row_planes(block_idx, layout, i).enumerate() {
-            let plane = shape.read((nth > 0).then(|| &left[..range.len()]), input);
-            left.extend(plane);
-        }
+        let left = read_rows(row_planes(block_idx, layout, usize::from(i > 0)), input);
+        let mut right = Vec::new();
         for (shape, _) in column_runs(layout, i) {
             right.extend(shape.read(None, input));
         }
         if input.is_lost() {
             return None;
         }
-        components.push(Rounded { size, fineness, left, right });
+        components.push(Rounded { size, left, right });
     }
+    let kept = if input.bits(1) == 1 {
+        let quarters = input.signed(table(Of::Kept));
+        let is_honest = (-kept::MAX_QUARTERS..=kept::MAX_QUARTERS).contains(&quarters) && !direction.is_empty();
+        let planes = is_honest.then(|| read_rows(row_planes(block_idx, layout, KEPT), input))?;
+        Some(Kept { quarters, planes })
+    } else {
+        None
+    };
     let sparse = entries_of(layout).read(layout.n_rows(block_idx) as u32, layout.n_cols() as u32, input)?;
     if !input.is_clean() {
         return None;
     }
-    let factors = restore(&components, step_of(step, quarters), block_idx, layout);
+    let factors = factors(&components, kept.as_ref(), (step_of(step, quarters), direction), block_idx, layout);
     let is_finite =
         factors.scale.iter().all(|x| x.is_finite()) && factors.left.iter().chain(&factors.right).all(|x| x.is_finite());
     is_finite.then_some(BlockFactors { sparse, n_samples: about.n_samples, error: about.error, ..factors })

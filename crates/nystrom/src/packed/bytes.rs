@@ -1,7 +1,7 @@
 //! Packed matrices to bytes and back: little-endian, tables first, then block after block, each with a checksum.
 //!
 //! ```text
-//! step f32 · length of the tables u32 · tables · FNV-1a u64 over all that, then for each block length u32 · bytes · FNV-1a u32 over both
+//! step f32 · length of the direction u32 · direction f32 · length of the tables u32 · tables · FNV-1a u64 over all that, then for each block length u32 · bytes · FNV-1a u32 over both
 //! ```
 
 use std::sync::Arc;
@@ -12,8 +12,6 @@ use crate::{
     partition::Partition,
 };
 
-/// Step and length of the tables.
-const FRONT_LEN: usize = 8;
 const TABLES_CHECKSUM_LEN: usize = 8;
 /// Length and checksum of a block.
 const AROUND_LEN: usize = 8;
@@ -27,6 +25,8 @@ impl PackedMatrix {
         let start = out.len();
         let tables = self.tables.encode();
         out.extend(self.step.to_le_bytes());
+        out.extend((self.direction.len() as u32).to_le_bytes());
+        out.extend(self.direction.iter().flat_map(|x| x.to_le_bytes()));
         out.extend((tables.len() as u32).to_le_bytes());
         out.extend(tables);
         out.extend(checksum(&out[start..]).to_le_bytes());
@@ -52,9 +52,11 @@ impl PackedMatrix {
         let mut reader = Reader { bytes, at: 0 };
         let [a, b, c, d] = reader.array()?;
         let step = f32::from_le_bytes([a, b, c, d]);
+        let direction_len = reader.len()?;
+        let direction = reader.take(direction_len.saturating_mul(size_of::<f32>()))?;
         let tables_len = reader.len()?;
         let tables = reader.take(tables_len)?;
-        let sum = checksum(&bytes[..FRONT_LEN + tables_len]);
+        let sum = checksum(&bytes[..reader.at]);
         if reader.array::<TABLES_CHECKSUM_LEN>()? != sum.to_le_bytes() {
             return Err(CodecError::Checksum);
         }
@@ -62,13 +64,18 @@ impl PackedMatrix {
         if !step.is_finite() || step < 0.0 {
             return Err(CodecError::Malformed("the step of a matrix"));
         }
+        let direction: Vec<f32> = direction.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let layout = Layout::new(partition.clone(), bundle_len, columns);
+        let fits = direction.is_empty() || direction.len() == layout.n_cols();
+        if !fits || direction.iter().any(|x| !x.is_finite()) {
+            return Err(CodecError::Malformed("the direction of a matrix"));
+        }
         let n_blocks = partition.n_blocks();
         if n_blocks.saturating_mul(AROUND_LEN) > bytes.len() - reader.at {
             return Err(reader.truncated(n_blocks.saturating_mul(AROUND_LEN)));
         }
         let blocks = (0..n_blocks).map(|_| reader.block()).collect::<Result<_, _>>()?;
-        let layout = Layout::new(partition.clone(), bundle_len, columns);
-        Ok((Self { layout, partition, tables, step, blocks }, reader.at))
+        Ok((Self { layout, partition, tables, step, direction, blocks }, reader.at))
     }
 }
 

@@ -3,8 +3,8 @@
 use super::coder::{Decoder, Sink};
 
 /// Kinds of coefficients that have tables of their own: of rows (the mean of the bundle, the rest) and of columns, each for
-/// the first component and for the others.
-pub(super) const N_KINDS: usize = 6;
+/// the first component and for the others; and of the kept product.
+pub(super) const N_KINDS: usize = 8;
 const N_CONTEXTS: usize = 16;
 /// Tables of coefficients.
 pub(super) const N_TABLES: usize = N_KINDS * N_CONTEXTS + 1;

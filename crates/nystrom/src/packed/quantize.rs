@@ -5,7 +5,7 @@
 //! everything, in all blocks, is what the least bytes for a mean error ask for (reverse water-filling); a component whose
 //! energy is not worth its multiplications is left out.
 
-use super::{cosine::Direction, layout::Layout, orthogonal::Orthogonal};
+use super::{cosine::Direction, kept::Plain, layout::Layout, orthogonal::Orthogonal};
 use crate::factors::BlockFactors;
 
 /// A component is left out where its energy is less than so many times the error of rounding all its coefficients. The
@@ -29,8 +29,6 @@ pub(super) struct Coefficients {
 
 struct Component {
     singular: f64,
-    /// Weight of its errors, at least 1.
-    weight: f64,
     left: Vec<f32>,
     right: Vec<f32>,
 }
@@ -40,8 +38,6 @@ struct Component {
 pub(super) struct Rounded {
     /// Octaves of the singular value over the step, in quarters.
     pub(super) size: i32,
-    /// Octaves by which `left` is finer than the block's step, in quarters.
-    pub(super) fineness: u32,
     /// Planes of the row transform.
     pub(super) left: Vec<i32>,
     /// Runs of the column transform.
@@ -51,7 +47,7 @@ pub(super) struct Rounded {
 impl Rounded {
     /// Steps of both factors, for a block's step.
     fn steps(&self, step: f32) -> [f32; 2] {
-        [step / octaves(self.fineness as i32) as f32, (1.0 / octaves(self.size)) as f32]
+        [step, (1.0 / octaves(self.size)) as f32]
     }
 }
 
@@ -72,20 +68,13 @@ pub(super) fn quarters_between(step: f32, other: f64) -> i32 {
 }
 
 impl Coefficients {
-    /// The preserved direction is a unit vector, one number per column, or empty; errors along it weigh so much more.
-    pub(super) fn new(
-        factors: &BlockFactors,
-        block_idx: usize,
-        layout: &Layout,
-        (preserved, preserved_weight): (&[f32], f64),
-    ) -> Self {
+    pub(super) fn new(factors: &BlockFactors, block_idx: usize, layout: &Layout) -> Self {
         let orthogonal = Orthogonal::new(factors, &layout.row_weights(block_idx));
         let component = |(i, &singular): (usize, &f64)| {
             let mut right = orthogonal.right.row(i).to_vec();
-            let along: f64 = right.iter().zip(preserved).map(|(x, p)| f64::from(x * p)).sum();
             layout.columns(&mut right, Direction::Forward);
             let left = layout.rows_forward(orthogonal.left.row(i), block_idx);
-            Component { singular, weight: 1.0 + preserved_weight * along * along, left, right }
+            Component { singular, left, right }
         };
         Self {
             components: orthogonal.singular.iter().enumerate().map(component).collect(),
@@ -117,43 +106,43 @@ impl Coefficients {
 
     fn kept(&self, step: f32) -> impl Iterator<Item = &Component> {
         let least = LEAST_WORTH * f64::from(step).powi(2) / 12.0 * self.n_values;
-        self.components.iter().filter(move |component| component.singular.powi(2) * component.weight > least)
+        self.components.iter().filter(move |component| component.singular.powi(2) > least)
     }
 }
 
 impl Component {
-    /// Size and fineness for a step, without coefficients.
+    /// Size for a step, without coefficients.
     fn scales(&self, step: f32) -> Rounded {
         let size = (self.singular / f64::from(step)).log2() * PER_OCTAVE;
-        let fineness = (0.5 * self.weight.log2() * PER_OCTAVE).round() as u32;
-        Rounded { size: size.clamp(-400.0, 400.0).round() as i32, fineness, ..Rounded::default() }
+        Rounded { size: size.clamp(-400.0, 400.0).round() as i32, ..Rounded::default() }
     }
 
     fn round(&self, step: f32) -> Rounded {
         let scales = self.scales(step);
         let [of_left, of_right] = scales.steps(step);
-        let rounded = |values: &[f32], step: f32| values.iter().map(|x| round(x / step)).collect();
+        let rounded = |values: &[f32], step: f32| values.iter().map(|x| round_toward_zero(x / step)).collect();
         Rounded { left: rounded(&self.left, of_left), right: rounded(&self.right, of_right), ..scales }
     }
 
     fn error(&self, step: f32) -> f64 {
         let [of_left, of_right] = self.scales(step).steps(step);
         let squares = |values: &[f32], step: f32| -> f64 {
-            let error = |x: &f32| f64::from(x - round(x / step) as f32 * step);
+            let error = |x: &f32| f64::from(x - round_toward_zero(x / step) as f32 * step);
             values.iter().map(|x| error(x).powi(2)).sum()
         };
         squares(&self.left, of_left) + self.singular.powi(2) * squares(&self.right, of_right)
     }
 }
 
-fn round(x: f32) -> i32 {
+/// The nearest whole number, or the one nearer to zero in its dead zone.
+pub(super) fn round_toward_zero(x: f32) -> i32 {
     // The cast cuts off, and so does what is too large for it.
     let magnitude = (x.abs() + 0.5 - DEAD_ZONE) as i32;
     if x < 0.0 { -magnitude } else { magnitude }
 }
 
 /// Factors from what was rounded.
-pub(super) fn restore(components: &[Rounded], step: f32, block_idx: usize, layout: &Layout) -> BlockFactors {
+pub(super) fn restore(components: &[Rounded], step: f32, block_idx: usize, layout: &Layout) -> Plain {
     let (m, n, k) = (layout.n_rows(block_idx), layout.n_cols(), components.len());
     let (mut left, mut right) = (vec![0.0; m * k], Vec::with_capacity(k * n));
     let weights = layout.row_weights(block_idx);
@@ -167,5 +156,5 @@ pub(super) fn restore(components: &[Rounded], step: f32, block_idx: usize, layou
         right.extend(component.right.iter().map(|&q| q as f32 * of_right));
         layout.columns(&mut right[first..], Direction::Inverse);
     }
-    BlockFactors::from_f32(&left, &right, m, n, k)
+    Plain { left, right, rank: k }
 }

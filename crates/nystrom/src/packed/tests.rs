@@ -39,7 +39,7 @@ fn example(noise: f32) -> BlockLowRank {
 }
 
 fn plan(allowed: f32) -> PackPlan {
-    PackPlan { columns: columns(), allowed, preserved: vec![1.0; 67], preserved_weight: 64.0 }
+    PackPlan { columns: columns(), allowed, preserved: vec![1.0; 67] }
 }
 
 /// Mean square difference over the blocks that are there.
@@ -75,7 +75,8 @@ fn a_packed_matrix_is_as_exact_as_asked_and_says_so() {
         let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[1].as_ref().unwrap().clone());
         assert_eq!((a.n_samples, a.error.noise, a.sparse.len()), (b.n_samples, b.error.noise, b.sparse.len()));
         assert!((b.sparse[0].value / a.sparse[0].value - 1.0).abs() < 2e-3);
-        assert_eq!(u64::from(unpacked.max_rank() > 0) * unpacked_bytes(&unpacked), packed.unpacked_bytes().unwrap());
+        let most = packed.unpacked_bytes().unwrap();
+        assert!((unpacked_bytes(&unpacked)..4 * unpacked_bytes(&unpacked)).contains(&most), "{most}");
     }
 }
 
@@ -92,17 +93,31 @@ fn smooth_factors_take_a_fraction_of_their_halves() {
 }
 
 #[test]
-fn the_preserved_product_is_more_exact_than_any_other() {
-    let matrix = example(0.05);
-    let error = |plan: &PackPlan, x: &[f32]| {
+fn the_preserved_product_is_kept_to_a_share_of_itself_whatever_is_allowed() {
+    let mut matrix = example(0.05);
+    for block in matrix.blocks.iter_mut().flatten() {
+        let mut bare = BlockFactors { sparse: Vec::new(), ..(**block).clone() };
+        bare.error.noise = 0.0;
+        *block = Arc::new(bare);
+    }
+    // A block a thousand times darker than the others, which rounds to nothing.
+    let dark = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
+    dark.scale.iter_mut().for_each(|scale| *scale /= 1024.0);
+    let worst = |plan: &PackPlan| {
         let unpacked = PackedMatrix::pack(&matrix, plan).unpack().unwrap();
-        let products = matrix.apply(x).into_iter().zip(unpacked.apply(x));
-        products.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+        let both = matrix.blocks.iter().flatten().zip(unpacked.blocks.iter().flatten());
+        let relative = both.map(|(a, b)| {
+            let (a, b) = (a.apply(&[1.0; 67]), b.apply(&[1.0; 67]));
+            let squares = |x: &mut dyn Iterator<Item = f32>| x.map(|x| f64::from(x).powi(2)).sum::<f64>();
+            (squares(&mut a.iter().zip(&b).map(|(a, b)| a - b)) / squares(&mut a.iter().copied())).sqrt()
+        });
+        relative.fold(0.0, f64::max)
     };
-    let ones = [1.0; 67];
-    let (kept, other) = (error(&plan(1e-4), &ones), error(&PackPlan { preserved: Vec::new(), ..plan(1e-4) }, &ones));
-    // Components that are left out are what remains of the error.
-    assert!(kept < 0.8 * other, "{kept} {other}");
+    for allowed in [1e-1, 1e-3, 1e-5] {
+        let kept = worst(&plan(allowed));
+        assert!(kept < 1e-3, "{allowed}: {kept}");
+    }
+    assert!(worst(&PackPlan { preserved: Vec::new(), ..plan(1e-3) }) > 0.1);
 }
 
 #[test]
@@ -148,8 +163,7 @@ fn blocks_of_nobody_are_errors_and_never_panics() {
 fn nothing_and_next_to_nothing_pack() {
     let partition = Partition { width: 3, height: 1, tile: 2 };
     let mut matrix = BlockLowRank::new(partition, 1, 1);
-    let plan =
-        PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, preserved: Vec::new(), preserved_weight: 0.0 };
+    let plan = PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, preserved: Vec::new() };
     let there_and_back = |matrix: &BlockLowRank| PackedMatrix::pack(matrix, &plan).unpack().unwrap();
     assert!(there_and_back(&matrix).blocks.iter().all(Option::is_none));
     let zero = BlockFactors::from_f32(&[], &[], 2, 1, 0);

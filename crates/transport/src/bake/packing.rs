@@ -8,11 +8,6 @@ use clerestory_nystrom::{BlockLowRank, PackPlan, PackedMatrix};
 use super::{Bake, BakeHeader, PackedMatrices, mean_square};
 use crate::basis::ColumnGroup;
 
-/// Mean square error, the peak of a column being 1, that the picture under the file's light is kept to about, whatever the
-/// tolerance; and how much more it counts at least and at most.
-const FILE_LIGHT_ERROR: f64 = 1e-6;
-const FILE_LIGHT_WEIGHT: [f64; 2] = [64.0, 1e4];
-
 impl Bake {
     /// A bake whose factors are what its file will hold: they differ from those of the blocks that were told of by the
     /// share of the tolerance that packing may use, and say so in their errors.
@@ -38,14 +33,11 @@ impl BakeHeader {
     /// How each group of each matrix is packed.
     pub(crate) fn pack_plans(&self) -> Vec<Vec<PackPlan>> {
         let allowed = mean_square(self.config.tolerance_db);
-        let [least, most] = FILE_LIGHT_WEIGHT;
-        let preserved_weight = (f64::from(allowed) / FILE_LIGHT_ERROR).clamp(least, most);
         let of_matrix = |column_scale: &[f32]| {
             let file_light = self.basis.file_light(column_scale);
             let plan = |group: &ColumnGroup| PackPlan {
                 columns: self.basis.runs(group),
                 allowed,
-                preserved_weight,
                 preserved: file_light[group.columns.start as usize..group.columns.end as usize].to_vec(),
             };
             self.basis.groups.iter().map(plan).collect()
