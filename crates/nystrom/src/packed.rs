@@ -2,9 +2,10 @@
 //! and entropy-coded.
 //!
 //! A block's left factors are pictures of its tile, its right factors often pictures of a grid of columns: smooth for the
-//! most part. Orthogonal components ([`quantize`](self)) are transformed along the rows and columns of their grids, rounded so
-//! that the error asked for is just met, and coded with tables that the whole matrix shares, each coefficient under the
-//! magnitude of its known neighbors. Blocks stay apart: each can be read alone, and bears a checksum.
+//! most part. Orthogonal components are transformed along the rows and columns of their grids \[Ahmed1974\], rounded so that the
+//! error asked for is just met, and coded \[Duda2013\] with tables that the whole matrix shares, each coefficient under the
+//! magnitude of its known neighbors. One product (that with [`PackPlan::preserved`]) is kept apart, to a share of itself. Blocks can
+//! be read alone, and each bears a checksum.
 //!
 //! **Decision.** Bytes on disk are not bytes in memory: [`PackedMatrix::unpack`] gives factors in `f16`. **Refused:** vectors of few
 //! bits that could be used as they lie; they take three to six times the room.
