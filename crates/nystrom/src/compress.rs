@@ -27,6 +27,15 @@ pub enum Tolerance {
     Rank(u32),
 }
 
+/// Least share of a tolerance that is left to a dark block: 12 dB narrower.
+const LEAST_SHADE: f64 = 1.0 / 16.0;
+
+/// Share of an absolute tolerance that is left to a block whose entries have some mean square. An error that nobody notices
+/// beside the peak of a matrix may be all there is in a dark block, so half of the distance in dB is made up for.
+pub fn shade(mean_square: f64, bright: f32) -> f64 {
+    if bright > 0.0 { (mean_square.max(0.0).sqrt() / f64::from(bright)).clamp(LEAST_SHADE, 1.0) } else { 1.0 }
+}
+
 /// Columns that are compressed together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColumnGroup {
@@ -65,6 +74,9 @@ pub struct CompressConfig {
     pub method: Method,
     /// Greatest rank of a block.
     pub max_rank: u32,
+    /// Root mean square of the entries of a block from which on an absolute tolerance is taken as it is; darker blocks get the
+    /// rank that a narrower one asks for, see [`shade`]. 0: none does.
+    pub bright: f32,
     /// The same seed gives the same factors.
     pub seed: u64,
 }
@@ -77,6 +89,7 @@ impl Default for CompressConfig {
             selection: Selection::Alg4,
             method: Method::Projected,
             max_rank: 96,
+            bright: 0.0,
             seed: 0,
         }
     }

@@ -37,7 +37,7 @@ use self::{
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
-use crate::{codec::CodecError, factors::BlockFactors, low_rank::BlockLowRank, partition::Partition};
+use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank, partition::Partition};
 
 pub use layout::ColumnRun;
 
@@ -62,6 +62,8 @@ pub struct PackPlan {
     pub columns: Vec<ColumnRun>,
     /// Mean square error per entry at which the matrix aims, in all: truncation, sampling and packing.
     pub allowed: f32,
+    /// As [`CompressConfig::bright`](crate::CompressConfig::bright): darker blocks are stored more finely.
+    pub bright: f32,
     /// One weight per column: the product with these weights is kept to a share of itself, or of its noise, whatever is
     /// allowed. Empty: no product is.
     pub preserved: Vec<f32>,
@@ -184,9 +186,19 @@ impl<'a> Packer<'a> {
         Some((factors, Coefficients::new(factors, block_idx, self.layout)))
     }
 
+    /// Mean square error at which a block aims.
+    fn allowed(&self, block: &Coefficients) -> f64 {
+        f64::from(self.plan.allowed) * shade(block.mean_square(), self.plan.bright)
+    }
+
+    /// Quarters of an octave by which a block's step is finer for its being dark: as much as what is allowed is less.
+    fn quarters(&self, block: &Coefficients) -> i32 {
+        quarters_between(1.0, shade(block.mean_square(), self.plan.bright).sqrt())
+    }
+
     /// Mean square error that packing a block may add.
-    fn budget(&self, factors: &BlockFactors) -> f64 {
-        let allowed = f64::from(self.plan.allowed);
+    fn budget(&self, factors: &BlockFactors, block: &Coefficients) -> f64 {
+        let allowed = self.allowed(block);
         (allowed - own_error(factors)).max(LEAST_SHARE * allowed)
     }
 
@@ -194,7 +206,8 @@ impl<'a> Packer<'a> {
     fn common_step(&self) -> f32 {
         let with_place = |block_idx| self.coefficients(block_idx).map(|(factors, block)| (block_idx, factors, block));
         let blocks: Vec<_> = self.telling().filter_map(with_place).collect();
-        let budget: f64 = blocks.iter().map(|(_, factors, block)| self.budget(factors) * block.n_entries()).sum();
+        let budget: f64 =
+            blocks.iter().map(|(_, factors, block)| self.budget(factors, block) * block.n_entries()).sum();
         let n_entries: f64 = blocks.iter().map(|(.., block)| block.n_entries()).sum();
         let first = blocks.iter().map(|(.., block)| block.step_for(budget / n_entries)).filter(|step| step.is_finite());
         let (Some(least), Some(most)) = (first.clone().reduce(f64::min), first.reduce(f64::max)) else { return 0.0 };
@@ -205,7 +218,8 @@ impl<'a> Packer<'a> {
         for _ in 0..N_HALVINGS {
             let middle = (low * high).sqrt();
             let error = |(_, factors, block): &(usize, &BlockFactors, Coefficients)| {
-                block.error(middle as f32).min(self.most(factors)) * block.n_entries()
+                let step = step_of(middle as f32, self.quarters(block));
+                block.error(step).min(self.most(factors, block)) * block.n_entries()
             };
             *(if sum(blocks.par_iter().map(error).collect()) > budget { &mut high } else { &mut low }) = middle;
         }
@@ -213,8 +227,9 @@ impl<'a> Packer<'a> {
         let mut step = low;
         for _ in 0..N_CORRECTIONS {
             let error = |(block_idx, factors, block): &(usize, &BlockFactors, Coefficients)| {
-                let (.., error) = self.round(*block_idx, factors, block, step as f32);
-                error.min(self.most(factors)) * block.n_entries()
+                let step = step_of(step as f32, self.quarters(block));
+                let (.., error) = self.round(*block_idx, factors, block, step);
+                error.min(self.most(factors, block)) * block.n_entries()
             };
             let error = sum(blocks.par_iter().map(error).collect());
             if error > 0.0 {
@@ -225,10 +240,10 @@ impl<'a> Packer<'a> {
     }
 
     /// Most mean square error that packing a block may add.
-    fn most(&self, factors: &BlockFactors) -> f64 {
+    fn most(&self, factors: &BlockFactors, block: &Coefficients) -> f64 {
         let own = own_error(factors);
-        let worst = WORST_BLOCK * f64::from(self.plan.allowed) - own;
-        worst.max(self.budget(factors)).max(LEAST_SHARE * own)
+        let worst = WORST_BLOCK * self.allowed(block) - own;
+        worst.max(self.budget(factors, block)).max(LEAST_SHARE * own)
     }
 
     /// A block for a step, and the mean square error that this adds.
@@ -255,10 +270,10 @@ impl<'a> Packer<'a> {
     /// A block for the common step: coarser where its own error drowns the step's, finer where it would be far too bad.
     fn rounded(&self, block_idx: usize, step: f32) -> Option<RoundedBlock<'a>> {
         let (factors, block) = self.coefficients(block_idx)?;
-        let (own, most) = (own_error(factors), self.most(factors));
-        let mut quarters = 0;
-        if own > f64::from(self.plan.allowed) {
-            quarters = quarters_between(step, block.step_for(LEAST_SHARE * own)).max(0);
+        let (own, most) = (own_error(factors), self.most(factors, &block));
+        let mut quarters = self.quarters(&block);
+        if own > self.allowed(&block) {
+            quarters = quarters_between(step, block.step_for(LEAST_SHARE * own)).max(quarters);
         }
         let (mut components, mut kept, mut added) = self.round(block_idx, factors, &block, step_of(step, quarters));
         while added > most && quarters > FINEST {

@@ -9,7 +9,7 @@
 use std::array;
 
 use crate::{
-    compress::{ColumnGroup, CompressConfig, Tolerance},
+    compress::{ColumnGroup, CompressConfig, Tolerance, shade},
     dense::{Dense, eigen},
     fit::Fit,
     means::Means,
@@ -32,10 +32,11 @@ pub(crate) fn factor(
     config: &CompressConfig,
     rng: Random,
 ) -> Unpacked {
-    let ColumnGroup { tolerance, preserved, .. } = group;
-    let limit = limit(means, config, *tolerance);
-    let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, *tolerance, config, rng);
-    let goal = if matches!(tolerance, Tolerance::Rank(_)) { None } else { Some(allowed(means, *tolerance)) };
+    let ColumnGroup { preserved, .. } = group;
+    let tolerance = shaded(means, group.tolerance, config.bright);
+    let limit = limit(means, config, tolerance);
+    let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, tolerance, config, rng);
+    let goal = if matches!(tolerance, Tolerance::Rank(_)) { None } else { Some(allowed(means, tolerance)) };
     let measured = Measured::new(means, &of_a, &of_b, limit, goal);
     of_mean.keep(measured.rank);
     let mut left = of_mean.mean();
@@ -48,6 +49,17 @@ pub(crate) fn factor(
         sampling: measured.sampling + added[1],
         noise: means.noise_per_entry(),
         packing: measured.packing,
+    }
+}
+
+/// What is asked of the rank of a block: more where it is dark. Samples are asked for by the plain tolerance.
+fn shaded(means: &Means, tolerance: Tolerance, bright: f32) -> Tolerance {
+    match tolerance {
+        Tolerance::AbsoluteMeanSquare(allowed) => {
+            let energy = means.cross.iter().sum::<f64>() * means.unit * means.unit;
+            Tolerance::AbsoluteMeanSquare((f64::from(allowed) * shade(energy / means.n_entries(), bright)) as f32)
+        }
+        other => other,
     }
 }
 

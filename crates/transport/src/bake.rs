@@ -172,6 +172,10 @@ const FIRST_LOOK_TRACED: u32 = 4;
 /// What a preview aims at where more is asked for: it has no time for ranks that hold nothing but noise.
 const PREVIEW_DB: f32 = 24.0;
 
+/// Root mean square of a block, the peak of a column being 1, from which on it is not dark: what is dark beside the peak is seen
+/// as well as it under a light of its own.
+const BRIGHT: f32 = 0.25;
+
 /// Side of a block in pixels.
 pub const TILE: u32 = 16;
 
@@ -510,6 +514,7 @@ impl BakeJob {
             },
             seed: self.config.seed,
             method: self.config.method,
+            bright: BRIGHT,
             ..CompressConfig::default()
         }
     }

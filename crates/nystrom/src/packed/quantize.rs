@@ -87,6 +87,12 @@ impl Coefficients {
         self.n_entries
     }
 
+    /// Mean square of the entries, each weighted as its row.
+    pub(super) fn mean_square(&self) -> f64 {
+        let energy: f64 = self.components.iter().map(|component| component.singular.powi(2)).sum();
+        energy / self.n_entries.max(1.0)
+    }
+
     /// The step at which all components together would have some mean square error per entry, were no coefficient 0.
     pub(super) fn step_for(&self, mean_square: f64) -> f64 {
         (12.0 * mean_square * self.n_entries / (self.components.len() as f64 * self.n_values)).sqrt()
@@ -99,9 +105,8 @@ impl Coefficients {
 
     /// Weighted mean square error per entry for a step: a little more than the plain one.
     pub(super) fn error(&self, step: f32) -> f64 {
-        let energy: f64 = self.components.iter().map(|component| component.singular.powi(2)).sum();
         let change = |component: &Component| component.error(step) - component.singular.powi(2);
-        (energy + self.kept(step).map(change).sum::<f64>()).max(0.0) / self.n_entries.max(1.0)
+        (self.mean_square() + self.kept(step).map(change).sum::<f64>() / self.n_entries.max(1.0)).max(0.0)
     }
 
     fn kept(&self, step: f32) -> impl Iterator<Item = &Component> {

@@ -39,7 +39,7 @@ fn example(noise: f32) -> BlockLowRank {
 }
 
 fn plan(allowed: f32) -> PackPlan {
-    PackPlan { columns: columns(), allowed, preserved: vec![1.0; 67] }
+    PackPlan { columns: columns(), allowed, bright: 0.0, preserved: vec![1.0; 67] }
 }
 
 /// Mean square difference over the blocks that are there.
@@ -121,6 +121,23 @@ fn the_preserved_product_is_kept_to_a_share_of_itself_whatever_is_allowed() {
 }
 
 #[test]
+fn dark_blocks_are_stored_more_finely_where_brightness_is_told() {
+    let mut matrix = example(0.05);
+    let dark = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
+    dark.scale.iter_mut().for_each(|scale| *scale /= 16.0);
+    dark.sparse.clear();
+    let error = |bright: f32| {
+        let plan = PackPlan { bright, preserved: Vec::new(), ..plan(1e-3) };
+        let unpacked = PackedMatrix::pack(&matrix, &plan).unpack().unwrap();
+        let [a, b] = [&matrix, &unpacked].map(|matrix| matrix.blocks[1].as_ref().unwrap().dense());
+        a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>()
+    };
+    // All blocks are darker than 1: by the square root of their mean squares.
+    let (plain, shaded) = (error(0.0), error(1.0));
+    assert!(shaded < 0.3 * plain, "{shaded} {plain}");
+}
+
+#[test]
 fn bytes_come_back_and_every_single_changed_one_is_noticed() {
     let packed = PackedMatrix::pack(&example(0.0), &plan(1e-3));
     let mut bytes = Vec::new();
@@ -163,7 +180,7 @@ fn blocks_of_nobody_are_errors_and_never_panics() {
 fn nothing_and_next_to_nothing_pack() {
     let partition = Partition { width: 3, height: 1, tile: 2 };
     let mut matrix = BlockLowRank::new(partition, 1, 1);
-    let plan = PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, preserved: Vec::new() };
+    let plan = PackPlan { columns: vec![ColumnRun::List(1)], allowed: 1e-3, bright: 0.0, preserved: Vec::new() };
     let there_and_back = |matrix: &BlockLowRank| PackedMatrix::pack(matrix, &plan).unpack().unwrap();
     assert!(there_and_back(&matrix).blocks.iter().all(Option::is_none));
     let zero = BlockFactors::from_f32(&[], &[], 2, 1, 0);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use clerestory_nystrom::codec::CodecError;
 use clerestory_nystrom::{BlockLowRank, PackPlan, PackedMatrix};
 
-use super::{Bake, BakeHeader, PackedMatrices, mean_square};
+use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, mean_square};
 use crate::basis::ColumnGroup;
 
 impl Bake {
@@ -38,6 +38,7 @@ impl BakeHeader {
             let plan = |group: &ColumnGroup| PackPlan {
                 columns: self.basis.runs(group),
                 allowed,
+                bright: BRIGHT,
                 preserved: file_light[group.columns.start as usize..group.columns.end as usize].to_vec(),
             };
             self.basis.groups.iter().map(plan).collect()

@@ -12,7 +12,7 @@ use super::band::{Band, StackMatrix};
 use super::{READING, StackJob, SurveyedStack};
 use crate::archive::Listener;
 use crate::bake::clock::Clock;
-use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, TILE, from_the_center, mean_square};
+use crate::bake::{BRIGHT, Bake, BakeError, BakeEvent, BakeHeader, TILE, from_the_center, mean_square};
 use crate::figures::error_db;
 use crate::matrix::CHANNELS;
 
@@ -30,6 +30,7 @@ impl StackJob {
             samples: SamplePlan { batch: 1, min: 1, max: 1 },
             max_rank: CHANNELS as u32 * TILE * TILE,
             seed: self.seed,
+            bright: BRIGHT,
             ..CompressConfig::default()
         }
     }
