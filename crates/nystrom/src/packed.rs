@@ -31,13 +31,13 @@ use rayon::prelude::*;
 use self::{
     block::{N_TABLES, RoundedBlock},
     coder::{Counter, Decoder, Encoder},
-    kept::Kept,
+    kept::{Kept, product_with},
     layout::Layout,
-    orthogonal::{product_with, squared_difference},
+    orthogonal::{both, squared_difference},
     quantize::{Coefficients, Rounded, quarters_between, restore, step_of},
     tables::Tables,
 };
-use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank, partition::Partition};
+use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank};
 
 pub use layout::ColumnRun;
 
@@ -73,7 +73,6 @@ pub struct PackPlan {
 #[derive(Clone, Debug)]
 pub struct PackedMatrix {
     layout: Layout,
-    partition: Partition,
     tables: Tables,
     /// Step of the coefficients; 0 where no block has any.
     step: f32,
@@ -94,20 +93,27 @@ impl PackedMatrix {
             matrix.n_cols
         );
         let packer = Packer::new(matrix, &layout, plan);
-        let step = packer.common_step();
-        let tables = packer.tables(step);
-        let block = |block_idx: usize| -> Arc<[u8]> {
-            match packer.rounded(block_idx, step) {
-                Some(rounded) => {
-                    let mut out = Encoder::new(&tables);
-                    rounded.write(block_idx, &layout, &mut out);
-                    out.finish().into()
-                }
-                None => Arc::new([]),
-            }
+        // Blocks all over the matrix; in one that has few, all of them.
+        let n_blocks = matrix.blocks.len();
+        let stride = n_blocks.div_ceil(N_TELLING).max(1);
+        let telling = (0..n_blocks).into_par_iter().step_by(stride);
+        let telling: Vec<Option<Unrounded<'_>>> = telling.map(|block_idx| packer.unrounded(block_idx)).collect();
+        let step = packer.common_step(&telling.iter().flatten().collect::<Vec<_>>());
+        let told = telling.par_iter().map(|block| Some(packer.rounded(block.as_ref()?, step)));
+        let told: Vec<Option<RoundedBlock<'_>>> = told.collect();
+        let tables = packer.tables(&told);
+        let bytes = |block: &RoundedBlock<'_>| -> Arc<[u8]> {
+            let mut out = Encoder::new(&tables);
+            block.write(&layout, &mut out);
+            out.finish().into()
         };
-        let blocks = (0..matrix.blocks.len()).into_par_iter().map(block).collect();
-        Self { partition: matrix.partition.clone(), tables, step, direction: packer.direction, blocks, layout }
+        let block = |block_idx: usize| match block_idx % stride {
+            0 => told[block_idx / stride].as_ref().map(bytes),
+            _ => packer.unrounded(block_idx).map(|block| bytes(&packer.rounded(&block, step))),
+        };
+        let blocks = (0..n_blocks).into_par_iter().map(|block_idx| block(block_idx).unwrap_or_default()).collect();
+        let direction = packer.direction;
+        Self { tables, step, direction, blocks, layout }
     }
 
     /// The factors of all blocks.
@@ -121,7 +127,7 @@ impl PackedMatrix {
         };
         let blocks = self.blocks.par_iter().enumerate().map(block).collect::<Result<_, _>>()?;
         let (bundle_len, n_cols) = (self.layout.bundle_len, self.layout.n_cols() as u32);
-        Ok(BlockLowRank { partition: self.partition.clone(), bundle_len, n_cols, blocks })
+        Ok(BlockLowRank { partition: self.layout.partition.clone(), bundle_len, n_cols, blocks })
     }
 
     fn unpack_block(&self, block_idx: usize, bytes: &[u8]) -> Result<Arc<BlockFactors>, CodecError> {
@@ -166,6 +172,21 @@ struct Packer<'a> {
     direction: Vec<f32>,
 }
 
+/// A block that is being packed.
+struct Unrounded<'a> {
+    block_idx: usize,
+    factors: &'a BlockFactors,
+    coefficients: Coefficients,
+    /// Its product with the direction.
+    kept: Vec<f64>,
+    /// Mean square error that truncation and sampling have left in it.
+    own_error: f64,
+    /// Share of what is allowed that is left to it for its being dark.
+    shade: f64,
+    /// Mean square error at which it aims.
+    allowed: f64,
+}
+
 impl<'a> Packer<'a> {
     fn new(matrix: &'a BlockLowRank, layout: &'a Layout, plan: &'a PackPlan) -> Self {
         let norm = plan.preserved.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
@@ -175,61 +196,43 @@ impl<'a> Packer<'a> {
         Self { matrix, layout, plan, direction }
     }
 
-    /// Blocks all over the matrix, at most [`N_TELLING`].
-    fn telling(&self) -> impl ParallelIterator<Item = usize> {
-        let n_blocks = self.matrix.blocks.len();
-        (0..n_blocks).into_par_iter().step_by(n_blocks.div_ceil(N_TELLING).max(1))
-    }
-
-    fn coefficients(&self, block_idx: usize) -> Option<(&'a BlockFactors, Coefficients)> {
+    fn unrounded(&self, block_idx: usize) -> Option<Unrounded<'a>> {
         let factors = self.matrix.blocks[block_idx].as_deref()?;
-        Some((factors, Coefficients::new(factors, block_idx, self.layout)))
+        let coefficients = Coefficients::new(factors, block_idx, self.layout);
+        let (left, right) = both(factors);
+        let kept = product_with(&left.data, &right.data, left.n_cols, &self.direction, left.n_rows);
+        let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));
+        let shade = shade(coefficients.mean_square(), self.plan.bright);
+        let allowed = f64::from(self.plan.allowed) * shade;
+        Some(Unrounded { block_idx, factors, coefficients, kept, own_error, shade, allowed })
     }
 
-    /// Mean square error at which a block aims.
-    fn allowed(&self, block: &Coefficients) -> f64 {
-        f64::from(self.plan.allowed) * shade(block.mean_square(), self.plan.bright)
-    }
-
-    /// Quarters of an octave by which a block's step is finer for its being dark: as much as what is allowed is less.
-    fn quarters(&self, block: &Coefficients) -> i32 {
-        quarters_between(1.0, shade(block.mean_square(), self.plan.bright).sqrt())
-    }
-
-    /// Mean square error that packing a block may add.
-    fn budget(&self, factors: &BlockFactors, block: &Coefficients) -> f64 {
-        let allowed = self.allowed(block);
-        (allowed - own_error(factors)).max(LEAST_SHARE * allowed)
-    }
-
-    /// The coarsest step for which the telling blocks together stay within their budgets.
-    fn common_step(&self) -> f32 {
-        let with_place = |block_idx| self.coefficients(block_idx).map(|(factors, block)| (block_idx, factors, block));
-        let blocks: Vec<_> = self.telling().filter_map(with_place).collect();
-        let budget: f64 =
-            blocks.iter().map(|(_, factors, block)| self.budget(factors, block) * block.n_entries()).sum();
-        let n_entries: f64 = blocks.iter().map(|(.., block)| block.n_entries()).sum();
-        let first = blocks.iter().map(|(.., block)| block.step_for(budget / n_entries)).filter(|step| step.is_finite());
-        let (Some(least), Some(most)) = (first.clone().reduce(f64::min), first.reduce(f64::max)) else { return 0.0 };
+    /// The coarsest step for which some blocks together stay within their budgets.
+    fn common_step(&self, blocks: &[&Unrounded<'_>]) -> f32 {
         // One after the other, so that sums do not depend on the threads.
-        let sum = |errors: Vec<f64>| errors.into_iter().sum::<f64>();
+        let sum = |mean_squares: Vec<f64>| -> f64 {
+            blocks.iter().zip(mean_squares).map(|(block, x)| x * block.coefficients.n_entries()).sum()
+        };
+        let budget = sum(blocks.iter().map(|block| block.budget()).collect());
+        let per_entry = budget / sum(vec![1.0; blocks.len()]);
+        let first = blocks.iter().map(|block| block.coefficients.step_for(per_entry)).filter(|step| step.is_finite());
+        let (Some(least), Some(most)) = (first.clone().reduce(f64::min), first.reduce(f64::max)) else { return 0.0 };
         // Coefficients that round to 0 err less than a step's worth: the true step may be much coarser.
         let (mut low, mut high) = (0.5 * least, 256.0 * most);
         for _ in 0..N_HALVINGS {
             let middle = (low * high).sqrt();
-            let error = |(_, factors, block): &(usize, &BlockFactors, Coefficients)| {
-                let step = step_of(middle as f32, self.quarters(block));
-                block.error(step).min(self.most(factors, block)) * block.n_entries()
+            let error = |block: &&Unrounded<'_>| {
+                let step = step_of(middle as f32, block.quarters());
+                block.coefficients.error(step).min(block.most())
             };
             *(if sum(blocks.par_iter().map(error).collect()) > budget { &mut high } else { &mut low }) = middle;
         }
         // That was the weighted error; the plain one is a little less.
         let mut step = low;
         for _ in 0..N_CORRECTIONS {
-            let error = |(block_idx, factors, block): &(usize, &BlockFactors, Coefficients)| {
-                let step = step_of(step as f32, self.quarters(block));
-                let (.., error) = self.round(*block_idx, factors, block, step);
-                error.min(self.most(factors, block)) * block.n_entries()
+            let error = |block: &&Unrounded<'_>| {
+                let (.., error) = self.round(block, step_of(step as f32, block.quarters()));
+                error.min(block.most())
             };
             let error = sum(blocks.par_iter().map(error).collect());
             if error > 0.0 {
@@ -239,70 +242,68 @@ impl<'a> Packer<'a> {
         step as f32
     }
 
-    /// Most mean square error that packing a block may add.
-    fn most(&self, factors: &BlockFactors, block: &Coefficients) -> f64 {
-        let own = own_error(factors);
-        let worst = WORST_BLOCK * self.allowed(block) - own;
-        worst.max(self.budget(factors, block)).max(LEAST_SHARE * own)
-    }
-
     /// A block for a step, and the mean square error that this adds.
-    fn round(
-        &self,
-        block_idx: usize,
-        factors: &BlockFactors,
-        block: &Coefficients,
-        step: f32,
-    ) -> (Vec<Rounded>, Option<Kept>, f64) {
-        let (components, direction) = (block.round(step), &self.direction);
-        let kept = if direction.is_empty() {
-            None
-        } else {
-            let rounded = restore(&components, step, block_idx, self.layout);
-            let wanted = product_with(factors, direction);
-            Kept::new(&wanted, f64::from(factors.error.noise), &rounded, direction, block_idx, self.layout)
-        };
-        let restored = block::factors(&components, kept.as_ref(), (step, direction), block_idx, self.layout);
-        let error = squared_difference(factors, &restored) / block.n_entries().max(1.0);
-        (components, kept, error)
+    fn round(&self, block: &Unrounded<'_>, step: f32) -> (Vec<Rounded>, Option<Kept>, f64) {
+        let Unrounded { block_idx, factors, coefficients, .. } = block;
+        let (components, direction) = (coefficients.round(step), &self.direction);
+        let mut plain = restore(&components, step, *block_idx, self.layout);
+        let mut kept = None;
+        if !direction.is_empty() {
+            let noise = f64::from(factors.error.noise);
+            kept = Kept::new(&block.kept, noise, &plain, direction, *block_idx, self.layout);
+        }
+        if let Some(kept) = &kept {
+            kept.restore(&mut plain, direction, *block_idx, self.layout);
+        }
+        let squared = squared_difference(factors, &plain.factors(*block_idx, self.layout));
+        (components, kept, squared / coefficients.n_entries().max(1.0))
     }
 
     /// A block for the common step: coarser where its own error drowns the step's, finer where it would be far too bad.
-    fn rounded(&self, block_idx: usize, step: f32) -> Option<RoundedBlock<'a>> {
-        let (factors, block) = self.coefficients(block_idx)?;
-        let (own, most) = (own_error(factors), self.most(factors, &block));
-        let mut quarters = self.quarters(&block);
-        if own > self.allowed(&block) {
-            quarters = quarters_between(step, block.step_for(LEAST_SHARE * own)).max(quarters);
+    fn rounded(&self, block: &Unrounded<'a>, step: f32) -> RoundedBlock<'a> {
+        let mut quarters = block.quarters();
+        if block.own_error > block.allowed {
+            let drowned = block.coefficients.step_for(LEAST_SHARE * block.own_error);
+            quarters = quarters_between(step, drowned).max(quarters);
         }
-        let (mut components, mut kept, mut added) = self.round(block_idx, factors, &block, step_of(step, quarters));
-        while added > most && quarters > FINEST {
+        let (mut components, mut kept, mut added) = self.round(block, step_of(step, quarters));
+        while added > block.most() && quarters > FINEST {
             quarters -= 1;
-            (components, kept, added) = self.round(block_idx, factors, &block, step_of(step, quarters));
+            (components, kept, added) = self.round(block, step_of(step, quarters));
         }
-        let mut error = factors.error;
+        let mut error = block.factors.error;
         error.truncation += added as f32;
-        Some(RoundedBlock { quarters, components, kept, factors, error })
+        RoundedBlock { quarters, components, kept, block_idx: block.block_idx, factors: block.factors, error }
     }
 
-    /// Tables that fit the telling blocks.
-    fn tables(&self, step: f32) -> Tables {
+    /// Tables that fit some blocks.
+    fn tables(&self, blocks: &[Option<RoundedBlock<'_>>]) -> Tables {
         let none = || Counter { counts: vec![[0; 16]; N_TABLES] };
-        let count = |mut counter: Counter, block_idx: usize| {
-            if let Some(rounded) = self.rounded(block_idx, step) {
-                rounded.write(block_idx, self.layout, &mut counter);
-            }
+        let count = |mut counter: Counter, block: &RoundedBlock<'_>| {
+            block.write(self.layout, &mut counter);
             counter
         };
-        let both = |mut a: Counter, b: Counter| {
+        let sum = |mut a: Counter, b: Counter| {
             a.counts.as_flattened_mut().iter_mut().zip(b.counts.as_flattened()).for_each(|(a, b)| *a += b);
             a
         };
-        Tables::from_counts(&self.telling().fold(none, count).reduce(none, both).counts)
+        Tables::from_counts(&blocks.par_iter().flatten().fold(none, count).reduce(none, sum).counts)
     }
 }
 
-/// What truncation and sampling have left in a block.
-fn own_error(factors: &BlockFactors) -> f64 {
-    f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0))
+impl Unrounded<'_> {
+    /// Quarters of an octave by which its step is finer for its being dark: as much as what is allowed is less.
+    fn quarters(&self) -> i32 {
+        quarters_between(1.0, self.shade.sqrt())
+    }
+
+    /// Mean square error that packing may add.
+    fn budget(&self) -> f64 {
+        (self.allowed - self.own_error).max(LEAST_SHARE * self.allowed)
+    }
+
+    /// The same at worst.
+    fn most(&self) -> f64 {
+        (WORST_BLOCK * self.allowed - self.own_error).max(self.budget()).max(LEAST_SHARE * self.own_error)
+    }
 }

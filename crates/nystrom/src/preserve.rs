@@ -7,7 +7,7 @@
 use crate::{dense::Dense, fit::Fit, means::Means};
 
 /// Least share of the preserved direction that the basis must hold to carry its residual.
-const LEAST_SHARE: f64 = 0.25;
+pub(crate) const LEAST_SHARE: f64 = 0.25;
 
 /// Mean squares per entry that keeping a product adds: truncation, sampling.
 pub(crate) type Added = [f64; 2];

@@ -68,6 +68,9 @@ pub struct Ours {
     pub unit: f64,
 }
 
+/// Share of the norm that single precision does not hold.
+pub const FLOOR: f64 = 1e-6;
+
 impl Case {
     /// What a method that knows no halves is given: their mean, in double precision.
     pub fn mean(&self) -> DMatrix<f64> {
@@ -93,7 +96,12 @@ impl Case {
     /// What is asked of this crate's own factors before they are packed: twice the distance of the best approximation, and a
     /// millionth of the norm for numbers in single precision.
     pub fn allowed(&self) -> f64 {
-        2.0 * self.optimum() + 1e-6 * self.norm()
+        self.allowed_beside(self.optimum())
+    }
+
+    /// The same where the distance of the best approximation is known.
+    pub fn allowed_beside(&self, optimum: f64) -> f64 {
+        2.0 * optimum + FLOOR * self.norm()
     }
 
     /// Distance of the best approximation from the truth. Rank 0 counts unless it is the truth: who has to answer with a

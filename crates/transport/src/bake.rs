@@ -520,6 +520,14 @@ impl BakeJob {
     }
 }
 
+/// Whether a tolerance makes sense.
+fn check_tolerance(tolerance_db: f32) -> Result<(), BakeError> {
+    if (0.0..=120.0).contains(&tolerance_db) {
+        return Ok(());
+    }
+    Err(BakeError::Config { what: "the tolerance must be between 0 and 120 dB".into() })
+}
+
 /// Mean square error of a tolerance, the peak of a column being 1.
 fn mean_square(tolerance_db: f32) -> f32 {
     10f32.powf(-tolerance_db / 10.0)

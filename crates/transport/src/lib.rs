@@ -13,6 +13,7 @@ mod fingerprint;
 pub mod import;
 pub mod irradiance;
 pub mod lamp_units;
+pub mod lamps;
 #[cfg(test)]
 mod laws;
 pub mod light;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+use crate::lamps::FreeLamp;
 use crate::sky::SkySetting;
 
 /// The lighting of a scene: what differs from the file. Keys are those of `LightSource::key`.
@@ -19,6 +20,9 @@ pub struct LightRig {
     /// The sky; one that is left out is as baked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sky: Option<SkySetting>,
+    /// Lamps that the scene does not have.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lamps: Vec<FreeLamp>,
 }
 
 /// One lamp, relative to what the file says.

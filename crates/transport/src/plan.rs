@@ -172,8 +172,14 @@ fn later_picks(lighting: &Lighting, shines: impl Fn(usize) -> bool) -> Vec<(Vec<
     connected.map(of_group).filter(|(columns, _)| !columns.is_empty()).collect()
 }
 
+/// Place along Morton's curve through the plane or through space, of coordinates of at most 64 / N bits. \[Morton1966\]
+pub(crate) fn along_morton<const N: usize>(at: [u32; N]) -> u64 {
+    let n_bits = (u64::BITS as usize / N).min(u32::BITS as usize);
+    let bit = |bit: usize| (0..N).map(move |axis| u64::from(at[axis] >> bit & 1) << (N * bit + axis)).sum::<u64>();
+    (0..n_bits).map(bit).sum()
+}
+
 /// The sources in an order in which neighbors are near each other: lamps along Morton's curve, those without a place last.
-/// \[Morton1966\]
 fn along_a_curve(lighting: &Lighting) -> Vec<usize> {
     let place = |emitter: &Emitter| match emitter {
         Emitter::Punctual(light) if light.kind != PunctualKind::Directional => Some(light.position),
@@ -185,14 +191,9 @@ fn along_a_curve(lighting: &Lighting) -> Vec<usize> {
     let known = || places.iter().flatten().copied();
     let low = known().fold(Vec3::INFINITY, Vec3::min);
     let side = (known().fold(Vec3::NEG_INFINITY, Vec3::max) - low).max_element().max(f32::MIN_POSITIVE);
-    let key = |at: Vec3| {
-        let [x, y, z] = ((at - low) / side * 1023.0).to_array().map(|x| x.clamp(0.0, 1023.0) as u32);
-        (0..10)
-            .map(|bit| (x >> bit & 1) << (3 * bit) | (y >> bit & 1) << (3 * bit + 1) | (z >> bit & 1) << (3 * bit + 2))
-            .sum()
-    };
+    let key = |at: Vec3| along_morton(((at - low) / side * 1023.0).to_array().map(|x| x.clamp(0.0, 1023.0) as u32));
     let mut order: Vec<usize> = (0..places.len()).collect();
-    order.sort_by_key(|&idx| places[idx].map_or(u32::MAX, key));
+    order.sort_by_key(|&idx| places[idx].map_or(u64::MAX, key));
     order
 }
 

@@ -10,7 +10,7 @@ use super::{
     kept::{self, Kept},
     layout::Layout,
     planes::{self, Shape},
-    quantize::{Rounded, restore, step_of},
+    quantize::{MAX_QUARTERS, Rounded, restore, step_of},
 };
 use crate::factors::{BlockError, BlockFactors};
 
@@ -29,8 +29,6 @@ const N_NUMBERS: usize = 5;
 pub(super) const N_TABLES: usize = planes::N_TABLES + N_NUMBERS + entries::N_TABLES;
 /// Kind of the planes of the kept product.
 const KEPT: usize = 6;
-/// Octaves in quarters that anything honest is within.
-const MAX_QUARTERS: i32 = 400;
 
 fn table(of: Of) -> usize {
     planes::N_TABLES + of as usize
@@ -46,6 +44,7 @@ pub(super) struct RoundedBlock<'a> {
     pub(super) quarters: i32,
     pub(super) components: Vec<Rounded>,
     pub(super) kept: Option<Kept>,
+    pub(super) block_idx: usize,
     /// The block as it was: its sparse entries and counts are taken from it.
     pub(super) factors: &'a BlockFactors,
     /// Errors to be stored.
@@ -53,7 +52,8 @@ pub(super) struct RoundedBlock<'a> {
 }
 
 impl RoundedBlock<'_> {
-    pub(super) fn write(&self, block_idx: usize, layout: &Layout, out: &mut impl Sink) {
+    pub(super) fn write(&self, layout: &Layout, out: &mut impl Sink) {
+        let block_idx = self.block_idx;
         out.number(table(Of::Samples), self.factors.n_samples);
         for error in [self.error.truncation, self.error.sampling, self.error.noise] {
             out.bits(u32::from(bf16::from_f32(error).to_bits()), 16);
@@ -98,21 +98,6 @@ fn read_rows(planes: impl Iterator<Item = Place>, input: &mut Decoder<'_>) -> Ve
 
 /// A plane, and where its values lie.
 type Place = (Shape, Range<usize>);
-
-/// The factors that a block is restored to.
-pub(super) fn factors(
-    components: &[Rounded],
-    kept: Option<&Kept>,
-    (step, direction): (f32, &[f32]),
-    block_idx: usize,
-    layout: &Layout,
-) -> BlockFactors {
-    let mut plain = restore(components, step, block_idx, layout);
-    if let Some(kept) = kept {
-        kept.restore(&mut plain, direction, block_idx, layout);
-    }
-    BlockFactors::from_f32(&plain.left, &plain.right, layout.n_rows(block_idx), layout.n_cols(), plain.rank)
-}
 
 /// Planes of the row transform. What they belong to is 0 for the first component, 1 for the others, or [`KEPT`].
 fn row_planes(block_idx: usize, layout: &Layout, of: usize) -> impl Iterator<Item = Place> {
@@ -181,7 +166,11 @@ pub(super) fn read(
     if !input.is_clean() {
         return None;
     }
-    let factors = factors(&components, kept.as_ref(), (step_of(step, quarters), direction), block_idx, layout);
+    let mut plain = restore(&components, step_of(step, quarters), block_idx, layout);
+    if let Some(kept) = kept {
+        kept.restore(&mut plain, direction, block_idx, layout);
+    }
+    let factors = plain.factors(block_idx, layout);
     let is_finite =
         factors.scale.iter().all(|x| x.is_finite()) && factors.left.iter().chain(&factors.right).all(|x| x.is_finite());
     is_finite.then_some(BlockFactors { sparse, n_samples: about.n_samples, error: about.error, ..factors })

@@ -17,9 +17,6 @@ const TABLES_CHECKSUM_LEN: usize = 8;
 const AROUND_LEN: usize = 8;
 
 impl PackedMatrix {
-    /// Bytes of a block that is not there.
-    pub const MIN_BLOCK_BYTES: usize = AROUND_LEN;
-
     /// Appends the matrix.
     pub fn encode(&self, out: &mut Vec<u8>) {
         let start = out.len();
@@ -65,17 +62,17 @@ impl PackedMatrix {
             return Err(CodecError::Malformed("the step of a matrix"));
         }
         let direction: Vec<f32> = direction.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
-        let layout = Layout::new(partition.clone(), bundle_len, columns);
+        let layout = Layout::new(partition, bundle_len, columns);
         let fits = direction.is_empty() || direction.len() == layout.n_cols();
         if !fits || direction.iter().any(|x| !x.is_finite()) {
             return Err(CodecError::Malformed("the direction of a matrix"));
         }
-        let n_blocks = partition.n_blocks();
+        let n_blocks = layout.partition.n_blocks();
         if n_blocks.saturating_mul(AROUND_LEN) > bytes.len() - reader.at {
             return Err(reader.truncated(n_blocks.saturating_mul(AROUND_LEN)));
         }
         let blocks = (0..n_blocks).map(|_| reader.block()).collect::<Result<_, _>>()?;
-        Ok((Self { layout, partition, tables, step, direction, blocks }, reader.at))
+        Ok((Self { layout, tables, step, direction, blocks }, reader.at))
     }
 }
 

@@ -4,16 +4,16 @@
 //! in each block, not to the peak of the matrix. So the residual of that product is a plane of its own, with a step of its own, and
 //! goes back to where `left · right` holds the direction: the least change for which the product is right.
 
-use super::{layout::Layout, quantize::round_toward_zero};
+use super::{
+    layout::Layout,
+    quantize::{octaves, quarters_of, round_toward_zero},
+};
+use crate::{factors::BlockFactors, preserve::LEAST_SHARE};
 
 /// Root mean square error of the kept product, as a share of its own root mean square in the block.
 const RELATIVE_ERROR: f64 = 1.0 / 2048.0;
 /// The same as a share of its sampling noise.
 const SHARE_OF_NOISE: f64 = 0.25;
-/// Least share of the direction that the components must hold to carry its residual.
-const LEAST_SHARE: f64 = 0.25;
-/// Steps between two powers of two.
-const PER_OCTAVE: f64 = 4.0;
 /// Octaves in quarters that a step may be from 1.
 pub(super) const MAX_QUARTERS: i32 = 600;
 
@@ -44,16 +44,16 @@ impl Kept {
         block_idx: usize,
         layout: &Layout,
     ) -> Option<Self> {
-        let got = rounded.product(direction, wanted.len());
+        let got = product_with(&rounded.left, &rounded.right, rounded.rank, direction, wanted.len());
         let residual: Vec<f32> = wanted.iter().zip(&got).map(|(wanted, got)| (wanted - got) as f32).collect();
         let mean_square = wanted.iter().map(|x| x * x).sum::<f64>() / wanted.len().max(1) as f64;
         let error = (RELATIVE_ERROR * mean_square.sqrt()).max(SHARE_OF_NOISE * noise.max(0.0).sqrt());
-        let quarters = ((12f64.sqrt() * error).log2() * PER_OCTAVE).floor();
+        let quarters = quarters_of(12f64.sqrt() * error).floor();
         if !quarters.is_finite() {
             return None;
         }
         let quarters = quarters.clamp(f64::from(-MAX_QUARTERS), f64::from(MAX_QUARTERS)) as i32;
-        let step = step(quarters);
+        let step = octaves(quarters) as f32;
         let planes = layout.rows_forward(&residual, block_idx);
         let planes: Vec<i32> = planes.iter().map(|x| round_toward_zero(x / step)).collect();
         planes.iter().any(|&q| q != 0).then_some(Self { quarters, planes })
@@ -61,9 +61,9 @@ impl Kept {
 
     /// Gives the residual back to factors.
     pub(super) fn restore(&self, plain: &mut Plain, direction: &[f32], block_idx: usize, layout: &Layout) {
-        let step = step(self.quarters);
+        let step = octaves(self.quarters) as f32;
         let residual = layout.rows_inverse(self.planes.iter().map(|&q| q as f32 * step).collect(), block_idx);
-        let held = plain.held(direction);
+        let held = held(&plain.right, direction);
         let share: f64 = held.iter().map(|x| x * x).sum();
         if share >= LEAST_SHARE {
             for (row, missing) in plain.left.chunks_exact_mut(plain.rank).zip(&residual) {
@@ -83,23 +83,27 @@ impl Kept {
 }
 
 impl Plain {
-    /// What each component holds of a direction.
-    fn held(&self, direction: &[f32]) -> Vec<f64> {
-        let rows = self.right.chunks_exact(direction.len().max(1));
-        rows.map(|row| row.iter().zip(direction).map(|(x, p)| f64::from(*x) * f64::from(*p)).sum()).collect()
-    }
-
-    /// The product with a direction: one value per row.
-    fn product(&self, direction: &[f32], n_rows: usize) -> Vec<f64> {
-        let held = self.held(direction);
-        let row = |row: usize| {
-            let left = &self.left[row * self.rank..][..self.rank];
-            left.iter().zip(&held).map(|(x, held)| f64::from(*x) * held).sum()
-        };
-        (0..n_rows).map(row).collect()
+    /// The same in halves.
+    pub(super) fn factors(&self, block_idx: usize, layout: &Layout) -> BlockFactors {
+        BlockFactors::from_f32(&self.left, &self.right, layout.n_rows(block_idx), layout.n_cols(), self.rank)
     }
 }
 
-fn step(quarters: i32) -> f32 {
-    (f64::from(quarters) / PER_OCTAVE).exp2() as f32
+/// What each component (a row of `right`) holds of a direction.
+fn held<T: Copy + Into<f64>>(right: &[T], direction: &[f32]) -> Vec<f64> {
+    let rows = right.chunks_exact(direction.len().max(1));
+    rows.map(|row| row.iter().zip(direction).map(|(&x, &p)| x.into() * f64::from(p)).sum()).collect()
+}
+
+/// The product of factors with a direction: one value per row.
+pub(super) fn product_with<T: Copy + Into<f64>>(
+    left: &[T],
+    right: &[T],
+    rank: usize,
+    direction: &[f32],
+    n_rows: usize,
+) -> Vec<f64> {
+    let held = held(right, direction);
+    let row = |row: usize| left[row * rank..][..rank].iter().zip(&held).map(|(&x, held)| x.into() * held).sum();
+    (0..n_rows).map(row).collect()
 }

@@ -41,7 +41,7 @@ impl ColumnRun {
 /// The layout of a matrix, and the transforms that it calls for.
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
-    partition: Partition,
+    pub(super) partition: Partition,
     pub(super) bundle_len: u32,
     pub(super) columns: Vec<ColumnRun>,
     cosines: Cosines,

@@ -4,7 +4,7 @@
 use half::f16;
 
 use crate::{
-    dense::{Dense, dot, eigen},
+    dense::{Dense, eigen},
     factors::BlockFactors,
     product::product,
 };
@@ -40,20 +40,12 @@ impl Orthogonal {
 }
 
 /// `left · diag(scale)` and `right` in double precision.
-fn both(factors: &BlockFactors) -> (Dense<f64>, Dense<f64>) {
+pub(super) fn both(factors: &BlockFactors) -> (Dense<f64>, Dense<f64>) {
     let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
     let scaled = |(i, x): (usize, &f16)| x.to_f64() * f64::from(factors.scale[i % k]);
     let left = factors.left.iter().enumerate().map(scaled).collect();
     let right = factors.right.iter().map(|x| x.to_f64()).collect();
     (Dense { n_rows: m, n_cols: k, data: left }, Dense { n_rows: k, n_cols: n, data: right })
-}
-
-/// The product of a block's factors with a direction, sparse entries aside: one value per row.
-pub(super) fn product_with(factors: &BlockFactors, direction: &[f32]) -> Vec<f64> {
-    let (left, right) = both(factors);
-    let direction: Vec<f64> = direction.iter().map(|&x| f64::from(x)).collect();
-    let held: Vec<f64> = (0..right.n_rows).map(|row| dot(right.row(row), &direction)).collect();
-    (0..left.n_rows).map(|row| dot(left.row(row), &held)).collect()
 }
 
 /// Squared difference of two blocks of one size over all entries, sparse ones aside.

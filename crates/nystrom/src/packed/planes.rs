@@ -81,7 +81,7 @@ impl Shape {
         }
     }
 
-    /// Appends the plane to `values`; the planes read before are at their start.
+    /// The plane that was written after the same first one.
     pub(super) fn read(self, first_plane: Option<&[i32]>, input: &mut Decoder<'_>) -> Vec<i32> {
         let mut values = Vec::with_capacity(self.width * self.height);
         for at in 0..self.width * self.height {

@@ -16,6 +16,8 @@ const LEAST_WORTH: f64 = 4.0;
 const DEAD_ZONE: f32 = 0.1;
 /// Steps between two powers of two.
 const PER_OCTAVE: f64 = 4.0;
+/// Octaves in quarters that steps and sizes are within.
+pub(super) const MAX_QUARTERS: i32 = 400;
 
 /// A block, weighted row by row, in coefficients of the cosine transforms, not yet rounded.
 pub(super) struct Coefficients {
@@ -44,16 +46,24 @@ pub(super) struct Rounded {
     pub(super) right: Vec<i32>,
 }
 
-impl Rounded {
-    /// Steps of both factors, for a block's step.
-    fn steps(&self, step: f32) -> [f32; 2] {
-        [step, (1.0 / octaves(self.size)) as f32]
-    }
+/// Step of the unit vector `right` of a component of some size.
+fn step_of_right(size: i32) -> f32 {
+    (1.0 / octaves(size)) as f32
 }
 
 /// 2^(quarters / 4).
-fn octaves(quarters: i32) -> f64 {
+pub(super) fn octaves(quarters: i32) -> f64 {
     (f64::from(quarters) / PER_OCTAVE).exp2()
+}
+
+/// What [`octaves`] gives back, before it is rounded.
+pub(super) fn quarters_of(octaves: f64) -> f64 {
+    octaves.log2() * PER_OCTAVE
+}
+
+/// A number of quarters that can be stored.
+fn stored(quarters: f64) -> i32 {
+    quarters.clamp(f64::from(-MAX_QUARTERS), f64::from(MAX_QUARTERS)) as i32
 }
 
 /// The step of a block from that of the matrix.
@@ -63,8 +73,8 @@ pub(super) fn step_of(step: f32, quarters: i32) -> f32 {
 
 /// Quarters of an octave from one step down to another.
 pub(super) fn quarters_between(step: f32, other: f64) -> i32 {
-    let quarters = (other / f64::from(step)).log2() * PER_OCTAVE;
-    if quarters.is_finite() { quarters.clamp(-400.0, 400.0).floor() as i32 } else { 0 }
+    let quarters = quarters_of(other / f64::from(step)).floor();
+    if quarters.is_finite() { stored(quarters) } else { 0 }
 }
 
 impl Coefficients {
@@ -116,26 +126,23 @@ impl Coefficients {
 }
 
 impl Component {
-    /// Size for a step, without coefficients.
-    fn scales(&self, step: f32) -> Rounded {
-        let size = (self.singular / f64::from(step)).log2() * PER_OCTAVE;
-        Rounded { size: size.clamp(-400.0, 400.0).round() as i32, ..Rounded::default() }
+    fn size(&self, step: f32) -> i32 {
+        stored(quarters_of(self.singular / f64::from(step)).round())
     }
 
     fn round(&self, step: f32) -> Rounded {
-        let scales = self.scales(step);
-        let [of_left, of_right] = scales.steps(step);
+        let size = self.size(step);
         let rounded = |values: &[f32], step: f32| values.iter().map(|x| round_toward_zero(x / step)).collect();
-        Rounded { left: rounded(&self.left, of_left), right: rounded(&self.right, of_right), ..scales }
+        Rounded { size, left: rounded(&self.left, step), right: rounded(&self.right, step_of_right(size)) }
     }
 
     fn error(&self, step: f32) -> f64 {
-        let [of_left, of_right] = self.scales(step).steps(step);
         let squares = |values: &[f32], step: f32| -> f64 {
             let error = |x: &f32| f64::from(x - round_toward_zero(x / step) as f32 * step);
             values.iter().map(|x| error(x).powi(2)).sum()
         };
-        squares(&self.left, of_left) + self.singular.powi(2) * squares(&self.right, of_right)
+        let of_right = squares(&self.right, step_of_right(self.size(step)));
+        squares(&self.left, step) + self.singular.powi(2) * of_right
     }
 }
 
@@ -152,8 +159,8 @@ pub(super) fn restore(components: &[Rounded], step: f32, block_idx: usize, layou
     let (mut left, mut right) = (vec![0.0; m * k], Vec::with_capacity(k * n));
     let weights = layout.row_weights(block_idx);
     for (i, component) in components.iter().enumerate() {
-        let [of_left, of_right] = component.steps(step);
-        let planes = component.left.iter().map(|&q| q as f32 * of_left).collect();
+        let of_right = step_of_right(component.size);
+        let planes = component.left.iter().map(|&q| q as f32 * step).collect();
         for (row, x) in layout.rows_inverse(planes, block_idx).into_iter().enumerate() {
             left[row * k + i] = x / weights[row];
         }

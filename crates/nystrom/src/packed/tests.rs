@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::{factors::BlockError, matrix::SparseEntry, random::Random};
+use crate::{factors::BlockError, matrix::SparseEntry, partition::Partition, random::Random};
 
 const WIDTH: u32 = 40;
 const HEIGHT: u32 = 24;
@@ -142,7 +142,7 @@ fn bytes_come_back_and_every_single_changed_one_is_noticed() {
     let packed = PackedMatrix::pack(&example(0.0), &plan(1e-3));
     let mut bytes = Vec::new();
     packed.encode(&mut bytes);
-    let read = |bytes: &[u8]| PackedMatrix::decode(bytes, packed.partition.clone(), 3, columns());
+    let read = |bytes: &[u8]| PackedMatrix::decode(bytes, packed.layout.partition.clone(), 3, columns());
     let (again, len) = read(&bytes).unwrap();
     assert_eq!(len, bytes.len());
     assert_eq!(again.unpack().unwrap().blocks, packed.unpack().unwrap().blocks);

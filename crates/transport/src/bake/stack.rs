@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, TILE};
+use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, TILE, check_tolerance};
 use crate::basis::{LightBasis, LightSource, SourceKind};
 use crate::camera::Film;
 use crate::fingerprint::digest;
@@ -85,9 +85,7 @@ impl StackJob {
         self,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send + ?Sized),
     ) -> Result<Option<SurveyedStack>, BakeError> {
-        if !(0.0..=120.0).contains(&self.tolerance_db) {
-            return Err(BakeError::Config { what: "the tolerance must be between 0 and 120 dB".into() });
-        }
+        check_tolerance(self.tolerance_db)?;
         let rows = self.bands().swap_remove(0);
         let n_images = self.stack.images.len();
         let heard = Mutex::new((on_event, 0usize));

@@ -1,14 +1,13 @@
 //! Equirectangular .hdr and .exr files into maps of the sky.
 
 use std::io::Cursor;
-use std::panic::catch_unwind;
 use std::path::Path;
 
 use exr::prelude::{MetaData, ReadChannels, ReadLayers};
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 
-use super::files::read_at_most;
+use super::files::{guarded, read_at_most};
 use crate::sky::{Environment, SkyError};
 
 /// Largest file that is read.
@@ -32,8 +31,8 @@ pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
 pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>), SkyError> {
     let refuse = |reason: String| SkyError::Decode { path: name.into(), reason };
     let (width, height, pixels) = match () {
-        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => guarded(decode_exr, bytes).map_err(refuse)?,
-        () if bytes.starts_with(b"#?") => guarded(decode_hdr, bytes).map_err(refuse)?,
+        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => guarded(|| decode_exr(bytes)).map_err(refuse)?,
+        () if bytes.starts_with(b"#?") => guarded(|| decode_hdr(bytes)).map_err(refuse)?,
         () => return Err(refuse("it is neither Radiance nor OpenEXR".into())),
     };
     let (map, n_cleaned) = Environment::new(width, height, pixels)?;
@@ -50,11 +49,6 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
 }
 
 type Decoded = Result<(usize, usize, Vec<[f32; 3]>), String>;
-
-/// A fault of a decoder is a fault of the file.
-fn guarded(decode: fn(&[u8]) -> Decoded, bytes: &[u8]) -> Decoded {
-    catch_unwind(|| decode(bytes)).unwrap_or_else(|_| Err("its decoder failed".to_owned()))
-}
 
 /// More pixels than a byte of a compressed file stands for.
 const MAX_PIXELS_PER_BYTE: usize = 1024;

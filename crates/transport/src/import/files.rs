@@ -1,7 +1,8 @@
-//! Reading files with a bound on their size, so that no file is a flood.
+//! Reading files with a bound on their size, so that no file is a flood, and decoding them so that none ends the program.
 
 use std::fs;
 use std::io::{self, Read};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 /// A whole file of at most so many bytes.
@@ -21,6 +22,11 @@ pub(super) fn read_at_most(path: &Path, n_bytes: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::with_capacity(usize::try_from(found.len()).map_err(io::Error::other)?);
     fs::File::open(path)?.take(n_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > n_bytes { Err(too_long()) } else { Ok(bytes) }
+}
+
+/// What a decoder makes of a file; its panic is a fault of the file.
+pub(super) fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err("its decoder failed".into()))
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::hand_out::HandOut;
 use super::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::path::{Meeting, Scratch, Start};
+use crate::plan::along_morton;
 use crate::sampler::Sampler;
 
 /// Side of the squares of pixels that share walks; a power of two that divides the side of a block.
@@ -46,7 +47,7 @@ impl TransportMatrix<'_> {
         out: &mut [f32],
         sparse: &mut Vec<SparseEntry>,
     ) {
-        let along_curve = |&pixel: &u32| morton([pixel % self.film.width, pixel / self.film.width]);
+        let along_curve = |&pixel: &u32| along_morton([pixel % self.film.width, pixel / self.film.width]);
         let mut order: Vec<(u64, usize)> = bundles.iter().map(along_curve).zip(0..).collect();
         order.sort_unstable();
         let tile_of = |place: u64| place / (TILE * TILE);
@@ -130,10 +131,4 @@ impl Shared {
         self.shares.clear();
         self.n = 0;
     }
-}
-
-/// Place on Morton's curve through the picture. \[Morton1966\]
-fn morton([x, y]: [u32; 2]) -> u64 {
-    let spread = |v: u32| (0..u32::BITS).map(|bit| u64::from(v >> bit & 1) << (2 * bit)).sum::<u64>();
-    spread(x) | spread(y) << 1
 }

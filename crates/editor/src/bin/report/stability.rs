@@ -8,7 +8,7 @@ use clerestory_nystrom::rivals::{Core, Method};
 use clerestory_nystrom::stress::{cases, condition, ours, refused, rival};
 
 use super::desk::Desk;
-use answer::{Answer, FLOOR, Measured, figure, refusal};
+use answer::{Answer, Measured, figure, refusal};
 
 /// Of the cases and of the methods.
 const SEED: u64 = 1;
@@ -71,7 +71,7 @@ fn own_table(measured: &[Measured]) -> String {
         let Measured { case, optimum, ours } = of_case;
         let norm = case.norm();
         let [optimum, error, allowed, told, packed] =
-            [*optimum, ours.error, 2.0 * optimum + FLOOR * norm, ours.told, ours.packed_error]
+            [*optimum, ours.error, case.allowed_beside(*optimum), ours.told, ours.packed_error]
                 .map(|x| if x == 0.0 { "0".into() } else { format!("{:.1e}", x / norm) });
         text += &format!(
             "| {} | {} × {} | {} / {} | {optimum} | {error} | {allowed} | {} | {told} | {packed} |\n",

@@ -1,7 +1,6 @@
 //! Pictures as linear numbers: OpenEXR and Radiance as they are, PNG and JPEG through the curve of sRGB \[IEC61966-2-1\].
 
 use std::io::{self, BufRead, Cursor, Seek, SeekFrom};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
@@ -9,6 +8,8 @@ use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 use super::MAX_PIXELS;
 use super::openexr::{decode_exr, exr_size};
 use crate::camera::Film;
+use crate::import::files::guarded;
+use crate::texture::srgb_to_linear;
 
 /// More pixels than a byte of a compressed file stands for.
 const MAX_PIXELS_PER_BYTE: u64 = 1 << 14;
@@ -71,11 +72,6 @@ pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
         Kind::Radiance => decode_hdr(bytes, size),
         Kind::Encoded => decode_encoded(bytes),
     })
-}
-
-/// A fault of a decoder is a fault of the file.
-fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err("its decoder failed".into()))
 }
 
 /// What a decoder says of a picture.
@@ -145,11 +141,7 @@ fn decode_encoded(bytes: &[u8]) -> Result<Picture, String> {
 
 /// Linear light of each code up to the greatest, which is 1.
 fn curve(greatest: u16) -> Vec<f32> {
-    let linear = |code: u16| {
-        let encoded = f64::from(code) / f64::from(greatest);
-        if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-    };
-    (0..=greatest).map(|code| linear(code) as f32).collect()
+    (0..=greatest).map(|code| srgb_to_linear(f32::from(code) / f32::from(greatest))).collect()
 }
 
 #[cfg(test)]

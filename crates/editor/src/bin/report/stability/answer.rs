@@ -2,10 +2,7 @@
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::{Method, MethodError, Real};
-use clerestory_nystrom::stress::{Case, Ours, ours, rival};
-
-/// An optimum below this share of the norm counts as this share: single precision does not hold less.
-pub const FLOOR: f64 = 1e-6;
+use clerestory_nystrom::stress::{Case, FLOOR, Ours, ours, rival};
 
 /// What a method made of a case.
 #[derive(Clone, Copy)]
@@ -42,11 +39,11 @@ impl Measured {
 
     /// An error as the tables tell it.
     pub fn answer(&self, error: f64) -> Answer {
-        let (norm, optimum) = (self.case.norm(), self.optimum);
-        let least = optimum.max(FLOOR * norm);
+        // An optimum below what single precision holds counts as that.
+        let least = self.optimum.max(FLOOR * self.case.norm());
         // A matrix of zeros that comes out as zeros.
         let ratio = if error == 0.0 { 0.0 } else { error / least };
-        Answer::Error { ratio, is_within: error <= 2.0 * optimum + FLOOR * norm }
+        Answer::Error { ratio, is_within: error <= self.case.allowed_beside(self.optimum) }
     }
 
     /// What another method makes of it.

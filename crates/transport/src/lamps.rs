@@ -1,0 +1,79 @@
+//! Lamps that a designer puts into the scene, without a column of their own: movable after the bake.
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use crate::light::LightSetting;
+
+/// A lamp of a look. It shines from `position` towards `aim`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FreeLamp {
+    /// Its name in the look; no other light has it.
+    pub key: String,
+    /// What it is and how large.
+    pub shape: LampShape,
+    /// World-space center, meters.
+    pub position: Vec3,
+    /// World-space point that it shines at, meters. A lamp that shines all around has no use for it.
+    pub aim: Vec3,
+    /// How strong it is, in `unit`, before `setting.intensity` multiplies it.
+    pub strength: f32,
+    /// Unit of the strength.
+    pub unit: LampUnit,
+    /// Color, or kelvin; white where neither is set. A muted lamp is dark.
+    pub setting: LightSetting,
+}
+
+/// Kinds of free lamps. Angles are half angles in radians.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LampShape {
+    /// A point that shines all around.
+    Point,
+    /// A point with a cone; glTF's falloff.
+    Spot {
+        /// Half angle of the full intensity.
+        inner_rad: f32,
+        /// Half angle where the light ends.
+        outer_rad: f32,
+    },
+    /// A rectangle that shines to one side, diffusely.
+    Rectangle {
+        /// Width (level where possible) and height, meters.
+        size_m: [f32; 2],
+    },
+    /// A disk that shines to one side, diffusely.
+    Disk {
+        /// Meters.
+        radius_m: f32,
+    },
+    /// A sphere that shines diffusely.
+    Sphere {
+        /// Meters.
+        radius_m: f32,
+    },
+    /// Parallel light along `aim - position`, from far away.
+    Directional,
+    /// A point with a measured distribution.
+    Profile {
+        /// Path of an IES or EULUMDAT file, as the look has it.
+        file: String,
+    },
+}
+
+/// Units of a lamp's strength.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LampUnit {
+    /// Lumen: luminous flux in all directions.
+    #[serde(rename = "lm")]
+    Lumen,
+    /// Candela: luminous intensity along the axis (of a profile: its largest).
+    #[serde(rename = "cd")]
+    Candela,
+    /// Nit: luminance of a lamp with a surface.
+    #[serde(rename = "nit")]
+    Nit,
+    /// Lux: illuminance of parallel light on a surface that faces it.
+    #[serde(rename = "lx")]
+    Lux,
+}
