@@ -1,6 +1,7 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
 mod follow;
+mod recovery;
 mod sky;
 
 use std::collections::BTreeSet;
@@ -27,6 +28,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
+use recovery::Recovery;
 
 /// Width of a picture that is baked without being asked for.
 const DEFAULT_WIDTH_PX: u32 = 640;
@@ -43,6 +45,8 @@ pub struct Start {
     pub source: Source,
     /// How scenes are baked; by default one that suits the machine.
     pub settings: Option<BakeSettings>,
+    /// Folder in which unsaved looks are kept for a crash; without one they are not.
+    pub unsaved: Option<PathBuf>,
 }
 
 /// The window.
@@ -65,6 +69,7 @@ pub struct App {
     /// What waits until the look is saved.
     after_saving: Option<Action>,
     shortcuts: bool,
+    recovery: Recovery,
     message: (String, MessageTone),
     recent: Vec<PathBuf>,
     title: String,
@@ -90,7 +95,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
-    let start = Start { source, settings: None };
+    let start = Start { source, settings: None, unsaved: recovery::folder() };
     let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
     result.map_err(|error| anyhow!("{error}"))
 }
@@ -115,6 +120,7 @@ impl App {
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
         session.open(start.source);
+        let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         Ok(App {
             session,
             look: Look::default(),
@@ -132,7 +138,8 @@ impl App {
             unsaved: None,
             after_saving: None,
             shortcuts: false,
-            message: (String::new(), MessageTone::Calm),
+            recovery,
+            message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
             recent,
             title: String::new(),
         })
@@ -185,7 +192,10 @@ impl App {
             Notice::Opened => self.scene_opened(),
             Notice::PreparedAgain => self.start_bake(),
             Notice::Said(words) => self.say(words),
-            Notice::Failed(words) => self.complain(words),
+            Notice::Failed(words) => {
+                self.leave_behind();
+                self.complain(words);
+            }
         }
     }
 
@@ -200,6 +210,7 @@ impl App {
             self.settings.camera_idx = 0;
             self.settings.film = Film::of_width(DEFAULT_WIDTH_PX, camera);
         }
+        self.take_up();
         self.start_bake();
     }
 
@@ -364,6 +375,7 @@ impl App {
                 }
             }
         }
+        self.recovery_ui(ctx);
         shortcuts_ui(ctx, &mut self.shortcuts);
         hovered_files_ui(ctx);
     }
@@ -496,6 +508,7 @@ impl eframe::App for App {
             self.apply(ctx, action);
         }
         self.feed_undoer(ctx);
+        self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
         self.set_title(ctx);
         if let Err(words) = self.follower.follow(ctx, &mut self.session, &self.look, &self.lights.solo) {

@@ -53,6 +53,8 @@ pub struct BakeSettings {
 pub struct Opened {
     /// For people.
     pub name: String,
+    /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
+    pub path: Option<PathBuf>,
     /// The scene; a bake that was opened from a file has none.
     pub scene: Option<Arc<PreparedScene>>,
     /// The folder of pictures, where one was opened instead.
@@ -184,6 +186,8 @@ pub struct Session {
     baking: Option<Task>,
     /// Tasks whose facts no longer count, and writers of files.
     others: Vec<Task>,
+    /// Path of what is being opened.
+    opening: Option<PathBuf>,
     /// Where opening stands.
     pub stage: Stage,
     /// What is open.
@@ -217,6 +221,7 @@ impl Session {
             loading: None,
             baking: None,
             others: Vec::new(),
+            opening: None,
             stage: Stage::Empty,
             opened: None,
             bake: BakeState::Idle,
@@ -251,6 +256,7 @@ impl Session {
     pub fn open(&mut self, source: Source) {
         self.stop_loading();
         self.stage = Stage::Loading(source.name());
+        self.opening = source.path();
         self.loading = self.spawn("open", move |post| {
             let name = source.name();
             let loaded = task::load(source).map_err(|error| format!("{error:#}"));
@@ -425,19 +431,21 @@ impl Session {
         self.stop_baking();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.stage = Stage::Ready;
+        let path = self.opening.take();
         match loaded {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
                 let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
-                self.opened = Some(Opened { name, scene, stack: None, report, lamps, chosen });
+                self.opened = Some(Opened { name, path, scene, stack: None, report, lamps, chosen });
             }
             Loaded::Stack(stack) => {
                 let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
-                self.opened = Some(Opened { name, scene: None, stack: Some(Arc::new(stack)), report, lamps, chosen });
+                self.opened =
+                    Some(Opened { name, path, scene: None, stack: Some(Arc::new(stack)), report, lamps, chosen });
             }
             Loaded::Bake(bake) => {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                self.opened = Some(Opened { name, scene: None, stack: None, report, lamps, chosen });
+                self.opened = Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 let Bake { header, irradiance, packed, .. } = bake;
                 self.show(Shown { header, camera: None, frame, irradiance, packed });

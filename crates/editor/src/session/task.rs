@@ -49,6 +49,14 @@ impl Source {
             Source::Bytes { name, .. } => name.clone(),
         }
     }
+
+    /// Where it lies, from the root.
+    pub(super) fn path(&self) -> Option<PathBuf> {
+        match self {
+            Source::File(path) => Some(std::path::absolute(path).unwrap_or_else(|_| path.clone())),
+            Source::BuiltIn | Source::Bytes { .. } => None,
+        }
+    }
 }
 
 /// What was opened.
