@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clerestory::app::{App, Start};
+use clerestory::bake_cache::BakeCache;
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive;
@@ -42,14 +43,16 @@ fn room() -> Vec<u8> {
 }
 
 fn open(source: Source) -> Window {
-    open_beside(source, None)
+    open_at(source, None)
 }
 
-/// The same with a folder for unsaved looks.
-fn open_beside(source: Source, unsaved: Option<PathBuf>) -> Window {
+/// The same with a folder of the user's for unsaved looks and finished bakes.
+fn open_at(source: Source, home: Option<&Path>) -> Window {
     let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
-    let start = Start { source, settings: Some(settings), unsaved };
+    let unsaved = home.map(|home| home.join("unsaved"));
+    let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
+    let start = Start { source, settings: Some(settings), unsaved, cache };
     Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
 }
 
@@ -131,10 +134,10 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
 
 #[test]
 fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
-    let folder = tempfile::tempdir().unwrap();
+    let home = tempfile::tempdir().unwrap();
     let open = || {
         let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_beside(source, Some(folder.path().into()));
+        let mut window = open_at(source, Some(home.path()));
         wait(&mut window, |app| app.session().stage == Stage::Ready);
         window
     };
@@ -142,7 +145,7 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
     assert!(window.query_by_label("Recover").is_none());
     click(&mut window, "Mute lamp");
     let look = window.state().look().clone();
-    wait(&mut window, |_| folder.path().join("0.json").exists());
+    wait(&mut window, |_| home.path().join("unsaved/0.json").exists());
     drop(window);
 
     let mut window = open();
@@ -159,6 +162,29 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
     click(&mut window, "Discard");
     drop(window);
     assert!(open().query_by_label("Recover").is_none());
+}
+
+#[test]
+fn a_finished_bake_is_found_again() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_at(source, Some(home.path()));
+        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+        window
+    };
+    let ev = {
+        let window = open();
+        assert!(window.query_by_label_contains("Baked at").is_some());
+        window.state().shown_ev()
+    };
+    let mut window = open();
+    assert!(window.query_by_label_contains("Baked before").is_some());
+    assert!((window.state().shown_ev() - ev).abs() < 1e-3);
+    // It answers to the lights as the one that was just baked.
+    let n_before = window.state().n_pictures();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.n_pictures() > n_before && (app.shown_ev() - ev).abs() > 1e-2);
 }
 
 #[test]
