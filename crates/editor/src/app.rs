@@ -19,7 +19,7 @@ use crate::action::{Action, FileTask, dropped};
 use crate::bake_cache::BakeCache;
 use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
-use crate::panels::dialogs::{FileQuestion, UnsavedAnswer, unsaved_ui};
+use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{LightsState, lights_ui};
 use crate::panels::shortcuts::{shortcuts_ui, take_keys};
@@ -50,6 +50,8 @@ pub struct Start {
     pub unsaved: Option<PathBuf>,
     /// Where finished bakes are found and kept; without it every bake is made anew.
     pub cache: Option<BakeCache>,
+    /// Where files are asked for.
+    pub dialogs: FileDialogs,
 }
 
 /// The window.
@@ -68,6 +70,7 @@ pub struct App {
     follower: Follower,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
+    dialogs: FileDialogs,
     unsaved: Option<Action>,
     /// What waits until the look is saved.
     after_saving: Option<Action>,
@@ -98,7 +101,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
-    let start = Start { source, settings: None, unsaved: recovery::folder(), cache: BakeCache::of_user()? };
+    let start = Start { source, settings: None, unsaved: recovery::folder(), cache: BakeCache::of_user()?, dialogs: FileDialogs::Desktop };
     let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
     result.map_err(|error| anyhow!("{error}"))
 }
@@ -139,6 +142,7 @@ impl App {
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
             actions: Vec::new(),
             question: None,
+            dialogs: start.dialogs,
             unsaved: None,
             after_saving: None,
             shortcuts: false,
@@ -272,7 +276,7 @@ impl App {
             FileTask::Export => format!("{stem}.png"),
             FileTask::SaveBake => format!("{stem}.transport"),
         };
-        self.question = Some(FileQuestion::new(task, &suggestion));
+        self.question = Some(FileQuestion::new(task, &suggestion, self.dialogs));
     }
 
     fn open(&mut self, path: PathBuf) {

@@ -9,6 +9,7 @@ use std::time::Duration;
 use clerestory::app::{App, Start};
 use clerestory::bake_cache::BakeCache;
 use clerestory::look::Look;
+use clerestory::panels::dialogs::FileDialogs;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive;
 use clerestory_transport::bake::BakeConfig;
@@ -52,7 +53,7 @@ fn open_at(source: Source, home: Option<&Path>) -> Window {
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
     let unsaved = home.map(|home| home.join("unsaved"));
     let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
-    let start = Start { source, settings: Some(settings), unsaved, cache };
+    let start = Start { source, settings: Some(settings), unsaved, cache, dialogs: FileDialogs::FieldOnly };
     Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
 }
 

@@ -43,11 +43,22 @@ enum Ended {
     Unseen,
 }
 
+/// Where files are asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FileDialogs {
+    /// In the desktop's own dialog where there is one, and in a path field.
+    #[default]
+    Desktop,
+    /// In a path field alone.
+    FieldOnly,
+}
+
 /// A file is being asked for: in the desktop's own dialog where there is one, and in a path field at any rate.
 pub struct FileQuestion {
     task: FileTask,
     path: String,
     native: Option<NativeDialog>,
+    dialogs: FileDialogs,
     is_fresh: bool,
 }
 
@@ -61,9 +72,11 @@ impl Wake for Repaint {
 
 impl FileQuestion {
     /// Asks. The desktop's dialog is opened as well unless only the field is wanted.
-    pub fn new(task: FileTask, suggestion: &str) -> FileQuestion {
-        let mut question = FileQuestion { task, path: suggestion.into(), native: None, is_fresh: true };
-        question.browse();
+    pub fn new(task: FileTask, suggestion: &str, dialogs: FileDialogs) -> FileQuestion {
+        let mut question = FileQuestion { task, path: suggestion.into(), native: None, dialogs, is_fresh: true };
+        if dialogs == FileDialogs::Desktop {
+            question.browse();
+        }
         question
     }
 
@@ -122,7 +135,7 @@ impl FileQuestion {
         ui.add_space(8.0);
         let mut answer = None;
         ui.horizontal(|ui| {
-            if ui.add_enabled(self.native.is_none(), Button::new("Browse…")).clicked() {
+            if ui.add_enabled(self.native.is_none() && self.dialogs == FileDialogs::Desktop, Button::new("Browse…")).clicked() {
                 self.browse();
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
