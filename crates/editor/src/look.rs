@@ -2,6 +2,7 @@
 
 mod damage;
 pub mod display;
+pub mod lamps;
 mod parse;
 mod place;
 pub mod sky;
@@ -62,6 +63,9 @@ impl Look {
             Unheeded::Constant => {
                 format!("the look sets `{key}`, but unlit surfaces look alike whatever the lights do; it is ignored")
             }
+            Unheeded::Taken => {
+                format!("the look has a lamp `{key}`, but a light of the scene has this name; rename the lamp")
+            }
         };
         basis.unheeded_keys(&self.lights).into_iter().map(words).collect()
     }
@@ -80,7 +84,7 @@ impl Look {
     }
 
     /// Reads what can be read of a file, for somebody who can look at the rest; see [`Look::recover`]. A sky that cannot be
-    /// had is left out too.
+    /// had is left out too, and so is a lamp without its profile; paths of profiles become absolute.
     ///
     /// # Errors
     /// If the file cannot be read or is no look at all.
@@ -96,15 +100,18 @@ impl Look {
             }
             None => {}
         }
+        warnings.extend(lamps::resolve(&mut look.lights.lamps, folder));
         Ok((look, warnings))
     }
 
-    /// Writes a file, whole or not at all.
+    /// Writes a file, whole or not at all. Profiles of lamps in its folder are named relative to it.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
-        write_whole(path, self.to_json().as_bytes())
+        let mut look = self.clone();
+        look.lights.lamps = lamps::relative(&self.lights.lamps, path.parent().unwrap_or(Path::new("")));
+        write_whole(path, look.to_json().as_bytes())
     }
 }
 

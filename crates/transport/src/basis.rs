@@ -124,6 +124,8 @@ pub enum Unheeded {
     NoPanel,
     /// Unlit surfaces, which look alike whatever the lights do.
     Constant,
+    /// A free lamp with the name of a light that has columns.
+    Taken,
 }
 
 /// Neighboring columns that are compressed together.
@@ -243,7 +245,9 @@ impl LightBasis {
             Some(LightSource { kind: SourceKind::Panel { .. }, .. }) => None,
             Some(_) => Some((key.as_str(), Unheeded::NoPanel)),
         });
-        let mut unheeded: Vec<_> = lights.chain(panels).collect();
+        let taken = rig.lamps.iter().filter(|lamp| self.source(&lamp.key).is_some());
+        let taken = taken.map(|lamp| (lamp.key.as_str(), Unheeded::Taken));
+        let mut unheeded: Vec<_> = lights.chain(panels).chain(taken).collect();
         unheeded.sort();
         unheeded.dedup();
         unheeded
