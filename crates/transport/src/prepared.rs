@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::bsdf::{self, Bsdf, Frame};
-use crate::bvh::{Bvh, Hit, Ray};
+use crate::bvh::{Aabb, Bvh, Hit, Ray};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
@@ -328,6 +328,14 @@ impl PreparedScene {
     /// What the emissive texture of a material, if any, multiplies its radiance by at a texture coordinate.
     pub fn pattern(&self, material: &Material, uvs: [Vec2; 2]) -> Vec3 {
         material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate())
+    }
+
+    /// A distance from anything within to beyond everything, m.
+    pub(crate) fn far(&self) -> f32 {
+        let bounds = [Some(&self.solid), self.sheer.as_ref()].into_iter().flatten().map(Bvh::bounds);
+        let all = bounds.fold(Aabb::EMPTY, |a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) });
+        let diagonal = (all.max - all.min).length();
+        if diagonal.is_finite() { 4.0 * diagonal.max(1e-6) } else { 1.0 }
     }
 
     /// Length of the diagonal of everything in meters.

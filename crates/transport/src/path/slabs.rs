@@ -39,6 +39,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             Emitter::Panel(panel) => Some(panel.point(place.texel(u) * panel.texel_side)),
             Emitter::Surface(surface) => Some(surface.sample(u).position),
             Emitter::Punctual(light) => Some(light.position),
+            Emitter::Lamp(lamp) => lamp.point(u).map(|point| point.position),
             _ => None,
         }
     }
@@ -65,13 +66,13 @@ impl<P: LightPlan> Integrator<'_, P> {
         passed * scene.transmittance(from, end)
     }
 
-    /// What stands for one over the squared distance between a point on a light that a walk came to by chance and where its
-    /// direction was chosen; `None` where no connection would have found this path.
-    pub(super) fn closeness(&self, walk: &Walk, hit: &SurfaceHit) -> Option<f32> {
+    /// What stands for one over the squared distance between a point on a light that a walk came to by chance, `t` from where
+    /// it set out last, and where its direction was chosen; `None` where no connection would have found this path.
+    pub(super) fn closeness(&self, walk: &Walk, t: f32, position: Vec3) -> Option<f32> {
         match walk.passage.slabs()? {
-            [] => Some((walk.passed + hit.t).powi(-2)),
+            [] => Some((walk.passed + t).powi(-2)),
             passed => {
-                let route = self.scene.slabs.route(walk.departed, hit.position)?;
+                let route = self.scene.slabs.route(walk.departed, position)?;
                 (route.slabs() == passed).then_some(route.closeness)
             }
         }
