@@ -1,6 +1,7 @@
 //! Lamps that a designer puts into the scene, without a column of their own: movable after the bake.
 
 mod body;
+mod exchange;
 mod install;
 mod light;
 mod prepared;

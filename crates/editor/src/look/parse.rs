@@ -64,7 +64,7 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
         lights: reader.entries(document, "lights", |reader, value| reader.setting(value))?,
         panels: reader.entries(document, "panels", |reader, value| reader.spots(value))?,
         sky: reader.optional(document, "sky", |reader, value| reader.sky(value))?,
-        lamps: Vec::new(),
+        lamps: reader.optional(document, "lamps", |reader, value| reader.lamps(value))?.unwrap_or_default(),
     };
     let display = match document.get("display") {
         Some(value) => reader.part("display", |reader| reader.display(value))?.unwrap_or_default(),
