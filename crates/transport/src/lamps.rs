@@ -14,9 +14,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::light::LightSetting;
 
-pub(crate) use self::body::Body;
+pub(crate) use self::body::{Body, BodyPoint};
 pub use self::light::Lamp;
+pub(crate) use self::light::Lit;
 pub use self::prepared::{LampError, PreparedLamps};
+pub(crate) use self::prepared::{PreparedLamp, lattice};
 
 /// A lamp of a look. It shines from `position` towards `aim`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

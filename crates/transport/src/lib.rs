@@ -33,3 +33,4 @@ pub mod sky;
 mod slabs;
 pub mod texture;
 pub mod trace;
+pub mod visible;

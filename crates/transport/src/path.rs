@@ -15,6 +15,7 @@ mod slabs;
 pub(crate) use gather::Gathering;
 pub(crate) use irradiance::Receiver;
 pub(crate) use reuse::{Meeting, Start};
+pub(crate) use slabs::passed_along;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -409,7 +410,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let inside = sample.wi.dot(hit.normal) < 0.0;
         walk.origin = hit.origin(if inside { -hit.normal } else { hit.normal });
         if sample.transmitted && self.scene.attenuates {
-            walk.extinction = self.extinction_behind(hit, !inside);
+            walk.extinction = self.scene.extinction_behind(hit.triangle, !inside);
         }
         true
     }
@@ -436,16 +437,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     fn extinction_towards(&self, walk: &Walk, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
         let back = hit.normal.dot(walk.direction) >= 0.0;
         let before = (direction.dot(hit.normal) > 0.0) != back;
-        if before { walk.extinction } else { self.extinction_behind(hit, back) }
-    }
-
-    /// Extinction of what a ray enters that passes a surface, coming `from_back` or from its front, 1/m.
-    fn extinction_behind(&self, hit: &SurfaceHit, from_back: bool) -> Vec3 {
-        let material = self.scene.material(hit.triangle);
-        if from_back || material.thickness <= 0.0 || !material.attenuation_distance.is_finite() {
-            return Vec3::ZERO;
-        }
-        -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance
+        if before { walk.extinction } else { self.scene.extinction_behind(hit.triangle, back) }
     }
 
     /// Next-event estimation: connects a vertex to the columns that the plan picks.

@@ -13,6 +13,7 @@
 //! Directions are unit vectors in world space that point away from the surface. Surfaces scatter on both sides.
 
 mod clearcoat;
+mod delta;
 mod energy;
 mod film;
 mod finish;

@@ -165,6 +165,17 @@ impl Stack {
         Some(Drawn { wi, transmitted: local.z < 0.0, delta })
     }
 
+    /// World directions of mirrors and of clear transmission, each with the share of radiance that it carries.
+    pub(super) fn deltas(&self) -> [Option<(Vec3, Vec3)>; 3] {
+        let inner = self.layers.deltas().map(|delta| {
+            let (local, share) = delta?;
+            let wi = self.layers.world_from_local(local);
+            Some((wi, share * self.passed(wi, local.z)))
+        });
+        let coat = self.coat.as_ref().and_then(ClearCoat::delta).map(|(wi, share)| (wi, Vec3::splat(share)));
+        [inner[0], inner[1], coat]
+    }
+
     /// Share of the light from a direction that gets below coat and sheen and from there to the viewer.
     fn passed(&self, wi: Vec3, cos: f32) -> f32 {
         self.coat.as_ref().map_or(1.0, |coat| coat.passed(wi))

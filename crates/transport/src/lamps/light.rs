@@ -114,6 +114,11 @@ impl Lamp {
         }
     }
 
+    /// Whether its body is a sphere: what of it is seen differs from place to place.
+    pub(crate) fn is_ball(&self) -> bool {
+        matches!(self.form, Form::Body(Body::Sphere { .. }))
+    }
+
     /// Whether it shines from infinitely far away.
     pub(crate) fn is_beyond(&self) -> bool {
         matches!(self.form, Form::Distant(_))
