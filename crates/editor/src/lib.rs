@@ -16,4 +16,5 @@ pub mod panels;
 pub mod picture;
 pub mod session;
 pub mod theme;
+pub mod unsaved;
 pub mod viewport;

@@ -90,8 +90,15 @@ impl Look {
     /// If the file cannot be read or is no look at all.
     pub fn load_readable(path: &Path) -> Result<(Look, Vec<String>)> {
         let problem = || format!("cannot use the look {}", path.display());
-        let (mut look, mut warnings) = Look::recover(&read_text(path)?).with_context(problem)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        Look::recover_in(&read_text(path)?, path.parent().unwrap_or(Path::new(""))).with_context(problem)
+    }
+
+    /// Reads what can be read of a look whose paths are relative to `folder`; see [`Look::recover`].
+    ///
+    /// # Errors
+    /// As [`Look::recover`].
+    pub fn recover_in(json: &str, folder: &Path) -> Result<(Look, Vec<String>)> {
+        let (mut look, mut warnings) = Look::recover(json)?;
         match look.lights.sky.as_mut().map(|sky| sky::load(sky, folder)) {
             Some(Ok(odd)) => warnings.extend(odd),
             Some(Err(error)) => {

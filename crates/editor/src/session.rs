@@ -4,7 +4,7 @@ pub mod lamps;
 mod task;
 pub mod worker;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -57,6 +57,8 @@ pub struct BakeSettings {
 pub struct Opened {
     /// For people.
     pub name: String,
+    /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
+    pub path: Option<PathBuf>,
     /// The scene; a bake that was opened from a file has none.
     pub scene: Option<Arc<PreparedScene>>,
     /// The folder of pictures, where one was opened instead.
@@ -223,6 +225,8 @@ pub struct Session {
     others: Vec<Task>,
     /// Which of them looks for the scene of a bake.
     finding: Option<u64>,
+    /// Path of what is being opened.
+    opening: Option<PathBuf>,
     /// Where opening stands.
     pub stage: Stage,
     /// What is open.
@@ -257,6 +261,7 @@ impl Session {
             baking: None,
             others: Vec::new(),
             finding: None,
+            opening: None,
             stage: Stage::Empty,
             opened: None,
             bake: BakeState::Idle,
@@ -301,6 +306,7 @@ impl Session {
     pub fn open(&mut self, source: Source) {
         self.stop_loading();
         self.stage = Stage::Loading(source.name());
+        self.opening = source.path();
         self.loading = self.spawn("open", move |post| {
             let name = source.name();
             let loaded = task::load(source).map_err(|error| format!("{error:#}"));
@@ -378,11 +384,7 @@ impl Session {
     }
 
     /// Takes a file as the scene of the bake that was opened, in the background.
-    pub fn use_scene(&mut self, path: PathBuf) {
-        self.find_scene(path);
-    }
-
-    fn find_scene(&mut self, path: PathBuf) {
+    pub fn find_scene(&mut self, path: PathBuf) {
         let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
         let task = self.spawn("scene", move |post| {
             let found = task::scene_of(&header, &path).map_err(|error| format!("{error:#}"));
@@ -513,23 +515,26 @@ impl Session {
         self.stop_baking();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.stage = Stage::Ready;
+        let path = self.opening.take();
         match loaded {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
                 let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
-                self.opened = Some(Opened { name, scene, stack: None, report, lamps, chosen, of_bake: None });
+                self.opened = Some(Opened { name, path, scene, stack: None, report, lamps, chosen, of_bake: None });
             }
             Loaded::Stack(stack) => {
                 let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
                 let stack = Some(Arc::new(stack));
-                self.opened = Some(Opened { name, scene: None, stack, report, lamps, chosen, of_bake: None });
+                self.opened = Some(Opened { name, path, scene: None, stack, report, lamps, chosen, of_bake: None });
             }
-            Loaded::Bake(bake, folder) => {
+            Loaded::Bake(bake) => {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                self.opened = Some(Opened { name, scene: None, stack: None, report, lamps, chosen, of_bake: None });
+                let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+                self.opened = Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen, of_bake: None });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 let Bake { header, irradiance, packed, .. } = bake;
-                let scene = (!header.basis.is_measured()).then(|| folder.join(&header.scene));
+                let folder = folder.filter(|_| !header.basis.is_measured());
+                let scene = folder.map(|folder| folder.join(&header.scene));
                 self.show(Shown { header, camera: None, frame, irradiance, packed });
                 self.bake = BakeState::Done;
                 self.count();

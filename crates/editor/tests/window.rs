@@ -42,9 +42,14 @@ fn room() -> Vec<u8> {
 }
 
 fn open(source: Source) -> Window {
+    open_beside(source, None)
+}
+
+/// The same with a folder for unsaved looks.
+fn open_beside(source: Source, unsaved: Option<PathBuf>) -> Window {
     let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
-    let start = Start { source, settings: Some(settings) };
+    let start = Start { source, settings: Some(settings), unsaved };
     Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
 }
 
@@ -122,6 +127,38 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+#[test]
+fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_beside(source, Some(folder.path().into()));
+        wait(&mut window, |app| app.session().stage == Stage::Ready);
+        window
+    };
+    let mut window = open();
+    assert!(window.query_by_label("Recover").is_none());
+    click(&mut window, "Mute lamp");
+    let look = window.state().look().clone();
+    wait(&mut window, |_| folder.path().join("0.json").exists());
+    drop(window);
+
+    let mut window = open();
+    click(&mut window, "Recover");
+    assert_eq!(*window.state().look(), look);
+    drop(window);
+
+    let mut window = open();
+    click(&mut window, "Ask again later");
+    assert_eq!(*window.state().look(), Look::default());
+    drop(window);
+
+    let mut window = open();
+    click(&mut window, "Discard");
+    drop(window);
+    assert!(open().query_by_label("Recover").is_none());
 }
 
 #[test]

@@ -50,6 +50,14 @@ impl Source {
             Source::Bytes { name, .. } => name.clone(),
         }
     }
+
+    /// Where it lies, from the root.
+    pub(super) fn path(&self) -> Option<PathBuf> {
+        match self {
+            Source::File(path) => Some(std::path::absolute(path).unwrap_or_else(|_| path.clone())),
+            Source::BuiltIn | Source::Bytes { .. } => None,
+        }
+    }
 }
 
 /// What was opened.
@@ -63,8 +71,8 @@ pub enum Loaded {
     },
     /// Pictures, ready to be baked.
     Stack(ImageStack),
-    /// A bake from a file, and the folder of the file.
-    Bake(Bake, PathBuf),
+    /// A bake from a file.
+    Bake(Bake),
 }
 
 /// A scene that was prepared again for what was chosen.
@@ -173,7 +181,7 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
         Source::BuiltIn => import::load_bytes("Gallery", GALLERY)?,
         Source::Bytes { name, bytes } => import::load_bytes(&name, &bytes)?,
         Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("transport")) => {
-            return Ok(Loaded::Bake(archive::read(&path)?, path.parent().unwrap_or(Path::new("")).into()));
+            return Ok(Loaded::Bake(archive::read(&path)?));
         }
         Source::File(path) if path.is_dir() => return Ok(Loaded::Stack(ImageStack::open(&path)?)),
         Source::File(path) => import::load(&path)?,
