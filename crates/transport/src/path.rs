@@ -6,6 +6,7 @@
 
 mod gather;
 mod irradiance;
+mod landings;
 mod plates;
 mod reuse;
 mod sky;
@@ -13,6 +14,7 @@ mod slabs;
 
 pub(crate) use gather::Gathering;
 pub(crate) use irradiance::Receiver;
+pub(crate) use landings::{Landing, NoLights, Onward};
 pub(crate) use reuse::{Meeting, Start};
 
 use std::f32::consts::FRAC_1_PI;
