@@ -493,6 +493,7 @@ impl App {
                 wish: self.follower.wish(),
                 size: self.follower.picture().map(|(_, size)| size),
                 millis: self.follower.millis(),
+                lamps: self.lamp_note(),
             };
             status_ui(ui, &status, &mut self.actions);
         });

@@ -121,7 +121,7 @@ impl Shown {
 
     /// The surfaces on which free lamps bring indirect light, where the bake has them.
     pub fn patches(&self) -> Option<&Patches> {
-        None
+        self.header.patches.as_ref()
     }
 
     /// One RGB coefficient per column and group under a rig and the light of its free lamps.
