@@ -616,7 +616,7 @@ impl Session {
         // A picture of the same view stays until the new one is whole; another view starts from black.
         let is_same_view = |shown: &Shown| {
             let (a, b) = (&shown.header, &started.header);
-            (a.width, a.height, &a.camera, &a.basis) == (b.width, b.height, &b.camera, &b.basis)
+            (a.width, a.height, &a.camera, &a.basis.sources) == (b.width, b.height, &b.camera, &b.basis.sources)
         };
         if self.shown.as_ref().is_some_and(is_same_view) {
             self.incoming = Some(started);

@@ -40,14 +40,14 @@ impl App {
     }
 
     /// What there is to say about the light of free lamps.
-    pub(super) fn lamp_note(&self) -> LampNote<'_> {
+    pub(super) fn lamp_note(&self) -> LampNote {
         let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
         let Some(shown) = self.session.shown.as_ref().filter(|_| shines && self.session.lamp_scene().is_some()) else {
             return LampNote::None;
         };
         match self.follower.lamp_light() {
             None => LampNote::Pending,
-            Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(&problems[0]),
+            Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(problems[0].clone()),
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
             Some(_) => LampNote::None,
         }

@@ -23,12 +23,12 @@ pub struct Status<'a> {
     /// From edit to picture.
     pub millis: Option<f32>,
     /// What there is to know about the light of free lamps.
-    pub lamps: LampNote<'a>,
+    pub lamps: LampNote,
 }
 
 /// About the light of free lamps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LampNote<'a> {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LampNote {
     /// Nothing.
     None,
     /// It is not there yet.
@@ -36,7 +36,7 @@ pub enum LampNote<'a> {
     /// The bake has no patches.
     DirectOnly,
     /// A lamp does not shine: why.
-    Problem(&'a str),
+    Problem(String),
 }
 
 /// How a message is meant.
@@ -59,7 +59,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             if let Some([width, height]) = status.size {
                 ui.label(RichText::new(format!("{width} × {height}")).weak());
             }
-            lamps_ui(ui, status.lamps);
+            lamps_ui(ui, &status.lamps);
             if let BakeState::Running { done, pass, n_passes, pass_done, secs_left } = status.bake {
                 let text = match secs_left {
                     Some(secs) => format!("{} left", duration(*secs)),
@@ -85,7 +85,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
     });
 }
 
-fn lamps_ui(ui: &mut Ui, note: LampNote) {
+fn lamps_ui(ui: &mut Ui, note: &LampNote) {
     match note {
         LampNote::None => {}
         LampNote::Pending => {
