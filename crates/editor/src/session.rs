@@ -530,7 +530,8 @@ impl Session {
             Loaded::Bake(bake) => {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
                 let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
-                self.opened = Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen, of_bake: None });
+                self.opened =
+                    Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen, of_bake: None });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 let Bake { header, irradiance, packed, .. } = bake;
                 let folder = folder.filter(|_| !header.basis.is_measured());

@@ -10,12 +10,13 @@ use clerestory::app::App;
 use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::archive;
+use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 
-use desk::{Window, baked, click, drag, on_screen, open, open_beside, room, wait};
+use desk::{Window, baked, click, drag, on_screen, open, open_with, room, wait};
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
     window.state().look().lights.lamps.clone()
@@ -117,11 +118,11 @@ fn an_arrow_drags_along_its_axis_and_esc_puts_back() {
 #[test]
 fn a_lamp_is_dragged_over_surfaces_and_chosen_by_a_click() {
     let mut window = with_lamp("Point");
-    let floor = Vec3::new(0.4, -1.0, -0.3);
-    let (from, to) = (middle(&window, "Move Point lamp 1 over surfaces"), on_screen(&window, floor));
+    let wall = Vec3::new(-1.0, -0.2, -0.8);
+    let (from, to) = (middle(&window, "Move Point lamp 1 over surfaces"), on_screen(&window, wall));
     drag(&mut window, from, to);
-    let off = lamps(&window)[0].position - floor;
-    assert!(off.x.abs() < 0.03 && off.z.abs() < 0.03 && off.y > 0.0 && off.y < 0.31, "{off}");
+    let off = lamps(&window)[0].position - wall;
+    assert!(off.y.abs() < 0.03 && off.z.abs() < 0.03 && off.x > 0.0 && off.x < 0.31, "{off}");
 
     // A click on nothing lets go, a click on the lamp takes hold again.
     let away = on_screen(&window, Vec3::new(-0.7, -0.6, -1.0));
@@ -135,17 +136,17 @@ fn a_lamp_is_dragged_over_surfaces_and_chosen_by_a_click() {
 #[test]
 fn a_lamp_is_aimed_at_what_is_clicked() {
     let mut window = with_lamp("Spot");
-    let (wall, floor) = (Vec3::new(0.5, -0.3, -1.0), Vec3::new(-0.3, -1.0, -0.4));
+    let (wall, side) = (Vec3::new(0.5, -0.3, -1.0), Vec3::new(-1.0, -0.2, -0.8));
     click(&mut window, "Aim at…");
     let at = on_screen(&window, wall);
     click_at(&mut window, at, Modifiers::NONE);
     assert!(lamps(&window)[0].aim.distance(wall) < 0.03, "{}", lamps(&window)[0].aim);
-    let at = on_screen(&window, floor);
+    let at = on_screen(&window, side);
     click_at(&mut window, at, Modifiers::COMMAND);
-    assert!(lamps(&window)[0].aim.distance(floor) < 0.03, "{}", lamps(&window)[0].aim);
+    assert!(lamps(&window)[0].aim.distance(side) < 0.03, "{}", lamps(&window)[0].aim);
     let at = on_screen(&window, wall);
     click_at(&mut window, at, Modifiers::NONE);
-    assert!(lamps(&window)[0].aim.distance(floor) < 0.03, "aiming is over");
+    assert!(lamps(&window)[0].aim.distance(side) < 0.03, "aiming is over");
 }
 
 #[test]
@@ -210,7 +211,47 @@ fn solo_darkens_what_is_not_soloed_among_lamps_and_lights_alike() {
 fn a_lamp_of_the_file_is_made_movable_and_shines_as_before() {
     let mut window = baked();
     let before = window.state().shown_ev();
-    let row = window.get_by_label("Mute lamp").rect();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() > before + 0.5);
+    let dark = window.state().shown_ev();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - before).abs() < 1e-3);
+    make_movable(&mut window, "lamp");
+    let look = window.state().look().clone();
+    assert!(look.lights.lights["lamp"].muted);
+    let lamp = &look.lights.lamps[0];
+    assert_eq!((lamp.key.as_str(), lamp.strength, lamp.unit), ("lamp movable 1", 3.0, LampUnit::Candela));
+    assert!(lamp.position.distance(Vec3::new(0.3, 0.6, -0.2)) < 1e-5);
+    let brightest = Cell::new(f32::MIN);
+    wait(&mut window, |app| {
+        brightest.set(brightest.get().max(app.shown_ev()));
+        app.is_settled() && app.shown_ev() != before
+    });
+    // Without patches its indirect light is missing. It never goes out in between, or the exposure would rise further.
+    let after = window.state().shown_ev();
+    assert!(after > before - 0.1 && after < dark - 0.5, "{before} {after} {dark}");
+    assert!(brightest.get() < 0.5 * (after + dark), "{before} {} {after} {dark}", brightest.get());
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default(), "both at once");
+}
+
+#[test]
+fn with_patches_a_lamp_that_becomes_movable_leaves_the_picture_as_it_is() {
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+    let mut window =
+        open_with(source, BakeConfig { spp: 64, tolerance_db: 30.0, patches: 256, ..BakeConfig::default() }, None);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let before = window.state().shown_ev();
+    make_movable(&mut window, "lamp");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() != before);
+    let after = window.state().shown_ev();
+    assert!((after - before).abs() < 0.15, "{before} {after}");
+    assert!(window.query_by_label("Lamps: direct light only").is_none());
+}
+
+/// Chooses it from the menu of a light in the list.
+fn make_movable(window: &mut Window, key: &str) {
+    let row = window.get_by_label(&format!("Mute {key}")).rect();
     let name = Pos2::new(row.right() + 20.0, row.center().y);
     window.hover_at(name);
     window.run_steps(2);
@@ -220,24 +261,7 @@ fn a_lamp_of_the_file_is_made_movable_and_shines_as_before() {
         window.run_steps(1);
     }
     window.run_steps(3);
-    let pictures = window.state().n_pictures();
-    click(&mut window, "Make movable");
-    let look = window.state().look().clone();
-    assert!(look.lights.lights["lamp"].muted);
-    let lamp = &look.lights.lamps[0];
-    assert_eq!((lamp.key.as_str(), lamp.strength, lamp.unit), ("lamp movable 1", 3.0, LampUnit::Candela));
-    assert!(lamp.position.distance(Vec3::new(0.3, 0.6, -0.2)) < 1e-5);
-    let brightest = Cell::new(f32::MIN);
-    wait(&mut window, |app| {
-        brightest.set(brightest.get().max(app.shown_ev()));
-        app.is_settled() && app.n_pictures() > pictures
-    });
-    // Without patches its indirect light is missing. It never goes out in between, or the exposure would rise further.
-    let after = window.state().shown_ev();
-    assert!(after > before - 0.1, "{before} {after}");
-    assert!(brightest.get() < after + 0.05, "{before} {} {after}", brightest.get());
-    click(&mut window, "Undo");
-    assert_eq!(*window.state().look(), Look::default(), "both at once");
+    click(window, "Make movable");
 }
 
 #[test]
@@ -257,7 +281,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     drop(window);
 
     std::fs::write(folder.path().join("room.gltf"), room()).unwrap();
-    let mut window = open_beside(Source::File(path.clone()), None);
+    let mut window = open(Source::File(path.clone()));
     wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
     click(&mut window, "Add lamp");
     click(&mut window, "Sphere");

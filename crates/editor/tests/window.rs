@@ -15,7 +15,7 @@ use eframe::egui::{DroppedFile, Key, Modifiers, ViewportEvent, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Window, baked, click, drag, on_screen, open, open_beside, room, wait};
+use desk::{Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
 
 #[test]
 fn a_dragged_slider_relights_and_is_one_step_of_undo() {
@@ -42,7 +42,7 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
     let folder = tempfile::tempdir().unwrap();
     let open = || {
         let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_beside(source, Some(folder.path().into()));
+        let mut window = open_with(source, quick(), Some(folder.path().into()));
         wait(&mut window, |app| app.session().stage == Stage::Ready);
         window
     };

@@ -37,12 +37,16 @@ pub fn room() -> Vec<u8> {
 }
 
 pub fn open(source: Source) -> Window {
-    open_beside(source, None)
+    open_with(source, quick(), None)
 }
 
-/// The same with a folder for unsaved looks.
-pub fn open_beside(source: Source, unsaved: Option<PathBuf>) -> Window {
-    let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
+/// Baked in no time.
+pub fn quick() -> BakeConfig {
+    BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() }
+}
+
+/// Opened and baked as asked, with a folder for unsaved looks.
+pub fn open_with(source: Source, config: BakeConfig, unsaved: Option<PathBuf>) -> Window {
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
     let start = Start { source, settings: Some(settings), unsaved };
     Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())

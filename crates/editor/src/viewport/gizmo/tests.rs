@@ -60,7 +60,11 @@ fn what_is_seen_is_where_the_pointer_is() {
         assert!((point - sight.camera.position()).normalize().distance(sight.direction(at)) < 1e-4);
         let meters = sight.meters_per_point(point).unwrap();
         let right = sight.seen_at(point + Vec3::X * (10.0 * meters)).unwrap();
-        assert!((right.x - at.x - 10.0).abs() < 0.05, "ten points to the right are ten points wide: {}", right.x - at.x);
+        assert!(
+            (right.x - at.x - 10.0).abs() < 0.05,
+            "ten points to the right are ten points wide: {}",
+            right.x - at.x
+        );
     }
     assert_eq!(sight.seen_at(Vec3::new(0.0, 0.0, 2.0)), None);
     assert_eq!(sight.meters_per_point(Vec3::new(0.0, 0.0, 2.0)), None);
