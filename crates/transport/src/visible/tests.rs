@@ -35,11 +35,10 @@ fn room() -> Stage {
     let wall = quad(Vec3::new(-3.0, 0.0, -1.5), Vec3::X * 6.0, Vec3::Y * 4.0);
     let shade = quad(Vec3::new(-0.3, 0.5, 0.3), Vec3::X * 0.6, Vec3::NEG_Z * 0.6);
     let glossy = Material { metallic: 0.0, roughness: 0.3, ..Material::default() };
-    Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0)).surface("wall", &wall, glossy).surface(
-        "shade",
-        &shade,
-        Material { double_sided: true, ..lambert(0.7, 0.0) },
-    )
+    Stage::new(camera)
+        .surface("floor", &floor, lambert(ALBEDO, 0.0))
+        .surface("wall", &wall, glossy)
+        .surface("shade", &shade, Material { double_sided: true, ..lambert(0.7, 0.0) })
 }
 
 /// Mean over passes, each sample of a pixel in its turn.
@@ -161,9 +160,7 @@ fn direct_light_behind_a_clear_pane_is_that_of_walks() {
         let corner = Vec3::new(-2.0, 0.0, 1.0);
         let upright = Material { double_sided: true, ..pane() };
         let level = quad(Vec3::new(-2.0, 1.3, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 3.4);
-        room()
-            .surface("window", &quad(corner, Vec3::X * 4.0, Vec3::Y * 4.0), upright.clone())
-            .surface("lid", &level, upright)
+        room().surface("window", &quad(corner, Vec3::X * 4.0, Vec3::Y * 4.0), upright.clone()).surface("lid", &level, upright)
     };
     for lamp in [&shapes()[0], &shapes()[3], &shapes()[5]] {
         compare(glazed, std::slice::from_ref(lamp), 0, 256, &format!("pane, {:?}", lamp.shape));
