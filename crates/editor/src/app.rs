@@ -18,6 +18,7 @@ use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use eframe::{CreationContext, Storage, wgpu};
 
 use crate::action::{Action, FileTask, dropped};
+use crate::bake_cache::BakeCache;
 use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileQuestion, UnsavedAnswer, unsaved_ui};
@@ -49,6 +50,8 @@ pub struct Start {
     pub settings: Option<BakeSettings>,
     /// Folder in which unsaved looks are kept for a crash; without one they are not.
     pub unsaved: Option<PathBuf>,
+    /// Where finished bakes are found and kept; without it every bake is made anew.
+    pub cache: Option<BakeCache>,
 }
 
 /// The window.
@@ -99,7 +102,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
-    let start = Start { source, settings: None, unsaved: recovery::folder() };
+    let start = Start { source, settings: None, unsaved: recovery::folder(), cache: BakeCache::of_user()? };
     let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
     result.map_err(|error| anyhow!("{error}"))
 }
@@ -123,6 +126,7 @@ impl App {
         let ctx = cc.egui_ctx.clone();
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
+        session.cache = start.cache;
         session.open(start.source);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         Ok(App {

@@ -5,6 +5,7 @@
 
 pub mod action;
 pub mod app;
+pub mod bake_cache;
 pub mod cli;
 pub mod compare;
 pub mod export;

@@ -27,6 +27,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 
 use self::lamps::LampLight;
+use crate::bake_cache::BakeCache;
 use crate::cli::relight::{frame_of, seen_irradiance};
 use crate::export::{ImageFormat, Picture};
 use crate::look::Look;
@@ -246,6 +247,8 @@ pub struct Session {
     /// Ranks and bytes of what is shown.
     pub figures: Option<Figures>,
     figures_at: Instant,
+    /// Where finished bakes of scenes are found and kept.
+    pub cache: Option<BakeCache>,
 }
 
 impl Session {
@@ -272,6 +275,7 @@ impl Session {
             error_db: None,
             figures: None,
             figures_at: Instant::now(),
+            cache: None,
         }
     }
 
@@ -372,7 +376,8 @@ impl Session {
         let config = settings.config.clone();
         let job = BakeJob { scene, camera, film: settings.film, config, passes, irradiance: Vec::new() };
         self.bake = BakeState::Preparing;
-        self.baking = self.spawn("bake", move |post| task::bake(job, post));
+        let cache = self.cache.clone();
+        self.baking = self.spawn("bake", move |post| task::bake(job, cache, post));
     }
 
     /// Stops the bake; what was done stays.
@@ -488,13 +493,14 @@ impl Session {
             Fact::Prepared(result) if is_of(&self.loading) => self.prepared_again(result, notices),
             Fact::Bake(event) if is_of(&self.baking) => self.bake_event(event),
             Fact::Remarks(remarks) if is_of(&self.baking) => self.remarked(remarks),
+            Fact::Found(bake) if is_of(&self.baking) => self.bake_found(*bake, notices),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
             Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
             // Facts of a task that was stopped no longer count.
             Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
-            Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
+            Fact::Found(_) | Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
         }
     }
 
@@ -658,6 +664,21 @@ impl Session {
             Err(why) => BakeState::Failed(why),
         };
         self.count();
+    }
+
+    /// The bake was made before.
+    fn bake_found(&mut self, bake: Bake, notices: &mut Vec<Notice>) {
+        self.others.extend(self.baking.take());
+        self.incoming = None;
+        let Bake { header, groups, irradiance, packed } = bake;
+        let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
+        let frame = Frame { width: header.width, height: header.height, groups };
+        self.show(Shown { header, camera, frame, irradiance, packed });
+        self.bake = BakeState::Done;
+        self.count();
+        self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
+        let db = self.error_db.map_or(f32::NAN, |error| error.total);
+        notices.push(Notice::Said(format!("Baked before: {db:.1} dB")));
     }
 
     fn show(&mut self, shown: Shown) {

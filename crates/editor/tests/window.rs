@@ -39,10 +39,10 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
 
 #[test]
 fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
-    let folder = tempfile::tempdir().unwrap();
+    let home = tempfile::tempdir().unwrap();
     let open = || {
         let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_with(source, quick(), Some(folder.path().into()));
+        let mut window = open_with(source, quick(), Some(home.path()));
         wait(&mut window, |app| app.session().stage == Stage::Ready);
         window
     };
@@ -50,7 +50,7 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
     assert!(window.query_by_label("Recover").is_none());
     click(&mut window, "Mute lamp");
     let look = window.state().look().clone();
-    wait(&mut window, |_| folder.path().join("0.json").exists());
+    wait(&mut window, |_| home.path().join("unsaved/0.json").exists());
     drop(window);
 
     let mut window = open();
@@ -67,6 +67,29 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
     click(&mut window, "Discard");
     drop(window);
     assert!(open().query_by_label("Recover").is_none());
+}
+
+#[test]
+fn a_finished_bake_is_found_again() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_with(source, quick(), Some(home.path()));
+        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+        window
+    };
+    let ev = {
+        let window = open();
+        assert!(window.query_by_label_contains("Baked at").is_some());
+        window.state().shown_ev()
+    };
+    let mut window = open();
+    assert!(window.query_by_label_contains("Baked before").is_some());
+    assert!((window.state().shown_ev() - ev).abs() < 1e-3);
+    // It answers to the lights as the one that was just baked.
+    let n_before = window.state().n_pictures();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.n_pictures() > n_before && (app.shown_ev() - ev).abs() > 1e-2);
 }
 
 #[test]

@@ -21,6 +21,7 @@ use clerestory_transport::scene::{PunctualLight, Scene};
 
 use super::lamps::LampLight;
 use super::{Chosen, Wake};
+use crate::bake_cache::{BakeCache, Found};
 use crate::headless::GALLERY;
 
 /// Something to open.
@@ -96,6 +97,8 @@ pub(super) enum Fact {
     BakeEnded(Result<Option<Bake>, String>),
     /// The scene of a bake that was opened, or why it cannot be had.
     SceneFound(Result<Box<PreparedScene>, String>),
+    /// The bake that was asked for is there already.
+    Found(Box<Bake>),
     /// A file was written, or why not.
     Written(Result<String, String>),
 }
@@ -235,9 +238,27 @@ pub(super) fn prepare_again(
 const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 
 /// Bakes on all cores but one, which stays with the window.
-pub(super) fn bake(job: BakeJob, post: Post) {
-    let result = beside_the_window(|| job.run(|event| tell(&post, event)));
+///
+/// One that is in the cache is not made again; one that is new is kept there.
+pub(super) fn bake(job: BakeJob, cache: Option<BakeCache>, post: Post) {
+    let mut remarks = Vec::new();
+    match cache.as_ref().map(|cache| cache.find(&job)) {
+        Some(Found::Hit(bake)) => {
+            let _ = post.send(Fact::Found(bake), Duration::ZERO);
+            return;
+        }
+        Some(Found::SetAside(words)) => remarks.push(words),
+        Some(Found::Nothing) | None => {}
+    }
+    let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
+    let result = beside_the_window(|| job.clone().run(|event| tell(&post, event)));
+    let baked = result.as_ref().ok().cloned().flatten();
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
+    if let (Some(cache), Some(bake)) = (cache, baked)
+        && let Err(error) = cache.keep(&job, &bake)
+    {
+        let _ = post.send(Fact::Written(Err(format!("{error:#}"))), Duration::ZERO);
+    }
 }
 
 /// The same for a stack of pictures.

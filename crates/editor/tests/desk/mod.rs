@@ -1,9 +1,10 @@
 //! What the tests of the window share: a tiny room with a lamp and a panel, opened and baked; clicks and drags.
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::Duration;
 
 use clerestory::app::{App, Start};
+use clerestory::bake_cache::BakeCache;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
@@ -45,10 +46,12 @@ pub fn quick() -> BakeConfig {
     BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() }
 }
 
-/// Opened and baked as asked, with a folder for unsaved looks.
-pub fn open_with(source: Source, config: BakeConfig, unsaved: Option<PathBuf>) -> Window {
+/// Opened and baked as asked, with a folder of the user's for unsaved looks and finished bakes.
+pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
-    let start = Start { source, settings: Some(settings), unsaved };
+    let unsaved = home.map(|home| home.join("unsaved"));
+    let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
+    let start = Start { source, settings: Some(settings), unsaved, cache };
     Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
 }
 
