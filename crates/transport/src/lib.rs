@@ -19,6 +19,7 @@ mod laws;
 pub mod light;
 pub mod matrix;
 mod nodes;
+pub mod patches;
 pub mod path;
 pub mod photometry;
 pub mod plan;

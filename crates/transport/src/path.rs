@@ -7,6 +7,7 @@
 mod gather;
 mod irradiance;
 mod lamps;
+mod landings;
 mod plates;
 mod reuse;
 mod sky;
@@ -14,6 +15,7 @@ mod slabs;
 
 pub(crate) use gather::Gathering;
 pub(crate) use irradiance::Receiver;
+pub(crate) use landings::{Landing, NoLights, Onward};
 pub(crate) use reuse::{Meeting, Start};
 pub(crate) use slabs::passed_along;
 

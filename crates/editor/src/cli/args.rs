@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_nystrom::rivals::{Method, UnknownMethod};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::patches::MOST_PATCHES;
 use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
@@ -154,6 +155,10 @@ pub struct BakeOptions {
     /// Follow the light between surfaces from every sample, without bias (the default).
     #[arg(long)]
     pub exact: bool,
+    /// Also bake how free lamps light the scene by way of its surfaces, told apart into about N patches (4096 will do, at most
+    /// 16384): lamps of a look can then be moved and added after the bake. 0 is none.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_PATCHES)))]
+    pub patches: u32,
     /// What makes factors of the samples: `projected` is our own, the others are there to be compared with, such as `svd`,
     /// `row-id`, `aca-full` or `alg4:qr`; a name that does not exist lists them all.
     #[arg(long, value_name = "NAME", default_value_t, value_parser = parse_method)]
@@ -164,7 +169,7 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 16] = [
+const OF_SCENES: [&str; 17] = [
     "scene",
     "camera",
     "size",
@@ -178,6 +183,7 @@ const OF_SCENES: [&str; 16] = [
     "sky_patches",
     "fast",
     "exact",
+    "patches",
     "irradiance",
     "sensors",
     "work_planes",

@@ -210,6 +210,12 @@ impl Stack {
         self.layers.albedo(scattered) * self.mean_passed() + sheen * (1.0 - coat) + Vec3::splat(coat)
     }
 
+    /// Shares of uniform light by rough layers below the coat, and by diffuse transmission of what arrives behind.
+    pub(super) fn shares(&self) -> [Vec3; 2] {
+        let narrow = if self.layers.reflects_only() { self.layers.albedo(Vec3::ZERO) } else { Vec3::ZERO };
+        [narrow * self.mean_passed(), self.through * (PI * self.base_share())]
+    }
+
     /// About the greatest value of `f·|cosθ|` apart from the diffuse base, 1/sr.
     pub(super) fn peak(&self) -> f32 {
         let wo = self.layers.viewer();
