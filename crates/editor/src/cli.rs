@@ -5,6 +5,7 @@ pub(crate) mod bake;
 mod console;
 mod info;
 mod interrupt;
+mod lamps;
 pub(crate) mod relight;
 mod sensors;
 mod trace;
