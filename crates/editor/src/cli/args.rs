@@ -36,7 +36,8 @@ const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport 
     or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75\n         \
     or: clerestory bake --images stage/ -o face.transport --tolerance 45";
 const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights\n         \
-    or: clerestory relight room.transport -o lux.exr --layers irradiance";
+    or: clerestory relight room.transport -o lux.exr --layers irradiance\n         \
+    or: clerestory relight room.transport --look lamps.look --scene room.glb -o lamps.exr";
 const SENSORS_EXAMPLE: &str = "Example: clerestory sensors room.transport --look evening.look -o evening.csv";
 const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128\n         \
     or: clerestory render room.glb --ies Downlight=maker/downlight.ies -o measured.png";
@@ -271,6 +272,9 @@ pub struct RelightOptions {
 pub struct RelightArgs {
     /// Transport file of an earlier bake.
     pub transport: PathBuf,
+    /// Scene that was baked: lamps of the look, which are free to be anywhere, light its surfaces.
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
     /// How to light.
     #[command(flatten)]
     pub options: RelightOptions,

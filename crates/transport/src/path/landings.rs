@@ -1,7 +1,7 @@
 //! Walks that look for surfaces which lamps could light: what a picture would take of the irradiance there.
 //!
 //! A walk starts at the camera, or at a surface, and asks no lamp. From the first surface with a broad lobe on it reports
-//! each further one together with what the start takes of its light.
+//! each further one that it came to by a broad lobe at least once, together with what the start takes of its light.
 
 use glam::Vec3;
 
@@ -123,7 +123,8 @@ impl<P: LightPlan> Integrator<'_, P> {
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let mut onward = Onward::All;
             let shares = bsdf.shares();
-            if bsdf.has_smooth_lobes() && !self.is_spent(&walk) {
+            // What mirrors and clear glass alone show has its direct light anew, see [`crate::visible`].
+            if bsdf.has_smooth_lobes() && !self.is_spent(&walk) && !walk.specular {
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
                 onward = land(&Landing { hit: &hit, from: walk.origin, normal, throughput: walk.throughput, shares }, sampler);
             }

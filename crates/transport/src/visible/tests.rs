@@ -57,7 +57,11 @@ fn live(scene: &PreparedScene, lamps: &PreparedLamps, film: Film, n_passes: u32,
 
 /// The same by walks.
 fn walked(scene: &PreparedScene, film: Film, bounces: u32, spp: u32, seed: u64) -> Vec<[f32; 3]> {
-    let coefficients = scene.lighting.basis.project(&LightRig::default());
+    let mut coefficients = scene.lighting.basis.project(&LightRig::default());
+    // A stage without lights of its own has a sky, which is another matter.
+    for source in scene.lighting.basis.sources.iter().filter(|source| source.key != "free") {
+        coefficients[source.columns.start as usize..source.columns.end as usize].fill([0.0; 3]);
+    }
     let config = TraceConfig { spp, bounces: Some(bounces), seed };
     let camera = &scene.scene.cameras[0];
     trace(scene, camera, film, &coefficients, &config, &|_| ControlFlow::Continue(())).expect("nobody stops it")
