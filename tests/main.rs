@@ -10,6 +10,8 @@ mod energy;
 mod hostile;
 /// Lux: of what is seen, and of sensor grids.
 mod irradiance;
+/// Lamps of a look: moved, added, and traced.
+mod lamps;
 /// Light adds up.
 mod linearity;
 /// A picture for each light in, any light out.

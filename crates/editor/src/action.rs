@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clerestory_transport::lamp_units::LampUnits;
+use clerestory_transport::lamps::LampShape;
 
 use crate::picture::DeviceWish;
 
@@ -38,6 +39,30 @@ pub enum Action {
     },
     /// Take the numbers of the scene's lamps in other units and bake again.
     ChooseUnits(LampUnits),
+    /// Add a free lamp where a pixel of the film sees a surface; in the middle of the view if none is named.
+    AddLamp {
+        /// What it is.
+        shape: LampShape,
+        /// Pixels from the top left corner of the film.
+        at_px: Option<[f32; 2]>,
+    },
+    /// Ask for the profile of a lamp to add.
+    AskProfile {
+        /// See [`Action::AddLamp`].
+        at_px: Option<[f32; 2]>,
+    },
+    /// Add a lamp with a measured distribution.
+    AddProfile(PathBuf),
+    /// Put a free lamp in the place of a lamp of the file.
+    MakeMovable(String),
+    /// Add a copy of the chosen lamp.
+    DuplicateLamp,
+    /// Take the chosen lamp away.
+    DeleteLamp,
+    /// Let the next click say what the chosen lamp is to light, or no longer.
+    AimLamp,
+    /// Take a file as the scene of the bake that was opened.
+    UseScene(PathBuf),
     /// Take back the last edit.
     Undo,
     /// Do again what was taken back.
@@ -69,6 +94,10 @@ pub enum FileTask {
     Export,
     /// A place for the bake.
     SaveBake,
+    /// The distribution of a lamp.
+    OpenProfile,
+    /// The scene of a bake.
+    FindScene,
 }
 
 impl FileTask {
@@ -81,6 +110,8 @@ impl FileTask {
             FileTask::SaveLook => "Save the look",
             FileTask::Export => "Export the picture",
             FileTask::SaveBake => "Save the bake",
+            FileTask::OpenProfile => "Open the profile of a lamp",
+            FileTask::FindScene => "Choose the scene of this bake",
         }
     }
 
@@ -92,6 +123,8 @@ impl FileTask {
             FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
             FileTask::Export => ("Pictures", &["png", "exr"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
+            FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
+            FileTask::FindScene => ("glTF scenes", &["glb", "gltf"]),
         }
     }
 
@@ -111,6 +144,8 @@ impl FileTask {
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
             FileTask::SaveBake => Action::SaveBake(path),
+            FileTask::OpenProfile => Action::AddProfile(path),
+            FileTask::FindScene => Action::UseScene(path),
         }
     }
 }

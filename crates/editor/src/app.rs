@@ -1,6 +1,8 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
 mod follow;
+mod lamplight;
+mod lamps;
 mod recovery;
 mod sky;
 
@@ -74,6 +76,8 @@ pub struct App {
     unsaved: Option<Action>,
     /// What waits until the look is saved.
     after_saving: Option<Action>,
+    /// Where the lamp goes whose profile is being asked for.
+    profile_at_px: Option<[f32; 2]>,
     shortcuts: bool,
     recovery: Recovery,
     message: (String, MessageTone),
@@ -145,6 +149,7 @@ impl App {
             dialogs: start.dialogs,
             unsaved: None,
             after_saving: None,
+            profile_at_px: None,
             shortcuts: false,
             recovery,
             message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
@@ -242,6 +247,14 @@ impl App {
             Action::CancelBake => self.session.cancel_bake(),
             Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
             Action::ChooseUnits(units) => self.session.choose_units(units),
+            Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
+            Action::AskProfile { at_px } => self.ask_profile(at_px),
+            Action::AddProfile(path) => self.add_profile(path),
+            Action::MakeMovable(key) => self.make_movable(&key),
+            Action::DuplicateLamp => self.duplicate_lamp(),
+            Action::DeleteLamp => self.delete_lamp(),
+            Action::AimLamp => self.aim_lamp(),
+            Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
             Action::ResetLook => self.look = Look::default(),
@@ -272,6 +285,7 @@ impl App {
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
         let suggestion = match task {
             FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
+            FileTask::OpenProfile | FileTask::FindScene => String::new(),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
             FileTask::SaveBake => format!("{stem}.transport"),
@@ -289,8 +303,11 @@ impl App {
 
     fn open_look(&mut self, path: PathBuf) {
         match Look::load_readable(&path) {
-            Ok((look, mut warnings)) => {
-                warnings.extend(self.session.basis().map_or(Vec::new(), |basis| look.unheeded(basis)));
+            Ok((mut look, mut warnings)) => {
+                if let Some(basis) = self.session.basis() {
+                    warnings.extend(look.unheeded(basis));
+                    look.lights.lamps.retain(|lamp| basis.source(&lamp.key).is_none());
+                }
                 self.look = look.clone();
                 (self.saved_look, self.look_path) = (look, Some(path.clone()));
                 match warnings.as_slice() {
@@ -327,7 +344,7 @@ impl App {
             seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
         }
         self.say(format!("Writing {}", path.display()));
-        self.session.export(seen, path);
+        self.session.export(seen, self.follower.lamp_light().cloned(), path);
     }
 
     fn undo(&mut self) {
@@ -347,6 +364,10 @@ impl App {
         let (now, is_down, came_up) =
             ctx.input(|input| (input.time, input.pointer.any_down(), input.pointer.any_released()));
         if is_down {
+            // What was done before is another step than what is done now.
+            if ctx.input(|input| input.pointer.any_pressed()) {
+                self.undoer.add_undo(&self.look);
+            }
             return;
         }
         self.undoer.feed_state(now, &self.look);
@@ -412,7 +433,8 @@ impl App {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
         Panel::left("lights").frame(frame).default_size(372.0).size_range(300.0..=620.0).show(ui, |ui| {
             if let Some(basis) = self.session.basis().cloned() {
-                lights_ui(ui, &basis, &mut self.look, &mut self.lights, &mut self.actions);
+                let choice = self.lamp_choice();
+                lights_ui(ui, &basis, &mut self.look, &mut self.lights, &choice, &mut self.actions);
             } else {
                 theme::section(ui, "Lights");
             }
@@ -479,6 +501,7 @@ impl App {
                 wish: self.follower.wish(),
                 size: self.follower.picture().map(|(_, size)| size),
                 millis: self.follower.millis(),
+                lamps: self.lamp_note(),
             };
             status_ui(ui, &status, &mut self.actions);
         });
@@ -486,7 +509,7 @@ impl App {
 
     fn picture_ui(&mut self, ui: &mut Ui) {
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
-        let scene = self.session.opened.as_ref().and_then(|opened| opened.scene.as_deref());
+        let scene = self.session.lamp_scene().map(|scene| &**scene);
         let viewed = Viewed {
             picture: self.follower.picture(),
             stage: &self.session.stage,
@@ -495,8 +518,7 @@ impl App {
             legend: self.follower.legend(),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
-            let chosen = &mut self.lights.spot;
-            viewport_ui(ui, &viewed, &mut self.view, &mut self.look, chosen, &mut self.actions);
+            viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);
         });
     }
 }

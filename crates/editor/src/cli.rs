@@ -6,6 +6,7 @@ mod cache;
 mod console;
 mod info;
 mod interrupt;
+mod lamps;
 pub(crate) mod relight;
 mod sensors;
 mod trace;

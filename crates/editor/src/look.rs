@@ -2,6 +2,7 @@
 
 mod damage;
 pub mod display;
+pub mod lamps;
 mod parse;
 mod place;
 pub mod sky;
@@ -62,6 +63,9 @@ impl Look {
             Unheeded::Constant => {
                 format!("the look sets `{key}`, but unlit surfaces look alike whatever the lights do; it is ignored")
             }
+            Unheeded::Taken => {
+                format!("the look has a lamp `{key}`, but a light of the scene has this name; rename the lamp")
+            }
         };
         basis.unheeded_keys(&self.lights).into_iter().map(words).collect()
     }
@@ -80,7 +84,7 @@ impl Look {
     }
 
     /// Reads what can be read of a file, for somebody who can look at the rest; see [`Look::recover`]. A sky that cannot be
-    /// had is left out too.
+    /// had is left out too, and so is a lamp without its profile; paths of profiles become absolute.
     ///
     /// # Errors
     /// If the file cannot be read or is no look at all.
@@ -103,15 +107,18 @@ impl Look {
             }
             None => {}
         }
+        warnings.extend(lamps::resolve(&mut look.lights.lamps, folder));
         Ok((look, warnings))
     }
 
-    /// Writes a file, whole or not at all.
+    /// Writes a file, whole or not at all. Profiles of lamps in its folder are named relative to it.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
-        write_whole(path, self.to_json().as_bytes())
+        let mut look = self.clone();
+        look.lights.lamps = lamps::relative(&self.lights.lamps, path.parent().unwrap_or(Path::new("")));
+        write_whole(path, look.to_json().as_bytes())
     }
 }
 
@@ -164,12 +171,15 @@ mod tests {
             "panels": {"KEY": [{"position": [0.5, 0.5], "radius": 0.2, "color": [1, 1, 1], "intensity": 1.0}]},
             "sky": {"file": "day.hdr", "rotation_deg": 0, "intensity": 1, "sun": {"azimuth_deg": 135, "elevation_deg": 40,
             "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "metering": "auto", "tone": "agx", "white_kelvin": 3000,
-            "white_duv": 0, "dither": false, "false_color": {"quantity": "luminance", "spacing": "log", "range": [1, 1000]}}}"#;
+            "white_duv": 0, "dither": false, "false_color": {"quantity": "luminance", "spacing": "log", "range": [1, 1000]}},
+            "lamps": [{"key": "Lamp 1", "type": "spot", "position": [0, 2.4, 0], "aim": [0, 0, 0], "inner_deg": 20, "outer_deg": 30,
+            "strength": 800, "unit": "lm", "intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}]}"#;
         let (look, warnings) = Look::from_json(json).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!(look.lights.lights["KEY"].kelvin, Some(3000.0));
         assert_eq!(look.lights.panels["KEY"][0].radius, 0.2);
         assert_eq!(look.display.exposure_ev, Some(0.0));
+        assert_eq!(look.lights.lamps[0].strength, 800.0);
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! Where the picture is multiplied: on the host's graphics device without a detour, or by the worker on the CPU.
 
-use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Relight, RelightError};
+use std::sync::Arc;
+
+use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError};
 use eframe::egui::TextureId;
 use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
@@ -98,7 +100,7 @@ impl GpuPainter {
         self.waiting = Changed::All;
     }
 
-    /// Relights and returns the texture to draw. `now` in seconds.
+    /// Relights, adds a layer, and returns the texture to draw. `now` in seconds.
     ///
     /// # Errors
     /// A frame or coefficients that do not fit, or a failing device.
@@ -106,7 +108,7 @@ impl GpuPainter {
         &mut self,
         frame: &Frame,
         changed: Changed,
-        coefficients: &[Vec<[f32; 3]>],
+        (coefficients, layer): (&[Vec<[f32; 3]>], Option<&Arc<Radiance>>),
         display: &DisplayParams,
         now: f64,
     ) -> Result<TextureId, RelightError> {
@@ -119,6 +121,7 @@ impl GpuPainter {
         let Some(relighter) = &mut self.relighter else {
             return Err(RelightError::Device("no frame was uploaded".into()));
         };
+        relighter.set_layer(layer)?;
         let view = relighter.relight_to_texture(coefficients, display)?.clone();
         let mut renderer = self.state.renderer.write();
         let device = &self.state.device;

@@ -1,9 +1,10 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
+pub mod lamps;
 mod task;
 pub mod worker;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -20,9 +21,12 @@ use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::import::stack::ImageStack;
 use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::lamp_units::LampUnits;
+use clerestory_transport::light::LightRig;
+use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 
+use self::lamps::LampLight;
 use crate::bake_cache::BakeCache;
 use crate::cli::relight::{frame_of, seen_irradiance};
 use crate::export::{ImageFormat, Picture};
@@ -66,6 +70,18 @@ pub struct Opened {
     pub lamps: Vec<PunctualLight>,
     /// What was chosen in the window.
     pub chosen: Chosen,
+    /// The scene of a bake that was opened, for what is not baked.
+    pub of_bake: Option<SceneOfBake>,
+}
+
+/// The scene of a bake that was opened.
+pub enum SceneOfBake {
+    /// It is being looked for.
+    Waiting,
+    /// Here it is.
+    Found(Arc<PreparedScene>),
+    /// It was not found, or is another one: why.
+    Missing(String),
 }
 
 impl Opened {
@@ -99,6 +115,27 @@ pub struct Shown {
 }
 
 impl Shown {
+    /// Size of the picture.
+    pub fn film(&self) -> Film {
+        Film { width: self.header.width, height: self.header.height }
+    }
+
+    /// The surfaces on which free lamps bring indirect light, where the bake has them.
+    pub fn patches(&self) -> Option<&Patches> {
+        self.header.patches.as_ref()
+    }
+
+    /// One RGB coefficient per column and group under a rig and the light of its free lamps.
+    pub fn coefficients(&self, rig: &LightRig, light: Option<&LampLight>) -> Vec<Vec<[f32; 3]>> {
+        let mut coefficients = self.header.coefficients(rig);
+        if let (Some(light), Some(of_patches)) = (light.filter(|_| self.patches().is_some()), coefficients.last_mut())
+            && light.of_patches.len() == of_patches.len()
+        {
+            of_patches.clone_from(&light.of_patches);
+        }
+        coefficients
+    }
+
     /// Which matrix of irradiance is that of the pixels, if there is one.
     pub fn pixel_irradiance(&self) -> Option<usize> {
         let set = self.header.irradiance.iter().position(|set| set.rows == IrradianceRows::Pixels)?;
@@ -187,6 +224,8 @@ pub struct Session {
     baking: Option<Task>,
     /// Tasks whose facts no longer count, and writers of files.
     others: Vec<Task>,
+    /// Which of them looks for the scene of a bake.
+    finding: Option<u64>,
     /// Path of what is being opened.
     opening: Option<PathBuf>,
     /// Where opening stands.
@@ -224,6 +263,7 @@ impl Session {
             loading: None,
             baking: None,
             others: Vec::new(),
+            finding: None,
             opening: None,
             stage: Stage::Empty,
             opened: None,
@@ -249,6 +289,16 @@ impl Session {
     pub fn cameras(&self) -> &[Camera] {
         let scene = self.opened.as_ref().and_then(|opened| opened.scene.as_ref());
         scene.map_or(&[], |scene| &scene.scene.cameras)
+    }
+
+    /// The scene of the picture, for what is not baked: the open one, or that of the bake that was opened.
+    pub fn lamp_scene(&self) -> Option<&Arc<PreparedScene>> {
+        let opened = self.opened.as_ref()?;
+        let of_bake = || match &opened.of_bake {
+            Some(SceneOfBake::Found(scene)) => Some(scene),
+            _ => None,
+        };
+        opened.scene.as_ref().or_else(of_bake)
     }
 
     /// What is new in the matrix since the last call.
@@ -338,13 +388,43 @@ impl Session {
         }
     }
 
-    /// Writes the picture under `look` in the background.
-    pub fn export(&mut self, look: Look, path: PathBuf) {
+    /// Takes a file as the scene of the bake that was opened, in the background.
+    pub fn find_scene(&mut self, path: PathBuf) {
+        let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
+        let task = self.spawn("scene", move |post| {
+            let found = task::scene_of(&header, &path).map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::SceneFound(found), Duration::ZERO);
+        });
+        self.finding = task.as_ref().map(Task::id);
+        self.others.extend(task);
+        if let Some(opened) = &mut self.opened {
+            opened.of_bake = Some(SceneOfBake::Waiting);
+        }
+    }
+
+    fn scene_found(&mut self, found: Result<Box<PreparedScene>, String>) {
+        self.finding = None;
+        let Some(opened) = &mut self.opened else { return };
+        opened.of_bake = Some(match found {
+            Ok(scene) => {
+                if let Some(shown) = &mut self.shown {
+                    let cameras = &scene.scene.cameras;
+                    shown.camera = cameras.iter().find(|camera| camera.name == shown.header.camera).cloned();
+                }
+                SceneOfBake::Found(Arc::from(scene))
+            }
+            Err(why) => SceneOfBake::Missing(why),
+        });
+    }
+
+    /// Writes the picture under `look` in the background, with the light of its free lamps.
+    pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf) {
         let Some(shown) = &self.shown else { return };
+        let coefficients = shown.coefficients(&look.lights, light.as_ref());
         let bake = shown.bake();
         self.write(path.clone(), move || {
-            let (frame, coefficients) = (frame_of(&bake, &look.lights), bake.header.coefficients(&look.lights));
-            let radiance = task::relight_once(&frame, &coefficients)?;
+            let frame = frame_of(&bake, &look.lights);
+            let radiance = task::relight_once(&frame, &coefficients, light.as_ref())?;
             let asked = look.shows_irradiance(ImageFormat::of(&path)?);
             let irradiance = if asked { Some(seen_irradiance(&bake, &look.lights)?) } else { None };
             Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look }.save(&path)?;
@@ -395,12 +475,14 @@ impl Session {
     pub fn drain(&mut self) -> Vec<Notice> {
         // Looked at before the channel: what a thread said before it ended is then in the channel.
         let ended = [&self.loading, &self.baking].map(|task| task.as_ref().filter(|t| t.is_finished()).map(Task::id));
+        let mut ended_others = self.others.iter().filter(|task| task.is_finished()).map(Task::id);
+        let ended_finding = ended_others.find(|id| self.finding == Some(*id));
         let facts: Vec<(u64, Fact)> = self.receiver.iter().flat_map(Receiver::try_iter).collect();
         let mut notices = Vec::new();
         for (id, fact) in facts {
             self.take(id, fact, &mut notices);
         }
-        self.reap(ended, &mut notices);
+        self.reap(ended, ended_finding, &mut notices);
         notices
     }
 
@@ -413,15 +495,12 @@ impl Session {
             Fact::Remarks(remarks) if is_of(&self.baking) => self.remarked(remarks),
             Fact::Found(bake) if is_of(&self.baking) => self.bake_found(*bake, notices),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
+            Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
             // Facts of a task that was stopped no longer count.
-            Fact::Loaded(..)
-            | Fact::Prepared(_)
-            | Fact::Bake(_)
-            | Fact::Remarks(_)
-            | Fact::Found(_)
-            | Fact::BakeEnded(_) => {}
+            Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
+            Fact::Found(_) | Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
         }
     }
 
@@ -447,21 +526,28 @@ impl Session {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
                 let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
-                self.opened = Some(Opened { name, path, scene, stack: None, report, lamps, chosen });
+                self.opened = Some(Opened { name, path, scene, stack: None, report, lamps, chosen, of_bake: None });
             }
             Loaded::Stack(stack) => {
                 let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
-                self.opened =
-                    Some(Opened { name, path, scene: None, stack: Some(Arc::new(stack)), report, lamps, chosen });
+                let stack = Some(Arc::new(stack));
+                self.opened = Some(Opened { name, path, scene: None, stack, report, lamps, chosen, of_bake: None });
             }
             Loaded::Bake(bake) => {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                self.opened = Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen });
+                let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+                self.opened =
+                    Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen, of_bake: None });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 let Bake { header, irradiance, packed, .. } = bake;
+                let folder = folder.filter(|_| !header.basis.is_measured());
+                let scene = folder.map(|folder| folder.join(&header.scene));
                 self.show(Shown { header, camera: None, frame, irradiance, packed });
                 self.bake = BakeState::Done;
                 self.count();
+                if let Some(path) = scene {
+                    self.find_scene(path);
+                }
                 self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
             }
         }
@@ -537,7 +623,7 @@ impl Session {
         // A picture of the same view stays until the new one is whole; another view starts from black.
         let is_same_view = |shown: &Shown| {
             let (a, b) = (&shown.header, &started.header);
-            (a.width, a.height, &a.camera, &a.basis) == (b.width, b.height, &b.camera, &b.basis)
+            (a.width, a.height, &a.camera, &a.basis.sources) == (b.width, b.height, &b.camera, &b.basis.sources)
         };
         if self.shown.as_ref().is_some_and(is_same_view) {
             self.incoming = Some(started);
@@ -607,7 +693,7 @@ impl Session {
     }
 
     /// Joins threads that have ended; one that ended without a last word has panicked.
-    fn reap(&mut self, ended: [Option<u64>; 2], notices: &mut Vec<Notice>) {
+    fn reap(&mut self, ended: [Option<u64>; 2], ended_finding: Option<u64>, notices: &mut Vec<Notice>) {
         const CRASHED: &str =
             "it ended unexpectedly; start the program from a terminal to see why, and please report it";
         let has_crashed =
@@ -621,6 +707,9 @@ impl Session {
         if has_crashed(&self.baking, ended[1]) {
             self.others.extend(self.baking.take());
             self.bake = BakeState::Failed(CRASHED.into());
+        }
+        if ended_finding.is_some() && ended_finding == self.finding {
+            self.scene_found(Err(CRASHED.into()));
         }
         let (done, running) = std::mem::take(&mut self.others).into_iter().partition(Task::is_finished);
         self.others = running;

@@ -1,19 +1,23 @@
 //! The picture: fit, zoom, pan, and spots of light that are dragged in it.
 
+pub mod gizmo;
 pub mod handles;
+pub mod lamps;
 
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Align2, Color32, CursorIcon, FontId, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId,
-    Ui, Vec2, pos2, vec2,
+    self, Color32, CursorIcon, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId, Ui, Vec2, pos2,
+    vec2,
 };
 
 use crate::action::{Action, FileTask};
 use crate::legend::Legend;
 use crate::look::Look;
+use crate::panels::lights::LightsState;
 use crate::session::{BakeState, Stage};
 use crate::theme;
+use gizmo::Sight;
 use handles::{Grab, PanelPicker};
 
 /// What is shown.
@@ -80,7 +84,7 @@ pub fn viewport_ui(
     viewed: &Viewed,
     state: &mut ViewState,
     look: &mut Look,
-    chosen: &mut Option<(String, usize)>,
+    lights: &mut LightsState,
     actions: &mut Vec<Action>,
 ) {
     let area = ui.available_rect_before_wrap();
@@ -97,9 +101,14 @@ pub fn viewport_ui(
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
     if let Some((scene, camera)) = viewed.scene {
-        let picker = PanelPicker { scene, camera, film: Film { width, height }, image };
-        drag_spots(ui, &response, &picker, state, look, chosen);
-        picker.paint(&painter, look, chosen.as_ref());
+        let film = Film { width, height };
+        let picker = PanelPicker { scene, camera, film, image };
+        if !lights.lamps.aiming {
+            drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
+        }
+        picker.paint(&painter, look, lights.spot.as_ref());
+        let sight = Sight { scene, camera, film, image };
+        lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
     } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         state.grab = Some(Grab::Picture);
     }
@@ -163,12 +172,7 @@ fn drag_spots(
     let idle = state.grab.is_none();
     if let Some(hint) = response.hover_pos().filter(|_| idle).and_then(|at| picker.hint(at, look)) {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
-        let at = response.rect.left_bottom() + vec2(12.0, -10.0);
-        let painter = ui.painter();
-        let galley = painter.layout_no_wrap(hint, FontId::proportional(12.5), Color32::from_gray(230));
-        let place = Align2::LEFT_BOTTOM.anchor_size(at, galley.size());
-        painter.rect_filled(place.expand2(vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(170));
-        painter.galley(place.min, galley, Color32::WHITE);
+        lamps::hint(ui, response.rect, &hint);
     }
 }
 

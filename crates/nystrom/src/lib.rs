@@ -72,6 +72,7 @@ mod random;
 pub mod rivals;
 mod run;
 mod sketch;
+pub mod spectrum;
 mod sparse;
 mod steer;
 pub mod stress;

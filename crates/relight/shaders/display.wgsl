@@ -16,18 +16,26 @@ struct Display {
     // Start of the scale, and reciprocal of its length, in the measure of its spacing.
     scale_start: f32,
     scale_per_unit: f32,
+    // 1 where there is a layer to add.
+    layered: u32,
 }
 
 @group(0) @binding(0) var<uniform> display_params: Display;
 @group(0) @binding(1) var<storage, read> radiance: array<vec4<f32>>;
 @group(0) @binding(2) var picture: texture_storage_2d<rgba8unorm, write>;
+// Red, green and blue of each pixel, row by row; one unused float where there is no layer.
+@group(0) @binding(3) var<storage, read> layer: array<f32>;
 
 @compute @workgroup_size(8, 8)
 fn display(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= display_params.width || id.y >= display_params.height {
         return;
     }
-    let nit = radiance[id.y * display_params.width + id.x].xyz;
+    let pixel = id.y * display_params.width + id.x;
+    var nit = radiance[pixel].xyz;
+    if display_params.layered != 0u {
+        nit += vec3<f32>(layer[3u * pixel], layer[3u * pixel + 1u], layer[3u * pixel + 2u]);
+    }
     if display_params.spacing != 0u {
         textureStore(picture, id.xy, vec4<f32>(turbo(place(luminance(nit))), 1.0));
         return;

@@ -9,10 +9,12 @@ mod expand;
 mod kernel;
 mod project;
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use crate::frame::{Frame, Radiance};
-use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, is_dark};
+use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_dark, is_same_layer};
 use expand::{Place, expand_block};
 use kernel::Kernel;
 use project::{Partials, Planes};
@@ -25,6 +27,8 @@ pub struct CpuRelighter {
     rows: Vec<TileRow>,
     /// Coefficients that the cached radiance of each group stands for; none before a group was first lit.
     cached: Vec<Option<Vec<[f32; 3]>>>,
+    /// Added to every picture.
+    layer: Option<Arc<Radiance>>,
     stats: RelightStats,
 }
 
@@ -82,6 +86,7 @@ impl CpuRelighter {
             kernel,
             rows: (0..partition.tiles_y()).map(|_| tile_row()).collect(),
             cached: vec![None; frame.groups.len()],
+            layer: None,
             stats: RelightStats::default(),
         })
     }
@@ -120,11 +125,17 @@ impl Relight for CpuRelighter {
         // A row of tiles is a run of whole pixel rows, so threads never share an output.
         let partition = self.frame.partition();
         let row_len = (partition.tile as usize).min(self.frame.height as usize) * self.frame.width as usize;
-        let (frame, kernel) = (&self.frame, self.kernel);
+        let (frame, kernel, layer) = (&self.frame, self.kernel, self.layer.as_deref());
         self.stats = (self.rows.par_iter_mut(), out.pixels.par_chunks_mut(row_len))
             .into_par_iter()
             .enumerate()
-            .map(|(row_idx, (row, pixels))| relight_row(frame, kernel, row_idx, row, &inputs, pixels))
+            .map(|(row_idx, (row, pixels))| {
+                let stats = relight_row(frame, kernel, row_idx, row, &inputs, pixels);
+                if let Some(layer) = layer {
+                    add(&layer.pixels[row_idx * row_len..][..pixels.len()], pixels);
+                }
+                stats
+            })
             .reduce(RelightStats::default, RelightStats::merged);
 
         // A dark group keeps its last picture: switching a lamp off and on again reads no factor.
@@ -135,6 +146,14 @@ impl Relight for CpuRelighter {
                 GroupState::Changed => self.cached[group] = Some(coefficients[group].clone()),
             }
         }
+        Ok(())
+    }
+
+    fn set_layer(&mut self, layer: Option<&Arc<Radiance>>) -> Result<(), RelightError> {
+        if let Some(layer) = layer.filter(|layer| !is_same_layer(Some(layer), self.layer.as_ref())) {
+            check_layer(&self.frame, layer)?;
+        }
+        self.layer = layer.cloned();
         Ok(())
     }
 

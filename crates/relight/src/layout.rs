@@ -64,11 +64,14 @@ pub(crate) struct Display {
     pub spacing: u32,
     pub scale_start: f32,
     pub scale_per_unit: f32,
+    /// 1 where there is a layer to add.
+    pub layered: u32,
+    pub padding: [u32; 3],
 }
 
 impl Display {
     /// The parameters as the shader takes them.
-    pub(crate) fn new(width: u32, height: u32, params: &DisplayParams) -> Self {
+    pub(crate) fn new(width: u32, height: u32, params: &DisplayParams, layered: Layered) -> Self {
         let rows = params.white.map_or(IDENTITY, WhitePoint::matrix);
         let spacing = params.false_color.map_or(0, |scale| match scale.spacing {
             Spacing::Log => 1,
@@ -91,8 +94,17 @@ impl Display {
             spacing,
             scale_start,
             scale_per_unit,
+            layered: u32::from(layered == Layered::Yes),
+            padding: [0; 3],
         }
     }
+}
+
+/// Whether a layer is added to the radiance before it is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Layered {
+    No,
+    Yes,
 }
 
 /// White balance that changes nothing.
@@ -131,7 +143,7 @@ mod tests {
             shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse),
             shape!(Group: n_cols, frame_width, n_segments, mode),
             shape!(SparseTerm: col_channel, value),
-            shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit),
+            shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit, layered),
         ]
     }
 

@@ -1,5 +1,9 @@
 //! The seam: one job, two implementations, and what can go wrong in either.
 
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
 use crate::frame::{Frame, Radiance};
 
 /// Why a frame could not be relit.
@@ -44,6 +48,20 @@ pub enum RelightError {
         group: usize,
         /// Column within the group.
         col: usize,
+    },
+    /// A layer of another size than the frame.
+    #[error("the layer has {} × {} pixels, but the frame has {} × {}", found[0], found[1], expected[0], expected[1])]
+    LayerSize {
+        /// Width and height of the frame.
+        expected: [u32; 2],
+        /// Width and height of the layer.
+        found: [u32; 2],
+    },
+    /// A pixel of a layer is infinite or not a number.
+    #[error("pixel {pixel} of the layer is not a finite number; check the lamps that it shows")]
+    LayerNotFinite {
+        /// Row by row from the top left.
+        pixel: usize,
     },
     /// No adapter of the wanted kind is installed.
     #[error("no {wanted} graphics adapter was found; install a Vulkan, Metal or DX12 driver, or relight on the CPU")]
@@ -117,6 +135,13 @@ pub trait Relight {
     /// Wrong lengths, coefficients that are not finite, a failing device.
     fn relight(&mut self, coefficients: &[Vec<[f32; 3]>], out: &mut Radiance) -> Result<(), RelightError>;
 
+    /// Takes radiance that is added to every picture from now on, whatever the coefficients are; none takes it away. The
+    /// same layer again costs nothing. A frame of another shape starts without one.
+    ///
+    /// # Errors
+    /// [`RelightError::LayerSize`] or [`RelightError::LayerNotFinite`], and then the layer before stays; a failing device.
+    fn set_layer(&mut self, layer: Option<&Arc<Radiance>>) -> Result<(), RelightError>;
+
     /// What the last relight did.
     fn stats(&self) -> RelightStats;
 }
@@ -136,6 +161,24 @@ pub(crate) fn check_coefficients(frame: &Frame, coefficients: &[Vec<[f32; 3]>]) 
         }
     }
     Ok(())
+}
+
+/// A layer that fits the frame, or the error that says why it does not.
+pub(crate) fn check_layer(frame: &Frame, layer: &Radiance) -> Result<(), RelightError> {
+    let (expected, found) = ([frame.width, frame.height], [layer.width, layer.height]);
+    if expected != found || layer.pixels.len() != frame.width as usize * frame.height as usize {
+        return Err(RelightError::LayerSize { expected, found });
+    }
+    let broken = layer.pixels.par_iter().position_first(|rgb| rgb.iter().any(|v| !v.is_finite()));
+    broken.map_or(Ok(()), |pixel| Err(RelightError::LayerNotFinite { pixel }))
+}
+
+/// Whether two layers are one and the same, not only alike.
+pub(crate) fn is_same_layer(a: Option<&Arc<Radiance>>, b: Option<&Arc<Radiance>>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+        (a, b) => a.is_none() && b.is_none(),
+    }
 }
 
 /// Whether every coefficient is zero, so that the group adds nothing.

@@ -30,8 +30,8 @@ use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
-/// Newest version that is read: its blocks are packed, and it may hold pictures of a measured stack.
-const VERSION: u32 = 4;
+/// Newest version that is read: its blocks are packed, and it holds patches that free lamps may light.
+const VERSION: u32 = 5;
 
 /// Side of a packed tile that is believed.
 const MAX_TILE: u32 = 256;

@@ -7,6 +7,7 @@ mod irradiance;
 mod key;
 mod method;
 mod packing;
+mod patches;
 pub mod stack;
 
 use std::ops::ControlFlow;
@@ -19,9 +20,11 @@ use clerestory_nystrom::{
     Tolerance, compress,
 };
 use clock::Clock;
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use self::patches::PatchBlocks;
 use crate::archive::ArchiveError;
 use crate::basis::LightBasis;
 use crate::cache::CachePlan;
@@ -35,6 +38,7 @@ use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::light::LightRig;
 use crate::matrix::TransportMatrix;
 use crate::nodes::{NodePlan, Nodes};
+use crate::patches::Patches;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::reach::dark_sources;
@@ -97,6 +101,9 @@ pub struct BakeConfig {
     /// What makes factors of the samples, in the last pass; all but the default are there for comparison.
     #[serde(default, with = "method", skip_serializing_if = "method::is_default")]
     pub method: Method,
+    /// Patches that free lamps may light, about; 0 for none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub patches: u32,
 }
 
 /// How the light that surfaces send to each other is found.
@@ -149,8 +156,13 @@ impl BakeConfig {
 impl Default for BakeConfig {
     fn default() -> Self {
         let (indirect, method) = (Indirect::default(), Method::default());
-        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect, method }
+        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect, method, patches: 0 }
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks for a reference")]
+fn is_zero(n: &u32) -> bool {
+    *n == 0
 }
 
 /// Which passes run before the last one.
@@ -206,7 +218,7 @@ pub struct BakeHeader {
     pub fingerprint: String,
     /// Name of the camera.
     pub camera: String,
-    /// The camera itself, where the sky is shown behind the picture.
+    /// The camera itself, where the sky is shown behind the picture or free lamps may light it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<Camera>,
     /// Pixels across.
@@ -230,6 +242,9 @@ pub struct BakeHeader {
     /// Matrices of irradiance, if they were asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub irradiance: Vec<IrradianceHeader>,
+    /// Patches that free lamps may light; their columns are the last of the basis.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patches: Option<Patches>,
     /// Work that was left out.
     #[serde(default, skip_serializing_if = "Skips::is_all")]
     pub skips: Skips,
@@ -252,6 +267,20 @@ impl BakeHeader {
     /// One RGB coefficient per column and group for a rig, as the factors of this bake take them.
     pub fn coefficients(&self, rig: &LightRig) -> Vec<Vec<[f32; 3]>> {
         self.scaled_coefficients(&self.column_scale, rig)
+    }
+
+    /// The same for a rig with free lamps, given the direct irradiance that they throw on a point with a unit normal, lux
+    /// per channel. Without patches in the file nothing is asked.
+    pub fn coefficients_with(
+        &self,
+        rig: &LightRig,
+        irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+    ) -> Vec<Vec<[f32; 3]>> {
+        let mut coefficients = self.coefficients(rig);
+        if let (Some(patches), Some(of_patches)) = (&self.patches, coefficients.last_mut()) {
+            *of_patches = patches.coefficients(irradiance);
+        }
+        coefficients
     }
 
     pub(crate) fn scaled_coefficients(&self, column_scale: &[f32], rig: &LightRig) -> Vec<Vec<[f32; 3]>> {
@@ -370,6 +399,7 @@ impl BakeJob {
             sky_reach,
             sharing_bias: None,
             irradiance: self.irradiance_headers(&dark)?,
+            patches: None,
             skips: self.scene.skips,
             spared: self.scene.spared(),
         };
@@ -378,9 +408,10 @@ impl BakeJob {
         if self.scene.skips.has(Skip::WeakLight) {
             let plan = self.plan(Density::Full, &header);
             let mut matrix = self.matrix(&plan, empty);
-            matrix.set_column_scale(header.column_scale.clone());
+            matrix.set_column_scale(self.own_scale(&header.column_scale));
             header.spared.weak_connections = matrix.weak_connections();
         }
+        self.add_patches(&mut header);
         Ok(header)
     }
 
@@ -436,7 +467,7 @@ impl BakeJob {
         let plan = self.plan(Density::Full, &header);
         let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
         let mut matrix = self.matrix(&plan, empty.clone());
-        matrix.set_column_scale(header.column_scale.clone());
+        matrix.set_column_scale(self.own_scale(&header.column_scale));
         let partition = header.partition();
         let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
         let n_blocks = partition.n_blocks();
@@ -600,7 +631,7 @@ impl Run<'_> {
             None => {
                 coarse_plan = job.plan(Density::Quarter, &header);
                 coarse = job.matrix(&coarse_plan, self.empty.clone());
-                coarse.set_column_scale(header.column_scale.clone());
+                coarse.set_column_scale(job.own_scale(&header.column_scale));
                 &coarse
             }
         };
@@ -615,7 +646,6 @@ impl Run<'_> {
                 Some(SharedMatrix { matrix, nodes })
             }
         };
-        clock.start_pass(pass, started.elapsed().as_secs_f32());
         let tolerance_db = match samples {
             Some(_) => job.config.tolerance_db,
             None => job.config.tolerance_db.min(PREVIEW_DB),
@@ -624,9 +654,16 @@ impl Run<'_> {
         if !is_last {
             config.method = Method::default();
         }
+        let mut of_patches = PatchBlocks::none(&header);
+        if is_last && self.patches(&mut of_patches, blocks, (pass, clock.done()), on_event)?.is_break() {
+            return Ok(ControlFlow::Break(()));
+        }
         self.bias = shared.as_ref().filter(|_| is_last).map(|shared| shared.bias(job.config.tolerance_db));
-        let on_block =
-            |block: u32, factors: Vec<BlockFactors>| self.deliver((0, block as usize), pass, factors, clock, on_event);
+        clock.start_pass(pass, started.elapsed().as_secs_f32());
+        let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
+            factors.extend(of_patches.take(block));
+            self.deliver((0, block as usize), pass, factors, clock, on_event)
+        };
         let flow = match &shared {
             Some(shared) => compress(shared, &partition, blocks, &config, on_block)?,
             None => compress(matrix, &partition, blocks, &config, on_block)?,

@@ -29,6 +29,8 @@ pub enum ColumnKind {
     Sky,
     /// What is seen whatever the lights do: unlit surfaces, one column, coefficient always 1.
     Constant,
+    /// Light that free lamps throw on surfaces, see [`crate::patches`]: no light of the scene owns these columns.
+    Patch,
 }
 
 /// What emits, as far as a designer needs to know.
@@ -124,6 +126,8 @@ pub enum Unheeded {
     NoPanel,
     /// Unlit surfaces, which look alike whatever the lights do.
     Constant,
+    /// A free lamp with the name of a light that has columns.
+    Taken,
 }
 
 /// Neighboring columns that are compressed together.
@@ -135,12 +139,12 @@ pub struct ColumnGroup {
     pub columns: Range<u32>,
 }
 
-/// All columns: lights in order, luminaires first, then sky, unlit surfaces, and panels.
+/// All columns: lights in order, luminaires first, then sky, unlit surfaces, and panels; last those of patches, if any.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LightBasis {
     /// Lights in the order of their columns.
     pub sources: Vec<LightSource>,
-    /// Groups in the order of their columns: all luminaires, sky, unlit surfaces, each panel.
+    /// Groups in the order of their columns: all luminaires, sky, unlit surfaces, each panel, patches.
     pub groups: Vec<ColumnGroup>,
     /// The sky of the bake, if it has one of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -155,6 +159,7 @@ impl LightBasis {
             ColumnKind::Sky => 1,
             ColumnKind::Constant => 2,
             ColumnKind::Panel => 3,
+            ColumnKind::Patch => 4,
         };
         sources.sort_by_key(|source| order(source.kind.column_kind()));
         let mut groups: Vec<ColumnGroup> = Vec::new();
@@ -173,7 +178,21 @@ impl LightBasis {
 
     /// Number of columns.
     pub fn n_cols(&self) -> usize {
-        self.sources.last().map_or(0, |source| source.columns.end as usize)
+        let of_lights = self.sources.last().map_or(0, |source| source.columns.end as usize);
+        self.patch_columns().map_or(of_lights, |columns| columns.end as usize)
+    }
+
+    /// The columns of patches, if there are any. [`LightBasis::project`] leaves them dark: their coefficients are those of
+    /// [`crate::patches::Patches::coefficients`].
+    pub fn patch_columns(&self) -> Option<Range<u32>> {
+        self.groups.last().filter(|group| group.kind == ColumnKind::Patch).map(|group| group.columns.clone())
+    }
+
+    /// The same lights and columns of patches behind them.
+    pub(crate) fn with_patches(mut self, n_columns: u32) -> LightBasis {
+        let start = self.n_cols() as u32;
+        self.groups.push(ColumnGroup { kind: ColumnKind::Patch, columns: start..start + n_columns });
+        self
     }
 
     /// Whether the columns are pictures that were taken, not light that was traced.
@@ -226,6 +245,9 @@ impl LightBasis {
                 _ => runs.push(ColumnRun::List(n_cols)),
             }
         }
+        if group.kind == ColumnKind::Patch {
+            runs.push(ColumnRun::List(group.columns.len() as u32));
+        }
         runs
     }
 
@@ -243,7 +265,9 @@ impl LightBasis {
             Some(LightSource { kind: SourceKind::Panel { .. }, .. }) => None,
             Some(_) => Some((key.as_str(), Unheeded::NoPanel)),
         });
-        let mut unheeded: Vec<_> = lights.chain(panels).collect();
+        let taken = rig.lamps.iter().filter(|lamp| self.source(&lamp.key).is_some());
+        let taken = taken.map(|lamp| (lamp.key.as_str(), Unheeded::Taken));
+        let mut unheeded: Vec<_> = lights.chain(panels).chain(taken).collect();
         unheeded.sort();
         unheeded.dedup();
         unheeded

@@ -14,6 +14,7 @@ pub use self::surface::SurfaceEmitter;
 pub(crate) use self::surface::SurfacePoint;
 
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
+use crate::lamps::Lamp;
 use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene};
 use crate::sensors::parallelogram;
@@ -95,6 +96,8 @@ pub enum Emitter {
     Sun(SunEmitter),
     /// Unlit surfaces.
     Constant,
+    /// A lamp of a look.
+    Lamp(Lamp),
 }
 
 /// A light, or a texel of one, that is a flat parallelogram without texture.

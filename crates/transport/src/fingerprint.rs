@@ -1,5 +1,6 @@
 //! A hash of everything in a scene that light can meet, so that a half-done bake is only taken up by the same scene.
 
+use crate::bake::BakeHeader;
 use crate::camera::Camera;
 use crate::scene::Scene;
 
@@ -47,4 +48,11 @@ pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
         hash.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());
     }
     format!("{:016x}", hash.0)
+}
+
+impl BakeHeader {
+    /// Whether the bake is of this scene, seen by this camera.
+    pub fn is_of(&self, scene: &Scene, camera: &Camera) -> bool {
+        self.fingerprint == fingerprint(scene, camera)
+    }
 }

@@ -1,9 +1,24 @@
 //! Lamps that a designer puts into the scene, without a column of their own: movable after the bake.
 
+mod body;
+mod exchange;
+mod install;
+mod light;
+mod prepared;
+mod rectangle;
+mod source;
+mod units;
+
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::light::LightSetting;
+
+pub(crate) use self::body::{Body, BodyPoint};
+pub use self::light::Lamp;
+pub(crate) use self::light::Lit;
+pub use self::prepared::{LampError, PreparedLamps};
+pub(crate) use self::prepared::{PreparedLamp, lattice};
 
 /// A lamp of a look. It shines from `position` towards `aim`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,4 +91,43 @@ pub enum LampUnit {
     /// Lux: illuminance of parallel light on a surface that faces it.
     #[serde(rename = "lx")]
     Lux,
+}
+
+impl LampUnit {
+    /// As files and people write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            LampUnit::Lumen => "lm",
+            LampUnit::Candela => "cd",
+            LampUnit::Nit => "nit",
+            LampUnit::Lux => "lx",
+        }
+    }
+}
+
+impl LampShape {
+    /// As files and people call it.
+    pub fn name(&self) -> &'static str {
+        match self {
+            LampShape::Point => "point",
+            LampShape::Spot { .. } => "spot",
+            LampShape::Rectangle { .. } => "rectangle",
+            LampShape::Disk { .. } => "disk",
+            LampShape::Sphere { .. } => "sphere",
+            LampShape::Directional => "directional",
+            LampShape::Profile { .. } => "ies",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A lamp at (0, 1, 0) that looks down, of 1 in a unit that it can have.
+    pub(crate) fn lamp(shape: LampShape) -> FreeLamp {
+        let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Candela };
+        let (key, setting) = ("lamp".to_owned(), LightSetting::default());
+        FreeLamp { key, shape, position: Vec3::Y, aim: Vec3::ZERO, strength: 1.0, unit, setting }
+    }
 }

@@ -6,6 +6,8 @@
 
 mod gather;
 mod irradiance;
+mod lamps;
+mod landings;
 mod plates;
 mod reuse;
 mod sky;
@@ -13,7 +15,9 @@ mod slabs;
 
 pub(crate) use gather::Gathering;
 pub(crate) use irradiance::Receiver;
+pub(crate) use landings::{Landing, NoLights, Onward};
 pub(crate) use reuse::{Meeting, Start};
+pub(crate) use slabs::passed_along;
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -26,6 +30,7 @@ use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
 use crate::emitters::{Emitter, Plate, SurfacePoint, punctual_falloff};
+use crate::lamps::Body;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
@@ -103,6 +108,8 @@ pub struct Integrator<'a, P> {
     scouts: u32,
     /// Sources that shine where a walk meets no surface.
     beyond: Vec<u32>,
+    /// Bodies of free lamps, by column.
+    bodies: Vec<(u32, Body)>,
     far: f32,
 }
 
@@ -198,9 +205,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let columns: Vec<ColumnPlace> = places.collect();
         let of_column = columns.iter().map(|place| (place.source, place.texel));
         let plates = plates::of_columns(&scene.lighting.emitters, of_column);
-        let beyond = sky::sources_beyond(&scene.lighting);
+        let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
-        Integrator { scene, plan, bounces: bounces.unwrap_or(u32::MAX), columns, plates, scouts, beyond, far }
+        let bounces = bounces.unwrap_or(u32::MAX);
+        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, bodies, far }
     }
 
     /// Scattering events beyond the first at most.
@@ -232,7 +240,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         mut sampler: Sampler,
         deposit: &mut impl Deposit,
     ) {
-        if !self.beyond.is_empty() {
+        if !self.beyond.is_empty() || !self.bodies.is_empty() {
             let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
             self.pass_by((camera.position(), camera.direction(film, film_px)), deposit);
         }
@@ -240,7 +248,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// A ray of the camera that meets no surface.
     pub(crate) fn pass_by(&self, (origin, direction): (Vec3, Vec3), deposit: &mut impl Deposit) {
-        self.collect_beyond(&Walk::from_camera(origin, direction), deposit);
+        let walk = Walk::from_camera(origin, direction);
+        self.collect_bodies(&walk, f32::INFINITY, deposit);
+        self.collect_beyond(&walk, deposit);
     }
 
     fn follow(&self, mut walk: Walk, sampler: &mut Sampler, scratch: &mut Scratch, deposit: &mut impl Deposit) {
@@ -322,7 +332,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.
     fn arrive(&self, walk: &mut Walk, sampler: &mut Sampler, deposit: &mut impl Deposit) -> Option<SurfaceHit> {
-        let Some(hit) = self.scene.closest(&walk.ray(), sampler) else {
+        let hit = self.scene.closest(&walk.ray(), sampler);
+        self.collect_bodies(walk, hit.as_ref().map_or(f32::INFINITY, |hit| hit.t), deposit);
+        let Some(hit) = hit else {
             self.collect_beyond(walk, deposit);
             return None;
         };
@@ -363,7 +375,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             return deposit.seen(column, walk.throughput * radiance);
         }
         let weight = match walk.rival {
-            Some(vertex) if walk.density > 0.0 => self.closeness(walk, hit).map_or(1.0, |closeness| {
+            Some(vertex) if walk.density > 0.0 => self.closeness(walk, hit.t, hit.position).map_or(1.0, |closeness| {
                 let pdf = 1.0 / (hit.normal.dot(walk.direction).abs() * area * closeness);
                 power_heuristic(walk.density, self.plan.rate(vertex, column) * pdf)
             }),
@@ -400,7 +412,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let inside = sample.wi.dot(hit.normal) < 0.0;
         walk.origin = hit.origin(if inside { -hit.normal } else { hit.normal });
         if sample.transmitted && self.scene.attenuates {
-            walk.extinction = self.extinction_behind(hit, !inside);
+            walk.extinction = self.scene.extinction_behind(hit.triangle, !inside);
         }
         true
     }
@@ -427,16 +439,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     fn extinction_towards(&self, walk: &Walk, hit: &SurfaceHit, direction: Vec3) -> Vec3 {
         let back = hit.normal.dot(walk.direction) >= 0.0;
         let before = (direction.dot(hit.normal) > 0.0) != back;
-        if before { walk.extinction } else { self.extinction_behind(hit, back) }
-    }
-
-    /// Extinction of what a ray enters that passes a surface, coming `from_back` or from its front, 1/m.
-    fn extinction_behind(&self, hit: &SurfaceHit, from_back: bool) -> Vec3 {
-        let material = self.scene.material(hit.triangle);
-        if from_back || material.thickness <= 0.0 || !material.attenuation_distance.is_finite() {
-            return Vec3::ZERO;
-        }
-        -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance
+        if before { walk.extinction } else { self.scene.extinction_behind(hit.triangle, back) }
     }
 
     /// Next-event estimation: connects a vertex to the columns that the plan picks.
@@ -603,6 +606,13 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                     beyond: false,
                 })
             }
+            Emitter::Lamp(lamp) => lamp.lit(position, u, self.far).map(|lit| LightPoint {
+                target: lit.target,
+                wi: lit.wi,
+                factor: Vec3::splat(lit.factor),
+                spread_sr: lit.spread_sr,
+                beyond: lamp.is_beyond(),
+            }),
             sky => {
                 let first = self.scene.lighting.basis.sources[place.source as usize].columns.start;
                 self.sky_point(sky, column - first, position, u)

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 
 use crate::basis::{ColumnGroup, ColumnKind, SourceKind};
 use crate::emitters::{Emitter, Lighting, PanelEmitter};
+use crate::lamps::Body;
 use crate::light::luminance;
 use crate::path::{LightPlan, Pick, Vertex};
 use crate::sampler::Sampler;
@@ -185,6 +186,7 @@ fn along_a_curve(lighting: &Lighting) -> Vec<usize> {
         Emitter::Punctual(light) if light.kind != PunctualKind::Directional => Some(light.position),
         Emitter::Surface(surface) => Some(surface.center()),
         Emitter::Panel(panel) => Some(panel.point(Vec2::splat(0.5))),
+        Emitter::Lamp(lamp) => lamp.point(Vec2::splat(0.5)).map(|point| point.position),
         _ => None,
     };
     let places: Vec<Option<Vec3>> = lighting.emitters.iter().map(place).collect();
@@ -306,6 +308,7 @@ impl PicturePlan {
                 (Emitter::Panel(panel), _) => panel.texel_area,
                 (_, SourceKind::Directional) => diameter_m * diameter_m / 4.0,
                 (Emitter::Punctual(_), _) => 1.0,
+                (Emitter::Lamp(lamp), _) => lamp.body().map_or(1.0, Body::area),
                 (Emitter::Environment(map), _) => {
                     map.mean_luminance() * std::f32::consts::PI * diameter_m * diameter_m / 4.0
                 }

@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::bsdf::{self, Bsdf, Frame};
-use crate::bvh::{Bvh, Hit, Ray};
+use crate::bsdf::{self, Bsdf, FinishParams, Frame, SurfaceParams};
+use crate::bvh::{Aabb, Bvh, Hit, Ray};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
@@ -43,6 +43,14 @@ pub struct SurfaceHit {
     pub normal: Vec3,
     /// Distance from the surface below which a ray may meet the triangle again, for all that rounding does to its size, m.
     pub clearance: f32,
+}
+
+/// What a point of a surface is made of.
+pub(crate) struct Appearance {
+    pub params: SurfaceParams,
+    pub finish: Option<FinishParams>,
+    /// Unit shading normal on the front side.
+    pub ns: Vec3,
 }
 
 impl SurfaceHit {
@@ -154,6 +162,20 @@ impl PreparedScene {
         for i in 0..n {
             let free = (visible >> i) & 1 == 1;
             out[i] = if free { self.sheer_transmittance(shadow_ray(origin, targets[i])) } else { Vec3::ZERO };
+        }
+    }
+
+    /// The share of light that passes from one point of a lamp to each of up to 16 places, where their rays begin.
+    pub(crate) fn transmittance_from16(&self, lamp: Vec3, places: &[Vec3; 16], n: usize, out: &mut [Vec3; 16]) {
+        let (begin, end) = (1.0 - SHADOW_END, 1.0);
+        let visible = self.solid.visible16(lamp, places, n, begin, end);
+        let clear = self.sheer.as_ref().map_or(visible, |sheer| sheer.visible16(lamp, places, n, begin, end));
+        for i in 0..n {
+            out[i] = match (visible >> i & 1, clear >> i & 1) {
+                (0, _) => Vec3::ZERO,
+                (_, 1) => Vec3::ONE,
+                _ => self.sheer_transmittance(shadow_ray(places[i], lamp)),
+            };
         }
     }
 
@@ -279,6 +301,29 @@ impl PreparedScene {
 
     /// How a point scatters light towards `wo`.
     pub fn bsdf(&self, hit: &SurfaceHit, wo: Vec3) -> Bsdf {
+        self.bsdf_of(hit, &self.appearance(hit), wo)
+    }
+
+    /// The same of a point whose appearance is at hand.
+    pub(crate) fn bsdf_of(&self, hit: &SurfaceHit, looks: &Appearance, wo: Vec3) -> Bsdf {
+        match &looks.finish {
+            Some(finish) => Bsdf::finished(&looks.params, finish, hit.normal, looks.ns, wo),
+            None if self.skips.has(Skip::Lobes) => Bsdf::new(&looks.params, hit.normal, looks.ns, wo),
+            None => Bsdf::layered(&looks.params, hit.normal, looks.ns, wo),
+        }
+    }
+
+    /// Extinction of what a ray enters that passes a triangle, coming `from_back` or from its front, 1/m.
+    pub(crate) fn extinction_behind(&self, triangle: u32, from_back: bool) -> Vec3 {
+        let material = self.material(triangle);
+        if from_back || material.thickness <= 0.0 || !material.attenuation_distance.is_finite() {
+            return Vec3::ZERO;
+        }
+        -material.attenuation_color.max(Vec3::splat(1e-6)).ln() / material.attenuation_distance
+    }
+
+    /// What a point is made of, whoever looks at it.
+    pub(crate) fn appearance(&self, hit: &SurfaceHit) -> Appearance {
         let (mesh, material) = (&self.scene.mesh, self.material(hit.triangle));
         let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|v| v as usize);
         let w = hit.barycentric;
@@ -294,13 +339,10 @@ impl PreparedScene {
         }
         let color = self.vertex_color(hit.triangle, w);
         let params = bsdf::surface_params(material, &self.scene.textures, uvs, color);
-        let Some(finish) = &material.finish else {
-            let all_lobes = if self.skips.has(Skip::Lobes) { Bsdf::new } else { Bsdf::layered };
-            return all_lobes(&params, hit.normal, ns, wo);
-        };
         let frame = Frame { vertex_normal, shading_normal: ns, tangent };
-        let finish = bsdf::finish_params(finish, &self.scene.textures, uvs, frame);
-        Bsdf::finished(&params, &finish, hit.normal, ns, wo)
+        let finish = material.finish.as_ref();
+        let finish = finish.map(|finish| bsdf::finish_params(finish, &self.scene.textures, uvs, frame));
+        Appearance { params, finish, ns }
     }
 
     /// Column and white radiance that a surface sends towards `wo`, `None` where it emits nothing that way.
@@ -328,6 +370,14 @@ impl PreparedScene {
     /// What the emissive texture of a material, if any, multiplies its radiance by at a texture coordinate.
     pub fn pattern(&self, material: &Material, uvs: [Vec2; 2]) -> Vec3 {
         material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate())
+    }
+
+    /// A distance from anything within to beyond everything, m.
+    pub(crate) fn far(&self) -> f32 {
+        let bounds = [Some(&self.solid), self.sheer.as_ref()].into_iter().flatten().map(Bvh::bounds);
+        let all = bounds.fold(Aabb::EMPTY, |a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) });
+        let diagonal = (all.max - all.min).length();
+        if diagonal.is_finite() { 4.0 * diagonal.max(1e-6) } else { 1.0 }
     }
 
     /// Length of the diagonal of everything in meters.

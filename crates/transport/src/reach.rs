@@ -54,7 +54,7 @@ pub(crate) fn is_beyond(kind: SourceKind) -> bool {
 /// Whether somebody connects to the source, and may leave it out.
 fn can_be_dark(scene: &PreparedScene, source: usize) -> bool {
     let kind = if is_beyond(scene.lighting.basis.sources[source].kind) { Skip::ClosedSky } else { Skip::DarkLamps };
-    scene.skips.has(kind) && !matches!(scene.lighting.emitters[source], Emitter::Sky | Emitter::Constant)
+    scene.skips.has(kind) && !matches!(scene.lighting.emitters[source], Emitter::Sky | Emitter::Constant | Emitter::Lamp(_))
 }
 
 /// Lamps of no strength: a look multiplies it.
@@ -179,6 +179,6 @@ fn is_walled_off(walls: &Walls, emitter: &Emitter) -> bool {
             let radius = surface.corners().map(|corner| corner.as_dvec3().distance(center)).fold(0.0, f64::max);
             walls.keep_apart(center, radius)
         }
-        Emitter::Sky | Emitter::Constant => false,
+        Emitter::Sky | Emitter::Constant | Emitter::Lamp(_) => false,
     }
 }

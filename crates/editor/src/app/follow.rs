@@ -1,18 +1,21 @@
 //! Keeps the picture in step with look and matrix: asks for a new one whenever either changed, shows the newest.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use anyhow::Result;
-use clerestory_relight::{DisplayParams, Frame};
+use clerestory_relight::{DisplayParams, Frame, Radiance};
 use clerestory_transport::light::LightRig;
 use eframe::egui::{Context, TextureHandle, TextureId, TextureOptions};
 use eframe::egui_wgpu::RenderState;
 
+use super::lamplight::Lamplight;
 use super::sky::LitSky;
 use crate::legend::Legend;
 use crate::look::{Display, Look, Quantity};
 use crate::panels::lights::heard;
 use crate::picture::{Changed, DeviceWish, GpuPainter};
+use crate::session::lamps::LampLight;
 use crate::session::worker::{Order, Relit, Wanted, Worker};
 use crate::session::{Session, Shown, Wake};
 
@@ -21,6 +24,8 @@ use crate::session::{Session, Shown, Wake};
 struct Asked {
     rig: LightRig,
     display: Display,
+    /// The light of free lamps, by its order and address.
+    layer: Option<(u64, usize)>,
 }
 
 /// Asks for pictures and keeps the newest.
@@ -34,6 +39,7 @@ pub(super) struct Follower {
     metering_moved: bool,
     asked: Option<Asked>,
     sky: LitSky,
+    lamplight: Lamplight,
     texture: Option<TextureHandle>,
     gpu_picture: Option<(TextureId, [u32; 2])>,
     shown: DisplayParams,
@@ -47,13 +53,14 @@ pub(super) struct Follower {
 impl Follower {
     pub fn new(state: Option<&RenderState>, wake: Wake) -> Result<Follower> {
         Ok(Follower {
-            worker: Worker::start(wake)?,
+            worker: Worker::start(wake.clone())?,
             gpu: state.map(GpuPainter::new),
             wish: DeviceWish::Auto,
             gpu_failed: false,
             metering_moved: false,
             asked: None,
             sky: LitSky::default(),
+            lamplight: Lamplight::new(wake)?,
             texture: None,
             gpu_picture: None,
             shown: DisplayParams::default(),
@@ -69,9 +76,14 @@ impl Follower {
         self.n_pictures
     }
 
-    /// Whether the last order was answered.
+    /// Whether the last order was answered, and lamps that stand still are as smooth as they get.
     pub fn is_idle(&self) -> bool {
-        self.n_orders == self.last_answered
+        self.n_orders == self.last_answered && self.lamplight.is_idle()
+    }
+
+    /// The light of free lamps that is shown.
+    pub fn lamp_light(&self) -> Option<&LampLight> {
+        self.lamplight.light()
     }
 
     pub fn shown_ev(&self) -> f32 {
@@ -165,41 +177,56 @@ impl Follower {
         // Before the first block there is nothing to see.
         let has_blocks = |shown: &&Shown| shown.frame.groups.iter().any(|g| g.blocks.iter().any(Option::is_some));
         if let Some(shown) = session.shown.as_ref().filter(has_blocks) {
-            let asked = Asked { rig: heard(&shown.header.basis, &look.lights, solo), display: showable(shown, look) };
+            let rig = self.lamplight.follow(session, &heard(&shown.header.basis, &look.lights, solo));
+            let light = self.lamplight.light().filter(|light| is_as_large(light, shown)).cloned();
+            let layer = light.as_ref().map(|light| (light.serial, Arc::as_ptr(&light.direct).addr()));
+            let asked = Asked { rig, display: showable(shown, look), layer };
             let gpu_waits = self.uses_gpu() && self.gpu.as_ref().is_some_and(GpuPainter::has_waiting);
             let gpu_waits = std::mem::take(&mut self.metering_moved) || gpu_waits;
             if !changed.is_empty() || gpu_waits || self.asked.as_ref() != Some(&asked) {
                 // Light that is seen and light that arrives are two matrices.
                 let is_other = self.asked.as_ref().is_none_or(|old| old.irradiance(shown) != asked.irradiance(shown));
                 let mut changed = if is_other { Changed::All } else { changed };
-                let (frame, coefficients) = match asked.irradiance(shown) {
+                let (frame, coefficients, layer) = match asked.irradiance(shown) {
+                    // Light that arrives: what free lamps add to it is not known.
                     Some(set) => (
                         Frame { groups: shown.irradiance[set].clone(), ..shown.frame },
                         shown.header.irradiance_coefficients(set, &asked.rig),
+                        None,
                     ),
-                    None => (self.sky.light(shown, &asked.rig, &mut changed), shown.header.coefficients(&asked.rig)),
+                    None => {
+                        let coefficients = shown.coefficients(&asked.rig, light.as_ref());
+                        (self.sky.light(shown, &asked.rig, &mut changed), coefficients, light.map(|light| light.direct))
+                    }
                 };
-                self.ask(ctx, frame, &coefficients, changed, &asked);
+                self.ask(ctx, frame, (&coefficients, layer.as_ref()), changed, &asked);
                 self.asked = Some(asked);
             }
         }
         problem.map_or(Ok(()), Err)
     }
 
-    fn ask(&mut self, ctx: &Context, frame: Frame, coefficients: &[Vec<[f32; 3]>], changed: Changed, asked: &Asked) {
+    fn ask(
+        &mut self,
+        ctx: &Context,
+        frame: Frame,
+        (coefficients, layer): (&[Vec<[f32; 3]>], Option<&Arc<Radiance>>),
+        changed: Changed,
+        asked: &Asked,
+    ) {
         let mut wanted = Wanted::Picture;
         if self.uses_gpu() {
-            match self.paint(ctx, &frame, changed.clone(), coefficients, asked) {
+            match self.paint(ctx, &frame, changed.clone(), (coefficients, layer), asked) {
                 Ok(()) => wanted = Wanted::Metering,
                 Err(_) => self.gpu_failed = true,
             }
         }
         // With all of it fixed there is nothing to meter while the graphics device paints.
         if wanted == Wanted::Picture || asked.display.meters() || !changed.is_empty() {
-            let coefficients = coefficients.to_vec();
+            let (coefficients, layer) = (coefficients.to_vec(), layer.cloned());
             self.n_orders += 1;
             let (display, serial) = (asked.display, self.n_orders);
-            self.worker.order(Order { frame, changed, coefficients, display, wanted, serial });
+            self.worker.order(Order { frame, changed, coefficients, layer, display, wanted, serial });
         }
     }
 
@@ -208,14 +235,14 @@ impl Follower {
         ctx: &Context,
         frame: &Frame,
         changed: Changed,
-        coefficients: &[Vec<[f32; 3]>],
+        light: (&[Vec<[f32; 3]>], Option<&Arc<Radiance>>),
         asked: &Asked,
     ) -> Result<(), clerestory_relight::RelightError> {
         let Some(gpu) = &mut self.gpu else { return Ok(()) };
         let started = std::time::Instant::now();
         let display = asked.display.as_metered(&self.shown);
         let now = ctx.input(|input| input.time);
-        let texture = gpu.show(frame, changed, coefficients, &display, now)?;
+        let texture = gpu.show(frame, changed, light, &display, now)?;
         self.gpu_picture = Some((texture, [frame.width, frame.height]));
         if gpu.has_waiting() {
             ctx.request_repaint_after(std::time::Duration::from_millis(450));
@@ -259,6 +286,11 @@ impl Asked {
     fn irradiance(&self, shown: &Shown) -> Option<usize> {
         self.display.quantity().filter(|quantity| *quantity == Quantity::Illuminance).and(shown.pixel_irradiance())
     }
+}
+
+/// Whether the light of lamps is that of the picture that is shown.
+fn is_as_large(light: &LampLight, shown: &Shown) -> bool {
+    (light.direct.width, light.direct.height) == (shown.header.width, shown.header.height)
 }
 
 /// The display of a look, without the false color of what was not baked.

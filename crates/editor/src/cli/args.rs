@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_nystrom::rivals::{Method, UnknownMethod};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::patches::MOST_PATCHES;
 use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
@@ -35,7 +36,8 @@ const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport 
     or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75\n         \
     or: clerestory bake --images stage/ -o face.transport --tolerance 45";
 const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights\n         \
-    or: clerestory relight room.transport -o lux.exr --layers irradiance";
+    or: clerestory relight room.transport -o lux.exr --layers irradiance\n         \
+    or: clerestory relight room.transport --look lamps.look --scene room.glb -o lamps.exr";
 const SENSORS_EXAMPLE: &str = "Example: clerestory sensors room.transport --look evening.look -o evening.csv";
 const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128\n         \
     or: clerestory render room.glb --ies Downlight=maker/downlight.ies -o measured.png";
@@ -158,6 +160,10 @@ pub struct BakeOptions {
     /// Follow the light between surfaces from every sample, without bias (the default).
     #[arg(long)]
     pub exact: bool,
+    /// Also bake how free lamps light the scene by way of its surfaces, told apart into about N patches (4096 will do, at most
+    /// 16384): lamps of a look can then be moved and added after the bake. 0 is none.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_PATCHES)))]
+    pub patches: u32,
     /// What makes factors of the samples: `projected` is our own, the others are there to be compared with, such as `svd`,
     /// `row-id`, `aca-full` or `alg4:qr`; a name that does not exist lists them all.
     #[arg(long, value_name = "NAME", default_value_t, value_parser = parse_method)]
@@ -168,7 +174,7 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 16] = [
+const OF_SCENES: [&str; 17] = [
     "scene",
     "camera",
     "size",
@@ -182,6 +188,7 @@ const OF_SCENES: [&str; 16] = [
     "sky_patches",
     "fast",
     "exact",
+    "patches",
     "irradiance",
     "sensors",
     "work_planes",
@@ -265,6 +272,9 @@ pub struct RelightOptions {
 pub struct RelightArgs {
     /// Transport file of an earlier bake.
     pub transport: PathBuf,
+    /// Scene that was baked: lamps of the look, which are free to be anywhere, light its surfaces.
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
     /// How to light.
     #[command(flatten)]
     pub options: RelightOptions,

@@ -126,6 +126,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         seed: options.view.seed,
         indirect: if options.fast { Indirect::Shared } else { Indirect::Traced },
         method: options.method,
+        patches: options.patches,
     };
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
 }

@@ -17,6 +17,7 @@ use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
 use super::interrupt::discarded;
+use super::lamps::{self, LampLight};
 use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, LightLayer, Picture};
 use crate::look::Look;
@@ -27,25 +28,32 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     let target = Target::new(&args.options, console)?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
-    target.finish(&bake, &args.options, console)
+    warn_of_unknown_lights(&bake.header.basis, &target.look, console);
+    let paths = (args.options.look.as_deref(), args.scene.as_deref());
+    let lamps = LampLight::of(&bake, &target.look, paths, console)?;
+    target.finish(&bake, lamps.as_ref(), &args.options, console)
 }
 
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
     let scene = [("scene", args.scene.as_path())];
     spare_inputs(&args.relight.output, scene.into_iter().chain(inputs_of(&args.bake.view)))?;
     let interrupt = console.interrupt.heeded()?;
-    let target = Target::new(&args.relight, console)?;
+    let mut target = Target::new(&args.relight, console)?;
     let kept = || discarded(&target.place);
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
-    let view = interrupt
+    let mut view = interrupt
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.bake.view, sky.as_ref(), console))?;
+    warn_of_unknown_lights(&view.scene.lighting.basis, &target.look, console);
+    // Nothing is kept of this bake, so that its lamps need not be movable.
+    lamps::install(&mut view, &target.look, args.relight.look.as_deref(), console)?;
+    target.look.lights.lamps.clear();
     let asked = args.relight.layers == Layers::Irradiance || target.look.shows_irradiance(target.format);
     let irradiance = if asked { vec![IrradianceRows::Pixels] } else { Vec::new() };
     let job = BakeJob { irradiance, ..job(view, &args.bake, Passes::FinalOnly) };
     let (bake, times) = run_with_progress(console, &args.bake, &kept, |on_event| job.run(on_event))
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
     let mut answer = baked(&bake, times, &args.bake, console)?;
-    let relit = target.finish(&bake, &args.relight, console)?;
+    let relit = target.finish(&bake, None, &args.relight, console)?;
     merge(&mut answer.json, relit.json);
     answer.words = format!("{}\n{}", answer.words, relit.words);
     Ok(answer)
@@ -71,19 +79,36 @@ impl Target {
         Ok(Target { format, place, look, gpu: open_gpu(options.device)? })
     }
 
-    fn finish(self, bake: &Bake, options: &RelightOptions, console: &mut Console) -> Result<Answer> {
-        warn_of_unknown_lights(&bake.header.basis, &self.look, console);
+    fn finish(
+        self,
+        bake: &Bake,
+        lamps: Option<&LampLight>,
+        options: &RelightOptions,
+        console: &mut Console,
+    ) -> Result<Answer> {
         let asked = options.layers == Layers::Irradiance || self.look.shows_irradiance(self.format);
         let irradiance = if asked { Some(seen_irradiance(bake, &self.look.lights)?) } else { None };
         let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu)?;
-        let coefficients = bake.header.coefficients(&self.look.lights);
+        let mut coefficients = bake.header.coefficients(&self.look.lights);
+        if let Some(lamps) = lamps {
+            fill_patches(bake, &mut coefficients, lamps.coefficients(bake));
+        }
         let begun = Instant::now();
-        let radiance = relighter.relight(&coefficients)?;
+        let mut radiance = relighter.relight(&coefficients)?;
         let relight_secs = begun.elapsed().as_secs_f64();
-        let layers = match options.layers {
+        let mut layers = match options.layers {
             Layers::None | Layers::Irradiance => Vec::new(),
             Layers::Lights => relighter.layers(bake, &coefficients)?,
         };
+        if let Some(lamps) = lamps {
+            add(&mut radiance, &lamps.direct());
+            if options.layers == Layers::Lights {
+                layers.extend(relighter.lamp_layers(bake, lamps)?);
+            }
+            if irradiance.is_some() {
+                console.warn("the irradiance does not count the look's lamps; render the look from its scene for that");
+            }
+        }
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look: &self.look };
         let shown = picture.write(self.place, self.format)?;
@@ -103,6 +128,19 @@ impl Target {
         });
         merge(&mut json, relighter.json());
         Ok(Answer { json, words })
+    }
+}
+
+/// Puts the coefficients of patches into their place, the last group; there is none without patches.
+fn fill_patches(bake: &Bake, coefficients: &mut [Vec<[f32; 3]>], of_patches: Vec<[f32; 3]>) {
+    if let (Some(last), true) = (coefficients.last_mut(), bake.header.patches.is_some()) {
+        *last = of_patches;
+    }
+}
+
+fn add(radiance: &mut Radiance, more: &Radiance) {
+    for (pixel, more) in radiance.pixels.iter_mut().zip(&more.pixels) {
+        (0..3).for_each(|c| pixel[c] += more[c]);
     }
 }
 
@@ -194,6 +232,20 @@ impl Relighter {
         };
         let sources = basis.sources.iter();
         sources.map(|s| Ok(LightLayer { key: s.key.clone(), radiance: self.relight(&alone(&s.columns))? })).collect()
+    }
+
+    /// What each lamp of the look adds.
+    fn lamp_layers(&mut self, bake: &Bake, lamps: &LampLight) -> Result<Vec<LightLayer>> {
+        let dark: Vec<Vec<[f32; 3]>> =
+            bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
+        let layer = |(key, direct, of_patches): (&str, Radiance, Vec<[f32; 3]>)| {
+            let mut coefficients = dark.clone();
+            fill_patches(bake, &mut coefficients, of_patches);
+            let mut radiance = self.relight(&coefficients)?;
+            add(&mut radiance, &direct);
+            Ok(LightLayer { key: key.to_owned(), radiance })
+        };
+        lamps.layers(bake).map(layer).collect()
     }
 
     fn words(&self) -> String {

@@ -13,6 +13,7 @@ use serde_json::json;
 use super::args::TraceArgs;
 use super::console::{Answer, Console, advance, duration_words};
 use super::interrupt::discarded;
+use super::lamps;
 use super::view::{inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, Picture};
 use crate::output::{PendingFile, spare_inputs};
@@ -29,11 +30,11 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
         bail!("trace measures no light that arrives, which the look shows in false color; use `clerestory render`");
     }
     let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
-    let view = interrupt
+    let mut view = interrupt
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.view, sky.as_ref(), console))?;
-    let basis = &view.scene.lighting.basis;
-    warn_of_unknown_lights(basis, &look, console);
-    let coefficients = basis.project(&look.lights);
+    warn_of_unknown_lights(&view.scene.lighting.basis, &look, console);
+    lamps::install(&mut view, &look, args.look.as_deref(), console)?;
+    let coefficients = view.scene.lighting.basis.project(&look.lights);
 
     let config = TraceConfig { spp: args.view.spp, bounces: args.view.bounces, seed: args.view.seed };
     let begun = Instant::now();

@@ -59,12 +59,12 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
-    reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "display"]);
+    reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "lamps", "display"]);
     let lights = LightRig {
         lights: reader.entries(document, "lights", |reader, value| reader.setting(value))?,
         panels: reader.entries(document, "panels", |reader, value| reader.spots(value))?,
         sky: reader.optional(document, "sky", |reader, value| reader.sky(value))?,
-        lamps: Vec::new(),
+        lamps: reader.optional(document, "lamps", |reader, value| reader.lamps(value))?.unwrap_or_default(),
     };
     let display = match document.get("display") {
         Some(value) => reader.part("display", |reader| reader.display(value))?.unwrap_or_default(),
@@ -76,9 +76,9 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
 /// Refuses what a newer program wrote, and what is no look at all.
 fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<()> {
     let Some(version) = document.get("clerestory") else {
-        if !document.is_empty() && !["lights", "panels", "sky", "display"].iter().any(|key| document.contains_key(*key))
-        {
-            bail!("it is no look: it has none of `clerestory`, `lights`, `panels`, `sky`, `display`");
+        let known = ["lights", "panels", "sky", "lamps", "display"];
+        if !document.is_empty() && !known.iter().any(|key| document.contains_key(*key)) {
+            bail!("it is no look: it has none of `clerestory`, `{}`", known.join("`, `"));
         }
         reader.warnings.push(format!("the look does not say `\"clerestory\": {LOOK_VERSION}`; read as that version"));
         return Ok(());
@@ -107,7 +107,11 @@ impl Reader<'_> {
     }
 
     /// The same; `None` where a fault was left out.
-    fn part<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<Option<T>> {
+    pub(super) fn part<T>(
+        &mut self,
+        step: impl Into<Step>,
+        read: impl FnOnce(&mut Reader) -> Result<T>,
+    ) -> Result<Option<T>> {
         match (self.at(step, read), self.on_fault) {
             (Err(error), OnFault::LeaveOut) => {
                 self.warnings.push(format!("{error:#}; it is left out"));
@@ -126,7 +130,7 @@ impl Reader<'_> {
         value.as_object().ok_or_else(|| anyhow!("`{}` must be an object {{…}}", self.name()))
     }
 
-    fn array<'v>(&self, value: &'v Value) -> Result<&'v Vec<Value>> {
+    pub(super) fn array<'v>(&self, value: &'v Value) -> Result<&'v Vec<Value>> {
         value.as_array().ok_or_else(|| anyhow!("`{}` must be a list […]", self.name()))
     }
 
@@ -196,6 +200,11 @@ impl Reader<'_> {
     fn setting(&mut self, value: &Value) -> Result<LightSetting> {
         let object = self.object(value)?;
         self.report_unknown(object, &["intensity", "color", "kelvin", "muted"]);
+        self.setting_members(object)
+    }
+
+    /// What is set of a lamp, among other members.
+    pub(super) fn setting_members(&mut self, object: &Map<String, Value>) -> Result<LightSetting> {
         Ok(LightSetting {
             intensity: self.optional(object, "intensity", |r, v| r.number(v, &INTENSITY))?.unwrap_or(1.0),
             color: self.optional(object, "color", |r, v| r.numbers(v, &CHANNEL))?,

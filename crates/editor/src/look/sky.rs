@@ -130,7 +130,7 @@ impl Reader<'_> {
         Ok(time)
     }
 
-    fn text(&self, value: &Value) -> Result<String> {
+    pub(super) fn text(&self, value: &Value) -> Result<String> {
         let text = value.as_str().ok_or_else(|| anyhow!("`{}` must be a text, not {value}", self.name()))?;
         Ok(text.to_string())
     }

@@ -22,6 +22,10 @@ pub(super) fn json(look: &Look) -> String {
     if !sky.is_empty() {
         members.push(format!("  \"sky\": {{ {} }}", sky.join(", ")));
     }
+    let lamps: Vec<String> = look.lights.lamps.iter().map(|lamp| format!("    {}", super::lamps::json(lamp))).collect();
+    if !lamps.is_empty() {
+        members.push(format!("  \"lamps\": [\n{}\n  ]", lamps.join(",\n")));
+    }
     let display = super::display::members(&look.display);
     if !display.is_empty() {
         members.push(format!("  \"display\": {{ {} }}", display.join(", ")));
@@ -39,13 +43,18 @@ pub(super) fn member(name: &str, of: &(impl Serialize + ?Sized)) -> String {
 }
 
 fn setting(setting: &LightSetting) -> String {
+    format!("{{ {} }}", setting_members(setting).join(", "))
+}
+
+/// The members that differ from what the lamp has.
+pub(super) fn setting_members(setting: &LightSetting) -> Vec<String> {
     let members = [
         (setting.intensity != 1.0).then(|| member("intensity", &setting.intensity)),
         setting.color.map(|color| member("color", &color)),
         setting.kelvin.map(|kelvin| member("kelvin", &kelvin)),
         setting.muted.then(|| member("muted", &true)),
     ];
-    format!("{{ {} }}", members.into_iter().flatten().collect::<Vec<_>>().join(", "))
+    members.into_iter().flatten().collect()
 }
 
 fn spots(spots: &[PanelSpot]) -> String {

@@ -46,7 +46,11 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
                 }
             }
             Tint { .. } => {
-                ui.label(egui::RichText::new("The color that the scene gives it").weak());
+                let words = match kelvin_choice {
+                    KelvinChoice::OfferedOnWhite => "White, luminance alone",
+                    _ => "The color that the scene gives it",
+                };
+                ui.label(egui::RichText::new(words).weak());
             }
         }
     });
@@ -58,13 +62,16 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
 pub enum KelvinChoice {
     /// It can.
     Offered,
+    /// It can; what is not tinted is white.
+    OfferedOnWhite,
     /// Only colors.
     Hidden,
 }
 
 fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoice) {
     ui.horizontal(|ui| {
-        if ui.selectable_label(*tint == Tint::default(), "From file").clicked() {
+        let untinted = if kelvin_choice == KelvinChoice::OfferedOnWhite { "White" } else { "From file" };
+        if ui.selectable_label(*tint == Tint::default(), untinted).clicked() {
             *tint = Tint::default();
         }
         let is_color = tint.color.is_some() && tint.kelvin.is_none();
@@ -72,7 +79,7 @@ fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoic
             let color = tint.color.unwrap_or((shown / shown.max_element().max(1e-6)).to_array());
             *tint = Tint { color: Some(color), kelvin: None };
         }
-        let offered = kelvin_choice == KelvinChoice::Offered;
+        let offered = kelvin_choice != KelvinChoice::Hidden;
         if offered && ui.selectable_label(tint.kelvin.is_some(), "Kelvin").clicked() && tint.kelvin.is_none() {
             tint.kelvin = Some(3000.0);
         }

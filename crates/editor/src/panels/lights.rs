@@ -9,6 +9,7 @@ use eframe::egui::{
 };
 
 use super::color::{KelvinChoice, Tint, tint_ui};
+use super::lamps::{LampChoice, LampState, add_button, lamps_ui, missing_ui};
 use super::spots::spots_ui;
 use crate::action::Action;
 use crate::look::Look;
@@ -23,6 +24,8 @@ pub struct LightsState {
     pub solo: BTreeSet<String>,
     /// Panel and spot that were touched last.
     pub spot: Option<(String, usize)>,
+    /// The free lamps.
+    pub lamps: LampState,
 }
 
 /// Lists up to this long need no filter.
@@ -37,8 +40,9 @@ const INTENSITY_MAX: f32 = 1e6;
 /// The lights as they are seen: while any is soloed, all others are dark.
 pub fn heard(basis: &LightBasis, rig: &LightRig, solo: &BTreeSet<String>) -> LightRig {
     let mut rig = rig.clone();
-    if basis.sources.iter().any(|source| solo.contains(&source.key)) {
-        for source in basis.sources.iter().filter(|source| !solo.contains(&source.key)) {
+    let is_solo = |key: &str| solo.contains(key);
+    if basis.sources.iter().any(|source| is_solo(&source.key)) || rig.lamps.iter().any(|lamp| is_solo(&lamp.key)) {
+        for source in basis.sources.iter().filter(|source| !is_solo(&source.key)) {
             rig.lights.entry(source.key.clone()).or_default().muted = true;
         }
         for key in solo {
@@ -46,15 +50,25 @@ pub fn heard(basis: &LightBasis, rig: &LightRig, solo: &BTreeSet<String>) -> Lig
                 setting.muted = false;
             }
         }
+        for lamp in &mut rig.lamps {
+            lamp.setting.muted = !is_solo(&lamp.key);
+        }
     }
     rig
 }
 
 /// Draws the list.
-pub fn lights_ui(ui: &mut Ui, basis: &LightBasis, look: &mut Look, state: &mut LightsState, actions: &mut Vec<Action>) {
+pub fn lights_ui(
+    ui: &mut Ui,
+    basis: &LightBasis,
+    look: &mut Look,
+    state: &mut LightsState,
+    lamps: &LampChoice,
+    actions: &mut Vec<Action>,
+) {
     let sources: Vec<&LightSource> = basis.sources.iter().filter(|s| s.kind != SourceKind::Constant).collect();
-    heading_ui(ui, state);
-    if sources.len() > FILTER_FROM {
+    heading_ui(ui, state, lamps, actions);
+    if sources.len() + look.lights.lamps.len() > FILTER_FROM {
         let edit = TextEdit::singleline(&mut state.filter).hint_text("Filter by name").desired_width(f32::INFINITY);
         ui.add(edit).accessible_name("Filter lights");
     } else {
@@ -62,7 +76,10 @@ pub fn lights_ui(ui: &mut Ui, basis: &LightBasis, look: &mut Look, state: &mut L
     }
     let filter = state.filter.to_lowercase();
     ScrollArea::vertical().id_salt("lights").auto_shrink([false, false]).show(ui, |ui| {
-        let mut n_listed = 0;
+        missing_ui(ui, lamps, actions);
+        let is_taken = |key: &str| basis.source(key).is_some();
+        let remembered = (&mut state.lamps, &mut state.solo);
+        let mut n_listed = lamps_ui(ui, &mut look.lights, remembered, (&is_taken, &filter), actions);
         for source in sources.iter().filter(|s| s.key.to_lowercase().contains(&filter)) {
             light_ui(ui, source, look, state, actions);
             n_listed += 1;
@@ -79,11 +96,12 @@ pub fn lights_ui(ui: &mut Ui, basis: &LightBasis, look: &mut Look, state: &mut L
 }
 
 /// The heading; while a light is soloed it says so, beside the title, so that no row moves under the pointer.
-fn heading_ui(ui: &mut Ui, state: &mut LightsState) {
+fn heading_ui(ui: &mut Ui, state: &mut LightsState, lamps: &LampChoice, actions: &mut Vec<Action>) {
     ui.add_space(4.0);
     ui.horizontal(|ui| {
         ui.label(RichText::new("Lights").heading().strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            add_button(ui, lamps, actions);
             if state.solo.is_empty() {
                 return;
             }
@@ -126,7 +144,7 @@ fn store(rig: &mut LightRig, key: &str, setting: LightSetting) {
     }
 }
 
-fn mute_and_solo_ui(ui: &mut Ui, key: &str, setting: &mut LightSetting, solo: &mut BTreeSet<String>) {
+pub(super) fn mute_and_solo_ui(ui: &mut Ui, key: &str, setting: &mut LightSetting, solo: &mut BTreeSet<String>) {
     let is_solo = solo.contains(key);
     if letter_ui(ui, "S", is_solo, theme::ACCENT).accessible_name(format!("Solo {key}")).on_hover_text("Solo").clicked()
     {
@@ -192,6 +210,12 @@ fn name_ui(
         reset |= ui.button("Reset").clicked();
         if ui.button("Solo this alone").clicked() {
             state.solo = BTreeSet::from([key.clone()]);
+        }
+        let is_punctual = matches!(source.kind, SourceKind::Point | SourceKind::Spot | SourceKind::Directional);
+        let hint = "Mutes it, and puts a free lamp of the same light in its place";
+        if is_punctual && ui.button("Make movable").on_hover_text(hint).clicked() {
+            actions.push(Action::MakeMovable(key.clone()));
+            ui.close();
         }
         if source.kind == SourceKind::Emitter {
             ui.menu_button("Make it a panel", |ui| panel_menu(ui, key, actions));

@@ -20,6 +20,10 @@ const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(
 const EXPORT: KeyboardShortcut = command(Key::E);
 const BAKE: KeyboardShortcut = command(Key::B);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
+const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
+const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
+const DUPLICATE: KeyboardShortcut = command(Key::D);
+const AIM: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::A);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 const HELP_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Questionmark);
 
@@ -45,6 +49,10 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&UNDO, Action::Undo);
     take(&REDO_TOO, Action::Redo);
     take(&FIT, Action::FitPicture);
+    take(&DELETE, Action::DeleteLamp);
+    take(&DELETE_TOO, Action::DeleteLamp);
+    take(&DUPLICATE, Action::DuplicateLamp);
+    take(&AIM, Action::AimLamp);
     take(&HELP_TOO, Action::ToggleShortcuts);
 }
 
@@ -83,6 +91,14 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Middle drag, Space + drag"), "Move the picture"),
         (words("Drag on a panel in the picture"), "Place or move a spot of light"),
         (words("Double-click on a panel"), "Add a spot"),
+        (words("Click on a lamp"), "Choose it, show its handles"),
+        (words("Drag an arrow or a square"), "Move the lamp along an axis or across it"),
+        (words("Drag the lamp, Alt + drag"), "Move it over surfaces, or freely"),
+        (words("Shift while dragging a lamp"), "Finer steps"),
+        (words("Esc while dragging a lamp"), "Put it back"),
+        (words("A, then click; Ctrl + click"), "Aim the lamp at what is clicked"),
+        (keys(&DUPLICATE), "Duplicate the lamp"),
+        (words("Del"), "Delete the lamp"),
         (words("Double-click on a name"), "Reset the light"),
         (words("Right-click on a name"), "More about the light"),
         (words("Shift while dragging a number"), "Finer steps"),

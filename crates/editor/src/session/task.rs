@@ -1,7 +1,7 @@
 //! Threads with a number, a stop flag and one channel to the window.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
@@ -12,13 +12,14 @@ use anyhow::{Context, Result};
 use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::archive;
 use clerestory_transport::bake::stack::StackJob;
-use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeJob};
+use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob};
 use clerestory_transport::emitters::LightingError;
 use clerestory_transport::import::{self, stack::ImageStack};
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{PunctualLight, Scene};
 
+use super::lamps::LampLight;
 use super::{Chosen, Wake};
 use crate::bake_cache::{BakeCache, Found};
 use crate::headless::GALLERY;
@@ -94,6 +95,8 @@ pub(super) enum Fact {
     Remarks(Vec<String>),
     /// The bake ended; with nothing if it was stopped.
     BakeEnded(Result<Option<Bake>, String>),
+    /// The scene of a bake that was opened, or why it cannot be had.
+    SceneFound(Result<Box<PreparedScene>, String>),
     /// The bake that was asked for is there already.
     Found(Box<Bake>),
     /// A file was written, or why not.
@@ -200,6 +203,23 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
     Ok(Loaded::Scene { scene: Box::new(scene), report })
 }
 
+/// The scene of a bake from a file: what is not baked needs its surfaces.
+pub(super) fn scene_of(header: &BakeHeader, path: &Path) -> Result<Box<PreparedScene>> {
+    anyhow::ensure!(path.is_file(), "{} is not there", path.display());
+    let mut scene = import::load(path)?.scene;
+    let camera = scene.cameras.iter().find(|camera| camera.name == header.camera).cloned();
+    let is_it = |scene: &Scene| camera.as_ref().is_some_and(|camera| header.is_of(scene, camera));
+    if !is_it(&scene) {
+        assume_unitless(&mut scene);
+    }
+    anyhow::ensure!(
+        is_it(&scene),
+        "{} is another scene than was baked, or has changed since; bake it again",
+        path.display()
+    );
+    Ok(Box::new(PreparedScene::new(scene, &[]).context("its lights cannot be used")?.0))
+}
+
 /// The same scene with its lamps as the file has them, changed by what was chosen.
 pub(super) fn prepare_again(
     scene: &Scene,
@@ -265,8 +285,14 @@ fn beside_the_window(bake: impl FnOnce() -> Result<Option<Bake>, BakeError> + Se
 }
 
 /// One picture, for a file.
-pub(super) fn relight_once(frame: &Frame, coefficients: &[Vec<[f32; 3]>]) -> Result<Radiance> {
+pub(super) fn relight_once(
+    frame: &Frame,
+    coefficients: &[Vec<[f32; 3]>],
+    light: Option<&LampLight>,
+) -> Result<Radiance> {
     let mut radiance = Radiance::default();
-    CpuRelighter::new(frame)?.relight(coefficients, &mut radiance)?;
+    let mut relighter = CpuRelighter::new(frame)?;
+    relighter.set_layer(light.map(|light| &light.direct))?;
+    relighter.relight(coefficients, &mut radiance)?;
     Ok(radiance)
 }

@@ -30,6 +30,8 @@ pub struct Order {
     pub changed: Changed,
     /// One RGB triple per column and group.
     pub coefficients: Vec<Vec<[f32; 3]>>,
+    /// Added to the picture: the direct light of free lamps.
+    pub layer: Option<Arc<Radiance>>,
     /// How it is shown.
     pub display: Display,
     /// What for.
@@ -155,6 +157,7 @@ fn relight(
         }
         (slot, _) => slot.insert(CpuRelighter::new(&order.frame)?),
     };
+    relighter.set_layer(order.layer.as_ref())?;
     relighter.relight(&order.coefficients, radiance)?;
     let display = metered(&order.display, &order.frame, radiance);
     let image = (order.wanted == Wanted::Picture).then(|| {
@@ -208,6 +211,7 @@ mod tests {
             frame: frame.clone(),
             changed: Changed::All,
             coefficients: coefficients(1.0),
+            layer: None,
             display: Display::default(),
             wanted: Wanted::Picture,
             serial: 1,

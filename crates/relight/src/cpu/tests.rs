@@ -208,3 +208,41 @@ fn wrong_input_is_refused_in_words() {
     frame.groups[0].bundle_len = 1;
     assert!(matches!(CpuRelighter::new(&frame), Err(RelightError::Frame(_))));
 }
+
+#[test]
+fn a_layer_is_added_to_every_picture_until_it_is_taken_away() {
+    let recipe = Recipe { n_cols: vec![19, 1], tile: 5, ..Recipe::default() };
+    let (frame, x) = (recipe.frame(), recipe.coefficients(3));
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let plain = relit(&mut relighter, &x);
+    let pixels: Vec<[f32; 3]> = (0..plain.len()).map(|i| [i as f32, 0.5, -2.0 * i as f32]).collect();
+    let layer = Arc::new(Radiance { width: frame.width, height: frame.height, pixels });
+    let sums = |plain: &[[f32; 3]]| -> Vec<[f32; 3]> {
+        let sum = |(a, b): (&[f32; 3], &[f32; 3])| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+        plain.iter().zip(&layer.pixels).map(sum).collect()
+    };
+    relighter.set_layer(Some(&layer)).unwrap();
+    assert_eq!(relit(&mut relighter, &x), sums(&plain));
+    assert_eq!(relighter.stats().n_expanded, 0, "a layer reads no factor");
+    let dark: Vec<_> = x.iter().map(|x| vec![[0.0; 3]; x.len()]).collect();
+    assert_eq!(relit(&mut relighter, &dark), layer.pixels);
+    relighter.set_layer(None).unwrap();
+    assert_eq!(relit(&mut relighter, &x), plain);
+}
+
+#[test]
+fn a_layer_that_does_not_fit_is_refused_and_the_one_before_stays() {
+    let recipe = Recipe::default();
+    let (frame, x) = (recipe.frame(), recipe.coefficients(1));
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut layer = Radiance::new(frame.width, frame.height);
+    layer.pixels[3] = [1.0; 3];
+    relighter.set_layer(Some(&Arc::new(layer.clone()))).unwrap();
+    let before = relit(&mut relighter, &x);
+    layer.pixels[7][1] = f32::NAN;
+    let error = relighter.set_layer(Some(&Arc::new(layer)));
+    assert_eq!(error, Err(RelightError::LayerNotFinite { pixel: 7 }));
+    let error = relighter.set_layer(Some(&Arc::new(Radiance::new(frame.width + 1, frame.height))));
+    assert!(matches!(error, Err(RelightError::LayerSize { .. })), "{error:?}");
+    assert_eq!(relit(&mut relighter, &x), before);
+}

@@ -17,6 +17,8 @@ pub(super) struct Output {
     pub view: wgpu::TextureView,
     pub display_params: wgpu::Buffer,
     pub display: wgpu::BindGroup,
+    /// Red, green and blue of a layer; smaller until there is the first one.
+    layer: wgpu::Buffer,
 }
 
 impl Output {
@@ -38,14 +40,37 @@ impl Output {
         });
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let display_params = uniform(gpu, "display", size_of::<Display>());
-        let resources = [
-            display_params.as_entire_binding(),
-            radiance.as_entire_binding(),
-            wgpu::BindingResource::TextureView(&view),
-        ];
-        let display = bind(gpu, &stages.display, 0, &resources);
-        Self { radiance, settled, texture, view, display_params, display }
+        let layer = storage(gpu, "layer", size_of::<f32>() as u64, wgpu::BufferUsages::COPY_DST);
+        let display = bind_display(gpu, stages, &display_params, &radiance, &view, &layer);
+        Self { radiance, settled, texture, view, display_params, display, layer }
     }
+
+    /// Uploads a layer; the display takes it from then on.
+    pub(super) fn write_layer(&mut self, gpu: &Gpu, stages: &Stages, pixels: &[[f32; 3]]) {
+        let bytes: &[u8] = bytemuck::cast_slice(pixels);
+        if self.layer.size() < bytes.len() as u64 {
+            self.layer = storage(gpu, "layer", bytes.len() as u64, wgpu::BufferUsages::COPY_DST);
+            self.display = bind_display(gpu, stages, &self.display_params, &self.radiance, &self.view, &self.layer);
+        }
+        gpu.queue.write_buffer(&self.layer, 0, bytes);
+    }
+}
+
+fn bind_display(
+    gpu: &Gpu,
+    stages: &Stages,
+    params: &wgpu::Buffer,
+    radiance: &wgpu::Buffer,
+    view: &wgpu::TextureView,
+    layer: &wgpu::Buffer,
+) -> wgpu::BindGroup {
+    let resources = [
+        params.as_entire_binding(),
+        radiance.as_entire_binding(),
+        wgpu::BindingResource::TextureView(view),
+        layer.as_entire_binding(),
+    ];
+    bind(gpu, &stages.display, 0, &resources)
 }
 
 pub(super) fn radiance_bytes(frame: &Frame) -> u64 {

@@ -3,6 +3,8 @@
 //! While one group moves, the others are summed once and kept; on top of that sum only those blocks of the moving group are
 //! expanded whose `z` moved. Where nothing changed nothing is submitted.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::chunk::ChunkLimits;
@@ -12,8 +14,8 @@ use super::stages::Stages;
 use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::gpu::Gpu;
-use crate::layout::{Display, ExpandMode};
-use crate::relight::{Relight, RelightError, RelightStats, check_coefficients};
+use crate::layout::{Display, ExpandMode, Layered};
+use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_same_layer};
 
 /// Relights on a device.
 #[derive(Debug)]
@@ -30,6 +32,8 @@ pub struct GpuRelighter {
     moving: Option<usize>,
     /// How the texture shows the radiance; none where it shows an older one.
     shown: Option<DisplayParams>,
+    /// Added to every picture: on the device by display, to radiance that is read back on the CPU.
+    layer: Option<Arc<Radiance>>,
     stats: RelightStats,
 }
 
@@ -70,6 +74,7 @@ impl GpuRelighter {
                 state: OutputState::Stale,
                 moving: None,
                 shown: None,
+                layer: None,
                 stats: RelightStats::default(),
             })
         })
@@ -184,7 +189,8 @@ impl GpuRelighter {
     }
 
     fn record_display(&mut self, encoder: &mut wgpu::CommandEncoder, display: &DisplayParams) {
-        let params = Display::new(self.frame.width, self.frame.height, display);
+        let layered = if self.layer.is_some() { Layered::Yes } else { Layered::No };
+        let params = Display::new(self.frame.width, self.frame.height, display, layered);
         self.gpu.queue.write_buffer(&self.output.display_params, 0, bytemuck::bytes_of(&params));
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&self.stages.display);
@@ -258,6 +264,26 @@ impl Relight for GpuRelighter {
             let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(texel);
             *rgb = [r, g, b];
         });
+        if let Some(layer) = &self.layer {
+            let sums = out.pixels.as_flattened_mut().par_iter_mut().zip(layer.pixels.as_flattened());
+            sums.for_each(|(sum, added)| *sum += added);
+        }
+        Ok(())
+    }
+
+    fn set_layer(&mut self, layer: Option<&Arc<Radiance>>) -> Result<(), RelightError> {
+        if is_same_layer(layer, self.layer.as_ref()) {
+            return Ok(());
+        }
+        if let Some(layer) = layer {
+            check_layer(&self.frame, layer)?;
+            let gpu = self.gpu.clone();
+            gpu.guarded(|| {
+                self.output.write_layer(&gpu, &self.stages, &layer.pixels);
+                Ok(())
+            })?;
+        }
+        (self.layer, self.shown) = (layer.cloned(), None);
         Ok(())
     }
 

@@ -205,3 +205,37 @@ fn a_lost_device_is_an_error() {
     let lost = relighter.relight(&recipe.coefficients(1), &mut Radiance::default());
     assert!(matches!(lost, Err(RelightError::Device(_))), "{lost:?}");
 }
+
+#[test]
+fn gpu_and_cpu_agree_on_a_layer_in_radiance_and_on_the_display() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { width: 37, height: 21, n_cols: vec![9, 3], ..Recipe::default() };
+    let (frame, x) = (recipe.frame(), recipe.coefficients(2));
+    let (mut cpu, mut device) = (CpuRelighter::new(&frame).unwrap(), GpuRelighter::new(&gpu, &frame).unwrap());
+    let layer = |seed: usize| {
+        let value = |i: usize| ((i * 7919 + seed * 104_729) % 1000) as f32 / 1000.0;
+        let pixels = (0..37 * 21).map(|i| [value(3 * i), value(3 * i + 1), value(3 * i + 2)]).collect();
+        std::sync::Arc::new(Radiance { width: 37, height: 21, pixels })
+    };
+    let display = DisplayParams { tone: Tone::Linear, exposure_ev: -1.0, ..DisplayParams::default() };
+    let (first, second) = (layer(1), layer(2));
+    for layer in [Some(&first), None, Some(&second), Some(&first)] {
+        cpu.set_layer(layer).unwrap();
+        device.set_layer(layer).unwrap();
+        let expected = relit(&mut cpu, &x);
+        let found = relit(&mut device, &x);
+        for (a, b) in found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened()) {
+            assert!((a - b).abs() <= 1e-3 * b.abs() + 1e-5, "{a} on the GPU, {b} on the CPU");
+        }
+        device.relight_to_texture(&x, &display).unwrap();
+        let bytes = device.read_texture().unwrap();
+        for (i, (a, b)) in bytes.iter().zip(encode(&expected, &display)).enumerate() {
+            assert!(a.abs_diff(b) <= 1, "byte {i}: {a} on the GPU, {b} on the CPU");
+        }
+        device.set_layer(layer).unwrap();
+        device.relight_to_texture(&x, &display).unwrap();
+        assert_eq!(device.stats().n_submitted, 0, "the same layer again is nothing new");
+    }
+    let wrong = std::sync::Arc::new(Radiance::new(3, 3));
+    assert!(matches!(device.set_layer(Some(&wrong)), Err(RelightError::LayerSize { .. })));
+}

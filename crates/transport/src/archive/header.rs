@@ -10,13 +10,16 @@ use clerestory_nystrom::codec::checksum;
 
 use super::{ArchiveError, VERSION, damaged};
 use crate::bake::BakeHeader;
-use crate::basis::{LightBasis, SourceKind};
+use crate::basis::{ColumnKind, LightBasis, SourceKind};
+use crate::patches::{self, Patches};
 use crate::sky::{DOME_DIVISIONS, Environment, dome_columns};
 
 /// Version of a file without irradiance, which older programs read.
 const PLAIN_VERSION: u32 = 2;
 /// Version of a file with irradiance whose blocks are not packed.
 const IRRADIANCE_VERSION: u32 = 3;
+/// Version of a file whose blocks are packed, without patches.
+const PACKED_VERSION: u32 = 4;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -45,7 +48,8 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks)
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
     let version = match blocks {
-        Blocks::Packed => VERSION,
+        Blocks::Packed if header.patches.is_some() => VERSION,
+        Blocks::Packed => PACKED_VERSION,
         Blocks::Plain if header.irradiance.is_empty() => PLAIN_VERSION,
         Blocks::Plain => IRRADIANCE_VERSION,
     };
@@ -57,6 +61,9 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks)
     bytes.extend(CHECKSUM_END);
     if let Some(sky) = &header.basis.sky {
         bytes.extend(sky.map.encode());
+    }
+    if let Some(patches) = &header.patches {
+        bytes.extend(patches::encode(patches));
     }
     bytes
 }
@@ -91,7 +98,13 @@ pub(super) fn parse_header(
         sky.map = Arc::new(map);
         offset += len;
     }
-    Ok((header, offset, if version == VERSION { Blocks::Packed } else { Blocks::Plain }))
+    if let Some(patches) = &mut header.patches {
+        let (found, len) =
+            patches::decode(patches, &bytes[offset..]).ok_or_else(|| damaged(path, "its patches".into()))?;
+        *patches = found;
+        offset += len;
+    }
+    Ok((header, offset, if version >= PACKED_VERSION { Blocks::Packed } else { Blocks::Plain }))
 }
 
 /// Whether the checksum at the end of the JSON fits; a header of a program that wrote none passes.
@@ -126,6 +139,10 @@ fn check(header: &BakeHeader) -> Result<(), &'static str> {
     if basis.sky.as_ref().is_some_and(|sky| !sky.is_finite()) {
         return Err("its header has an impossible sky");
     }
+    let patch_columns = basis.patch_columns().map(|columns| columns.len());
+    if patch_columns != header.patches.as_ref().map(Patches::n_columns) {
+        return Err("its header has patches without columns");
+    }
     header.check_irradiance()
 }
 
@@ -157,6 +174,10 @@ fn check_columns(basis: &LightBasis) -> Result<(), &'static str> {
         // An empty group would cost memory for each block and no byte of the file.
         if group.columns.start != next || group.columns.end <= next {
             return Err("its header has groups out of order");
+        }
+        let of_lights = basis.sources.last().map_or(0, |source| source.columns.end);
+        if (group.kind == ColumnKind::Patch) != (next >= of_lights) {
+            return Err("its header has columns without a light");
         }
         next = group.columns.end;
     }

@@ -217,7 +217,10 @@ fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
     let same_rows = found.irradiance.iter().map(|set| &set.rows).eq(asked.irradiance.iter().map(|set| &set.rows));
     let irradiance = if same_rows { found.irradiance.clone() } else { asked.irradiance.clone() };
     let spared = found.spared.clone();
-    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, spared, ..asked.clone() };
+    // Learned anew on another machine, patches may differ by rounding.
+    let same_patches = found.config.patches == asked.config.patches && found.basis == asked.basis;
+    let patches = if same_patches { found.patches.clone() } else { asked.patches.clone() };
+    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, patches, spared, ..asked.clone() };
     if *found == same_scale {
         return None;
     }

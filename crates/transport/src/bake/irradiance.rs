@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use clerestory_nystrom::{BlockFactors, compress};
 
 use super::clock::Clock;
+use super::patches::PatchBlocks;
 use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Run, from_the_center};
 use crate::irradiance::{IrradianceHeader, IrradianceRows};
 use crate::plan::{Density, MatrixPlan};
@@ -60,7 +61,7 @@ impl Run<'_> {
         let IrradianceHeader { rows, column_scale, .. } = &header.irradiance[set];
         let plan = header.irradiance_plan(job, set);
         let mut matrix = job.matrix(&plan, self.empty.clone()).of_irradiance(rows);
-        matrix.set_column_scale(column_scale.clone());
+        matrix.set_column_scale(job.own_scale(column_scale));
         let partition = header.partitions().swap_remove(1 + set);
         let there = &self.matrices[1 + set];
         let mut blocks = from_the_center(&partition);
@@ -68,7 +69,9 @@ impl Run<'_> {
 
         clock.start_pass(pass + 1 + set as u32, started.elapsed().as_secs_f32());
         let config = job.compress_config(samples, job.config.tolerance_db, column_scale);
-        let on_block = |block: u32, factors: Vec<BlockFactors>| {
+        let mut dark = PatchBlocks::dark(&header, &partition);
+        let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
+            factors.extend(dark.take(block));
             self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
         };
         Ok(compress(&matrix, &partition, &blocks, &config, on_block)?)

@@ -165,6 +165,7 @@ impl StackJob {
             sky_reach: Vec::new(),
             sharing_bias: None,
             irradiance: Vec::new(),
+            patches: None,
             skips: Skips::default(),
             spared: Spared::default(),
         }

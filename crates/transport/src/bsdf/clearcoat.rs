@@ -62,6 +62,14 @@ impl ClearCoat {
         (self.reflectance(self.wo.dot(wm)) * shadowed, quarter / (1.0 + self.lambda_o))
     }
 
+    /// The mirrored world direction and the share that it carries, if the coat is a mirror.
+    pub(super) fn delta(&self) -> Option<(Vec3, f32)> {
+        if self.facets.is_some() {
+            return None;
+        }
+        self.sample([0.0; 2]).and_then(|(wi, share)| Some((wi, share?)))
+    }
+
     /// A world direction, with the share that it reflects if the coat is a mirror.
     pub(super) fn sample(&self, u: [f32; 2]) -> Option<(Vec3, Option<f32>)> {
         let [x, y, z] = self.frame;

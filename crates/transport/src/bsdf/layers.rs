@@ -368,6 +368,17 @@ impl<F: Film> Layers<F> {
         }
     }
 
+    /// Local directions of the mirror and of clear transmission, each with the share of radiance that it carries.
+    pub(super) fn deltas(&self) -> [Option<(Vec3, Vec3)>; 2] {
+        let wo = self.wo;
+        let mirror = (self.choice.mirror > 0.0).then(|| (Vec3::new(-wo.x, -wo.y, wo.z), self.reflectance(wo.z)));
+        let clear = || match self.behind {
+            Behind::ThinWall => Some((-wo, self.transmittance(wo.z))),
+            Behind::Solid { eta } => Some((fresnel::refract(wo, Vec3::Z, eta)?, self.transmittance(wo.z) / (eta * eta))),
+        };
+        [mirror, if self.choice.clear > 0.0 { clear() } else { None }]
+    }
+
     fn sample_facet(&self, u_side: f32, u: [f32; 2]) -> Option<Vec3> {
         let wm = self.ggx.sample(self.wo, u);
         let cos_half = self.wo.dot(wm);

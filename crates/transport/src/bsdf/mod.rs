@@ -13,6 +13,7 @@
 //! Directions are unit vectors in world space that point away from the surface. Surfaces scatter on both sides.
 
 mod clearcoat;
+mod delta;
 mod energy;
 mod film;
 mod finish;
@@ -99,6 +100,19 @@ pub struct Parts {
     pub coat: Vec3,
     /// Density per solid angle with which [`Bsdf::sample_coat`] chooses the direction.
     pub coat_pdf: f32,
+}
+
+/// What a surface sends back towards its viewer per unit of the mean radiance that arrives.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shares {
+    /// Of all light: by the diffuse base, or by all lobes where each of them is broad.
+    pub base: Vec3,
+    /// By other rough lobes that reflect, as if they were broad.
+    pub narrow: Vec3,
+    /// By diffuse transmission, of what arrives on the other side.
+    pub behind: Vec3,
+    /// Whether `base` is all there is.
+    pub is_all: bool,
 }
 
 impl Bsdf {
@@ -267,6 +281,20 @@ impl Bsdf {
             Lobes::Stack(_) => false,
         };
         broad.then(|| self.albedo_estimate())
+    }
+
+    /// What is sent back of light whose direction is not known.
+    pub(crate) fn shares(&self) -> Shares {
+        if let Some(base) = self.broad_albedo() {
+            return Shares { base, narrow: Vec3::ZERO, behind: Vec3::ZERO, is_all: true };
+        }
+        let [narrow, behind] = match &self.lobes {
+            Lobes::None => [Vec3::ZERO; 2],
+            Lobes::Layers(layers) if layers.reflects_only() => [layers.albedo(Vec3::ZERO), Vec3::ZERO],
+            Lobes::Layers(_) => [Vec3::ZERO; 2],
+            Lobes::Stack(stack) => stack.shares(),
+        };
+        Shares { base: self.base_albedo(), narrow, behind, is_all: false }
     }
 
     fn sample_diffuse(&self, u: [f32; 2]) -> Option<BsdfSample> {

@@ -165,6 +165,17 @@ impl Stack {
         Some(Drawn { wi, transmitted: local.z < 0.0, delta })
     }
 
+    /// World directions of mirrors and of clear transmission, each with the share of radiance that it carries.
+    pub(super) fn deltas(&self) -> [Option<(Vec3, Vec3)>; 3] {
+        let inner = self.layers.deltas().map(|delta| {
+            let (local, share) = delta?;
+            let wi = self.layers.world_from_local(local);
+            Some((wi, share * self.passed(wi, local.z)))
+        });
+        let coat = self.coat.as_ref().and_then(ClearCoat::delta).map(|(wi, share)| (wi, Vec3::splat(share)));
+        [inner[0], inner[1], coat]
+    }
+
     /// Share of the light from a direction that gets below coat and sheen and from there to the viewer.
     fn passed(&self, wi: Vec3, cos: f32) -> f32 {
         self.coat.as_ref().map_or(1.0, |coat| coat.passed(wi))
@@ -197,6 +208,12 @@ impl Stack {
         let sheen = self.sheen.as_ref().map_or(Vec3::ZERO, Sheen::albedo);
         let scattered = diffuse + self.through * PI;
         self.layers.albedo(scattered) * self.mean_passed() + sheen * (1.0 - coat) + Vec3::splat(coat)
+    }
+
+    /// Shares of uniform light by rough layers below the coat, and by diffuse transmission of what arrives behind.
+    pub(super) fn shares(&self) -> [Vec3; 2] {
+        let narrow = if self.layers.reflects_only() { self.layers.albedo(Vec3::ZERO) } else { Vec3::ZERO };
+        [narrow * self.mean_passed(), self.through * (PI * self.base_share())]
     }
 
     /// About the greatest value of `f·|cosθ|` apart from the diffuse base, 1/sr.

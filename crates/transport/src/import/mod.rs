@@ -45,6 +45,7 @@ use sensors::Sensors;
 use uri::Locator;
 
 pub use environment::{decode_sky, load_sky};
+pub use profiles::read_profile;
 pub use report::ImportReport;
 
 use crate::emitters::lamp_keys;

@@ -4,12 +4,14 @@
 //! cannot read the profile.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use glam::Vec3;
 use gltf::json::Root;
 use serde_json::Value;
 
 use super::container::Buffers;
+use super::files::read_at_most;
 use super::report::Notes;
 use super::uri::Locator;
 use crate::photometry::PhotometricProfile;
@@ -17,6 +19,18 @@ use crate::scene::{PunctualKind, PunctualLight};
 
 /// Intensity of a lamp whose profile cannot be read, candela: about that of a light bulb.
 const SUBSTITUTE_CD: f32 = 100.0;
+
+/// Longest photometric file that is read, bytes; the largest ones of makers have a few hundred kilobytes.
+const MOST_BYTES: u64 = 32 << 20;
+
+/// A measured distribution from a file of its own.
+///
+/// # Errors
+/// Why it cannot be had, in words.
+pub fn read_profile(path: &Path) -> Result<PhotometricProfile, String> {
+    let bytes = read_at_most(path, MOST_BYTES).map_err(|error| format!("it cannot be read ({error}); check the path"))?;
+    PhotometricProfile::parse(&bytes, &path.display().to_string()).map_err(|error| error.to_string())
+}
 
 /// Profiles of a file, each read when a node first asks for it.
 pub(super) struct Profiles<'a> {

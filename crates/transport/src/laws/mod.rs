@@ -12,5 +12,5 @@ mod reuse;
 mod shadows;
 mod skips;
 mod slabs;
-mod stage;
+pub(crate) mod stage;
 mod walks;

@@ -7,7 +7,7 @@ use crate::prepared::PreparedScene;
 use crate::scene::{Material, PunctualKind, PunctualLight, Scene, SceneNode};
 
 /// A scene under construction: every surface and lamp is a node of its own.
-pub(super) struct Stage {
+pub(crate) struct Stage {
     scene: Scene,
 }
 
@@ -89,13 +89,13 @@ impl Stage {
 }
 
 /// A parallelogram from a corner along two edges; its front is where u × v points.
-pub(super) fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Vec<Vec3> {
+pub(crate) fn quad(corner: Vec3, u: Vec3, v: Vec3) -> Vec<Vec3> {
     let [a, b, c, d] = [corner, corner + u, corner + u + v, corner + v];
     vec![a, b, c, a, c, d]
 }
 
 /// A closed box around the origin whose fronts look inwards.
-pub(super) fn room(half: Vec3) -> Vec<Vec3> {
+pub(crate) fn room(half: Vec3) -> Vec<Vec3> {
     let mut corners = Vec::new();
     for axis in 0..3 {
         let along = |axis: usize| Vec3::AXES[axis % 3] * half[axis % 3];
@@ -107,7 +107,7 @@ pub(super) fn room(half: Vec3) -> Vec<Vec3> {
 }
 
 /// A plain diffuse surface that may emit from its front.
-pub(super) fn lambert(albedo: f32, radiance: f32) -> Material {
+pub(crate) fn lambert(albedo: f32, radiance: f32) -> Material {
     Material {
         base_color: Vec3::splat(albedo).extend(1.0),
         metallic: 0.0,
@@ -119,11 +119,11 @@ pub(super) fn lambert(albedo: f32, radiance: f32) -> Material {
 }
 
 /// Smooth glass without thickness.
-pub(super) fn pane() -> Material {
+pub(crate) fn pane() -> Material {
     Material { metallic: 0.0, roughness: 0.0, transmission: 1.0, ..Material::default() }
 }
 
 /// A film that takes a share of the light and has no interface.
-pub(super) fn tint(share: f32) -> Material {
+pub(crate) fn tint(share: f32) -> Material {
     Material { base_color: Vec4::new(share, share, share, 1.0), ior: 1.0, ..pane() }
 }

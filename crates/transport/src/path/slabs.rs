@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::{Integrator, LightPlan, LightPoint, Walk};
 use crate::emitters::Emitter;
-use crate::prepared::SurfaceHit;
+use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::slabs::Route;
 
 impl<P: LightPlan> Integrator<'_, P> {
@@ -39,39 +39,26 @@ impl<P: LightPlan> Integrator<'_, P> {
             Emitter::Panel(panel) => Some(panel.point(place.texel(u) * panel.texel_side)),
             Emitter::Surface(surface) => Some(surface.sample(u).position),
             Emitter::Punctual(light) => Some(light.position),
+            Emitter::Lamp(lamp) => lamp.point(u).map(|point| point.position),
             _ => None,
         }
     }
 
     /// Share of light that comes along a route; nothing where something is in the way, or the route misses a face.
     pub(super) fn passed_along(&self, walk: &Walk, hit: &SurfaceHit, light: &LightPoint, route: &Route) -> Vec3 {
-        let scene = self.scene;
-        let mut extinction = self.extinction_towards(walk, hit, route.direction);
-        let (mut at, mut from) = (hit.position, hit.origin(hit.outward(route.direction)));
-        let mut passed = Vec3::ONE;
-        for crossing in scene.slabs.crossings(route) {
-            let Some(face) = scene.surface_at(crossing.point, crossing.triangles) else { return Vec3::ZERO };
-            let leg = crossing.point - at;
-            let direction = leg.normalize();
-            passed *= scene.bsdf(&face, -direction).refracted() * (-extinction * leg.length()).exp();
-            if passed == Vec3::ZERO {
-                return passed;
-            }
-            passed *= scene.transmittance(from, face.position);
-            extinction = self.extinction_behind(&face, direction.dot(face.normal) > 0.0);
-            (at, from) = (crossing.point, face.origin(face.outward(direction)));
-        }
-        let end = if light.beyond { at + route.direction * self.far } else { light.target };
-        passed * scene.transmittance(from, end)
+        let extinction = self.extinction_towards(walk, hit, route.direction);
+        let start = (hit.position, hit.origin(hit.outward(route.direction)));
+        let end = if light.beyond { None } else { Some(light.target) };
+        passed_along(self.scene, start, extinction, (route, end, self.far))
     }
 
-    /// What stands for one over the squared distance between a point on a light that a walk came to by chance and where its
-    /// direction was chosen; `None` where no connection would have found this path.
-    pub(super) fn closeness(&self, walk: &Walk, hit: &SurfaceHit) -> Option<f32> {
+    /// What stands for one over the squared distance between a point on a light that a walk came to by chance, `t` from where
+    /// it set out last, and where its direction was chosen; `None` where no connection would have found this path.
+    pub(super) fn closeness(&self, walk: &Walk, t: f32, position: Vec3) -> Option<f32> {
         match walk.passage.slabs()? {
-            [] => Some((walk.passed + hit.t).powi(-2)),
+            [] => Some((walk.passed + t).powi(-2)),
             passed => {
-                let route = self.scene.slabs.route(walk.departed, hit.position)?;
+                let route = self.scene.slabs.route(walk.departed, position)?;
                 (route.slabs() == passed).then_some(route.closeness)
             }
         }
@@ -84,4 +71,28 @@ impl<P: LightPlan> Integrator<'_, P> {
             passed.is_empty() || route().is_some_and(|route| route.slabs() == passed)
         })
     }
+}
+
+/// Share of light that comes along a route to a place and where its rays begin, through `extinction` before the first face,
+/// from `end`, else from `far` away; nothing where something is in the way, or the route misses a face.
+pub(crate) fn passed_along(
+    scene: &PreparedScene,
+    (mut at, mut from): (Vec3, Vec3),
+    mut extinction: Vec3,
+    (route, end, far): (&Route, Option<Vec3>, f32),
+) -> Vec3 {
+    let mut passed = Vec3::ONE;
+    for crossing in scene.slabs.crossings(route) {
+        let Some(face) = scene.surface_at(crossing.point, crossing.triangles) else { return Vec3::ZERO };
+        let leg = crossing.point - at;
+        let direction = leg.normalize();
+        passed *= scene.bsdf(&face, -direction).refracted() * (-extinction * leg.length()).exp();
+        if passed == Vec3::ZERO {
+            return passed;
+        }
+        passed *= scene.transmittance(from, face.position);
+        extinction = scene.extinction_behind(face.triangle, direction.dot(face.normal) > 0.0);
+        (at, from) = (crossing.point, face.origin(face.outward(direction)));
+    }
+    passed * scene.transmittance(from, end.unwrap_or(at + route.direction * far))
 }

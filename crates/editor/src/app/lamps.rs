@@ -1,0 +1,187 @@
+//! What is asked for about free lamps: they are added, copied, taken away, and take the place of lamps of the file.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::emitters::Emitter;
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::light::LightSetting;
+use clerestory_transport::photometry::PhotometricProfile;
+use clerestory_transport::prepared::PreparedScene;
+use glam::{Vec2, Vec3};
+
+use super::App;
+use crate::action::FileTask;
+use crate::look::lamps::{check_profile, is_aimed};
+use crate::panels::lamps::{LampChoice, kind_words, new_strength};
+use crate::panels::status::LampNote;
+use crate::session::SceneOfBake;
+use crate::session::lamps::LampLight;
+use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, put_on, surface_along};
+
+/// How far a copy stands beside the lamp, of its distance to the camera.
+const BESIDE: f32 = 0.06;
+
+impl App {
+    /// What can be done with lamps in what is open.
+    pub(super) fn lamp_choice(&self) -> LampChoice {
+        if self.session.lamp_scene().is_some() {
+            return LampChoice::Ready;
+        }
+        match self.session.opened.as_ref().and_then(|opened| opened.of_bake.as_ref()) {
+            Some(SceneOfBake::Missing(why)) => {
+                let name = self.session.shown.as_ref().map_or(String::new(), |shown| shown.header.scene.clone());
+                LampChoice::NeedsScene { name, why: why.clone() }
+            }
+            Some(SceneOfBake::Waiting) => LampChoice::Waiting,
+            Some(SceneOfBake::Found(_)) | None => LampChoice::Never,
+        }
+    }
+
+    /// What there is to say about the light of free lamps.
+    pub(super) fn lamp_note(&self) -> LampNote {
+        let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
+        let Some(shown) = self.session.shown.as_ref().filter(|_| shines && self.session.lamp_scene().is_some()) else {
+            return LampNote::None;
+        };
+        match self.follower.lamp_light() {
+            None => LampNote::Pending,
+            Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(problems[0].clone()),
+            Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
+            Some(_) => LampNote::None,
+        }
+    }
+
+    /// Scene, camera and film of the picture.
+    fn lamp_view(&self) -> Option<(Arc<PreparedScene>, Camera, Film)> {
+        let shown = self.session.shown.as_ref()?;
+        Some((self.session.lamp_scene()?.clone(), shown.camera.clone()?, shown.film()))
+    }
+
+    /// What an edit that no pointer makes is: one step of undo.
+    fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
+        self.undoer.add_undo(&self.look);
+        edit(self);
+        self.undoer.add_undo(&self.look);
+    }
+
+    pub(super) fn add_lamp(&mut self, shape: LampShape, at_px: Option<[f32; 2]>) {
+        let (strength, unit) = new_strength(&shape);
+        self.place_lamp(shape, (strength, unit), at_px);
+    }
+
+    pub(super) fn ask_profile(&mut self, at_px: Option<[f32; 2]>) {
+        self.profile_at_px = at_px;
+        self.ask(FileTask::OpenProfile);
+    }
+
+    pub(super) fn add_profile(&mut self, path: PathBuf) {
+        let path = std::path::absolute(&path).unwrap_or(path);
+        match peak_candela(&path) {
+            Ok(candela) => {
+                let (shape, at_px) =
+                    (LampShape::Profile { file: path.display().to_string() }, self.profile_at_px.take());
+                self.place_lamp(shape, (candela, LampUnit::Candela), at_px);
+            }
+            Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
+    fn place_lamp(&mut self, shape: LampShape, (strength, unit): (f32, LampUnit), at_px: Option<[f32; 2]>) {
+        let Some((scene, camera, film)) = self.lamp_view() else {
+            self.complain("a lamp can be added once there is a picture of a scene");
+            return;
+        };
+        let (width, height) = (film.width as f32, film.height as f32);
+        let px = at_px.map_or(Vec2::new(0.5 * width, 0.5 * height), Vec2::from);
+        let (eye, direction) = (camera.position(), camera.direction(film, px));
+        let surface = surface_along(&scene, eye, direction);
+        let in_the_air = || Surface { position: eye + direction * (0.3 * scene.diameter()), normal: -direction };
+        let key = self.free_name(kind_words(&shape));
+        let (setting, origin) = (LightSetting::default(), Vec3::ZERO);
+        let lamp = FreeLamp { key, shape, position: origin, aim: origin, strength, unit, setting };
+        let lamp = put_on(lamp, surface.unwrap_or_else(in_the_air), eye);
+        self.as_one_step(|app| app.push_lamp(lamp));
+    }
+
+    fn push_lamp(&mut self, lamp: FreeLamp) {
+        self.say(format!("Added {}", lamp.key));
+        self.lights.lamps.chosen = Some(lamp.key.clone());
+        self.look.lights.lamps.push(lamp);
+    }
+
+    /// A name that no light has.
+    fn free_name(&self, stem: &str) -> String {
+        let is_taken = |name: &str| {
+            self.look.lights.lamps.iter().any(|lamp| lamp.key == name)
+                || self.session.basis().is_some_and(|basis| basis.source(name).is_some())
+        };
+        let numbered = (1..).map(|n| format!("{stem} {n}"));
+        numbered.into_iter().find(|name| !is_taken(name)).expect("numbers do not end")
+    }
+
+    fn chosen_lamp(&self) -> Option<usize> {
+        let chosen = self.lights.lamps.chosen.as_deref()?;
+        self.look.lights.lamps.iter().position(|lamp| lamp.key == chosen)
+    }
+
+    pub(super) fn duplicate_lamp(&mut self) {
+        let Some(idx) = self.chosen_lamp() else { return };
+        let lamp = self.look.lights.lamps[idx].clone();
+        let stem = lamp.key.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
+        let mut copy = FreeLamp { key: self.free_name(stem), ..lamp };
+        // To the right in the picture, so that it is seen beside the first one.
+        if let Some((_, camera, _)) = self.lamp_view() {
+            let right = camera.world_from_camera.x_axis.truncate();
+            let beside = copy.position + right * (BESIDE * copy.position.distance(camera.position()));
+            move_to(&mut copy, beside, AimWhileMoving::GoesAlong);
+        }
+        self.as_one_step(|app| app.push_lamp(copy));
+    }
+
+    pub(super) fn delete_lamp(&mut self) {
+        let Some(idx) = self.chosen_lamp() else { return };
+        self.lights.lamps.chosen = None;
+        self.as_one_step(|app| {
+            let lamp = app.look.lights.lamps.remove(idx);
+            app.lights.solo.remove(&lamp.key);
+            app.say(format!("Deleted {}", lamp.key));
+        });
+    }
+
+    pub(super) fn aim_lamp(&mut self) {
+        let can_aim = self.chosen_lamp().is_some_and(|idx| is_aimed(&self.look.lights.lamps[idx].shape));
+        self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming;
+    }
+
+    /// Mutes a lamp of the file and puts a free one of the same light in its place.
+    pub(super) fn make_movable(&mut self, key: &str) {
+        let Some((scene, ..)) = self.lamp_view() else {
+            self.complain(format!("{key} can be made movable once the scene is open"));
+            return;
+        };
+        let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
+        let found = lights.filter_map(|(source, emitter)| match emitter {
+            Emitter::Punctual(light) if source.key == key => Some((source, light)),
+            _ => None,
+        });
+        let setting = self.look.lights.lights.get(key).copied().unwrap_or_default();
+        let name = self.free_name(&format!("{key} movable"));
+        let lamp = found.map(|(source, light)| FreeLamp::from_source(&name, source, light, setting)).next().flatten();
+        let Some(lamp) = lamp else {
+            self.complain(format!("{key} cannot be made movable: its distribution lies in the file of the scene"));
+            return;
+        };
+        self.as_one_step(|app| {
+            app.look.lights.lights.entry(key.to_owned()).or_default().muted = true;
+            app.push_lamp(lamp);
+        });
+    }
+}
+
+/// The largest intensity of a profile, candela.
+fn peak_candela(path: &Path) -> anyhow::Result<f32> {
+    check_profile(path)?;
+    Ok(PhotometricProfile::parse(&std::fs::read(path)?, &path.display().to_string())?.max_candela())
+}

@@ -1,0 +1,389 @@
+//! The free lamps of a look, from JSON and back, and the profiles that they name.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, anyhow, bail};
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::photometry::PhotometricProfile;
+use glam::Vec3;
+use serde_json::{Map, Value};
+
+use super::parse::{INTENSITY, Reader};
+use super::write::{member, setting_members, value};
+
+/// World-space coordinates in meters.
+const PLACE_M: std::ops::RangeInclusive<f64> = -1e6..=1e6;
+/// Sides and radii in meters; 0 is a lamp without size.
+const SIZE_M: std::ops::RangeInclusive<f64> = 0.0..=1e4;
+/// Half angles of a cone.
+const CONE_DEG: std::ops::RangeInclusive<f64> = 0.0..=90.0;
+/// Lamps of one look.
+const MAX_LAMPS: usize = 1000;
+/// Members that every lamp has.
+const COMMON: [&str; 9] = ["key", "type", "position", "strength", "unit", "intensity", "color", "kelvin", "muted"];
+
+/// Names of the types in files.
+pub const TYPES: [&str; 7] = ["point", "spot", "rectangle", "disk", "sphere", "directional", "ies"];
+
+/// The name of a shape in files.
+pub fn type_name(shape: &LampShape) -> &'static str {
+    match shape {
+        LampShape::Point => "point",
+        LampShape::Spot { .. } => "spot",
+        LampShape::Rectangle { .. } => "rectangle",
+        LampShape::Disk { .. } => "disk",
+        LampShape::Sphere { .. } => "sphere",
+        LampShape::Directional => "directional",
+        LampShape::Profile { .. } => "ies",
+    }
+}
+
+/// Units in which the strength of a shape can be given, the usual one first.
+pub fn units(shape: &LampShape) -> &'static [LampUnit] {
+    match shape {
+        LampShape::Point | LampShape::Spot { .. } | LampShape::Profile { .. } => &[LampUnit::Lumen, LampUnit::Candela],
+        LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => {
+            &[LampUnit::Lumen, LampUnit::Candela, LampUnit::Nit]
+        }
+        LampShape::Directional => &[LampUnit::Lux],
+    }
+}
+
+/// The symbol of a unit.
+pub fn unit_name(unit: LampUnit) -> &'static str {
+    match unit {
+        LampUnit::Lumen => "lm",
+        LampUnit::Candela => "cd",
+        LampUnit::Nit => "nit",
+        LampUnit::Lux => "lx",
+    }
+}
+
+/// Whether it matters where a lamp of this shape is aimed at.
+pub fn is_aimed(shape: &LampShape) -> bool {
+    !matches!(shape, LampShape::Point | LampShape::Sphere { .. })
+}
+
+/// Where a lamp that shines all around is said to aim, so that equal lamps are equal.
+pub fn below(position: Vec3) -> Vec3 {
+    position - Vec3::Y
+}
+
+/// Makes paths of profiles absolute; they lie relative to `folder`. Leaves out lamps whose profile cannot be used, with a
+/// sentence for each.
+pub fn resolve(lamps: &mut Vec<FreeLamp>, folder: &Path) -> Vec<String> {
+    let mut warnings = Vec::new();
+    lamps.retain_mut(|lamp| {
+        let LampShape::Profile { file } = &mut lamp.shape else { return true };
+        let path = folder.join(&*file);
+        let path = std::path::absolute(&path).unwrap_or(path);
+        *file = path.display().to_string();
+        match check_profile(&path) {
+            Ok(()) => true,
+            Err(error) => {
+                warnings.push(format!("{error:#}; the lamp `{}` is left out", lamp.key));
+                false
+            }
+        }
+    });
+    warnings
+}
+
+/// Whether a file holds a distribution.
+///
+/// # Errors
+/// If it cannot be read, or in words why it cannot be used.
+pub fn check_profile(path: &Path) -> Result<()> {
+    let name = path.display();
+    let bytes = std::fs::read(path).with_context(|| format!("cannot read the profile {name}: check the path"))?;
+    PhotometricProfile::parse(&bytes, &name.to_string())?;
+    Ok(())
+}
+
+/// The same lamps with paths relative to `folder` where their profiles lie in it, so that the folder can be moved.
+pub fn relative(lamps: &[FreeLamp], folder: &Path) -> Vec<FreeLamp> {
+    let folder: PathBuf = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
+    let mut lamps = lamps.to_vec();
+    for lamp in &mut lamps {
+        if let LampShape::Profile { file } = &mut lamp.shape
+            && let Ok(within) = Path::new(&*file).strip_prefix(&folder)
+        {
+            *file = within.display().to_string();
+        }
+    }
+    lamps
+}
+
+impl Reader<'_> {
+    /// The member `lamps`.
+    pub(super) fn lamps(&mut self, value: &Value) -> Result<Vec<FreeLamp>> {
+        let list = self.array(value)?;
+        if list.len() > MAX_LAMPS {
+            bail!("`{}` has {} lamps; a look holds {MAX_LAMPS} at most", self.name(), list.len());
+        }
+        let mut lamps: Vec<FreeLamp> = Vec::new();
+        for (idx, value) in list.iter().enumerate() {
+            let lamp = self.part(idx, |reader| reader.lamp(value, &lamps))?;
+            lamps.extend(lamp.flatten());
+        }
+        Ok(lamps)
+    }
+
+    /// A lamp; none, and a warning, if its type is not known.
+    fn lamp(&mut self, value: &Value, others: &[FreeLamp]) -> Result<Option<FreeLamp>> {
+        let object = self.object(value)?;
+        let key = self.optional(object, "key", |r, v| r.text(v))?.ok_or_else(|| self.lacks("key"))?;
+        if key.is_empty() || others.iter().any(|other| other.key == key) {
+            bail!("`{}.key` is `{key}`; give each lamp a name of its own", self.name());
+        }
+        if !object.contains_key("type") {
+            return Err(self.lacks("type"));
+        }
+        let types = TYPES.map(|name| (name, name));
+        let Some(kind) = self.optional(object, "type", |r, v| r.by_name(v, types))?.flatten() else { return Ok(None) };
+        let (shape, own) = self.shape(object, kind)?;
+        let aim: &[&str] = if is_aimed(&shape) { &["aim"] } else { &[] };
+        self.report_unknown(object, &[&COMMON, own, aim].concat());
+        let position = self.place(object, "position")?;
+        let aim = if is_aimed(&shape) { self.place(object, "aim")? } else { below(position) };
+        let strength = self.optional(object, "strength", |r, v| r.number(v, &INTENSITY))?;
+        let unit = self.optional(object, "unit", |r, v| r.unit(v, &shape))?;
+        Ok(Some(FreeLamp {
+            key,
+            position,
+            aim,
+            strength: strength.ok_or_else(|| self.lacks("strength"))?,
+            unit: unit.unwrap_or(units(&shape)[0]),
+            setting: self.setting_members(object)?,
+            shape,
+        }))
+    }
+
+    /// The shape of a type, and the members that it has of its own.
+    fn shape(&mut self, object: &Map<String, Value>, kind: &str) -> Result<(LampShape, &'static [&'static str])> {
+        Ok(match kind {
+            "spot" => {
+                let inner_rad = self.optional(object, "inner_deg", |r, v| r.radians(v))?.unwrap_or(0.0);
+                let outer = self.optional(object, "outer_deg", |r, v| r.radians(v))?;
+                let outer_rad = outer.ok_or_else(|| self.lacks("outer_deg"))?;
+                if inner_rad > outer_rad {
+                    bail!("`{}.inner_deg` must be `outer_deg` at most", self.name());
+                }
+                (LampShape::Spot { inner_rad, outer_rad }, &["inner_deg", "outer_deg"])
+            }
+            "rectangle" => {
+                let size_m = self.optional(object, "size_m", |r, v| r.numbers(v, &SIZE_M))?;
+                (LampShape::Rectangle { size_m: size_m.ok_or_else(|| self.lacks("size_m"))? }, &["size_m"])
+            }
+            "disk" => (LampShape::Disk { radius_m: self.radius(object)? }, &["radius_m"]),
+            "sphere" => (LampShape::Sphere { radius_m: self.radius(object)? }, &["radius_m"]),
+            "directional" => (LampShape::Directional, &[]),
+            "ies" => {
+                let file = self.optional(object, "file", |r, v| r.text(v))?.filter(|file| !file.is_empty());
+                (LampShape::Profile { file: file.ok_or_else(|| self.lacks("file"))? }, &["file"])
+            }
+            _ => (LampShape::Point, &[]),
+        })
+    }
+
+    fn radius(&mut self, object: &Map<String, Value>) -> Result<f32> {
+        self.optional(object, "radius_m", |r, v| r.number(v, &SIZE_M))?.ok_or_else(|| self.lacks("radius_m"))
+    }
+
+    fn place(&mut self, object: &Map<String, Value>, key: &str) -> Result<Vec3> {
+        let place = self.optional(object, key, |r, v| r.numbers(v, &PLACE_M))?;
+        place.map(Vec3::from).ok_or_else(|| self.lacks(key))
+    }
+
+    fn unit(&self, value: &Value, shape: &LampShape) -> Result<LampUnit> {
+        let found = units(shape).iter().copied().find(|unit| value.as_str() == Some(unit_name(*unit)));
+        found.ok_or_else(|| {
+            let known: Vec<&str> = units(shape).iter().map(|unit| unit_name(*unit)).collect();
+            anyhow!("`{}` of a lamp `{}` must be {}, not {value}", self.name(), type_name(shape), known.join(" or "))
+        })
+    }
+
+    fn radians(&self, value: &Value) -> Result<f32> {
+        self.number(value, &CONE_DEG)?;
+        Ok(value.as_f64().unwrap_or_default().to_radians() as f32)
+    }
+
+    fn lacks(&self, key: &str) -> anyhow::Error {
+        anyhow!("`{}.{key}` is missing: the lamp needs it", self.name())
+    }
+}
+
+/// JSON of a lamp on one line.
+pub(super) fn json(lamp: &FreeLamp) -> String {
+    let mut members = vec![
+        format!("\"key\": {}", value(&lamp.key)),
+        member("type", type_name(&lamp.shape)),
+        member("position", &lamp.position.to_array()),
+    ];
+    if is_aimed(&lamp.shape) {
+        members.push(member("aim", &lamp.aim.to_array()));
+    }
+    match &lamp.shape {
+        LampShape::Spot { inner_rad, outer_rad } => {
+            members.push(member("inner_deg", &degrees(*inner_rad)));
+            members.push(member("outer_deg", &degrees(*outer_rad)));
+        }
+        LampShape::Rectangle { size_m } => members.push(member("size_m", size_m)),
+        LampShape::Disk { radius_m } | LampShape::Sphere { radius_m } => members.push(member("radius_m", radius_m)),
+        LampShape::Profile { file } => members.push(format!("\"file\": {}", value(file))),
+        LampShape::Point | LampShape::Directional => {}
+    }
+    members.push(member("strength", &lamp.strength));
+    members.push(member("unit", unit_name(lamp.unit)));
+    members.extend(setting_members(&lamp.setting));
+    format!("{{ {} }}", members.join(", "))
+}
+
+/// Degrees with the fewest decimals that are read as these radians again.
+fn degrees(rad: f32) -> f64 {
+    let exact = f64::from(rad).to_degrees();
+    let mut rounded = (0..9).map(|digits| {
+        let scale = 10f64.powi(digits);
+        (exact * scale).round() / scale
+    });
+    rounded.find(|degrees| degrees.to_radians() as f32 == rad).unwrap_or(exact)
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
+    use clerestory_transport::light::LightSetting;
+
+    use super::*;
+    use crate::look::Look;
+
+    fn lamp(key: &str, shape: LampShape) -> FreeLamp {
+        let position = Vec3::new(1.5, 2.25, -0.1);
+        let aim = if is_aimed(&shape) { Vec3::new(0.1, 0.0, 3.0) } else { below(position) };
+        let (unit, setting) = (units(&shape)[0], LightSetting::default());
+        FreeLamp { key: key.into(), shape, position, aim, strength: 800.0, unit, setting }
+    }
+
+    fn all() -> Vec<FreeLamp> {
+        let spot = LampShape::Spot { inner_rad: 0.123_456_7, outer_rad: 20f32.to_radians() };
+        let setting = LightSetting { intensity: 0.1, color: Some([1.0, 0.5, 0.25]), kelvin: Some(3000.0), muted: true };
+        vec![
+            lamp("a point, \"quoted\"", LampShape::Point),
+            FreeLamp { setting, ..lamp("Lamp 1", spot) },
+            FreeLamp { unit: LampUnit::Nit, ..lamp("r", LampShape::Rectangle { size_m: [1.2, 0.3] }) },
+            lamp("d", LampShape::Disk { radius_m: 0.0 }),
+            FreeLamp { unit: LampUnit::Candela, ..lamp("s", LampShape::Sphere { radius_m: 0.06 }) },
+            lamp("sun", LampShape::Directional),
+            lamp("track", LampShape::Profile { file: "a, b/x.ies".into() }),
+        ]
+    }
+
+    #[test]
+    fn every_lamp_that_is_written_comes_back_without_a_warning() {
+        let mut look = Look::default();
+        look.lights.lamps = all();
+        let json = look.to_json();
+        let (back, warnings) = Look::from_json(&json).unwrap();
+        assert_eq!(back, look, "{json}");
+        assert!(warnings.is_empty(), "{warnings:?}");
+        assert!(json.contains("\"outer_deg\": 20.0,"), "{json}");
+        assert_eq!(json.matches("\"aim\"").count(), 5, "only what can be aimed has an aim: {json}");
+    }
+
+    #[test]
+    fn bad_lamps_are_refused_by_name_line_and_column() {
+        let of = |members: &str| format!("{{\"clerestory\": 1, \"lamps\": [\n{{{members}}}]}}");
+        let point = "\"key\": \"L\", \"type\": \"point\", \"position\": [0, 0, 0], \"strength\": 1";
+        for (members, wanted) in [
+            ("\"type\": \"point\"", "`lamps[0].key` is missing"),
+            ("\"key\": \"\", \"type\": \"point\"", "a name of its own"),
+            ("\"key\": \"L\"", "`lamps[0].type` is missing"),
+            ("\"key\": \"L\", \"type\": \"point\", \"strength\": 1", "`lamps[0].position` is missing"),
+            ("\"key\": \"L\", \"type\": \"point\", \"position\": [0, 0, 0]", "`lamps[0].strength` is missing"),
+            (
+                &point.replace("[0, 0, 0]", "[0, 0, 1e300]"),
+                "line 2, column 43: `lamps[0].position` must be a number from",
+            ),
+            (&point.replace("\"strength\": 1", "\"strength\": -1"), "`lamps[0].strength` must be a number from 0"),
+            (&format!("{point}, \"unit\": \"nit\""), "`lamps[0].unit` of a lamp `point` must be lm or cd, not \"nit\""),
+            (&format!("{point}, \"muted\": 1"), "`lamps[0].muted` must be true or false"),
+            (&point.replace("point", "spot"), "`lamps[0].outer_deg` is missing"),
+            (
+                &format!("{}, \"outer_deg\": 91", point.replace("point", "spot")),
+                "`lamps[0].outer_deg` must be a number from 0 to 90",
+            ),
+            (
+                &format!("{}, \"inner_deg\": 40, \"outer_deg\": 30", point.replace("point", "spot")),
+                "`outer_deg` at most",
+            ),
+            (&format!("{}, \"outer_deg\": 30", point.replace("point", "spot")), "`lamps[0].aim` is missing"),
+            (&point.replace("point", "disk"), "`lamps[0].radius_m` is missing"),
+            (
+                &format!("{}, \"size_m\": [1]", point.replace("point", "rectangle")),
+                "`lamps[0].size_m` must be a list of 2",
+            ),
+            (&point.replace("point", "ies"), "`lamps[0].file` is missing"),
+            (&format!("{point}}}, {{{point}"), "`lamps[1].key` is `L`"),
+        ] {
+            let error = format!("{:#}", Look::from_json(&of(members)).unwrap_err());
+            assert!(error.contains(wanted) && error.contains("line 2, column"), "{members}: {error}");
+        }
+    }
+
+    #[test]
+    fn of_damaged_lamps_those_that_can_be_read_are_kept() {
+        let json = r#"{"clerestory": 1, "lamps": [
+            {"key": "a", "type": "point", "position": [0, 1, 0], "strength": 5, "kelvin": "warm", "aim": [0, 0, 0]},
+            {"key": "b", "type": "tube", "position": [0, 1, 0], "strength": 5},
+            {"key": "c", "type": "point", "position": [0, 1], "strength": 5},
+            {"key": "a", "type": "point", "position": [0, 1, 0], "strength": 5}]}"#;
+        let (look, warnings) = Look::recover(json).unwrap();
+        let lamps = look.lights.lamps;
+        assert_eq!((lamps.len(), lamps[0].key.as_str(), lamps[0].setting.kelvin), (1, "a", None));
+        for words in ["`lamps[0].aim`", "`lamps[0].kelvin`", "`tube`", "`lamps[2].position`", "`lamps[3].key`"] {
+            assert!(warnings.iter().any(|w| w.contains(words)), "{words} is not in {warnings:?}");
+        }
+    }
+
+    #[test]
+    fn a_lamp_of_a_lights_name_is_told() {
+        let source = LightSource {
+            key: "Lamp 1".into(),
+            kind: SourceKind::Point,
+            columns: 0..1,
+            color: Vec3::ONE,
+            strength: 1.0,
+        };
+        let mut look = Look::default();
+        look.lights.lamps = all();
+        let words = look.unheeded(&LightBasis::new(vec![source]));
+        assert!(words.len() == 1 && words[0].contains("`Lamp 1`") && words[0].contains("rename"), "{words:?}");
+    }
+
+    #[test]
+    fn profiles_lie_relative_to_the_folder_of_the_look() {
+        let folder = tempfile::tempdir().unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder.path().join("ies")).unwrap();
+        let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+        std::fs::write(folder.path().join("ies/x.ies"), ies).unwrap();
+        std::fs::write(folder.path().join("spoiled.ies"), "no profile").unwrap();
+        let mut look = Look::default();
+        for file in ["ies/x.ies", "spoiled.ies", "none.ies"] {
+            look.lights.lamps.push(lamp(file, LampShape::Profile { file: file.into() }));
+        }
+        let path = folder.path().join("a.look");
+        look.save(&path).unwrap();
+        let (opened, warnings) = Look::load_readable(&path).unwrap();
+        assert_eq!((opened.lights.lamps.len(), warnings.len()), (1, 2), "{warnings:?}");
+        assert!(warnings[0].contains("spoiled.ies") && warnings[1].contains("`none.ies` is left out"), "{warnings:?}");
+        let LampShape::Profile { file } = &opened.lights.lamps[0].shape else { panic!("another shape") };
+        assert!(Path::new(file).is_absolute() && check_profile(Path::new(file)).is_ok(), "{file}");
+
+        opened.save(&path).unwrap();
+        assert!(std::fs::read_to_string(&path).unwrap().contains("\"ies/x.ies\""));
+        let away = elsewhere.path().join("a.look");
+        opened.save(&away).unwrap();
+        assert_eq!(Look::load_readable(&away).unwrap().0, opened, "it is found from anywhere");
+    }
+}

@@ -1,0 +1,413 @@
+//! Free lamps in the list of lights: a row each, and what the chosen one is like.
+
+use std::collections::BTreeSet;
+
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::light::{LightRig, luminance, planckian_tint};
+use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Sense, TextEdit, Ui};
+use glam::Vec3;
+
+use super::color::{KelvinChoice, Tint, tint_ui};
+use super::lights::{intensity_ui, mute_and_solo_ui};
+use crate::action::{Action, FileTask};
+use crate::look::lamps::{is_aimed, units};
+use crate::theme;
+use crate::viewport::gizmo::{AimWhileMoving, Drag, move_to};
+
+/// What is remembered of free lamps and no look holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LampState {
+    /// Key of the lamp that was touched last.
+    pub chosen: Option<String>,
+    /// Whether the next click in the picture says what it is to light.
+    pub aiming: bool,
+    /// What moving does to the aim.
+    pub aim_while_moving: AimWhileMoving,
+    /// The lamp that is being dragged in the picture, and where the pointer was seen last.
+    pub drag: Option<Drag>,
+    /// Where the pointer was seen last while it drags.
+    pub dragged_to: Option<Pos2>,
+    /// Where the menu of the picture was opened.
+    pub menu_at: Option<Pos2>,
+    /// A name that is being typed, of which lamp.
+    naming: Option<(String, String)>,
+}
+
+impl LampState {
+    /// Whether a lamp is the chosen one.
+    pub fn is_chosen(&self, key: &str) -> bool {
+        self.chosen.as_deref() == Some(key)
+    }
+}
+
+/// What can be done with lamps in what is open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LampChoice {
+    /// Everything.
+    Ready,
+    /// A bake was opened whose scene was not found.
+    NeedsScene {
+        /// Name of the scene.
+        name: String,
+        /// Why it was not found, in words.
+        why: String,
+    },
+    /// Its scene is being read.
+    Waiting,
+    /// There is no scene: the pictures were taken.
+    Never,
+}
+
+/// Shapes as they are added.
+const SHAPES: [(&str, LampShape); 6] = [
+    ("Point", LampShape::Point),
+    ("Spot", LampShape::Spot { inner_rad: 0.35, outer_rad: 0.6 }),
+    ("Rectangle", LampShape::Rectangle { size_m: [0.6, 0.6] }),
+    ("Disk", LampShape::Disk { radius_m: 0.15 }),
+    ("Sphere", LampShape::Sphere { radius_m: 0.1 }),
+    ("Directional", LampShape::Directional),
+];
+/// Illuminance of parallel light that is added, lux: a bright but overcast day.
+const NEW_LUX: f32 = 1000.0;
+/// Flux of a lamp that is added, lumen: a bulb of 60 watts once.
+const NEW_LUMEN: f32 = 800.0;
+/// Flux of a square meter of a rectangle that is added: the panel of an office.
+const NEW_LUMEN_PER_M2: f32 = 10_000.0;
+/// Largest number of the fields.
+const MOST: f32 = 1e6;
+
+/// How strong a lamp of a shape is when it is added.
+pub fn new_strength(shape: &LampShape) -> (f32, LampUnit) {
+    let unit = units(shape)[0];
+    match shape {
+        LampShape::Directional => (NEW_LUX, unit),
+        LampShape::Rectangle { size_m: [width, height] } => (NEW_LUMEN_PER_M2 * width * height, unit),
+        _ => (NEW_LUMEN, unit),
+    }
+}
+
+/// The kinds to choose from; `at_px` on the film, else in the middle of the view.
+pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>) {
+    for (name, shape) in SHAPES {
+        if ui.button(name).clicked() {
+            actions.push(Action::AddLamp { shape, at_px });
+            ui.close();
+        }
+    }
+    if ui.button("IES or LDT…").on_hover_text("A lamp with the measured distribution of a file").clicked() {
+        actions.push(Action::AskProfile { at_px });
+        ui.close();
+    }
+}
+
+/// What can be done with a lamp.
+pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut Vec<Action>) {
+    let mut chosen = |ui: &mut Ui, name: &str, action: Option<Action>| {
+        let clicked = ui.button(name).clicked();
+        if clicked {
+            state.chosen = Some(lamp.key.clone());
+            actions.extend(action);
+            ui.close();
+        }
+        clicked
+    };
+    let aims = is_aimed(&lamp.shape) && chosen(ui, "Aim at…", None);
+    chosen(ui, "Duplicate", Some(Action::DuplicateLamp));
+    chosen(ui, "Delete", Some(Action::DeleteLamp));
+    state.aiming |= aims;
+}
+
+/// Draws the rows of the lamps whose names hold `filter`. Answers how many.
+pub fn lamps_ui(
+    ui: &mut Ui,
+    rig: &mut LightRig,
+    (state, solo): (&mut LampState, &mut BTreeSet<String>),
+    (taken, filter): (&dyn Fn(&str) -> bool, &str),
+    actions: &mut Vec<Action>,
+) -> usize {
+    let mut n_listed = 0;
+    for idx in 0..rig.lamps.len() {
+        if !rig.lamps[idx].key.to_lowercase().contains(filter) {
+            continue;
+        }
+        n_listed += 1;
+        let key = rig.lamps[idx].key.clone();
+        ui.push_id(("lamp", key.as_str()), |ui| {
+            row_ui(ui, &mut rig.lamps[idx], state, solo, actions);
+            if state.is_chosen(&key) {
+                let others: BTreeSet<String> = rig.lamps.iter().map(|lamp| lamp.key.clone()).collect();
+                let is_taken = |name: &str| taken(name) || others.contains(name);
+                details_ui(ui, &mut rig.lamps[idx], state, solo, &is_taken, actions);
+            }
+        });
+    }
+    n_listed
+}
+
+/// Says why lamps cannot be placed, and what helps.
+pub fn missing_ui(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
+    match choice {
+        LampChoice::NeedsScene { name, why } => {
+            ui.label(RichText::new(format!("Movable lamps need the scene of this bake, {name}: {why}")).weak());
+            if ui.button("Choose the scene…").clicked() {
+                actions.push(Action::Ask(FileTask::FindScene));
+            }
+        }
+        LampChoice::Waiting => {
+            ui.label(RichText::new("Reading the scene of this bake").weak());
+        }
+        LampChoice::Ready | LampChoice::Never => {}
+    }
+}
+
+fn row_ui(
+    ui: &mut Ui,
+    lamp: &mut FreeLamp,
+    state: &mut LampState,
+    solo: &mut BTreeSet<String>,
+    actions: &mut Vec<Action>,
+) {
+    let key = lamp.key.clone();
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 5.0;
+        mute_and_solo_ui(ui, &key, &mut lamp.setting, solo);
+        let is_dark = lamp.setting.muted || (!solo.is_empty() && !solo.contains(&key));
+        let mut text = RichText::new(&key);
+        if is_dark {
+            text = text.weak();
+        }
+        if state.is_chosen(&key) {
+            text = text.color(theme::ACCENT);
+        }
+        let size = egui::vec2((ui.available_width() * 0.38).max(60.0), ui.spacing().interact_size.y);
+        let layout =
+            egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true).with_main_align(egui::Align::Min);
+        let name = ui.allocate_ui_with_layout(size, layout, |ui| {
+            ui.add(Label::new(text).truncate().sense(Sense::click()).selectable(false))
+        });
+        let words =
+            format!("{key}\n{}, {} {}\nRight-click for more", kind_words(&lamp.shape), lamp.strength, lamp.unit.name());
+        let name = name.inner.on_hover_text(words);
+        if name.clicked() {
+            state.chosen = if state.is_chosen(&key) { None } else { Some(key.clone()) };
+        }
+        name.context_menu(|ui| {
+            lamp_menu(ui, lamp, state, actions);
+            if ui.button("Solo this alone").clicked() {
+                *solo = BTreeSet::from([key.clone()]);
+            }
+        });
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.spacing_mut().item_spacing.x = 6.0;
+            let mut tint = Tint { color: lamp.setting.color, kelvin: lamp.setting.kelvin };
+            if tint_ui(ui, &key, &mut tint, Vec3::ONE, KelvinChoice::OfferedOnWhite) {
+                (lamp.setting.color, lamp.setting.kelvin) = (tint.color, tint.kelvin);
+            }
+            intensity_ui(ui, &key, &mut lamp.setting.intensity);
+        });
+    });
+}
+
+/// Everything about a lamp in numbers.
+fn details_ui(
+    ui: &mut Ui,
+    lamp: &mut FreeLamp,
+    state: &mut LampState,
+    solo: &mut BTreeSet<String>,
+    is_taken: &dyn Fn(&str) -> bool,
+    actions: &mut Vec<Action>,
+) {
+    ui.horizontal(|ui| {
+        ui.add_space(50.0);
+        ui.vertical(|ui| {
+            Grid::new("lamp").num_columns(2).spacing([10.0, 4.0]).show(ui, |ui| {
+                name_ui(ui, lamp, state, solo, is_taken);
+                strength_ui(ui, lamp);
+                shape_ui(ui, lamp);
+                place_ui(ui, lamp, state);
+            });
+            ui.horizontal(|ui| {
+                if is_aimed(&lamp.shape) {
+                    let hint = "Click in the picture what it is to light\nA, or Ctrl and click at once";
+                    let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
+                    if aim.clicked() {
+                        state.aiming = !state.aiming;
+                    }
+                }
+                if ui.button("Duplicate").on_hover_text("Ctrl+D").clicked() {
+                    actions.push(Action::DuplicateLamp);
+                }
+                if ui.button("Delete").on_hover_text("Del").clicked() {
+                    actions.push(Action::DeleteLamp);
+                }
+            });
+            ui.add_space(4.0);
+        });
+    });
+}
+
+/// The name; one that another light has is not taken.
+fn name_ui(
+    ui: &mut Ui,
+    lamp: &mut FreeLamp,
+    state: &mut LampState,
+    solo: &mut BTreeSet<String>,
+    is_taken: &dyn Fn(&str) -> bool,
+) {
+    let label = ui.label(RichText::new("Name").weak());
+    let typed = state.naming.take().filter(|(key, _)| *key == lamp.key).map_or(lamp.key.clone(), |(_, typed)| typed);
+    let mut name = typed;
+    let edit = ui.add(TextEdit::singleline(&mut name).desired_width(150.0)).labelled_by(label.id);
+    let edit = edit.accessible_name(format!("Name of {}", lamp.key));
+    let new = name.trim().to_owned();
+    let is_free = !new.is_empty() && (new == lamp.key || !is_taken(&new));
+    if edit.has_focus() && !is_free {
+        edit.show_tooltip_text("Another light has this name");
+    }
+    if edit.lost_focus() && is_free && new != lamp.key {
+        if solo.remove(&lamp.key) {
+            solo.insert(new.clone());
+        }
+        (lamp.key, state.chosen) = (new.clone(), Some(new));
+    } else if edit.has_focus() {
+        state.naming = Some((lamp.key.clone(), name));
+    }
+    ui.end_row();
+}
+
+fn strength_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
+    ui.label(RichText::new("Strength").weak());
+    ui.horizontal(|ui| {
+        let speed = (0.01 * f64::from(lamp.strength)).max(0.01);
+        let number = DragValue::new(&mut lamp.strength).range(0.0..=1e9).speed(speed).max_decimals(2);
+        ui.add(number).accessible_name(format!("{} strength", lamp.key));
+        let (before, mut unit) = (lamp.unit, lamp.unit);
+        let combo = ComboBox::from_id_salt("unit").width(56.0).selected_text(unit.name()).show_ui(ui, |ui| {
+            for one in units(&lamp.shape) {
+                ui.selectable_value(&mut unit, *one, one.name());
+            }
+        });
+        combo.response.accessible_name(format!("{} unit", lamp.key)).on_hover_text("The light stays as it is");
+        if unit != before
+            && let Some(strength) = lamp.strength_in(unit)
+        {
+            (lamp.strength, lamp.unit) = (strength, unit);
+        }
+    });
+    ui.end_row();
+}
+
+fn shape_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
+    let key = lamp.key.clone();
+    let meters = |ui: &mut Ui, value: &mut f32, what: &str| {
+        let number = DragValue::new(value).range(0.0..=1e4).speed(0.005).suffix(" m").max_decimals(3);
+        ui.add(number).on_hover_text(what).accessible_name(format!("{key} {}", what.to_lowercase()));
+    };
+    match &mut lamp.shape {
+        LampShape::Spot { inner_rad, outer_rad } => {
+            ui.label(RichText::new("Half angles").weak());
+            ui.horizontal(|ui| {
+                let mut outer = outer_rad.to_degrees();
+                let mut inner = inner_rad.to_degrees();
+                let number = ui.add(angle(&mut inner, outer)).on_hover_text("Of the full intensity");
+                if number.accessible_name(format!("{key} inner angle")).changed() {
+                    *inner_rad = inner.to_radians().min(*outer_rad);
+                }
+                let number = ui.add(angle(&mut outer, 90.0)).on_hover_text("Where the light ends");
+                if number.accessible_name(format!("{key} outer angle")).changed() {
+                    *outer_rad = outer.to_radians();
+                    *inner_rad = inner_rad.min(*outer_rad);
+                }
+            });
+        }
+        LampShape::Rectangle { size_m } => {
+            ui.label(RichText::new("Size").weak());
+            ui.horizontal(|ui| {
+                meters(ui, &mut size_m[0], "Width");
+                meters(ui, &mut size_m[1], "Height");
+            });
+        }
+        LampShape::Disk { radius_m } | LampShape::Sphere { radius_m } => {
+            ui.label(RichText::new("Radius").weak());
+            meters(ui, radius_m, "Radius");
+        }
+        LampShape::Profile { file } => {
+            ui.label(RichText::new("Profile").weak());
+            let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
+            ui.add(Label::new(name).truncate()).on_hover_text(file.as_str());
+        }
+        LampShape::Point | LampShape::Directional => return,
+    }
+    ui.end_row();
+}
+
+fn angle(degrees: &mut f32, most: f32) -> DragValue<'_> {
+    DragValue::new(degrees).range(0.0..=most).speed(0.2).suffix("°").max_decimals(1)
+}
+
+fn place_ui(ui: &mut Ui, lamp: &mut FreeLamp, state: &mut LampState) {
+    let key = lamp.key.clone();
+    let numbers = |ui: &mut Ui, place: &mut Vec3, what: &str| {
+        ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 3.0;
+            for (value, axis) in place.as_mut().iter_mut().zip(["X", "Y", "Z"]) {
+                let number = DragValue::new(value).range(-MOST..=MOST).speed(0.01).max_decimals(3);
+                ui.add(number).on_hover_text(format!("{axis}, meters")).accessible_name(format!("{key} {what} {axis}"));
+            }
+        });
+    };
+    ui.label(RichText::new("Position").weak());
+    let mut position = lamp.position;
+    numbers(ui, &mut position, "position");
+    ui.end_row();
+    if is_aimed(&lamp.shape) {
+        ui.label(RichText::new("Aim").weak());
+        numbers(ui, &mut lamp.aim, "aim");
+        ui.end_row();
+        ui.label("");
+        let mut stays = state.aim_while_moving == AimWhileMoving::Stays;
+        let hint = "A lamp that is moved keeps what it lights, else its direction";
+        if ui.checkbox(&mut stays, "Keep the aim").on_hover_text(hint).changed() {
+            state.aim_while_moving = if stays { AimWhileMoving::Stays } else { AimWhileMoving::GoesAlong };
+        }
+        ui.end_row();
+    }
+    if position != lamp.position {
+        move_to(lamp, position, state.aim_while_moving);
+    }
+}
+
+/// What a shape is called in the window.
+pub fn kind_words(shape: &LampShape) -> &'static str {
+    match shape {
+        LampShape::Point => "Point lamp",
+        LampShape::Spot { .. } => "Spot lamp",
+        LampShape::Rectangle { .. } => "Rectangular lamp",
+        LampShape::Disk { .. } => "Round lamp",
+        LampShape::Sphere { .. } => "Globe",
+        LampShape::Directional => "Parallel light",
+        LampShape::Profile { .. } => "Measured lamp",
+    }
+}
+
+/// The color of a lamp, as bright as can be shown.
+pub fn shown_color(lamp: &FreeLamp) -> Color32 {
+    let color = match (lamp.setting.kelvin, lamp.setting.color) {
+        (Some(kelvin), _) => planckian_tint(kelvin),
+        (None, Some(color)) => Vec3::from(color),
+        (None, None) => Vec3::ONE,
+    };
+    let [r, g, b] = (color / color.max_element().max(1e-6)).to_array();
+    if luminance(color) > 0.0 { egui::Rgba::from_rgb(r, g, b).into() } else { Color32::BLACK }
+}
+
+/// The menu button in the heading of the list.
+pub fn add_button(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
+    if *choice == LampChoice::Never {
+        return;
+    }
+    ui.add_enabled_ui(*choice == LampChoice::Ready, |ui| {
+        let button = egui::containers::menu::MenuButton::from_button(Button::new("Add lamp").small());
+        button.ui(ui, |ui| add_menu(ui, None, actions)).0.on_disabled_hover_text("It takes the scene of this bake");
+    });
+}

@@ -1,0 +1,375 @@
+//! The light of free lamps, off the window's thread: complete at once, finer while the lamps stand still, nothing when done.
+//!
+//! Light is linear, and so every lamp is traced white and kept for itself: a lamp that moves leaves the others alone, and
+//! color and intensity only weigh what is there. A pass of a lamp that has moved on is given up at once.
+
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use clerestory_relight::Radiance;
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
+use clerestory_transport::light::LightSetting;
+use clerestory_transport::patches::Patches;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::Wake;
+
+/// Passes after which a soft shadow is as smooth as it gets.
+const SOFT_PASSES: u32 = 64;
+/// Samples of a pixel for smooth edges: as many as fit into so much memory.
+const SAMPLES: std::ops::RangeInclusive<usize> = 2..=8;
+const POINT_BYTES: usize = 64;
+const MOST_BYTES: usize = 256 << 20;
+/// Time between two pictures while nothing moves.
+const POST_EVERY: Duration = Duration::from_millis(250);
+
+/// What is looked at, and from where. Two views are the same if they are one and the same `Arc`.
+pub struct LampView {
+    /// The scene of the picture.
+    pub scene: Arc<PreparedScene>,
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// Size of the picture.
+    pub film: Film,
+    /// What their light throws on these surfaces lights the room, where it was baked.
+    pub patches: Option<Patches>,
+}
+
+/// Lamps in a view.
+#[derive(Clone)]
+pub struct LampOrder {
+    /// The view.
+    pub view: Arc<LampView>,
+    /// Lamps that shine.
+    pub lamps: Vec<FreeLamp>,
+    /// Number of the order.
+    pub serial: u64,
+}
+
+/// The light of lamps in a picture.
+#[derive(Clone)]
+pub struct LampLight {
+    /// Their direct light, nit; the size is that of the view's film.
+    pub direct: Arc<Radiance>,
+    /// Coefficients of the columns of patches: what their light becomes on its further way; empty without patches.
+    pub of_patches: Arc<Vec<[f32; 3]>>,
+    /// Number of the order that it answers.
+    pub serial: u64,
+    /// Whether it does not get any smoother.
+    pub is_done: bool,
+    /// A sentence for each lamp that cannot shine.
+    pub problems: Vec<String>,
+    /// From the order to its first picture, milliseconds.
+    pub first_millis: f32,
+}
+
+#[derive(Default)]
+struct Mail {
+    order: Option<LampOrder>,
+    light: Option<LampLight>,
+    closed: bool,
+}
+
+#[derive(Default)]
+struct Mailbox {
+    mail: Mutex<Mail>,
+    posted: Condvar,
+}
+
+impl Mailbox {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Mail> {
+        // Mail is replaced as a whole, so it is sound even after a panic elsewhere.
+        self.mail.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the work at hand is stale. What makes the first picture of an order is only so in another view: a lamp that
+    /// keeps moving must be seen.
+    fn interrupts(&self, view: &Arc<LampView>, work: Work) -> bool {
+        let mail = self.lock();
+        let is_stale = |order: &LampOrder| work == Work::Refines || !Arc::ptr_eq(&order.view, view);
+        mail.closed || mail.order.as_ref().is_some_and(is_stale)
+    }
+
+    /// The next order; waits for one where there is nothing to go on with. `None` where nobody wants any more.
+    fn next(&self, idle: Idle) -> Option<Option<LampOrder>> {
+        let mut mail = self.lock();
+        loop {
+            if mail.closed {
+                return None;
+            }
+            if mail.order.is_some() || idle == Idle::GoOn {
+                return Some(mail.order.take());
+            }
+            mail = self.posted.wait(mail).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+/// What to do without a new order.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Idle {
+    Sleep,
+    GoOn,
+}
+
+/// What a piece of work is for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Work {
+    /// The first picture.
+    Shows,
+    /// A smoother one.
+    Refines,
+}
+
+/// The worker; it ends when this is dropped.
+pub struct LampWorker {
+    mailbox: Arc<Mailbox>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl LampWorker {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn start(wake: Wake) -> std::io::Result<LampWorker> {
+        let mailbox = Arc::<Mailbox>::default();
+        let own = mailbox.clone();
+        let thread = std::thread::Builder::new().name("lamps".into()).spawn(move || work(&own, &wake))?;
+        Ok(LampWorker { mailbox, thread: Some(thread) })
+    }
+
+    /// Leaves an order; what is being done for an older one is given up.
+    pub fn order(&self, order: LampOrder) {
+        self.mailbox.lock().order = Some(order);
+        self.mailbox.posted.notify_one();
+    }
+
+    /// The newest light, once.
+    pub fn take(&self) -> Option<LampLight> {
+        self.mailbox.lock().light.take()
+    }
+}
+
+impl Drop for LampWorker {
+    fn drop(&mut self) {
+        self.mailbox.lock().closed = true;
+        self.mailbox.posted.notify_one();
+        if let Some(thread) = self.thread.take() {
+            // A worker that panicked has said so on its own; there is nothing left to do here.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn work(mailbox: &Mailbox, wake: &Wake) {
+    let mut bench: Option<Bench> = None;
+    loop {
+        let idle = if bench.as_ref().is_some_and(|bench| !bench.is_done()) { Idle::GoOn } else { Idle::Sleep };
+        let Some(order) = mailbox.next(idle) else { return };
+        if let Some(order) = order {
+            let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
+            let mut new = kept.unwrap_or_else(|| Bench::new(order.view.clone()));
+            new.take(order);
+            bench = Some(new);
+        }
+        let Some(bench) = &mut bench else { continue };
+        bench.step(mailbox);
+        if let Some(light) = bench.news() {
+            mailbox.lock().light = Some(light);
+            wake(Duration::ZERO);
+        }
+    }
+}
+
+/// A view, and how far its lamps are.
+struct Bench {
+    view: Arc<LampView>,
+    /// What the pixels see in each of their samples, as far as it was needed.
+    points: Vec<VisiblePoints>,
+    n_samples: usize,
+    lamps: Vec<Lit>,
+    problems: Vec<String>,
+    serial: u64,
+    ordered: Instant,
+    /// The light that was posted last: of which order, how far, when.
+    posted: Option<(u64, u32, Instant)>,
+    first_millis: f32,
+}
+
+/// A lamp, and what it lights.
+struct Lit {
+    /// As it shines.
+    lamp: FreeLamp,
+    /// White and at its full strength.
+    prepared: PreparedLamps,
+    /// Sum over the passes, nit; empty before the first one.
+    sum: Vec<[f32; 3]>,
+    n_passes: u32,
+    /// Passes that it takes.
+    most_passes: u32,
+    /// What it brings to the columns of patches.
+    of_patches: Option<Vec<[f32; 3]>>,
+}
+
+impl Lit {
+    /// Whether another lamp is this one but for color, intensity and name.
+    fn is_like(&self, lamp: &FreeLamp) -> bool {
+        white(&self.lamp) == FreeLamp { key: self.lamp.key.clone(), ..white(lamp) }
+    }
+
+    fn is_done(&self) -> bool {
+        self.n_passes >= self.most_passes
+    }
+}
+
+/// The lamp without what only weighs its light.
+fn white(lamp: &FreeLamp) -> FreeLamp {
+    FreeLamp { setting: LightSetting::default(), ..lamp.clone() }
+}
+
+impl Bench {
+    fn new(view: Arc<LampView>) -> Bench {
+        let fitting = MOST_BYTES / (POINT_BYTES * view.film.n_pixels()).max(1);
+        Bench {
+            view,
+            points: Vec::new(),
+            n_samples: fitting.clamp(*SAMPLES.start(), *SAMPLES.end()),
+            lamps: Vec::new(),
+            problems: Vec::new(),
+            serial: 0,
+            ordered: Instant::now(),
+            posted: None,
+            first_millis: 0.0,
+        }
+    }
+
+    /// Takes over other lamps; what is known of those that stay is kept.
+    fn take(&mut self, order: LampOrder) {
+        (self.serial, self.ordered) = (order.serial, Instant::now());
+        self.problems.clear();
+        let mut before = std::mem::take(&mut self.lamps);
+        for lamp in order.lamps {
+            if let Some(idx) = before.iter().position(|lit| lit.is_like(&lamp)) {
+                self.lamps.push(Lit { lamp, ..before.swap_remove(idx) });
+                continue;
+            }
+            match PreparedLamps::new(&[white(&lamp)], None) {
+                Ok((prepared, warnings)) => {
+                    self.problems.extend(warnings);
+                    let is_soft = matches!(
+                        lamp.shape,
+                        LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. }
+                    );
+                    let most_passes = if is_soft { SOFT_PASSES } else { self.n_samples as u32 };
+                    let (sum, n_passes, of_patches) = (Vec::new(), 0, None);
+                    self.lamps.push(Lit { lamp, prepared, sum, n_passes, most_passes, of_patches });
+                }
+                Err(error) => self.problems.push(error.to_string()),
+            }
+        }
+    }
+
+    /// Passes of the lamp that has the fewest, and lacks some; none where all have enough.
+    fn next(&self) -> Option<usize> {
+        let open = self.lamps.iter().enumerate().filter(|(_, lit)| !lit.is_done());
+        open.min_by_key(|(_, lit)| lit.n_passes).map(|(idx, _)| idx)
+    }
+
+    /// Whether all of it was posted.
+    fn is_done(&self) -> bool {
+        self.next().is_none() && self.posted.is_some_and(|(serial, _, _)| serial == self.serial)
+    }
+
+    /// One more pass of the lamp that has the fewest.
+    fn step(&mut self, mailbox: &Mailbox) {
+        let Some(idx) = self.next() else { return };
+        let work = if self.lamps[idx].n_passes == 0 { Work::Shows } else { Work::Refines };
+        let (view, lit) = (self.view.clone(), &mut self.lamps[idx]);
+        let stop = || mailbox.interrupts(&view, work);
+        let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
+        if sample >= self.points.len() {
+            let config = VisibleConfig { samples: 1, seed: sample as u64 };
+            let seen = VisiblePoints::new(&view.scene, &view.camera, view.film, config, &stop);
+            let Some(seen) = seen else { return };
+            self.points.push(seen);
+        }
+        let Some(pass) = self.points[sample].direct(&view.scene, &lit.prepared, round, &stop) else { return };
+        if lit.sum.is_empty() {
+            lit.sum = pass;
+        } else {
+            let sums = lit.sum.as_flattened_mut().par_iter_mut().zip(pass.as_flattened());
+            sums.for_each(|(sum, more)| *sum += more);
+        }
+        if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
+            let irradiance = |position, normal| lit.prepared.irradiance(&view.scene, position, normal);
+            lit.of_patches = Some(patches.coefficients(&irradiance));
+        }
+        lit.n_passes += 1;
+    }
+
+    /// The light as far as it is, where it is time to show it.
+    fn news(&mut self) -> Option<LampLight> {
+        let n_passes = self.lamps.iter().map(|lit| lit.n_passes).sum();
+        let is_whole = self.lamps.iter().all(|lit| lit.n_passes > 0);
+        let is_done = self.next().is_none();
+        let is_due = match self.posted {
+            Some((serial, before, at)) if serial == self.serial => {
+                n_passes > before && (is_done || at.elapsed() > POST_EVERY)
+            }
+            _ => true,
+        };
+        if !is_whole || !is_due {
+            return None;
+        }
+        if self.posted.is_none_or(|(serial, _, _)| serial != self.serial) {
+            self.first_millis = 1e3 * self.ordered.elapsed().as_secs_f32();
+        }
+        self.posted = Some((self.serial, n_passes, Instant::now()));
+        Some(LampLight {
+            direct: Arc::new(self.direct()),
+            of_patches: Arc::new(self.of_patches()),
+            serial: self.serial,
+            is_done,
+            problems: self.problems.clone(),
+            first_millis: self.first_millis,
+        })
+    }
+
+    /// The mean of the passes of each lamp in its color, summed.
+    fn direct(&self) -> Radiance {
+        let Film { width, height } = self.view.film;
+        let mut sum = Radiance::new(width, height);
+        for lit in &self.lamps {
+            let weight = (weight(&lit.lamp) / lit.n_passes as f32).to_array();
+            let pixels = sum.pixels.par_iter_mut().zip(&lit.sum);
+            pixels.for_each(|(sum, light)| (0..3).for_each(|c| sum[c] += weight[c] * light[c]));
+        }
+        sum
+    }
+
+    fn of_patches(&self) -> Vec<[f32; 3]> {
+        let n_columns = self.view.patches.as_ref().map_or(0, Patches::n_columns);
+        let mut sum = vec![[0.0; 3]; n_columns];
+        for lit in &self.lamps {
+            let weight = weight(&lit.lamp).to_array();
+            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flatten()) {
+                (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
+            }
+        }
+        sum
+    }
+}
+
+/// What a lamp's setting makes of its white light.
+fn weight(lamp: &FreeLamp) -> Vec3 {
+    lamp.setting.emission(Vec3::ONE, 1.0)
+}
+
+#[cfg(test)]
+mod tests;

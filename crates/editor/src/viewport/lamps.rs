@@ -1,0 +1,307 @@
+//! Free lamps in the picture: handles that are clicked, dragged along axes, planes and surfaces, and aimed.
+
+use clerestory_transport::lamps::{FreeLamp, LampShape};
+use eframe::egui::{
+    self, Align2, Color32, CursorIcon, FontId, Id, Key, Painter, PointerButton, Pos2, Rect, Response, Sense, Shape,
+    Stroke, Ui, Vec2, vec2,
+};
+use glam::Vec3;
+
+use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, frame};
+use crate::action::Action;
+use crate::look::lamps::is_aimed;
+use crate::panels::lamps::{LampState, add_menu, lamp_menu, shown_color};
+use crate::theme;
+
+/// Length of the arrows in points.
+const ARROW: f32 = 66.0;
+/// Where the handles of the planes are, in lengths of the arrows along both axes.
+const PLANE_AT: f32 = 0.38;
+/// Half a side of what is taken hold of, points.
+const REACH: f32 = 8.0;
+/// Arrows whose tips are nearer to the lamp than this point at the eye and are left out, points.
+const FORESHORTENED: f32 = 20.0;
+/// Colors of the axes.
+const AXIS_COLORS: [Color32; 3] =
+    [Color32::from_rgb(226, 92, 84), Color32::from_rgb(118, 186, 92), Color32::from_rgb(88, 146, 232)];
+
+/// Draws the handles and does what is done to them. `picture` is the response of the picture behind them.
+pub fn lamps_ui(
+    ui: &mut Ui,
+    picture: &Response,
+    sight: &Sight,
+    lamps: &mut [FreeLamp],
+    state: &mut LampState,
+    actions: &mut Vec<Action>,
+) {
+    let painter = ui.painter_at(picture.rect.intersect(sight.image));
+    aim_by_click(ui, picture, sight, lamps, state);
+    cancel(ui, lamps, state);
+    let mut touched = false;
+    // The chosen lamp comes last, and so lies on top.
+    let mut order: Vec<usize> = (0..lamps.len()).collect();
+    order.sort_by_key(|idx| state.is_chosen(&lamps[*idx].key));
+    for idx in order {
+        let lamp = lamps[idx].clone();
+        let Some(center) = sight.seen_at(lamp.position).filter(|center| painter.clip_rect().contains(*center)) else {
+            continue;
+        };
+        let is_chosen = state.is_chosen(&lamp.key);
+        if is_chosen {
+            paint_shape(&painter, sight, &lamp);
+        }
+        if is_chosen && !state.aiming {
+            for (part, at) in parts(sight, &lamp, center) {
+                touched |= part_ui(ui, &painter, sight, (part, at, center), lamps, idx, state);
+            }
+        }
+        touched |= body_ui(ui, &painter, sight, center, lamps, idx, state, actions);
+    }
+    if picture.clicked() && !touched && !state.aiming {
+        state.chosen = None;
+    }
+    if picture.secondary_clicked() {
+        state.menu_at = picture.interact_pointer_pos();
+    }
+    picture.context_menu(|ui| {
+        let px = state.menu_at.map(|at| film_px(sight, at));
+        ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
+    });
+}
+
+/// Pixels of the film at a place on the screen.
+fn film_px(sight: &Sight, at: Pos2) -> [f32; 2] {
+    let px = (at - sight.image.min) / sight.image.size() * vec2(sight.film.width as f32, sight.film.height as f32);
+    [px.x, px.y]
+}
+
+/// While a lamp is to be aimed, or with Ctrl, a click says at what.
+fn aim_by_click(ui: &Ui, picture: &Response, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) {
+    let chosen = lamps.iter_mut().find(|lamp| state.is_chosen(&lamp.key)).filter(|lamp| is_aimed(&lamp.shape));
+    let Some(lamp) = chosen else {
+        state.aiming = false;
+        return;
+    };
+    let with_key = ui.input(|input| input.modifiers.command);
+    if !state.aiming && !with_key {
+        return;
+    }
+    if let Some(at) = picture.hover_pos() {
+        ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
+        hint(ui, picture.rect, &format!("Click what {} is to light, Esc to leave it", lamp.key));
+        if picture.clicked_by(PointerButton::Primary)
+            && let Some(surface) = sight.surface(at)
+        {
+            lamp.aim = surface.position;
+            state.aiming = false;
+        }
+    }
+}
+
+/// Esc puts a dragged lamp back, and ends aiming.
+fn cancel(ui: &Ui, lamps: &mut [FreeLamp], state: &mut LampState) {
+    if !ui.input(|input| input.key_pressed(Key::Escape)) {
+        return;
+    }
+    state.aiming = false;
+    if let Some(drag) = state.drag.take()
+        && let Some(lamp) = lamps.iter_mut().find(|lamp| lamp.key == drag.key)
+    {
+        *lamp = drag.before;
+    }
+}
+
+/// The handles around a chosen lamp, and where they are.
+fn parts(sight: &Sight, lamp: &FreeLamp, center: Pos2) -> Vec<(Part, Pos2)> {
+    let mut parts = Vec::new();
+    let Some(length) = sight.meters_per_point(lamp.position).map(|meters| meters * ARROW) else { return parts };
+    let seen = |offset: Vec3| sight.seen_at(lamp.position + offset * length);
+    let forward = sight.direction(center);
+    for axis in 0..3 {
+        let [a, b] = [AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]];
+        if let Some(at) = seen((a + b) * PLANE_AT).filter(|_| AXES[axis].dot(forward).abs() > 0.2) {
+            parts.push((Part::Plane(axis), at));
+        }
+        if let Some(at) = seen(AXES[axis]).filter(|at| at.distance(center) > FORESHORTENED) {
+            parts.push((Part::Axis(axis), at));
+        }
+    }
+    if is_aimed(&lamp.shape)
+        && let Some(at) = sight.seen_at(lamp.aim).filter(|at| at.distance(center) > FORESHORTENED)
+    {
+        parts.push((Part::Aim, at));
+    }
+    parts
+}
+
+/// What a part does, for people.
+fn part_words(part: Part, key: &str) -> String {
+    match part {
+        Part::Axis(axis) => format!("Move {key} along {}", AXIS_NAMES[axis]),
+        Part::Plane(axis) => format!("Move {key} across {}", AXIS_NAMES[axis]),
+        Part::Body => format!("Move {key} over surfaces"),
+        Part::Aim => format!("Aim {key}"),
+    }
+}
+
+/// A handle of the chosen lamp; answers whether it is under the pointer.
+fn part_ui(
+    ui: &Ui,
+    painter: &Painter,
+    sight: &Sight,
+    (part, at, center): (Part, Pos2, Pos2),
+    lamps: &mut [FreeLamp],
+    idx: usize,
+    state: &mut LampState,
+) -> bool {
+    let key = lamps[idx].key.clone();
+    let response =
+        handle(ui, at, Id::unique(("lamp part", key.as_str(), part_words(part, ""))), &part_words(part, &key));
+    let is_held = state.drag.as_ref().is_some_and(|drag| drag.key == key && drag.part == part);
+    paint_part(painter, (part, at, center), if response.hovered() || is_held { 1.0 } else { 0.75 });
+    drag_ui(ui, &response, sight, part, lamps, idx, state);
+    response.hovered() || response.clicked()
+}
+
+/// The lamp itself: a click chooses it, a drag moves it over surfaces. Answers whether it is under the pointer.
+#[expect(clippy::too_many_arguments, reason = "what is drawn, where, and what may change of it")]
+fn body_ui(
+    ui: &Ui,
+    painter: &Painter,
+    sight: &Sight,
+    center: Pos2,
+    lamps: &mut [FreeLamp],
+    idx: usize,
+    state: &mut LampState,
+    actions: &mut Vec<Action>,
+) -> bool {
+    let lamp = lamps[idx].clone();
+    let is_chosen = state.is_chosen(&lamp.key);
+    let words = if is_chosen { part_words(Part::Body, &lamp.key) } else { format!("{} in the picture", lamp.key) };
+    let response = handle(ui, center, Id::unique(("lamp", lamp.key.as_str())), &words);
+    paint_body(painter, center, &lamp, is_chosen, response.hovered());
+    if response.clicked() || response.drag_started_by(PointerButton::Primary) || response.secondary_clicked() {
+        state.chosen = Some(lamp.key.clone());
+    }
+    drag_ui(ui, &response, sight, Part::Body, lamps, idx, state);
+    if response.hovered() && state.drag.is_none() {
+        hint(ui, painter.clip_rect(), &format!("{}, drag to move it over surfaces, with Alt freely", lamp.key));
+    }
+    response.context_menu(|ui| lamp_menu(ui, &lamp, state, actions));
+    response.hovered() || response.clicked()
+}
+
+fn handle(ui: &Ui, at: Pos2, id: Id, words: &str) -> Response {
+    let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
+    let response = ui.interact(rect, id, Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, ui.is_enabled(), words));
+    if response.hovered() {
+        ui.ctx().set_cursor_icon(CursorIcon::Grab);
+    }
+    response
+}
+
+fn drag_ui(
+    ui: &Ui,
+    response: &Response,
+    sight: &Sight,
+    part: Part,
+    lamps: &mut [FreeLamp],
+    idx: usize,
+    state: &mut LampState,
+) {
+    if response.drag_started_by(PointerButton::Primary) {
+        let at = ui.input(|input| input.pointer.press_origin()).unwrap_or(response.rect.center());
+        state.drag = Some(Drag::begin(sight, &lamps[idx], part, at));
+        state.dragged_to = Some(at);
+    }
+    let Some(drag) = state.drag.as_mut().filter(|drag| drag.part == part && drag.key == lamps[idx].key) else { return };
+    if let (Some(at), Some(last)) = (response.interact_pointer_pos(), state.dragged_to) {
+        let modifiers = ui.input(|input| input.modifiers);
+        let held = Held { fine: modifiers.shift, free: modifiers.alt, aim: state.aim_while_moving };
+        if at != last {
+            lamps[idx] = drag.moved(sight, &lamps[idx], at - last, held);
+        }
+        state.dragged_to = Some(at);
+        ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+    }
+    if response.drag_stopped() {
+        (state.drag, state.dragged_to) = (None, None);
+    }
+}
+
+fn paint_part(painter: &Painter, (part, at, center): (Part, Pos2, Pos2), strength: f32) {
+    let dark = Color32::from_black_alpha(120);
+    match part {
+        Part::Axis(axis) => {
+            let color = AXIS_COLORS[axis].gamma_multiply(strength);
+            let direction = (at - center).normalized();
+            let (start, tip) = (center + direction * 10.0, at + direction * 7.0);
+            painter.line_segment([start, at], Stroke::new(4.0, dark));
+            painter.line_segment([start, at], Stroke::new(2.0, color));
+            let side = direction.rot90() * 5.0;
+            painter.add(Shape::convex_polygon(vec![tip, at + side, at - side], color, Stroke::NONE));
+        }
+        Part::Plane(axis) => {
+            let rect = Rect::from_center_size(at, Vec2::splat(10.0));
+            painter.rect_filled(rect, 2.0, AXIS_COLORS[axis].gamma_multiply(0.7 * strength));
+            painter.rect_stroke(rect, 2.0, Stroke::new(1.0, dark), egui::StrokeKind::Outside);
+        }
+        Part::Aim => {
+            let color = theme::ACCENT.gamma_multiply(strength);
+            painter.extend(Shape::dashed_line(&[center, at], Stroke::new(1.2, color.gamma_multiply(0.7)), 5.0, 4.0));
+            for (width, color) in [(3.5, dark), (1.6, color)] {
+                painter.circle_stroke(at, 6.5, Stroke::new(width, color));
+            }
+            painter.circle_filled(at, 2.0, color);
+        }
+        Part::Body => {}
+    }
+}
+
+fn paint_body(painter: &Painter, center: Pos2, lamp: &FreeLamp, is_chosen: bool, is_hovered: bool) {
+    let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
+    let fill = if lamp.setting.muted { Color32::from_gray(70) } else { shown_color(lamp) };
+    let radius = if is_hovered { 7.0 } else { 6.0 };
+    painter.circle_filled(center, radius + 2.5, Color32::from_black_alpha(130));
+    painter.circle(center, radius, fill, Stroke::new(2.0, rim));
+}
+
+/// The outline of a lamp that has a size, and the cone of a spot.
+fn paint_shape(painter: &Painter, sight: &Sight, lamp: &FreeLamp) {
+    let [right, up, ahead] = frame(lamp);
+    let ring = |center: Vec3, radius: f32, u: Vec3, v: Vec3| -> Vec<Vec3> {
+        let angles = (0..48).map(|i| i as f32 / 48.0 * std::f32::consts::TAU);
+        angles.map(|angle| center + (u * angle.cos() + v * angle.sin()) * radius).collect()
+    };
+    let outline = match lamp.shape {
+        LampShape::Rectangle { size_m: [width, height] } => [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
+            .map(|(x, y)| lamp.position + right * (0.5 * width * x) + up * (0.5 * height * y))
+            .to_vec(),
+        LampShape::Disk { radius_m } => ring(lamp.position, radius_m, right, up),
+        LampShape::Sphere { radius_m } => {
+            let [u, v] = [sight.camera.world_from_camera.x_axis, sight.camera.world_from_camera.y_axis];
+            ring(lamp.position, radius_m, u.truncate(), v.truncate())
+        }
+        LampShape::Spot { outer_rad, .. } => {
+            // A wider cone would be drawn as a plane without end.
+            let length = lamp.aim.distance(lamp.position).min(0.5 * sight.scene.diameter());
+            ring(lamp.position + ahead * length, length * outer_rad.min(1.2).tan(), right, up)
+        }
+        _ => return,
+    };
+    let seen: Option<Vec<Pos2>> = outline.into_iter().map(|point| sight.seen_at(point)).collect();
+    if let Some(seen) = seen {
+        painter.add(Shape::closed_line(seen.clone(), Stroke::new(3.0, Color32::from_black_alpha(90))));
+        painter.add(Shape::closed_line(seen, Stroke::new(1.3, theme::ACCENT.gamma_multiply(0.8))));
+    }
+}
+
+/// A line of words at the lower left.
+pub(super) fn hint(ui: &Ui, area: Rect, words: &str) {
+    let painter = ui.painter();
+    let galley = painter.layout_no_wrap(words.to_owned(), FontId::proportional(12.5), Color32::from_gray(230));
+    let place = Align2::LEFT_BOTTOM.anchor_size(area.left_bottom() + vec2(12.0, -10.0), galley.size());
+    painter.rect_filled(place.expand2(vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(170));
+    painter.galley(place.min, galley, Color32::WHITE);
+}

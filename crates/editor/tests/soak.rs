@@ -1,0 +1,195 @@
+//! A monkey over the whole window: seeded clicks, drags, keys, words and files, with an eye on panics and on memory.
+//!
+//! `CLERESTORY_SOAK_SECS` lets it go on for as long as that; `CLERESTORY_SOAK_SEED` gives it other ideas.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+#[expect(dead_code, reason = "what the other tests of the window need")]
+mod desk;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clerestory::session::{BakeState, Source};
+use desk::{Dropped, Window, open_with, quick, room, wait};
+use eframe::egui::accesskit::Role;
+use eframe::egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, TouchPhase, pos2, vec2};
+use egui_kittest::kittest::{By, NodeT, Queryable};
+
+/// Inputs of an episode; after each the window is closed and opened again.
+const INPUTS: u32 = 150;
+/// Episodes without `CLERESTORY_SOAK_SECS`.
+const EPISODES: u32 = 5;
+/// Episodes until caches, pools and fonts are what they stay.
+const WARM: u32 = 2;
+/// Growth of the process from then on that is no leak: a tenth, and what an allocator keeps of short-lived pictures.
+const GROWTH: f64 = 1.1;
+const SLACK_BYTES: u64 = 24 << 20;
+
+const KEYS: [Key; 16] = [
+    Key::Z, Key::Y, Key::S, Key::O, Key::E, Key::B, Key::F, Key::D, Key::F1, Key::Delete, Key::Escape, Key::Enter, Key::Tab,
+    Key::ArrowRight, Key::ArrowDown, Key::G,
+];
+const MODIFIERS: [Modifiers; 4] =
+    [Modifiers::NONE, Modifiers::COMMAND, Modifiers::SHIFT, Modifiers::COMMAND.plus(Modifiers::SHIFT)];
+/// Small numbers, so that no bake takes a day; words, and nonsense.
+const WORDS: [&str; 8] = ["0", "1", "-3", "48", "2700", "nan", "lämp", "../../x.look"];
+
+/// Draws from a seed.
+struct Monkey {
+    state: u64,
+    files: Vec<PathBuf>,
+}
+
+impl Monkey {
+    fn below(&mut self, n: usize) -> usize {
+        // SplitMix64.
+        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.state ^ (self.state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) % n as u64) as usize
+    }
+
+    fn one_of<T: Copy>(&mut self, of: &[T]) -> T {
+        of[self.below(of.len())]
+    }
+
+    fn place(&mut self) -> Pos2 {
+        pos2(self.below(1440) as f32, self.below(900) as f32)
+    }
+
+    /// The middle of something that can be used, wherever it is.
+    fn widget(&mut self, window: &Window) -> Pos2 {
+        let is_usable = |role: Role| {
+            use Role::{Button, CheckBox, ComboBox, MenuItem, RadioButton, Slider, SpinButton, TextInput};
+            matches!(role, Button | CheckBox | ComboBox | MenuItem | RadioButton | Slider | SpinButton | TextInput)
+        };
+        let all = window.query_all(By::new().recursive(true));
+        let usable: Vec<Pos2> =
+            all.filter(|node| is_usable(node.accesskit_node().role())).map(|node| node.rect().center()).collect();
+        if usable.is_empty() { self.place() } else { self.one_of(&usable) }
+    }
+
+    fn button(&mut self, window: &mut Window, at: Pos2, button: PointerButton, pressed: bool) {
+        let modifiers = self.one_of(&MODIFIERS);
+        window.event(Event::PointerMoved(at));
+        window.event(Event::PointerButton { pos: at, button, pressed, modifiers });
+        window.step();
+    }
+
+    fn act(&mut self, window: &mut Window) {
+        match self.below(20) {
+            0..=8 => {
+                let at = self.widget(window);
+                let button = if self.below(8) == 0 { PointerButton::Secondary } else { PointerButton::Primary };
+                self.button(window, at, button, true);
+                self.button(window, at, button, false);
+            }
+            9..=12 => {
+                let (from, to) = (if self.below(2) == 0 { self.widget(window) } else { self.place() }, self.place());
+                let button = self.one_of(&[PointerButton::Primary, PointerButton::Primary, PointerButton::Middle]);
+                self.button(window, from, button, true);
+                for step in 1..=3 {
+                    window.event(Event::PointerMoved(from + (to - from) * (step as f32 / 3.0)));
+                    window.step();
+                }
+                self.button(window, to, button, false);
+            }
+            13 | 14 => {
+                let (at, modifiers) = (self.place(), self.one_of(&MODIFIERS));
+                let delta = vec2(0.0, self.below(401) as f32 - 200.0);
+                window.event(Event::PointerMoved(at));
+                let (unit, phase) = (MouseWheelUnit::Point, TouchPhase::Move);
+                window.event(Event::MouseWheel { unit, delta, phase, modifiers });
+                window.step();
+            }
+            15 | 16 => {
+                let (modifiers, key) = (self.one_of(&MODIFIERS), self.one_of(&KEYS));
+                window.key_press_modifiers(modifiers, key);
+                window.step();
+            }
+            17 | 18 => {
+                window.event(Event::Text(self.one_of(&WORDS).into()));
+                window.step();
+            }
+            _ => {
+                let which = self.below(self.files.len());
+                let file = self.files[which].clone();
+                window.input_mut().dropped_files.push(Arc::new(Dropped(file)));
+                window.step();
+            }
+        }
+        window.step();
+    }
+}
+
+/// Files to drop: a scene, a look, pictures, and things that are none.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let scene = room();
+    let stage = folder.join("stage");
+    std::fs::create_dir(&stage).unwrap();
+    for (name, gray) in [("a", 60), ("b", 120)] {
+        image::GrayImage::from_pixel(16, 12, image::Luma([gray])).save(stage.join(format!("{name}.png"))).unwrap();
+    }
+    vec![
+        write("room.gltf", &scene),
+        write("half.gltf", &scene[..scene.len() / 2]),
+        write("dim.look", br#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#),
+        write("cut.look", br#"{"clerestory": 1, "lights": {"lamp": {"inten"#),
+        write("nothing.transport", b"CLERTRAN"),
+        stage,
+        folder.join("missing.glb"),
+    ]
+}
+
+/// Memory of this process, where the system tells.
+fn resident_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
+    let pages: u64 = text.split(' ').nth(1)?.parse().ok()?;
+    Some(pages * 4096)
+}
+
+#[test]
+fn a_monkey_breaks_nothing_and_leaves_no_memory_behind() {
+    let home = tempfile::tempdir().unwrap();
+    // What it saves under a name without a folder goes here.
+    std::env::set_current_dir(home.path()).unwrap();
+    let number = |name| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
+    let (secs, seed) = (number("CLERESTORY_SOAK_SECS"), number("CLERESTORY_SOAK_SEED").unwrap_or(1));
+    let mut monkey = Monkey { state: seed, files: files(home.path()) };
+    let (started, mut warm_bytes, mut n_episodes) = (Instant::now(), None, 0);
+    let goes_on = |n_episodes| match secs {
+        Some(secs) => started.elapsed() < Duration::from_secs(secs) || n_episodes <= WARM,
+        None => n_episodes < EPISODES,
+    };
+    while goes_on(n_episodes) {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_with(source, quick(), Some(home.path()));
+        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0);
+        for input in 0..INPUTS {
+            let acted = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| monkey.act(&mut window)));
+            assert!(acted.is_ok(), "seed {seed}: it broke at input {input} of episode {n_episodes}");
+        }
+        drop(window);
+        n_episodes += 1;
+        if n_episodes == WARM {
+            warm_bytes = resident_bytes();
+        }
+    }
+    let n_inputs = n_episodes * INPUTS;
+    println!("{n_inputs} inputs in {n_episodes} windows, {:.0} s", started.elapsed().as_secs_f32());
+    match warm_bytes.zip(resident_bytes()) {
+        Some((before, after)) => {
+            println!("{} MB before, {} MB after", before >> 20, after >> 20);
+            let most = before as f64 * GROWTH + SLACK_BYTES as f64;
+            assert!((after as f64) < most, "memory grew from {before} to {after} bytes in {n_inputs} inputs");
+        }
+        None => println!("skipped: this system does not tell the memory of a process"),
+    }
+}

@@ -1,0 +1,251 @@
+//! What a lamp sends to a point, and how a point on it is chosen.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use super::body::{Body, BodyPoint, in_cone};
+use super::rectangle::SeenRectangle;
+use crate::emitters::punctual_falloff;
+use crate::photometry::PhotometricProfile;
+use crate::scene::PunctualLight;
+
+/// A free lamp at emission 1: 1 cd along the axis, 1 lx or 1 nit.
+#[derive(Clone, Debug)]
+pub struct Lamp {
+    pub(crate) form: Form,
+}
+
+/// Where the light of a lamp comes from.
+#[derive(Clone, Debug)]
+pub(crate) enum Form {
+    /// From a point, m.
+    Point {
+        /// Place, aim and falloff.
+        light: PunctualLight,
+        /// What takes the place of the falloff.
+        profile: Option<Arc<PhotometricProfile>>,
+    },
+    /// From infinitely far away, along a unit direction.
+    Distant(Vec3),
+    /// From a body.
+    Body(Body),
+}
+
+/// A point of a lamp as seen from somewhere.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lit {
+    /// World space, m.
+    pub target: Vec3,
+    /// Unit direction towards it.
+    pub wi: Vec3,
+    /// Radiance at emission 1 over the density of the sample per solid angle; of a lamp without size its irradiance on a
+    /// surface that faces it.
+    pub factor: f32,
+    /// One over the density per solid angle, 0 for a lamp without size.
+    pub spread_sr: f32,
+}
+
+/// A lamp without size has this one next to it: closer than that it is not brighter, m.
+const POINT_RADIUS_M: f32 = 0.01;
+/// Bodies within so many of their radii are sampled by the angle that they fill.
+const NEAR: f32 = 3.0;
+
+impl Lamp {
+    /// A point with uniform density over a body; `far` is a distance beyond all surfaces, m.
+    pub(crate) fn lit(&self, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
+        match &self.form {
+            Form::Point { .. } => self.lit_from(&self.point(u)?, position),
+            Form::Distant(direction) => {
+                Some(Lit { target: position - *direction * far, wi: -*direction, factor: 1.0, spread_sr: 0.0 })
+            }
+            Form::Body(body) => lit_by(&body.sample(u), body.area(), position),
+        }
+    }
+
+    /// The same with a density that suits what is close to a body: its sum stays within what the body can send.
+    pub(crate) fn lit_well(&self, position: Vec3, u: Vec2, far: f32) -> Option<Lit> {
+        match &self.form {
+            Form::Body(Body::Sphere { center, radius }) => lit_by_sphere(*center, *radius, position, u),
+            Form::Body(body) if self.is_near(position) => lit_by_plate(body, position, u),
+            _ => self.lit(position, u, far),
+        }
+    }
+
+    /// Whether a body fills so much of the view that its parts are at different distances.
+    pub(crate) fn is_near(&self, position: Vec3) -> bool {
+        let Form::Body(body) = &self.form else { return false };
+        let (center, radius) = body.ball();
+        center.distance_squared(position) < (NEAR * radius).powi(2)
+    }
+
+    /// A point that serves for many places at once; `None` for light from far away.
+    pub(crate) fn point(&self, u: Vec2) -> Option<BodyPoint> {
+        match &self.form {
+            Form::Point { light, .. } => Some(BodyPoint { position: light.position, normal: light.direction }),
+            Form::Distant(_) => None,
+            Form::Body(body) => Some(body.sample(u)),
+        }
+    }
+
+    /// What a point of [`Lamp::point`] sends to a place.
+    #[inline]
+    pub(crate) fn lit_from(&self, point: &BodyPoint, position: Vec3) -> Option<Lit> {
+        match &self.form {
+            Form::Point { light, profile } => {
+                let to_light = point.position - position;
+                let square = to_light.length_squared();
+                let wi = to_light / square.sqrt();
+                let profiles = profile.as_deref().map_or(&[][..], std::slice::from_ref);
+                let falloff = if wi.is_finite() { punctual_falloff(light, profiles, -wi) } else { 0.0 };
+                let factor = falloff / square.max(POINT_RADIUS_M * POINT_RADIUS_M);
+                (falloff > 0.0).then_some(Lit { target: point.position, wi, factor, spread_sr: 0.0 })
+            }
+            Form::Distant(_) => None,
+            Form::Body(body) => lit_by(point, body.area(), position),
+        }
+    }
+
+    /// The body, if there is one to be seen.
+    pub(crate) fn body(&self) -> Option<&Body> {
+        match &self.form {
+            Form::Body(body) => Some(body),
+            _ => None,
+        }
+    }
+
+    /// Whether its body is a sphere: what of it is seen differs from place to place.
+    pub(crate) fn is_ball(&self) -> bool {
+        matches!(self.form, Form::Body(Body::Sphere { .. }))
+    }
+
+    /// Whether it shines from infinitely far away.
+    pub(crate) fn is_beyond(&self) -> bool {
+        matches!(self.form, Form::Distant(_))
+    }
+}
+
+/// A point that was chosen evenly from an area.
+#[inline]
+fn lit_by(point: &BodyPoint, area: f32, position: Vec3) -> Option<Lit> {
+    let to_light = point.position - position;
+    let closeness = 1.0 / to_light.length_squared();
+    let wi = to_light * closeness.sqrt();
+    let spread_sr = -wi.dot(point.normal) * area * closeness;
+    (spread_sr > 0.0 && spread_sr.is_finite()).then_some(Lit {
+        target: point.position,
+        wi,
+        factor: spread_sr,
+        spread_sr,
+    })
+}
+
+/// A sphere by the cone that it fills: nothing from within.
+fn lit_by_sphere(center: Vec3, radius: f32, position: Vec3, u: Vec2) -> Option<Lit> {
+    let to_center = center - position;
+    let square = to_center.length_squared();
+    let sin_square = radius * radius / square;
+    if sin_square >= 1.0 || !sin_square.is_finite() {
+        return None;
+    }
+    // 1 − cos without the cancellation of a small angle.
+    let one_minus_cos = sin_square / (1.0 + (1.0 - sin_square).sqrt());
+    let (wi, spread_sr) = in_cone(to_center / square.sqrt(), one_minus_cos, u);
+    // At the rim the ray may just miss: its closest point is the same there.
+    let along = wi.dot(to_center);
+    let depth = (radius * radius - (square - along * along)).max(0.0).sqrt();
+    Some(Lit { target: position + wi * (along - depth), wi, factor: spread_sr, spread_sr })
+}
+
+/// A flat body by the angle that its rectangle fills: a disk lets what is beside it go dark.
+fn lit_by_plate(body: &Body, position: Vec3, u: Vec2) -> Option<Lit> {
+    let (center, [x, y], normal) = match body {
+        Body::Rectangle { center, half, normal } => (*center, *half, *normal),
+        Body::Disk { center, radii, normal } => (*center, *radii, *normal),
+        Body::Sphere { .. } => return None,
+    };
+    let height = (position - center).dot(normal);
+    if height <= 0.0 {
+        return None;
+    }
+    let seen = SeenRectangle::new(center, [x, y], normal, position)?;
+    let target = seen.sample(u);
+    if matches!(body, Body::Disk { .. }) && target.distance_squared(center) > x.length_squared() {
+        return None;
+    }
+    let wi = (target - position).normalize_or_zero();
+    (wi.dot(normal) < 0.0).then_some(Lit { target, wi, factor: seen.solid_angle, spread_sr: seen.solid_angle })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::PI;
+
+    use super::*;
+    use crate::lamps::LampShape;
+    use crate::lamps::tests::lamp;
+    use crate::sampler::Sampler;
+
+    fn of(shape: LampShape) -> Lamp {
+        Lamp { form: Form::Body(Body::of(&lamp(shape)).expect("it has a size").0) }
+    }
+
+    /// Mean of `factor · cosθ`: the irradiance at 1 nit.
+    fn irradiance(n: u32, normal: Vec3, lit: impl Fn(Vec2) -> Option<Lit>) -> f32 {
+        let one = |i| lit(Vec2::from(Sampler::new(5, 1, i).next_2d())).map_or(0.0, |l| l.factor * l.wi.dot(normal).max(0.0));
+        (0..n).map(|i| f64::from(one(i))).sum::<f64>() as f32 / n as f32
+    }
+
+    #[test]
+    fn bodies_light_a_place_as_their_form_factors_say() {
+        // The test lamps hang at height 1 above the origin and look down.
+        let disk = of(LampShape::Disk { radius_m: 0.4 });
+        let (expected, place) = (PI * 0.16 / (1.0 + 0.16), Vec3::ZERO);
+        let evenly = irradiance(4096, Vec3::Y, |u| disk.lit(place, u, 1e3));
+        let well = irradiance(4096, Vec3::Y, |u| disk.lit_well(place, u, 1e3));
+        assert!((evenly / expected - 1.0).abs() < 0.01 && (well / expected - 1.0).abs() < 0.01, "{evenly} {well} {expected}");
+        let sphere = of(LampShape::Sphere { radius_m: 0.3 });
+        let expected = PI * 0.09;
+        let evenly = irradiance(4096, Vec3::Y, |u| sphere.lit(place, u, 1e3));
+        let well = irradiance(1024, Vec3::Y, |u| sphere.lit_well(place, u, 1e3));
+        assert!((evenly / expected - 1.0).abs() < 0.02 && (well / expected - 1.0).abs() < 0.005, "{evenly} {well} {expected}");
+        // A rectangle above one corner: four times ½ (a/√(1+a²) atan(b/√(1+a²)) + b/√(1+b²) atan(a/√(1+b²))), here by symmetry.
+        let rectangle = of(LampShape::Rectangle { size_m: [0.8, 0.6] });
+        let (a, b) = (0.4f32, 0.3f32);
+        let part = |a: f32, b: f32| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
+        let expected = 4.0 * 0.5 * (part(a, b) + part(b, a));
+        let evenly = irradiance(4096, Vec3::Y, |u| rectangle.lit(place, u, 1e3));
+        let well = irradiance(1024, Vec3::Y, |u| rectangle.lit_well(place, u, 1e3));
+        assert!((evenly / expected - 1.0).abs() < 0.01 && (well / expected - 1.0).abs() < 0.01, "{evenly} {well} {expected}");
+    }
+
+    #[test]
+    fn a_place_that_touches_a_body_gets_no_more_than_the_body_can_send() {
+        for shape in [
+            LampShape::Rectangle { size_m: [0.8, 0.3] },
+            LampShape::Disk { radius_m: 0.4 },
+            LampShape::Sphere { radius_m: 0.3 },
+        ] {
+            let lamp = of(shape);
+            for place in [Vec3::Y, Vec3::Y * 0.999_99, Vec3::Y * 0.7, Vec3::new(0.1, 0.999_999, 0.1), Vec3::Y * 1.1] {
+                for i in 0..64 {
+                    let lit = lamp.lit_well(place, Vec2::from(Sampler::new(2, 1, i).next_2d()), 1e3);
+                    let factor = lit.map_or(0.0, |lit| lit.factor);
+                    assert!(factor.is_finite() && factor <= 4.0 * PI, "{lamp:?} sends {factor} to {place}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_point_lamp_follows_the_inverse_square_down_to_its_own_size() {
+        let prepared = super::super::PreparedLamps::new(&[lamp(LampShape::Point)], None).expect("a lamp").0;
+        let point = &prepared.lamps()[0].lamp;
+        let factor = |distance: f32| {
+            let lit = point.lit(Vec3::new(0.0, 1.0 - distance, 0.0), Vec2::ZERO, 1e3);
+            lit.map_or(0.0, |lit| lit.factor)
+        };
+        assert!((factor(0.5) - 4.0).abs() < 1e-4 && (factor(0.1) - 100.0).abs() < 1e-2);
+        assert!((factor(1e-3) - 1e4).abs() < 1.0 && factor(0.0) == 0.0);
+    }
+}

@@ -1,0 +1,254 @@
+//! Lamps of a look, checked and ready to shine.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+use thiserror::Error;
+
+use super::body::{Body, frame};
+use super::light::{Form, Lamp};
+use super::units::native_strength;
+use super::{FreeLamp, LampShape};
+use crate::import::read_profile;
+use crate::photometry::PhotometricProfile;
+use crate::prepared::{PreparedScene, offset_origin};
+use crate::scene::{PunctualKind, PunctualLight};
+
+/// Why a lamp cannot shine.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum LampError {
+    /// A unit that this kind of lamp does not have.
+    #[error("lamp `{key}` counts in {unit}, which a {kind} lamp cannot have; give its strength in {known}")]
+    Unit {
+        /// Name of the lamp.
+        key: String,
+        /// Unit asked for.
+        unit: &'static str,
+        /// Kind of lamp.
+        kind: &'static str,
+        /// Units that it can have.
+        known: &'static str,
+    },
+    /// A number that is none or lies out of range.
+    #[error("the {what} of lamp `{key}` is {value}; give {range}")]
+    Value {
+        /// Name of the lamp.
+        key: String,
+        /// What is wrong.
+        what: &'static str,
+        /// As it is.
+        value: f32,
+        /// What is possible.
+        range: &'static str,
+    },
+    /// A measured distribution that cannot be had.
+    #[error("lamp `{key}` cannot shine as {file} measures: {reason}")]
+    Profile {
+        /// Name of the lamp.
+        key: String,
+        /// Path as the look has it.
+        file: String,
+        /// Why.
+        reason: String,
+    },
+    /// Two lamps of one name.
+    #[error("two lamps of the look are called `{key}`; rename one of them")]
+    Twice {
+        /// The name.
+        key: String,
+    },
+    /// A lamp with the name of a light of the scene.
+    #[error("a light of the scene is called `{key}`, as a lamp of the look is; rename the lamp")]
+    Taken {
+        /// The name.
+        key: String,
+    },
+}
+
+/// Lamps that can be asked what they send where.
+#[derive(Clone, Debug, Default)]
+pub struct PreparedLamps {
+    lamps: Vec<PreparedLamp>,
+}
+
+/// A lamp with its strength.
+#[derive(Clone, Debug)]
+pub(crate) struct PreparedLamp {
+    pub(crate) key: String,
+    pub(crate) lamp: Lamp,
+    /// Candela, lux or nit per channel.
+    pub(crate) emission: Vec3,
+}
+
+/// Farthest place from the origin, and largest size, m.
+const FARTHEST_M: f32 = 1e6;
+/// Greatest strength in the lamp's own unit.
+const STRONGEST: f32 = 1e12;
+/// Points on a body of which irradiance is the mean: as many as a fan has.
+const POINTS: usize = 16;
+
+impl PreparedLamps {
+    /// Checks lamps and converts their units; those that are dark are left out. Paths of distributions count from `folder`.
+    /// Returns warnings in words beside it.
+    ///
+    /// # Errors
+    /// A lamp whose numbers make no sense, by its name.
+    pub fn new(lamps: &[FreeLamp], folder: Option<&Path>) -> Result<(PreparedLamps, Vec<String>), LampError> {
+        let (mut prepared, mut warnings) = (PreparedLamps::default(), Vec::new());
+        for (nth, lamp) in lamps.iter().enumerate() {
+            if lamps[..nth].iter().any(|other| other.key == lamp.key) {
+                return Err(LampError::Twice { key: lamp.key.clone() });
+            }
+            prepared.lamps.extend(prepare(lamp, folder, &mut warnings)?);
+        }
+        Ok((prepared, warnings))
+    }
+
+    /// Whether no lamp shines.
+    pub fn is_empty(&self) -> bool {
+        self.lamps.is_empty()
+    }
+
+    /// Those that shine.
+    pub(crate) fn lamps(&self) -> &[PreparedLamp] {
+        &self.lamps
+    }
+
+    /// What the lamps send straight to a place on a surface, past everything in the way: illuminance per channel in lux.
+    /// The same for the same question.
+    pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3) -> Vec3 {
+        let clear = position.abs().max_element() * LEAVING + LEAVING;
+        let place = Place { position, normal, origin: offset_origin(position + normal * clear, normal), far: scene.far() };
+        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place)).sum()
+    }
+}
+
+/// How far a place lifts itself off its surface, which it does not know, relative to its coordinates and in meters.
+const LEAVING: f32 = 1e-5;
+
+/// A place that asks for light.
+struct Place {
+    position: Vec3,
+    normal: Vec3,
+    /// Where its rays begin.
+    origin: Vec3,
+    /// A distance beyond all surfaces, m.
+    far: f32,
+}
+
+impl PreparedLamp {
+    /// Illuminance at emission 1.
+    fn arriving(&self, scene: &PreparedScene, place: &Place) -> Vec3 {
+        let &Place { position, normal, origin, far } = place;
+        if self.lamp.body().is_none() {
+            let Some(lit) = self.lamp.lit(position, Vec2::ZERO, far) else { return Vec3::ZERO };
+            let cos = lit.wi.dot(normal);
+            return if cos > 0.0 { scene.transmittance(origin, lit.target) * (lit.factor * cos) } else { Vec3::ZERO };
+        }
+        let (mut targets, mut values, mut n) = ([Vec3::ZERO; POINTS], [0.0; POINTS], 0);
+        for nth in 0..POINTS {
+            let Some(lit) = self.lamp.lit_well(position, lattice(nth as u32), far) else { continue };
+            let cos = lit.wi.dot(normal);
+            if cos > 0.0 {
+                (targets[n], values[n]) = (lit.target, lit.factor * cos);
+                n += 1;
+            }
+        }
+        let mut passed = [Vec3::ZERO; POINTS];
+        if n > 0 {
+            scene.transmittance16(origin, &targets, n, &mut passed);
+        }
+        (0..n).map(|i| passed[i] * values[i]).sum::<Vec3>() / POINTS as f32
+    }
+}
+
+/// Points of the unit square that are far apart. \[Roberts2018\]
+pub(crate) fn lattice(nth: u32) -> Vec2 {
+    const STEP: [u32; 2] = [0xC13F_A9A9, 0x91E1_0DA5];
+    let unit = |step: u32| (nth.wrapping_mul(step).wrapping_add(1 << 31) >> 8) as f32 / 16_777_216.0;
+    Vec2::new(unit(STEP[0]), unit(STEP[1]))
+}
+
+fn prepare(lamp: &FreeLamp, folder: Option<&Path>, warnings: &mut Vec<String>) -> Result<Option<PreparedLamp>, LampError> {
+    check(lamp)?;
+    let profile = match &lamp.shape {
+        LampShape::Profile { file } => Some(profile(lamp, file, folder)?),
+        _ => None,
+    };
+    let body = Body::of(lamp);
+    let strength = native_strength(lamp, body.as_ref().map(|(body, area)| (body, *area)), profile.as_deref())?;
+    let emission = lamp.setting.emission(Vec3::ONE, strength as f32);
+    if !emission.is_finite() || emission.min_element() < 0.0 || emission.max_element() > f32::MAX.sqrt() {
+        let value = emission.max_element();
+        return Err(value_error(lamp, "strength with its color and intensity", value, "what can be shown"));
+    }
+    if lamp.aim == lamp.position && aims(&lamp.shape) {
+        warnings.push(format!("lamp `{}` aims at itself; it shines down", lamp.key));
+    }
+    let [right, up, ahead] = frame(lamp);
+    let form = match (&lamp.shape, body) {
+        (_, Some((body, _))) => Form::Body(body),
+        (LampShape::Directional, _) => Form::Distant(ahead),
+        (shape, None) => {
+            let kind = match *shape {
+                LampShape::Spot { inner_rad, outer_rad } => PunctualKind::Spot { inner_rad, outer_rad },
+                _ => PunctualKind::Point,
+            };
+            let light = PunctualLight {
+                node: 0,
+                kind,
+                position: lamp.position,
+                direction: ahead,
+                across: [right, up],
+                profile: profile.as_ref().map(|_| 0),
+                color: Vec3::ONE,
+                intensity: 1.0,
+            };
+            Form::Point { light, profile }
+        }
+    };
+    let shines = emission != Vec3::ZERO;
+    Ok(shines.then(|| PreparedLamp { key: lamp.key.clone(), lamp: Lamp { form }, emission }))
+}
+
+/// Whether it matters to a lamp where it aims.
+fn aims(shape: &LampShape) -> bool {
+    !matches!(shape, LampShape::Point | LampShape::Sphere { .. })
+}
+
+fn value_error(lamp: &FreeLamp, what: &'static str, value: f32, range: &'static str) -> LampError {
+    LampError::Value { key: lamp.key.clone(), what, value, range }
+}
+
+fn check(lamp: &FreeLamp) -> Result<(), LampError> {
+    let within = |what, value: f32, [low, high]: [f32; 2], range| {
+        if (low..=high).contains(&value) { Ok(()) } else { Err(value_error(lamp, what, value, range)) }
+    };
+    let place = [-FARTHEST_M, FARTHEST_M];
+    for value in lamp.position.to_array() {
+        within("position", value, place, "meters up to 1000000 from the origin")?;
+    }
+    for value in lamp.aim.to_array() {
+        within("aim", value, place, "meters up to 1000000 from the origin")?;
+    }
+    within("strength", lamp.strength, [0.0, STRONGEST], "a number from 0 to 1e12")?;
+    let size = |what, value| within(what, value, [0.0, FARTHEST_M], "meters from 0 to 1000000");
+    match lamp.shape {
+        LampShape::Spot { inner_rad, outer_rad } => {
+            let pi = std::f32::consts::PI;
+            within("outer angle", outer_rad, [f32::MIN_POSITIVE, pi], "more than 0 degrees, and 180 at most")?;
+            within("inner angle", inner_rad, [0.0, outer_rad], "0 degrees to the outer angle")
+        }
+        LampShape::Rectangle { size_m: [width, height] } => size("width", width).and_then(|()| size("height", height)),
+        LampShape::Disk { radius_m } | LampShape::Sphere { radius_m } => size("radius", radius_m),
+        LampShape::Point | LampShape::Directional | LampShape::Profile { .. } => Ok(()),
+    }
+}
+
+fn profile(lamp: &FreeLamp, file: &str, folder: Option<&Path>) -> Result<Arc<PhotometricProfile>, LampError> {
+    let path = folder.map_or_else(|| Path::new(file).to_owned(), |folder| folder.join(file));
+    let read = read_profile(&path);
+    read.map(Arc::new).map_err(|reason| LampError::Profile { key: lamp.key.clone(), file: file.to_owned(), reason })
+}

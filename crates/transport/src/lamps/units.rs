@@ -1,0 +1,140 @@
+//! What the strength of a lamp means: lumen, candela, nit and lux, turned into what its kind shines with.
+
+use std::f64::consts::PI;
+
+use super::body::Body;
+use super::{FreeLamp, LampError, LampShape, LampUnit};
+use crate::photometry::PhotometricProfile;
+
+/// Strength of a lamp in the unit that light is computed with: candela along the axis (of a profile: its largest), lux of
+/// parallel light, nit of a body. `area_m2` is what the look gives a body, which may be less than the body has.
+pub(super) fn native_strength(
+    lamp: &FreeLamp,
+    body: Option<(&Body, f64)>,
+    profile: Option<&PhotometricProfile>,
+) -> Result<f64, LampError> {
+    let strength = f64::from(lamp.strength);
+    let native = match (&lamp.shape, body, profile) {
+        (LampShape::Directional, ..) => (lamp.unit == LampUnit::Lux).then_some(strength),
+        (LampShape::Sphere { .. }, Some((body, area)), _) => of_body(lamp.unit, strength, area, f64::from(body.area()), 4.0),
+        (_, Some((body, area)), _) => of_body(lamp.unit, strength, area, f64::from(body.area()), 1.0),
+        (_, None, profile) => {
+            let lumen_per_candela = match (&lamp.shape, profile) {
+                (LampShape::Spot { inner_rad, outer_rad }, _) => spot_lumen_per_candela(*inner_rad, *outer_rad),
+                (_, Some(profile)) => f64::from(profile.flux_lm()) / f64::from(profile.max_candela()),
+                _ => 4.0 * PI,
+            };
+            match lamp.unit {
+                LampUnit::Candela => Some(strength),
+                LampUnit::Lumen => Some(strength / lumen_per_candela),
+                LampUnit::Nit | LampUnit::Lux => None,
+            }
+        }
+    };
+    native.ok_or_else(|| LampError::Unit {
+        key: lamp.key.clone(),
+        unit: lamp.unit.name(),
+        kind: lamp.shape.name(),
+        known: match lamp.shape {
+            LampShape::Directional => "lx",
+            LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => "lm, cd or nit",
+            _ => "lm or cd",
+        },
+    })
+}
+
+/// Luminance of a diffuse body of an area that stands for one of `asked` m²: the same flux leaves it. Seen from afar it
+/// shows a face of a `faces`-th of its area.
+fn of_body(unit: LampUnit, strength: f64, asked: f64, area: f64, faces: f64) -> Option<f64> {
+    match unit {
+        LampUnit::Nit => Some(strength * asked / area),
+        LampUnit::Lumen => Some(strength / (PI * area)),
+        LampUnit::Candela => Some(strength * faces / area),
+        LampUnit::Lux => None,
+    }
+}
+
+/// The integral of glTF's spot falloff `saturate(cosθ · scale + offset)²` over all directions.
+fn spot_lumen_per_candela(inner_rad: f32, outer_rad: f32) -> f64 {
+    let (inner, outer) = (f64::from(inner_rad.cos()), f64::from(outer_rad.cos()));
+    let edge = (inner - outer).max(0.001);
+    // Rising to 1 over the edge, as far as there is one within the sphere, and 1 from there to the axis.
+    let rise = edge.min(1.0 - outer);
+    2.0 * PI * (rise.powi(3) / (3.0 * edge * edge) + (1.0 - outer - rise))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::{FRAC_PI_2, FRAC_PI_3};
+
+    use super::*;
+    use crate::lamps::tests::lamp;
+
+    fn native(shape: LampShape, strength: f32, unit: LampUnit) -> Option<f64> {
+        let lamp = FreeLamp { strength, unit, ..lamp(shape) };
+        let body = Body::of(&lamp);
+        native_strength(&lamp, body.as_ref().map(|(body, area)| (body, *area)), None).ok()
+    }
+
+    #[test]
+    fn lumen_candela_and_nit_are_converted_by_the_identities_of_photometry() {
+        use LampUnit::{Candela, Lumen, Lux, Nit};
+        let near = |found: Option<f64>, expected: f64| {
+            let found = found.expect("a unit that makes sense");
+            assert!((found / expected - 1.0).abs() < 1e-5, "{found} is not {expected}");
+        };
+        let pi = PI;
+        // 4π lumen all around are 1 candela.
+        near(native(LampShape::Point, 4.0 * pi as f32, Lumen), 1.0);
+        near(native(LampShape::Point, 7.0, Candela), 7.0);
+        // A cone without an edge to speak of fills 2π (1 − cos 60°) = π.
+        let sharp = LampShape::Spot { inner_rad: FRAC_PI_3, outer_rad: FRAC_PI_3 };
+        let found = native(sharp, 100.0, Lumen).expect("lumen");
+        assert!((found * pi / 100.0 - 1.0).abs() < 2e-3, "{found}");
+        // cos² θ from the axis to 90°: 2π ∫ c² dc = 2π/3.
+        let soft = LampShape::Spot { inner_rad: 0.0, outer_rad: FRAC_PI_2 };
+        near(native(soft, 100.0, Lumen), 100.0 * 3.0 / (2.0 * pi));
+        // A diffuse face: Φ = π L A, I = L A.
+        let rectangle = || LampShape::Rectangle { size_m: [2.0, 0.5] };
+        near(native(rectangle(), 1000.0, Lumen), 1000.0 / pi);
+        near(native(rectangle(), 1000.0, Candela), 1000.0);
+        near(native(rectangle(), 1000.0, Nit), 1000.0);
+        let disk = || LampShape::Disk { radius_m: 0.5 };
+        near(native(disk(), 1000.0, Lumen), 1000.0 / (pi * pi * 0.25));
+        near(native(disk(), 1000.0, Candela), 1000.0 / (pi * 0.25));
+        // A sphere: Φ = π L 4 π r², I = L π r².
+        let sphere = || LampShape::Sphere { radius_m: 0.5 };
+        near(native(sphere(), 1000.0, Lumen), 1000.0 / (pi * pi));
+        near(native(sphere(), 1000.0, Candela), 1000.0 / (pi * 0.25));
+        near(native(LampShape::Directional, 900.0, Lux), 900.0);
+    }
+
+    #[test]
+    fn units_that_make_no_sense_are_refused() {
+        use LampUnit::{Candela, Lumen, Lux, Nit};
+        let spot = LampShape::Spot { inner_rad: 0.1, outer_rad: 0.2 };
+        let refused = [
+            (LampShape::Point, Nit),
+            (LampShape::Point, Lux),
+            (spot, Nit),
+            (LampShape::Rectangle { size_m: [1.0; 2] }, Lux),
+            (LampShape::Disk { radius_m: 1.0 }, Lux),
+            (LampShape::Sphere { radius_m: 1.0 }, Lux),
+            (LampShape::Directional, Lumen),
+            (LampShape::Directional, Candela),
+            (LampShape::Directional, Nit),
+        ];
+        for (shape, unit) in refused {
+            assert!(native(shape.clone(), 1.0, unit).is_none(), "{shape:?} in {unit:?}");
+        }
+    }
+
+    #[test]
+    fn a_body_without_size_keeps_its_flux() {
+        let small = native(LampShape::Disk { radius_m: 0.0 }, 100.0, LampUnit::Lumen).expect("lumen");
+        let lamp = lamp(LampShape::Disk { radius_m: 0.0 });
+        let (body, _) = Body::of(&lamp).expect("a body");
+        assert!((small * PI * f64::from(body.area()) - 100.0).abs() < 1e-2);
+        assert_eq!(native(LampShape::Disk { radius_m: 0.0 }, 100.0, LampUnit::Nit), Some(0.0), "no area sends no light");
+    }
+}

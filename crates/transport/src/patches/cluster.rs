@@ -1,0 +1,186 @@
+//! Points of surfaces that walks met, divided into patches.
+//!
+//! The patch that costs most is divided first: its importance to the picture times the spread of its points in space and
+//! of their normals. So patches are small where much of the picture's light comes from, and where surfaces bend.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use glam::Vec3;
+
+use super::PatchSample;
+use super::nearest::Center;
+
+/// A point of a surface that a walk met.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Met {
+    /// A rounding step above the surface.
+    pub position: Vec3,
+    /// Unit normal on the side that was met.
+    pub normal: Vec3,
+    /// How much the picture takes of the light there.
+    pub weight: f32,
+}
+
+/// Points of a patch at which irradiance is asked for, at most.
+const SAMPLES: usize = 4;
+
+/// Points that stay together.
+struct Cluster {
+    /// Range of the points' order.
+    range: std::ops::Range<usize>,
+    cost: f32,
+    /// Axis of the greatest spread: 0 to 2 in space, 3 to 5 of normals; and the mean along it.
+    axis: usize,
+    mean: f32,
+}
+
+impl PartialEq for Cluster {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Cluster {}
+
+impl PartialOrd for Cluster {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Cluster {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.cost.total_cmp(&other.cost).then(other.range.start.cmp(&self.range.start))
+    }
+}
+
+/// At most `most` patches: their middles, their samples patch by patch, and the first sample of each. A right angle between
+/// normals counts as √2 times `reach_m`.
+pub(super) fn cluster(met: &[Met], most: usize, reach_m: f32) -> (Vec<Center>, Vec<PatchSample>, Vec<u32>) {
+    let mut order: Vec<u32> = (0..met.len() as u32).collect();
+    let (mut open, mut done) = (BinaryHeap::new(), Vec::new());
+    if !met.is_empty() {
+        open.push(Cluster::of(met, &order, 0..met.len(), reach_m));
+    }
+    while open.len() + done.len() < most {
+        let Some(widest) = open.pop() else { break };
+        let points = &mut order[widest.range.clone()];
+        let along = |&point: &u32| coordinate(&met[point as usize], widest.axis, reach_m);
+        points.sort_unstable_by(|a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
+        let n_low = points.partition_point(|point| along(point) < widest.mean);
+        if n_low == 0 || n_low == points.len() {
+            done.push(widest);
+            continue;
+        }
+        let middle = widest.range.start + n_low;
+        for range in [widest.range.start..middle, middle..widest.range.end] {
+            open.push(Cluster::of(met, &order, range, reach_m));
+        }
+    }
+    let mut ranges: Vec<_> = open.into_iter().chain(done).map(|cluster| cluster.range).collect();
+    ranges.sort_by_key(|range| range.start);
+    let (mut centers, mut samples, mut first) = (Vec::new(), Vec::new(), vec![0]);
+    for range in ranges {
+        let points = &order[range];
+        centers.push(center(met, points));
+        samples.extend(chosen(met, points));
+        first.push(samples.len() as u32);
+    }
+    (centers, samples, first)
+}
+
+fn coordinate(met: &Met, axis: usize, reach_m: f32) -> f32 {
+    if axis < 3 { met.position[axis] } else { reach_m * met.normal[axis - 3] }
+}
+
+impl Cluster {
+    fn of(met: &[Met], order: &[u32], range: std::ops::Range<usize>, reach_m: f32) -> Cluster {
+        let points = || order[range.clone()].iter().map(|&point| &met[point as usize]);
+        let total: f64 = points().map(|met| f64::from(met.weight)).sum();
+        let spread = |axis: usize| {
+            let [mut sum, mut squares] = [0.0f64; 2];
+            for met in points() {
+                let (x, weight) = (f64::from(coordinate(met, axis, reach_m)), f64::from(met.weight));
+                sum += weight * x;
+                squares += weight * x * x;
+            }
+            let mean = sum / total;
+            ((squares / total - mean * mean).max(0.0), mean)
+        };
+        let spreads: [(f64, f64); 6] = std::array::from_fn(spread);
+        let axis = (0..6).max_by(|&a, &b| spreads[a].0.total_cmp(&spreads[b].0)).unwrap_or(0);
+        let variance: f64 = spreads.iter().map(|(variance, _)| variance).sum();
+        Cluster { range, cost: (total * variance) as f32, axis, mean: spreads[axis].1 as f32 }
+    }
+}
+
+fn center(met: &[Met], points: &[u32]) -> Center {
+    let (mut position, mut normal, mut total) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+    for met in points.iter().map(|&point| &met[point as usize]) {
+        position += met.position * met.weight;
+        normal += met.normal * met.weight;
+        total += met.weight;
+    }
+    let first = met[points[0] as usize];
+    Center { position: position / total, normal: normal.normalize_or(first.normal) }
+}
+
+/// Points at even steps of importance along the patch; each stands for as much as the others.
+fn chosen(met: &[Met], points: &[u32]) -> impl Iterator<Item = PatchSample> {
+    let total: f32 = points.iter().map(|&point| met[point as usize].weight).sum();
+    let n = points.len().min(SAMPLES);
+    let (mut picked, mut sum) = (Vec::with_capacity(n), 0.0);
+    for &point in points {
+        let met = &met[point as usize];
+        sum += met.weight;
+        if picked.len() < n && sum >= total * (picked.len() as f32 + 0.5) / n as f32 {
+            picked.push(*met);
+        }
+    }
+    if picked.is_empty() {
+        picked.push(met[points[0] as usize]);
+    }
+    let weight = 1.0 / picked.len() as f32;
+    picked.into_iter().map(move |met| PatchSample { position: met.position, normal: met.normal, weight })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::uniform_hash;
+
+    /// Points on both sides of a square of 2 m.
+    fn sheet(n: u64) -> Vec<Met> {
+        let point = |i: u64| {
+            let at = |key: u64| 2.0 * uniform_hash(i * 4 + key) - 1.0;
+            let normal = if i % 2 == 0 { Vec3::Y } else { Vec3::NEG_Y };
+            // The left half matters four times as much.
+            let x = at(0);
+            Met { position: Vec3::new(x, 0.0, at(1)), normal, weight: if x < 0.0 { 4.0 } else { 1.0 } }
+        };
+        (0..n).map(point).collect()
+    }
+
+    #[test]
+    fn a_patch_has_one_side_and_is_small_where_it_matters() {
+        let met = sheet(20_000);
+        let (centers, samples, first) = cluster(&met, 200, 1.0);
+        assert_eq!((centers.len(), first.len(), first[200] as usize), (200, 201, samples.len()));
+        for (center, w) in centers.iter().zip(first.windows(2)) {
+            let own = &samples[w[0] as usize..w[1] as usize];
+            assert!(own.iter().all(|sample| sample.normal == center.normal));
+            assert!((own.iter().map(|sample| sample.weight).sum::<f32>() - 1.0).abs() < 1e-6);
+        }
+        let left = centers.iter().filter(|center| center.position.x < 0.0).count();
+        assert!((115..=145).contains(&left), "{left} of 200 on the side that matters");
+    }
+
+    #[test]
+    fn points_that_coincide_are_one_patch() {
+        let met = vec![Met { position: Vec3::ONE, normal: Vec3::X, weight: 1.0 }; 50];
+        let (centers, samples, _) = cluster(&met, 16, 1.0);
+        assert_eq!((centers.len(), samples.len()), (1, SAMPLES));
+        assert_eq!(cluster(&[], 16, 1.0).0.len(), 0);
+    }
+}

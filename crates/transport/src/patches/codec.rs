@@ -1,0 +1,94 @@
+//! Patches as bytes behind the header of a file: the number of samples of each patch (u8), position and normal of each
+//! sample (f32), what each patch brings to each coefficient (a scale f32 per column, then f16), FNV-1a u64.
+
+use std::sync::Arc;
+
+use clerestory_nystrom::codec::checksum;
+use glam::Vec3;
+use half::f16;
+
+use super::{Body, MOST_PATCHES, PatchSample, Patches};
+
+const CHECKSUM_LEN: usize = 8;
+const SAMPLE_LEN: usize = 24;
+/// Columns that are believed of a file.
+const MOST_COLUMNS: u32 = 4096;
+/// Samples of a patch that are believed of a file.
+const MOST_SAMPLES: u32 = 255;
+
+/// What a file keeps of patches.
+pub(crate) fn encode(patches: &Patches) -> Vec<u8> {
+    let body = &patches.body;
+    let mut bytes: Vec<u8> = body.first.windows(2).map(|w| (w[1] - w[0]) as u8).collect();
+    for sample in &body.samples {
+        let numbers = sample.position.to_array().into_iter().chain(sample.normal.to_array());
+        numbers.for_each(|x| bytes.extend(x.to_le_bytes()));
+    }
+    let scales = scales(&body.shares, patches.n_columns());
+    scales.iter().for_each(|scale| bytes.extend(scale.to_le_bytes()));
+    for (share, scale) in body.shares.iter().zip(scales.iter().cycle()) {
+        bytes.extend(f16::from_f32(share / scale).to_le_bytes());
+    }
+    let sum = checksum(&bytes);
+    bytes.extend(sum.to_le_bytes());
+    bytes
+}
+
+/// A power of two for each column that brings its largest share to 1 or a little more.
+fn scales(shares: &[f32], n_columns: usize) -> Vec<f32> {
+    let mut largest = vec![0.0f32; n_columns];
+    for row in shares.chunks_exact(n_columns.max(1)) {
+        largest.iter_mut().zip(row).for_each(|(largest, share)| *largest = largest.max(share.abs()));
+    }
+    let scale = |x: f32| if x > 0.0 { x.log2().floor().clamp(-100.0, 100.0).exp2() } else { 1.0 };
+    largest.into_iter().map(scale).collect()
+}
+
+/// Shares as a file gives them back.
+pub(super) fn rounded(shares: &mut [f32], n_columns: usize) {
+    let scales = scales(shares, n_columns);
+    for (share, scale) in shares.iter_mut().zip(scales.iter().cycle()) {
+        *share = f16::from_f32(*share / scale).to_f32() * scale;
+    }
+}
+
+/// Reads patches whose numbers are known from the header, and says how many bytes they took; `None` where these do not fit.
+pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)> {
+    let (n_patches, n_samples, n_columns) = (header.n_patches, header.n_samples, header.n_columns);
+    let plausible = (1..=MOST_PATCHES).contains(&n_patches)
+        && (1..=MOST_COLUMNS).contains(&n_columns)
+        && (n_patches..=n_patches * MOST_SAMPLES).contains(&n_samples);
+    if !plausible {
+        return None;
+    }
+    let [n_patches, n_samples, n_columns] = [n_patches, n_samples, n_columns].map(|n| n as usize);
+    let len = n_patches + n_samples * SAMPLE_LEN + n_columns * 4 + n_patches * n_columns * 2;
+    let (content, stored) = (bytes.get(..len)?, bytes.get(len..len + CHECKSUM_LEN)?);
+    if *stored != checksum(content).to_le_bytes() {
+        return None;
+    }
+    let (counts, rest) = content.split_at(n_patches);
+    let (places, rest) = rest.split_at(n_samples * SAMPLE_LEN);
+    let (scales, shares) = rest.split_at(n_columns * 4);
+    let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+    let mut first = vec![0u32];
+    let mut weights = Vec::with_capacity(n_samples);
+    for &count in counts {
+        weights.extend(std::iter::repeat_n(1.0 / f32::from(count), count.into()));
+        first.push(weights.len() as u32);
+    }
+    let place = |(bytes, weight): (&[u8], f32)| {
+        let [position, normal] = [0, 12].map(|at| Vec3::from_array([0, 4, 8].map(|axis| number(&bytes[at + axis..]))));
+        PatchSample { position, normal, weight }
+    };
+    let samples: Vec<PatchSample> = places.chunks_exact(SAMPLE_LEN).zip(weights.iter().copied()).map(place).collect();
+    let scales: Vec<f32> = scales.chunks_exact(4).map(number).collect();
+    let share = |(bytes, scale): (&[u8], &f32)| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32() * scale;
+    let shares: Vec<f32> = shares.chunks_exact(2).zip(scales.iter().cycle()).map(share).collect();
+    let finite = samples.iter().all(|s| s.position.is_finite() && s.normal.is_finite()) && shares.iter().all(|s| s.is_finite());
+    if weights.len() != n_samples || counts.contains(&0) || !finite {
+        return None;
+    }
+    let body = Arc::new(Body { samples, first, shares, table: None });
+    Some((Patches { body, ..header.clone() }, len + CHECKSUM_LEN))
+}

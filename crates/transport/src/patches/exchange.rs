@@ -1,0 +1,203 @@
+//! Light that patches send each other, and what a receiver takes of them.
+//!
+//! Rows are sparse: where walks of a receiver landed. What a landing sends back of the patch's *irradiance*, direct and
+//! indirect, is `known`; what a narrow lobe sends back of light that comes straight from lamps is `straight`, as if it
+//! were broad: the rest of what it sends is found by the walk that goes on.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::nearest::Nearest;
+use crate::path::{Integrator, Landing, NoLights, Onward};
+use crate::sampler::Sampler;
+
+/// A share of the light of a patch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Share {
+    pub patch: u32,
+    pub weight: Vec3,
+}
+
+/// What somebody takes of the light of patches.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Row {
+    /// Of all light that a patch receives.
+    pub known: Vec<Share>,
+    /// Of the light that it receives straight from lamps.
+    pub straight: Vec<Share>,
+}
+
+impl Row {
+    /// Takes a landing.
+    pub fn land(&mut self, nearest: &Nearest, landing: &Landing<'_>, sampler: &mut Sampler) -> Onward {
+        let (shares, throughput) = (landing.shares, landing.throughput);
+        let u = sampler.next_1d();
+        if let Some(patch) = nearest.draw(landing.hit.position, landing.normal, u) {
+            let push = |to: &mut Vec<Share>, weight: Vec3| {
+                if weight != Vec3::ZERO {
+                    to.push(Share { patch, weight: weight * throughput });
+                }
+            };
+            push(&mut self.known, shares.base);
+            push(&mut self.straight, shares.narrow);
+        }
+        if shares.behind != Vec3::ZERO
+            && let Some(patch) = nearest.draw(landing.hit.position, -landing.normal, u)
+        {
+            self.straight.push(Share { patch, weight: shares.behind * throughput });
+        }
+        Onward::Narrow
+    }
+
+    /// Divides all by a number of walks, and joins what came of the same patch.
+    pub fn finish(&mut self, walks: f32) {
+        for shares in [&mut self.known, &mut self.straight] {
+            shares.sort_by_key(|share| share.patch);
+            shares.dedup_by(|next, kept| {
+                let same = next.patch == kept.patch;
+                if same {
+                    kept.weight += next.weight;
+                }
+                same
+            });
+            shares.iter_mut().for_each(|share| share.weight /= walks);
+        }
+    }
+
+    /// Adds weighted rows of a table with one row per patch, given what makes a number of a color.
+    fn add(shares: &[Share], table: &[f32], weigh: impl Fn(Vec3) -> f32, out: &mut [f32]) {
+        for share in shares {
+            let light = &table[share.patch as usize * out.len()..][..out.len()];
+            let weight = weigh(share.weight);
+            out.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
+        }
+    }
+}
+
+/// Rows of all patches.
+pub(super) struct Exchange {
+    rows: Vec<Row>,
+    /// Bounces between patches that are followed at most.
+    most_sweeps: u32,
+}
+
+/// Sweeps at most.
+const MOST_SWEEPS: u32 = 24;
+/// Change of a sweep, as a share of all light, at which the rest is not worth another.
+const SETTLED: f64 = 2e-3;
+/// Walks from each patch.
+const WALKS: u32 = 128;
+
+/// Which of the three colors of the exchange, or all three alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Tint {
+    /// The mean of all.
+    Gray,
+    /// Red, green or blue.
+    Channel(usize),
+}
+
+impl Tint {
+    pub fn of(self, color: Vec3) -> f32 {
+        match self {
+            Tint::Gray => color.element_sum() / 3.0,
+            Tint::Channel(channel) => color[channel],
+        }
+    }
+}
+
+impl Exchange {
+    /// Follows walks from the points of each patch.
+    pub fn find(
+        integrator: &Integrator<'_, NoLights>,
+        nearest: &Nearest,
+        origins: &[Vec<(Vec3, Vec3)>],
+        (seed, stream): (u64, u64),
+    ) -> Exchange {
+        let row = |(patch, origins): (usize, &Vec<(Vec3, Vec3)>)| {
+            let mut row = Row::default();
+            for walk in 0..WALKS {
+                let mut sampler = Sampler::new(seed, stream + patch as u64, walk);
+                let origin = origins[walk as usize % origins.len()];
+                integrator
+                    .land_from_surface(origin, &mut sampler, &mut |landing, sampler| row.land(nearest, landing, sampler));
+            }
+            row.finish(WALKS as f32);
+            row
+        };
+        let rows = origins.par_iter().enumerate().map(row).collect();
+        // The first landing of a camera's walk is one scattering beyond the first.
+        let most_sweeps = integrator.bounces().saturating_sub(1).min(MOST_SWEEPS);
+        Exchange { rows, most_sweeps }
+    }
+
+    /// All light that patches receive, given what comes straight from lamps: rows of `direct` are patches. And how many
+    /// bounces between patches were followed.
+    pub fn solve(&self, direct: &[f32], tint: Tint) -> (Vec<f32>, u32) {
+        let len = direct.len() / self.rows.len().max(1);
+        let first = self.sweep(direct, direct, len, |row| &row.straight, tint);
+        let mut light = first.clone();
+        let total = |light: &[f32]| light.par_chunks(4096).map(sum_of_sizes).collect::<Vec<_>>().iter().sum::<f64>();
+        for sweep in 0..self.most_sweeps {
+            let next = self.sweep(&first, &light, len, |row| &row.known, tint);
+            let (before, after) = (total(&light), total(&next));
+            light = next;
+            if (after - before).abs() < SETTLED * after {
+                return (light, sweep + 1);
+            }
+        }
+        (light, self.most_sweeps)
+    }
+
+    /// `base + shares · light`.
+    fn sweep(&self, base: &[f32], light: &[f32], len: usize, of: impl Fn(&Row) -> &Vec<Share> + Sync, tint: Tint) -> Vec<f32> {
+        let mut out = base.to_vec();
+        let rows = out.par_chunks_mut(len.max(1)).zip(&self.rows);
+        rows.for_each(|(out, row)| Row::add(of(row), light, |color| tint.of(color), out));
+        out
+    }
+
+    /// What receivers take of light straight from lamps, by all ways, given what they take of all light of patches and of
+    /// such light alone: rows are patches, as in [`Exchange::solve`], of which this is the transpose after some sweeps.
+    pub fn solve_transposed(&self, [known, straight]: [&[f32]; 2], sweeps: u32, tint: Tint) -> Vec<f32> {
+        let len = known.len() / self.rows.len().max(1);
+        let (by_known, by_straight) = (self.transposed(|row| &row.known), self.transposed(|row| &row.straight));
+        let sweep = |base: &[f32], light: &[f32], shares: &[Vec<Share>]| {
+            let mut out = base.to_vec();
+            let rows = out.par_chunks_mut(len.max(1)).zip(shares);
+            rows.for_each(|(out, shares)| Row::add(shares, light, |color| tint.of(color), out));
+            out
+        };
+        let mut taken = known.to_vec();
+        for _ in 0..sweeps {
+            taken = sweep(known, &taken, &by_known);
+        }
+        let mut out = sweep(&taken, &taken, &by_straight);
+        out.iter_mut().zip(straight).for_each(|(out, straight)| *out += straight);
+        out
+    }
+
+    fn transposed(&self, of: impl Fn(&Row) -> &Vec<Share>) -> Vec<Vec<Share>> {
+        let mut out = vec![Vec::new(); self.rows.len()];
+        for (patch, row) in (0u32..).zip(&self.rows) {
+            for share in of(row) {
+                out[share.patch as usize].push(Share { patch, ..*share });
+            }
+        }
+        out
+    }
+}
+
+/// What rows take of light, given all of it and what of it comes straight from lamps.
+pub(super) fn taken(rows: &[Row], [all, straight]: [&[f32]; 2], len: usize, tint: Tint) -> Vec<f32> {
+    let mut out = vec![0.0; rows.len() * len];
+    out.par_chunks_mut(len.max(1)).zip(rows).for_each(|(out, row)| {
+        Row::add(&row.known, all, |color| tint.of(color), out);
+        Row::add(&row.straight, straight, |color| tint.of(color), out);
+    });
+    out
+}
+
+fn sum_of_sizes(light: &[f32]) -> f64 {
+    light.iter().map(|x| f64::from(x.abs())).sum()
+}

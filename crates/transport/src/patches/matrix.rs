@@ -1,0 +1,114 @@
+//! The columns of patches as a matrix that can be sampled: from the first surface of a pixel one look at what the patches
+//! around it send, whose light between each other is known.
+
+use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
+use std::sync::Arc;
+
+use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
+use glam::{Vec2, Vec3};
+
+use super::learn::Table;
+use super::nearest::Nearest;
+use crate::camera::{Camera, Film};
+use crate::empty::EmptyPixels;
+use crate::matrix::CHANNELS;
+use crate::path::{Integrator, Landing, NoLights, Onward};
+use crate::sampler::Sampler;
+
+/// The matrix of a picture whose columns are pictures of light on patches.
+pub(crate) struct PatchMatrix<'a> {
+    pub integrator: Integrator<'a, NoLights>,
+    pub camera: Camera,
+    pub film: Film,
+    pub seed: u64,
+    pub table: &'a Table,
+    /// Pixels whose rays meet nothing.
+    pub empty: Option<Arc<EmptyPixels>>,
+}
+
+/// Stream of random numbers of pixels.
+const STREAM: u64 = 9 << 58;
+/// Walks that leave the first surface of a pixel's sample.
+const SPLITS: u32 = 4;
+
+impl PatchMatrix<'_> {
+    fn add_sample(&self, pixel: u32, mut sampler: Sampler, rows: &mut [f32]) {
+        let corner = Vec2::new((pixel % self.film.width) as f32, (pixel / self.film.width) as f32);
+        let film_px = corner + Vec2::from(sampler.next_2d());
+        let ray = (self.camera.position(), self.camera.direction(self.film, film_px));
+        self.integrator.land_from_camera(ray, SPLITS, &mut sampler, &mut |landing, sampler| {
+            self.table.add(landing, sampler.next_1d(), rows);
+            Onward::Narrow
+        });
+    }
+}
+
+impl Table {
+    /// Adds what a landing sends of the light of all columns.
+    fn add(&self, landing: &Landing<'_>, u: f32, rows: &mut [f32]) {
+        let n_cols = self.n_columns;
+        let (position, shares, weight) = (landing.hit.position, landing.shares, landing.throughput * FRAC_1_PI);
+        let near = |nearest: &Nearest, normal: Vec3| nearest.draw(position, normal, u).map(|patch| patch as usize);
+        if let Some(patch) = near(&self.nearest, landing.normal) {
+            let all = &self.all[CHANNELS * n_cols * patch..][..CHANNELS * n_cols];
+            add_scaled(rows, all, n_cols, weight * shares.base);
+            if shares.narrow != Vec3::ZERO {
+                add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * shares.narrow);
+            }
+        }
+        if shares.behind != Vec3::ZERO
+            && let Some(patch) = near(&self.nearest, -landing.normal)
+        {
+            add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * shares.behind);
+        }
+    }
+}
+
+/// Adds three rows to three others, times a weight each.
+fn add_scaled(rows: &mut [f32], light: &[f32], n_cols: usize, weight: Vec3) {
+    let channels = rows.chunks_exact_mut(n_cols).zip(light.chunks_exact(n_cols));
+    for ((rows, light), weight) in channels.zip(weight.to_array()) {
+        rows.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
+    }
+}
+
+/// Adds one row to three others, times a weight for each of these.
+fn add_repeated(rows: &mut [f32], light: &[f32], weight: Vec3) {
+    for (rows, weight) in rows.chunks_exact_mut(light.len()).zip(weight.to_array()) {
+        rows.iter_mut().zip(light).for_each(|(out, light)| *out += weight * light);
+    }
+}
+
+impl SampledMatrix for PatchMatrix<'_> {
+    fn n_rows(&self) -> usize {
+        CHANNELS * self.film.n_pixels()
+    }
+
+    fn n_cols(&self) -> usize {
+        self.table.n_columns
+    }
+
+    fn bundle_len(&self) -> usize {
+        CHANNELS
+    }
+
+    fn add_rows(
+        &self,
+        bundles: &[u32],
+        samples: Range<u32>,
+        half: Half,
+        out: &mut [f32],
+        _sparse: &mut Vec<SparseEntry>,
+    ) {
+        for (&pixel, rows) in bundles.iter().zip(out.chunks_exact_mut(CHANNELS * self.n_cols())) {
+            if self.empty.as_ref().is_some_and(|empty| empty.contains(pixel as usize)) {
+                continue;
+            }
+            let stream = STREAM + u64::from(pixel) * 2 + u64::from(half == Half::B);
+            for sample in samples.clone() {
+                self.add_sample(pixel, Sampler::new(self.seed, stream, sample), rows);
+            }
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! Walks that look for surfaces which lamps could light: what a picture would take of the irradiance there.
+//!
+//! A walk starts at the camera, or at a surface, and asks no lamp. From the first surface with a broad lobe on it reports
+//! each further one that it came to by a broad lobe at least once, together with what the start takes of its light.
+
+use glam::Vec3;
+
+use super::{Deposit, Integrator, LightPlan, Pick, Vertex, Walk};
+use crate::bsdf::Shares;
+use crate::prepared::SurfaceHit;
+use crate::sampler::Sampler;
+
+/// A surface that a walk met beyond the first.
+pub(crate) struct Landing<'a> {
+    /// Where.
+    pub hit: &'a SurfaceHit,
+    /// Where the walk came from straight.
+    pub from: Vec3,
+    /// Unit normal on the side that the walk came from, without normal map.
+    pub normal: Vec3,
+    /// What came of the start's light so far.
+    pub throughput: Vec3,
+    /// What the surface sends back of the light it receives.
+    pub shares: Shares,
+}
+
+/// How a walk goes on from a landing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Onward {
+    /// By all lobes: nothing is known of the light that arrives.
+    All,
+    /// By all lobes but the diffuse base, and nowhere where all are broad: their light is known.
+    Narrow,
+}
+
+/// Connects to nothing.
+pub(crate) struct NoLights;
+
+impl LightPlan for NoLights {
+    fn later(&self, _: Vec3, _: impl FnOnce() -> f32) -> Vertex {
+        Vertex::Later
+    }
+
+    fn pick(&self, _: Vertex, _: &mut Sampler, picks: &mut Vec<Pick>) {
+        picks.clear();
+    }
+
+    fn rate(&self, _: Vertex, _: u32) -> f32 {
+        0.0
+    }
+
+    fn splits(&self) -> u32 {
+        1
+    }
+
+    fn worth(&self, _: u32) -> f32 {
+        f32::INFINITY
+    }
+}
+
+/// Takes no light.
+struct Blind;
+
+impl Deposit for Blind {
+    fn scattered(&mut self, _: u32, _: Vec3) {}
+
+    fn seen(&mut self, _: u32, _: Vec3) {}
+}
+
+impl<P: LightPlan> Integrator<'_, P> {
+    /// One walk of the camera, which goes on as `splits` walks (a power of two) from the first surface with a broad lobe.
+    pub(crate) fn land_from_camera(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        splits: u32,
+        sampler: &mut Sampler,
+        land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
+    ) {
+        let mut walk = Walk::from_camera(origin, direction);
+        while let Some(hit) = self.arrive(&mut walk, sampler, &mut Blind) {
+            let bsdf = self.scene.bsdf(&hit, -walk.direction);
+            if !bsdf.has_smooth_lobes() || self.is_spent(&walk) {
+                if !self.scatter(&mut walk, &hit, &bsdf, 1, sampler) {
+                    return;
+                }
+                continue;
+            }
+            walk.throughput /= splits as f32;
+            walk.share /= splits as f32;
+            for split in 0..splits {
+                let (mut branch, mut own) = (walk, sampler.fork(split, splits));
+                if self.scatter(&mut branch, &hit, &bsdf, splits, &mut own) {
+                    self.land(branch, &mut own, land);
+                }
+            }
+            return;
+        }
+    }
+
+    /// One walk from a surface, in a direction with density cosθ/π around its normal.
+    pub(crate) fn land_from_surface(
+        &self,
+        (origin, normal): (Vec3, Vec3),
+        sampler: &mut Sampler,
+        land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
+    ) {
+        let [u, v] = sampler.next_2d();
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+        let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
+        let mut walk = Walk::from_camera(origin, direction);
+        (walk.n_hits, walk.specular, walk.straight) = (1, false, false);
+        self.land(walk, sampler, land);
+    }
+
+    fn land(
+        &self,
+        mut walk: Walk,
+        sampler: &mut Sampler,
+        land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
+    ) {
+        while let Some(hit) = self.arrive(&mut walk, sampler, &mut Blind) {
+            let bsdf = self.scene.bsdf(&hit, -walk.direction);
+            let mut onward = Onward::All;
+            let shares = bsdf.shares();
+            // What mirrors and clear glass alone show has its direct light anew, see [`crate::visible`].
+            if bsdf.has_smooth_lobes() && !self.is_spent(&walk) && !walk.specular {
+                let normal = self.scene.smooth_normal(&hit, walk.direction);
+                onward = land(&Landing { hit: &hit, from: walk.origin, normal, throughput: walk.throughput, shares }, sampler);
+            }
+            let goes_on = match onward {
+                Onward::All => self.scatter(&mut walk, &hit, &bsdf, 1, sampler),
+                Onward::Narrow if shares.is_all => false,
+                Onward::Narrow => {
+                    let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
+                    sample.is_some_and(|sample| self.leave(&mut walk, &hit, &sample, 1))
+                }
+            };
+            if !goes_on {
+                return;
+            }
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! What each pixel sees, kept, so that lamps which come and go light it at once.
+//!
+//! Every sample of a pixel is followed in mirrors, through clear panes and smooth glass to the surfaces that scatter
+//! broadly. These are kept in 64 bytes each, so that the direct light of a lamp is a product of scattering, the lamp's light and
+//! a shadow ray. A pass shades one sample of every pixel with one point of every lamp: a whole picture. The mean of passes
+//! has soft shadows and smooth edges.
+//!
+//! Shadow rays run from the lamp to sixteen neighbors at once; which point of a lamp they share differs from neighbor to
+//! neighbor of their own pixels, so that a soft shadow is dithered \[Keller2001\].
+//!
+//! What counts is light that was scattered broadly once, or not at all: the body of a lamp where it is seen.
+
+mod bodies;
+mod follow;
+mod point;
+mod shade;
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use self::follow::{Found, Trail};
+use crate::camera::{Camera, Film};
+use crate::lamps::PreparedLamps;
+use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
+
+/// How pixels are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct VisibleConfig {
+    /// Samples of each pixel, at least 1: passes take them in turn.
+    pub samples: u32,
+    /// Same seed, same samples.
+    pub seed: u64,
+}
+
+/// The surfaces that a camera sees.
+pub struct VisiblePoints {
+    camera: Camera,
+    film: Film,
+    config: VisibleConfig,
+    /// Sample × band of the film.
+    bands: Vec<Vec<Band>>,
+    /// Luminance below which the light of a lamp at a point is left out, nit; 0 for nothing.
+    pub floor_nit: f32,
+    n_rays: AtomicU64,
+}
+
+/// What some rows of pixels see in one of their samples.
+struct Band {
+    found: Found,
+    /// Where the points of each tile begin, and the number of points.
+    tiles: Vec<u32>,
+    /// Distance to the first surface, m, by pixel of the band.
+    reach: Vec<f32>,
+}
+
+/// Rows of a band and side of a tile, pixels.
+const TILE: u32 = 16;
+/// Streams of random numbers that nobody else uses.
+const STREAM: u64 = 11 << 58;
+
+impl VisiblePoints {
+    /// Looks at every pixel; `None` when `stop` asked to.
+    pub fn new(
+        scene: &PreparedScene,
+        camera: &Camera,
+        film: Film,
+        config: VisibleConfig,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<VisiblePoints> {
+        let (stopped, n_bands) = (AtomicBool::new(false), film.height.div_ceil(TILE));
+        let look = |sample: u32| -> Vec<Band> {
+            let band = |band: u32| {
+                if stopped.load(Ordering::Relaxed) || stop() {
+                    stopped.store(true, Ordering::Relaxed);
+                    return Band { found: Found::default(), tiles: Vec::new(), reach: Vec::new() };
+                }
+                Band::look(scene, (camera, film), config.seed, sample, band)
+            };
+            (0..n_bands).into_par_iter().map(band).collect()
+        };
+        let bands: Vec<Vec<Band>> = (0..config.samples.max(1)).map(look).collect();
+        let n_rays = bands.iter().flatten().map(|band| band.found.n_rays).sum::<u64>();
+        let (camera, floor_nit, n_rays) = (camera.clone(), 0.0, AtomicU64::new(n_rays));
+        (!stopped.into_inner()).then_some(VisiblePoints { camera, film, config, bands, floor_nit, n_rays })
+    }
+
+    /// Size of the picture.
+    pub fn film(&self) -> Film {
+        self.film
+    }
+
+    /// Points that are kept, of all samples.
+    pub fn n_points(&self) -> usize {
+        self.bands.iter().flatten().map(|band| band.found.points.len()).sum()
+    }
+
+    /// Memory that they take.
+    pub fn memory_bytes(&self) -> usize {
+        self.bands.iter().flatten().map(Band::memory_bytes).sum()
+    }
+
+    /// Rays that were followed so far, those of the camera and to lamps.
+    pub fn n_rays(&self) -> u64 {
+        self.n_rays.load(Ordering::Relaxed)
+    }
+
+    /// Direct light of the lamps, and their bodies, nit per channel, row-major from the top left; `None` when `stop` asked
+    /// to. Every pass is a whole picture, and passes from 0 on average to what it has to be.
+    pub fn direct(
+        &self,
+        scene: &PreparedScene,
+        lamps: &PreparedLamps,
+        pass: u32,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Vec<[f32; 3]>> {
+        let (sample, round) = (pass % self.bands.len() as u32, pass / self.bands.len() as u32);
+        let (stopped, rows) = (AtomicBool::new(false), TILE * self.film.width);
+        let mut pixels = vec![Vec3::ZERO; self.film.n_pixels()];
+        let views = bodies::views(lamps, &self.camera, self.film);
+        let bands = pixels.par_chunks_mut(rows as usize).zip(&self.bands[sample as usize]).enumerate();
+        bands.for_each(|(nth, (pixels, band))| {
+            if stopped.load(Ordering::Relaxed) || stop() {
+                stopped.store(true, Ordering::Relaxed);
+                return;
+            }
+            let shading = shade::Shading::new(scene, lamps, self.floor_nit);
+            let n_rays = shading.shade(band, (nth as u32 * rows, self.config.seed, [sample, round]), pixels);
+            self.n_rays.fetch_add(n_rays, Ordering::Relaxed);
+            self.show_bodies(lamps, &views, (nth as u32, sample), band, pixels);
+        });
+        (!stopped.into_inner()).then(|| pixels.into_iter().map(|rgb| rgb.to_array()).collect())
+    }
+}
+
+impl Band {
+    fn look(scene: &PreparedScene, (camera, film): (&Camera, Film), seed: u64, sample: u32, band: u32) -> Band {
+        let (top, bottom) = (band * TILE, ((band + 1) * TILE).min(film.height));
+        let mut reach = vec![f32::INFINITY; (film.width * (bottom - top)) as usize];
+        let (mut found, mut tiles) = (Found::default(), Vec::new());
+        for left in (0..film.width).step_by(TILE as usize) {
+            tiles.push(found.points.len() as u32);
+            for [x, y] in in_tile().map(|[x, y]| [left + x, top + y]).filter(|[x, y]| *x < film.width && *y < bottom) {
+                let pixel = y * film.width + x;
+                let mut sampler = sampler_of(seed, pixel, sample);
+                let film_px = Vec2::new(x as f32, y as f32) + Vec2::from(sampler.next_2d());
+                let trail = Trail::from_camera(camera.position(), camera.direction(film, film_px));
+                reach[(pixel - top * film.width) as usize] = found.follow(scene, trail, pixel, &mut sampler);
+            }
+        }
+        tiles.push(found.points.len() as u32);
+        found.points.shrink_to_fit();
+        Band { found, tiles, reach }
+    }
+
+    fn memory_bytes(&self) -> usize {
+        let Found { points, specials, segments, .. } = &self.found;
+        size_of_val(points.as_slice())
+            + size_of_val(specials.as_slice())
+            + size_of_val(segments.as_slice())
+            + size_of_val(self.reach.as_slice())
+    }
+}
+
+/// Random numbers of a sample of a pixel; the first two are its place in the pixel's square.
+fn sampler_of(seed: u64, pixel: u32, sample: u32) -> Sampler {
+    Sampler::new(seed, STREAM + u64::from(pixel), sample)
+}
+
+/// The pixels of a tile: those whose places differ by multiples of four, then the next ones.
+fn in_tile() -> impl Iterator<Item = [u32; 2]> {
+    (0..16u32).flat_map(|class| (0..16u32).map(move |nth| [class % 4 + nth % 4 * 4, class / 4 + nth / 4 * 4]))
+}
+
+#[cfg(test)]
+mod tests;

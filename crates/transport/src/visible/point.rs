@@ -1,0 +1,186 @@
+//! A point that a pixel sees, in 64 bytes.
+
+use glam::{Vec2, Vec3};
+
+use crate::bsdf::{Bsdf, SurfaceParams};
+use crate::prepared::{Appearance, PreparedScene, SurfaceHit, offset_origin};
+use crate::scene::Material;
+
+/// Where the light of a pixel, or of a share of it, was scattered last.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    pub position: Vec3,
+    /// See [`SurfaceHit::clearance`].
+    clearance: f32,
+    /// What multiplies the radiance that leaves it towards the viewer.
+    pub throughput: Vec3,
+    /// Place in the film, row-major.
+    pub pixel: u32,
+    /// Towards the viewer.
+    wo: Octahedral,
+    /// Geometric and shading normals on the viewer's side.
+    ng: Octahedral,
+    ns: Octahedral,
+    /// Base color, metallic, roughness, transmission and specular strength, each of 65535, and [`INSIDE`].
+    surface: [u16; 8],
+    /// Index of a material, or of a [`Special`] from [`SPECIAL`] on.
+    material: u32,
+}
+
+/// What does not fit into a point.
+#[derive(Clone, Debug)]
+pub(super) struct Special {
+    /// Scattering as a whole.
+    bsdf: Bsdf,
+    /// Extinction on the viewer's side and on the other one, 1/m.
+    pub extinction: [Vec3; 2],
+}
+
+/// Seen from the back of its triangle.
+const INSIDE: u16 = 1;
+/// First number that means a special.
+const SPECIAL: u32 = 1 << 31;
+
+/// A point as it is shaded.
+pub(super) struct Shaded {
+    pub bsdf: Bsdf,
+    /// Unit geometric normal on the viewer's side.
+    pub ng: Vec3,
+    /// Where rays begin that leave on the viewer's side.
+    pub origin: Vec3,
+}
+
+impl Point {
+    /// `extinction` as in [`Special`].
+    pub fn new(
+        scene: &PreparedScene,
+        (hit, looks, bsdf): (&SurfaceHit, &Appearance, &Bsdf),
+        wo: Vec3,
+        (pixel, throughput): (u32, Vec3),
+        extinction: [Vec3; 2],
+        specials: &mut Vec<Special>,
+    ) -> Point {
+        let params = &looks.params;
+        let material_idx = scene.scene.mesh.triangle_material[hit.triangle as usize];
+        let material = &scene.scene.materials[material_idx as usize];
+        let fits = looks.finish.is_none() && material.specular_color_texture.is_none() && extinction == [Vec3::ZERO; 2];
+        let material = if fits {
+            material_idx
+        } else {
+            specials.push(Special { bsdf: bsdf.clone(), extinction });
+            SPECIAL + specials.len() as u32 - 1
+        };
+        let inside = hit.normal.dot(wo) < 0.0;
+        let side = |normal: Vec3| Octahedral::new(if inside { -normal } else { normal });
+        let [r, g, b] = params.base_color.to_array().map(unit_u16);
+        let [metallic, roughness, transmission, specular] =
+            [params.metallic, params.roughness, params.transmission, params.specular].map(unit_u16);
+        Point {
+            position: hit.position,
+            clearance: hit.clearance,
+            throughput,
+            pixel,
+            wo: Octahedral::new(wo),
+            ng: side(hit.normal),
+            ns: side(looks.ns),
+            surface: [r, g, b, metallic, roughness, transmission, specular, if inside { INSIDE } else { 0 }],
+            material,
+        }
+    }
+
+    /// Its special, if it has one.
+    pub fn special<'a>(&self, specials: &'a [Special]) -> Option<&'a Special> {
+        self.material.checked_sub(SPECIAL).map(|nth| &specials[nth as usize])
+    }
+
+    /// Scattering and where rays begin.
+    pub fn shaded(&self, scene: &PreparedScene, specials: &[Special]) -> Shaded {
+        let ng = self.ng.unit();
+        let origin = self.origin(ng);
+        if let Some(special) = self.special(specials) {
+            return Shaded { bsdf: special.bsdf.clone(), ng, origin };
+        }
+        let params = self.params(&scene.scene.materials[self.material as usize]);
+        let mut wo = self.wo.unit();
+        // Rounding must not bring the viewer to the other side.
+        let above = wo.dot(ng);
+        if above <= GRAZING {
+            wo = (wo + ng * (GRAZING - above)).normalize();
+        }
+        let inside = if self.surface[7] & INSIDE == 0 { 1.0 } else { -1.0 };
+        Shaded { bsdf: Bsdf::new(&params, ng * inside, self.ns.unit() * inside, wo), ng, origin }
+    }
+
+    /// Where rays begin that leave to the side of a normal.
+    pub fn origin(&self, normal: Vec3) -> Vec3 {
+        offset_origin(self.position + normal * self.clearance, normal)
+    }
+
+    fn params(&self, material: &Material) -> SurfaceParams {
+        let [r, g, b, metallic, roughness, transmission, specular, _] = self.surface.map(|x| f32::from(x) / 65_535.0);
+        SurfaceParams {
+            base_color: Vec3::new(r, g, b),
+            metallic,
+            roughness,
+            transmission,
+            ior: material.ior,
+            specular,
+            specular_color: material.specular_color,
+            thickness: material.thickness,
+        }
+    }
+}
+
+/// Least cosine of a viewer that is kept.
+const GRAZING: f32 = 1e-4;
+
+fn unit_u16(x: f32) -> u16 {
+    (x.clamp(0.0, 1.0) * 65_535.0).round() as u16
+}
+
+/// A unit vector as a point of an octahedron that is folded onto a square. \[Cigolle2014\]
+#[derive(Clone, Copy, Debug)]
+struct Octahedral([i16; 2]);
+
+impl Octahedral {
+    fn new(v: Vec3) -> Octahedral {
+        let p = Vec2::new(v.x, v.y) / (v.x.abs() + v.y.abs() + v.z.abs());
+        let p = if v.z < 0.0 { fold(p) } else { p };
+        Octahedral([p.x, p.y].map(|x| (x.clamp(-1.0, 1.0) * 32_767.0).round() as i16))
+    }
+
+    #[inline]
+    fn unit(self) -> Vec3 {
+        let p = Vec2::new(f32::from(self.0[0]), f32::from(self.0[1])) / 32_767.0;
+        let z = 1.0 - p.x.abs() - p.y.abs();
+        let p = if z < 0.0 { fold(p) } else { p };
+        Vec3::new(p.x, p.y, z).normalize()
+    }
+}
+
+/// Turns the outer triangles of the square in, and back out.
+#[inline]
+fn fold(p: Vec2) -> Vec2 {
+    Vec2::new((1.0 - p.y.abs()).copysign(p.x), (1.0 - p.x.abs()).copysign(p.y))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::{Sampler, uniform_sphere};
+
+    #[test]
+    fn a_point_takes_64_bytes() {
+        assert_eq!(size_of::<Point>(), 64);
+    }
+
+    #[test]
+    fn unit_vectors_come_back_within_a_few_hundred_thousandths() {
+        let axes = Vec3::AXES.into_iter().flat_map(|axis| [axis, -axis]);
+        let random = (0..5000).map(|i| uniform_sphere(Sampler::new(1, i, 0).next_2d()));
+        for v in axes.chain(random) {
+            let back = Octahedral::new(v).unit();
+            assert!(back.distance(v) < 7e-5, "{v} came back as {back}");
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! One point of every lamp, sixteen points of the picture: scattering, light, and whether the way is free.
+
+use glam::{Vec2, Vec3};
+
+use super::Band;
+use super::point::{Point, Shaded, Special};
+use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, lattice};
+use crate::light::luminance;
+use crate::path::passed_along;
+use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
+
+/// Points that are shaded together, as many as a fan has.
+const GROUP: usize = 16;
+/// Stream of random numbers that nobody else uses.
+const STREAM: u64 = 13 << 58;
+
+/// What light is computed with.
+pub(super) struct Shading<'a> {
+    scene: &'a PreparedScene,
+    lamps: &'a PreparedLamps,
+    floor_nit: f32,
+    far: f32,
+    /// No solid between things changes light.
+    is_airy: bool,
+}
+
+/// Some points of a tile.
+struct Group<'a> {
+    points: &'a [Point],
+    specials: &'a [Special],
+    shaded: Vec<Shaded>,
+}
+
+/// Shadow rays of a group to a point that they share.
+struct Fan {
+    n: usize,
+    places: [Vec3; GROUP],
+    values: [Vec3; GROUP],
+    pixels: [u32; GROUP],
+}
+
+impl<'a> Shading<'a> {
+    pub fn new(scene: &'a PreparedScene, lamps: &'a PreparedLamps, floor_nit: f32) -> Shading<'a> {
+        Shading { scene, lamps, floor_nit, far: scene.far(), is_airy: scene.is_airy() }
+    }
+
+    /// Adds the light of all lamps to the pixels of a band, which begin with the one of number `first`. Returns the number
+    /// of shadow rays.
+    pub fn shade(&self, band: &Band, (first, seed, [sample, round]): (u32, u64, [u32; 2]), pixels: &mut [Vec3]) -> u64 {
+        let (points, specials) = (&band.found.points, band.found.specials.as_slice());
+        let mut n_rays = 0;
+        for (tile, ends) in band.tiles.windows(2).enumerate() {
+            let key = u64::from(first) << 12 | tile as u64;
+            for (nth, points) in points[ends[0] as usize..ends[1] as usize].chunks(GROUP).enumerate() {
+                let shaded = points.iter().map(|point| point.shaded(self.scene, specials)).collect();
+                let group = Group { points, specials, shaded };
+                for (lamp_idx, lamp) in self.lamps.lamps().iter().enumerate() {
+                    let stream = STREAM + (key << 8) + lamp_idx as u64;
+                    let shift = Vec2::from(Sampler::new(seed, stream, sample).next_2d());
+                    let u = (shift + hammersley(nth as u32) + lattice(round)).fract();
+                    n_rays += self.shade_group(&group, lamp, u, first, pixels);
+                }
+            }
+        }
+        n_rays
+    }
+
+    fn shade_group(&self, group: &Group, lamp: &PreparedLamp, u: Vec2, first: u32, pixels: &mut [Vec3]) -> u64 {
+        let shared = lamp.lamp.point(u).filter(|_| self.is_airy && !lamp.lamp.is_ball());
+        let mut fan = Fan { n: 0, places: [Vec3::ZERO; GROUP], values: [Vec3::ZERO; GROUP], pixels: [0; GROUP] };
+        let mut n_rays = 0;
+        for (nth, (point, shaded)) in group.points.iter().zip(&group.shaded).enumerate() {
+            let at = (point.pixel - first) as usize;
+            let shared = shared.filter(|_| !lamp.lamp.is_near(point.position));
+            let lit = match &shared {
+                Some(shared) => lamp.lamp.lit_from(shared, point.position),
+                None => lamp.lamp.lit_well(point.position, spread(u, nth), self.far),
+            };
+            if !self.is_airy {
+                let special = point.special(group.specials);
+                n_rays += 1;
+                pixels[at] += self.through_solids((point, shaded, special), (lamp, spread(u, nth)), lit.as_ref());
+                continue;
+            }
+            let Some(lit) = lit else { continue };
+            let Some(value) = self.arriving(point, shaded, lamp, &lit) else { continue };
+            n_rays += 1;
+            if lit.wi.dot(shaded.ng) <= 0.0 {
+                pixels[at] += value * self.scene.transmittance(point.origin(-shaded.ng), lit.target);
+            } else if shared.is_some() {
+                fan.push(shaded.origin, value, at as u32);
+            } else {
+                pixels[at] += value * self.scene.transmittance(shaded.origin, lit.target);
+            }
+        }
+        if let Some(BodyPoint { position, .. }) = shared.filter(|_| fan.n > 0) {
+            fan.flush(self.scene, position, pixels);
+        }
+        n_rays
+    }
+
+    /// What a point sends to its pixel if nothing is in the way; `None` where that is nothing, or less than counts.
+    #[inline]
+    fn arriving(&self, point: &Point, shaded: &Shaded, lamp: &PreparedLamp, lit: &Lit) -> Option<Vec3> {
+        if lit.wi.dot(shaded.ng) <= 0.0 && !shaded.bsdf.transmits() {
+            return None;
+        }
+        let value = point.throughput * shaded.bsdf.eval(lit.wi).0 * lamp.emission * lit.factor;
+        (luminance(value) > self.floor_nit).then_some(value)
+    }
+
+    /// The light of a lamp at a point among solids: on the straight way, dimmed by what attenuates, and through slabs.
+    fn through_solids(
+        &self,
+        (point, shaded, special): (&Point, &Shaded, Option<&Special>),
+        (lamp, u): (&PreparedLamp, Vec2),
+        straight: Option<&Lit>,
+    ) -> Vec3 {
+        let (scene, position) = (self.scene, point.position);
+        let extinction = |wi: Vec3| special.map_or(Vec3::ZERO, |s| s.extinction[usize::from(wi.dot(shaded.ng) <= 0.0)]);
+        let origin = |wi: Vec3| if wi.dot(shaded.ng) > 0.0 { shaded.origin } else { point.origin(-shaded.ng) };
+        let mut sum = Vec3::ZERO;
+        if let Some(lit) = straight
+            && let Some(value) = self.arriving(point, shaded, lamp, lit)
+        {
+            let dimmed = if lamp.lamp.is_beyond() {
+                Vec3::ONE
+            } else {
+                (-extinction(lit.wi) * lit.target.distance(position)).exp()
+            };
+            sum += value * dimmed * scene.transmittance(origin(lit.wi), lit.target);
+        }
+        let (end, route) = match straight.filter(|_| lamp.lamp.is_beyond()) {
+            Some(lit) => (None, scene.slabs.route_beyond(position, lit.wi, self.far)),
+            None => {
+                let end = lamp.lamp.point(u).map(|point| point.position);
+                (end, end.and_then(|end| scene.slabs.route(position, end)))
+            }
+        };
+        let Some(route) = route else { return sum };
+        // From there the lamp looks, without slabs, as it does from here through them.
+        let eye = end.map_or(position, |end| end - route.direction / route.closeness.sqrt());
+        if let Some(lit) = lamp.lamp.lit(eye, u, self.far)
+            && let Some(value) = self.arriving(point, shaded, lamp, &lit)
+        {
+            let start = (position, origin(route.direction));
+            sum += value * passed_along(scene, start, extinction(route.direction), (&route, end, self.far));
+        }
+        sum
+    }
+}
+
+impl Fan {
+    fn push(&mut self, place: Vec3, value: Vec3, pixel: u32) {
+        (self.places[self.n], self.values[self.n], self.pixels[self.n]) = (place, value, pixel);
+        self.n += 1;
+    }
+
+    fn flush(&self, scene: &PreparedScene, lamp: Vec3, pixels: &mut [Vec3]) {
+        let mut passed = [Vec3::ZERO; GROUP];
+        scene.transmittance_from16(lamp, &self.places, self.n, &mut passed);
+        for i in 0..self.n {
+            pixels[self.pixels[i] as usize] += self.values[i] * passed[i];
+        }
+    }
+}
+
+/// The point of a group's member that has one of its own.
+fn spread(u: Vec2, nth: usize) -> Vec2 {
+    (u + lattice(1 + nth as u32)).fract()
+}
+
+/// Sixteen points of the unit square, one in each elementary interval of that area.
+fn hammersley(nth: u32) -> Vec2 {
+    let nth = nth % 16;
+    Vec2::new(nth as f32 / 16.0, (nth.reverse_bits() >> 28) as f32 / 16.0)
+}

@@ -1,0 +1,263 @@
+//! Direct light of free lamps: by formula, and against walks that meet the same lamps as lights of the scene.
+
+use std::f32::consts::PI;
+use std::ops::ControlFlow;
+
+use super::*;
+use crate::lamps::{FreeLamp, LampShape, LampUnit};
+use crate::laws::stage::{Stage, lambert, pane, quad};
+use crate::light::{LightRig, LightSetting};
+use crate::scene::Material;
+use crate::trace::{TraceConfig, trace};
+
+const FILM: Film = Film { width: 48, height: 32 };
+/// Side of the blocks of pixels whose means are compared.
+const BLOCK: u32 = 8;
+const ALBEDO: f32 = 0.5;
+
+fn never() -> bool {
+    false
+}
+
+fn lamp(shape: LampShape, position: Vec3, strength: f32, unit: LampUnit) -> FreeLamp {
+    let aim = position - Vec3::Y + Vec3::X * 0.2;
+    FreeLamp { key: "free".into(), shape, position, aim, strength, unit, setting: LightSetting::default() }
+}
+
+fn prepared(lamps: &[FreeLamp]) -> PreparedLamps {
+    PreparedLamps::new(lamps, None).expect("lamps that make sense").0
+}
+
+/// A floor, a wall behind it and a box that throws a shadow, seen from the front.
+fn room() -> Stage {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, 0.6, 0.0), 0.8, 1.5);
+    let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
+    let wall = quad(Vec3::new(-3.0, 0.0, -1.5), Vec3::X * 6.0, Vec3::Y * 4.0);
+    let shade = quad(Vec3::new(-0.3, 0.5, 0.3), Vec3::X * 0.6, Vec3::NEG_Z * 0.6);
+    let glossy = Material { metallic: 0.0, roughness: 0.3, ..Material::default() };
+    Stage::new(camera)
+        .surface("floor", &floor, lambert(ALBEDO, 0.0))
+        .surface("wall", &wall, glossy)
+        .surface("shade", &shade, Material { double_sided: true, ..lambert(0.7, 0.0) })
+}
+
+/// Mean over passes, each sample of a pixel in its turn.
+fn live(scene: &PreparedScene, lamps: &PreparedLamps, film: Film, n_passes: u32, seed: u64) -> Vec<[f32; 3]> {
+    let config = VisibleConfig { samples: 16, seed };
+    let points = VisiblePoints::new(scene, &scene.scene.cameras[0], film, config, &never).expect("nobody stops it");
+    let mut sum = vec![[0.0; 3]; film.n_pixels()];
+    for pass in 0..n_passes {
+        let picture = points.direct(scene, lamps, pass, &never).expect("nobody stops it");
+        for (sum, rgb) in sum.iter_mut().zip(picture) {
+            (0..3).for_each(|c| sum[c] += rgb[c] / n_passes as f32);
+        }
+    }
+    sum
+}
+
+/// The same by walks.
+fn walked(scene: &PreparedScene, film: Film, bounces: u32, spp: u32, seed: u64) -> Vec<[f32; 3]> {
+    let mut coefficients = scene.lighting.basis.project(&LightRig::default());
+    // A stage without lights of its own has a sky, which is another matter.
+    for source in scene.lighting.basis.sources.iter().filter(|source| source.key != "free") {
+        coefficients[source.columns.start as usize..source.columns.end as usize].fill([0.0; 3]);
+    }
+    let config = TraceConfig { spp, bounces: Some(bounces), seed };
+    let camera = &scene.scene.cameras[0];
+    trace(scene, camera, film, &coefficients, &config, &|_| ControlFlow::Continue(())).expect("nobody stops it")
+}
+
+/// Mean luminance of each block.
+fn blocks(picture: &[[f32; 3]], film: Film) -> Vec<f64> {
+    let mut means = Vec::new();
+    for (top, left) in (0..film.height / BLOCK).flat_map(|y| (0..film.width / BLOCK).map(move |x| (y, x))) {
+        let pixels = (0..BLOCK * BLOCK).map(|i| (top * BLOCK + i / BLOCK) * film.width + left * BLOCK + i % BLOCK);
+        let sum: f64 = pixels.map(|at| picture[at as usize].iter().map(|&c| f64::from(c)).sum::<f64>()).sum();
+        means.push(sum / f64::from(3 * BLOCK * BLOCK));
+    }
+    means
+}
+
+/// Holds the blocks of live pictures against those of walks: means of several of each, and what they scatter.
+#[track_caller]
+fn assert_same(of_live: &[Vec<f64>], of_walks: &[Vec<f64>], what: &str) {
+    let mean = |runs: &[Vec<f64>], at: usize| runs.iter().map(|run| run[at]).sum::<f64>() / runs.len() as f64;
+    let variance = |runs: &[Vec<f64>], at: usize| {
+        let mean = mean(runs, at);
+        let n = runs.len() as f64;
+        runs.iter().map(|run| (run[at] - mean).powi(2)).sum::<f64>() / (n - 1.0) / n
+    };
+    let n_blocks = of_live[0].len();
+    let brightest = (0..n_blocks).map(|at| mean(of_walks, at)).fold(0.0, f64::max);
+    assert!(brightest > 0.0, "{what}: nothing is lit");
+    let (mut worst, mut square) = (0.0_f64, 0.0);
+    for at in 0..n_blocks {
+        let difference = mean(of_live, at) - mean(of_walks, at);
+        // Of four runs the scatter is known by a factor of two or so; a little of the mean stands for its least.
+        let error = (variance(of_live, at) + variance(of_walks, at) + (2e-3 * mean(of_walks, at)).powi(2)).sqrt();
+        let z = difference / error.max(1e-6 * brightest);
+        (worst, square) = (worst.max(z.abs()), square + z * z);
+    }
+    let spread = (square / n_blocks as f64).sqrt();
+    println!("{what}: worst z {worst:.2}, spread {spread:.2} of {n_blocks} blocks, brightest {brightest:.4}");
+    assert!(worst < 6.0 && spread < 2.0, "{what}: worst z {worst:.2}, spread {spread:.2}");
+}
+
+/// Live pictures of the scene against walks, of the same lamps.
+#[track_caller]
+fn compare(stage: impl Fn() -> Stage, lamps: &[FreeLamp], bounces: u32, spp: u32, what: &str) {
+    let (scene, lamps) = (stage().prepared(), prepared(lamps));
+    let mut lit = stage().prepared();
+    lamps.install(&mut lit).expect("names of their own");
+    let runs = 0..4u64;
+    let of_live: Vec<_> = runs.clone().map(|seed| blocks(&live(&scene, &lamps, FILM, 64, seed), FILM)).collect();
+    let of_walks: Vec<_> = runs.map(|seed| blocks(&walked(&lit, FILM, bounces, spp, seed), FILM)).collect();
+    assert_same(&of_live, &of_walks, what);
+}
+
+fn shapes() -> [FreeLamp; 6] {
+    let above = Vec3::new(0.3, 1.7, 0.2);
+    [
+        lamp(LampShape::Point, above, 100.0, LampUnit::Lumen),
+        lamp(LampShape::Spot { inner_rad: 0.3, outer_rad: 0.7 }, above, 100.0, LampUnit::Lumen),
+        lamp(LampShape::Directional, above, 100.0, LampUnit::Lux),
+        lamp(LampShape::Rectangle { size_m: [0.6, 0.3] }, above, 100.0, LampUnit::Lumen),
+        lamp(LampShape::Disk { radius_m: 0.25 }, above, 100.0, LampUnit::Lumen),
+        lamp(LampShape::Sphere { radius_m: 0.2 }, above, 100.0, LampUnit::Lumen),
+    ]
+}
+
+#[test]
+fn direct_light_is_that_of_walks_which_end_at_the_first_surface() {
+    for lamp in shapes() {
+        compare(room, std::slice::from_ref(&lamp), 0, 256, &format!("{:?}", lamp.shape));
+    }
+}
+
+#[test]
+fn direct_light_in_a_mirror_is_that_of_walks() {
+    // Black but for the mirror: what it shows is all that a second surface adds.
+    let mirrored = || {
+        let camera = Camera::look_at("eye", Vec3::new(0.0, 1.0, 2.5), Vec3::new(0.0, 1.0, 0.0), 0.6, 1.5);
+        let mirror = quad(Vec3::new(-3.0, -1.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0);
+        let floor = quad(Vec3::new(-3.0, 0.0, 6.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.99);
+        let silver = Material { metallic: 1.0, roughness: 0.0, ..Material::default() };
+        Stage::new(camera).surface("mirror", &mirror, silver).surface("floor", &floor, lambert(ALBEDO, 0.0))
+    };
+    for lamp in [&shapes()[0], &shapes()[3]] {
+        let lamp = FreeLamp { aim: Vec3::new(0.0, 0.0, 1.5), position: Vec3::new(0.3, 1.6, 1.0), ..lamp.clone() };
+        // The floor gets light off the mirror as well, which live pictures leave to others: only what the mirror shows
+        // counts, and the walks may scatter once more there.
+        let (scene, lamps) = (mirrored().prepared(), prepared(std::slice::from_ref(&lamp)));
+        let mut lit = mirrored().prepared();
+        lamps.install(&mut lit).expect("a name of its own");
+        let film = Film { width: 48, height: 16 };
+        let of_live: Vec<_> = (0..4).map(|seed| blocks(&live(&scene, &lamps, film, 64, seed), film)).collect();
+        let of_walks: Vec<_> = (0..4).map(|seed| blocks(&walked(&lit, film, 1, 512, seed), film)).collect();
+        assert_same(&of_live, &of_walks, &format!("mirror, {:?}", lamp.shape));
+    }
+}
+
+#[test]
+fn direct_light_behind_a_clear_pane_is_that_of_walks() {
+    let glazed = || {
+        let corner = Vec3::new(-2.0, 0.0, 1.0);
+        let upright = Material { double_sided: true, ..pane() };
+        let level = quad(Vec3::new(-2.0, 1.3, 2.0), Vec3::X * 4.0, Vec3::NEG_Z * 3.4);
+        room().surface("window", &quad(corner, Vec3::X * 4.0, Vec3::Y * 4.0), upright.clone()).surface("lid", &level, upright)
+    };
+    for lamp in [&shapes()[0], &shapes()[3], &shapes()[5]] {
+        compare(glazed, std::slice::from_ref(lamp), 0, 256, &format!("pane, {:?}", lamp.shape));
+    }
+}
+
+#[test]
+fn a_point_lamp_over_a_floor_follows_cosine_and_inverse_square() {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 3.0, 0.0), Vec3::ZERO, 0.6, 1.0);
+    let floor = quad(Vec3::new(-3.0, 0.0, 3.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.0);
+    let scene = Stage::new(camera.clone()).surface("floor", &floor, lambert(ALBEDO, 0.0)).prepared();
+    let (at, candela) = (Vec3::new(0.2, 1.5, -0.1), 40.0);
+    let lamps = prepared(&[lamp(LampShape::Point, at, candela, LampUnit::Candela)]);
+    let film = Film { width: 9, height: 9 };
+    let picture = live(&scene, &lamps, film, 64, 1);
+    for (x, y) in [(4, 4), (0, 0), (8, 2)] {
+        // The mean over a pixel is close to its middle.
+        let direction = camera.direction(film, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+        let place = camera.position() - direction * (camera.position().y / direction.y);
+        let to_lamp = at - place;
+        let expected = candela * ALBEDO / PI * to_lamp.normalize().y / to_lamp.length_squared();
+        let found = picture[(y * 9 + x) as usize][0];
+        assert!((found / expected - 1.0).abs() < 0.01, "({x}, {y}): {found} is not {expected}");
+    }
+}
+
+#[test]
+fn lamps_in_bad_places_give_finite_pictures() {
+    let scene = room().prepared();
+    let places = [
+        Vec3::ZERO,
+        Vec3::new(0.0, 0.0, -1.5),
+        Vec3::new(0.0, -0.5, 0.0),
+        Vec3::new(0.0, 1.2, 3.0),
+        Vec3::new(0.0, 0.5, 0.0),
+        Vec3::splat(1e6),
+        Vec3::new(0.0, 1e-6, 0.0),
+    ];
+    let shapes = [
+        LampShape::Point,
+        LampShape::Spot { inner_rad: 0.0, outer_rad: 1e-3 },
+        LampShape::Rectangle { size_m: [0.0, 0.0] },
+        LampShape::Rectangle { size_m: [100.0, 100.0] },
+        LampShape::Disk { radius_m: 0.0 },
+        LampShape::Sphere { radius_m: 0.0 },
+        LampShape::Sphere { radius_m: 50.0 },
+    ];
+    for (position, shape) in places.iter().flat_map(|place| shapes.iter().map(move |shape| (*place, shape))) {
+        for aim in [position, Vec3::ZERO] {
+            let lamp = FreeLamp { aim, ..lamp(shape.clone(), position, 800.0, LampUnit::Lumen) };
+            let lamps = prepared(&[lamp]);
+            let film = Film { width: 24, height: 16 };
+            let picture = live(&scene, &lamps, film, 2, 3);
+            let fine = picture.iter().flatten().all(|value| value.is_finite() && *value >= 0.0);
+            assert!(fine, "{shape:?} at {position} shows what is no light");
+            let arriving = lamps.irradiance(&scene, Vec3::ZERO, Vec3::Y);
+            assert!(arriving.is_finite() && arriving.min_element() >= 0.0, "{shape:?} at {position}: {arriving}");
+        }
+    }
+}
+
+#[test]
+fn numbers_that_are_none_are_refused_by_name() {
+    let good = lamp(LampShape::Disk { radius_m: 0.1 }, Vec3::Y, 1.0, LampUnit::Lumen);
+    let bad = [
+        FreeLamp { strength: f32::NAN, ..good.clone() },
+        FreeLamp { strength: -1.0, ..good.clone() },
+        FreeLamp { position: Vec3::new(0.0, f32::INFINITY, 0.0), ..good.clone() },
+        FreeLamp { aim: Vec3::NAN, ..good.clone() },
+        FreeLamp { shape: LampShape::Disk { radius_m: f32::NAN }, ..good.clone() },
+        FreeLamp { shape: LampShape::Sphere { radius_m: -1.0 }, ..good.clone() },
+        FreeLamp { shape: LampShape::Spot { inner_rad: 0.5, outer_rad: 0.2 }, ..good.clone() },
+        FreeLamp { shape: LampShape::Profile { file: "none.ies".into() }, ..good.clone() },
+        FreeLamp { setting: LightSetting { color: Some([f32::NAN; 3]), ..LightSetting::default() }, ..good.clone() },
+    ];
+    for lamp in bad {
+        let error = PreparedLamps::new(std::slice::from_ref(&lamp), None).expect_err("it makes no sense").to_string();
+        assert!(error.contains("`free`"), "{lamp:?}: {error}");
+    }
+    assert!(PreparedLamps::new(&[good.clone(), good], None).is_err(), "two of one name");
+}
+
+#[test]
+fn a_pass_is_the_same_on_any_number_of_threads_and_stops_when_asked() {
+    let (scene, lamps) = (room().prepared(), prepared(&shapes()[3..4]));
+    let picture = |n| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
+        pool.install(|| live(&scene, &lamps, FILM, 3, 5))
+    };
+    assert_eq!(picture(1), picture(3));
+    let config = VisibleConfig { samples: 1, seed: 0 };
+    let camera = &scene.scene.cameras[0];
+    assert!(VisiblePoints::new(&scene, camera, FILM, config, &|| true).is_none());
+    let points = VisiblePoints::new(&scene, camera, FILM, config, &never).expect("nobody stops it");
+    assert!(points.direct(&scene, &lamps, 0, &|| true).is_none());
+}

@@ -1,0 +1,162 @@
+//! Free lamps: relit pictures against traced ones, through the command line; and no jump while a lamp moves.
+
+use clerestory::compare::read_exr;
+use clerestory_relight::{CpuRelighter, Radiance, Relight};
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::camera::Film;
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
+use clerestory_transport::light::{LightRig, LightSetting};
+use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
+use glam::Vec3;
+use serde_json::{Value, json};
+
+use crate::pipeline::Desk;
+use crate::support::{SceneFile, Shape, baked, frame, prepare, two_lamps_and_a_panel};
+
+const VIEW: &str = "--size 48x32";
+
+/// A desk with a look of that name under which the room's own lights are dark and some lamps shine.
+fn lit_by(name: &str, lamps: &Value) -> Desk {
+    let desk = Desk::new();
+    let dark = json!({ "muted": true });
+    let look = json!({ "clerestory": 1, "lights": { "warm": dark, "cool": dark, "panel": dark }, "lamps": lamps });
+    std::fs::write(desk.path(name), look.to_string()).unwrap();
+    desk
+}
+
+fn two_lamps() -> Value {
+    json!([
+        { "key": "bulb", "type": "point", "position": [-0.4, 0.2, 0.3], "strength": 12, "unit": "lm", "kelvin": 3000 },
+        { "key": "tube", "type": "rectangle", "position": [0.4, 0.8, 0.1], "aim": [0.3, -1, 0], "size_m": [0.5, 0.1],
+          "strength": 20, "unit": "lm" },
+    ])
+}
+
+#[test]
+fn a_picture_with_free_lamps_is_the_traced_one() {
+    let desk = lit_by("a.look", &two_lamps());
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 128 --patches 512"));
+    let relit = desk.json("relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --layers lights --device cpu");
+    assert_eq!((&relit["layers"], &relit["warnings"]), (&json!(5), &json!([])));
+    desk.json(&format!("trace @room.glb --look @a.look -o @traced.exr {VIEW} --spp 512"));
+    let compared = desk.json("compare @relit.exr @traced.exr");
+    println!("{compared}");
+    assert!(compared["relative_l2"].as_f64().unwrap() < 0.05, "{compared}");
+    assert!(compared["psnr_db"].as_f64().unwrap() > 32.0, "{compared}");
+    for bias in compared["mean_bias"].as_array().unwrap() {
+        assert!(bias.as_f64().unwrap().abs() < 0.02, "{compared}");
+    }
+    // A render makes columns of the lamps.
+    desk.json(&format!("render @room.glb --look @a.look -o @rendered.exr {VIEW} --spp 256 --device cpu"));
+    let compared = desk.json("compare @rendered.exr @traced.exr");
+    assert!(compared["psnr_db"].as_f64().unwrap() > 28.0, "{compared}");
+    for bias in compared["mean_bias"].as_array().unwrap() {
+        assert!(bias.as_f64().unwrap().abs() < 0.02, "{compared}");
+    }
+}
+
+#[test]
+fn without_patches_a_picture_shows_direct_light_and_says_so() {
+    let desk = lit_by("a.look", &two_lamps());
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 8"));
+    let relit = desk.json("relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --device cpu");
+    let warnings = relit["warnings"].to_string();
+    assert!(warnings.contains("--patches"), "{warnings}");
+    desk.json(&format!("trace @room.glb --look @a.look -o @traced.exr {VIEW} --spp 512 --bounces 0"));
+    let compared = desk.json("compare @relit.exr @traced.exr");
+    assert!(compared["psnr_db"].as_f64().unwrap() > 35.0, "{compared}");
+}
+
+#[test]
+fn lamps_need_the_scene_that_was_baked() {
+    let desk = lit_by("a.look", &two_lamps());
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 4"));
+    desk.fails("relight @room.transport --look @a.look -o @a.exr", 1, "--scene");
+    let other = two_lamps_and_a_panel().surface("more", &Shape::room(Vec3::splat(0.1)), SceneFile::lambert([0.5; 3], [0.0; 3]));
+    std::fs::write(desk.path("other.glb"), other.glb()).unwrap();
+    desk.fails("relight @room.transport --look @a.look --scene @other.glb -o @a.exr", 1, "is not the scene that was baked");
+    let named = |key: &str, unit: &str| {
+        let lamp = json!([{ "key": key, "type": "point", "position": [0, 0, 0], "strength": 1, "unit": unit }]);
+        std::fs::write(desk.path("b.look"), json!({ "clerestory": 1, "lamps": lamp }).to_string()).unwrap();
+    };
+    named("warm", "lm");
+    desk.fails("relight @room.transport --look @b.look --scene @room.glb -o @a.exr", 1, "`warm`");
+    desk.fails(&format!("trace @room.glb --look @b.look -o @a.exr {VIEW} --spp 1"), 1, "`warm`");
+    named("bulb", "lx");
+    desk.fails(&format!("trace @room.glb --look @b.look -o @a.exr {VIEW} --spp 1"), 1, "lm or cd");
+}
+
+#[test]
+fn a_light_of_the_file_that_became_movable_leaves_the_picture_as_it_was() {
+    let desk = Desk::new();
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 256 --tolerance 50 --patches 1024"));
+    let scene = prepare(&two_lamps_and_a_panel().glb());
+    let lighting = &scene.lighting;
+    let (source, light) = lighting
+        .basis
+        .sources
+        .iter()
+        .zip(&lighting.emitters)
+        .find_map(|(source, emitter)| match emitter {
+            clerestory_transport::emitters::Emitter::Punctual(light) if source.key == "warm" => Some((source, light)),
+            _ => None,
+        })
+        .unwrap();
+    let lamp = FreeLamp::from_source("moved", source, light, LightSetting::default()).unwrap();
+    let mut look = clerestory::look::Look::default();
+    look.lights.lights.insert("warm".into(), LightSetting { muted: true, ..LightSetting::default() });
+    look.lights.lamps.push(lamp);
+    std::fs::write(desk.path("moved.look"), look.to_json()).unwrap();
+    desk.json("relight @room.transport -o @before.exr --device cpu");
+    desk.json("relight @room.transport --look @moved.look --scene @room.glb -o @after.exr --device cpu");
+    let compared = desk.json("compare @after.exr @before.exr");
+    println!("{compared}");
+    assert!(compared["psnr_db"].as_f64().unwrap() > 36.0, "{compared}");
+    let [before, after] = ["before.exr", "after.exr"].map(|name| read_exr(&desk.path(name)).unwrap());
+    assert_ne!(before.pixels, after.pixels, "the lamp was exchanged");
+}
+
+#[test]
+fn while_a_lamp_moves_continuously_the_picture_moves_continuously() {
+    let scene = prepare(&two_lamps_and_a_panel().glb());
+    let film = Film { width: 32, height: 24 };
+    let bake = baked(&scene, film, BakeConfig { spp: 32, patches: 256, ..BakeConfig::default() });
+    let patches = bake.header.patches.as_ref().unwrap();
+    let mut relighter = CpuRelighter::new(&frame(&bake)).unwrap();
+    let camera = &scene.scene.cameras[0];
+    let points = VisiblePoints::new(&scene, camera, film, VisibleConfig { samples: 8, seed: 0 }, &|| false).unwrap();
+    // Across the room, over the block and close by the wall, half a centimeter a frame.
+    let n_frames = 300;
+    let mut frames: Vec<[Vec<f32>; 2]> = Vec::new();
+    for nth in 0..n_frames {
+        let x = 0.005 * nth as f32 - 0.75;
+        let shape = LampShape::Disk { radius_m: 0.1 };
+        let position = Vec3::new(x, -0.2 + 0.1 * (3.0 * x).sin(), -0.3);
+        let (unit, setting) = (LampUnit::Lumen, LightSetting::default());
+        let lamp = FreeLamp { key: "l".into(), shape, position, aim: position - Vec3::Y, strength: 20.0, unit, setting };
+        let lamps = PreparedLamps::new(&[lamp], None).unwrap().0;
+        let mut coefficients = bake.header.coefficients(&LightRig::default());
+        coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);
+        *coefficients.last_mut().unwrap() = patches.coefficients(&|at, normal| lamps.irradiance(&scene, at, normal));
+        let mut indirect = Radiance::default();
+        relighter.relight(&coefficients, &mut indirect).unwrap();
+        let mut direct = vec![0.0; 3 * film.n_pixels()];
+        for pass in 0..32 {
+            let picture = points.direct(&scene, &lamps, pass, &|| false).unwrap();
+            direct.iter_mut().zip(picture.iter().flatten()).for_each(|(sum, value)| *sum += value / 32.0);
+        }
+        frames.push([indirect.pixels.into_iter().flatten().collect(), direct]);
+    }
+    for (part, most, what) in [(0, 0.05, "indirect"), (1, 0.15, "direct")] {
+        let norm = |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+        let jump = |pair: &[[Vec<f32>; 2]]| {
+            let [before, after] = [&pair[0][part], &pair[1][part]];
+            norm(&mut before.iter().zip(after).map(|(a, b)| b - a)) / norm(&mut before.iter().copied())
+        };
+        let mut jumps: Vec<f64> = frames.windows(2).map(jump).collect();
+        jumps.sort_by(f64::total_cmp);
+        let (median, largest) = (jumps[jumps.len() / 2], jumps[jumps.len() - 1]);
+        println!("{what}: median step {median:.4}, largest {largest:.4}");
+        assert!(largest < most, "{what}: a step of {largest:.4} where most are {median:.4}");
+    }
+}
