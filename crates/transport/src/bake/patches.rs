@@ -14,7 +14,7 @@ use crate::patches::{PatchMatrix, Patches, Request, learn};
 use crate::path::{Integrator, NoLights};
 
 /// Tolerance of the picture that a lamp makes by way of patches, as if its root mean square were the peak of a column.
-const TOLERANCE_DB: f32 = 34.0;
+pub(super) const PATCH_TOLERANCE_DB: f32 = 34.0;
 /// Samples of each half before the first look at the tolerance.
 const FIRST_LOOK: u32 = 4;
 
@@ -88,7 +88,9 @@ impl Run<'_> {
         // A bake that is taken up again learns the same once more: its file holds no more than relighting needs.
         let again = if patches.table().is_none() { job.learn() } else { None };
         let Some(table) = again.as_ref().unwrap_or(patches).table() else {
-            return Err(BakeError::Config { what: "the scene has no patches any more; start over with --fresh".into() });
+            return Err(BakeError::Config {
+                what: "the scene has no patches any more; start over with --fresh".into(),
+            });
         };
         if table.n_columns != patches.n_columns() {
             return Err(BakeError::Config { what: "the scene has other patches now; start over with --fresh".into() });
@@ -113,7 +115,7 @@ impl Run<'_> {
 impl BakeJob {
     fn patch_config(&self, n_columns: usize) -> CompressConfig {
         let max = (self.config.spp / 2).max(1);
-        let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(TOLERANCE_DB));
+        let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(PATCH_TOLERANCE_DB));
         CompressConfig {
             groups: vec![ColumnGroup { columns: 0..n_columns, tolerance, preserved: Vec::new() }],
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },
