@@ -9,6 +9,7 @@ mod bakes;
 mod cases;
 mod desk;
 mod kills;
+mod lamps;
 mod matrix;
 mod methods;
 mod page;
@@ -36,12 +37,13 @@ const OWN_PAGES: [Section; 2] =
     [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
-const SECTIONS: [Section; 5] = [
+const SECTIONS: [Section; 6] = [
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
     Section { name: "methods", write: methods::write },
     Section { name: "rays", write: rays::write },
+    Section { name: "lamps", write: lamps::write },
 ];
 
 fn main() -> ExitCode {

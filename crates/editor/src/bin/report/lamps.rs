@@ -1,0 +1,296 @@
+//! Lamps that no bake knew: what patches and live light make of them, against traced pictures of the same lamps.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clerestory::look::sky;
+use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
+use clerestory_transport::bvh::Ray;
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::emitters::SkyRequest;
+use clerestory_transport::import;
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
+use clerestory_transport::light::{LightRig, LightSetting};
+use clerestory_transport::patches::DEFAULT_PATCHES;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sampler::{Sampler, uniform_hash};
+use clerestory_transport::sky::{SkyForm, SkyLight};
+use clerestory_transport::trace::{TraceConfig, trace};
+use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
+use glam::{Vec2, Vec3};
+
+use super::desk::Desk;
+
+/// Strength of the lamp, lm.
+const LUMEN: f32 = 1500.0;
+/// Passes of the live light that is held against a reference.
+const PASSES: u32 = 64;
+/// Size of the picture whose steps are timed.
+const STEP: Film = Film { width: 1024, height: 768 };
+/// Steps that are timed, the median counts.
+const STEPS: u32 = 7;
+
+/// A scene in which a lamp is moved.
+struct Case {
+    name: &'static str,
+    path: PathBuf,
+    has_sky: bool,
+}
+
+/// Sums over the places of a lamp.
+#[derive(Default)]
+struct Errors {
+    /// Relative L2 of the indirect light, and of the reference's own noise, of each place.
+    indirect: Vec<[f64; 2]>,
+    /// PSNR of the whole picture and of the reference's noise, of each place, dB.
+    psnr: Vec<[f64; 2]>,
+}
+
+/// A table of scenes, and one of steps.
+pub fn write(desk: &Desk) -> Result<String> {
+    let mut text = "A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
+        direct light at what is seen, plus what the patches make of its irradiance. It is held against two independent traced \
+        pictures of the same look, so that their noise does not count as error; how large that noise is stands beside it. The \
+        peak of PSNR is the 99.5 percentile of the whole.\n\n\
+        | scene | places | indirect L2, mean (worst) | noise | whole PSNR, mean (worst) | noise | patches | columns | bytes | bake \
+        | of it patches |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
+        .to_string();
+    let mut steps = "\nA step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of \
+        all patches. Shadow rays that nothing needs are not cast.\n\n\
+        | scene | lamp | direct | shadow rays | rays a second | patches |\n|---|---|---|---|---|---|\n"
+        .to_string();
+    for case in cases(desk) {
+        desk.say(&format!("lamps in {}", case.name));
+        let (row, more) = measure(desk, &case).with_context(|| format!("cannot move lamps in {}", case.name))?;
+        text += &row;
+        steps += &more;
+    }
+    Ok(text + &steps)
+}
+
+fn cases(desk: &Desk) -> Vec<Case> {
+    let own = Some(desk.root.join("assets/scenes/gallery.glb"));
+    let shared = |name: &str| desk.shared(&format!("scenes/{name}.glb"));
+    let all = [
+        ("gallery", own, false),
+        ("conference", shared("conference"), false),
+        ("staircase2", shared("bitterli-staircase2"), false),
+        ("living-room", shared("bitterli-living-room"), true),
+    ];
+    let n_cases = desk.choose(1, all.len());
+    let found = all.into_iter().take(n_cases);
+    let case = |(name, path, has_sky): (&'static str, Option<PathBuf>, bool)| {
+        Some(Case { name, path: path.filter(|path| path.exists())?, has_sky })
+    };
+    found.filter_map(case).collect()
+}
+
+fn prepared(path: &Path, has_sky: bool) -> Result<(PreparedScene, Camera)> {
+    let imported = import::load(path)?;
+    let camera = imported.scene.cameras.first().context("no camera")?.clone();
+    let sky = if has_sky { Some(SkyRequest { light: uniform_sky()?, form: SkyForm::Patches(1) }) } else { None };
+    Ok((PreparedScene::with_sky(imported.scene, &[], sky.as_ref())?.0, camera))
+}
+
+fn uniform_sky() -> Result<SkyLight> {
+    let mut setting = sky::typed("uniform").map_err(anyhow::Error::msg)?;
+    sky::load(&mut setting, Path::new(""))?;
+    setting.light(None).context("no sky")
+}
+
+fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
+    let (scene, camera) = prepared(&case.path, case.has_sky)?;
+    let scene = Arc::new(scene);
+    let film = Film::of_width(desk.choose(96, 256), &camera);
+    let (n_places, spp, bake_spp) = desk.choose((3, 128, 32), (10, 256, 128));
+    let (plain, plain_secs) = bake(&scene, &camera, film, bake_spp, 0)?;
+    let (bake, secs) = bake(&scene, &camera, film, bake_spp, DEFAULT_PATCHES)?;
+    let patches = bake.header.patches.as_ref().context("no patches")?;
+    let own = relit(&bake, &bake.header.coefficients(&LightRig::default()));
+    let own_traced = [1, 2].map(|seed| {
+        let coefficients = scene.lighting.basis.project(&LightRig::default());
+        traced(&scene, &camera, film, &coefficients, spp, seed)
+    });
+    let mut errors = Errors::default();
+    for nth in 0..n_places {
+        let lamps = point_lamp(place(&scene, &camera, film, nth))?;
+        let (mut lit, _) = prepared(&case.path, false)?;
+        lamps.install(&mut lit)?;
+        let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
+        let last = lit.lighting.basis.sources.last().context("no lamp")?;
+        coefficients[last.columns.start as usize] = (last.color * last.strength).to_array();
+        let references = [3, 4].map(|seed| traced(&lit, &camera, film, &coefficients, spp, seed));
+        let direct = direct(&scene, &camera, film, &lamps)?;
+        let mut of_bake: Vec<Vec<[f32; 3]>> =
+            bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
+        if let Some(of_patches) = of_bake.last_mut() {
+            *of_patches = patches.coefficients(&|at, normal| lamps.irradiance(&scene, at, normal));
+        }
+        errors.add(&relit(&bake, &of_bake), &direct, &own, &references, &own_traced);
+    }
+    let bytes = |bake: &Bake| bake.packed.as_ref().map_or(0, |sets| sets[0].iter().map(|group| group.n_bytes()).sum::<usize>());
+    let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
+    let row = format!(
+        "| {} | {n_places} | {} | {} | {} | {:.2} MiB of {:.2} | {secs:.1} s | {:.1} s |\n",
+        case.name,
+        errors.words(),
+        patches.n_patches(),
+        patches.n_columns(),
+        mib(bytes(&bake).saturating_sub(bytes(&plain))),
+        mib(bytes(&bake)),
+        secs - plain_secs,
+    );
+    let steps = steps(case.name, &scene, &camera, &|lamps| {
+        std::hint::black_box(patches.coefficients(&|at, normal| lamps.irradiance(&scene, at, normal)));
+    })?;
+    Ok((row, steps))
+}
+
+fn bake(scene: &Arc<PreparedScene>, camera: &Camera, film: Film, spp: u32, patches: u32) -> Result<(Bake, f64)> {
+    let config = BakeConfig { spp, patches, ..BakeConfig::default() };
+    let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
+    let job = BakeJob { scene: scene.clone(), camera: camera.clone(), film, config, passes, irradiance };
+    let begun = Instant::now();
+    let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stopped it")?;
+    Ok((bake, begun.elapsed().as_secs_f64()))
+}
+
+fn traced(scene: &PreparedScene, camera: &Camera, film: Film, light: &[[f32; 3]], spp: u32, seed: u64) -> Vec<f32> {
+    let config = TraceConfig { spp, bounces: None, seed };
+    let pixels = trace(scene, camera, film, light, &config, &|_| ControlFlow::Continue(()));
+    pixels.unwrap_or_default().into_iter().flatten().collect()
+}
+
+fn direct(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &PreparedLamps) -> Result<Vec<f32>> {
+    let points = VisiblePoints::new(scene, camera, film, VisibleConfig { samples: 16, seed: 0 }, &|| false);
+    let points = points.context("nobody stopped it")?;
+    let mut sum = vec![0.0; 3 * film.n_pixels()];
+    for pass in 0..PASSES {
+        let picture = points.direct(scene, lamps, pass, &|| false).context("nobody stopped it")?;
+        sum.iter_mut().zip(picture.iter().flatten()).for_each(|(sum, value)| *sum += value / PASSES as f32);
+    }
+    Ok(sum)
+}
+
+/// The picture of a bake under coefficients.
+fn relit(bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Vec<f32> {
+    let mut picture = vec![0.0; 3 * (bake.header.width * bake.header.height) as usize];
+    for (group, coefficients) in bake.groups.iter().zip(coefficients) {
+        for channel in 0..3 {
+            let light: Vec<f32> = coefficients.iter().map(|rgb| rgb[channel]).collect();
+            let rows = group.apply(&light);
+            picture.iter_mut().zip(rows).skip(channel).step_by(3).for_each(|(sum, value)| *sum += value);
+        }
+    }
+    picture
+}
+
+impl Errors {
+    /// The lamp's own light (`indirect` and `direct`, two references) and that of the file (`own`, two references).
+    fn add(
+        &mut self,
+        indirect: &[f32],
+        direct: &[f32],
+        own: &[f32],
+        references: &[Vec<f32>; 2],
+        own_references: &[Vec<f32>; 2],
+    ) {
+        let [mut off, mut light, mut noise, mut whole_off, mut whole_noise] = [0.0f64; 5];
+        let mut whole: Vec<f32> = Vec::with_capacity(own.len());
+        for at in 0..own.len() {
+            let [a, b] = [0, 1].map(|half| f64::from(references[half][at] - direct[at]));
+            let x = f64::from(indirect[at]);
+            off += (x - a) * (x - b);
+            light += a * b;
+            noise += 0.25 * (a - b).powi(2);
+            let [own_a, own_b] = [0, 1].map(|half| f64::from(own_references[half][at]));
+            let (picture, a, b) = (x + f64::from(own[at]), a + own_a, b + own_b);
+            whole_off += (picture - a) * (picture - b);
+            whole_noise += 0.25 * (a - b).powi(2);
+            whole.push(0.5 * (a + b) as f32 + direct[at]);
+        }
+        whole.sort_by(f32::total_cmp);
+        let peak = f64::from(whole[whole.len() * 995 / 1000]);
+        let db = |sum: f64| 10.0 * (peak * peak * whole.len() as f64 / sum.max(1e-12 * peak * peak)).log10();
+        self.indirect.push([off.max(0.0), noise].map(|sum| (sum / light.max(f64::MIN_POSITIVE)).sqrt()));
+        self.psnr.push([db(whole_off), db(whole_noise)]);
+    }
+
+    fn words(&self) -> String {
+        let mean = |values: &[[f64; 2]], which: usize| {
+            values.iter().map(|value| value[which]).sum::<f64>() / values.len().max(1) as f64
+        };
+        let worst = self.indirect.iter().map(|value| value[0]).fold(0.0, f64::max);
+        let least = self.psnr.iter().map(|value| value[0]).fold(f64::INFINITY, f64::min);
+        format!(
+            "{:.1} % ({:.1} %) | {:.1} % | {:.1} dB ({:.1} dB) | {:.1} dB",
+            100.0 * mean(&self.indirect, 0),
+            100.0 * worst,
+            100.0 * mean(&self.indirect, 1),
+            mean(&self.psnr, 0),
+            least,
+            mean(&self.psnr, 1),
+        )
+    }
+}
+
+fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
+    let (aim, unit, setting) = (position - Vec3::Y, LampUnit::Lumen, LightSetting::default());
+    FreeLamp { key: "a lamp of the report".into(), shape, position, aim, strength: LUMEN, unit, setting }
+}
+
+fn point_lamp(position: Vec3) -> Result<PreparedLamps> {
+    Ok(PreparedLamps::new(&[lamp(LampShape::Point, position)], None)?.0)
+}
+
+/// A place in the open space before the camera: between a surface that it sees and another one that is seen from there.
+fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
+    let u = |key: u64| uniform_hash(0x1A_4F00 + u64::from(nth) * 16 + key);
+    let film_px = Vec2::new(u(0) * film.width as f32, u(1) * film.height as f32);
+    let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+    let mut sampler = Sampler::new(1, 1, 1);
+    let first = ray(camera.position(), camera.direction(film, film_px));
+    let Some(hit) = scene.closest(&first, &mut sampler) else { return camera.position() };
+    let normal = if hit.normal.dot(first.direction) > 0.0 { -hit.normal } else { hit.normal };
+    let z = 1.0 - 2.0 * u(3);
+    let (sin, cos) = (std::f32::consts::TAU * u(4)).sin_cos();
+    let aside = Vec3::new((1.0 - z * z).sqrt() * cos, (1.0 - z * z).sqrt() * sin, z);
+    let next = ray(hit.origin(normal), (aside + normal).normalize_or(normal));
+    let free = scene.closest(&next, &mut sampler).map_or(1.0, |hit| hit.t);
+    next.origin + next.direction * free * (0.1 + 0.8 * u(2))
+}
+
+/// Rows of the table of steps.
+fn steps(name: &str, scene: &PreparedScene, camera: &Camera, patches: &dyn Fn(&PreparedLamps)) -> Result<String> {
+    let points = VisiblePoints::new(scene, camera, STEP, VisibleConfig { samples: 1, seed: 0 }, &|| false);
+    let points = points.context("nobody stopped it")?;
+    let mut rows = String::new();
+    for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {
+        let (mut direct_ms, mut patch_ms, mut n_rays) = (Vec::new(), Vec::new(), 0);
+        for nth in 0..STEPS {
+            let at = place(scene, camera, STEP, 0) + Vec3::X * 0.01 * nth as f32;
+            let lamps = PreparedLamps::new(&[lamp(shape.clone(), at)], None)?.0;
+            let (before, begun) = (points.n_rays(), Instant::now());
+            std::hint::black_box(points.direct(scene, &lamps, 0, &|| false));
+            direct_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+            n_rays = points.n_rays() - before;
+            let begun = Instant::now();
+            patches(&lamps);
+            patch_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        }
+        let median = |times: &mut Vec<f64>| {
+            times.sort_by(f64::total_cmp);
+            times[times.len() / 2]
+        };
+        let (direct, of_patches) = (median(&mut direct_ms), median(&mut patch_ms));
+        rows += &format!(
+            "| {name} | {} | {direct:.0} ms | {n_rays} | {:.1} M | {of_patches:.0} ms |\n",
+            shape.name(),
+            n_rays as f64 / direct / 1e3,
+        );
+    }
+    Ok(rows)
+}
