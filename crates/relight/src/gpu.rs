@@ -59,11 +59,16 @@ impl Gpu {
     /// # Errors
     /// [`RelightError::NoAdapter`] where nothing suitable is installed, [`RelightError::NoDevice`] where the driver refuses.
     pub fn headless(choice: DeviceChoice) -> Result<Self, RelightError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        adapters.retain(|a| choice.takes(a.get_info().device_type) && computes(a));
-        adapters.sort_by_key(|a| slowness(&a.get_info()));
-        let adapter = adapters.first().ok_or(RelightError::NoAdapter { wanted: choice.words() })?;
+        let adapters = adapters(choice);
+        Self::open(adapters.first().ok_or(RelightError::NoAdapter { wanted: choice.words() })?)
+    }
+
+    /// Opens every device there is, the fastest first; those that the driver refuses are left out.
+    pub fn all_headless(choice: DeviceChoice) -> Vec<Self> {
+        adapters(choice).iter().filter_map(|adapter| Self::open(adapter).ok()).collect()
+    }
+
+    fn open(adapter: &wgpu::Adapter) -> Result<Self, RelightError> {
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("relight"),
             required_limits: adapter.limits(),
@@ -113,6 +118,15 @@ impl Gpu {
     }
 }
 
+/// Those that can run our stages, the fastest first.
+fn adapters(choice: DeviceChoice) -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    adapters.retain(|a| choice.takes(a.get_info().device_type) && computes(a));
+    adapters.sort_by_key(|a| slowness(&a.get_info()));
+    adapters
+}
+
 fn computes(adapter: &wgpu::Adapter) -> bool {
     let needed = wgpu::DownlevelFlags::COMPUTE_SHADERS | wgpu::DownlevelFlags::SHADER_F16_IN_F32;
     adapter.get_downlevel_capabilities().flags.contains(needed)
@@ -144,3 +158,7 @@ fn describe(info: &wgpu::AdapterInfo) -> String {
 
 #[cfg(test)]
 pub(crate) mod tests;
+#[cfg(test)]
+mod twin_tests;
+#[cfg(test)]
+mod unseen_tests;

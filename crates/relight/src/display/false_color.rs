@@ -117,6 +117,9 @@ fn steps_near(value: f32) -> [f32; 5] {
     [0.5, 1.0, 2.0, 5.0, 10.0].map(|step| step * decade)
 }
 
+/// Largest change of a channel of [`turbo`] per change of the place: that of blue at 0, 12.642, and a little more.
+pub(super) const STEEPEST_TURBO: f32 = 12.8;
+
 /// Display-encoded color of a place on the scale, 0 … 1 \[Mikhailov2019\].
 pub fn turbo(x: f32) -> [f32; 3] {
     const R: [f32; 6] = [0.135_721_38, 4.615_392_6, -42.660_323, 132.131_08, -152.942_39, 59.286_38];

@@ -1,12 +1,13 @@
 //! Relighting on a device: factors live there, coefficients go in, a texture (or radiance) comes out.
 //!
 //! While one group moves, the others are summed once and kept; on top of that sum only those blocks of the moving group are
-//! expanded whose `z` moved. Where nothing changed nothing is submitted.
+//! expanded whose `z` moved, and for a display only those that it moved by more than is seen. Where nothing changed nothing is
+//! submitted.
 
 use rayon::prelude::*;
 
 use super::chunk::ChunkLimits;
-use super::group::GroupBuffers;
+use super::group::{GroupBuffers, Lit, WHATEVER};
 use super::output::{Output, radiance_bytes};
 use super::stages::Stages;
 use crate::display::DisplayParams;
@@ -76,7 +77,8 @@ impl GpuRelighter {
     }
 
     /// Relights and encodes for the display, without waiting for the device or reading anything back. The view stays the
-    /// same until [`Relight::update`] brings a frame of another shape.
+    /// same until [`Relight::update`] brings a frame of another shape. What would change by less than half a step of the display is
+    /// left as it is, see [`DisplayParams::unseen`].
     ///
     /// # Errors
     /// Wrong lengths, coefficients that are not finite, a failing device.
@@ -113,8 +115,9 @@ impl GpuRelighter {
     /// Submits all stages that are due, and display where asked for; after a failure everything is due again.
     fn submit(&mut self, coefficients: &[Vec<[f32; 3]>], display: Option<&DisplayParams>) -> Result<(), RelightError> {
         self.stats = RelightStats::default();
-        let lit =
-            self.state == OutputState::Current && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x));
+        let unseen = display.map_or(0.0, DisplayParams::unseen);
+        let lit = self.state == OutputState::Current
+            && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x, unseen));
         let shown = display.is_none_or(|display| self.shown.as_ref() == Some(display));
         let gpu = self.gpu.clone();
         let result = if lit && shown {
@@ -125,7 +128,7 @@ impl GpuRelighter {
                 let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                 if !lit {
                     self.shown = None;
-                    self.record(&mut encoder, coefficients);
+                    self.record(&mut encoder, coefficients, unseen);
                 }
                 if let Some(display) = display {
                     self.record_display(&mut encoder, display);
@@ -144,24 +147,30 @@ impl GpuRelighter {
     }
 
     /// Records project, gather and expand where the coefficients, or blocks, are others than those shown.
-    fn record(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>]) {
-        let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].shows(x)).then_some(idx);
+    fn record(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>], unseen: f32) {
+        let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].shows(x, unseen)).then_some(idx);
         let moved: Vec<usize> = coefficients.iter().enumerate().filter_map(is_other).collect();
-        for &idx in &moved {
-            self.groups[idx].take(&self.gpu, &self.stages, encoder, &coefficients[idx], &mut self.stats);
-        }
         let is_settled = self.state == OutputState::Current && moved.iter().all(|idx| self.moving == Some(*idx));
-        let mut shining = moved.into_iter().filter(|idx| self.groups[*idx].is_shining());
-        match (shining.next(), shining.next()) {
-            (Some(idx), None) if is_settled => self.expand(encoder, idx, ExpandMode::SetMoved),
-            (Some(idx), None) => {
+        let mut shining = moved.into_iter().filter(|idx| Lit::of(&coefficients[*idx]) == Lit::Shining);
+        let alone = shining.next().filter(|_| shining.next().is_none());
+        let skips = alone.filter(|_| is_settled);
+        for (idx, (group, x)) in self.groups.iter_mut().zip(coefficients).enumerate() {
+            // Whatever is summed anew is summed as it is.
+            let unseen = if skips.is_some() { unseen } else { WHATEVER };
+            if skips.is_none_or(|moving| moving == idx) {
+                group.take(&self.gpu, &self.stages, encoder, (x, unseen), &mut self.stats);
+            }
+        }
+        match alone {
+            Some(idx) if is_settled => self.expand(encoder, idx, ExpandMode::SetMoved),
+            Some(idx) => {
                 self.sum(encoder, Some(idx));
                 let n_bytes = radiance_bytes(&self.frame);
                 encoder.copy_buffer_to_buffer(&self.output.radiance, 0, &self.output.settled, 0, n_bytes);
                 self.expand(encoder, idx, ExpandMode::Set);
                 self.moving = Some(idx);
             }
-            _ => {
+            None => {
                 self.sum(encoder, None);
                 self.moving = None;
             }
@@ -191,6 +200,21 @@ impl GpuRelighter {
         pass.set_bind_group(0, &self.output.display, &[]);
         pass.dispatch_workgroups(self.frame.width.div_ceil(8), self.frame.height.div_ceil(8), 1);
         self.shown = Some(*display);
+    }
+
+    /// Reads back what the texture shows.
+    pub(super) fn read_radiance(&self, out: &mut Radiance) -> Result<(), RelightError> {
+        out.resize(self.frame.width, self.frame.height);
+        let n_bytes = 16 * out.pixels.len() as u64;
+        let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
+            encoder.copy_buffer_to_buffer(&self.output.radiance, 0, buffer, 0, n_bytes);
+        };
+        let bytes = self.read_back(n_bytes, copy)?;
+        out.pixels.par_iter_mut().zip(bytes.par_chunks_exact(16)).for_each(|(rgb, texel)| {
+            let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(texel);
+            *rgb = [r, g, b];
+        });
+        Ok(())
     }
 
     /// Copies into a buffer that the CPU can read, waits, and hands out the bytes.
@@ -248,17 +272,7 @@ impl Relight for GpuRelighter {
     fn relight(&mut self, coefficients: &[Vec<[f32; 3]>], out: &mut Radiance) -> Result<(), RelightError> {
         check_coefficients(&self.frame, coefficients)?;
         self.submit(coefficients, None)?;
-        out.resize(self.frame.width, self.frame.height);
-        let n_bytes = 16 * out.pixels.len() as u64;
-        let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
-            encoder.copy_buffer_to_buffer(&self.output.radiance, 0, buffer, 0, n_bytes);
-        };
-        let bytes = self.read_back(n_bytes, copy)?;
-        out.pixels.par_iter_mut().zip(bytes.par_chunks_exact(16)).for_each(|(rgb, texel)| {
-            let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(texel);
-            *rgb = [r, g, b];
-        });
-        Ok(())
+        self.read_radiance(out)
     }
 
     fn stats(&self) -> RelightStats {
