@@ -1,6 +1,7 @@
 //! The device, borrowed from the host or opened without a window, and relighting on it.
 
 mod chunk;
+pub(crate) mod copy_pass;
 mod group;
 mod output;
 mod pack;
@@ -98,6 +99,35 @@ impl Gpu {
     pub fn wait(&self) -> Result<(), RelightError> {
         let done = self.device.poll(wgpu::PollType::wait_indefinitely());
         done.map(|_| ()).map_err(|error| RelightError::Device(error.to_string()))
+    }
+
+    /// Copies into a buffer that the CPU can read, waits, and hands out the bytes.
+    pub(crate) fn read_back(
+        &self,
+        n_bytes: u64,
+        copy: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
+    ) -> Result<Vec<u8>, RelightError> {
+        let gpu = self;
+        gpu.guarded(|| {
+            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("read back"),
+                size: n_bytes,
+                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            });
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            copy(&mut encoder, &buffer);
+            gpu.queue.submit([encoder.finish()]);
+            let (sender, receiver) = std::sync::mpsc::channel();
+            // Nobody listens only if waiting failed, and then that error is reported.
+            buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
+            gpu.wait()?;
+            let failed = |words: String| RelightError::Device(format!("reading back: {words}"));
+            let mapped = receiver.recv().map_err(|error| failed(error.to_string()))?;
+            mapped.map_err(|error| failed(error.to_string()))?;
+            let view = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
+            Ok(view.to_vec())
+        })
     }
 
     /// Runs `job` and turns whatever the device reports meanwhile into an error.

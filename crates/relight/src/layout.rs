@@ -108,6 +108,9 @@ pub(crate) const SHADERS: [(&str, &str); 4] = [
     ("display", include_str!("../shaders/display.wgsl")),
 ];
 
+/// Name and source of the kernel that the others are measured by.
+pub(crate) const COPY: (&str, &str) = ("copy", include_str!("../shaders/copy.wgsl"));
+
 /// Threads of a workgroup of `project`, `gather` and `expand`.
 pub(crate) const THREADS: u32 = 64;
 
@@ -140,7 +143,7 @@ mod tests {
     #[test]
     fn every_shader_is_valid_and_has_its_entry_point() {
         use naga::valid::{Capabilities, ValidationFlags, Validator};
-        for (name, source) in SHADERS {
+        for (name, source) in SHADERS.into_iter().chain([COPY]) {
             let module =
                 naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(source)));
             let info =

@@ -104,7 +104,7 @@ impl GpuRelighter {
     pub fn read_texture(&self) -> Result<Vec<u8>, RelightError> {
         let (width, height) = (self.frame.width, self.frame.height);
         let stride = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let bytes = self.read_back(u64::from(stride) * u64::from(height), |encoder, buffer| {
+        let bytes = self.gpu.read_back(u64::from(stride) * u64::from(height), |encoder, buffer| {
             let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(stride), rows_per_image: None };
             let target = wgpu::TexelCopyBufferInfo { buffer, layout };
             encoder.copy_texture_to_buffer(self.output.texture.as_image_copy(), target, self.output.texture.size());
@@ -209,41 +209,12 @@ impl GpuRelighter {
         let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
             encoder.copy_buffer_to_buffer(&self.output.radiance, 0, buffer, 0, n_bytes);
         };
-        let bytes = self.read_back(n_bytes, copy)?;
+        let bytes = self.gpu.read_back(n_bytes, copy)?;
         out.pixels.par_iter_mut().zip(bytes.par_chunks_exact(16)).for_each(|(rgb, texel)| {
             let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(texel);
             *rgb = [r, g, b];
         });
         Ok(())
-    }
-
-    /// Copies into a buffer that the CPU can read, waits, and hands out the bytes.
-    fn read_back(
-        &self,
-        n_bytes: u64,
-        copy: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
-    ) -> Result<Vec<u8>, RelightError> {
-        let gpu = &self.gpu;
-        gpu.guarded(|| {
-            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("read back"),
-                size: n_bytes,
-                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                mapped_at_creation: false,
-            });
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            copy(&mut encoder, &buffer);
-            gpu.queue.submit([encoder.finish()]);
-            let (sender, receiver) = std::sync::mpsc::channel();
-            // Nobody listens only if waiting failed, and then that error is reported.
-            buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
-            gpu.wait()?;
-            let failed = |words: String| RelightError::Device(format!("reading back: {words}"));
-            let mapped = receiver.recv().map_err(|error| failed(error.to_string()))?;
-            mapped.map_err(|error| failed(error.to_string()))?;
-            let view = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
-            Ok(view.to_vec())
-        })
     }
 }
 

@@ -5,7 +5,7 @@ use crate::synthetic::{Ranks, Recipe};
 use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
 
 /// A device, or the word that there is none; with `CLERESTORY_REQUIRE_GPU=1` that is a failure.
-pub(super) fn gpu() -> Option<Gpu> {
+pub(crate) fn gpu() -> Option<Gpu> {
     match Gpu::headless(DeviceChoice::Any) {
         Ok(gpu) => Some(gpu),
         Err(error) => {

@@ -14,6 +14,7 @@ mod methods;
 mod page;
 mod rays;
 mod reference;
+mod relight;
 mod skips;
 mod stability;
 
@@ -36,11 +37,12 @@ const OWN_PAGES: [Section; 2] =
     [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
-const SECTIONS: [Section; 5] = [
+const SECTIONS: [Section; 6] = [
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
     Section { name: "methods", write: methods::write },
+    Section { name: "relight", write: relight::write },
     Section { name: "rays", write: rays::write },
 ];
 
