@@ -1,6 +1,7 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
 mod follow;
+mod rest;
 mod sky;
 
 use std::collections::BTreeSet;

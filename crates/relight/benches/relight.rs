@@ -46,13 +46,16 @@ fn bench(
     let mut group = criterion.benchmark_group(name);
     group.sample_size(10).throughput(Throughput::Bytes(n_bytes.max(1)));
     let mut turn = 0;
-    group.bench_function(BenchmarkId::from_parameter(format!("{width}x{height}/{n_cols}/{rank}/{runner}")), |bencher| {
-        bencher.iter(|| {
-            turn += 1;
-            x[0][..n_changed as usize].copy_from_slice(&both[turn % 2][0][..n_changed as usize]);
-            relight(black_box(&x)).expect("the frame fits")
-        });
-    });
+    group.bench_function(
+        BenchmarkId::from_parameter(format!("{width}x{height}/{n_cols}/{rank}/{runner}")),
+        |bencher| {
+            bencher.iter(|| {
+                turn += 1;
+                x[0][..n_changed as usize].copy_from_slice(&both[turn % 2][0][..n_changed as usize]);
+                relight(black_box(&x)).expect("the frame fits")
+            });
+        },
+    );
     group.finish();
 }
 

@@ -9,6 +9,7 @@ mod curves;
 mod dither;
 mod false_color;
 mod metering;
+mod quantile;
 mod unseen;
 mod white;
 

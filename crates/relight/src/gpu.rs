@@ -10,6 +10,8 @@ mod stages;
 
 pub use relighter::GpuRelighter;
 
+use std::sync::{Arc, OnceLock};
+
 use crate::relight::RelightError;
 
 /// A device and its queue; clones share both.
@@ -17,6 +19,8 @@ use crate::relight::RelightError;
 pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
+    /// Why the device was lost, once it was: commands for such a device vanish without an error.
+    lost: Arc<OnceLock<String>>,
 }
 
 /// Which adapter a device without a window may come from.
@@ -50,9 +54,15 @@ impl DeviceChoice {
 }
 
 impl Gpu {
-    /// Shares the device of a host, such as a window.
+    /// Shares the device of a host, such as a window, and listens for its loss, which the host must not do itself.
     pub fn from_host(device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        Self { device, queue }
+        let lost = Arc::<OnceLock<String>>::default();
+        let told = lost.clone();
+        device.set_device_lost_callback(move |reason, words| {
+            // Lost is lost: the first reason stays.
+            let _ = told.set(format!("it was lost, {reason:?}: {words}"));
+        });
+        Self { device, queue, lost }
     }
 
     /// Opens a device without a window, for tests and the command line.
@@ -79,7 +89,7 @@ impl Gpu {
             adapter: describe(&adapter.get_info()),
             reason: error.to_string(),
         })?;
-        Ok(Self { device, queue })
+        Ok(Self::from_host(device, queue))
     }
 
     /// Name, kind and driver of the adapter, for people.
@@ -130,6 +140,17 @@ impl Gpu {
         })
     }
 
+    /// Whether the device is gone. It may say so only once it has given up what was submitted before.
+    pub fn is_lost(&self) -> bool {
+        self.loss().is_some()
+    }
+
+    fn loss(&self) -> Option<&String> {
+        // A lost device says so when it is polled; one that cannot be polled is reported by whoever waits for it.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        self.lost.get()
+    }
+
     /// Runs `job` and turns whatever the device reports meanwhile into an error.
     pub(crate) fn guarded<T>(&self, job: impl FnOnce() -> Result<T, RelightError>) -> Result<T, RelightError> {
         use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
@@ -141,9 +162,10 @@ impl Gpu {
             pollster::block_on(memory.pop()),
             pollster::block_on(internal.pop()),
         ];
-        match reports.into_iter().flatten().next() {
-            Some(error) => Err(RelightError::Device(error.to_string())),
-            None => result,
+        match (reports.into_iter().flatten().next(), self.loss()) {
+            (Some(error), _) => Err(RelightError::Device(error.to_string())),
+            (None, Some(reason)) => Err(RelightError::Device(reason.clone())),
+            (None, None) => result,
         }
     }
 }

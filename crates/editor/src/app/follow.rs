@@ -8,6 +8,7 @@ use clerestory_transport::light::LightRig;
 use eframe::egui::{Context, TextureHandle, TextureId, TextureOptions};
 use eframe::egui_wgpu::RenderState;
 
+use super::rest::Rest;
 use super::sky::LitSky;
 use crate::legend::Legend;
 use crate::look::{Display, Look, Quantity};
@@ -28,8 +29,8 @@ pub(super) struct Follower {
     worker: Worker,
     gpu: Option<GpuPainter>,
     wish: DeviceWish,
-    /// The graphics device failed; the CPU takes over.
-    gpu_failed: bool,
+    /// Lasts while the graphics device has failed and the CPU does its work.
+    rest: Rest,
     /// The worker metered another exposure or scale than the graphics device shows.
     metering_moved: bool,
     asked: Option<Asked>,
@@ -50,7 +51,7 @@ impl Follower {
             worker: Worker::start(wake)?,
             gpu: state.map(GpuPainter::new),
             wish: DeviceWish::Auto,
-            gpu_failed: false,
+            rest: Rest::default(),
             metering_moved: false,
             asked: None,
             sky: LitSky::default(),
@@ -112,7 +113,7 @@ impl Follower {
     }
 
     fn uses_gpu(&self) -> bool {
-        let Some(gpu) = self.gpu.as_ref().filter(|_| !self.gpu_failed) else { return false };
+        let Some(gpu) = self.gpu.as_ref().filter(|_| !self.rest.lasts()) else { return false };
         match self.wish {
             DeviceWish::Auto => gpu.is_hardware(),
             DeviceWish::Cpu => false,
@@ -122,13 +123,15 @@ impl Follower {
 
     /// Changes the device; the next picture comes from there.
     pub fn use_device(&mut self, wish: DeviceWish) {
-        (self.wish, self.gpu_failed) = (wish, false);
+        (self.wish, self.rest) = (wish, Rest::default());
         self.start_over();
     }
 
     /// No picture of the last scene is left.
     pub fn forget(&mut self) {
         (self.texture, self.gpu_picture, self.millis) = (None, None, None);
+        // What was too large for the graphics device may not be so any more.
+        self.rest = Rest::default();
         self.start_over();
     }
 
@@ -153,7 +156,7 @@ impl Follower {
         look: &Look,
         solo: &BTreeSet<String>,
     ) -> Result<(), String> {
-        let problem = match self.worker.take() {
+        let mut problem = match self.worker.take() {
             Some(Ok(relit)) => {
                 self.show(ctx, relit, look);
                 None
@@ -166,7 +169,9 @@ impl Follower {
         let has_blocks = |shown: &&Shown| shown.frame.groups.iter().any(|g| g.blocks.iter().any(Option::is_some));
         if let Some(shown) = session.shown.as_ref().filter(has_blocks) {
             let asked = Asked { rig: heard(&shown.header.basis, &look.lights, solo), display: showable(shown, look) };
-            let gpu_waits = self.uses_gpu() && self.gpu.as_ref().is_some_and(GpuPainter::has_waiting);
+            let gpu = self.gpu.as_ref().filter(|_| self.uses_gpu());
+            // What a lost device was last asked for never comes, so it is asked for again, and fails.
+            let gpu_waits = gpu.is_some_and(|gpu| gpu.has_waiting() || gpu.is_lost());
             let gpu_waits = std::mem::take(&mut self.metering_moved) || gpu_waits;
             if !changed.is_empty() || gpu_waits || self.asked.as_ref() != Some(&asked) {
                 // Light that is seen and light that arrives are two matrices.
@@ -179,19 +184,34 @@ impl Follower {
                     ),
                     None => (self.sky.light(shown, &asked.rig, &mut changed), shown.header.coefficients(&asked.rig)),
                 };
-                self.ask(ctx, frame, &coefficients, changed, &asked);
+                problem = self.ask(ctx, frame, &coefficients, changed, &asked).err().or(problem);
                 self.asked = Some(asked);
             }
         }
         problem.map_or(Ok(()), Err)
     }
 
-    fn ask(&mut self, ctx: &Context, frame: Frame, coefficients: &[Vec<[f32; 3]>], changed: Changed, asked: &Asked) {
-        let mut wanted = Wanted::Picture;
+    /// Has a picture made. Fails with words for people if the graphics device did, and still has it made.
+    fn ask(
+        &mut self,
+        ctx: &Context,
+        frame: Frame,
+        coefficients: &[Vec<[f32; 3]>],
+        changed: Changed,
+        asked: &Asked,
+    ) -> Result<(), String> {
+        let (mut wanted, mut failed) = (Wanted::Picture, Ok(()));
+        let now = ctx.input(|input| input.time);
+        self.rest.try_again(now);
         if self.uses_gpu() {
             match self.paint(ctx, &frame, changed.clone(), coefficients, asked) {
-                Ok(()) => wanted = Wanted::Metering,
-                Err(_) => self.gpu_failed = true,
+                Ok(()) => (wanted, self.rest) = (Wanted::Metering, Rest::default()),
+                Err(error) => {
+                    self.rest.begin(now);
+                    self.gpu_picture = None;
+                    self.gpu.iter_mut().for_each(GpuPainter::forget);
+                    failed = Err(format!("The CPU goes on: {error}"));
+                }
             }
         }
         // With all of it fixed there is nothing to meter while the graphics device paints.
@@ -201,6 +221,7 @@ impl Follower {
             let (display, serial) = (asked.display, self.n_orders);
             self.worker.order(Order { frame, changed, coefficients, display, wanted, serial });
         }
+        failed
     }
 
     fn paint(

@@ -204,7 +204,14 @@ fn a_lost_device_is_an_error() {
     let Some(gpu) = gpu() else { return };
     let recipe = Recipe::default();
     let mut relighter = GpuRelighter::new(&gpu, &recipe.frame()).unwrap();
+    relighter.relight_to_texture(&recipe.coefficients(2), &DisplayParams::default()).unwrap();
+    assert!(!gpu.is_lost());
     gpu.device.destroy();
+    // It is told once what was submitted before is done with.
+    let _ = gpu.wait();
+    assert!(gpu.is_lost());
+    let lost = relighter.relight_to_texture(&recipe.coefficients(3), &DisplayParams::default());
+    assert!(matches!(lost, Err(RelightError::Device(_))), "nothing is read back, and still it is told");
     let lost = relighter.relight(&recipe.coefficients(1), &mut Radiance::default());
     assert!(matches!(lost, Err(RelightError::Device(_))), "{lost:?}");
 }

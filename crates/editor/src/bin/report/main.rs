@@ -9,6 +9,7 @@ mod bakes;
 mod cases;
 mod desk;
 mod kills;
+mod latency;
 mod matrix;
 mod methods;
 mod page;
@@ -37,12 +38,13 @@ const OWN_PAGES: [Section; 2] =
     [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
-const SECTIONS: [Section; 6] = [
+const SECTIONS: [Section; 7] = [
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
     Section { name: "methods", write: methods::write },
     Section { name: "relight", write: relight::write },
+    Section { name: "latency", write: latency::write },
     Section { name: "rays", write: rays::write },
 ];
 

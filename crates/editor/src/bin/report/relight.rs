@@ -168,8 +168,7 @@ fn on_device(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
                     relighter.relight_to_texture(x, &display)?;
                     gpu.wait()
                 })?;
-                row.n_bytes[what] =
-                    relighter.stats().n_bytes + n_pixels * (2 * DEVICE_RADIANCE_BYTES + SHOWN_BYTES);
+                row.n_bytes[what] = relighter.stats().n_bytes + n_pixels * (2 * DEVICE_RADIANCE_BYTES + SHOWN_BYTES);
             }
             let [_, x] = coefficients(&recipe, turn);
             // More light would ask for blocks that were not seen before.
