@@ -4,6 +4,7 @@ mod follow;
 mod lamplight;
 mod lamps;
 mod recovery;
+mod rest;
 mod sky;
 
 use std::collections::BTreeSet;

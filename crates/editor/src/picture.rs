@@ -89,6 +89,11 @@ impl GpuPainter {
         !self.gpu.is_software()
     }
 
+    /// Whether the device is gone.
+    pub fn is_lost(&self) -> bool {
+        self.gpu.is_lost()
+    }
+
     /// Name of the device, for people.
     pub fn description(&self) -> String {
         self.gpu.description()

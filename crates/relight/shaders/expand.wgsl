@@ -20,6 +20,8 @@ struct Group {
     n_segments: u32,
     // What expand does: 0 adds, 1 sets, 2 sets where z moved.
     mode: u32,
+    // Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
+    unseen: f32,
 }
 
 struct SparseTerm {
@@ -39,7 +41,7 @@ struct SparseTerm {
 // Pairs of f16 (two components of one row). Of a block: pair by pair, channel by channel, pixel by pixel, so that
 // neighboring threads read neighboring words.
 @group(1) @binding(1) var<storage, read> left: array<u32>;
-// The fourth component says whether the others moved.
+// The fourth component says whether those of the block moved.
 @group(1) @binding(2) var<storage, read> z: array<vec4<f32>>;
 // Of a block with sparse terms: n_pixels + 1 positions in `sparse_terms`.
 @group(1) @binding(3) var<storage, read> sparse_starts: array<u32>;
@@ -56,7 +58,7 @@ fn expand(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
     if pixel >= block.n_pixels {
         return;
     }
-    if group.mode == SET_MOVED && block.n_sparse == 0u && !has_moved(block) {
+    if group.mode == SET_MOVED && block.n_sparse == 0u && (block.rank == 0u || z[block.z].w == 0.0) {
         return;
     }
 
@@ -89,13 +91,4 @@ fn expand(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
     } else {
         radiance[at] = settled[at] + vec4<f32>(sum, 0.0);
     }
-}
-
-fn has_moved(block: Block) -> bool {
-    for (var component = 0u; component < block.rank; component += 1u) {
-        if z[block.z + component].w != 0.0 {
-            return true;
-        }
-    }
-    return false;
 }

@@ -20,6 +20,8 @@ struct Group {
     n_segments: u32,
     // What expand does: 0 adds, 1 sets, 2 sets where z moved.
     mode: u32,
+    // Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
+    unseen: f32,
 }
 
 @group(0) @binding(0) var<uniform> group: Group;

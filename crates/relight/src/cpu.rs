@@ -2,21 +2,27 @@
 //!
 //! A row of tiles is one run of the output, so rows of tiles go to threads and nothing is shared. Every group keeps its
 //! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, columns
-//! that did not change are not projected again, and a block whose `z` did not move is not expanded. The answer depends on frame and coefficients alone, not on what was
-//! asked before nor on the number of threads.
+//! that did not change are not projected again, and a block whose `z` did not move is not expanded. The answer depends on frame
+//! and coefficients alone, not on what was asked before nor on the number of threads.
+//!
+//! For a display, blocks are left as they are, too, while no pixel of theirs would change by half a step of it: what the largest entries of their factors
+//! make of all that `z` moved since the block was last expanded. So what was left out is carried, and many small steps are one large one.
 
 mod expand;
 mod kernel;
+mod left;
 mod project;
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_dark, is_same_layer};
-use expand::{Place, expand_block};
+use expand::{Place, Scratch, expand_block};
 use kernel::Kernel;
+use left::Left;
 use project::{Partials, Planes};
 
 /// Relights with all cores.
@@ -51,6 +57,10 @@ struct Tile {
     z: Option<Vec<f32>>,
     /// What `z` is the sum of, under the coefficients that are cached.
     partials: Partials,
+    /// Left factors of its block; none before it was first expanded.
+    left: Option<Left>,
+    /// Most by which any channel of its radiance misses the coefficients that are cached, nit.
+    behind: f32,
 }
 
 /// One group's part in one relight.
@@ -91,6 +101,59 @@ impl CpuRelighter {
         })
     }
 
+    /// Relights for a display: the picture may miss the exact one by what nobody sees, half a step between two of the bytes that
+    /// `display` makes of it, before they are rounded.
+    ///
+    /// # Errors
+    /// As [`Relight::relight`].
+    pub fn relight_for_display(
+        &mut self,
+        coefficients: &[Vec<[f32; 3]>],
+        display: &DisplayParams,
+        out: &mut Radiance,
+    ) -> Result<(), RelightError> {
+        self.relight_within(display.unseen(), coefficients, out)
+    }
+
+    /// Relights so that no channel of a pixel misses the exact answer by more than `tolerance`, nit.
+    fn relight_within(
+        &mut self,
+        tolerance: f32,
+        coefficients: &[Vec<[f32; 3]>],
+        out: &mut Radiance,
+    ) -> Result<(), RelightError> {
+        check_coefficients(&self.frame, coefficients)?;
+        out.resize(self.frame.width, self.frame.height);
+        let inputs: Vec<_> = coefficients.iter().enumerate().map(|(group, x)| self.input(group, x)).collect();
+
+        // A row of tiles is a run of whole pixel rows, so threads never share an output. Groups add up, so each may miss a share.
+        let partition = self.frame.partition();
+        let row_len = (partition.tile as usize).min(self.frame.height as usize) * self.frame.width as usize;
+        let layer = self.layer.as_deref();
+        let step = Step { frame: &self.frame, kernel: self.kernel, tolerance: tolerance / inputs.len().max(1) as f32 };
+        self.stats = (self.rows.par_iter_mut(), out.pixels.par_chunks_mut(row_len))
+            .into_par_iter()
+            .enumerate()
+            .map(|(row_idx, (row, pixels))| {
+                let stats = relight_row(&step, row_idx, row, &inputs, pixels);
+                if let Some(layer) = layer {
+                    add(&layer.pixels[row_idx * row_len..][..pixels.len()], pixels);
+                }
+                stats
+            })
+            .reduce(RelightStats::default, RelightStats::merged);
+
+        // A dark group keeps its last picture: switching a lamp off and on again reads no factor.
+        for (group, input) in inputs.iter().enumerate() {
+            match input.state {
+                GroupState::Dark => self.stats.n_dark_groups += 1,
+                GroupState::Unchanged => {}
+                GroupState::Changed => self.cached[group] = Some(coefficients[group].clone()),
+            }
+        }
+        Ok(())
+    }
+
     fn input(&self, group: usize, x: &[[f32; 3]]) -> GroupInput {
         let state = match &self.cached[group] {
             _ if is_dark(x) => GroupState::Dark,
@@ -111,42 +174,13 @@ impl Relight for CpuRelighter {
         let tiles_x = frame.partition().tiles_x() as usize;
         for &(group, block) in changed {
             let tile = &mut self.rows[block / tiles_x].0[group].tiles[block % tiles_x];
-            tile.z = None;
-            tile.partials.forget();
+            *tile = Tile::default();
         }
         Ok(())
     }
 
     fn relight(&mut self, coefficients: &[Vec<[f32; 3]>], out: &mut Radiance) -> Result<(), RelightError> {
-        check_coefficients(&self.frame, coefficients)?;
-        out.resize(self.frame.width, self.frame.height);
-        let inputs: Vec<_> = coefficients.iter().enumerate().map(|(group, x)| self.input(group, x)).collect();
-
-        // A row of tiles is a run of whole pixel rows, so threads never share an output.
-        let partition = self.frame.partition();
-        let row_len = (partition.tile as usize).min(self.frame.height as usize) * self.frame.width as usize;
-        let (frame, kernel, layer) = (&self.frame, self.kernel, self.layer.as_deref());
-        self.stats = (self.rows.par_iter_mut(), out.pixels.par_chunks_mut(row_len))
-            .into_par_iter()
-            .enumerate()
-            .map(|(row_idx, (row, pixels))| {
-                let stats = relight_row(frame, kernel, row_idx, row, &inputs, pixels);
-                if let Some(layer) = layer {
-                    add(&layer.pixels[row_idx * row_len..][..pixels.len()], pixels);
-                }
-                stats
-            })
-            .reduce(RelightStats::default, RelightStats::merged);
-
-        // A dark group keeps its last picture: switching a lamp off and on again reads no factor.
-        for (group, input) in inputs.iter().enumerate() {
-            match input.state {
-                GroupState::Dark => self.stats.n_dark_groups += 1,
-                GroupState::Unchanged => {}
-                GroupState::Changed => self.cached[group] = Some(coefficients[group].clone()),
-            }
-        }
-        Ok(())
+        self.relight_within(0.0, coefficients, out)
     }
 
     fn set_layer(&mut self, layer: Option<&Arc<Radiance>>) -> Result<(), RelightError> {
@@ -162,23 +196,32 @@ impl Relight for CpuRelighter {
     }
 }
 
+/// What one relight is the same for everywhere.
+struct Step<'a> {
+    frame: &'a Frame,
+    kernel: Kernel,
+    /// Nit by which any channel of one group's radiance may miss the exact answer.
+    tolerance: f32,
+}
+
 /// Brings every lit group of a row of tiles up to date and sums them into `pixels`.
 fn relight_row(
-    frame: &Frame,
-    kernel: Kernel,
+    step: &Step,
     row_idx: usize,
     row: &mut TileRow,
     inputs: &[GroupInput],
     pixels: &mut [[f32; 3]],
 ) -> RelightStats {
     let mut stats = RelightStats::default();
+    let mut scratch = Scratch::default();
     let mut n_lit = 0;
     for (group, (group_row, input)) in row.0.iter_mut().zip(inputs).enumerate() {
         if input.state == GroupState::Dark {
             stats.n_skipped += group_row.tiles.len();
             continue;
         }
-        stats = stats.merged(relight_group(frame, kernel, (group, row_idx), group_row, input, pixels.len()));
+        group_row.radiance.resize(pixels.len(), [0.0; 3]);
+        stats = stats.merged(step.relight_group((group, row_idx), group_row, input, &mut scratch));
         if n_lit == 0 {
             pixels.copy_from_slice(&group_row.radiance);
         } else {
@@ -192,47 +235,69 @@ fn relight_row(
     stats
 }
 
-/// Projects and expands the blocks of one group in one row of tiles, where something moved.
-fn relight_group(
-    frame: &Frame,
-    kernel: Kernel,
-    (group, row_idx): (usize, usize),
-    row: &mut GroupRow,
-    input: &GroupInput,
-    n_pixels: usize,
-) -> RelightStats {
-    let mut stats = RelightStats::default();
-    let partition = &frame.groups[group].partition;
-    row.radiance.resize(n_pixels, [0.0; 3]);
-    let mut z_new = Vec::new();
-    for (tile_idx, tile) in row.tiles.iter_mut().enumerate() {
-        if tile.z.is_some() && input.state == GroupState::Unchanged {
-            stats.n_skipped += 1;
-            continue;
-        }
+impl Step<'_> {
+    /// Projects and expands the blocks of one group in one row of tiles, where something moved that is seen.
+    fn relight_group(
+        &self,
+        (group, row_idx): (usize, usize),
+        row: &mut GroupRow,
+        input: &GroupInput,
+        scratch: &mut Scratch,
+    ) -> RelightStats {
+        let mut stats = RelightStats::default();
+        let partition = &self.frame.groups[group].partition;
+        let mut z_new = Vec::new();
+        for (tile_idx, tile) in row.tiles.iter_mut().enumerate() {
+            let is_near = tile.behind <= self.tolerance;
+            if tile.z.is_some() && input.state == GroupState::Unchanged && is_near {
+                stats.skip(tile.behind);
+                continue;
+            }
 
-        // The same `z` expands to the same pixels, unless sparse entries carry another coefficient past it.
-        let block_idx = row_idx * partition.tiles_x() as usize + tile_idx;
-        let factors = frame.block(group, block_idx).map(|block| &**block);
-        stats.n_bytes += tile.partials.project(kernel, factors, &input.planes, &mut z_new);
-        if tile.z.as_ref() == Some(&z_new) && !input.planes.moves_sparse(factors) {
-            stats.n_skipped += 1;
-            continue;
-        }
+            // The same `z` expands to the same pixels, and nearly the same to nearly the same, unless sparse entries carry
+            // another coefficient past it.
+            let block_idx = row_idx * partition.tiles_x() as usize + tile_idx;
+            let factors = self.frame.block(group, block_idx).map(|block| &**block);
+            stats.n_bytes += tile.partials.project(self.kernel, factors, &input.planes, &mut z_new);
+            if let Some(behind) = tile.behind_of(&z_new)
+                && behind <= self.tolerance
+                && !input.planes.moves_sparse(factors)
+            {
+                tile.behind = behind;
+                stats.skip(behind);
+                continue;
+            }
 
-        let [x, _, width, height] = partition.rect(block_idx);
-        let place =
-            Place { x: x as usize, width: width as usize, height: height as usize, stride: frame.width as usize };
-        let n_bytes = expand_block(kernel, factors, &z_new, &input.planes, place, &mut row.radiance);
-        stats.n_bytes += n_bytes;
-        if n_bytes > 0 {
-            stats.n_expanded += 1;
-        } else {
-            stats.n_skipped += 1;
+            let [x, _, width, height] = partition.rect(block_idx);
+            let stride = self.frame.width as usize;
+            let place = Place { x: x as usize, width: width as usize, height: height as usize, stride };
+            if let Some(factors) = factors.filter(|f| f.rank > 0 && tile.left.is_none()) {
+                tile.left = Some(Left::new(factors));
+            }
+            let block = (factors, tile.left.as_ref());
+            let n_bytes = expand_block(self.kernel, block, &z_new, &input.planes, place, scratch, &mut row.radiance);
+            stats.n_bytes += n_bytes;
+            if n_bytes > 0 {
+                stats.n_expanded += 1;
+            } else {
+                stats.n_skipped += 1;
+            }
+            tile.behind = 0.0;
+            std::mem::swap(tile.z.get_or_insert_default(), &mut z_new);
         }
-        std::mem::swap(tile.z.get_or_insert_default(), &mut z_new);
+        stats
     }
-    stats
+}
+
+impl Tile {
+    /// Most by which its radiance misses what it would be under another `z`, nit; none where it has no radiance.
+    fn behind_of(&self, z: &[f32]) -> Option<f32> {
+        match (&self.z, &self.left) {
+            (Some(shown), _) if shown == z => Some(0.0),
+            (Some(shown), Some(left)) => Some(left.most_change(shown, z)),
+            _ => None,
+        }
+    }
 }
 
 fn add(from: &[[f32; 3]], to: &mut [[f32; 3]]) {
@@ -243,3 +308,5 @@ fn add(from: &[[f32; 3]], to: &mut [[f32; 3]]) {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+pub(crate) mod unseen_tests;

@@ -1,6 +1,7 @@
 //! The device, borrowed from the host or opened without a window, and relighting on it.
 
 mod chunk;
+pub(crate) mod copy_pass;
 mod group;
 mod output;
 mod pack;
@@ -9,6 +10,8 @@ mod stages;
 
 pub use relighter::GpuRelighter;
 
+use std::sync::{Arc, OnceLock};
+
 use crate::relight::RelightError;
 
 /// A device and its queue; clones share both.
@@ -16,6 +19,8 @@ use crate::relight::RelightError;
 pub struct Gpu {
     pub(crate) device: wgpu::Device,
     pub(crate) queue: wgpu::Queue,
+    /// Why the device was lost, once it was: commands for such a device vanish without an error.
+    lost: Arc<OnceLock<String>>,
 }
 
 /// Which adapter a device without a window may come from.
@@ -49,9 +54,15 @@ impl DeviceChoice {
 }
 
 impl Gpu {
-    /// Shares the device of a host, such as a window.
+    /// Shares the device of a host, such as a window, and listens for its loss, which the host must not do itself.
     pub fn from_host(device: wgpu::Device, queue: wgpu::Queue) -> Self {
-        Self { device, queue }
+        let lost = Arc::<OnceLock<String>>::default();
+        let told = lost.clone();
+        device.set_device_lost_callback(move |reason, words| {
+            // Lost is lost: the first reason stays.
+            let _ = told.set(format!("it was lost, {reason:?}: {words}"));
+        });
+        Self { device, queue, lost }
     }
 
     /// Opens a device without a window, for tests and the command line.
@@ -59,11 +70,16 @@ impl Gpu {
     /// # Errors
     /// [`RelightError::NoAdapter`] where nothing suitable is installed, [`RelightError::NoDevice`] where the driver refuses.
     pub fn headless(choice: DeviceChoice) -> Result<Self, RelightError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        adapters.retain(|a| choice.takes(a.get_info().device_type) && computes(a));
-        adapters.sort_by_key(|a| slowness(&a.get_info()));
-        let adapter = adapters.first().ok_or(RelightError::NoAdapter { wanted: choice.words() })?;
+        let adapters = adapters(choice);
+        Self::open(adapters.first().ok_or(RelightError::NoAdapter { wanted: choice.words() })?)
+    }
+
+    /// Opens every device there is, the fastest first; those that the driver refuses are left out.
+    pub fn all_headless(choice: DeviceChoice) -> Vec<Self> {
+        adapters(choice).iter().filter_map(|adapter| Self::open(adapter).ok()).collect()
+    }
+
+    fn open(adapter: &wgpu::Adapter) -> Result<Self, RelightError> {
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("relight"),
             required_limits: adapter.limits(),
@@ -73,7 +89,7 @@ impl Gpu {
             adapter: describe(&adapter.get_info()),
             reason: error.to_string(),
         })?;
-        Ok(Self { device, queue })
+        Ok(Self::from_host(device, queue))
     }
 
     /// Name, kind and driver of the adapter, for people.
@@ -95,6 +111,46 @@ impl Gpu {
         done.map(|_| ()).map_err(|error| RelightError::Device(error.to_string()))
     }
 
+    /// Copies into a buffer that the CPU can read, waits, and hands out the bytes.
+    pub(crate) fn read_back(
+        &self,
+        n_bytes: u64,
+        copy: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
+    ) -> Result<Vec<u8>, RelightError> {
+        let gpu = self;
+        gpu.guarded(|| {
+            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("read back"),
+                size: n_bytes,
+                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            });
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            copy(&mut encoder, &buffer);
+            gpu.queue.submit([encoder.finish()]);
+            let (sender, receiver) = std::sync::mpsc::channel();
+            // Nobody listens only if waiting failed, and then that error is reported.
+            buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
+            gpu.wait()?;
+            let failed = |words: String| RelightError::Device(format!("reading back: {words}"));
+            let mapped = receiver.recv().map_err(|error| failed(error.to_string()))?;
+            mapped.map_err(|error| failed(error.to_string()))?;
+            let view = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
+            Ok(view.to_vec())
+        })
+    }
+
+    /// Whether the device is gone. It may say so only once it has given up what was submitted before.
+    pub fn is_lost(&self) -> bool {
+        self.loss().is_some()
+    }
+
+    fn loss(&self) -> Option<&String> {
+        // A lost device says so when it is polled; one that cannot be polled is reported by whoever waits for it.
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        self.lost.get()
+    }
+
     /// Runs `job` and turns whatever the device reports meanwhile into an error.
     pub(crate) fn guarded<T>(&self, job: impl FnOnce() -> Result<T, RelightError>) -> Result<T, RelightError> {
         use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
@@ -106,11 +162,21 @@ impl Gpu {
             pollster::block_on(memory.pop()),
             pollster::block_on(internal.pop()),
         ];
-        match reports.into_iter().flatten().next() {
-            Some(error) => Err(RelightError::Device(error.to_string())),
-            None => result,
+        match (reports.into_iter().flatten().next(), self.loss()) {
+            (Some(error), _) => Err(RelightError::Device(error.to_string())),
+            (None, Some(reason)) => Err(RelightError::Device(reason.clone())),
+            (None, None) => result,
         }
     }
+}
+
+/// Those that can run our stages, the fastest first.
+fn adapters(choice: DeviceChoice) -> Vec<wgpu::Adapter> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    adapters.retain(|a| choice.takes(a.get_info().device_type) && computes(a));
+    adapters.sort_by_key(|a| slowness(&a.get_info()));
+    adapters
 }
 
 fn computes(adapter: &wgpu::Adapter) -> bool {
@@ -144,3 +210,7 @@ fn describe(info: &wgpu::AdapterInfo) -> String {
 
 #[cfg(test)]
 pub(crate) mod tests;
+#[cfg(test)]
+mod twin_tests;
+#[cfg(test)]
+mod unseen_tests;

@@ -22,13 +22,15 @@ pub(crate) struct Block {
 
 /// `Group` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Group {
     pub n_cols: u32,
     pub frame_width: u32,
     pub n_segments: u32,
     /// An [`ExpandMode`].
     pub mode: u32,
+    /// Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
+    pub unseen: f32,
 }
 
 /// `mode` of a [`Group`]: what expand does with the radiance of a block.
@@ -118,6 +120,9 @@ pub(crate) const SHADERS: [(&str, &str); 4] = [
     ("display", include_str!("../shaders/display.wgsl")),
 ];
 
+/// Name and source of the kernel that the others are measured by.
+pub(crate) const COPY: (&str, &str) = ("copy", include_str!("../shaders/copy.wgsl"));
+
 /// Threads of a workgroup of `project`, `gather` and `expand`.
 pub(crate) const THREADS: u32 = 64;
 
@@ -141,7 +146,7 @@ mod tests {
     fn shapes() -> Vec<Shape> {
         vec![
             shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse),
-            shape!(Group: n_cols, frame_width, n_segments, mode),
+            shape!(Group: n_cols, frame_width, n_segments, mode, unseen),
             shape!(SparseTerm: col_channel, value),
             shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit, layered),
         ]
@@ -150,7 +155,7 @@ mod tests {
     #[test]
     fn every_shader_is_valid_and_has_its_entry_point() {
         use naga::valid::{Capabilities, ValidationFlags, Validator};
-        for (name, source) in SHADERS {
+        for (name, source) in SHADERS.into_iter().chain([COPY]) {
             let module =
                 naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(source)));
             let info =

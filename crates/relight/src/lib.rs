@@ -12,7 +12,7 @@
 //! WGSL in `shaders/`, and in Rust. The CPU twin defines the answer ([`CpuRelighter`]); the GPU is right when it agrees
 //! ([`GpuRelighter`]). The crate borrows the device of its host, opens no window and knows no scene.
 //!
-//! Decided: factors stay packed f16 on both sides, since the product is bound by memory. Sums over segments of columns are
+//! Decided: factors stay f16 on both sides, since the product is bound by memory. Sums over segments of columns are
 //! kept, so that one light of many reads its own segment alone. Refused: updating `z` by the difference of two coefficients,
 //! because the picture would then depend on the path a slider took.
 //!
@@ -27,6 +27,7 @@
 //! # Ok::<(), clerestory_relight::RelightError>(())
 //! ```
 
+pub mod bandwidth;
 pub mod cpu;
 pub mod display;
 pub mod frame;

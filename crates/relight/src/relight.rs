@@ -99,6 +99,8 @@ pub struct RelightStats {
     pub n_expanded: usize,
     /// Blocks left out: dark or unchanged groups, blocks whose `z` stayed the same, blocks without content.
     pub n_skipped: usize,
+    /// Those of them that miss the exact answer by less than is seen; on a device they are not counted.
+    pub n_unseen: usize,
     /// Groups left out as a whole because all their coefficients are zero.
     pub n_dark_groups: usize,
     /// Factor bytes read; on a device those that it reads at most.
@@ -113,10 +115,17 @@ impl RelightStats {
         Self {
             n_expanded: self.n_expanded + other.n_expanded,
             n_skipped: self.n_skipped + other.n_skipped,
+            n_unseen: self.n_unseen + other.n_unseen,
             n_dark_groups: self.n_dark_groups + other.n_dark_groups,
             n_bytes: self.n_bytes + other.n_bytes,
             n_submitted: self.n_submitted + other.n_submitted,
         }
+    }
+
+    /// Counts a block that was left as it is, that far behind, nit.
+    pub(crate) fn skip(&mut self, behind: f32) {
+        self.n_skipped += 1;
+        self.n_unseen += usize::from(behind > 0.0);
     }
 }
 

@@ -89,7 +89,7 @@ impl Recipe {
 
 /// SplitMix64 \[Steele2014\].
 #[derive(Clone, Debug)]
-struct Random(u64);
+pub(crate) struct Random(pub u64);
 
 impl Random {
     fn next(&mut self) -> u64 {
@@ -99,11 +99,11 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    fn signed(&mut self) -> f32 {
+    pub(crate) fn signed(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
     }
 
-    fn below(&mut self, n: u32) -> u32 {
+    pub(crate) fn below(&mut self, n: u32) -> u32 {
         (self.next() % u64::from(n)) as u32
     }
 }

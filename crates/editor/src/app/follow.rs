@@ -10,6 +10,7 @@ use eframe::egui::{Context, TextureHandle, TextureId, TextureOptions};
 use eframe::egui_wgpu::RenderState;
 
 use super::lamplight::Lamplight;
+use super::rest::Rest;
 use super::sky::LitSky;
 use crate::legend::Legend;
 use crate::look::{Display, Look, Quantity};
@@ -33,8 +34,8 @@ pub(super) struct Follower {
     worker: Worker,
     gpu: Option<GpuPainter>,
     wish: DeviceWish,
-    /// The graphics device failed; the CPU takes over.
-    gpu_failed: bool,
+    /// Lasts while the graphics device has failed and the CPU does its work.
+    rest: Rest,
     /// The worker metered another exposure or scale than the graphics device shows.
     metering_moved: bool,
     asked: Option<Asked>,
@@ -56,7 +57,7 @@ impl Follower {
             worker: Worker::start(wake.clone())?,
             gpu: state.map(GpuPainter::new),
             wish: DeviceWish::Auto,
-            gpu_failed: false,
+            rest: Rest::default(),
             metering_moved: false,
             asked: None,
             sky: LitSky::default(),
@@ -124,7 +125,7 @@ impl Follower {
     }
 
     fn uses_gpu(&self) -> bool {
-        let Some(gpu) = self.gpu.as_ref().filter(|_| !self.gpu_failed) else { return false };
+        let Some(gpu) = self.gpu.as_ref().filter(|_| !self.rest.lasts()) else { return false };
         match self.wish {
             DeviceWish::Auto => gpu.is_hardware(),
             DeviceWish::Cpu => false,
@@ -134,13 +135,15 @@ impl Follower {
 
     /// Changes the device; the next picture comes from there.
     pub fn use_device(&mut self, wish: DeviceWish) {
-        (self.wish, self.gpu_failed) = (wish, false);
+        (self.wish, self.rest) = (wish, Rest::default());
         self.start_over();
     }
 
     /// No picture of the last scene is left.
     pub fn forget(&mut self) {
         (self.texture, self.gpu_picture, self.millis) = (None, None, None);
+        // What was too large for the graphics device may not be so any more.
+        self.rest = Rest::default();
         self.start_over();
     }
 
@@ -165,7 +168,7 @@ impl Follower {
         look: &Look,
         solo: &BTreeSet<String>,
     ) -> Result<(), String> {
-        let problem = match self.worker.take() {
+        let mut problem = match self.worker.take() {
             Some(Ok(relit)) => {
                 self.show(ctx, relit, look);
                 None
@@ -181,7 +184,9 @@ impl Follower {
             let light = self.lamplight.light().filter(|light| is_as_large(light, shown)).cloned();
             let layer = light.as_ref().map(|light| (light.serial, Arc::as_ptr(&light.direct).addr()));
             let asked = Asked { rig, display: showable(shown, look), layer };
-            let gpu_waits = self.uses_gpu() && self.gpu.as_ref().is_some_and(GpuPainter::has_waiting);
+            let gpu = self.gpu.as_ref().filter(|_| self.uses_gpu());
+            // What a lost device was last asked for never comes, so it is asked for again, and fails.
+            let gpu_waits = gpu.is_some_and(|gpu| gpu.has_waiting() || gpu.is_lost());
             let gpu_waits = std::mem::take(&mut self.metering_moved) || gpu_waits;
             if !changed.is_empty() || gpu_waits || self.asked.as_ref() != Some(&asked) {
                 // Light that is seen and light that arrives are two matrices.
@@ -199,13 +204,14 @@ impl Follower {
                         (self.sky.light(shown, &asked.rig, &mut changed), coefficients, light.map(|light| light.direct))
                     }
                 };
-                self.ask(ctx, frame, (&coefficients, layer.as_ref()), changed, &asked);
+                problem = self.ask(ctx, frame, (&coefficients, layer.as_ref()), changed, &asked).err().or(problem);
                 self.asked = Some(asked);
             }
         }
         problem.map_or(Ok(()), Err)
     }
 
+    /// Has a picture made. Fails with words for people if the graphics device did, and still has it made.
     fn ask(
         &mut self,
         ctx: &Context,
@@ -213,12 +219,19 @@ impl Follower {
         (coefficients, layer): (&[Vec<[f32; 3]>], Option<&Arc<Radiance>>),
         changed: Changed,
         asked: &Asked,
-    ) {
-        let mut wanted = Wanted::Picture;
+    ) -> Result<(), String> {
+        let (mut wanted, mut failed) = (Wanted::Picture, Ok(()));
+        let now = ctx.input(|input| input.time);
+        self.rest.try_again(now);
         if self.uses_gpu() {
             match self.paint(ctx, &frame, changed.clone(), (coefficients, layer), asked) {
-                Ok(()) => wanted = Wanted::Metering,
-                Err(_) => self.gpu_failed = true,
+                Ok(()) => (wanted, self.rest) = (Wanted::Metering, Rest::default()),
+                Err(error) => {
+                    self.rest.begin(now);
+                    self.gpu_picture = None;
+                    self.gpu.iter_mut().for_each(GpuPainter::forget);
+                    failed = Err(format!("The CPU goes on: {error}"));
+                }
             }
         }
         // With all of it fixed there is nothing to meter while the graphics device paints.
@@ -228,6 +241,7 @@ impl Follower {
             let (display, serial) = (asked.display, self.n_orders);
             self.worker.order(Order { frame, changed, coefficients, layer, display, wanted, serial });
         }
+        failed
     }
 
     fn paint(

@@ -92,6 +92,13 @@ impl Display {
         self.exposure_ev.is_none() || self.false_color.is_some_and(|false_color| false_color.range.is_none())
     }
 
+    /// Whether something of it depends on the darkest pixels as much as on those that are seen well: the log-average, and a
+    /// scale of false color that is fitted.
+    pub fn follows_every_pixel(&self) -> bool {
+        let is_fitted = self.false_color.is_some_and(|false_color| false_color.range.is_none());
+        is_fitted || (self.exposure_ev.is_none() && self.metering == Metering::LogAverage)
+    }
+
     /// What suits `picture`, where this leaves it open: radiance, or irradiance where that is shown.
     pub fn metered(&self, picture: &Radiance) -> DisplayParams {
         let exposure_ev = self.exposure_ev.unwrap_or_else(|| self.metering.exposure_ev(picture));

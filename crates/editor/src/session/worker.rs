@@ -133,40 +133,61 @@ impl Mailbox {
 }
 
 fn work(mailbox: &Mailbox, wake: &Wake) {
-    let (mut relighter, mut radiance) = (None, Radiance::default());
+    let mut bench = Bench::default();
     while let Some(order) = mailbox.next() {
-        let result = relight(&mut relighter, &mut radiance, &order);
+        let result = bench.relight(&order);
         if result.is_err() {
-            relighter = None;
+            bench.relighter = None;
         }
         mailbox.lock().result = Some(result);
         wake(Duration::ZERO);
     }
 }
 
-fn relight(
-    relighter: &mut Option<CpuRelighter>,
-    radiance: &mut Radiance,
-    order: &Order,
-) -> Result<Relit, RelightError> {
-    let started = Instant::now();
-    let relighter = match (&mut *relighter, &order.changed) {
-        (Some(own), Changed::Blocks(blocks)) => {
-            own.update(&order.frame, blocks)?;
-            own
-        }
-        (slot, _) => slot.insert(CpuRelighter::new(&order.frame)?),
-    };
-    relighter.set_layer(order.layer.as_ref())?;
-    relighter.relight(&order.coefficients, radiance)?;
-    let display = metered(&order.display, &order.frame, radiance);
-    let image = (order.wanted == Wanted::Picture).then(|| {
-        let bytes = encode(radiance, &display);
-        let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
-        ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
-    });
-    let millis = 1e3 * started.elapsed().as_secs_f32();
-    Ok(Relit { image, display, millis, serial: order.serial })
+/// What is kept from one order to the next.
+#[derive(Default)]
+struct Bench {
+    relighter: Option<CpuRelighter>,
+    radiance: Radiance,
+    /// How the last picture was shown.
+    shown: DisplayParams,
+}
+
+impl Bench {
+    fn relight(&mut self, order: &Order) -> Result<Relit, RelightError> {
+        let started = Instant::now();
+        let (relighter, radiance) = (&mut self.relighter, &mut self.radiance);
+        let relighter = match (relighter, &order.changed) {
+            (Some(own), Changed::Blocks(blocks)) => {
+                own.update(&order.frame, blocks)?;
+                own
+            }
+            (slot, _) => slot.insert(CpuRelighter::new(&order.frame)?),
+        };
+        relighter.set_layer(order.layer.as_ref())?;
+        let display = if order.display.follows_every_pixel() {
+            relighter.relight(&order.coefficients, radiance)?;
+            metered(&order.display, &order.frame, radiance)
+        } else {
+            // What is not seen is left out. Metering follows the picture that is shown, which moves it by less than a
+            // thousandth of a stop; where it asks for more light, more is seen.
+            let guess = order.display.as_metered(&self.shown);
+            relighter.relight_for_display(&order.coefficients, &guess, radiance)?;
+            let display = metered(&order.display, &order.frame, radiance);
+            if display.unseen() < guess.unseen() {
+                relighter.relight_for_display(&order.coefficients, &display, radiance)?;
+            }
+            display
+        };
+        self.shown = display;
+        let image = (order.wanted == Wanted::Picture).then(|| {
+            let bytes = encode(radiance, &display);
+            let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
+            ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
+        });
+        let millis = 1e3 * started.elapsed().as_secs_f32();
+        Ok(Relit { image, display, millis, serial: order.serial })
+    }
 }
 
 /// What suits what is there of a picture: blocks that are not baked yet do not count as black.

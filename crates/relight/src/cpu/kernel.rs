@@ -1,7 +1,6 @@
-//! The two inner products, plain and for AVX2 with F16C.
+//! The two inner products, plain, for AVX2 with F16C and for AVX-512.
 //!
-//! Left and right factors are read once per picture, so the work is converting f16 at the speed of memory. Loads of left
-//! factors take whole lanes and may run into the next row of the matrix: `z` is zero there.
+//! Left and right factors are read once per picture, so the work is converting f16 at the speed of memory.
 #![cfg_attr(
     target_arch = "x86_64",
     expect(unsafe_code, reason = "f16 conversion and FMA behind run-time detection; `plain` is the safe twin")
@@ -9,7 +8,12 @@
 
 use half::{f16, slice::HalfFloatSliceExt};
 
+use super::left::RUN;
 use super::project::{LANES, Planes};
+
+/// Floats of one component of `z` as the rows of a run meet it: red, green, blue, red, … as far as the vectors of AVX-512
+/// reach that start at the three places where a vector may start.
+pub(super) const PATTERN: usize = 32;
 
 /// Which instructions the inner products use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +23,9 @@ pub(super) enum Kernel {
     /// AVX2, FMA and F16C; made only by [`Kernel::detect`].
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    /// The same and AVX-512F, which expand uses; made only by [`Kernel::detect`].
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
 }
 
 impl Kernel {
@@ -26,7 +33,7 @@ impl Kernel {
     pub(super) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("f16c") {
-            return Self::Avx2;
+            return if is_x86_feature_detected!("avx512f") { Self::Avx512 } else { Self::Avx2 };
         }
         Self::Plain
     }
@@ -46,10 +53,10 @@ impl Kernel {
         }
         let mut n_done = 0;
         #[cfg(target_arch = "x86_64")]
-        if self == Self::Avx2 {
+        if self != Self::Plain {
             let (fours, rest) = right.split_at(right.len() / (4 * n_cols) * 4 * n_cols);
             for rows in fours.chunks_exact(4 * n_cols) {
-                // SAFETY: this variant exists only where `detect` found the three features.
+                // SAFETY: both variants exist only where `detect` found the three features.
                 unsafe { avx2::project::<4>(rows, n_cols, planes, segments, |c, s, sums| put(n_done + c, s, sums)) };
                 n_done += 4;
             }
@@ -66,16 +73,27 @@ impl Kernel {
         }
     }
 
-    /// `out[pixel][channel] = Σ left[3 pixel + channel][k] · z[channel][k]`. `left` starts at the first pixel and may go
-    /// on after the last; `z` is 3 × rank rounded up to whole lanes.
-    pub(super) fn expand(self, left: &[f16], rank: usize, z: &[f32], out: &mut [[f32; 3]]) {
-        let n_done = match self {
-            Self::Plain => 0,
-            #[cfg(target_arch = "x86_64")]
+    /// `out[row] = Σ left[row][k] · z[k][row % 3]`. `left` is runs × rank × [`RUN`], `patterns` rank × [`PATTERN`], `out` as
+    /// long as the runs together; without components it is all zeros.
+    pub(super) fn expand(self, left: &[f16], patterns: &[f32], out: &mut [f32]) {
+        let rank = patterns.len() / PATTERN;
+        assert!(
+            left.len() == out.len() * rank && out.len().is_multiple_of(RUN),
+            "left factors of rank {rank} fit the rows"
+        );
+        if rank == 0 {
+            return out.fill(0.0);
+        }
+        let patterns = patterns.as_chunks().0;
+        match self {
+            Self::Plain => plain::expand(left, patterns, out),
             // SAFETY: this variant exists only where `detect` found the three features.
-            Self::Avx2 => unsafe { avx2::expand(left, rank, z, out) },
-        };
-        plain::expand(&left[3 * n_done * rank..], rank, z, &mut out[n_done..]);
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { avx2::expand(left, patterns, out) },
+            // SAFETY: this variant exists only where `detect` found AVX-512F, too.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => unsafe { avx512::expand(left, patterns, out) },
+        }
     }
 }
 
@@ -101,26 +119,18 @@ mod plain {
         }
     }
 
-    pub(super) fn expand(left: &[f16], rank: usize, z: &[f32], out: &mut [[f32; 3]]) {
-        let stride = rank.next_multiple_of(LANES);
-        for (pixel, rgb) in out.iter_mut().enumerate() {
-            for channel in 0..3 {
-                let row = &left[(3 * pixel + channel) * rank..][..rank];
-                rgb[channel] = dot(row, &z[channel * stride..][..stride]);
+    pub(super) fn expand(left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+        let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
+        for (left, sums) in runs {
+            sums.fill(0.0);
+            for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
+                let mut rows = [0.0; RUN];
+                left.convert_to_f32_slice(&mut rows);
+                for row in 0..RUN {
+                    sums[row] += rows[row] * z[row % 24];
+                }
             }
         }
-    }
-
-    fn dot(row: &[f16], z: &[f32]) -> f32 {
-        let mut sums = [0.0; LANES];
-        for (row, z) in row.chunks(LANES).zip(z.chunks_exact(LANES)) {
-            let mut left = [0.0; LANES];
-            row.convert_to_f32_slice(&mut left[..row.len()]);
-            for lane in 0..LANES {
-                sums[lane] += left[lane] * z[lane];
-            }
-        }
-        sums.iter().sum()
     }
 }
 
@@ -161,50 +171,22 @@ mod avx2 {
         }
     }
 
-    /// Does four pixels at a time, as long as whole lanes lie within `left`; returns how many pixels are done.
+    /// A run at a time, in six registers.
     #[target_feature(enable = "avx2,fma,f16c")]
-    pub(super) fn expand(left: &[f16], rank: usize, z: &[f32], out: &mut [[f32; 3]]) -> usize {
-        let stride = rank.next_multiple_of(LANES);
-        let z = &z[..3 * stride];
-        let mut n_done = 0;
-        for pixels in out.as_chunks_mut::<4>().0 {
-            let first = 3 * n_done * rank;
-            if first + 11 * rank + stride > left.len() {
-                break;
+    pub(super) fn expand(left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+        let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
+        for (left, out) in runs {
+            let mut sums = [_mm256_setzero_ps(); RUN / 8];
+            for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
+                let z = [load(&z[0..8]), load(&z[8..16]), load(&z[16..24])];
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum = _mm256_fmadd_ps(load_f16(&left[8 * i..8 * i + 8]), z[i % 3], *sum);
+                }
             }
-            // Twelve rows make four pixels; the channel of a row is its number modulo 3.
-            let rows = &left[first..first + 11 * rank + stride];
-            let flat = pixels.as_flattened_mut();
-            store(&mut flat[0..4], sum_rows(dots::<0>(rows, rank, z)));
-            store(&mut flat[4..8], sum_rows(dots::<1>(rows, rank, z)));
-            store(&mut flat[8..12], sum_rows(dots::<2>(rows, rank, z)));
-            n_done += 4;
-        }
-        n_done
-    }
-
-    /// Lane-wise products of rows `4 · QUARTER ..` with their channel of `z`, not yet summed over the lanes.
-    #[inline]
-    #[target_feature(enable = "avx2,fma,f16c")]
-    fn dots<const QUARTER: usize>(rows: &[f16], rank: usize, z: &[f32]) -> [__m256; 4] {
-        let stride = z.len() / 3;
-        assert!(
-            stride.is_multiple_of(LANES) && rows.len() >= (4 * QUARTER + 3) * rank + stride,
-            "lanes lie in the rows"
-        );
-        let mut sums = [_mm256_setzero_ps(); 4];
-        for k in (0..stride).step_by(LANES) {
-            for (j, sum) in sums.iter_mut().enumerate() {
-                let row = 4 * QUARTER + j;
-                // SAFETY: k + 8 ≤ stride and row ≤ 4 · QUARTER + 3, so the assertion keeps both ranges inside.
-                let (left, z) = unsafe {
-                    let left = rows.get_unchecked(row * rank + k..row * rank + k + LANES);
-                    (left, z.get_unchecked(row % 3 * stride + k..row % 3 * stride + k + LANES))
-                };
-                *sum = _mm256_fmadd_ps(load_f16(left), load(z), *sum);
+            for (i, sum) in sums.into_iter().enumerate() {
+                store_all(&mut out[8 * i..8 * i + 8], sum);
             }
         }
-        sums
     }
 
     /// Sum over the lanes of each of four vectors.
@@ -246,5 +228,57 @@ mod avx2 {
         assert!(to.len() == 4, "four floats, not {}", to.len());
         // SAFETY: `to` holds 4 × 4 bytes, the store writes 16 and needs no alignment.
         unsafe { _mm_storeu_ps(to.as_mut_ptr(), value) }
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx2,fma,f16c")]
+    fn store_all(to: &mut [f32], value: __m256) {
+        assert!(to.len() == LANES, "eight floats, not {}", to.len());
+        // SAFETY: `to` holds 8 × 4 bytes, the store writes 32 and needs no alignment.
+        unsafe { _mm256_storeu_ps(to.as_mut_ptr(), value) }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx512 {
+    use std::arch::x86_64::*;
+
+    use super::*;
+
+    /// A run at a time, in three registers.
+    #[target_feature(enable = "avx512f")]
+    pub(super) fn expand(left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+        let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
+        for (left, out) in runs {
+            let mut sums = [_mm512_setzero_ps(); RUN / 16];
+            for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
+                // Row 32 meets the same channel as row 8.
+                let z = [load(&z[0..16]), load(&z[16..32]), load(&z[8..24])];
+                for (i, sum) in sums.iter_mut().enumerate() {
+                    *sum = _mm512_fmadd_ps(load_f16(&left[16 * i..16 * i + 16]), z[i], *sum);
+                }
+            }
+            for (i, sum) in sums.into_iter().enumerate() {
+                let out = &mut out[16 * i..16 * i + 16];
+                // SAFETY: `out` holds 16 × 4 bytes, the store writes 64 and needs no alignment.
+                unsafe { _mm512_storeu_ps(out.as_mut_ptr(), sum) }
+            }
+        }
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx512f")]
+    fn load_f16(from: &[f16]) -> __m512 {
+        assert!(from.len() == 16, "sixteen halves, not {}", from.len());
+        // SAFETY: `from` holds 16 × 2 bytes, the load takes 32 and needs no alignment.
+        _mm512_cvtph_ps(unsafe { _mm256_loadu_si256(from.as_ptr().cast()) })
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx512f")]
+    fn load(from: &[f32]) -> __m512 {
+        assert!(from.len() == 16, "sixteen floats, not {}", from.len());
+        // SAFETY: `from` holds 16 × 4 bytes, the load takes 64 and needs no alignment.
+        unsafe { _mm512_loadu_ps(from.as_ptr()) }
     }
 }

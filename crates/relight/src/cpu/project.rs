@@ -71,11 +71,6 @@ pub(super) struct Partials {
 }
 
 impl Partials {
-    /// Nothing is known any longer.
-    pub(super) fn forget(&mut self) {
-        self.sums.clear();
-    }
-
     /// Fills `z` with 3 × rank (rank rounded up to whole lanes, padded with zeros), channel by channel; returns the bytes
     /// of factors read. A missing block has rank 0.
     pub(super) fn project(

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::quantile::quantile;
 use super::{finite, luminance};
 use crate::frame::Radiance;
 
@@ -26,20 +27,18 @@ pub enum Metering {
 impl Metering {
     /// Exposure in EV for a picture; 0 for one that is black altogether.
     pub fn exposure_ev(self, radiance: &Radiance) -> f32 {
-        let mut values: Vec<f32> = radiance.pixels.par_iter().map(|rgb| luminance(rgb.map(finite))).collect();
+        let values: Vec<f32> = radiance.pixels.par_iter().map(|rgb| luminance(rgb.map(finite))).collect();
         if values.is_empty() {
             return 0.0;
         }
-        let last = values.len() - 1;
-        let mut quantile =
-            |q: f32| *values.select_nth_unstable_by((q * last as f32).round() as usize, f32::total_cmp).1;
-        let candidates = match self {
-            // The brightest 0.5 % of a picture that is mostly black.
-            Self::Auto => [4.0 * quantile(0.5), quantile(0.995), quantile(1.0)],
-            Self::Percentile(percent) => [quantile((0.01 * percent).clamp(0.0, 1.0)), quantile(0.995), quantile(1.0)],
+        let first = match self {
+            Self::Auto => 4.0 * quantile(&values, 0.5),
+            Self::Percentile(percent) => quantile(&values, 0.01 * percent),
             Self::LogAverage => return log_average_ev(&values),
         };
-        candidates.into_iter().find(|white| *white > 0.0).map_or(0.0, |white| -white.log2())
+        // Else the brightest 0.5 % of a picture that is mostly black, or the brightest of all.
+        let mut candidates = std::iter::once(first).chain([0.995, 1.0].into_iter().map(|q| quantile(&values, q)));
+        candidates.find(|white| *white > 0.0).map_or(0.0, |white| -white.log2())
     }
 }
 

@@ -81,7 +81,7 @@ impl Chunk {
     }
 
     fn new(gpu: &Gpu, stages: &Stages, run: Range<usize>, packed: &Packed, n_segments: u32) -> Self {
-        let n_right_bytes = 4 * (packed.right.len() + packed.scale.len()) as u64;
+        let n_right_bytes = 4 * (packed.right.len() + 4 * packed.components.len()) as u64;
         let n_left_bytes = 4 * (packed.left.len() + 2 * packed.sparse_terms.len()) as u64;
         let n_blocks = packed.blocks.len() as u32;
         let bindings = (n_blocks > 0).then(|| Bindings::new(gpu, stages, packed, n_segments));
@@ -96,11 +96,11 @@ impl Chunk {
         }
     }
 
-    /// Records `z = scale · sum of the segments` for all blocks.
+    /// Records `z = scale · sum of the segments` for all blocks where that is seen.
     pub(super) fn gather(&self, pass: &mut wgpu::ComputePass<'_>) {
         if let Some(bindings) = self.bindings.as_ref().filter(|b| b.most_components > 0) {
             pass.set_bind_group(1, &bindings.gather, &[]);
-            pass.dispatch_workgroups(bindings.most_components.div_ceil(THREADS), self.n_blocks, 1);
+            pass.dispatch_workgroups(self.n_blocks, 1, 1);
         }
     }
 
@@ -118,14 +118,15 @@ impl Bindings {
         let blocks = filled(gpu, "blocks", &packed.blocks);
         let [left, right] =
             [("left", &packed.left), ("right", &packed.right)].map(|(name, words)| filled(gpu, name, words));
-        let scale = filled(gpu, "scale", &packed.scale);
-        let z = storage(gpu, "z", 16 * packed.scale.len() as u64, wgpu::BufferUsages::empty());
-        let n_partials = packed.scale.len() as u64 * u64::from(n_segments);
-        let partials = storage(gpu, "partials", 16 * n_partials, wgpu::BufferUsages::empty());
+        let components = filled(gpu, "components", &packed.components);
+        let n_components = packed.components.len() as u64;
+        let z = working(gpu, "z", 16 * n_components, wgpu::BufferUsages::empty());
+        let n_partials = n_components * u64::from(n_segments);
+        let partials = working(gpu, "partials", 16 * n_partials, wgpu::BufferUsages::empty());
         let starts = filled(gpu, "sparse_starts", &packed.sparse_starts);
         let terms = filled(gpu, "sparse_terms", &packed.sparse_terms);
         let project = [&blocks, &right, &partials].map(|buffer| buffer.as_entire_binding());
-        let gather = [&blocks, &scale, &partials, &z].map(|buffer| buffer.as_entire_binding());
+        let gather = [&blocks, &components, &partials, &z].map(|buffer| buffer.as_entire_binding());
         let expand = [&blocks, &left, &z, &starts, &terms].map(|buffer| buffer.as_entire_binding());
         Self {
             project: bind(gpu, &stages.project, 1, &project),
@@ -135,6 +136,15 @@ impl Bindings {
             most_pixels: packed.blocks.iter().map(|b| b.n_pixels).max().unwrap_or(0),
         }
     }
+}
+
+/// A storage buffer that stages write before others read it; in tests it holds no numbers until then.
+pub(super) fn working(gpu: &Gpu, name: &str, n_bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    let buffer = storage(gpu, name, n_bytes, usage | wgpu::BufferUsages::COPY_DST);
+    if cfg!(test) {
+        gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&vec![f32::NAN; buffer.size() as usize / 4]));
+    }
+    buffer
 }
 
 /// A storage buffer; an empty one still gets one element, since nothing cannot be bound.

@@ -24,6 +24,8 @@ pub(super) struct GroupBuffers {
     expand: wgpu::BindGroup,
     /// What `z` stands for; none where all of it must be projected.
     projected: Option<Vec<[f32; 3]>>,
+    /// Nit by which its radiance may miss what was projected.
+    behind: f32,
     /// Whether the radiance holds this group; a dark group adds nothing.
     lit: Lit,
 }
@@ -34,8 +36,11 @@ pub(super) enum Lit {
     Shining,
 }
 
+/// Brings every block up to date, however little it changes.
+pub(super) const WHATEVER: f32 = -1.0;
+
 impl Lit {
-    fn of(x: &[[f32; 3]]) -> Self {
+    pub(super) fn of(x: &[[f32; 3]]) -> Self {
         if is_dark(x) { Self::Dark } else { Self::Shining }
     }
 }
@@ -53,7 +58,8 @@ impl GroupBuffers {
         let low_rank = &frame.groups[group];
         let n_segments = low_rank.n_cols.div_ceil(SEGMENT);
         let params = uniform(gpu, "group", size_of::<Group>());
-        let content = Group { n_cols: low_rank.n_cols, frame_width: frame.width, n_segments, mode: 0 };
+        let content =
+            Group { n_cols: low_rank.n_cols, frame_width: frame.width, n_segments, mode: 0, unseen: WHATEVER };
         gpu.queue.write_buffer(&params, 0, bytemuck::bytes_of(&content));
         let n_bytes = 16 * u64::from(low_rank.n_cols).next_multiple_of(2);
         let coefficients = storage(gpu, "coefficients", n_bytes, wgpu::BufferUsages::COPY_DST);
@@ -65,8 +71,8 @@ impl GroupBuffers {
         let expand = bind(gpu, &stages.expand, 0, &resources);
         let mut chunks = Vec::new();
         Chunk::upload(gpu, stages, limits, low_rank, 0..low_rank.blocks.len(), &mut chunks)?;
-        let (projected, lit) = (None, Lit::Dark);
-        Ok(Self { chunks, params, content, coefficients, segments, project, gather, expand, projected, lit })
+        let (projected, behind, lit) = (None, 0.0, Lit::Dark);
+        Ok(Self { chunks, params, content, coefficients, segments, project, gather, expand, projected, behind, lit })
     }
 
     /// Uploads the chunks that hold any of `blocks`.
@@ -98,25 +104,49 @@ impl GroupBuffers {
         self.lit == Lit::Shining
     }
 
-    /// Whether the radiance holds the group under these coefficients.
-    pub(super) fn shows(&self, x: &[[f32; 3]]) -> bool {
+    /// Whether the radiance holds the group under these coefficients, but for what is unseen, nit.
+    pub(super) fn shows(&self, x: &[[f32; 3]], unseen: f32) -> bool {
         let lit = Lit::of(x);
-        self.lit == lit && (lit == Lit::Dark || self.projected.as_deref() == Some(x))
+        self.lit == lit && (lit == Lit::Dark || (self.projected.as_deref() == Some(x) && self.behind <= unseen))
     }
 
-    /// Takes over coefficients, and records project and gather over the segments where they are others.
+    /// Takes over coefficients, records project over the segments where they are others, and gather where `z` may miss what
+    /// it should be by more than `unseen`, nit, which is [`WHATEVER`] where all blocks are expanded anyway.
     pub(super) fn take(
         &mut self,
         gpu: &Gpu,
         stages: &Stages,
         encoder: &mut wgpu::CommandEncoder,
-        x: &[[f32; 3]],
+        (x, unseen): (&[[f32; 3]], f32),
         stats: &mut RelightStats,
     ) {
         self.lit = Lit::of(x);
-        if self.lit == Lit::Dark || self.projected.as_deref() == Some(x) {
+        let is_projected = self.projected.as_deref() == Some(x);
+        if self.lit == Lit::Dark || (is_projected && self.behind <= unseen.max(0.0)) {
             return;
         }
+        if self.content.unseen != unseen {
+            self.content.unseen = unseen;
+            gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&self.content));
+        }
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        if !is_projected {
+            self.project(gpu, stages, &mut pass, x, stats);
+        }
+        pass.set_pipeline(&stages.gather);
+        pass.set_bind_group(0, &self.gather, &[]);
+        self.chunks.iter().for_each(|chunk| chunk.gather(&mut pass));
+        self.behind = unseen.max(0.0);
+    }
+
+    fn project(
+        &mut self,
+        gpu: &Gpu,
+        stages: &Stages,
+        pass: &mut wgpu::ComputePass<'_>,
+        x: &[[f32; 3]],
+        stats: &mut RelightStats,
+    ) {
         let before = self.projected.as_deref();
         let size = SEGMENT as usize;
         let is_other = |(i, new): &(u32, &[[f32; 3]])| {
@@ -128,16 +158,12 @@ impl GroupBuffers {
         gpu.queue.write_buffer(&self.segments, 0, bytemuck::cast_slice(&changed));
         self.projected = Some(x.to_vec());
 
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&stages.project);
         pass.set_bind_group(0, &self.project, &[]);
         for chunk in &self.chunks {
-            chunk.project(&mut pass, changed.len() as u32);
+            chunk.project(pass, changed.len() as u32);
             stats.n_bytes += chunk.n_right_bytes * changed.len() as u64 / u64::from(self.content.n_segments.max(1));
         }
-        pass.set_pipeline(&stages.gather);
-        pass.set_bind_group(0, &self.gather, &[]);
-        self.chunks.iter().for_each(|chunk| chunk.gather(&mut pass));
     }
 
     /// Records expand; one mode per submission.

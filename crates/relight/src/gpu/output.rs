@@ -1,6 +1,6 @@
 //! What the stages write: radiance, and the picture for the display.
 
-use super::chunk::storage;
+use super::chunk::working;
 use super::stages::{Stages, bind};
 use crate::frame::Frame;
 use crate::gpu::Gpu;
@@ -25,7 +25,7 @@ impl Output {
     pub(super) fn new(gpu: &Gpu, stages: &Stages, frame: &Frame) -> Self {
         let n_bytes = radiance_bytes(frame);
         let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
-        let [radiance, settled] = ["radiance", "settled"].map(|name| storage(gpu, name, n_bytes, usage));
+        let [radiance, settled] = ["radiance", "settled"].map(|name| working(gpu, name, n_bytes, usage));
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("display"),
             size: wgpu::Extent3d { width: frame.width, height: frame.height, depth_or_array_layers: 1 },

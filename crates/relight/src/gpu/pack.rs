@@ -16,8 +16,8 @@ pub(super) struct Packed {
     pub left: Vec<u32>,
     /// Pairs of f16: of each block row by row.
     pub right: Vec<u32>,
-    /// One per component, of an even number of components per block.
-    pub scale: Vec<f32>,
+    /// Largest magnitude of the left factor per channel, and scale; one per component, of an even number of them per block.
+    pub components: Vec<[f32; 4]>,
     /// Of each block with sparse terms, where the terms of its pixels start, and where the last ends.
     pub sparse_starts: Vec<u32>,
     pub sparse_terms: Vec<SparseTerm>,
@@ -69,14 +69,14 @@ impl Packed {
             width,
             left: self.left.len() as u32,
             right: self.right.len() as u32,
-            z: self.scale.len() as u32,
+            z: self.components.len() as u32,
             sparse: self.sparse_starts.len() as u32,
             n_sparse: factors.sparse.len() as u32,
         });
         self.left.resize(self.left.len() + (3 * n_pairs * n_pixels) as usize, 0);
         self.right.resize(self.right.len() + (factors.rank * factors.n_cols.div_ceil(2)) as usize, 0);
-        self.scale.extend(&factors.scale);
-        self.scale.resize(self.scale.len().next_multiple_of(2), 0.0);
+        self.components.extend(components(factors));
+        self.components.resize(self.components.len().next_multiple_of(2), [0.0; 4]);
         if !factors.sparse.is_empty() {
             self.push_sparse(factors, n_pixels);
         }
@@ -94,6 +94,18 @@ impl Packed {
         }
         self.sparse_starts.push(self.sparse_terms.len() as u32);
     }
+}
+
+/// Largest magnitude of the left factor per channel, and scale, of each component.
+fn components(factors: &BlockFactors) -> Vec<[f32; 4]> {
+    let rank = factors.rank as usize;
+    let mut components: Vec<[f32; 4]> = factors.scale.iter().map(|scale| [0.0, 0.0, 0.0, *scale]).collect();
+    for (row, left) in factors.left.chunks_exact(rank.max(1)).enumerate() {
+        for (component, left) in components.iter_mut().zip(left) {
+            component[row % 3] = component[row % 3].max(left.to_f32().abs());
+        }
+    }
+    components
 }
 
 /// Cuts `words` at the blocks' positions and lets `pack_block` fill each share.

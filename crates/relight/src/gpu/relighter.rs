@@ -1,14 +1,15 @@
 //! Relighting on a device: factors live there, coefficients go in, a texture (or radiance) comes out.
 //!
 //! While one group moves, the others are summed once and kept; on top of that sum only those blocks of the moving group are
-//! expanded whose `z` moved. Where nothing changed nothing is submitted.
+//! expanded whose `z` moved, and for a display only those that it moved by more than is seen. Where nothing changed nothing is
+//! submitted.
 
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::chunk::ChunkLimits;
-use super::group::GroupBuffers;
+use super::group::{GroupBuffers, Lit, WHATEVER};
 use super::output::{Output, radiance_bytes};
 use super::stages::Stages;
 use crate::display::DisplayParams;
@@ -81,7 +82,8 @@ impl GpuRelighter {
     }
 
     /// Relights and encodes for the display, without waiting for the device or reading anything back. The view stays the
-    /// same until [`Relight::update`] brings a frame of another shape.
+    /// same until [`Relight::update`] brings a frame of another shape. What would change by less than half a step of the display is
+    /// left as it is, see [`DisplayParams::unseen`].
     ///
     /// # Errors
     /// Wrong lengths, coefficients that are not finite, a failing device.
@@ -107,7 +109,7 @@ impl GpuRelighter {
     pub fn read_texture(&self) -> Result<Vec<u8>, RelightError> {
         let (width, height) = (self.frame.width, self.frame.height);
         let stride = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let bytes = self.read_back(u64::from(stride) * u64::from(height), |encoder, buffer| {
+        let bytes = self.gpu.read_back(u64::from(stride) * u64::from(height), |encoder, buffer| {
             let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(stride), rows_per_image: None };
             let target = wgpu::TexelCopyBufferInfo { buffer, layout };
             encoder.copy_texture_to_buffer(self.output.texture.as_image_copy(), target, self.output.texture.size());
@@ -118,8 +120,9 @@ impl GpuRelighter {
     /// Submits all stages that are due, and display where asked for; after a failure everything is due again.
     fn submit(&mut self, coefficients: &[Vec<[f32; 3]>], display: Option<&DisplayParams>) -> Result<(), RelightError> {
         self.stats = RelightStats::default();
-        let lit =
-            self.state == OutputState::Current && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x));
+        let unseen = display.map_or(0.0, DisplayParams::unseen);
+        let lit = self.state == OutputState::Current
+            && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x, unseen));
         let shown = display.is_none_or(|display| self.shown.as_ref() == Some(display));
         let gpu = self.gpu.clone();
         let result = if lit && shown {
@@ -130,7 +133,7 @@ impl GpuRelighter {
                 let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
                 if !lit {
                     self.shown = None;
-                    self.record(&mut encoder, coefficients);
+                    self.record(&mut encoder, coefficients, unseen);
                 }
                 if let Some(display) = display {
                     self.record_display(&mut encoder, display);
@@ -149,24 +152,30 @@ impl GpuRelighter {
     }
 
     /// Records project, gather and expand where the coefficients, or blocks, are others than those shown.
-    fn record(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>]) {
-        let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].shows(x)).then_some(idx);
+    fn record(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>], unseen: f32) {
+        let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].shows(x, unseen)).then_some(idx);
         let moved: Vec<usize> = coefficients.iter().enumerate().filter_map(is_other).collect();
-        for &idx in &moved {
-            self.groups[idx].take(&self.gpu, &self.stages, encoder, &coefficients[idx], &mut self.stats);
-        }
         let is_settled = self.state == OutputState::Current && moved.iter().all(|idx| self.moving == Some(*idx));
-        let mut shining = moved.into_iter().filter(|idx| self.groups[*idx].is_shining());
-        match (shining.next(), shining.next()) {
-            (Some(idx), None) if is_settled => self.expand(encoder, idx, ExpandMode::SetMoved),
-            (Some(idx), None) => {
+        let mut shining = moved.into_iter().filter(|idx| Lit::of(&coefficients[*idx]) == Lit::Shining);
+        let alone = shining.next().filter(|_| shining.next().is_none());
+        let skips = alone.filter(|_| is_settled);
+        for (idx, (group, x)) in self.groups.iter_mut().zip(coefficients).enumerate() {
+            // Whatever is summed anew is summed as it is.
+            let unseen = if skips.is_some() { unseen } else { WHATEVER };
+            if skips.is_none_or(|moving| moving == idx) {
+                group.take(&self.gpu, &self.stages, encoder, (x, unseen), &mut self.stats);
+            }
+        }
+        match alone {
+            Some(idx) if is_settled => self.expand(encoder, idx, ExpandMode::SetMoved),
+            Some(idx) => {
                 self.sum(encoder, Some(idx));
                 let n_bytes = radiance_bytes(&self.frame);
                 encoder.copy_buffer_to_buffer(&self.output.radiance, 0, &self.output.settled, 0, n_bytes);
                 self.expand(encoder, idx, ExpandMode::Set);
                 self.moving = Some(idx);
             }
-            _ => {
+            None => {
                 self.sum(encoder, None);
                 self.moving = None;
             }
@@ -199,33 +208,19 @@ impl GpuRelighter {
         self.shown = Some(*display);
     }
 
-    /// Copies into a buffer that the CPU can read, waits, and hands out the bytes.
-    fn read_back(
-        &self,
-        n_bytes: u64,
-        copy: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
-    ) -> Result<Vec<u8>, RelightError> {
-        let gpu = &self.gpu;
-        gpu.guarded(|| {
-            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("read back"),
-                size: n_bytes,
-                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                mapped_at_creation: false,
-            });
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            copy(&mut encoder, &buffer);
-            gpu.queue.submit([encoder.finish()]);
-            let (sender, receiver) = std::sync::mpsc::channel();
-            // Nobody listens only if waiting failed, and then that error is reported.
-            buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
-            gpu.wait()?;
-            let failed = |words: String| RelightError::Device(format!("reading back: {words}"));
-            let mapped = receiver.recv().map_err(|error| failed(error.to_string()))?;
-            mapped.map_err(|error| failed(error.to_string()))?;
-            let view = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
-            Ok(view.to_vec())
-        })
+    /// Reads back what the texture shows.
+    pub(super) fn read_radiance(&self, out: &mut Radiance) -> Result<(), RelightError> {
+        out.resize(self.frame.width, self.frame.height);
+        let n_bytes = 16 * out.pixels.len() as u64;
+        let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
+            encoder.copy_buffer_to_buffer(&self.output.radiance, 0, buffer, 0, n_bytes);
+        };
+        let bytes = self.gpu.read_back(n_bytes, copy)?;
+        out.pixels.par_iter_mut().zip(bytes.par_chunks_exact(16)).for_each(|(rgb, texel)| {
+            let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(texel);
+            *rgb = [r, g, b];
+        });
+        Ok(())
     }
 }
 
@@ -254,16 +249,7 @@ impl Relight for GpuRelighter {
     fn relight(&mut self, coefficients: &[Vec<[f32; 3]>], out: &mut Radiance) -> Result<(), RelightError> {
         check_coefficients(&self.frame, coefficients)?;
         self.submit(coefficients, None)?;
-        out.resize(self.frame.width, self.frame.height);
-        let n_bytes = 16 * out.pixels.len() as u64;
-        let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
-            encoder.copy_buffer_to_buffer(&self.output.radiance, 0, buffer, 0, n_bytes);
-        };
-        let bytes = self.read_back(n_bytes, copy)?;
-        out.pixels.par_iter_mut().zip(bytes.par_chunks_exact(16)).for_each(|(rgb, texel)| {
-            let [r, g, b, _]: [f32; 4] = bytemuck::pod_read_unaligned(texel);
-            *rgb = [r, g, b];
-        });
+        self.read_radiance(out)?;
         if let Some(layer) = &self.layer {
             let sums = out.pixels.as_flattened_mut().par_iter_mut().zip(layer.pixels.as_flattened());
             sums.for_each(|(sum, added)| *sum += added);

@@ -19,7 +19,8 @@ impl Stages {
     }
 }
 
-fn pipeline(gpu: &Gpu, name: &str, source: &str) -> wgpu::ComputePipeline {
+/// A shader with one entry point of its own name.
+pub(super) fn pipeline(gpu: &Gpu, name: &str, source: &str) -> wgpu::ComputePipeline {
     let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(name),
         source: wgpu::ShaderSource::Wgsl(source.into()),

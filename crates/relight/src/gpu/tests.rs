@@ -5,7 +5,7 @@ use crate::synthetic::{Ranks, Recipe};
 use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
 
 /// A device, or the word that there is none; with `CLERESTORY_REQUIRE_GPU=1` that is a failure.
-fn gpu() -> Option<Gpu> {
+pub(crate) fn gpu() -> Option<Gpu> {
     match Gpu::headless(DeviceChoice::Any) {
         Ok(gpu) => Some(gpu),
         Err(error) => {
@@ -16,19 +16,22 @@ fn gpu() -> Option<Gpu> {
     }
 }
 
-fn relit(relighter: &mut impl Relight, x: &[Vec<[f32; 3]>]) -> Radiance {
+pub(super) fn relit(relighter: &mut impl Relight, x: &[Vec<[f32; 3]>]) -> Radiance {
     let mut out = Radiance::default();
     relighter.relight(x, &mut out).unwrap();
     out
 }
 
-fn assert_twins_agree(gpu: &mut GpuRelighter, frame: &Frame, x: &[Vec<[f32; 3]>]) {
+pub(super) fn assert_twins_agree(gpu: &mut GpuRelighter, frame: &Frame, x: &[Vec<[f32; 3]>]) {
     let expected = relit(&mut CpuRelighter::new(frame).unwrap(), x);
     let found = relit(gpu, x);
     assert_eq!((found.width, found.height), (expected.width, expected.height));
     let largest = expected.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
     for (i, (a, b)) in found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened()).enumerate() {
-        assert!((a - b).abs() <= 1e-3 * b.abs() + 1e-5 * largest, "entry {i}: {a} on the GPU, {b} on the CPU");
+        assert!(
+            (a - b).abs() <= 1e-3 * b.abs() + 1e-5 * largest && a.is_finite(),
+            "entry {i}: {a} on the GPU, {b} on the CPU"
+        );
     }
 }
 
@@ -201,7 +204,14 @@ fn a_lost_device_is_an_error() {
     let Some(gpu) = gpu() else { return };
     let recipe = Recipe::default();
     let mut relighter = GpuRelighter::new(&gpu, &recipe.frame()).unwrap();
+    relighter.relight_to_texture(&recipe.coefficients(2), &DisplayParams::default()).unwrap();
+    assert!(!gpu.is_lost());
     gpu.device.destroy();
+    // It is told once what was submitted before is done with.
+    let _ = gpu.wait();
+    assert!(gpu.is_lost());
+    let lost = relighter.relight_to_texture(&recipe.coefficients(3), &DisplayParams::default());
+    assert!(matches!(lost, Err(RelightError::Device(_))), "nothing is read back, and still it is told");
     let lost = relighter.relight(&recipe.coefficients(1), &mut Radiance::default());
     assert!(matches!(lost, Err(RelightError::Device(_))), "{lost:?}");
 }

@@ -82,3 +82,16 @@ pub fn clerestory(args: &[&str]) -> Result<Value> {
 pub fn number(value: &Value, pointer: &str) -> f64 {
     value.pointer(pointer).and_then(Value::as_f64).unwrap_or(f64::NAN)
 }
+
+/// Says how busy the machine is with work of others, where the system tells.
+pub fn load_words() -> String {
+    let told = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let load = told.split(' ').next().and_then(|load| load.parse::<f64>().ok());
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    match load {
+        Some(load) if load > 0.25 * threads as f64 => {
+            format!("Measured under load: {load:.1} other processes wanted the {threads} threads when it began.")
+        }
+        _ => String::new(),
+    }
+}

@@ -10,11 +10,13 @@ mod cases;
 mod desk;
 mod kills;
 mod lamps;
+mod latency;
 mod matrix;
 mod methods;
 mod page;
 mod rays;
 mod reference;
+mod relight;
 mod skips;
 mod stability;
 
@@ -37,11 +39,13 @@ const OWN_PAGES: [Section; 2] =
     [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
-const SECTIONS: [Section; 6] = [
+const SECTIONS: [Section; 8] = [
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
     Section { name: "methods", write: methods::write },
+    Section { name: "relight", write: relight::write },
+    Section { name: "latency", write: latency::write },
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
 ];

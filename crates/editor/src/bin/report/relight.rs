@@ -1,0 +1,192 @@
+//! Relighting against what memory can do: all columns, one light, display alone.
+
+use std::time::Instant;
+
+use anyhow::Result;
+use clerestory_relight::bandwidth::{CopyProbe, ReadProbe};
+use clerestory_relight::synthetic::{Ranks, Recipe};
+use clerestory_relight::{
+    CpuRelighter, DeviceChoice, DisplayParams, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode,
+};
+
+use super::desk::{Desk, load_words};
+
+/// Width, height, columns, rank.
+type Job = [u32; 4];
+
+const QUICK: [Job; 2] = [[512, 384, 256, 4], [1024, 768, 256, 8]];
+const FULL: [Job; 7] = [
+    [512, 384, 256, 4],
+    [1024, 768, 256, 4],
+    [1024, 768, 256, 8],
+    [1024, 768, 1024, 8],
+    [1920, 1080, 1024, 4],
+    [1920, 1080, 1024, 8],
+    [1920, 1080, 1024, 16],
+];
+/// Pixels of the largest job for a device that is none.
+const SOFTWARE_PIXELS: u32 = 1024 * 768;
+/// Turns of each job; the probe of memory is read once in each, so that other work on the machine meets both.
+const TURNS: usize = 12;
+/// Bytes of the probe of memory, far more than caches hold.
+const PROBE_BYTES: usize = 512 << 20;
+/// Copies that a device makes in a row.
+const COPIES: u32 = 8;
+/// Bytes of a pixel's radiance, and of its bytes for the display.
+const RADIANCE_BYTES: u64 = 12;
+const DEVICE_RADIANCE_BYTES: u64 = 16;
+const SHOWN_BYTES: u64 = 4;
+
+/// Relights synthetic frames on the CPU and on every device there is.
+///
+/// # Errors
+/// If a device fails.
+pub fn write(desk: &Desk) -> Result<String> {
+    let jobs = desk.choose(&QUICK[..], &FULL[..]);
+    let mut text = format!(
+        "## Relighting\n\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere; `relight/<size>/<columns>/<rank>`. Best of\n\
+         {TURNS} turns: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
+         read (16-bit floats), and the radiance that is written. The share is that of what the same memory did in the same turns: read\n\
+         by all threads on the CPU, copied by a kernel on a device. {}\n",
+        load_words(),
+    );
+    text += &on_cpu(desk, jobs)?;
+    let gpus = Gpu::all_headless(DeviceChoice::Any);
+    if gpus.is_empty() {
+        text += "\nNo graphics adapter was there.\n";
+    }
+    for gpu in &gpus {
+        text += &on_device(desk, gpu, jobs)?;
+    }
+    Ok(text)
+}
+
+/// Best of what one job did.
+struct Row {
+    job: Job,
+    /// Bytes that all columns, and one light, move.
+    n_bytes: [u64; 2],
+    /// Seconds for all columns, for one light, for display alone.
+    secs: [f64; 3],
+    /// Bytes per second of memory.
+    memory: f64,
+}
+
+impl Row {
+    fn new(job: Job) -> Row {
+        Row { job, n_bytes: [0; 2], secs: [f64::INFINITY; 3], memory: 0.0 }
+    }
+
+    fn time(&mut self, what: usize, job: impl FnOnce() -> Result<(), RelightError>) -> Result<(), RelightError> {
+        let start = Instant::now();
+        job()?;
+        self.secs[what] = self.secs[what].min(start.elapsed().as_secs_f64());
+        Ok(())
+    }
+
+    fn line(&self) -> String {
+        let [width, height, n_cols, rank] = self.job;
+        let share = |what: usize| 100.0 * self.n_bytes[what] as f64 / self.secs[what] / self.memory;
+        let [all, one, display] = self.secs.map(|secs| 1e3 * secs);
+        format!(
+            "| relight/{width}x{height}/{n_cols}/{rank} | {:.0} | {all:.2} | {:.0} % | {:.1} | {one:.2} | {:.0} % | {display:.2} | {:.1} |\n",
+            self.n_bytes[0] as f64 / 1e6,
+            share(0),
+            self.n_bytes[1] as f64 / 1e6,
+            share(1),
+            self.memory / 1e9,
+        )
+    }
+}
+
+fn table(title: &str, rows: &[Row]) -> String {
+    let lines: String = rows.iter().map(Row::line).collect();
+    format!(
+        "\n### {title}\n\n\
+         | job | MB, all | ms | share | MB, one light | ms | share | display alone, ms | memory, GB/s |\n\
+         |---|---|---|---|---|---|---|---|---|\n{lines}"
+    )
+}
+
+fn recipe([width, height, n_cols, rank]: Job) -> Recipe {
+    Recipe { width, height, tile: 16, n_cols: vec![n_cols], rank: Ranks::Fixed(rank), n_sparse: 0, ..Recipe::default() }
+}
+
+/// Coefficients of a turn: all of them others than before, then one.
+fn coefficients(recipe: &Recipe, turn: usize) -> [Vec<Vec<[f32; 3]>>; 2] {
+    let all = recipe.coefficients(turn as u64);
+    let mut one = all.clone();
+    let n_cols = one[0].len();
+    one[0][turn * 37 % n_cols] = [1.5, 0.25, 0.75];
+    [all, one]
+}
+
+fn on_cpu(desk: &Desk, jobs: &[Job]) -> Result<String> {
+    let probe = ReadProbe::new(PROBE_BYTES);
+    let mut rows = Vec::new();
+    for &job in jobs {
+        desk.say(&format!("relighting {job:?} on the CPU"));
+        let recipe = recipe(job);
+        let n_written = RADIANCE_BYTES * u64::from(job[0]) * u64::from(job[1]);
+        let mut relighter = CpuRelighter::new(&recipe.frame())?;
+        let (mut radiance, mut row) = (Radiance::default(), Row::new(job));
+        relighter.relight(&recipe.coefficients(1000), &mut radiance)?;
+        for turn in 0..TURNS {
+            for (what, x) in coefficients(&recipe, turn).iter().enumerate() {
+                row.time(what, || relighter.relight(x, &mut radiance))?;
+                row.n_bytes[what] = relighter.stats().n_bytes + n_written;
+            }
+            row.time(2, || {
+                let display = DisplayParams { exposure_ev: turn as f32, ..DisplayParams::default() };
+                std::hint::black_box(encode(&radiance, &display));
+                Ok(())
+            })?;
+            row.memory = row.memory.max(probe.bytes_per_sec());
+        }
+        rows.push(row);
+    }
+    let threads = rayon::current_num_threads();
+    Ok(table(&format!("CPU, {threads} threads: {}", cpu_name()), &rows))
+}
+
+fn on_device(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
+    let is_small = |job: &&Job| !gpu.is_software() || job[0] * job[1] <= SOFTWARE_PIXELS;
+    let probe = CopyProbe::new(gpu, PROBE_BYTES as u64 / 2)?;
+    let mut rows = Vec::new();
+    for &job in jobs.iter().filter(is_small) {
+        desk.say(&format!("relighting {job:?} on {}", gpu.description()));
+        let recipe = recipe(job);
+        let n_pixels = u64::from(job[0]) * u64::from(job[1]);
+        let mut relighter = GpuRelighter::new(gpu, &recipe.frame())?;
+        let mut row = Row::new(job);
+        let mut display = DisplayParams::default();
+        relighter.relight_to_texture(&recipe.coefficients(1000), &display)?;
+        for turn in 0..TURNS {
+            for (what, x) in coefficients(&recipe, turn).iter().enumerate() {
+                row.time(what, || {
+                    relighter.relight_to_texture(x, &display)?;
+                    gpu.wait()
+                })?;
+                row.n_bytes[what] = relighter.stats().n_bytes + n_pixels * (2 * DEVICE_RADIANCE_BYTES + SHOWN_BYTES);
+            }
+            let [_, x] = coefficients(&recipe, turn);
+            // More light would ask for blocks that were not seen before.
+            display.exposure_ev -= 1e-3;
+            row.time(2, || {
+                relighter.relight_to_texture(&x, &display)?;
+                gpu.wait()
+            })?;
+            row.memory = row.memory.max(probe.bytes_per_sec(COPIES)?);
+        }
+        rows.push(row);
+    }
+    Ok(table(&gpu.description(), &rows))
+}
+
+/// What the system calls its processor.
+fn cpu_name() -> String {
+    let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = told.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or(std::env::consts::ARCH.into(), |(_, name)| name.trim().into())
+}

@@ -1,0 +1,119 @@
+//! Relighting, the whole job first and then its parts, on the CPU and on the fastest device there is.
+//!
+//! `cargo bench -p clerestory-relight -- [FILTER]`, as in `relight/512x384/256/4/cpu`: size, columns, rank and what runs it.
+
+use std::hint::black_box;
+
+use clerestory_relight::synthetic::{Ranks, Recipe};
+use clerestory_relight::{
+    CpuRelighter, DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode,
+};
+use criterion::{BenchmarkId, Criterion, Throughput};
+
+/// Width, height, columns, rank.
+const JOBS: [[u32; 4]; 4] = [[512, 384, 256, 4], [1024, 768, 256, 8], [1024, 768, 1024, 8], [1920, 1080, 1024, 16]];
+/// The largest for a device that is none.
+const SOFTWARE_JOBS: usize = 1;
+
+fn recipe([width, height, n_cols, rank]: [u32; 4]) -> Recipe {
+    Recipe { width, height, tile: 16, n_cols: vec![n_cols], rank: Ranks::Fixed(rank), n_sparse: 0, ..Recipe::default() }
+}
+
+/// A frame of which every right factor is zero: projected in whole, and never expanded.
+fn blind(recipe: &Recipe) -> Frame {
+    let mut frame = recipe.frame();
+    for block in frame.groups.iter_mut().flat_map(|group| group.blocks.iter_mut().flatten()) {
+        let blind = clerestory_nystrom::BlockFactors::clone(block);
+        let right = vec![half::f16::ZERO; blind.right.len()];
+        *block = std::sync::Arc::new(clerestory_nystrom::BlockFactors { right, ..blind });
+    }
+    frame
+}
+
+/// Runs a job under other coefficients each time: all of them others, or those of one light.
+fn bench(
+    criterion: &mut Criterion,
+    (name, runner): (&str, &str),
+    job: [u32; 4],
+    n_changed: u32,
+    mut relight: impl FnMut(&[Vec<[f32; 3]>]) -> Result<u64, RelightError>,
+) {
+    let [width, height, n_cols, rank] = job;
+    let both = [recipe(job).coefficients(1), recipe(job).coefficients(2)];
+    relight(&both[0]).expect("the frame fits");
+    let mut x = both[1].clone();
+    let n_bytes = relight(&x).expect("the frame fits");
+    let mut group = criterion.benchmark_group(name);
+    group.sample_size(10).throughput(Throughput::Bytes(n_bytes.max(1)));
+    let mut turn = 0;
+    group.bench_function(
+        BenchmarkId::from_parameter(format!("{width}x{height}/{n_cols}/{rank}/{runner}")),
+        |bencher| {
+            bencher.iter(|| {
+                turn += 1;
+                x[0][..n_changed as usize].copy_from_slice(&both[turn % 2][0][..n_changed as usize]);
+                relight(black_box(&x)).expect("the frame fits")
+            });
+        },
+    );
+    group.finish();
+}
+
+fn on_cpu(criterion: &mut Criterion) {
+    let radiance = &mut Radiance::default();
+    for job in JOBS {
+        let [.., n_cols, _] = job;
+        let mut run = |name, frame: &Frame, job, n_changed| {
+            let mut relighter = CpuRelighter::new(frame).expect("a synthetic frame fits together");
+            bench(criterion, (name, "cpu"), job, n_changed, |x| {
+                relighter.relight(x, radiance)?;
+                Ok(relighter.stats().n_bytes)
+            });
+        };
+        let frame = recipe(job).frame();
+        run("relight", &frame, job, n_cols);
+        run("one light", &frame, job, 1);
+        drop(frame);
+        run("project", &blind(&recipe(job)), job, n_cols);
+        let [width, height, _, rank] = job;
+        let narrow = [width, height, 1, rank];
+        run("expand", &recipe(narrow).frame(), narrow, 1);
+        let mut group = criterion.benchmark_group("display");
+        group.throughput(Throughput::Bytes(16 * radiance.pixels.len() as u64));
+        group.bench_function(format!("{width}x{height}/cpu"), |bencher| {
+            bencher.iter(|| encode(black_box(radiance), &DisplayParams::default()));
+        });
+        group.finish();
+    }
+}
+
+fn on_device(criterion: &mut Criterion) {
+    let Ok(gpu) = Gpu::headless(DeviceChoice::Any) else { return };
+    let (runner, n_jobs) = if gpu.is_software() { ("software", SOFTWARE_JOBS) } else { ("gpu", JOBS.len()) };
+    for job in &JOBS[..n_jobs] {
+        let [width, height, n_cols, rank] = *job;
+        let mut display = DisplayParams::default();
+        let mut run = |name, frame: &Frame, job, n_changed, ev_step: f32| {
+            let mut relighter = GpuRelighter::new(&gpu, frame).expect("a synthetic frame fits the device");
+            bench(criterion, (name, runner), job, n_changed, |x| {
+                display.exposure_ev += ev_step;
+                relighter.relight_to_texture(x, &display)?;
+                gpu.wait()?;
+                Ok(relighter.stats().n_bytes)
+            });
+        };
+        run("relight", &recipe(*job).frame(), *job, n_cols, 0.0);
+        run("one light", &recipe(*job).frame(), *job, 1, 0.0);
+        run("project", &blind(&recipe(*job)), *job, n_cols, 0.0);
+        let narrow = [width, height, 1, rank];
+        run("expand", &recipe(narrow).frame(), narrow, 1, 0.0);
+        run("display", &recipe(narrow).frame(), narrow, 0, 1e-6);
+    }
+}
+
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    on_cpu(&mut criterion);
+    on_device(&mut criterion);
+    criterion.final_summary();
+}

@@ -1,0 +1,90 @@
+//! Changes that nobody sees.
+
+use super::*;
+use crate::display::tests::encoded;
+use crate::synthetic::{Ranks, Recipe};
+use crate::{DisplayParams, Tone};
+
+fn recipe() -> Recipe {
+    Recipe { n_cols: vec![19, 70], rank: Ranks::Fixed(5), n_sparse: 1, ..Recipe::default() }
+}
+
+fn exact(frame: &Frame, x: &[Vec<[f32; 3]>]) -> Radiance {
+    let mut out = Radiance::default();
+    CpuRelighter::new(frame).unwrap().relight(x, &mut out).unwrap();
+    out
+}
+
+/// Largest difference of two pictures in steps of 255, before bytes are rounded.
+pub(crate) fn difference(display: &DisplayParams, a: &Radiance, b: &Radiance) -> f32 {
+    let of_pixel = |(a, b): (&[f32; 3], &[f32; 3])| {
+        let (a, b) = (encoded(display, *a), encoded(display, *b));
+        (0..3).map(|i| 255.0 * (a[i] - b[i]).abs()).fold(0.0, f32::max)
+    };
+    a.pixels.iter().zip(&b.pixels).map(of_pixel).fold(0.0, f32::max)
+}
+
+/// Displays under which a synthetic picture is neither black nor white.
+fn displays() -> impl Iterator<Item = DisplayParams> {
+    Tone::ALL.into_iter().map(|tone| DisplayParams { tone, exposure_ev: -5.0, ..DisplayParams::default() })
+}
+
+#[test]
+fn a_picture_without_what_is_not_seen_agrees_to_half_a_step() {
+    let (recipe, frame) = (recipe(), recipe().frame());
+    for display in displays() {
+        let mut relighter = CpuRelighter::new(&frame).unwrap();
+        let (mut x, mut out) = (recipe.coefficients(1), Radiance::default());
+        let (mut n_unseen, mut n_expanded, mut largest) = (0, 0, 0f32);
+        for step in 0..200 {
+            // A slider, and a second one that moves a little as well.
+            x[1][5] = [0.3 + 4e-6 * (step * step) as f32, 0.4, 0.2 + 1e-5 * step as f32];
+            x[0][3][1] += 3e-6;
+            relighter.relight_for_display(&x, &display, &mut out).unwrap();
+            (n_unseen, n_expanded) = (n_unseen + relighter.stats().n_unseen, n_expanded + relighter.stats().n_expanded);
+            largest = largest.max(difference(&display, &out, &exact(&frame, &x)));
+        }
+        assert!(largest <= 0.5, "{display:?}: {largest} steps");
+        assert!(largest > 0.0 && n_unseen > 100, "{display:?}: nothing was left out, {n_unseen}, {largest}");
+        assert!(n_expanded > 200, "{display:?}: what is left out adds up, {n_expanded}");
+
+        relighter.relight(&x, &mut out).unwrap();
+        assert_eq!(out, exact(&frame, &x), "the exact answer does without");
+    }
+}
+
+#[test]
+fn what_was_not_seen_is_made_up_for_under_more_exposure() {
+    let (recipe, frame) = (recipe(), recipe().frame());
+    let mut display = DisplayParams { exposure_ev: -12.0, ..DisplayParams::default() };
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let (mut x, mut out) = (recipe.coefficients(1), Radiance::default());
+    relighter.relight_for_display(&x, &display, &mut out).unwrap();
+    x[1][5][0] += 0.01;
+    relighter.relight_for_display(&x, &display, &mut out).unwrap();
+    assert!(relighter.stats().n_unseen > 0);
+    display.exposure_ev = -3.0;
+    assert!(difference(&display, &out, &exact(&frame, &x)) > 0.5, "it would be seen now");
+    relighter.relight_for_display(&x, &display, &mut out).unwrap();
+    assert!(relighter.stats().n_expanded > 0);
+    assert!(difference(&display, &out, &exact(&frame, &x)) <= 0.5);
+}
+
+#[test]
+fn ten_thousand_increments_for_a_display_leave_no_drift() {
+    let recipe = Recipe { width: 20, height: 9, n_cols: vec![150, 9], rank: Ranks::Mixed(6), ..Recipe::default() };
+    let frame = recipe.frame();
+    let display = DisplayParams { exposure_ev: -6.0, ..DisplayParams::default() };
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let (mut x, mut out, mut n_unseen) = (recipe.coefficients(1), Radiance::default(), 0);
+    for step in 0..10_000usize {
+        let (group, col) = if step % 5 == 0 { (1, step % 9) } else { (0, step * 7 % 150) };
+        x[group][col] = x[group][col].map(|v| (v + 1e-4 * (step % 7) as f32).min(1.0));
+        relighter.relight_for_display(&x, &display, &mut out).unwrap();
+        n_unseen += relighter.stats().n_unseen;
+    }
+    assert!(n_unseen > 1000, "{n_unseen}");
+    assert!(difference(&display, &out, &exact(&frame, &x)) <= 0.5);
+    relighter.relight(&x, &mut out).unwrap();
+    assert_eq!(out, exact(&frame, &x));
+}

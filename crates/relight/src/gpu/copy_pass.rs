@@ -1,0 +1,41 @@
+//! A kernel that copies, to measure what memory of a device can do.
+
+use super::chunk::storage;
+use super::stages::{bind, pipeline};
+use crate::gpu::Gpu;
+use crate::layout::COPY;
+
+/// Threads of a workgroup, and workgroups of a row of the grid, as in `copy.wgsl`.
+const THREADS: u64 = 64;
+const ROW: u64 = 32_768;
+
+/// Both buffers, filled, and the kernel; with the bytes of each.
+pub(crate) fn prepare(gpu: &Gpu, n_bytes: u64) -> (u64, [wgpu::Buffer; 2], wgpu::ComputePipeline) {
+    let limits = gpu.device.limits();
+    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    let n_bytes = n_bytes.min(most) / 1024 * 1024;
+    let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    let buffers = ["from", "to"].map(|name| storage(gpu, name, n_bytes, usage));
+    gpu.queue.write_buffer(&buffers[0], 0, &content(n_bytes));
+    (n_bytes, buffers, pipeline(gpu, COPY.0, COPY.1))
+}
+
+/// Any bytes that are finite numbers.
+pub(crate) fn content(n_bytes: u64) -> Vec<u8> {
+    (0..n_bytes / 4).flat_map(|i| (i as f32).to_le_bytes()).collect()
+}
+
+/// Copies the first buffer into the second, so many times.
+pub(crate) fn run(gpu: &Gpu, stage: &wgpu::ComputePipeline, buffers: &[wgpu::Buffer; 2], n_times: u32) {
+    let resources = [&buffers[0], &buffers[1]].map(|buffer| buffer.as_entire_binding());
+    let group = bind(gpu, stage, 0, &resources);
+    let n_groups = buffers[1].size().div_ceil(16 * THREADS);
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    for _ in 0..n_times {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(stage);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(n_groups.min(ROW) as u32, n_groups.div_ceil(ROW) as u32, 1);
+    }
+    gpu.queue.submit([encoder.finish()]);
+}

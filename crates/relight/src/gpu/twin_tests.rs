@@ -1,0 +1,59 @@
+//! Every device there is against the CPU, over ranks, odd sizes and many bindings. What stages have not written is no number
+//! in tests, so nothing that was forgotten passes for a zero.
+
+use super::chunk::ChunkLimits;
+use super::tests::{assert_twins_agree, gpu};
+use super::*;
+use crate::synthetic::{Ranks, Recipe};
+
+/// All that run here, on a second driver, too, where there is one.
+fn gpus() -> Vec<Gpu> {
+    if gpu().is_none() {
+        return Vec::new();
+    }
+    let gpus = Gpu::all_headless(DeviceChoice::Any);
+    gpus.iter().for_each(|gpu| println!("{}", gpu.description()));
+    gpus
+}
+
+#[test]
+fn every_device_agrees_with_the_cpu_at_every_rank() {
+    for gpu in gpus() {
+        for rank in [0, 1, 2, 3, 7, 8, 15, 16, 31, 33, 63, 64] {
+            let (width, height) = (17 + rank % 5, 1 + rank % 19);
+            let seed = 100 + u64::from(rank);
+            let n_cols = vec![1 + 37 * (rank % 4), 1 + rank % 3];
+            let recipe = Recipe { width, height, n_cols, rank: Ranks::Fixed(rank), n_sparse: rank % 5, seed, tile: 16 };
+            let frame = recipe.frame();
+            let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+            let mut x = recipe.coefficients(seed);
+            assert_twins_agree(&mut relighter, &frame, &x);
+            x[0][0] = [0.25, 0.0, 3.0];
+            assert_twins_agree(&mut relighter, &frame, &x);
+        }
+    }
+}
+
+#[test]
+fn every_device_agrees_with_the_cpu_over_bindings_of_any_size() {
+    for gpu in gpus() {
+        for (seed, n_bytes) in [(1, 8 << 10), (2, 12 << 10), (3, 40 << 10), (4, 1 << 20)] {
+            for n_blocks in [1, 2, 5, 128] {
+                let recipe = Recipe {
+                    width: 51,
+                    height: 33,
+                    n_cols: vec![23, 140],
+                    rank: Ranks::Mixed(12),
+                    seed,
+                    ..Recipe::default()
+                };
+                let frame = recipe.frame();
+                let mut relighter = GpuRelighter::with_limits(&gpu, &frame, ChunkLimits { n_blocks, n_bytes }).unwrap();
+                let mut x = recipe.coefficients(seed);
+                assert_twins_agree(&mut relighter, &frame, &x);
+                x[1][139] = [2.0, 1.0, 0.0];
+                assert_twins_agree(&mut relighter, &frame, &x);
+            }
+        }
+    }
+}
