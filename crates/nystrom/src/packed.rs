@@ -13,7 +13,6 @@
 mod block;
 mod bytes;
 mod coder;
-mod cosine;
 mod entries;
 mod kept;
 mod layout;

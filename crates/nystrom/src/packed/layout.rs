@@ -1,7 +1,9 @@
 //! How rows and columns lie beside each other, so that neighbors can be told from strangers.
 
-use super::cosine::{Cosines, Direction};
-use crate::partition::Partition;
+use crate::{
+    cosine::{Cosines, Direction},
+    partition::Partition,
+};
 
 /// Errors of two blocks know nothing of each other, so that they differ more across a border than within. Rows at a border
 /// count half as much again in the norm, and the next ones less and less over so many bundles.

@@ -5,8 +5,8 @@
 //! everything, in all blocks, is what the least bytes for a mean error ask for (reverse water-filling); a component whose
 //! energy is not worth its multiplications is left out.
 
-use super::{cosine::Direction, kept::Plain, layout::Layout, orthogonal::Orthogonal};
-use crate::factors::BlockFactors;
+use super::{kept::Plain, layout::Layout, orthogonal::Orthogonal};
+use crate::{cosine::Direction, factors::BlockFactors};
 
 /// A component is left out where its energy is less than so many times the error of rounding all its coefficients. The
 /// fewest bytes are at 0.6; here they are a tenth more, and the rank, which every product pays for, a fifth less.

@@ -67,7 +67,8 @@ impl Run<'_> {
         blocks.retain(|&block| there.iter().any(|group| group.blocks[block as usize].is_none()));
 
         clock.start_pass(pass + 1 + set as u32, started.elapsed().as_secs_f32());
-        let config = job.compress_config(samples, job.config.tolerance_db, column_scale);
+        let mut config = job.compress_config(samples, job.config.tolerance_db, column_scale);
+        config.smoothing = Some(header.smoothing(&partition));
         let on_block = |block: u32, factors: Vec<BlockFactors>| {
             self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
         };

@@ -16,6 +16,7 @@ mod rays;
 mod reference;
 mod skips;
 mod stability;
+mod targets;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -36,11 +37,12 @@ const OWN_PAGES: [Section; 2] =
     [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
-const SECTIONS: [Section; 5] = [
+const SECTIONS: [Section; 6] = [
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
     Section { name: "methods", write: methods::write },
+    Section { name: "targets", write: targets::write },
     Section { name: "rays", write: rays::write },
 ];
 
