@@ -89,6 +89,6 @@ pub use factors::{BlockError, BlockFactors};
 pub use landmarks::{Landmarks, Selection};
 pub use low_rank::BlockLowRank;
 pub use matrix::{Half, SampledMatrix, SparseEntry};
-pub use packed::{ColumnRun, PackPlan, PackedMatrix};
+pub use packed::{ColumnRun, PackPlan, PackedMatrix, PackedProduct};
 pub use partition::Partition;
 pub use smooth::Smoothing;

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use crate::bake::Bake;
 use crate::basis::LightSource;
+use crate::error_maps::BlockErrorDb;
 use crate::matrix::CHANNELS;
 use crate::reach::is_beyond;
 use crate::skips::Skip;
@@ -84,12 +85,14 @@ pub struct Figures {
     pub ratio: f32,
     /// Measured errors.
     pub error_db: ErrorDb,
+    /// How they are spread over the blocks.
+    pub block_error_db: BlockErrorDb,
     /// Work that was not needed.
     pub skipped: Skipped,
 }
 
 /// Best error that is told; beyond it numbers mean nothing in 16-bit factors.
-const BEST_DB: f32 = 120.0;
+pub(crate) const BEST_DB: f32 = 120.0;
 
 /// Errors of all groups together, each entry counting alike; `bias` is the mean square by which shared light is off.
 pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
@@ -138,6 +141,7 @@ impl Bake {
             dense_bytes,
             ratio: dense_bytes as f32 / file_bytes.unwrap_or(bytes).max(1) as f32,
             error_db: error_db(&self.groups, self.header.sharing_bias),
+            block_error_db: self.error_maps().spread(),
             skipped: self.skipped(),
         }
     }

@@ -44,7 +44,8 @@ pub fn write(desk: &Desk) -> Result<String> {
          16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix. The ratio is the dense matrix in\n\
          single precision over all bytes of the packed one; its picture under all columns is kept far better than asked, which is counted. `svd` is the\n\
          best there is at equal rank (Eckart–Young), packed alike. The least rank is that of all singular values of all\n\
-         blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel.\n\
+         blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel: with\n\
+         factors as they are unpacked, which is what the relighters do, and with right factors in cosines, zeros left out (`PackedProduct`).\n\
          Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
          between 0.8 and 1.25 of it. Milliseconds of one core per block, factors + bytes, on a machine with other work to do.\n",
     );
@@ -91,12 +92,13 @@ fn cells(subject: &Subject, target_db: f64, coded: &Coded) -> String {
     let judged = &coded.judged;
     let reached = decibels(judged.mean_square());
     format!(
-        "| {reached:.1} | {:+.1} | {:.0}× | {:.2} | {:.2}× | {:.0} | {:.2} | {:.0} % | {:.1} + {:.1} |",
+        "| {reached:.1} | {:+.1} | {:.0}× | {:.2} | {:.2}× | {:.0} / {:.0} | {:.2} | {:.0} % | {:.1} + {:.1} |",
         judged.worst_db() - target_db,
         coded.ratio,
         coded.mean_rank,
         coded.mean_rank / subject.spectrum.least_mean_rank(judged.mean_square()),
-        coded.multiply_adds(subject.truth.n_cols),
+        coded.multiply_adds[0],
+        coded.multiply_adds[1],
         judged.seams,
         100.0 * judged.told_well(),
         coded.millis[0],
@@ -120,7 +122,12 @@ fn noisy(desk: &Desk, path: &Path, goals: &mut Goals) -> Result<String> {
         best = best.max(decibels(coded.judged.mean_square()));
         rows += &format!("| {target_db} dB {}\n", cells(&subject, target_db, &coded));
     }
-    goals.rows.push(["`mixed`: noisy halves to the converged matrix".into(), "≥ 31 dB".into(), format!("{best:.1} dB"), format!("their mean: {before:.1}")]);
+    goals.rows.push([
+        "`mixed`: noisy halves to the converged matrix".into(),
+        "≥ 31 dB".into(),
+        format!("{best:.1} dB"),
+        format!("their mean: {before:.1}"),
+    ]);
     Ok(format!(
         "\n### Noisy halves of `mixed`\n\n\
          Two path-traced halves, the mean of which is at {before:.1} dB, asked for several tolerances. The converged matrix has noise of its own at about\n\
@@ -137,7 +144,8 @@ struct Goals {
 
 impl Goals {
     fn of_ratio(&mut self, name: &str, subject: &Subject, (target_db, aim): (f64, f64), results: &Results) {
-        let found = |method: Method| results.iter().find(|(of, _)| *of == method).and_then(|(_, result)| result.as_ref().ok());
+        let found =
+            |method: Method| results.iter().find(|(of, _)| *of == method).and_then(|(_, result)| result.as_ref().ok());
         let Some(ours) = found(METHODS[0]) else { return };
         let words = |coded: Option<&Coded>, value: &dyn Fn(&Coded) -> String| coded.map_or("none".into(), value);
         let beside = |value: &dyn Fn(&Coded) -> String| {
@@ -154,13 +162,19 @@ impl Goals {
         push("dense / bytes", format!("≥ {aim}×"), &|coded| format!("{:.0}×", coded.ratio));
         let least = |coded: &Coded| subject.spectrum.least_mean_rank(coded.judged.mean_square());
         push("mean rank over the least", "≤ 1.25".into(), &|coded| format!("{:.2}", coded.mean_rank / least(coded)));
-        push("dB reached, worst block", format!("{target_db} … {}, ≥ {}", target_db + 2.0, target_db - 4.0), &|coded| {
-            format!("{:.1}, {:.1}", decibels(coded.judged.mean_square()), coded.judged.worst_db())
-        });
+        push(
+            "dB reached, worst block",
+            format!("{target_db} … {}, ≥ {}", target_db + 2.0, target_db - 4.0),
+            &|coded| format!("{:.1}, {:.1}", decibels(coded.judged.mean_square()), coded.judged.worst_db()),
+        );
         push("seams", "≤ 1.2".into(), &|coded| format!("{:.2}", coded.judged.seams));
-        push("errors told to 0.8 … 1.25", "≥ 90 %".into(), &|coded| format!("{:.0} %", 100.0 * coded.judged.told_well()));
+        push("errors told to 0.8 … 1.25", "≥ 90 %".into(), &|coded| {
+            format!("{:.0} %", 100.0 * coded.judged.told_well())
+        });
         if target_db == 45.0 {
-            push("multiply-adds", "≤ 45".into(), &|coded| format!("{:.0}", coded.multiply_adds(subject.truth.n_cols)));
+            push("multiply-adds", "≤ 45".into(), &|coded| {
+                format!("{:.0}", coded.multiply_adds(subject.truth.n_cols))
+            });
         }
         push("ms per block", "≤ 2".into(), &|coded| format!("{:.1} + {:.1}", coded.millis[0], coded.millis[1]));
     }

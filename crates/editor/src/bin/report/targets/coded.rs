@@ -34,17 +34,13 @@ pub struct Coded {
     pub ratio: f64,
     /// Mean rank over the blocks.
     pub mean_rank: f64,
+    /// Multiplications per pixel and picture, three channels of light on all columns: with factors as they are unpacked, and
+    /// with right factors in cosines, zeros left out.
+    pub multiply_adds: [f64; 2],
     /// Milliseconds per block: factors, then bytes.
     pub millis: [f64; 2],
     /// Errors of what is read back.
     pub judged: Judged,
-}
-
-impl Coded {
-    /// Multiplications and additions per pixel and picture, three channels of light on all columns.
-    pub fn multiply_adds(&self, n_cols: usize) -> f64 {
-        3.0 * self.mean_rank * (1.0 + n_cols as f64 / (TILE * TILE) as f64)
-    }
 }
 
 impl Subject {
@@ -88,8 +84,11 @@ impl Subject {
         let packing = begun.elapsed().as_secs_f64();
         let mut bytes = Vec::new();
         packed.encode(&mut bytes);
-        let unpacked = packed.unpack()?;
+        let (unpacked, [right, left]) = (packed.unpack()?, packed.product()?.n_multiplications());
+        let n_pixels = self.truth.width * self.truth.height;
+        let ranks: usize = unpacked.blocks.iter().flatten().map(|block| block.rank as usize).sum();
         Ok(Coded {
+            multiply_adds: [ranks * n_cols, right].map(|right| (CHANNELS * right + left) as f64 / n_pixels as f64),
             ratio: unpacked.dense_bytes() as f64 / bytes.len() as f64,
             mean_rank: f64::from(unpacked.mean_rank()),
             millis: [compressing, packing].map(|secs| secs * 1e3 / matrix.blocks.len() as f64),

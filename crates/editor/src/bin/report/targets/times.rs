@@ -57,7 +57,11 @@ fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
     let partition = Partition { width: FILM.width, height: FILM.height, tile: 16 };
     let runs = vec![ColumnRun::Grid { width: side, height: side }];
     anyhow::ensure!(runs[0].n_cols() as usize == n_cols, "{name} has other columns than those of a square panel");
-    let group = ColumnGroup { columns: 0..n_cols, tolerance: Tolerance::AbsoluteMeanSquare(1e-4), preserved: vec![1.0; n_cols] };
+    let group = ColumnGroup {
+        columns: 0..n_cols,
+        tolerance: Tolerance::AbsoluteMeanSquare(1e-4),
+        preserved: vec![1.0; n_cols],
+    };
     let smoothing = Some(Arc::new(Smoothing::new(partition.clone(), CHANNELS, vec![runs])));
     let config = CompressConfig { groups: vec![group], bright: 0.25, smoothing, ..CompressConfig::default() };
 
