@@ -1,6 +1,9 @@
 //! From samples to factors: block after block, in parallel, each sampled only until its tolerance is met.
 
-use std::ops::{ControlFlow, Range};
+use std::{
+    ops::{ControlFlow, Range},
+    sync::Arc,
+};
 
 use crate::{
     factors::BlockFactors,
@@ -12,6 +15,8 @@ use crate::{
     random::Random,
     rivals::{self, Method, MethodError},
     run::Run,
+    sketch::allowed,
+    smooth::Smoothing,
     sparse::sparse_part,
     unpacked::Unpacked,
 };
@@ -77,6 +82,9 @@ pub struct CompressConfig {
     /// Root mean square of the entries of a block from which on an absolute tolerance is taken as it is; darker blocks get the
     /// rank that a narrower one asks for, see [`shade`]. 0: none does.
     pub bright: f32,
+    /// How rows and columns lie, where noise may be taken out of what is smooth: done with blocks whose error would otherwise
+    /// be greater than asked, if the halves tell that it helps. Tolerances of a rank alone ask for nothing.
+    pub smoothing: Option<Arc<Smoothing>>,
     /// The same seed gives the same factors.
     pub seed: u64,
 }
@@ -90,6 +98,7 @@ impl Default for CompressConfig {
             method: Method::Projected,
             max_rank: 96,
             bright: 0.0,
+            smoothing: None,
             seed: 0,
         }
     }
@@ -176,6 +185,9 @@ pub fn compress_block(
         let words = "the halves of a block must hold samples of the same whole number of bundles";
         return Err(CompressError::Config(words.into()));
     }
+    if let Some(smoothing) = &config.smoothing {
+        smoothing.check_block(samples, block_idx, &config.groups)?;
+    }
     let mut means = Means::default();
     let group = |group| compress_group(samples, group, config, block_idx, &mut means);
     config.groups.iter().map(group).collect()
@@ -218,8 +230,14 @@ pub(crate) fn unpacked(
     means: &mut Means,
 ) -> Result<Unpacked, CompressError> {
     fill(means, samples, group, block_idx)?;
-    let rng = Random::new([config.seed, u64::from(block_idx)]);
-    Ok(factor(means, samples.bundle_len, group, config, rng))
+    let rng = || Random::new([config.seed, u64::from(block_idx)]);
+    let plain = factor(means, samples.bundle_len, group, config, rng());
+    let asked = !matches!(group.tolerance, Tolerance::Rank(_)) && plain.error() > allowed(means, group.tolerance);
+    let nth = config.groups.iter().position(|other| other.columns == group.columns);
+    let (Some(smoothing), Some(nth), true) = (&config.smoothing, nth, asked) else { return Ok(plain) };
+    let (smooth, held_out_error) = smoothing.of_block(block_idx, nth).factor(means, group, config, rng());
+    // Never worse than without, as far as the halves tell.
+    Ok(if held_out_error < plain.error() { smooth } else { plain })
 }
 
 /// Takes over the columns of a group.
@@ -249,6 +267,9 @@ fn check<M: SampledMatrix>(
         return wrong(format!("there is no block {block} among {}", partition.n_blocks()));
     }
     let SamplePlan { batch, min, max } = config.samples;
+    if let Some(smoothing) = &config.smoothing {
+        smoothing.check(partition, matrix.bundle_len(), &config.groups)?;
+    }
     if batch == 0 || max == 0 || min > max || max > u32::MAX / 2 {
         return wrong(format!("a sample plan needs batch > 0 and min ≤ max, not {batch}, {min}, {max}"));
     }

@@ -1,6 +1,6 @@
 //! Orthonormal bases, and what both halves of a block are in them.
 
-use crate::dense::Dense;
+use crate::{dense::Dense, product::product};
 
 /// An orthonormal right basis, and both halves' coefficients in it.
 pub(crate) struct Fit {
@@ -19,6 +19,11 @@ impl Fit {
     pub(crate) fn mean(&self) -> Dense<f32> {
         let data = self.a.data.iter().zip(&self.b.data).map(|(x, y)| 0.5 * (x + y)).collect();
         Dense { data, ..self.a }
+    }
+
+    /// Every entry, of one half's coefficients or other ones.
+    pub(crate) fn of(&self, coefficients: &Dense<f32>) -> Dense<f32> {
+        product(coefficients.view(), self.basis.view())
     }
 
     /// Keeps at most `count` components: those that a single half made up come last. Returns how many are left.

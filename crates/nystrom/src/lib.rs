@@ -51,6 +51,7 @@
 
 pub mod codec;
 pub mod compress;
+mod cosine;
 mod dense;
 pub mod factors;
 mod fit;
@@ -72,6 +73,7 @@ mod random;
 pub mod rivals;
 mod run;
 mod sketch;
+pub mod smooth;
 mod sparse;
 pub mod spectrum;
 mod steer;
@@ -88,5 +90,6 @@ pub use factors::{BlockError, BlockFactors};
 pub use landmarks::{Landmarks, Selection};
 pub use low_rank::BlockLowRank;
 pub use matrix::{Half, SampledMatrix, SparseEntry};
-pub use packed::{ColumnRun, PackPlan, PackedMatrix};
+pub use packed::{ColumnRun, PackPlan, PackedMatrix, PackedProduct};
 pub use partition::Partition;
+pub use smooth::Smoothing;

@@ -70,6 +70,19 @@ impl Measured {
     }
 }
 
+/// `⟨A − F, B − G⟩` and `¼ ‖F − G‖²`, entry by entry, so that F and G may be fits to something else than A and B.
+pub(crate) fn held_out([a, b]: [&Dense<f32>; 2], [f, g]: &[Dense<f32>; 2]) -> [f64; 2] {
+    let mut sums = [0.0; 2];
+    for row in 0..a.n_rows {
+        let rows = a.row(row).iter().zip(b.row(row)).zip(f.row(row).iter().zip(g.row(row)));
+        for ((a, b), (f, g)) in rows {
+            sums[0] += f64::from((a - f) * (b - g));
+            sums[1] += 0.25 * f64::from((f - g) * (f - g));
+        }
+    }
+    sums
+}
+
 impl<'a> Pair<'a> {
     fn new(of_a: &'a Fit, of_b: &'a Fit, agreement: f64) -> Self {
         let left = product(of_a.a.to_f64().t(), of_b.b.to_f64().view());

@@ -13,12 +13,12 @@
 mod block;
 mod bytes;
 mod coder;
-mod cosine;
 mod entries;
 mod kept;
 mod layout;
 mod orthogonal;
 mod planes;
+mod product;
 mod quantize;
 mod tables;
 #[cfg(test)]
@@ -29,7 +29,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use self::{
-    block::{N_TABLES, RoundedBlock},
+    block::{N_TABLES, Parts, RoundedBlock},
     coder::{Counter, Decoder, Encoder},
     kept::{Kept, product_with},
     layout::Layout,
@@ -40,6 +40,7 @@ use self::{
 use crate::{codec::CodecError, compress::shade, factors::BlockFactors, low_rank::BlockLowRank};
 
 pub use layout::ColumnRun;
+pub use product::PackedProduct;
 
 /// Share of a block's own error, or of what is allowed, that storing may add where sampling has used up all of it.
 const LEAST_SHARE: f64 = 0.07;
@@ -52,7 +53,7 @@ const N_TELLING: usize = 1024;
 /// Steps of the search for the common step, each half as wide as the one before.
 const N_HALVINGS: usize = 14;
 /// Corrections of that step, and about the power of the error that it goes with.
-const N_CORRECTIONS: usize = 2;
+const N_CORRECTIONS: usize = 3;
 const STEP_PER_ERROR: f64 = 0.6;
 
 /// How a matrix is packed.
@@ -131,9 +132,13 @@ impl PackedMatrix {
     }
 
     fn unpack_block(&self, block_idx: usize, bytes: &[u8]) -> Result<Arc<BlockFactors>, CodecError> {
-        let mut input = Decoder::new(&self.tables, bytes);
-        let factors = block::read(block_idx, &self.layout, (self.step, &self.direction), &mut input);
+        let factors = self.read_block(block_idx, bytes).and_then(|parts| parts.factors(block_idx, &self.layout));
         factors.map(Arc::new).ok_or(CodecError::Malformed("the coefficients of a block"))
+    }
+
+    fn read_block(&self, block_idx: usize, bytes: &[u8]) -> Option<Parts> {
+        let mut input = Decoder::new(&self.tables, bytes);
+        block::read(block_idx, &self.layout, (self.step, &self.direction), &mut input)
     }
 
     /// Memory that the unpacked factors take at most, in bytes, as the blocks say it themselves; sparse entries aside, which take
@@ -227,7 +232,7 @@ impl<'a> Packer<'a> {
             };
             *(if sum(blocks.par_iter().map(error).collect()) > budget { &mut high } else { &mut low }) = middle;
         }
-        // That was the weighted error; the plain one is a little less.
+        // That was the weighted error, and components were chosen by other weights; the plain one is somewhat different.
         let mut step = low;
         for _ in 0..N_CORRECTIONS {
             let error = |block: &&Unrounded<'_>| {

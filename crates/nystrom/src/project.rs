@@ -33,11 +33,9 @@ pub(crate) fn factor(
     rng: Random,
 ) -> Unpacked {
     let ColumnGroup { preserved, .. } = group;
-    let tolerance = shaded(means, group.tolerance, config.bright);
-    let limit = limit(means, config, tolerance);
+    let tolerance = group.tolerance.shaded(means, config.bright);
     let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, tolerance, config, rng);
-    let goal = if matches!(tolerance, Tolerance::Rank(_)) { None } else { Some(allowed(means, tolerance)) };
-    let measured = Measured::new(means, &of_a, &of_b, limit, goal);
+    let measured = measured(means, [&of_a, &of_b], tolerance, config);
     of_mean.keep(measured.rank);
     let mut left = of_mean.mean();
     let added = preserve(means, &mut of_mean, &mut left, preserved);
@@ -52,14 +50,27 @@ pub(crate) fn factor(
     }
 }
 
-/// What is asked of the rank of a block: more where it is dark. Samples are asked for by the plain tolerance.
-fn shaded(means: &Means, tolerance: Tolerance, bright: f32) -> Tolerance {
-    match tolerance {
-        Tolerance::AbsoluteMeanSquare(allowed) => {
-            let energy = means.cross.iter().sum::<f64>() * means.unit * means.unit;
-            Tolerance::AbsoluteMeanSquare((f64::from(allowed) * shade(energy / means.n_entries(), bright)) as f32)
+/// What the fits of both halves tell of the rank that a tolerance asks for.
+pub(crate) fn measured(
+    means: &Means,
+    [of_a, of_b]: [&Fit; 2],
+    tolerance: Tolerance,
+    config: &CompressConfig,
+) -> Measured {
+    let goal = if matches!(tolerance, Tolerance::Rank(_)) { None } else { Some(allowed(means, tolerance)) };
+    Measured::new(means, of_a, of_b, limit(means, config, tolerance), goal)
+}
+
+impl Tolerance {
+    /// What is asked of the rank of a block: more where it is dark. Samples are asked for by the plain tolerance.
+    pub(crate) fn shaded(self, means: &Means, bright: f32) -> Self {
+        match self {
+            Tolerance::AbsoluteMeanSquare(allowed) => {
+                let energy = means.cross.iter().sum::<f64>() * means.unit * means.unit;
+                Tolerance::AbsoluteMeanSquare((f64::from(allowed) * shade(energy / means.n_entries(), bright)) as f32)
+            }
+            other => other,
         }
-        other => other,
     }
 }
 
@@ -105,7 +116,7 @@ pub(crate) fn limit(means: &Means, config: &CompressConfig, tolerance: Tolerance
 }
 
 /// The fits of both halves and, where three are asked for, of their mean.
-fn fitted<const N: usize>(
+pub(crate) fn fitted<const N: usize>(
     means: &Means,
     bundle_len: usize,
     tolerance: Tolerance,

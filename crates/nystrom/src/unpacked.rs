@@ -25,6 +25,11 @@ pub(crate) struct Unpacked {
 }
 
 impl Unpacked {
+    /// Mean square error in all.
+    pub(crate) fn error(&self) -> f64 {
+        self.truncation + self.sampling
+    }
+
     /// Rounds the factors. A mean square beyond the range of `f32` is told as the last number of that range.
     pub(crate) fn packed(&self) -> BlockFactors {
         let (left, right) = (&self.left, &self.right);

@@ -17,7 +17,7 @@ use std::time::Instant;
 use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{
     BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, PackedMatrix, Partition, SamplePlan,
-    Tolerance, compress,
+    Smoothing, Tolerance, compress,
 };
 use clock::Clock;
 use glam::Vec3;
@@ -36,7 +36,7 @@ use crate::fingerprint::fingerprint;
 use crate::import::stack::StackError;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::light::LightRig;
-use crate::matrix::TransportMatrix;
+use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::nodes::{NodePlan, Nodes};
 use crate::patches::Patches;
 use crate::plan::{Density, MatrixPlan};
@@ -257,6 +257,12 @@ impl BakeHeader {
     /// Tiles of the picture.
     pub fn partition(&self) -> Partition {
         Partition { width: self.width, height: self.height, tile: self.tile }
+    }
+
+    /// Neighbors among pixels and among texels, for blocks that stay noisier than asked.
+    pub(crate) fn smoothing(&self, partition: &Partition) -> Arc<Smoothing> {
+        let runs = self.basis.groups.iter().map(|group| self.basis.runs(group)).collect();
+        Arc::new(Smoothing::new(partition.clone(), CHANNELS, runs))
     }
 
     /// No blocks yet, one matrix per group of columns.
@@ -651,7 +657,9 @@ impl Run<'_> {
             None => job.config.tolerance_db.min(PREVIEW_DB),
         };
         let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
-        if !is_last {
+        if is_last {
+            config.smoothing = Some(header.smoothing(&partition));
+        } else {
             config.method = Method::default();
         }
         let mut of_patches = PatchBlocks::none(&header);

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use crate::bake::Bake;
 use crate::basis::LightSource;
+use crate::error_maps::BlockErrorDb;
 use crate::matrix::CHANNELS;
 use crate::reach::is_beyond;
 use crate::skips::Skip;
@@ -106,12 +107,14 @@ pub struct Figures {
     /// Columns that free lamps light, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub patches: Option<PatchFigures>,
+    /// How they are spread over the blocks.
+    pub block_error_db: BlockErrorDb,
     /// Work that was not needed.
     pub skipped: Skipped,
 }
 
 /// Best error that is told; beyond it numbers mean nothing in 16-bit factors.
-const BEST_DB: f32 = 120.0;
+pub(crate) const BEST_DB: f32 = 120.0;
 
 /// Errors of all groups together, each entry counting alike; `bias` is the mean square by which shared light is off.
 pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
@@ -161,12 +164,13 @@ impl Bake {
             ratio: dense_bytes as f32 / file_bytes.unwrap_or(bytes).max(1) as f32,
             error_db: error_db(self.groups_of_lights(), self.header.sharing_bias),
             patches: self.patch_figures(),
+            block_error_db: self.error_maps().spread(),
             skipped: self.skipped(),
         }
     }
 
     /// The groups of columns that lights of the scene own.
-    fn groups_of_lights(&self) -> &[BlockLowRank] {
+    pub(crate) fn groups_of_lights(&self) -> &[BlockLowRank] {
         &self.groups[..self.groups.len() - usize::from(self.header.patches.is_some())]
     }
 

@@ -8,6 +8,7 @@ mod cache;
 pub mod camera;
 pub mod emitters;
 mod empty;
+pub mod error_maps;
 pub mod figures;
 mod fingerprint;
 pub mod import;

@@ -7,12 +7,15 @@ use half::bf16;
 use super::{
     coder::{Decoder, Sink},
     entries::{self, Entries},
-    kept::{self, Kept},
+    kept::{self, Kept, Plain},
     layout::Layout,
     planes::{self, Shape},
     quantize::{MAX_QUARTERS, Rounded, restore, step_of},
 };
-use crate::factors::{BlockError, BlockFactors};
+use crate::{
+    factors::{BlockError, BlockFactors},
+    matrix::SparseEntry,
+};
 
 /// Tables of numbers, after those of coefficients.
 #[derive(Clone, Copy)]
@@ -130,13 +133,34 @@ pub(super) fn read_rank(block_idx: usize, layout: &Layout, input: &mut Decoder<'
     (rank as usize <= most && !input.is_lost()).then_some((factors, rank))
 }
 
+/// A block as it was read.
+pub(super) struct Parts {
+    /// Counts and errors.
+    about: BlockFactors,
+    pub(super) components: Vec<Rounded>,
+    /// Its factors, the kept product included.
+    pub(super) plain: Plain,
+    pub(super) sparse: Vec<SparseEntry>,
+}
+
+impl Parts {
+    /// The factors; `None` where they are beyond the range of numbers.
+    pub(super) fn factors(self, block_idx: usize, layout: &Layout) -> Option<BlockFactors> {
+        let factors = self.plain.factors(block_idx, layout);
+        let is_finite = factors.scale.iter().all(|x| x.is_finite())
+            && factors.left.iter().chain(&factors.right).all(|x| x.is_finite());
+        let (n_samples, error) = (self.about.n_samples, self.about.error);
+        is_finite.then_some(BlockFactors { sparse: self.sparse, n_samples, error, ..factors })
+    }
+}
+
 /// Reads a block of a matrix with some step and kept direction; `None` if no encoder wrote it.
 pub(super) fn read(
     block_idx: usize,
     layout: &Layout,
     (step, direction): (f32, &[f32]),
     input: &mut Decoder<'_>,
-) -> Option<BlockFactors> {
+) -> Option<Parts> {
     let (about, rank) = read_rank(block_idx, layout, input)?;
     let within = |quarters: i32| (-MAX_QUARTERS..=MAX_QUARTERS).contains(&quarters).then_some(quarters);
     let quarters = if rank > 0 { within(input.signed(table(Of::Step)))? } else { 0 };
@@ -170,8 +194,5 @@ pub(super) fn read(
     if let Some(kept) = kept {
         kept.restore(&mut plain, direction, block_idx, layout);
     }
-    let factors = plain.factors(block_idx, layout);
-    let is_finite =
-        factors.scale.iter().all(|x| x.is_finite()) && factors.left.iter().chain(&factors.right).all(|x| x.is_finite());
-    is_finite.then_some(BlockFactors { sparse, n_samples: about.n_samples, error: about.error, ..factors })
+    Some(Parts { about, components, plain, sparse })
 }

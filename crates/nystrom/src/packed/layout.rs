@@ -1,12 +1,22 @@
 //! How rows and columns lie beside each other, so that neighbors can be told from strangers.
 
-use super::cosine::{Cosines, Direction};
-use crate::partition::Partition;
+use crate::{
+    cosine::{Cosines, Direction},
+    partition::Partition,
+};
 
-/// Errors of two blocks know nothing of each other, so that they differ more across a border than within. Rows at a border
-/// count half as much again in the norm, and the next ones less and less over so many bundles.
-const BORDER_WEIGHT: f32 = 0.5;
-const BORDER_REACH: f32 = 2.0;
+/// How much more rows at a border count than those within, and over how many bundles that fades.
+#[derive(Clone, Copy)]
+struct Border {
+    weight: f32,
+    reach: f32,
+}
+
+/// Errors of two blocks know nothing of each other, so that they differ more across a border than within. So rows there are
+/// stored more finely: a part of the format.
+const STORED: Border = Border { weight: 0.5, reach: 2.0 };
+/// The same where components are found and chosen: a reader does not need to know.
+const CHOSEN: Border = Border { weight: 1.7, reach: 0.7 };
 
 /// Columns that follow each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,10 +86,20 @@ impl Layout {
         self.columns.iter().map(|run| run.n_cols() as usize).sum()
     }
 
-    /// How much an error counts in each row of a block: more towards the border of its tile, where it meets another block's.
+    /// What each row of a block is multiplied with where it is stored: more towards the border of its tile, where it meets
+    /// another block's.
     pub(super) fn row_weights(&self, block_idx: usize) -> Vec<f32> {
+        self.weights(block_idx, STORED)
+    }
+
+    /// How much an error counts in each row where the components of a block are found and chosen.
+    pub(super) fn choice_weights(&self, block_idx: usize) -> Vec<f32> {
+        self.weights(block_idx, CHOSEN)
+    }
+
+    fn weights(&self, block_idx: usize, Border { weight, reach }: Border) -> Vec<f32> {
         let [width, height] = self.tile(block_idx);
-        let along = |at: u32, len: u32| 1.0 + BORDER_WEIGHT * (-(at.min(len - 1 - at) as f32) / BORDER_REACH).exp();
+        let along = |at: u32, len: u32| 1.0 + weight * (-(at.min(len - 1 - at) as f32) / reach).exp();
         let of_bundle = |bundle: u32| along(bundle % width, width) * along(bundle / width, height);
         (0..width * height * self.bundle_len).map(|row| of_bundle(row / self.bundle_len)).collect()
     }

@@ -201,3 +201,25 @@ fn the_same_matrix_gives_the_same_bytes_on_any_number_of_threads() {
     };
     assert_eq!(bytes(1), bytes(3));
 }
+
+#[test]
+fn products_in_cosines_are_those_of_the_factors() {
+    let mut matrix = example(0.02);
+    // A block that holds nothing but the kept direction, and one that holds nothing but sparse entries.
+    let dark = Arc::make_mut(matrix.blocks[1].as_mut().unwrap());
+    dark.scale.iter_mut().for_each(|scale| *scale /= 1024.0);
+    Arc::make_mut(matrix.blocks[2].as_mut().unwrap()).scale.fill(0.0);
+    let packed = PackedMatrix::pack(&matrix, &plan(1e-3));
+    let (product, unpacked) = (packed.product().unwrap(), packed.unpack().unwrap());
+    assert!(unpacked.blocks[2].as_ref().unwrap().rank == 0);
+    let mut rng = Random::new([52, 0]);
+    let x: Vec<f32> = (0..67).map(|_| rng.normal()).collect();
+    let (got, want) = (product.apply(&x), unpacked.apply(&x));
+    let size = want.iter().map(|x| x * x).sum::<f32>().sqrt() / (want.len() as f32).sqrt();
+    assert!(got.len() == want.len());
+    assert!(got.iter().zip(&want).all(|(got, want)| (got - want).abs() < 4e-3 * size.max(want.abs())));
+    // Smooth columns are few coefficients.
+    let [right, left] = product.n_multiplications();
+    let ranks: usize = unpacked.blocks.iter().flatten().map(|block| block.rank as usize).sum();
+    assert!(2 * right < 67 * ranks && left > 0, "{right} for {ranks} components");
+}

@@ -68,7 +68,8 @@ impl Run<'_> {
         blocks.retain(|&block| there.iter().any(|group| group.blocks[block as usize].is_none()));
 
         clock.start_pass(pass + 1 + set as u32, started.elapsed().as_secs_f32());
-        let config = job.compress_config(samples, job.config.tolerance_db, column_scale);
+        let mut config = job.compress_config(samples, job.config.tolerance_db, column_scale);
+        config.smoothing = Some(header.smoothing(&partition));
         let mut dark = PatchBlocks::dark(&header, &partition);
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
             factors.extend(dark.take(block));

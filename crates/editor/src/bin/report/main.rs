@@ -19,6 +19,7 @@ mod reference;
 mod relight;
 mod skips;
 mod stability;
+mod targets;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -39,11 +40,12 @@ const OWN_PAGES: [Section; 2] =
     [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
 
 /// In the order of the page.
-const SECTIONS: [Section; 8] = [
+const SECTIONS: [Section; 9] = [
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
     Section { name: "methods", write: methods::write },
+    Section { name: "targets", write: targets::write },
     Section { name: "relight", write: relight::write },
     Section { name: "latency", write: latency::write },
     Section { name: "rays", write: rays::write },

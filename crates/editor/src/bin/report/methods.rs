@@ -1,6 +1,6 @@
 //! The methods of the field on the same matrices: error, size and time at equal rank.
 
-mod dense;
+pub mod dense;
 mod npz;
 mod own;
 
@@ -37,8 +37,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     let names: &[&str] = desk.choose(&["mixed"], &["mixed", "reflect"]);
     for name in names {
         let Some(path) = desk.shared(&format!("matrices/{name}.npz")) else { continue };
-        text +=
-            &section(desk, &format!("`{name}` of the shared matrices"), &Picture::shared(&path)?, desk.choose(6, 1));
+        let picture = Picture::shared(&path, "T")?.in_z_order();
+        text += &section(desk, &format!("`{name}` of the shared matrices"), &picture, desk.choose(6, 1));
     }
     let (film, spp) = desk.choose((Film { width: 32, height: 32 }, 64), (Film { width: 64, height: 48 }, 256));
     let scenes: &[&str] = desk.choose(&["diffuse"], &["diffuse", "mixed"]);

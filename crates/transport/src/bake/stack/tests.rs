@@ -78,6 +78,11 @@ fn every_picture_comes_back_to_the_error_that_was_asked_for() {
         let [of_pictures, told] = [measured, f64::from(error.total)].map(|db| db.min(70.0));
         assert!((of_pictures - told).abs() < 0.3, "{measured} dB, but told are {error:?}");
         assert!(error.noise >= 120.0 && error.sampling >= 100.0, "{error:?}");
+        // The mean lies between the blocks.
+        let (maps, spread) = (bake.error_maps(), bake.figures().block_error_db.total);
+        assert_eq!((maps.width * maps.height) as usize, maps.total.len());
+        let best = maps.total.iter().flatten().copied().fold(0.0, f32::max);
+        assert!(spread.worst <= error.total && error.total <= best, "{spread:?} {error:?} {best}");
     }
 }
 

@@ -8,9 +8,9 @@ use clerestory_nystrom::rivals::{DMatrix, Real};
 use super::npz;
 
 /// Channels of a pixel.
-const CHANNELS: usize = 3;
+pub const CHANNELS: usize = 3;
 /// Side of a block in pixels.
-const TILE: usize = 16;
+pub const TILE: usize = 16;
 /// What values of the shared matrices are multiplied by.
 const SHARED_UNIT: f32 = 1024.0;
 /// Share of a column's entries that are no brighter than its peak.
@@ -29,18 +29,18 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The converged matrix of an archive of the shared data.
+    /// A matrix of an archive of the shared data: `T` is the converged one.
     ///
     /// # Errors
     /// If it cannot be read or has another shape.
-    pub fn shared(path: &Path) -> Result<Picture> {
-        let array = npz::read(path, "T")?;
+    pub fn shared(path: &Path, name: &str) -> Result<Picture> {
+        let array = npz::read(path, name)?;
         let [height, width, channels, n_cols] = array.shape[..] else {
             anyhow::bail!("{} has a matrix of {} axes, not 4", path.display(), array.shape.len());
         };
         ensure!(channels == CHANNELS, "{} has {channels} channels", path.display());
         let values = array.values.iter().map(|x| x / SHARED_UNIT).collect();
-        Ok(Picture { width, height, n_cols, values }.in_z_order())
+        Ok(Picture { width, height, n_cols, values })
     }
 
     /// Columns of a square panel in the order of Morton's curve, so that neighbors in the plane are neighbors in the matrix.

@@ -4,28 +4,39 @@
 use std::f64::consts::PI;
 
 /// The transforms of all lengths up to some longest one.
-#[derive(Clone, Debug)]
-pub(super) struct Cosines {
-    /// Of length n at n: row-major, coefficient × place.
-    by_len: Vec<Vec<f32>>,
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Cosines {
+    by_len: Vec<Matrix>,
 }
+
+/// One transform, row-major: coefficient × place, and place × coefficient.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Matrix {
+    forward: Vec<f32>,
+    inverse: Vec<f32>,
+}
+
+/// Values that are worked on at a time.
+const CHUNK: usize = 128;
 
 /// From values to coefficients, or back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Direction {
+pub(crate) enum Direction {
     Forward,
     Inverse,
 }
 
 impl Cosines {
     /// Transforms of the lengths asked for.
-    pub(super) fn new(lens: impl IntoIterator<Item = u32>) -> Self {
+    pub(crate) fn new(lens: impl IntoIterator<Item = u32>) -> Self {
         let mut by_len = Vec::new();
         for len in lens {
             let len = len as usize;
-            by_len.resize(by_len.len().max(len + 1), Vec::new());
-            if by_len[len].is_empty() {
-                by_len[len] = cosines(len);
+            by_len.resize(by_len.len().max(len + 1), Matrix::default());
+            if by_len[len].forward.is_empty() {
+                let forward = cosines(len);
+                let inverse = (0..len * len).map(|at| forward[at % len * len + at / len]).collect();
+                by_len[len] = Matrix { forward, inverse };
             }
         }
         Self { by_len }
@@ -33,32 +44,45 @@ impl Cosines {
 
     /// Transforms along one axis: element i of line (a, b) is at `a · i_max · inner + i · inner + b`, where `inner` is the
     /// product of the lengths of the axes behind.
-    pub(super) fn along(&self, values: &mut [f32], len: u32, inner: usize, direction: Direction) {
+    pub(crate) fn along(&self, values: &mut [f32], len: u32, inner: usize, direction: Direction) {
         let n = len as usize;
         if n < 2 || values.is_empty() {
             return;
         }
-        let matrix = &self.by_len[n];
-        let mut out = vec![0.0; n * inner];
+        let Matrix { forward, inverse } = &self.by_len[n];
+        // Column `from` of the matrix that is applied is row `from` of its transpose.
+        let (matrix, columns) = match direction {
+            Direction::Forward => (forward, inverse),
+            Direction::Inverse => (inverse, forward),
+        };
+        let mut out = vec![0.0; n * CHUNK.min(inner)];
         for slab in values.chunks_exact_mut(n * inner) {
-            out.fill(0.0);
-            for k in 0..n {
-                for i in 0..n {
-                    // out[to] += weight · slab[from], `inner` elements at once.
-                    let (to, from, weight) = match direction {
-                        Direction::Forward => (k, i, matrix[k * n + i]),
-                        Direction::Inverse => (i, k, matrix[k * n + i]),
-                    };
-                    let (out, slab) = (&mut out[to * inner..][..inner], &slab[from * inner..][..inner]);
-                    out.iter_mut().zip(slab).for_each(|(out, x)| *out += weight * x);
+            if inner == 1 {
+                out.fill(0.0);
+                for (x, column) in slab.iter().zip(columns.chunks_exact(n)) {
+                    out.iter_mut().zip(column).for_each(|(out, weight)| *out += weight * x);
+                }
+                slab.copy_from_slice(&out);
+                continue;
+            }
+            for first in (0..inner).step_by(CHUNK) {
+                let len = CHUNK.min(inner - first);
+                for (out, weights) in out.chunks_exact_mut(len).zip(matrix.chunks_exact(n)) {
+                    out.fill(0.0);
+                    for (from, weight) in weights.iter().enumerate() {
+                        let slab = &slab[from * inner + first..][..len];
+                        out.iter_mut().zip(slab).for_each(|(out, x)| *out += weight * x);
+                    }
+                }
+                for (to, out) in out.chunks_exact(len).take(n).enumerate() {
+                    slab[to * inner + first..][..len].copy_from_slice(out);
                 }
             }
-            slab.copy_from_slice(&out);
         }
     }
 
     /// Transforms planes of width × height that follow each other.
-    pub(super) fn planes(&self, values: &mut [f32], [width, height]: [u32; 2], direction: Direction) {
+    pub(crate) fn planes(&self, values: &mut [f32], [width, height]: [u32; 2], direction: Direction) {
         self.along(values, width, 1, direction);
         self.along(values, height, width as usize, direction);
     }

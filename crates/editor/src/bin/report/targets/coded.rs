@@ -1,0 +1,138 @@
+//! A picture's matrix as the bytes of a file, by any method, and how far they are from the truth.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Result;
+use clerestory_nystrom::rivals::Method;
+use clerestory_nystrom::{
+    BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix, Partition, Smoothing,
+    Tolerance, compress_block,
+};
+
+use super::judged::{Judged, Spectrum};
+use crate::methods::dense::{CHANNELS, Picture, TILE};
+
+/// As bakes have it: darker blocks are held to less.
+const BRIGHT: f32 = 0.25;
+/// What a bake of pictures leaves to the ranks; packing takes the rest of its tolerance.
+const SHARE_OF_RANKS: f32 = 0.5;
+
+/// A matrix whose brightest light is 1, and what is known of it.
+pub struct Subject {
+    /// What the results are held against.
+    pub truth: Picture,
+    /// What is compressed: two halves, one and the same where there is no noise.
+    halves: Option<[Picture; 2]>,
+    /// The truth's singular values.
+    pub spectrum: Spectrum,
+}
+
+/// What became of it.
+pub struct Coded {
+    /// Bytes of the file's part over those of the dense matrix in single precision.
+    pub ratio: f64,
+    /// Mean rank over the blocks.
+    pub mean_rank: f64,
+    /// Multiplications per pixel and picture, three channels of light on all columns: with factors as they are unpacked, and
+    /// with right factors in cosines, zeros left out.
+    pub multiply_adds: [f64; 2],
+    /// Milliseconds per block: factors, then bytes.
+    pub millis: [f64; 2],
+    /// Errors of what is read back.
+    pub judged: Judged,
+}
+
+impl Subject {
+    /// Brings the hardest light there is to 1.
+    pub fn new(mut truth: Picture, mut halves: Option<[Picture; 2]>) -> Subject {
+        let unit = (1.0 / truth.peak()) as f32;
+        let pictures = halves.iter_mut().flatten().chain([&mut truth]);
+        pictures.for_each(|picture| picture.values.iter_mut().for_each(|value| *value *= unit));
+        let spectrum = Spectrum::new(&truth);
+        Subject { truth, halves, spectrum }
+    }
+
+    /// Compresses to a tolerance, packs, and reads what was packed.
+    ///
+    /// # Errors
+    /// If the method finds no factors.
+    pub fn coded(&self, method: Method, target_db: f64) -> Result<Coded> {
+        let (allowed, n_cols) = (10f64.powf(-target_db / 10.0) as f32, self.truth.n_cols);
+        let share = if self.halves.is_some() { 1.0 } else { SHARE_OF_RANKS };
+        let group = ColumnGroup {
+            columns: 0..n_cols,
+            tolerance: Tolerance::AbsoluteMeanSquare(share * allowed),
+            preserved: vec![1.0; n_cols],
+        };
+        let columns = vec![ColumnRun::Grid { width: n_cols.isqrt() as u32, height: n_cols.isqrt() as u32 }];
+        let smoothing = Smoothing::new(self.truth.partition(), CHANNELS, vec![columns.clone()]);
+        let config = CompressConfig {
+            groups: vec![group],
+            method,
+            max_rank: (CHANNELS * TILE * TILE) as u32,
+            bright: BRIGHT,
+            smoothing: Some(Arc::new(smoothing)),
+            ..CompressConfig::default()
+        };
+        let begun = Instant::now();
+        let matrix = self.compressed(&config)?;
+        let compressing = begun.elapsed().as_secs_f64();
+        let plan = PackPlan { columns, allowed, bright: BRIGHT, preserved: vec![1.0; n_cols] };
+        let begun = Instant::now();
+        let packed = single_threaded(|| PackedMatrix::pack(&matrix, &plan))?;
+        let packing = begun.elapsed().as_secs_f64();
+        let mut bytes = Vec::new();
+        packed.encode(&mut bytes);
+        let (unpacked, [right, left]) = (packed.unpack()?, packed.product()?.n_multiplications());
+        let n_pixels = self.truth.width * self.truth.height;
+        let ranks: usize = unpacked.blocks.iter().flatten().map(|block| block.rank as usize).sum();
+        Ok(Coded {
+            multiply_adds: [ranks * n_cols, right].map(|right| (CHANNELS * right + left) as f64 / n_pixels as f64),
+            ratio: unpacked.dense_bytes() as f64 / bytes.len() as f64,
+            mean_rank: f64::from(unpacked.mean_rank()),
+            millis: [compressing, packing].map(|secs| secs * 1e3 / matrix.blocks.len() as f64),
+            judged: Judged::new(&self.truth, &unpacked),
+        })
+    }
+
+    fn compressed(&self, config: &CompressConfig) -> Result<BlockLowRank> {
+        let partition = self.truth.partition();
+        let mut matrix = BlockLowRank::new(partition.clone(), CHANNELS as u32, self.truth.n_cols as u32);
+        for (block_idx, block) in matrix.blocks.iter_mut().enumerate() {
+            let rows = |picture: &Picture| picture.block_rows(&partition, block_idx);
+            let [a, b] = match &self.halves {
+                Some(halves) => halves.each_ref().map(rows),
+                None => [(); 2].map(|()| rows(&self.truth)),
+            };
+            let samples = BlockSamples {
+                halves: [&a, &b],
+                sparse: [&[]; 2],
+                n_cols: self.truth.n_cols,
+                bundle_len: CHANNELS,
+                n_samples: [1; 2],
+            };
+            *block = compress_block(&samples, config, block_idx as u32)?.pop().map(Arc::new);
+        }
+        Ok(matrix)
+    }
+}
+
+/// Runs on one thread what would run on all.
+pub fn single_threaded<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
+    Ok(rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(work))
+}
+
+impl Picture {
+    /// Blocks of 16 × 16 pixels.
+    pub fn partition(&self) -> Partition {
+        Partition { width: self.width as u32, height: self.height as u32, tile: TILE as u32 }
+    }
+
+    /// The rows of a block, one after the other.
+    pub fn block_rows(&self, partition: &Partition, block_idx: usize) -> Vec<f32> {
+        let (mut pixels, len) = (Vec::new(), CHANNELS * self.n_cols);
+        partition.bundles(block_idx, &mut pixels);
+        pixels.iter().flat_map(|&pixel| &self.values[pixel as usize * len..][..len]).copied().collect()
+    }
+}

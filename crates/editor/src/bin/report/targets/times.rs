@@ -1,0 +1,86 @@
+//! What compressing costs beside tracing.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use clerestory_nystrom::{
+    BlockSamples, ColumnGroup, ColumnRun, CompressConfig, Half, Partition, SampledMatrix, Smoothing, Tolerance,
+    compress_block,
+};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::matrix::{CHANNELS, TransportMatrix};
+use clerestory_transport::plan::{Density, MatrixPlan};
+use clerestory_transport::prepared::PreparedScene;
+
+use super::coded::single_threaded;
+use crate::desk::Desk;
+use crate::matrix::process_cpu_secs;
+
+const FILM: Film = Film { width: 512, height: 384 };
+/// Every so manyth block is measured.
+const STEP: usize = 60;
+
+/// A paragraph, and the share of the time to trace, the worst of the scenes.
+///
+/// # Errors
+/// If a scene cannot be loaded, or this system does not tell the CPU time of a process.
+pub fn write(desk: &Desk) -> Result<(String, f64)> {
+    let spp = desk.choose(8, 32);
+    let mut text = format!(
+        "\n### Time to compress beside time to trace\n\n\
+         One block in {STEP} of {} × {} pixels, {spp} samples per pixel and half, CPU milliseconds of one core per block, asked for 40 dB.\n\n\
+         | scene | tracing | compressing | share |\n|---|---|---|---|\n",
+        FILM.width, FILM.height
+    );
+    let mut worst = 0.0f64;
+    for name in ["diffuse", "mixed"] {
+        desk.say(&format!("tracing and compressing blocks of {name}"));
+        let [tracing, compressing] = single_threaded(|| measured(desk, name, spp))??;
+        worst = worst.max(compressing / tracing);
+        text += &format!("| {name} | {tracing:.0} | {compressing:.1} | {:.1} % |\n", 100.0 * compressing / tracing);
+    }
+    Ok((text, worst))
+}
+
+/// Milliseconds per block: tracing, compressing.
+fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
+    let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+    let imported = import::load(&path).with_context(|| format!("cannot load the scene {}", path.display()))?;
+    let scene = PreparedScene::new(imported.scene, &[])?.0;
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let mut matrix = TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 1);
+    let scale = matrix.measure_columns().0;
+    matrix.set_column_scale(scale);
+    let n_cols = matrix.n_cols();
+    let side = n_cols.isqrt() as u32;
+    let partition = Partition { width: FILM.width, height: FILM.height, tile: 16 };
+    let runs = vec![ColumnRun::Grid { width: side, height: side }];
+    anyhow::ensure!(runs[0].n_cols() as usize == n_cols, "{name} has other columns than those of a square panel");
+    let group = ColumnGroup {
+        columns: 0..n_cols,
+        tolerance: Tolerance::AbsoluteMeanSquare(1e-4),
+        preserved: vec![1.0; n_cols],
+    };
+    let smoothing = Some(Arc::new(Smoothing::new(partition.clone(), CHANNELS, vec![runs])));
+    let config = CompressConfig { groups: vec![group], bright: 0.25, smoothing, ..CompressConfig::default() };
+
+    let (mut secs, mut pixels) = ([0.0; 2], Vec::new());
+    let blocks: Vec<usize> = (STEP / 2..partition.n_blocks()).step_by(STEP).collect();
+    for &block_idx in &blocks {
+        partition.bundles(block_idx, &mut pixels);
+        let begun = process_cpu_secs()?;
+        let halves = [Half::A, Half::B].map(|half| {
+            let mut rows = vec![0.0; pixels.len() * CHANNELS * n_cols];
+            matrix.add_rows(&pixels, 0..spp, half, &mut rows, &mut Vec::new());
+            rows
+        });
+        let traced = process_cpu_secs()?;
+        let halves = halves.each_ref().map(Vec::as_slice);
+        let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols, bundle_len: CHANNELS, n_samples: [spp; 2] };
+        compress_block(&samples, &config, block_idx as u32)?;
+        secs[0] += traced - begun;
+        secs[1] += process_cpu_secs()? - traced;
+    }
+    Ok(secs.map(|secs| 1e3 * secs / blocks.len() as f64))
+}

@@ -1,0 +1,114 @@
+//! Errors block by block: where a bake is less exact than it is in the mean, and why.
+
+use clerestory_nystrom::{BlockError, BlockFactors};
+use serde::Serialize;
+
+use crate::bake::Bake;
+use crate::figures::BEST_DB;
+
+/// A layer of the error: one value per block in dB below the columns' peaks, row by row from the top left; none where a
+/// block is not there.
+pub type Layer = Vec<Option<f32>>;
+
+/// The layers of a bake's error, each as a map of its blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ErrorMaps {
+    /// Blocks across.
+    pub width: u32,
+    /// Blocks down.
+    pub height: u32,
+    /// What ranks and rounding leave out.
+    pub truncation: Layer,
+    /// Sampling noise that stays in the factors.
+    pub sampling: Layer,
+    /// Sampling noise of the entries before compression.
+    pub noise: Layer,
+    /// Truncation and sampling together.
+    pub total: Layer,
+}
+
+/// How a layer is spread over the blocks, in dB.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Spread {
+    /// The worst block.
+    pub worst: f32,
+    /// A tenth of the blocks is worse.
+    pub tenth: f32,
+    /// Half of the blocks is worse.
+    pub median: f32,
+}
+
+/// The spread of every layer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct BlockErrorDb {
+    /// See [`ErrorMaps`].
+    pub truncation: Spread,
+    /// See [`ErrorMaps`].
+    pub sampling: Spread,
+    /// See [`ErrorMaps`].
+    pub noise: Spread,
+    /// See [`ErrorMaps`].
+    pub total: Spread,
+}
+
+impl Bake {
+    /// The errors of all blocks of the picture, over all columns of the scene's own lights, each entry counting alike.
+    pub fn error_maps(&self) -> ErrorMaps {
+        let partition = self.header.partition();
+        let layer = |error: fn(&BlockError) -> f32| -> Layer {
+            (0..partition.n_blocks()).map(|block_idx| self.block_db(block_idx, error)).collect()
+        };
+        ErrorMaps {
+            width: partition.tiles_x(),
+            height: partition.tiles_y(),
+            truncation: layer(|error| error.truncation.max(0.0)),
+            sampling: layer(|error| error.sampling),
+            noise: layer(|error| error.noise),
+            total: layer(|error| error.truncation.max(0.0) + error.sampling),
+        }
+    }
+
+    fn block_db(&self, block_idx: usize, error: fn(&BlockError) -> f32) -> Option<f32> {
+        let of_group = |blocks: &[Option<std::sync::Arc<BlockFactors>>], n_cols: u32| {
+            let block = blocks[block_idx].as_ref()?;
+            Some([f64::from(error(&block.error)) * f64::from(n_cols), f64::from(n_cols)])
+        };
+        let groups = self.groups_of_lights().iter().filter_map(|group| of_group(&group.blocks, group.n_cols));
+        let [sum, n_cols] = groups.reduce(|a, b| [a[0] + b[0], a[1] + b[1]])?;
+        let db = -10.0 * (sum / n_cols).max(0.0).log10();
+        Some((db as f32).min(BEST_DB))
+    }
+}
+
+impl ErrorMaps {
+    /// The spread of every layer over the blocks that are there.
+    pub fn spread(&self) -> BlockErrorDb {
+        BlockErrorDb {
+            truncation: Spread::new(&self.truncation),
+            sampling: Spread::new(&self.sampling),
+            noise: Spread::new(&self.noise),
+            total: Spread::new(&self.total),
+        }
+    }
+}
+
+impl Spread {
+    fn new(layer: &Layer) -> Spread {
+        let mut there: Vec<f32> = layer.iter().flatten().copied().collect();
+        there.sort_by(f32::total_cmp);
+        let at = |share: f64| there.get((there.len() as f64 * share) as usize).copied().unwrap_or(BEST_DB);
+        Spread { worst: at(0.0), tenth: at(0.1), median: at(0.5) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spread_tells_the_worst_first_and_passes_over_what_is_not_there() {
+        let layer: Layer = (0..20).rev().map(|db| (db != 3).then_some(db as f32)).chain([None]).collect();
+        assert_eq!(Spread::new(&layer), Spread { worst: 0.0, tenth: 1.0, median: 10.0 });
+        assert_eq!(Spread::new(&vec![None]).worst, BEST_DB);
+    }
+}
