@@ -57,6 +57,13 @@ pub struct Start {
     pub dialogs: FileDialogs,
 }
 
+impl Start {
+    /// With nothing of the user's: no folders and no dialogs of the desktop.
+    pub fn alone(source: Source, settings: Option<BakeSettings>) -> Start {
+        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly }
+    }
+}
+
 /// The window.
 pub struct App {
     session: Session,
@@ -106,7 +113,13 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
-    let start = Start { source, settings: None, unsaved: recovery::folder(), cache: BakeCache::of_user()?, dialogs: FileDialogs::Desktop };
+    let start = Start {
+        source,
+        settings: None,
+        unsaved: recovery::folder(),
+        cache: BakeCache::of_user()?,
+        dialogs: FileDialogs::Desktop,
+    };
     let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
     result.map_err(|error| anyhow!("{error}"))
 }

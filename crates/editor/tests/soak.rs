@@ -14,7 +14,9 @@ use std::time::{Duration, Instant};
 use clerestory::session::{BakeState, Source};
 use desk::{Dropped, Window, open_with, quick, room, wait};
 use eframe::egui::accesskit::Role;
-use eframe::egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, TouchPhase, pos2, vec2};
+use eframe::egui::{
+    Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, TouchPhase, pos2, vec2,
+};
 use egui_kittest::kittest::{By, NodeT, Queryable};
 
 /// Inputs of an episode; after each the window is closed and opened again.
@@ -28,8 +30,22 @@ const GROWTH: f64 = 1.1;
 const SLACK_BYTES: u64 = 24 << 20;
 
 const KEYS: [Key; 16] = [
-    Key::Z, Key::Y, Key::S, Key::O, Key::E, Key::B, Key::F, Key::D, Key::F1, Key::Delete, Key::Escape, Key::Enter, Key::Tab,
-    Key::ArrowRight, Key::ArrowDown, Key::G,
+    Key::Z,
+    Key::Y,
+    Key::S,
+    Key::O,
+    Key::E,
+    Key::B,
+    Key::F,
+    Key::D,
+    Key::F1,
+    Key::Delete,
+    Key::Escape,
+    Key::Enter,
+    Key::Tab,
+    Key::ArrowRight,
+    Key::ArrowDown,
+    Key::G,
 ];
 const MODIFIERS: [Modifiers; 4] =
     [Modifiers::NONE, Modifiers::COMMAND, Modifiers::SHIFT, Modifiers::COMMAND.plus(Modifiers::SHIFT)];
@@ -101,7 +117,7 @@ impl Monkey {
                 let delta = vec2(0.0, self.below(401) as f32 - 200.0);
                 window.event(Event::PointerMoved(at));
                 let (unit, phase) = (MouseWheelUnit::Point, TouchPhase::Move);
-                window.event(Event::MouseWheel { unit, delta, phase, modifiers });
+                window.event(Event::MouseWheel { unit, delta, phase, modifiers, source: MouseWheelSource::Unknown });
                 window.step();
             }
             15 | 16 => {

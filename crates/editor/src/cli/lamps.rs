@@ -65,7 +65,9 @@ impl LampLight {
             bail!("the look has lamps, but the bake is of pictures, which no lamp can light; bake a scene instead");
         }
         let Some(scene) = scene else {
-            bail!("the look has lamps, which light the surfaces of the scene; name the scene that was baked with --scene");
+            bail!(
+                "the look has lamps, which light the surfaces of the scene; name the scene that was baked with --scene"
+            );
         };
         let all = prepared(lamps, path, console)?;
         let each = lamps.iter().map(|lamp| {

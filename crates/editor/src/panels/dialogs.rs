@@ -135,7 +135,10 @@ impl FileQuestion {
         ui.add_space(8.0);
         let mut answer = None;
         ui.horizontal(|ui| {
-            if ui.add_enabled(self.native.is_none() && self.dialogs == FileDialogs::Desktop, Button::new("Browse…")).clicked() {
+            if ui
+                .add_enabled(self.native.is_none() && self.dialogs == FileDialogs::Desktop, Button::new("Browse…"))
+                .clicked()
+            {
                 self.browse();
             }
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {

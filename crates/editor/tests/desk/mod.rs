@@ -5,7 +5,6 @@ use std::time::Duration;
 
 use clerestory::app::{App, Start};
 use clerestory::bake_cache::BakeCache;
-use clerestory::panels::dialogs::FileDialogs;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
@@ -52,7 +51,7 @@ pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Win
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
     let unsaved = home.map(|home| home.join("unsaved"));
     let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
-    let start = Start { source, settings: Some(settings), unsaved, cache, dialogs: FileDialogs::FieldOnly };
+    let start = Start { unsaved, cache, ..Start::alone(source, Some(settings)) };
     Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
 }
 

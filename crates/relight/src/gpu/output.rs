@@ -1,6 +1,6 @@
 //! What the stages write: radiance, and the picture for the display.
 
-use super::chunk::working;
+use super::chunk::{storage, working};
 use super::stages::{Stages, bind};
 use crate::frame::Frame;
 use crate::gpu::Gpu;

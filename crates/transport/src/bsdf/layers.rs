@@ -374,7 +374,9 @@ impl<F: Film> Layers<F> {
         let mirror = (self.choice.mirror > 0.0).then(|| (Vec3::new(-wo.x, -wo.y, wo.z), self.reflectance(wo.z)));
         let clear = || match self.behind {
             Behind::ThinWall => Some((-wo, self.transmittance(wo.z))),
-            Behind::Solid { eta } => Some((fresnel::refract(wo, Vec3::Z, eta)?, self.transmittance(wo.z) / (eta * eta))),
+            Behind::Solid { eta } => {
+                Some((fresnel::refract(wo, Vec3::Z, eta)?, self.transmittance(wo.z) / (eta * eta)))
+            }
         };
         [mirror, if self.choice.clear > 0.0 { clear() } else { None }]
     }

@@ -138,7 +138,7 @@ impl Window {
         });
         ctx.enable_accesskit();
         let creation = eframe::CreationContext::_new_kittest(ctx.clone());
-        let app = App::new(&creation, Start { source: Source::File(path), settings: None })?;
+        let app = App::new(&creation, Start::alone(Source::File(path), None))?;
         let frame = eframe::Frame::_new_kittest();
         let mut window = Window { ctx, app, frame, woken, begun: Instant::now(), slider: Rect::NOTHING };
         window.draw_until(Vec::new(), |app| app.n_pictures() > 0 && app.is_settled())?;
