@@ -2,7 +2,6 @@
 
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-#[expect(dead_code, reason = "what the other tests of the window need")]
 mod desk;
 
 use std::cell::Cell;

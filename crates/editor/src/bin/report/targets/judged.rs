@@ -95,7 +95,8 @@ impl Spectrum {
         let of_block = |block_idx: usize| {
             let rows: Vec<f64> = truth.block_rows(&partition, block_idx).into_iter().map(f64::from).collect();
             let rows = DMatrix::from_row_slice(rows.len() / truth.n_cols, truth.n_cols, &rows);
-            rows.tr_mul(&rows).symmetric_eigenvalues().iter().map(|energy| energy.max(0.0)).collect::<Vec<_>>()
+            let gram = if rows.nrows() < rows.ncols() { &rows * rows.transpose() } else { rows.tr_mul(&rows) };
+            gram.symmetric_eigenvalues().iter().map(|energy| energy.max(0.0)).collect::<Vec<_>>()
         };
         let mut energies: Vec<f64> = (0..partition.n_blocks()).flat_map(of_block).collect();
         energies.sort_by(f64::total_cmp);
