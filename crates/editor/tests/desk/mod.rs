@@ -113,6 +113,7 @@ pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {
 
 /// A file on its way into the window.
 #[derive(Debug)]
+#[allow(dead_code, reason = "not every test of the window drops files")]
 pub struct Dropped(pub PathBuf);
 
 impl DroppedFile for Dropped {

@@ -28,9 +28,10 @@ mod tests {
     use super::super::{BakeConfig, Passes};
     use super::*;
     use crate::camera::{Camera, Film};
+    use crate::emitters::SkyRequest;
     use crate::prepared::PreparedScene;
     use crate::scene::{Material, Mesh, Scene};
-    use crate::sky::{Environment, SkyForm, SkyLight, SkyRequest};
+    use crate::sky::{Environment, SkyForm, SkyLight};
 
     fn job(radiance: f32) -> BakeJob {
         let light = SkyLight::new("uniform", Environment::uniform(Vec3::splat(radiance)));
