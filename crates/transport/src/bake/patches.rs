@@ -14,7 +14,7 @@ use crate::patches::{PatchMatrix, Patches, Request, learn};
 use crate::path::{Integrator, NoLights};
 
 /// Tolerance of the picture that a lamp makes by way of patches, as if its root mean square were the peak of a column.
-pub(super) const PATCH_TOLERANCE_DB: f32 = 34.0;
+pub(super) const PATCH_TOLERANCE_DB: f32 = 30.0;
 /// Samples of each half before the first look at the tolerance.
 const FIRST_LOOK: u32 = 4;
 
