@@ -36,7 +36,8 @@ fn two_lamps() -> Value {
 fn a_picture_with_free_lamps_is_the_traced_one() {
     let desk = lit_by("a.look", &two_lamps());
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 128 --patches 512"));
-    let relit = desk.json("relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --layers lights --device cpu");
+    let relit = desk
+        .json("relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --layers lights --device cpu");
     assert_eq!((&relit["layers"], &relit["warnings"]), (&json!(5), &json!([])));
     desk.json(&format!("trace @room.glb --look @a.look -o @traced.exr {VIEW} --spp 512"));
     let compared = desk.json("compare @relit.exr @traced.exr");
@@ -72,9 +73,14 @@ fn lamps_need_the_scene_that_was_baked() {
     let desk = lit_by("a.look", &two_lamps());
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 4"));
     desk.fails("relight @room.transport --look @a.look -o @a.exr", 1, "--scene");
-    let other = two_lamps_and_a_panel().surface("more", &Shape::room(Vec3::splat(0.1)), SceneFile::lambert([0.5; 3], [0.0; 3]));
+    let other =
+        two_lamps_and_a_panel().surface("more", &Shape::room(Vec3::splat(0.1)), SceneFile::lambert([0.5; 3], [0.0; 3]));
     std::fs::write(desk.path("other.glb"), other.glb()).unwrap();
-    desk.fails("relight @room.transport --look @a.look --scene @other.glb -o @a.exr", 1, "is not the scene that was baked");
+    desk.fails(
+        "relight @room.transport --look @a.look --scene @other.glb -o @a.exr",
+        1,
+        "is not the scene that was baked",
+    );
     let named = |key: &str, unit: &str| {
         let lamp = json!([{ "key": key, "type": "point", "position": [0, 0, 0], "strength": 1, "unit": unit }]);
         std::fs::write(desk.path("b.look"), json!({ "clerestory": 1, "lamps": lamp }).to_string()).unwrap();
@@ -133,7 +139,8 @@ fn while_a_lamp_moves_continuously_the_picture_moves_continuously() {
         let shape = LampShape::Disk { radius_m: 0.1 };
         let position = Vec3::new(x, -0.2 + 0.1 * (3.0 * x).sin(), -0.3);
         let (unit, setting) = (LampUnit::Lumen, LightSetting::default());
-        let lamp = FreeLamp { key: "l".into(), shape, position, aim: position - Vec3::Y, strength: 20.0, unit, setting };
+        let lamp =
+            FreeLamp { key: "l".into(), shape, position, aim: position - Vec3::Y, strength: 20.0, unit, setting };
         let lamps = PreparedLamps::new(&[lamp], None).unwrap().0;
         let mut coefficients = bake.header.coefficients(&LightRig::default());
         coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);

@@ -62,7 +62,11 @@ fn main() -> Result<(), Failure> {
             sums[0] += error;
             sums[1] += psnr;
         }
-        println!("  mean: L2 {:.2} %, PSNR {:.1} dB", 100.0 * sums[0] / lamps.len() as f64, sums[1] / lamps.len() as f64);
+        println!(
+            "  mean: L2 {:.2} %, PSNR {:.1} dB",
+            100.0 * sums[0] / lamps.len() as f64,
+            sums[1] / lamps.len() as f64
+        );
     }
     Ok(())
 }
@@ -88,7 +92,8 @@ fn bake(scene: &Arc<PreparedScene>, camera: &Camera, film: Film, spp: u32, patch
 fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
     let u = |key: u64| uniform_hash(0x5EED_0000 + u64::from(nth) * 16 + key);
     let film_px = Vec2::new(u(0) * film.width as f32, u(1) * film.height as f32);
-    let mut ray = Ray { origin: camera.position(), direction: camera.direction(film, film_px), t_min: 0.0, t_max: f32::INFINITY };
+    let mut ray =
+        Ray { origin: camera.position(), direction: camera.direction(film, film_px), t_min: 0.0, t_max: f32::INFINITY };
     let mut sampler = Sampler::new(1, 1, 1);
     for turn in 0..2 {
         let Some(hit) = scene.closest(&ray, &mut sampler) else { break };

@@ -54,7 +54,8 @@ pub(crate) fn is_beyond(kind: SourceKind) -> bool {
 /// Whether somebody connects to the source, and may leave it out.
 fn can_be_dark(scene: &PreparedScene, source: usize) -> bool {
     let kind = if is_beyond(scene.lighting.basis.sources[source].kind) { Skip::ClosedSky } else { Skip::DarkLamps };
-    scene.skips.has(kind) && !matches!(scene.lighting.emitters[source], Emitter::Sky | Emitter::Constant | Emitter::Lamp(_))
+    scene.skips.has(kind)
+        && !matches!(scene.lighting.emitters[source], Emitter::Sky | Emitter::Constant | Emitter::Lamp(_))
 }
 
 /// Lamps of no strength: a look multiplies it.

@@ -40,7 +40,8 @@ impl Lamplight {
 
     /// Whether the light of the lamps is as smooth as it gets.
     pub fn is_idle(&self) -> bool {
-        self.ordered.is_none() || self.light.as_ref().is_some_and(|light| light.serial == self.n_orders && light.is_done)
+        self.ordered.is_none()
+            || self.light.as_ref().is_some_and(|light| light.serial == self.n_orders && light.is_done)
     }
 
     /// Takes in what came and orders what is new. Answers the lighting to show: while the light of lamps that were added,

@@ -64,7 +64,8 @@ impl App {
         let path = std::path::absolute(&path).unwrap_or(path);
         match peak_candela(&path) {
             Ok(candela) => {
-                let (shape, at_px) = (LampShape::Profile { file: path.display().to_string() }, self.profile_at_px.take());
+                let (shape, at_px) =
+                    (LampShape::Profile { file: path.display().to_string() }, self.profile_at_px.take());
                 self.place_lamp(shape, (candela, LampUnit::Candela), at_px);
             }
             Err(error) => self.complain(format!("{error:#}")),

@@ -300,16 +300,28 @@ mod tests {
             ("\"key\": \"L\"", "`lamps[0].type` is missing"),
             ("\"key\": \"L\", \"type\": \"point\", \"strength\": 1", "`lamps[0].position` is missing"),
             ("\"key\": \"L\", \"type\": \"point\", \"position\": [0, 0, 0]", "`lamps[0].strength` is missing"),
-            (&point.replace("[0, 0, 0]", "[0, 0, 1e300]"), "line 2, column 44: `lamps[0].position` must be a number from"),
+            (
+                &point.replace("[0, 0, 0]", "[0, 0, 1e300]"),
+                "line 2, column 44: `lamps[0].position` must be a number from",
+            ),
             (&point.replace("\"strength\": 1", "\"strength\": -1"), "`lamps[0].strength` must be a number from 0"),
             (&format!("{point}, \"unit\": \"nit\""), "`lamps[0].unit` of a lamp `point` must be lm or cd, not \"nit\""),
             (&format!("{point}, \"muted\": 1"), "`lamps[0].muted` must be true or false"),
             (&point.replace("point", "spot"), "`lamps[0].outer_deg` is missing"),
-            (&format!("{}, \"outer_deg\": 91", point.replace("point", "spot")), "`lamps[0].outer_deg` must be a number from 0 to 90"),
-            (&format!("{}, \"inner_deg\": 40, \"outer_deg\": 30", point.replace("point", "spot")), "`outer_deg` at most"),
+            (
+                &format!("{}, \"outer_deg\": 91", point.replace("point", "spot")),
+                "`lamps[0].outer_deg` must be a number from 0 to 90",
+            ),
+            (
+                &format!("{}, \"inner_deg\": 40, \"outer_deg\": 30", point.replace("point", "spot")),
+                "`outer_deg` at most",
+            ),
             (&format!("{}, \"outer_deg\": 30", point.replace("point", "spot")), "`lamps[0].aim` is missing"),
             (&point.replace("point", "disk"), "`lamps[0].radius_m` is missing"),
-            (&format!("{}, \"size_m\": [1]", point.replace("point", "rectangle")), "`lamps[0].size_m` must be a list of 2"),
+            (
+                &format!("{}, \"size_m\": [1]", point.replace("point", "rectangle")),
+                "`lamps[0].size_m` must be a list of 2",
+            ),
             (&point.replace("point", "ies"), "`lamps[0].file` is missing"),
             (&format!("{point}}}, {{{point}"), "`lamps[1].key` is `L`"),
         ] {

@@ -107,7 +107,11 @@ impl Reader<'_> {
     }
 
     /// The same; `None` where a fault was left out.
-    pub(super) fn part<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<Option<T>> {
+    pub(super) fn part<T>(
+        &mut self,
+        step: impl Into<Step>,
+        read: impl FnOnce(&mut Reader) -> Result<T>,
+    ) -> Result<Option<T>> {
         match (self.at(step, read), self.on_fault) {
             (Err(error), OnFault::LeaveOut) => {
                 self.warnings.push(format!("{error:#}; it is left out"));

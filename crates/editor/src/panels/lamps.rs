@@ -4,9 +4,7 @@ use std::collections::BTreeSet;
 
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::{LightRig, luminance, planckian_tint};
-use eframe::egui::{
-    self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Sense, TextEdit, Ui,
-};
+use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Sense, TextEdit, Ui};
 use glam::Vec3;
 
 use super::color::{KelvinChoice, Tint, tint_ui};
@@ -187,7 +185,8 @@ fn row_ui(
         let name = ui.allocate_ui_with_layout(size, layout, |ui| {
             ui.add(Label::new(text).truncate().sense(Sense::click()).selectable(false))
         });
-        let words = format!("{key}\n{}, {} {}\nRight-click for more", kind_words(&lamp.shape), lamp.strength, lamp.unit.name());
+        let words =
+            format!("{key}\n{}, {} {}\nRight-click for more", kind_words(&lamp.shape), lamp.strength, lamp.unit.name());
         let name = name.inner.on_hover_text(words);
         if name.clicked() {
             state.chosen = if state.is_chosen(&key) { None } else { Some(key.clone()) };

@@ -216,7 +216,9 @@ impl Drag {
         self.at += if held.fine { travel * FINE } else { travel };
         let (mut moved, start) = (lamp.clone(), self.before.position);
         let to = match self.part {
-            Part::Axis(axis) => sight.along_axis(self.taken, AXES[axis], self.at).map(|along| start + AXES[axis] * along),
+            Part::Axis(axis) => {
+                sight.along_axis(self.taken, AXES[axis], self.at).map(|along| start + AXES[axis] * along)
+            }
             Part::Plane(axis) => sight.on_plane(start, AXES[axis], self.at).map(|place| start + place - self.taken),
             Part::Body if held.free => sight.on_plane(lamp.position, sight.forward(), self.at),
             Part::Body => sight.surface(self.at).map(|surface| surface.position + surface.normal * self.standoff_m),

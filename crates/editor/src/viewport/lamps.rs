@@ -155,7 +155,8 @@ fn part_ui(
     state: &mut LampState,
 ) -> bool {
     let key = lamps[idx].key.clone();
-    let response = handle(ui, at, Id::unique(("lamp part", key.as_str(), part_words(part, ""))), &part_words(part, &key));
+    let response =
+        handle(ui, at, Id::unique(("lamp part", key.as_str(), part_words(part, ""))), &part_words(part, &key));
     let is_held = state.drag.as_ref().is_some_and(|drag| drag.key == key && drag.part == part);
     paint_part(painter, (part, at, center), if response.hovered() || is_held { 1.0 } else { 0.75 });
     drag_ui(ui, &response, sight, part, lamps, idx, state);

@@ -88,7 +88,9 @@ impl Run<'_> {
         // A bake that is taken up again learns the same once more: its file holds no more than relighting needs.
         let again = if patches.table().is_none() { job.learn() } else { None };
         let Some(table) = again.as_ref().unwrap_or(patches).table() else {
-            return Err(BakeError::Config { what: "the scene has no patches any more; start over with --fresh".into() });
+            return Err(BakeError::Config {
+                what: "the scene has no patches any more; start over with --fresh".into(),
+            });
         };
         if table.n_columns != patches.n_columns() {
             return Err(BakeError::Config { what: "the scene has other patches now; start over with --fresh".into() });

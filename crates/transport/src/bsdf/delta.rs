@@ -21,7 +21,8 @@ impl Bsdf {
         let lobes = match &self.lobes {
             Lobes::None => [None; 3],
             Lobes::Layers(layers) => {
-                let world = |delta: Option<(Vec3, Vec3)>| delta.map(|(local, share)| (layers.world_from_local(local), share));
+                let world =
+                    |delta: Option<(Vec3, Vec3)>| delta.map(|(local, share)| (layers.world_from_local(local), share));
                 let [mirror, clear] = layers.deltas();
                 [world(mirror), world(clear), None]
             }

@@ -28,7 +28,8 @@ const MOST_BYTES: u64 = 32 << 20;
 /// # Errors
 /// Why it cannot be had, in words.
 pub fn read_profile(path: &Path) -> Result<PhotometricProfile, String> {
-    let bytes = read_at_most(path, MOST_BYTES).map_err(|error| format!("it cannot be read ({error}); check the path"))?;
+    let bytes =
+        read_at_most(path, MOST_BYTES).map_err(|error| format!("it cannot be read ({error}); check the path"))?;
     PhotometricProfile::parse(&bytes, &path.display().to_string()).map_err(|error| error.to_string())
 }
 

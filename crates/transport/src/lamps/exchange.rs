@@ -16,7 +16,8 @@ impl FreeLamp {
             _ => None,
         };
         let body = Body::of(self);
-        let native = |lamp: &FreeLamp| native_strength(lamp, body.as_ref().map(|(b, a)| (b, *a)), profile.as_ref()).ok();
+        let native =
+            |lamp: &FreeLamp| native_strength(lamp, body.as_ref().map(|(b, a)| (b, *a)), profile.as_ref()).ok();
         let per_unit = native(&FreeLamp { strength: 1.0, unit, ..self.clone() })?;
         let strength = (native(self)? / per_unit) as f32;
         strength.is_finite().then_some(strength)

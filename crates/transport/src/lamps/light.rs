@@ -192,7 +192,8 @@ mod tests {
 
     /// Mean of `factor · cosθ`: the irradiance at 1 nit.
     fn irradiance(n: u32, normal: Vec3, lit: impl Fn(Vec2) -> Option<Lit>) -> f32 {
-        let one = |i| lit(Vec2::from(Sampler::new(5, 1, i).next_2d())).map_or(0.0, |l| l.factor * l.wi.dot(normal).max(0.0));
+        let one =
+            |i| lit(Vec2::from(Sampler::new(5, 1, i).next_2d())).map_or(0.0, |l| l.factor * l.wi.dot(normal).max(0.0));
         (0..n).map(|i| f64::from(one(i))).sum::<f64>() as f32 / n as f32
     }
 
@@ -203,12 +204,18 @@ mod tests {
         let (expected, place) = (PI * 0.16 / (1.0 + 0.16), Vec3::ZERO);
         let evenly = irradiance(4096, Vec3::Y, |u| disk.lit(place, u, 1e3));
         let well = irradiance(4096, Vec3::Y, |u| disk.lit_well(place, u, 1e3));
-        assert!((evenly / expected - 1.0).abs() < 0.01 && (well / expected - 1.0).abs() < 0.01, "{evenly} {well} {expected}");
+        assert!(
+            (evenly / expected - 1.0).abs() < 0.01 && (well / expected - 1.0).abs() < 0.01,
+            "{evenly} {well} {expected}"
+        );
         let sphere = of(LampShape::Sphere { radius_m: 0.3 });
         let expected = PI * 0.09;
         let evenly = irradiance(4096, Vec3::Y, |u| sphere.lit(place, u, 1e3));
         let well = irradiance(1024, Vec3::Y, |u| sphere.lit_well(place, u, 1e3));
-        assert!((evenly / expected - 1.0).abs() < 0.02 && (well / expected - 1.0).abs() < 0.005, "{evenly} {well} {expected}");
+        assert!(
+            (evenly / expected - 1.0).abs() < 0.02 && (well / expected - 1.0).abs() < 0.005,
+            "{evenly} {well} {expected}"
+        );
         // A rectangle above one corner: four times ½ (a/√(1+a²) atan(b/√(1+a²)) + b/√(1+b²) atan(a/√(1+b²))), here by symmetry.
         let rectangle = of(LampShape::Rectangle { size_m: [0.8, 0.6] });
         let (a, b) = (0.4f32, 0.3f32);
@@ -216,7 +223,10 @@ mod tests {
         let expected = 4.0 * 0.5 * (part(a, b) + part(b, a));
         let evenly = irradiance(4096, Vec3::Y, |u| rectangle.lit(place, u, 1e3));
         let well = irradiance(1024, Vec3::Y, |u| rectangle.lit_well(place, u, 1e3));
-        assert!((evenly / expected - 1.0).abs() < 0.01 && (well / expected - 1.0).abs() < 0.01, "{evenly} {well} {expected}");
+        assert!(
+            (evenly / expected - 1.0).abs() < 0.01 && (well / expected - 1.0).abs() < 0.01,
+            "{evenly} {well} {expected}"
+        );
     }
 
     #[test]

@@ -120,7 +120,8 @@ impl PreparedLamps {
     /// The same for the same question.
     pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3) -> Vec3 {
         let clear = position.abs().max_element() * LEAVING + LEAVING;
-        let place = Place { position, normal, origin: offset_origin(position + normal * clear, normal), far: scene.far() };
+        let place =
+            Place { position, normal, origin: offset_origin(position + normal * clear, normal), far: scene.far() };
         self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place)).sum()
     }
 }
@@ -171,7 +172,11 @@ pub(crate) fn lattice(nth: u32) -> Vec2 {
     Vec2::new(unit(STEP[0]), unit(STEP[1]))
 }
 
-fn prepare(lamp: &FreeLamp, folder: Option<&Path>, warnings: &mut Vec<String>) -> Result<Option<PreparedLamp>, LampError> {
+fn prepare(
+    lamp: &FreeLamp,
+    folder: Option<&Path>,
+    warnings: &mut Vec<String>,
+) -> Result<Option<PreparedLamp>, LampError> {
     check(lamp)?;
     let profile = match &lamp.shape {
         LampShape::Profile { file } => Some(profile(lamp, file, folder)?),

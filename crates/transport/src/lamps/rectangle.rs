@@ -41,7 +41,19 @@ impl SeenRectangle {
         let g = [angle(nz[0] * nz[1]), angle(nz[1] * nz[2]), angle(nz[2] * nz[3]), angle(nz[3] * nz[0])];
         let k = std::f64::consts::TAU - g[2] - g[3];
         let solid_angle = (g[0] + g[1] - k) as f32;
-        (solid_angle > 0.0).then_some(SeenRectangle { origin, axes, x0, x1, y0, y1, z0, b0: nz[0], b1: nz[2], k, solid_angle })
+        (solid_angle > 0.0).then_some(SeenRectangle {
+            origin,
+            axes,
+            x0,
+            x1,
+            y0,
+            y1,
+            z0,
+            b0: nz[0],
+            b1: nz[2],
+            k,
+            solid_angle,
+        })
     }
 
     /// A point of the rectangle with uniform density over the solid angle, for `u` uniform in [0, 1)².

@@ -21,14 +21,24 @@ impl FreeLamp {
         }
         let (shape, unit) = match light.kind {
             PunctualKind::Point => (LampShape::Point, LampUnit::Candela),
-            PunctualKind::Spot { inner_rad, outer_rad } => (LampShape::Spot { inner_rad, outer_rad }, LampUnit::Candela),
+            PunctualKind::Spot { inner_rad, outer_rad } => {
+                (LampShape::Spot { inner_rad, outer_rad }, LampUnit::Candela)
+            }
             PunctualKind::Directional => (LampShape::Directional, LampUnit::Lux),
         };
         // The setting multiplies, and replaces the color of the file where it has one of its own.
         let own = setting.color.or((source.color != Vec3::ONE).then(|| source.color.to_array()));
         let setting = LightSetting { color: own.filter(|_| setting.kelvin.is_none()), ..setting };
         let aim = light.position + light.direction;
-        Some(FreeLamp { key: key.to_owned(), shape, position: light.position, aim, strength: source.strength, unit, setting })
+        Some(FreeLamp {
+            key: key.to_owned(),
+            shape,
+            position: light.position,
+            aim,
+            strength: source.strength,
+            unit,
+            setting,
+        })
     }
 }
 
@@ -58,7 +68,9 @@ mod tests {
             LightSetting { intensity: 2.0, kelvin: Some(3000.0), ..LightSetting::default() },
             LightSetting { color: Some([0.0, 1.0, 0.0]), ..LightSetting::default() },
         ];
-        for kind in [PunctualKind::Point, PunctualKind::Spot { inner_rad: 0.2, outer_rad: 0.5 }, PunctualKind::Directional] {
+        for kind in
+            [PunctualKind::Point, PunctualKind::Spot { inner_rad: 0.2, outer_rad: 0.5 }, PunctualKind::Directional]
+        {
             let light = light(kind);
             let (color, strength, columns) = (light.color, light.intensity, 0..1);
             let source = LightSource { key: "l".into(), kind: SourceKind::from(kind), columns, color, strength };

@@ -16,7 +16,9 @@ pub(super) fn native_strength(
     let strength = f64::from(lamp.strength);
     let native = match (&lamp.shape, body, profile) {
         (LampShape::Directional, ..) => (lamp.unit == LampUnit::Lux).then_some(strength),
-        (LampShape::Sphere { .. }, Some((body, area)), _) => of_body(lamp.unit, strength, area, f64::from(body.area()), 4.0),
+        (LampShape::Sphere { .. }, Some((body, area)), _) => {
+            of_body(lamp.unit, strength, area, f64::from(body.area()), 4.0)
+        }
         (_, Some((body, area)), _) => of_body(lamp.unit, strength, area, f64::from(body.area()), 1.0),
         (_, None, profile) => {
             let lumen_per_candela = match (&lamp.shape, profile) {
@@ -135,6 +137,10 @@ mod tests {
         let lamp = lamp(LampShape::Disk { radius_m: 0.0 });
         let (body, _) = Body::of(&lamp).expect("a body");
         assert!((small * PI * f64::from(body.area()) - 100.0).abs() < 1e-2);
-        assert_eq!(native(LampShape::Disk { radius_m: 0.0 }, 100.0, LampUnit::Nit), Some(0.0), "no area sends no light");
+        assert_eq!(
+            native(LampShape::Disk { radius_m: 0.0 }, 100.0, LampUnit::Nit),
+            Some(0.0),
+            "no area sends no light"
+        );
     }
 }

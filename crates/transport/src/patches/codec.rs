@@ -85,7 +85,8 @@ pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)>
     let scales: Vec<f32> = scales.chunks_exact(4).map(number).collect();
     let share = |(bytes, scale): (&[u8], &f32)| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32() * scale;
     let shares: Vec<f32> = shares.chunks_exact(2).zip(scales.iter().cycle()).map(share).collect();
-    let finite = samples.iter().all(|s| s.position.is_finite() && s.normal.is_finite()) && shares.iter().all(|s| s.is_finite());
+    let finite =
+        samples.iter().all(|s| s.position.is_finite() && s.normal.is_finite()) && shares.iter().all(|s| s.is_finite());
     if weights.len() != n_samples || counts.contains(&0) || !finite {
         return None;
     }

@@ -119,8 +119,9 @@ impl Exchange {
             for walk in 0..WALKS {
                 let mut sampler = Sampler::new(seed, stream + patch as u64, walk);
                 let origin = origins[walk as usize % origins.len()];
-                integrator
-                    .land_from_surface(origin, &mut sampler, &mut |landing, sampler| row.land(nearest, landing, sampler));
+                integrator.land_from_surface(origin, &mut sampler, &mut |landing, sampler| {
+                    row.land(nearest, landing, sampler)
+                });
             }
             row.finish(WALKS as f32);
             row
@@ -150,7 +151,14 @@ impl Exchange {
     }
 
     /// `base + shares · light`.
-    fn sweep(&self, base: &[f32], light: &[f32], len: usize, of: impl Fn(&Row) -> &Vec<Share> + Sync, tint: Tint) -> Vec<f32> {
+    fn sweep(
+        &self,
+        base: &[f32],
+        light: &[f32],
+        len: usize,
+        of: impl Fn(&Row) -> &Vec<Share> + Sync,
+        tint: Tint,
+    ) -> Vec<f32> {
         let mut out = base.to_vec();
         let rows = out.par_chunks_mut(len.max(1)).zip(&self.rows);
         rows.for_each(|(out, row)| Row::add(of(row), light, |color| tint.of(color), out));

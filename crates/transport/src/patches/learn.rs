@@ -223,7 +223,8 @@ impl Modes {
         let lengths: Vec<f32> = values.iter().map(|value| (value * size * size * pixels.len() as f64) as f32).collect();
         let inverse: Vec<f32> = columns.iter().zip(lengths.iter().cycle()).map(|(x, length)| x / length).collect();
         let n_patches = of_lamps.len() / n_lamps;
-        let gathered = |of: fn(&Row) -> &Vec<super::exchange::Share>| gather(pixels, of, &inverse, n_columns, n_patches);
+        let gathered =
+            |of: fn(&Row) -> &Vec<super::exchange::Share>| gather(pixels, of, &inverse, n_columns, n_patches);
         let (known, straight) = (gathered(|row| &row.known), gathered(|row| &row.straight));
         let mut shares = exchange.solve_transposed([&known, &straight], sweeps, Tint::Gray);
         rounded(&mut shares, n_columns);
@@ -233,7 +234,12 @@ impl Modes {
     }
 
     /// Root mean square over lamps of the relative error of their pictures.
-    fn error_of(&self, lamps: &[usize], (of_lamps, pictures, n_lamps): (&[f32], &[f32], usize), columns: &[f32]) -> f32 {
+    fn error_of(
+        &self,
+        lamps: &[usize],
+        (of_lamps, pictures, n_lamps): (&[f32], &[f32], usize),
+        columns: &[f32],
+    ) -> f32 {
         let k = self.n_columns;
         let error = |&lamp: &usize| {
             let mut c = vec![0.0f32; k];

@@ -42,8 +42,7 @@ impl Nearest {
 
     /// One of the patches around a point, drawn by `u` in 0…1 with a probability that changes smoothly with the point.
     pub fn draw(&self, position: Vec3, normal: Vec3, u: f32) -> Option<u32> {
-        let mut found =
-            Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] };
+        let mut found = Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] };
         self.search(0..self.order.len(), position, normal, &mut found);
         // Weights fall to zero where another patch becomes the farthest.
         let limit = found.squared[SHARING];

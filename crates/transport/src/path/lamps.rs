@@ -30,10 +30,12 @@ impl<P: LightPlan> Integrator<'_, P> {
                 continue;
             }
             let weight = match walk.rival {
-                Some(vertex) if walk.density > 0.0 => self.closeness(walk, t, point.position).map_or(1.0, |closeness| {
-                    let pdf = 1.0 / (-point.normal.dot(walk.direction) * body.area() * closeness);
-                    power_heuristic(walk.density, self.plan.rate(vertex, *column) * pdf)
-                }),
+                Some(vertex) if walk.density > 0.0 => {
+                    self.closeness(walk, t, point.position).map_or(1.0, |closeness| {
+                        let pdf = 1.0 / (-point.normal.dot(walk.direction) * body.area() * closeness);
+                        power_heuristic(walk.density, self.plan.rate(vertex, *column) * pdf)
+                    })
+                }
                 _ => 1.0,
             };
             deposit.scattered(*column, value * weight);

@@ -113,12 +113,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         self.land(walk, sampler, land);
     }
 
-    fn land(
-        &self,
-        mut walk: Walk,
-        sampler: &mut Sampler,
-        land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
-    ) {
+    fn land(&self, mut walk: Walk, sampler: &mut Sampler, land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward) {
         while let Some(hit) = self.arrive(&mut walk, sampler, &mut Blind) {
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let mut onward = Onward::All;
@@ -126,7 +121,10 @@ impl<P: LightPlan> Integrator<'_, P> {
             // What mirrors and clear glass alone show has its direct light anew, see [`crate::visible`].
             if bsdf.has_smooth_lobes() && !self.is_spent(&walk) && !walk.specular {
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
-                onward = land(&Landing { hit: &hit, from: walk.origin, normal, throughput: walk.throughput, shares }, sampler);
+                onward = land(
+                    &Landing { hit: &hit, from: walk.origin, normal, throughput: walk.throughput, shares },
+                    sampler,
+                );
             }
             let goes_on = match onward {
                 Onward::All => self.scatter(&mut walk, &hit, &bsdf, 1, sampler),

@@ -35,10 +35,11 @@ fn room() -> Stage {
     let wall = quad(Vec3::new(-3.0, 0.0, -1.5), Vec3::X * 6.0, Vec3::Y * 4.0);
     let shade = quad(Vec3::new(-0.3, 0.5, 0.3), Vec3::X * 0.6, Vec3::NEG_Z * 0.6);
     let glossy = Material { metallic: 0.0, roughness: 0.3, ..Material::default() };
-    Stage::new(camera)
-        .surface("floor", &floor, lambert(ALBEDO, 0.0))
-        .surface("wall", &wall, glossy)
-        .surface("shade", &shade, Material { double_sided: true, ..lambert(0.7, 0.0) })
+    Stage::new(camera).surface("floor", &floor, lambert(ALBEDO, 0.0)).surface("wall", &wall, glossy).surface(
+        "shade",
+        &shade,
+        Material { double_sided: true, ..lambert(0.7, 0.0) },
+    )
 }
 
 /// Mean over passes, each sample of a pixel in its turn.

@@ -131,7 +131,8 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
         }
         errors.add(&relit(&bake, &of_bake), &direct, &own, &references, &own_traced);
     }
-    let bytes = |bake: &Bake| bake.packed.as_ref().map_or(0, |sets| sets[0].iter().map(|group| group.n_bytes()).sum::<usize>());
+    let bytes =
+        |bake: &Bake| bake.packed.as_ref().map_or(0, |sets| sets[0].iter().map(|group| group.n_bytes()).sum::<usize>());
     let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
     let row = format!(
         "| {} | {n_places} | {} | {} | {} | {:.2} MiB of {:.2} | {secs:.1} s | {:.1} s |\n",
