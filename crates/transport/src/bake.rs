@@ -670,6 +670,7 @@ impl Run<'_> {
         if flow.is_break() {
             return Ok(flow);
         }
-        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.matrices[0], self.bias) }))
+        let n_own = job.scene.lighting.basis.groups.len();
+        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.matrices[0][..n_own], self.bias) }))
     }
 }

@@ -61,6 +61,25 @@ pub struct Skipped {
     pub off: Vec<Skip>,
 }
 
+/// Figures of the columns that free lamps light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PatchFigures {
+    /// Patches of surface.
+    pub patches: usize,
+    /// Points at which they ask for irradiance.
+    pub samples: usize,
+    /// Columns that stand for them.
+    pub columns: usize,
+    /// See [`crate::patches::Patches::held_out_error`].
+    pub held_out_error: f32,
+    /// Mean rank over blocks.
+    pub mean_rank: f32,
+    /// Bytes of their factors in the file; `None` while a bake runs.
+    pub file_bytes: Option<usize>,
+    /// Errors below the root mean square of the picture that a lamp makes by way of patches.
+    pub error_db: ErrorDb,
+}
+
 /// Figures of a finished bake.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figures {
@@ -82,8 +101,11 @@ pub struct Figures {
     pub dense_bytes: usize,
     /// Dense over the bytes of the file, or over those in memory where there is no packed form.
     pub ratio: f32,
-    /// Measured errors.
+    /// Measured errors, of the columns of the scene's own lights.
     pub error_db: ErrorDb,
+    /// Columns that free lamps light, if there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub patches: Option<PatchFigures>,
     /// Work that was not needed.
     pub skipped: Skipped,
 }
@@ -137,9 +159,29 @@ impl Bake {
             file_bytes,
             dense_bytes,
             ratio: dense_bytes as f32 / file_bytes.unwrap_or(bytes).max(1) as f32,
-            error_db: error_db(&self.groups, self.header.sharing_bias),
+            error_db: error_db(self.groups_of_lights(), self.header.sharing_bias),
+            patches: self.patch_figures(),
             skipped: self.skipped(),
         }
+    }
+
+    /// The groups of columns that lights of the scene own.
+    fn groups_of_lights(&self) -> &[BlockLowRank] {
+        &self.groups[..self.groups.len() - usize::from(self.header.patches.is_some())]
+    }
+
+    fn patch_figures(&self) -> Option<PatchFigures> {
+        let (patches, group) = (self.header.patches.as_ref()?, self.groups.last()?);
+        let packed = self.packed.as_ref().and_then(|matrices| matrices.first()?.last());
+        Some(PatchFigures {
+            patches: patches.n_patches(),
+            samples: patches.samples().len(),
+            columns: patches.n_columns(),
+            held_out_error: patches.held_out_error(),
+            mean_rank: group.mean_rank(),
+            file_bytes: packed.map(PackedMatrix::n_bytes),
+            error_db: error_db(std::slice::from_ref(group), None),
+        })
     }
 
     /// Rank of a block, summed over the groups of columns.

@@ -12,6 +12,7 @@ mod codec;
 mod exchange;
 mod learn;
 mod matrix;
+mod modes;
 mod nearest;
 mod trials;
 
@@ -39,6 +40,8 @@ pub struct PatchSample {
     pub normal: Vec3,
     /// Share of its patch; those of a patch add up to 1.
     pub weight: f32,
+    /// Radius of a disk as large as what it stands for, m.
+    pub radius_m: f32,
 }
 
 /// Clusters of surface, and how their irradiance becomes coefficients. The header of a file holds the numbers; all else
@@ -104,16 +107,15 @@ impl Patches {
     }
 
     /// One RGB coefficient per column of patches, given the direct irradiance (lux per channel) of the lamps at a point
-    /// with a unit normal. Linear in the irradiance; asks at each of [`Patches::samples`] once, on all threads.
+    /// with a unit normal. Asks at each of [`Patches::samples`] once, on all threads, and around those again that alone
+    /// have most of their patch's light: there a lamp is near, or the edge of a shadow.
     pub fn coefficients(&self, irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec<[f32; 3]> {
-        let ask = |sample: &PatchSample| irradiance(sample.position, sample.normal) * sample.weight;
-        let of_samples: Vec<Vec3> = self.body.samples.par_iter().with_min_len(64).map(ask).collect();
-        let sum = |w: &[u32]| of_samples[w[0] as usize..w[1] as usize].iter().sum();
-        let of_patches: Vec<Vec3> = self.body.first.windows(2).map(sum).collect();
+        let Body { samples, first, .. } = &*self.body;
+        let of_patch = |w: &[u32]| patch_irradiance(&samples[w[0] as usize..w[1] as usize], irradiance);
+        let of_patches: Vec<Vec3> = first.par_windows(2).with_min_len(16).map(of_patch).collect();
         let mut coefficients = vec![[0.0f32; 3]; self.n_columns()];
         for (light, shares) in of_patches.iter().zip(self.body.shares.chunks_exact(self.n_columns().max(1))) {
-            // A lamp without a finite light at some point leaves that patch dark, not the picture undefined.
-            if *light == Vec3::ZERO || !light.is_finite() {
+            if *light == Vec3::ZERO {
                 continue;
             }
             for (c, share) in coefficients.iter_mut().zip(shares) {
@@ -123,3 +125,44 @@ impl Patches {
         coefficients
     }
 }
+
+/// Share of a patch's light that one of its samples may have before it is looked at more closely, and at which nothing but
+/// the closer look counts. A patch of one sample is always looked at closely.
+const ALONE: [f32; 2] = [0.5, 0.75];
+/// Points of a closer look.
+const POINTS: u32 = 16;
+
+/// Mean irradiance of a patch.
+fn patch_irradiance(samples: &[PatchSample], irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec3 {
+    let ask = |position: Vec3, normal: Vec3| {
+        let light = irradiance(position, normal);
+        // A lamp without a finite light at some point leaves that point dark, not the picture undefined.
+        if light.is_finite() { light } else { Vec3::ZERO }
+    };
+    let mut total = Vec3::ZERO;
+    let mut brightest = (0.0, Vec3::ZERO, None);
+    for sample in samples {
+        let light = ask(sample.position, sample.normal) * sample.weight;
+        total += light;
+        if light.element_sum() > brightest.0 {
+            brightest = (light.element_sum(), light, Some(sample));
+        }
+    }
+    let (sum, light, Some(sample)) = brightest else { return total };
+    let [from, to] = ALONE;
+    let t = ((sum / total.element_sum() - from) / (to - from)).clamp(0.0, 1.0);
+    if t <= 0.0 || sample.radius_m <= 0.0 {
+        return total;
+    }
+    let (tangent, bitangent) = sample.normal.any_orthonormal_pair();
+    let point = |nth: u32| {
+        let radius = sample.radius_m * ((nth as f32 + 0.5) / POINTS as f32).sqrt();
+        let (sin, cos) = (GOLDEN_ANGLE * nth as f32).sin_cos();
+        ask(sample.position + (tangent * cos + bitangent * sin) * radius, sample.normal)
+    };
+    let closer = (0..POINTS).map(point).sum::<Vec3>() * (sample.weight / POINTS as f32);
+    total + (closer - light) * (t * t * (3.0 - 2.0 * t))
+}
+
+/// Turns from point to point of a sunflower, which fill a disk evenly \[Vogel1979\]; radians.
+const GOLDEN_ANGLE: f32 = 2.399_963_2;

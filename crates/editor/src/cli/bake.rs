@@ -230,7 +230,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
-         error       {}{}",
+         error       {}{}{}",
         number("pixels"),
         number("columns"),
         number("blocks"),
@@ -241,7 +241,22 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         bytes_words(number("dense_bytes")),
         number("ratio"),
         error_words(&figures["error_db"], basis),
+        patch_words(&figures["patches"]),
         skipped_words(&figures["skipped"]),
+    )
+}
+
+/// What free lamps light, a line of its own.
+fn patch_words(figures: &Value) -> String {
+    let number = |name: &str| figures[name].as_f64();
+    let Some((patches, columns)) = number("patches").zip(number("columns")) else { return String::new() };
+    format!(
+        "\npatches     {patches} with {} points in {columns} columns, mean rank {:.2}{}; error {:.1} dB, of lamps never seen {:.1} %",
+        number("samples").unwrap_or(f64::NAN),
+        number("mean_rank").unwrap_or(f64::NAN),
+        number("file_bytes").map_or(String::new(), |bytes| format!(", {}", bytes_words(bytes))),
+        figures["error_db"]["total"].as_f64().unwrap_or(f64::NAN),
+        100.0 * number("held_out_error").unwrap_or(f64::NAN),
     )
 }
 

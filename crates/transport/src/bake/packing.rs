@@ -5,8 +5,9 @@ use std::sync::Arc;
 use clerestory_nystrom::codec::CodecError;
 use clerestory_nystrom::{BlockLowRank, PackPlan, PackedMatrix};
 
+use super::patches::PATCH_TOLERANCE_DB;
 use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, mean_square};
-use crate::basis::ColumnGroup;
+use crate::basis::{ColumnGroup, ColumnKind};
 
 impl Bake {
     /// A bake whose factors are what its file will hold: they differ from those of the blocks that were told of by the
@@ -32,12 +33,15 @@ impl Bake {
 impl BakeHeader {
     /// How each group of each matrix is packed.
     pub(crate) fn pack_plans(&self) -> Vec<Vec<PackPlan>> {
-        let allowed = mean_square(self.config.tolerance_db);
+        let allowed = |kind: ColumnKind| match kind {
+            ColumnKind::Patch => mean_square(PATCH_TOLERANCE_DB),
+            _ => mean_square(self.config.tolerance_db),
+        };
         let of_matrix = |column_scale: &[f32]| {
             let file_light = self.basis.file_light(column_scale);
             let plan = |group: &ColumnGroup| PackPlan {
                 columns: self.basis.runs(group),
-                allowed,
+                allowed: allowed(group.kind),
                 bright: BRIGHT,
                 preserved: file_light[group.columns.start as usize..group.columns.end as usize].to_vec(),
             };

@@ -14,7 +14,7 @@ use crate::patches::{PatchMatrix, Patches, Request, learn};
 use crate::path::{Integrator, NoLights};
 
 /// Tolerance of the picture that a lamp makes by way of patches, as if its root mean square were the peak of a column.
-const TOLERANCE_DB: f32 = 34.0;
+pub(super) const PATCH_TOLERANCE_DB: f32 = 34.0;
 /// Samples of each half before the first look at the tolerance.
 const FIRST_LOOK: u32 = 4;
 
@@ -115,7 +115,7 @@ impl Run<'_> {
 impl BakeJob {
     fn patch_config(&self, n_columns: usize) -> CompressConfig {
         let max = (self.config.spp / 2).max(1);
-        let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(TOLERANCE_DB));
+        let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(PATCH_TOLERANCE_DB));
         CompressConfig {
             groups: vec![ColumnGroup { columns: 0..n_columns, tolerance, preserved: Vec::new() }],
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },

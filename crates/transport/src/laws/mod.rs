@@ -7,6 +7,7 @@ mod finishes;
 mod irradiance;
 mod leaks;
 mod panes;
+mod patches;
 mod reference;
 mod reuse;
 mod shadows;

@@ -84,7 +84,7 @@ pub(super) fn cluster(met: &[Met], most: usize, reach_m: f32) -> (Vec<Center>, V
     for range in ranges {
         let points = &order[range];
         centers.push(center(met, points));
-        samples.extend(chosen(met, points));
+        samples.extend(chosen(met, points, radius_m(met, points)));
         first.push(samples.len() as u32);
     }
     (centers, samples, first)
@@ -126,8 +126,19 @@ fn center(met: &[Met], points: &[u32]) -> Center {
     Center { position: position / total, normal: normal.normalize_or(first.normal) }
 }
 
-/// Points at even steps of importance along the patch; each stands for as much as the others.
-fn chosen(met: &[Met], points: &[u32]) -> impl Iterator<Item = PatchSample> {
+/// Radius of a disk whose points lie as far from their middle as those of a patch do.
+fn radius_m(met: &[Met], points: &[u32]) -> f32 {
+    let center = center(met, points).position;
+    let (mut squares, mut total) = (0.0, 0.0);
+    for met in points.iter().map(|&point| &met[point as usize]) {
+        squares += met.weight * met.position.distance_squared(center);
+        total += met.weight;
+    }
+    (2.0 * squares / total).sqrt()
+}
+
+/// Points at even steps of importance along a patch of some radius; each stands for as much as the others.
+fn chosen(met: &[Met], points: &[u32], radius_m: f32) -> impl Iterator<Item = PatchSample> {
     let total: f32 = points.iter().map(|&point| met[point as usize].weight).sum();
     let n = points.len().min(SAMPLES);
     let (mut picked, mut sum) = (Vec::with_capacity(n), 0.0);
@@ -141,8 +152,8 @@ fn chosen(met: &[Met], points: &[u32]) -> impl Iterator<Item = PatchSample> {
     if picked.is_empty() {
         picked.push(met[points[0] as usize]);
     }
-    let weight = 1.0 / picked.len() as f32;
-    picked.into_iter().map(move |met| PatchSample { position: met.position, normal: met.normal, weight })
+    let (weight, radius_m) = (1.0 / picked.len() as f32, radius_m / (picked.len() as f32).sqrt());
+    picked.into_iter().map(move |met| PatchSample { position: met.position, normal: met.normal, weight, radius_m })
 }
 
 #[cfg(test)]
@@ -169,7 +180,7 @@ mod tests {
         assert_eq!((centers.len(), first.len(), first[200] as usize), (200, 201, samples.len()));
         for (center, w) in centers.iter().zip(first.windows(2)) {
             let own = &samples[w[0] as usize..w[1] as usize];
-            assert!(own.iter().all(|sample| sample.normal == center.normal));
+            assert!(own.iter().all(|sample| sample.normal.dot(center.normal) > 0.999));
             assert!((own.iter().map(|sample| sample.weight).sum::<f32>() - 1.0).abs() < 1e-6);
         }
         let left = centers.iter().filter(|center| center.position.x < 0.0).count();

@@ -40,7 +40,7 @@ impl Trial {
     pub fn draw(stretches: &[[Vec3; 2]], met: &[Met], sampler: &mut Sampler) -> Trial {
         let (kind, [u, v], [aim, tilt]) = (sampler.next_1d(), sampler.next_2d(), sampler.next_2d());
         let [from, to] = stretches[((u * stretches.len() as f32) as usize).min(stretches.len() - 1)];
-        let position = from.lerp(to, 0.01 + 0.98 * v);
+        let position = from.lerp(to, 0.02 + 0.96 * v);
         let target = met[((aim * met.len() as f32) as usize).min(met.len() - 1)].position;
         let axis = (target - position).normalize_or(Vec3::NEG_Y);
         let shape = match kind {

@@ -1,0 +1,206 @@
+//! Laws of patches: lamps that no bake knew light a scene by way of its surfaces as if they had been in its file.
+
+use std::f32::consts::PI;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::stage::{Stage, lambert, quad, room};
+use crate::archive;
+use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
+use crate::camera::{Camera, Film};
+use crate::light::LightRig;
+use crate::prepared::PreparedScene;
+use crate::scene::Material;
+use crate::trace::{TraceConfig, trace};
+
+const FILM: Film = Film { width: 32, height: 24 };
+const HALF: Vec3 = Vec3::new(2.0, 1.2, 1.5);
+
+fn camera() -> Camera {
+    Camera::look_at("eye", Vec3::new(1.7, 0.3, 1.2), Vec3::new(-1.5, -0.4, -0.8), 1.2, 4.0 / 3.0)
+}
+
+/// A closed room of one albedo; its own lamp shines in a corner.
+fn furnace(albedo: f32) -> Stage {
+    Stage::new(camera()).surface("walls", &room(HALF), lambert(albedo, 0.0)).lamp("own", Vec3::new(1.5, 1.0, -1.2), 1.0)
+}
+
+/// A room with a red wall, a table, and a glossy plate.
+fn furnished() -> Stage {
+    let red = Material { base_color: Vec3::new(0.8, 0.1, 0.05).extend(1.0), ..lambert(0.5, 0.0) };
+    let glossy = Material { base_color: Vec3::new(0.8, 0.7, 0.6).extend(1.0), roughness: 0.4, ..Material::default() };
+    furnace(0.6)
+        .surface("red", &quad(Vec3::new(-1.99, -1.2, -1.5), Vec3::Y * 2.4, Vec3::Z * 3.0), red)
+        .surface("table", &quad(Vec3::new(-0.9, -0.5, -0.6), Vec3::Z * 1.2, Vec3::X * 1.4), lambert(0.7, 0.0))
+        .surface("below", &quad(Vec3::new(-0.9, -0.52, -0.6), Vec3::X * 1.4, Vec3::Z * 1.2), lambert(0.7, 0.0))
+        .surface("glossy", &quad(Vec3::new(-0.5, -1.1, 0.8), Vec3::X, Vec3::Y * 0.8), glossy)
+}
+
+fn job(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> BakeJob {
+    let config = BakeConfig { spp, seed: 5, patches, ..BakeConfig::default() };
+    let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
+    BakeJob { scene: scene.clone(), camera: scene.scene.cameras[0].clone(), film: FILM, config, passes, irradiance }
+}
+
+fn baked(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> Bake {
+    job(scene, spp, patches).run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+}
+
+/// Irradiance of a lamp of 1 cd, at most as that 1 cm away.
+fn lit(scene: &PreparedScene, lamp: Vec3) -> impl Fn(Vec3, Vec3) -> Vec3 + Sync {
+    move |position, normal| {
+        let to_lamp = lamp - position;
+        let cos = to_lamp.normalize_or_zero().dot(normal);
+        let light = cos / to_lamp.length_squared().max(1e-4);
+        if cos > 0.0 { scene.transmittance(position, lamp) * light } else { Vec3::ZERO }
+    }
+}
+
+/// The picture of irradiance on patches, red, green, blue of each pixel.
+fn by_patches(bake: &Bake, irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec<f32> {
+    let coefficients =
+        bake.header.coefficients_with(&LightRig::default(), irradiance).pop().expect("a group of patches");
+    let group = bake.groups.last().expect("a group of patches");
+    let channels = [0, 1, 2].map(|c| group.apply(&coefficients.iter().map(|rgb| rgb[c]).collect::<Vec<_>>()));
+    (0..channels[0].len()).map(|row| channels[row % 3][row]).collect()
+}
+
+/// Light of the lamp `moved` of a scene that was scattered more than once.
+fn indirect(scene: &PreparedScene, spp: u32) -> Vec<f32> {
+    let basis = &scene.lighting.basis;
+    let mut coefficients = vec![[0.0; 3]; basis.n_cols()];
+    coefficients[basis.source("moved").expect("the lamp").columns.start as usize] = [1.0; 3];
+    let picture = |bounces| {
+        let config = TraceConfig { spp, bounces, seed: 3 };
+        let pixels =
+            trace(scene, &scene.scene.cameras[0], FILM, &coefficients, &config, &|_| ControlFlow::Continue(()));
+        pixels.expect("nobody stops it").into_iter().flatten().collect::<Vec<f32>>()
+    };
+    picture(None).iter().zip(picture(Some(0))).map(|(all, direct)| all - direct).collect()
+}
+
+/// Root of the energy of a difference over that of the first, and the sum of the second over that of the first.
+fn difference(expected: &[f32], found: &[f32]) -> (f64, f64) {
+    let pairs = || expected.iter().zip(found).map(|(a, b)| (f64::from(*a), f64::from(*b)));
+    let energy: f64 = pairs().map(|(a, _)| a * a).sum();
+    let off: f64 = pairs().map(|(a, b)| (a - b).powi(2)).sum();
+    ((off / energy).sqrt(), pairs().map(|(_, b)| b).sum::<f64>() / pairs().map(|(a, _)| a).sum::<f64>())
+}
+
+#[test]
+fn a_closed_room_of_even_light_is_as_bright_as_its_albedo_says() {
+    let albedo = 0.6;
+    let bake = baked(&Arc::new(furnace(albedo).prepared()), 32, 512);
+    // All surfaces receive 1 straight, a/(1 − a) from each other, and send a/π of what they receive.
+    let expected = albedo / PI * albedo / (1.0 - albedo);
+    let found = by_patches(&bake, &|_, _| Vec3::ONE);
+    let (off, share) = difference(&vec![expected; found.len()], &found);
+    assert!(off < 0.03 && (share - 1.0).abs() < 0.02, "off by {off:.3}, {share:.3} of the light");
+}
+
+#[test]
+fn a_lamp_that_no_bake_knew_lights_a_room_as_one_of_its_file_does() {
+    let scene = Arc::new(furnished().prepared());
+    let bake = baked(&scene, 96, 1024);
+    for place in [Vec3::new(0.3, 0.7, 0.2), Vec3::new(-1.2, -0.7, 0.3), Vec3::new(1.2, -0.2, -1.0)] {
+        let expected = indirect(&furnished().lamp("moved", place, 1.0).prepared(), 512);
+        let (off, share) = difference(&expected, &by_patches(&bake, &lit(&scene, place)));
+        assert!(off < 0.1 && (share - 1.0).abs() < 0.03, "{place}: off by {off:.3}, {share:.3} of the light");
+    }
+}
+
+#[test]
+fn without_lamps_a_bake_with_patches_is_the_bake_without() {
+    let scene = Arc::new(furnished().prepared());
+    let (with, without) = (baked(&scene, 8, 64), baked(&scene, 8, 0));
+    assert_eq!(with.groups.len(), without.groups.len() + 1);
+    for (with, without) in with.groups.iter().zip(&without.groups) {
+        assert_eq!(with.blocks, without.blocks);
+    }
+    let dark = with.header.coefficients(&LightRig::default()).pop().expect("a group of patches");
+    assert!(dark.iter().all(|rgb| *rgb == [0.0; 3]));
+    assert_eq!(with.figures().error_db, without.figures().error_db);
+}
+
+#[test]
+fn patches_are_the_same_on_any_number_of_threads_and_come_back_from_a_file() {
+    let scene = Arc::new(furnished().prepared());
+    let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
+    let [one, three] = [1, 3].map(|n| pool(n).install(|| baked(&scene, 8, 64)));
+    let folder = tempfile::tempdir().unwrap();
+    let files = [&one, &three].map(|bake| {
+        let path = folder.path().join("a.transport");
+        archive::write(bake, &path).unwrap();
+        std::fs::read(path).unwrap()
+    });
+    assert!(files[0] == files[1], "files differ");
+    let read = archive::decode(&files[0], Path::new("a.transport")).unwrap();
+    assert_eq!(read.header, one.header);
+    let light = lit(&scene, Vec3::new(0.3, 0.7, 0.2));
+    assert_eq!(by_patches(&read, &light), by_patches(&one, &light));
+    // A byte of the patches that changed is seen.
+    let patches = one.header.patches.as_ref().expect("patches");
+    let at = patches.samples()[0].position.x.to_le_bytes();
+    let at = files[0].windows(4).position(|bytes| *bytes == at).expect("the first sample is in the file");
+    let mut damaged = files[0].clone();
+    damaged[at] ^= 1;
+    let error = archive::decode(&damaged, Path::new("a.transport")).unwrap_err();
+    assert!(error.to_string().contains("its patches"), "{error}");
+}
+
+#[test]
+fn a_stopped_bake_with_patches_is_taken_up_and_ends_in_the_same_bytes() {
+    let scene = Arc::new(furnished().prepared());
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, stopped] = ["whole", "stopped"].map(|name| folder.path().join(name));
+    let restart = archive::Restart::Resume;
+    archive::bake_to_file(job(&scene, 8, 64), &whole, restart, |_| ControlFlow::Continue(())).unwrap().unwrap();
+    let mut n_left = 2;
+    let stop = |event| {
+        n_left -= usize::from(matches!(event, crate::bake::BakeEvent::BlockDone { .. }));
+        if n_left == 0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    };
+    assert!(archive::bake_to_file(job(&scene, 8, 64), &stopped, restart, stop).unwrap().is_none());
+    archive::bake_to_file(job(&scene, 8, 64), &stopped, restart, |_| ControlFlow::Continue(())).unwrap().unwrap();
+    assert!(std::fs::read(whole).unwrap() == std::fs::read(stopped).unwrap(), "files differ");
+}
+
+#[test]
+fn while_a_lamp_moves_evenly_the_picture_does() {
+    let scene = Arc::new(furnished().prepared());
+    let bake = baked(&scene, 16, 512);
+    // Down from the middle of the room to a hand above the floor, past the edge of the table.
+    let [from, to] = [Vec3::new(-1.1, 0.8, 0.4), Vec3::new(-1.1, -1.1, 0.5)];
+    let picture = |t: f32| by_patches(&bake, &lit(&scene, from.lerp(to, t)));
+    let frames: Vec<Vec<f32>> = (0..=128).map(|nth| picture(nth as f32 / 128.0)).collect();
+    let size = |frame: &[f32]| frame.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+    let brightest = frames.iter().map(|frame| size(frame)).fold(0.0, f64::max);
+    let typical = size(&frames[0]);
+    let jump = |w: &[Vec<f32>]| size(&w[0].iter().zip(&w[1]).map(|(a, b)| a - b).collect::<Vec<_>>());
+    let largest = frames.windows(2).map(jump).fold(0.0, f64::max);
+    assert!(brightest < 2.0 * typical, "a flash of {:.2} times the light", brightest / typical);
+    assert!(largest < 0.1 * typical, "a jump of {:.3} of the light", largest / typical);
+}
+
+#[test]
+fn a_lamp_where_none_should_be_makes_no_flash() {
+    let scene = Arc::new(furnished().prepared());
+    let bake = baked(&scene, 16, 512);
+    let size = |lamp: Vec3| {
+        let picture = by_patches(&bake, &lit(&scene, lamp));
+        assert!(picture.iter().all(|x| x.is_finite()), "{lamp}");
+        picture.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
+    };
+    let typical = size(Vec3::new(0.3, 0.7, 0.2));
+    // On points where patches are asked, and a little above; outside, far away, and at the camera.
+    let patches = bake.header.patches.as_ref().expect("patches");
+    let samples = patches.samples().iter().step_by(37);
+    let places = samples.flat_map(|s| [0.0, 1e-6, 1e-3, 0.02].map(|above| s.position + s.normal * above));
+    let brightest = places.map(size).fold(0.0, f64::max);
+    assert!(brightest < 6.0 * typical, "a flash of {:.2} times the light", brightest / typical);
+    assert!(size(Vec3::new(2.5, 0.0, 0.0)) < 1e-3 * typical && size(Vec3::splat(1e6)) < 1e-3 * typical);
+    size(scene.scene.cameras[0].position());
+}
