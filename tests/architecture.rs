@@ -36,7 +36,7 @@ fn every_crate_uses_only_what_its_arrows_allow() {
         ("relight", "bytemuck clerestory-nystrom half pollster rayon serde thiserror wgpu"),
         (
             "editor",
-            "anyhow clap clerestory-nystrom clerestory-relight clerestory-transport eframe egui_plot egui_tiles exr flate2 glam \
+            "anyhow clap clerestory-nystrom clerestory-relight clerestory-transport dirs eframe egui_plot egui_tiles exr flate2 glam \
              image indicatif rayon rfd serde serde_json signal-hook",
         ),
     ];

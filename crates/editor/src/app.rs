@@ -3,6 +3,7 @@
 mod follow;
 mod lamplight;
 mod lamps;
+mod recovery;
 mod sky;
 
 use std::collections::BTreeSet;
@@ -17,6 +18,7 @@ use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use eframe::{CreationContext, Storage, wgpu};
 
 use crate::action::{Action, FileTask, dropped};
+use crate::bake_cache::BakeCache;
 use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileQuestion, UnsavedAnswer, unsaved_ui};
@@ -29,6 +31,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
+use recovery::Recovery;
 
 /// Width of a picture that is baked without being asked for.
 const DEFAULT_WIDTH_PX: u32 = 640;
@@ -45,6 +48,10 @@ pub struct Start {
     pub source: Source,
     /// How scenes are baked; by default one that suits the machine.
     pub settings: Option<BakeSettings>,
+    /// Folder in which unsaved looks are kept for a crash; without one they are not.
+    pub unsaved: Option<PathBuf>,
+    /// Where finished bakes are found and kept; without it every bake is made anew.
+    pub cache: Option<BakeCache>,
 }
 
 /// The window.
@@ -69,6 +76,7 @@ pub struct App {
     /// Where the lamp goes whose profile is being asked for.
     profile_at_px: Option<[f32; 2]>,
     shortcuts: bool,
+    recovery: Recovery,
     message: (String, MessageTone),
     recent: Vec<PathBuf>,
     title: String,
@@ -94,7 +102,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
-    let start = Start { source, settings: None };
+    let start = Start { source, settings: None, unsaved: recovery::folder(), cache: BakeCache::of_user()? };
     let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
     result.map_err(|error| anyhow!("{error}"))
 }
@@ -118,7 +126,9 @@ impl App {
         let ctx = cc.egui_ctx.clone();
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
+        session.cache = start.cache;
         session.open(start.source);
+        let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         Ok(App {
             session,
             look: Look::default(),
@@ -137,7 +147,8 @@ impl App {
             after_saving: None,
             profile_at_px: None,
             shortcuts: false,
-            message: (String::new(), MessageTone::Calm),
+            recovery,
+            message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
             recent,
             title: String::new(),
         })
@@ -190,7 +201,10 @@ impl App {
             Notice::Opened => self.scene_opened(),
             Notice::PreparedAgain => self.start_bake(),
             Notice::Said(words) => self.say(words),
-            Notice::Failed(words) => self.complain(words),
+            Notice::Failed(words) => {
+                self.leave_behind();
+                self.complain(words);
+            }
         }
     }
 
@@ -205,6 +219,7 @@ impl App {
             self.settings.camera_idx = 0;
             self.settings.film = Film::of_width(DEFAULT_WIDTH_PX, camera);
         }
+        self.take_up();
         self.start_bake();
     }
 
@@ -235,7 +250,7 @@ impl App {
             Action::DuplicateLamp => self.duplicate_lamp(),
             Action::DeleteLamp => self.delete_lamp(),
             Action::AimLamp => self.aim_lamp(),
-            Action::UseScene(path) => self.session.use_scene(path),
+            Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
             Action::ResetLook => self.look = Look::default(),
@@ -385,6 +400,7 @@ impl App {
                 }
             }
         }
+        self.recovery_ui(ctx);
         shortcuts_ui(ctx, &mut self.shortcuts);
         hovered_files_ui(ctx);
     }
@@ -481,6 +497,7 @@ impl App {
                 wish: self.follower.wish(),
                 size: self.follower.picture().map(|(_, size)| size),
                 millis: self.follower.millis(),
+                lamps: self.lamp_note(),
             };
             status_ui(ui, &status, &mut self.actions);
         });
@@ -517,6 +534,7 @@ impl eframe::App for App {
             self.apply(ctx, action);
         }
         self.feed_undoer(ctx);
+        self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
         self.set_title(ctx);
         if let Err(words) = self.follower.follow(ctx, &mut self.session, &self.look, &self.lights.solo) {

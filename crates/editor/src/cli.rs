@@ -2,6 +2,7 @@
 
 pub mod args;
 pub(crate) mod bake;
+mod cache;
 mod console;
 mod info;
 mod interrupt;
@@ -73,6 +74,7 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
         Command::Sensors(args) => (sensors::sensors(args, console)?, args.answer.json),
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
+        Command::Cache(args) => (cache::cache(args)?, args.answer.json),
         Command::Info(args) => (info::info(&args.file, console)?, args.answer.json),
     };
     console.answer(&answer, json || arguments.json)

@@ -5,6 +5,7 @@
 
 pub mod action;
 pub mod app;
+pub mod bake_cache;
 pub mod cli;
 pub mod compare;
 pub mod export;
@@ -16,4 +17,5 @@ pub mod panels;
 pub mod picture;
 pub mod session;
 pub mod theme;
+pub mod unsaved;
 pub mod viewport;

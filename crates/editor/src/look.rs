@@ -90,8 +90,15 @@ impl Look {
     /// If the file cannot be read or is no look at all.
     pub fn load_readable(path: &Path) -> Result<(Look, Vec<String>)> {
         let problem = || format!("cannot use the look {}", path.display());
-        let (mut look, mut warnings) = Look::recover(&read_text(path)?).with_context(problem)?;
-        let folder = path.parent().unwrap_or(Path::new(""));
+        Look::recover_in(&read_text(path)?, path.parent().unwrap_or(Path::new(""))).with_context(problem)
+    }
+
+    /// Reads what can be read of a look whose paths are relative to `folder`; see [`Look::recover`].
+    ///
+    /// # Errors
+    /// As [`Look::recover`].
+    pub fn recover_in(json: &str, folder: &Path) -> Result<(Look, Vec<String>)> {
+        let (mut look, mut warnings) = Look::recover(json)?;
         match look.lights.sky.as_mut().map(|sky| sky::load(sky, folder)) {
             Some(Ok(odd)) => warnings.extend(odd),
             Some(Err(error)) => {
@@ -164,12 +171,15 @@ mod tests {
             "panels": {"KEY": [{"position": [0.5, 0.5], "radius": 0.2, "color": [1, 1, 1], "intensity": 1.0}]},
             "sky": {"file": "day.hdr", "rotation_deg": 0, "intensity": 1, "sun": {"azimuth_deg": 135, "elevation_deg": 40,
             "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "metering": "auto", "tone": "agx", "white_kelvin": 3000,
-            "white_duv": 0, "dither": false, "false_color": {"quantity": "luminance", "spacing": "log", "range": [1, 1000]}}}"#;
+            "white_duv": 0, "dither": false, "false_color": {"quantity": "luminance", "spacing": "log", "range": [1, 1000]}},
+            "lamps": [{"key": "Lamp 1", "type": "spot", "position": [0, 2.4, 0], "aim": [0, 0, 0], "inner_deg": 20, "outer_deg": 30,
+            "strength": 800, "unit": "lm", "intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}]}"#;
         let (look, warnings) = Look::from_json(json).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!(look.lights.lights["KEY"].kelvin, Some(3000.0));
         assert_eq!(look.lights.panels["KEY"][0].radius, 0.2);
         assert_eq!(look.display.exposure_ev, Some(0.0));
+        assert_eq!(look.lights.lamps[0].strength, 800.0);
     }
 
     #[test]

@@ -4,7 +4,7 @@ pub mod lamps;
 mod task;
 pub mod worker;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -27,6 +27,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 
 use self::lamps::LampLight;
+use crate::bake_cache::BakeCache;
 use crate::cli::relight::{frame_of, seen_irradiance};
 use crate::export::{ImageFormat, Picture};
 use crate::look::Look;
@@ -57,6 +58,8 @@ pub struct BakeSettings {
 pub struct Opened {
     /// For people.
     pub name: String,
+    /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
+    pub path: Option<PathBuf>,
     /// The scene; a bake that was opened from a file has none.
     pub scene: Option<Arc<PreparedScene>>,
     /// The folder of pictures, where one was opened instead.
@@ -119,7 +122,7 @@ impl Shown {
 
     /// The surfaces on which free lamps bring indirect light, where the bake has them.
     pub fn patches(&self) -> Option<&Patches> {
-        None
+        self.header.patches.as_ref()
     }
 
     /// One RGB coefficient per column and group under a rig and the light of its free lamps.
@@ -223,6 +226,8 @@ pub struct Session {
     others: Vec<Task>,
     /// Which of them looks for the scene of a bake.
     finding: Option<u64>,
+    /// Path of what is being opened.
+    opening: Option<PathBuf>,
     /// Where opening stands.
     pub stage: Stage,
     /// What is open.
@@ -242,6 +247,8 @@ pub struct Session {
     /// Ranks and bytes of what is shown.
     pub figures: Option<Figures>,
     figures_at: Instant,
+    /// Where finished bakes of scenes are found and kept.
+    pub cache: Option<BakeCache>,
 }
 
 impl Session {
@@ -257,6 +264,7 @@ impl Session {
             baking: None,
             others: Vec::new(),
             finding: None,
+            opening: None,
             stage: Stage::Empty,
             opened: None,
             bake: BakeState::Idle,
@@ -267,6 +275,7 @@ impl Session {
             error_db: None,
             figures: None,
             figures_at: Instant::now(),
+            cache: None,
         }
     }
 
@@ -301,6 +310,7 @@ impl Session {
     pub fn open(&mut self, source: Source) {
         self.stop_loading();
         self.stage = Stage::Loading(source.name());
+        self.opening = source.path();
         self.loading = self.spawn("open", move |post| {
             let name = source.name();
             let loaded = task::load(source).map_err(|error| format!("{error:#}"));
@@ -366,7 +376,8 @@ impl Session {
         let config = settings.config.clone();
         let job = BakeJob { scene, camera, film: settings.film, config, passes, irradiance: Vec::new() };
         self.bake = BakeState::Preparing;
-        self.baking = self.spawn("bake", move |post| task::bake(job, post));
+        let cache = self.cache.clone();
+        self.baking = self.spawn("bake", move |post| task::bake(job, cache, post));
     }
 
     /// Stops the bake; what was done stays.
@@ -378,11 +389,7 @@ impl Session {
     }
 
     /// Takes a file as the scene of the bake that was opened, in the background.
-    pub fn use_scene(&mut self, path: PathBuf) {
-        self.find_scene(path);
-    }
-
-    fn find_scene(&mut self, path: PathBuf) {
+    pub fn find_scene(&mut self, path: PathBuf) {
         let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
         let task = self.spawn("scene", move |post| {
             let found = task::scene_of(&header, &path).map_err(|error| format!("{error:#}"));
@@ -486,13 +493,14 @@ impl Session {
             Fact::Prepared(result) if is_of(&self.loading) => self.prepared_again(result, notices),
             Fact::Bake(event) if is_of(&self.baking) => self.bake_event(event),
             Fact::Remarks(remarks) if is_of(&self.baking) => self.remarked(remarks),
+            Fact::Found(bake) if is_of(&self.baking) => self.bake_found(*bake, notices),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
             Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
             // Facts of a task that was stopped no longer count.
             Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
-            Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
+            Fact::Found(_) | Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
         }
     }
 
@@ -513,23 +521,27 @@ impl Session {
         self.stop_baking();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.stage = Stage::Ready;
+        let path = self.opening.take();
         match loaded {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
                 let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
-                self.opened = Some(Opened { name, scene, stack: None, report, lamps, chosen, of_bake: None });
+                self.opened = Some(Opened { name, path, scene, stack: None, report, lamps, chosen, of_bake: None });
             }
             Loaded::Stack(stack) => {
                 let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
                 let stack = Some(Arc::new(stack));
-                self.opened = Some(Opened { name, scene: None, stack, report, lamps, chosen, of_bake: None });
+                self.opened = Some(Opened { name, path, scene: None, stack, report, lamps, chosen, of_bake: None });
             }
-            Loaded::Bake(bake, folder) => {
+            Loaded::Bake(bake) => {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                self.opened = Some(Opened { name, scene: None, stack: None, report, lamps, chosen, of_bake: None });
+                let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+                self.opened =
+                    Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen, of_bake: None });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 let Bake { header, irradiance, packed, .. } = bake;
-                let scene = (!header.basis.is_measured()).then(|| folder.join(&header.scene));
+                let folder = folder.filter(|_| !header.basis.is_measured());
+                let scene = folder.map(|folder| folder.join(&header.scene));
                 self.show(Shown { header, camera: None, frame, irradiance, packed });
                 self.bake = BakeState::Done;
                 self.count();
@@ -611,7 +623,7 @@ impl Session {
         // A picture of the same view stays until the new one is whole; another view starts from black.
         let is_same_view = |shown: &Shown| {
             let (a, b) = (&shown.header, &started.header);
-            (a.width, a.height, &a.camera, &a.basis) == (b.width, b.height, &b.camera, &b.basis)
+            (a.width, a.height, &a.camera, &a.basis.sources) == (b.width, b.height, &b.camera, &b.basis.sources)
         };
         if self.shown.as_ref().is_some_and(is_same_view) {
             self.incoming = Some(started);
@@ -652,6 +664,21 @@ impl Session {
             Err(why) => BakeState::Failed(why),
         };
         self.count();
+    }
+
+    /// The bake was made before.
+    fn bake_found(&mut self, bake: Bake, notices: &mut Vec<Notice>) {
+        self.others.extend(self.baking.take());
+        self.incoming = None;
+        let Bake { header, groups, irradiance, packed } = bake;
+        let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
+        let frame = Frame { width: header.width, height: header.height, groups };
+        self.show(Shown { header, camera, frame, irradiance, packed });
+        self.bake = BakeState::Done;
+        self.count();
+        self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
+        let db = self.error_db.map_or(f32::NAN, |error| error.total);
+        notices.push(Notice::Said(format!("Baked before: {db:.1} dB")));
     }
 
     fn show(&mut self, shown: Shown) {

@@ -7,8 +7,8 @@ pub mod lamps;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Align2, Color32, CursorIcon, FontId, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId,
-    Ui, Vec2, pos2, vec2,
+    self, Color32, CursorIcon, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId, Ui, Vec2, pos2,
+    vec2,
 };
 
 use crate::action::{Action, FileTask};

@@ -2,107 +2,20 @@
 
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
+mod desk;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
 
-use clerestory::app::{App, Start};
+use clerestory::app::App;
 use clerestory::look::Look;
-use clerestory::session::{BakeSettings, BakeState, Source, Stage};
+use clerestory::session::{BakeState, Source, Stage};
 use clerestory_transport::archive;
-use clerestory_transport::bake::BakeConfig;
-use clerestory_transport::camera::Film;
-use eframe::egui::{DroppedFile, Key, Modifiers, Pos2, Rect, Vec2, ViewportEvent, pos2, vec2};
-use egui_kittest::Harness;
+use eframe::egui::{DroppedFile, Key, Modifiers, ViewportEvent, pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
-use serde_json::{Value, json};
 
-type Window = Harness<'static, App>;
-
-/// The closed room of the process tests, with a panel of 4 × 4 texels under its ceiling.
-fn room() -> Vec<u8> {
-    let mut gltf: Value = serde_json::from_str(include_str!("room.gltf")).unwrap();
-    let push = |list: &mut Value, item: Value| {
-        let list = list.as_array_mut().unwrap();
-        list.push(item);
-        list.len() - 1
-    };
-    // The fourth quad of the box faces down: placed in view, it is the panel.
-    let quad = json!({"bufferView": 1, "byteOffset": 36, "componentType": 5123, "count": 6, "type": "SCALAR"});
-    let indices = push(&mut gltf["accessors"], quad);
-    let material = push(&mut gltf["materials"], json!({"emissiveFactor": [1, 0.9, 0.8]}));
-    let primitive = json!({"attributes": {"POSITION": 0}, "indices": indices, "material": material});
-    let mesh = push(&mut gltf["meshes"], json!({"primitives": [primitive]}));
-    let panel = json!({"name": "panel", "mesh": mesh, "scale": [0.4, 0.2, 0.4], "translation": [0, 0.2, -0.5],
-        "extras": {"clerestory": {"panel": 4}}});
-    let node = push(&mut gltf["nodes"], panel);
-    push(&mut gltf["scenes"][0]["nodes"], json!(node));
-    serde_json::to_vec(&gltf).unwrap()
-}
-
-fn open(source: Source) -> Window {
-    let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
-    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
-    let start = Start { source, settings: Some(settings) };
-    Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
-}
-
-/// The room, baked, with its first picture.
-fn baked() -> Window {
-    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
-    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
-    window
-}
-
-/// Steps until something is so. Pictures and bakes come from threads, so this takes real time.
-#[track_caller]
-fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
-    for _ in 0..4000 {
-        window.step();
-        if until(window.state()) {
-            window.run_steps(2);
-            return;
-        }
-        std::thread::sleep(Duration::from_millis(2));
-    }
-    panic!(
-        "it never came about; the bake: {:?}, the stage: {:?}",
-        window.state().session().bake,
-        window.state().session().stage
-    );
-}
-
-/// Drags from one point to another in small steps.
-fn drag(window: &mut Window, from: Pos2, to: Pos2) {
-    window.hover_at(from);
-    window.run_steps(2);
-    window.drag_at(from);
-    window.run_steps(2);
-    for step in 1..=5 {
-        window.hover_at(from + (to - from) * (step as f32 / 5.0));
-        window.run_steps(2);
-    }
-    window.drop_at(to);
-    window.run_steps(3);
-}
-
-fn click(window: &mut Window, label: &str) {
-    window.get_by_label(label).click();
-    window.run_steps(3);
-}
-
-/// Where a point of the room is on the screen.
-fn on_screen(window: &Window, point: Vec3) -> Pos2 {
-    let area: Rect = window.get_by_label("Picture").rect();
-    let shown = window.state().session().shown.as_ref().unwrap();
-    let film = Film { width: shown.header.width, height: shown.header.height };
-    let px = shown.camera.as_ref().unwrap().project(film, point).unwrap();
-    let size = vec2(film.width as f32, film.height as f32);
-    let room = area.size() - Vec2::splat(28.0);
-    let scale = (room.x / size.x).min(room.y / size.y);
-    area.center() + (vec2(px.x, px.y) - size / 2.0) * scale
-}
+use desk::{Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
 
 #[test]
 fn a_dragged_slider_relights_and_is_one_step_of_undo() {
@@ -122,6 +35,61 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+#[test]
+fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_with(source, quick(), Some(home.path()));
+        wait(&mut window, |app| app.session().stage == Stage::Ready);
+        window
+    };
+    let mut window = open();
+    assert!(window.query_by_label("Recover").is_none());
+    click(&mut window, "Mute lamp");
+    let look = window.state().look().clone();
+    wait(&mut window, |_| home.path().join("unsaved/0.json").exists());
+    drop(window);
+
+    let mut window = open();
+    click(&mut window, "Recover");
+    assert_eq!(*window.state().look(), look);
+    drop(window);
+
+    let mut window = open();
+    click(&mut window, "Ask again later");
+    assert_eq!(*window.state().look(), Look::default());
+    drop(window);
+
+    let mut window = open();
+    click(&mut window, "Discard");
+    drop(window);
+    assert!(open().query_by_label("Recover").is_none());
+}
+
+#[test]
+fn a_finished_bake_is_found_again() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_with(source, quick(), Some(home.path()));
+        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+        window
+    };
+    let ev = {
+        let window = open();
+        assert!(window.query_by_label_contains("Baked at").is_some());
+        window.state().shown_ev()
+    };
+    let mut window = open();
+    assert!(window.query_by_label_contains("Baked before").is_some());
+    assert!((window.state().shown_ev() - ev).abs() < 1e-3);
+    // It answers to the lights as the one that was just baked.
+    let n_before = window.state().n_pictures();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.n_pictures() > n_before && (app.shown_ev() - ev).abs() > 1e-2);
 }
 
 #[test]

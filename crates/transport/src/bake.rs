@@ -4,6 +4,7 @@
 
 mod clock;
 mod irradiance;
+mod key;
 mod method;
 mod packing;
 mod patches;

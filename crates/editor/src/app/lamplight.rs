@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
+use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 
@@ -13,12 +14,16 @@ use crate::session::{Session, Wake};
 pub(super) struct Lamplight {
     worker: LampWorker,
     view: Option<Arc<LampView>>,
+    /// The bake that the view was made for: its patches are many, and not compared at every frame.
+    header: Option<Arc<BakeHeader>>,
     /// What was ordered last.
     ordered: Option<Ordered>,
-    /// The lighting of the newest light that came.
+    /// The lighting that is shown.
     answered: LightRig,
     light: Option<LampLight>,
     n_orders: u64,
+    /// The first order whose light counts.
+    oldest: u64,
 }
 
 /// An order, and the lighting at that time.
@@ -29,8 +34,9 @@ struct Ordered {
 
 impl Lamplight {
     pub fn new(wake: Wake) -> Result<Lamplight> {
-        let (view, ordered, answered, light) = (None, None, LightRig::default(), None);
-        Ok(Lamplight { worker: LampWorker::start(wake)?, view, ordered, answered, light, n_orders: 0 })
+        let worker = LampWorker::start(wake)?;
+        let (view, header, ordered, answered, light) = (None, None, None, LightRig::default(), None);
+        Ok(Lamplight { worker, view, header, ordered, answered, light, n_orders: 0, oldest: 0 })
     }
 
     /// The light that came last for this view, if lamps shine.
@@ -50,46 +56,74 @@ impl Lamplight {
     pub fn follow(&mut self, session: &Session, rig: &LightRig) -> LightRig {
         let view = self.current_view(session);
         if view.as_ref().map(Arc::as_ptr) != self.view.as_ref().map(Arc::as_ptr) {
-            (self.view, self.ordered, self.light) = (view, None, None);
+            self.look_elsewhere(view);
         }
-        if let Some(light) = self.worker.take()
-            && let Some(ordered) = &self.ordered
-        {
-            if light.serial == self.n_orders {
-                self.answered = ordered.rig.clone();
-            }
-            self.light = Some(light);
-        }
+        self.take();
         let Some(view) = &self.view else { return rig.clone() };
         let shining: Vec<FreeLamp> = rig.lamps.iter().filter(|lamp| !lamp.setting.muted).cloned().collect();
-        if self.ordered.is_none() && shining.is_empty() {
-            self.answered = rig.clone();
-            return rig.clone();
-        }
-        if self.ordered.as_ref().is_none_or(|ordered| ordered.shining != shining) {
+        let is_new = match &self.ordered {
+            Some(ordered) => ordered.shining != shining,
+            None => !shining.is_empty(),
+        };
+        if is_new {
             self.n_orders += 1;
             self.worker.order(LampOrder { view: view.clone(), lamps: shining.clone(), serial: self.n_orders });
             self.ordered = Some(Ordered { rig: rig.clone(), shining });
         }
         let is_pending = self.light.as_ref().is_none_or(|light| light.serial != self.n_orders);
         // Whoever changes other lights meanwhile wants to see that.
-        let is_same = self.ordered.as_ref().is_some_and(|ordered| is_same_but_for_lamps(&ordered.rig, rig));
-        if is_pending && is_same { self.answered.clone() } else { rig.clone() }
+        let waits = |ordered: &Ordered| is_pending && is_same_but_for_lamps(&ordered.rig, rig);
+        if !self.ordered.as_ref().is_some_and(waits) {
+            self.answered = rig.clone();
+        }
+        self.answered.clone()
+    }
+
+    /// Another view: what is known of the old one no longer counts, unless only patches came or went.
+    fn look_elsewhere(&mut self, view: Option<Arc<LampView>>) {
+        if !view.as_ref().zip(self.view.as_ref()).is_some_and(|(new, old)| is_seen_alike(new, old)) {
+            (self.light, self.oldest) = (None, self.n_orders + 1);
+        }
+        if let (Some(view), Some(_)) = (&view, self.ordered.take()) {
+            // An order without lamps frees what the worker knows of the old view.
+            self.n_orders += 1;
+            self.worker.order(LampOrder { view: view.clone(), lamps: Vec::new(), serial: self.n_orders });
+        }
+        self.view = view;
+    }
+
+    /// Takes in the newest light, if it is of an order that still counts.
+    fn take(&mut self) {
+        let Some(light) = self.worker.take().filter(|light| light.serial >= self.oldest) else { return };
+        let Some(ordered) = &self.ordered else { return };
+        self.light = Some(light);
+        if ordered.shining.is_empty() && self.light.as_ref().is_some_and(|light| light.serial == self.n_orders) {
+            (self.light, self.ordered) = (None, None);
+        }
     }
 
     /// The view of the picture, the same as long as nothing of it changes; none without a scene.
-    fn current_view(&self, session: &Session) -> Option<Arc<LampView>> {
+    fn current_view(&mut self, session: &Session) -> Option<Arc<LampView>> {
         let (scene, shown) = (session.lamp_scene()?, session.shown.as_ref()?);
-        let (camera, film, patches) = (shown.camera.as_ref()?, shown.film(), shown.patches());
+        let (camera, film) = (shown.camera.as_ref()?, shown.film());
+        let is_of_header = self.header.as_ref().is_some_and(|header| Arc::ptr_eq(header, &shown.header));
+        self.header = Some(shown.header.clone());
         let is_it = |view: &&Arc<LampView>| {
             Arc::ptr_eq(&view.scene, scene)
-                && (&view.camera, view.film, view.patches.as_ref()) == (camera, film, patches)
+                && (&view.camera, view.film) == (camera, film)
+                && (is_of_header || view.patches.as_ref() == shown.patches())
         };
         let kept = self.view.as_ref().filter(is_it).cloned();
         Some(kept.unwrap_or_else(|| {
-            Arc::new(LampView { scene: scene.clone(), camera: camera.clone(), film, patches: patches.cloned() })
+            let (camera, patches) = (camera.clone(), shown.patches().cloned());
+            Arc::new(LampView { scene: scene.clone(), camera, film, patches })
         }))
     }
+}
+
+/// Whether two views are the same but for their patches.
+fn is_seen_alike(a: &LampView, b: &LampView) -> bool {
+    Arc::ptr_eq(&a.scene, &b.scene) && (&a.camera, a.film) == (&b.camera, b.film)
 }
 
 /// Whether two lightings are the same in what is baked.

@@ -15,7 +15,9 @@ use super::App;
 use crate::action::FileTask;
 use crate::look::lamps::{check_profile, is_aimed};
 use crate::panels::lamps::{LampChoice, kind_words, new_strength};
+use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
+use crate::session::lamps::LampLight;
 use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, put_on, surface_along};
 
 /// How far a copy stands beside the lamp, of its distance to the camera.
@@ -34,6 +36,20 @@ impl App {
             }
             Some(SceneOfBake::Waiting) => LampChoice::Waiting,
             Some(SceneOfBake::Found(_)) | None => LampChoice::Never,
+        }
+    }
+
+    /// What there is to say about the light of free lamps.
+    pub(super) fn lamp_note(&self) -> LampNote {
+        let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
+        let Some(shown) = self.session.shown.as_ref().filter(|_| shines && self.session.lamp_scene().is_some()) else {
+            return LampNote::None;
+        };
+        match self.follower.lamp_light() {
+            None => LampNote::Pending,
+            Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(problems[0].clone()),
+            Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
+            Some(_) => LampNote::None,
         }
     }
 

@@ -44,6 +44,7 @@ const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening
 const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024\n         \
     or: clerestory trace room.glb --ies Downlight=maker/downlight.ldt -o measured.exr";
 const COMPARE_EXAMPLE: &str = "Example: clerestory compare evening.exr reference.exr --json";
+const CACHE_EXAMPLE: &str = "Example: clerestory cache --clear";
 const INFO_EXAMPLE: &str = "Example: clerestory info room.transport --json";
 
 /// The subcommands.
@@ -72,6 +73,9 @@ pub enum Command {
     /// Say what is in a scene, a transport file, a look, or a folder of pictures.
     #[command(after_help = INFO_EXAMPLE)]
     Info(InfoArgs),
+    /// Say how many finished bakes the editor keeps for the next time, or remove them.
+    #[command(after_help = CACHE_EXAMPLE)]
+    Cache(CacheArgs),
 }
 
 /// Options that every subcommand has.
@@ -274,6 +278,17 @@ pub struct RelightArgs {
     /// How to light.
     #[command(flatten)]
     pub options: RelightOptions,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// `clerestory cache`.
+#[derive(Debug, Args)]
+pub struct CacheArgs {
+    /// Remove all of them.
+    #[arg(long)]
+    pub clear: bool,
     /// How to answer.
     #[command(flatten)]
     pub answer: OutputArgs,

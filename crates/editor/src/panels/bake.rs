@@ -4,7 +4,8 @@ use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::lamp_units::LampUnits;
-use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui};
+use clerestory_transport::patches::{DEFAULT_PATCHES, MOST_PATCHES};
+use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui, Widget};
 
 use super::status::duration;
 use crate::action::{Action, FileTask};
@@ -98,6 +99,9 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
             settings.config.indirect = if shared { Indirect::Shared } else { Indirect::Traced };
         }
         ui.end_row();
+        ui.label("");
+        patches_ui(ui, &mut settings.config.patches);
+        ui.end_row();
         if let Some(units) = view.units {
             ui.label("");
             units_ui(ui, units, actions);
@@ -121,6 +125,22 @@ fn pictures_ui(ui: &mut Ui, config: &mut BakeConfig, (n_pictures, film): (usize,
 fn tolerance_ui(ui: &mut Ui, config: &mut BakeConfig) {
     let tolerance = DragValue::new(&mut config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
     ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
+}
+
+/// Whether lamps that are moved later may light the room by way of its surfaces, and how finely these are told apart.
+fn patches_ui(ui: &mut Ui, patches: &mut u32) {
+    ui.horizontal(|ui| {
+        let mut movable = *patches > 0;
+        let hint = "Bakes how lamps that are added or moved afterwards light the room by way of its surfaces; without it \
+                    they show direct light only";
+        if ui.checkbox(&mut movable, "Movable lamps").on_hover_text(hint).changed() {
+            *patches = if movable { DEFAULT_PATCHES } else { 0 };
+        }
+        if movable {
+            let number = DragValue::new(patches).range(64..=MOST_PATCHES).speed(16.0);
+            number.ui(ui).on_hover_text("Patches of surface that are told apart").accessible_name("Patches");
+        }
+    });
 }
 
 fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {

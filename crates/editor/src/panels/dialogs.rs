@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
+use std::time::Duration;
 
 use eframe::egui::{self, Button, Context, Key, Modal, RichText, TextEdit, Ui};
 
@@ -178,12 +179,65 @@ pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
     if modal.inner.is_none() && modal.should_close() { Some(UnsavedAnswer::Stay) } else { modal.inner }
 }
 
+/// What a person wants done with a look that an editor left behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RecoveryAnswer {
+    /// Go on with it.
+    Recover,
+    /// Lose it.
+    Discard,
+    /// Ask again at the next start.
+    Later,
+}
+
+/// Offers a look that an editor left behind when it ended without asking, `age` ago.
+pub fn recovery_ui(ctx: &Context, scene: &str, age: Option<Duration>) -> Option<RecoveryAnswer> {
+    let modal = Modal::new(egui::Id::unique("recovery")).show(ctx, |ui| {
+        ui.set_width(400.0);
+        ui.label(RichText::new("Recover unsaved lights?").heading().strong());
+        ui.add_space(4.0);
+        let when = age.map_or(String::new(), |age| format!(", last changed {}", ago(age)));
+        ui.label(format!("Clerestory ended before the look of {scene} was saved{when}"));
+        ui.add_space(10.0);
+        ui.horizontal(|ui| {
+            let discard = ui.button("Discard").clicked().then_some(RecoveryAnswer::Discard);
+            let right = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let recover = Button::new(RichText::new("Recover").color(theme::ON_ACCENT)).fill(theme::ACCENT);
+                let recover = ui.add(recover).clicked().then_some(RecoveryAnswer::Recover);
+                recover.or(ui.button("Ask again later").clicked().then_some(RecoveryAnswer::Later))
+            });
+            discard.or(right.inner)
+        })
+        .inner
+    });
+    if modal.inner.is_none() && modal.should_close() { Some(RecoveryAnswer::Later) } else { modal.inner }
+}
+
+/// A time ago, roughly, for people.
+fn ago(age: Duration) -> String {
+    let counted = |n: u64, unit: &str| format!("{n} {unit}{} ago", if n == 1 { "" } else { "s" });
+    match age.as_secs() {
+        secs if secs < 60 => "less than a minute ago".into(),
+        secs if secs < 3600 => counted(secs / 60, "minute"),
+        secs if secs < 86_400 => counted(secs / 3600, "hour"),
+        secs => counted(secs / 86_400, "day"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn answering(path: Option<&str>) -> NativeDialog {
         NativeDialog { answer: Box::pin(std::future::ready(path.map(PathBuf::from))), took_focus: false }
+    }
+
+    #[test]
+    fn times_are_told_in_the_largest_unit_that_fits() {
+        let told = [0, 59, 60, 150, 3600, 7300, 86_400, 300_000].map(|secs| ago(Duration::from_secs(secs)));
+        let wanted = ["less than a minute ago", "less than a minute ago", "1 minute ago", "2 minutes ago"];
+        assert_eq!(told[..4], wanted);
+        assert_eq!(told[4..], ["1 hour ago", "2 hours ago", "1 day ago", "3 days ago"]);
     }
 
     #[test]

@@ -22,6 +22,21 @@ pub struct Status<'a> {
     pub size: Option<[u32; 2]>,
     /// From edit to picture.
     pub millis: Option<f32>,
+    /// What there is to know about the light of free lamps.
+    pub lamps: LampNote,
+}
+
+/// About the light of free lamps.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LampNote {
+    /// Nothing.
+    None,
+    /// It is not there yet.
+    Pending,
+    /// The bake has no patches.
+    DirectOnly,
+    /// A lamp does not shine: why.
+    Problem(String),
 }
 
 /// How a message is meant.
@@ -44,6 +59,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             if let Some([width, height]) = status.size {
                 ui.label(RichText::new(format!("{width} × {height}")).weak());
             }
+            lamps_ui(ui, &status.lamps);
             if let BakeState::Running { done, pass, n_passes, pass_done, secs_left } = status.bake {
                 let text = match secs_left {
                     Some(secs) => format!("{} left", duration(*secs)),
@@ -67,6 +83,23 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             });
         });
     });
+}
+
+fn lamps_ui(ui: &mut Ui, note: &LampNote) {
+    match note {
+        LampNote::None => {}
+        LampNote::Pending => {
+            ui.label(RichText::new("Lamps: lighting").weak()).on_hover_text("The light of moved lamps is on its way");
+        }
+        LampNote::DirectOnly => {
+            let hint = "This bake does not know how added and moved lamps light the room by way of its surfaces\n\
+                        Tick “Movable lamps” in the bake panel and start the bake";
+            ui.label(RichText::new("Lamps: direct light only").color(ui.visuals().warn_fg_color)).on_hover_text(hint);
+        }
+        LampNote::Problem(why) => {
+            ui.label(RichText::new("Lamps: one is dark").color(ui.visuals().error_fg_color)).on_hover_text(why);
+        }
+    }
 }
 
 fn device_menu(ui: &mut Ui, wish: DeviceWish, actions: &mut Vec<Action>) {

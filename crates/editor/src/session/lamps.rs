@@ -370,3 +370,6 @@ impl Bench {
 fn weight(lamp: &FreeLamp) -> Vec3 {
     lamp.setting.emission(Vec3::ONE, 1.0)
 }
+
+#[cfg(test)]
+mod tests;

@@ -21,6 +21,7 @@ use clerestory_transport::scene::{PunctualLight, Scene};
 
 use super::lamps::LampLight;
 use super::{Chosen, Wake};
+use crate::bake_cache::{BakeCache, Found};
 use crate::headless::GALLERY;
 
 /// Something to open.
@@ -50,6 +51,14 @@ impl Source {
             Source::Bytes { name, .. } => name.clone(),
         }
     }
+
+    /// Where it lies, from the root.
+    pub(super) fn path(&self) -> Option<PathBuf> {
+        match self {
+            Source::File(path) => Some(std::path::absolute(path).unwrap_or_else(|_| path.clone())),
+            Source::BuiltIn | Source::Bytes { .. } => None,
+        }
+    }
 }
 
 /// What was opened.
@@ -63,8 +72,8 @@ pub enum Loaded {
     },
     /// Pictures, ready to be baked.
     Stack(ImageStack),
-    /// A bake from a file, and the folder of the file.
-    Bake(Bake, PathBuf),
+    /// A bake from a file.
+    Bake(Bake),
 }
 
 /// A scene that was prepared again for what was chosen.
@@ -88,6 +97,8 @@ pub(super) enum Fact {
     BakeEnded(Result<Option<Bake>, String>),
     /// The scene of a bake that was opened, or why it cannot be had.
     SceneFound(Result<Box<PreparedScene>, String>),
+    /// The bake that was asked for is there already.
+    Found(Box<Bake>),
     /// A file was written, or why not.
     Written(Result<String, String>),
 }
@@ -173,7 +184,7 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
         Source::BuiltIn => import::load_bytes("Gallery", GALLERY)?,
         Source::Bytes { name, bytes } => import::load_bytes(&name, &bytes)?,
         Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("transport")) => {
-            return Ok(Loaded::Bake(archive::read(&path)?, path.parent().unwrap_or(Path::new("")).into()));
+            return Ok(Loaded::Bake(archive::read(&path)?));
         }
         Source::File(path) if path.is_dir() => return Ok(Loaded::Stack(ImageStack::open(&path)?)),
         Source::File(path) => import::load(&path)?,
@@ -227,9 +238,27 @@ pub(super) fn prepare_again(
 const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 
 /// Bakes on all cores but one, which stays with the window.
-pub(super) fn bake(job: BakeJob, post: Post) {
-    let result = beside_the_window(|| job.run(|event| tell(&post, event)));
+///
+/// One that is in the cache is not made again; one that is new is kept there.
+pub(super) fn bake(job: BakeJob, cache: Option<BakeCache>, post: Post) {
+    let mut remarks = Vec::new();
+    match cache.as_ref().map(|cache| cache.find(&job)) {
+        Some(Found::Hit(bake)) => {
+            let _ = post.send(Fact::Found(bake), Duration::ZERO);
+            return;
+        }
+        Some(Found::SetAside(words)) => remarks.push(words),
+        Some(Found::Nothing) | None => {}
+    }
+    let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
+    let result = beside_the_window(|| job.clone().run(|event| tell(&post, event)));
+    let baked = result.as_ref().ok().cloned().flatten();
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
+    if let (Some(cache), Some(bake)) = (cache, baked)
+        && let Err(error) = cache.keep(&job, &bake)
+    {
+        let _ = post.send(Fact::Written(Err(format!("{error:#}"))), Duration::ZERO);
+    }
 }
 
 /// The same for a stack of pictures.

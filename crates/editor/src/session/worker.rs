@@ -212,7 +212,6 @@ mod tests {
             changed: Changed::All,
             coefficients: coefficients(1.0),
             layer: None,
-            layer: None,
             display: Display::default(),
             wanted: Wanted::Picture,
             serial: 1,

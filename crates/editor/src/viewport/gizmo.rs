@@ -247,3 +247,6 @@ pub fn put_on(mut lamp: FreeLamp, surface: Surface, eye: Vec3) -> FreeLamp {
     lamp.aim = if is_aimed(&lamp.shape) { lamp.position + surface.normal } else { below(lamp.position) };
     lamp
 }
+
+#[cfg(test)]
+mod tests;

@@ -61,6 +61,11 @@ impl Environment {
         Ok((Environment::of_clean(width, height, pixels), n_cleaned))
     }
 
+    /// What is the same for maps that are.
+    pub(crate) fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
     /// Whether a map of that size can be used.
     pub fn is_size(width: usize, height: usize) -> bool {
         width > 0 && height > 0 && width.checked_mul(height).is_some_and(|n| n <= Environment::MAX_PIXELS)

@@ -1,0 +1,314 @@
+//! Finished bakes in the user's cache folder, found again by what they are of.
+//!
+//! A bake lies there as `KEY.transport`, the key telling scene, camera, settings and program apart. What was used longest ago
+//! goes first when the folder grows over its limit.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use anyhow::{Context, Result};
+use clerestory_transport::archive;
+use clerestory_transport::bake::{Bake, BakeJob};
+
+/// Bytes that the folder may hold if nobody says otherwise.
+pub const DEFAULT_LIMIT_BYTES: u64 = 4 << 30;
+/// Environment variable with another folder.
+pub const FOLDER_VARIABLE: &str = "CLERESTORY_CACHE";
+/// Environment variable with another limit in megabytes; 0 keeps nothing.
+pub const LIMIT_VARIABLE: &str = "CLERESTORY_CACHE_MB";
+
+const ENDING: &str = "transport";
+/// Ending of an entry that could not be read.
+const DAMAGED: &str = "damaged";
+
+/// A folder of finished bakes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BakeCache {
+    folder: PathBuf,
+    limit_bytes: u64,
+}
+
+/// What a key leads to.
+#[derive(Debug)]
+pub enum Found {
+    /// The bake.
+    Hit(Box<Bake>),
+    /// None.
+    Nothing,
+    /// One that was damaged and is now out of the way; why, in words.
+    SetAside(String),
+}
+
+/// What lies in a cache.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Usage {
+    /// Number of bakes.
+    pub bakes: usize,
+    /// Bytes of all of it, damaged entries included.
+    pub bytes: u64,
+}
+
+impl BakeCache {
+    /// A cache in `folder`, which is made when the first bake comes.
+    pub fn new(folder: PathBuf, limit_bytes: u64) -> BakeCache {
+        BakeCache { folder, limit_bytes }
+    }
+
+    /// The cache of the user who runs the program; `None` where the system has no place for one.
+    ///
+    /// # Errors
+    /// If a limit was set that is no number.
+    pub fn of_user() -> Result<Option<BakeCache>> {
+        let of_variable = |name| std::env::var_os(name).filter(|value| !value.is_empty());
+        let folder = of_variable(FOLDER_VARIABLE)
+            .map(PathBuf::from)
+            .or_else(|| Some(dirs::cache_dir()?.join("clerestory").join("bakes")));
+        let limit_bytes = match of_variable(LIMIT_VARIABLE) {
+            None => DEFAULT_LIMIT_BYTES,
+            Some(text) => megabytes(&text.to_string_lossy())?,
+        };
+        Ok(folder.map(|folder| BakeCache { folder, limit_bytes }))
+    }
+
+    /// Where it is.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Bytes that it may hold.
+    pub fn limit_bytes(&self) -> u64 {
+        self.limit_bytes
+    }
+
+    /// The bake of a job made by this very program, if it was kept; then it counts as used now.
+    pub fn find(&self, job: &BakeJob) -> Found {
+        let path = self.path(job);
+        if !path.exists() {
+            return Found::Nothing;
+        }
+        match archive::read(&path) {
+            Ok(bake) => {
+                // A folder that cannot be written still serves.
+                let _ = File::options().write(true).open(&path).and_then(|file| file.set_modified(SystemTime::now()));
+                Found::Hit(Box::new(bake))
+            }
+            Err(error) => {
+                let _ = fs::rename(&path, path.with_extension(DAMAGED));
+                Found::SetAside(format!("a kept bake could not be used and was set aside: {error}"))
+            }
+        }
+    }
+
+    /// Keeps a finished bake, and lets go of the oldest ones where that is over the limit. Returns whether it was kept: one
+    /// that is larger than the limit is not.
+    ///
+    /// # Errors
+    /// If the folder cannot be made or written.
+    pub fn keep(&self, job: &BakeJob, bake: &Bake) -> Result<bool> {
+        if self.limit_bytes == 0 {
+            return Ok(false);
+        }
+        let problem = || format!("the bake is not kept for the next time: cannot write to {}", self.folder.display());
+        fs::create_dir_all(&self.folder).with_context(problem)?;
+        let path = self.path(job);
+        archive::write(bake, &path).with_context(problem)?;
+        self.shrink().with_context(problem)?;
+        Ok(path.exists())
+    }
+
+    /// What is in it.
+    ///
+    /// # Errors
+    /// If the folder cannot be read; one that is not there is empty.
+    pub fn usage(&self) -> Result<Usage> {
+        let entries = self.entries()?;
+        let bakes = entries.iter().filter(|entry| entry.path.extension().is_some_and(|e| e == ENDING)).count();
+        Ok(Usage { bakes, bytes: entries.iter().map(|entry| entry.bytes).sum() })
+    }
+
+    /// Lets go of everything; returns what that was.
+    ///
+    /// # Errors
+    /// If something cannot be removed.
+    pub fn clear(&self) -> Result<Usage> {
+        let usage = self.usage()?;
+        for entry in self.entries()? {
+            remove(&entry.path)?;
+        }
+        Ok(usage)
+    }
+
+    /// Removes what was used longest ago until the rest is within the limit.
+    fn shrink(&self) -> Result<()> {
+        let mut entries = self.entries()?;
+        entries.sort_by_key(|entry| entry.used_at);
+        let mut bytes: u64 = entries.iter().map(|entry| entry.bytes).sum();
+        for entry in entries {
+            if bytes <= self.limit_bytes {
+                break;
+            }
+            remove(&entry.path)?;
+            bytes -= entry.bytes;
+        }
+        Ok(())
+    }
+
+    fn path(&self, job: &BakeJob) -> PathBuf {
+        self.folder.join(format!("{}-{}.{ENDING}", job.key(), program()))
+    }
+
+    fn entries(&self) -> Result<Vec<Entry>> {
+        let listed = match fs::read_dir(&self.folder) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+            listed => listed.with_context(|| format!("cannot read the folder {}", self.folder.display()))?,
+        };
+        let mut entries = Vec::new();
+        for file in listed.flatten() {
+            let path = file.path();
+            let is_ours = path.extension().is_some_and(|ending| ending == ENDING || ending == DAMAGED);
+            // A file that another editor removes in between is no entry.
+            if let (true, Ok(of)) = (is_ours, file.metadata()) {
+                let used_at = of.modified().unwrap_or(SystemTime::UNIX_EPOCH);
+                entries.push(Entry { path, bytes: of.len(), used_at });
+            }
+        }
+        Ok(entries)
+    }
+}
+
+struct Entry {
+    path: PathBuf,
+    bytes: u64,
+    used_at: SystemTime,
+}
+
+fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("cannot remove {}", path.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn megabytes(text: &str) -> Result<u64> {
+    let megabytes: Option<u64> = text.trim().parse().ok();
+    let bytes = megabytes.and_then(|megabytes| megabytes.checked_mul(1 << 20));
+    bytes.with_context(|| format!("{LIMIT_VARIABLE} is `{text}`; write a number of megabytes"))
+}
+
+/// Tells this build of the program from others: another one may bake otherwise.
+fn program() -> String {
+    let build = std::env::current_exe().and_then(fs::metadata).ok().and_then(|of| {
+        let changed = of.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        Some(format!("{:x}-{:x}", of.len(), changed.as_nanos()))
+    });
+    format!("{}-{}", env!("CARGO_PKG_VERSION"), build.unwrap_or_default())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+    use std::sync::Arc;
+    use std::time::Duration;
+
+    use clerestory_transport::bake::{BakeConfig, Passes};
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::prepared::PreparedScene;
+
+    use super::*;
+
+    fn job(seed: u64) -> BakeJob {
+        let imported = import::load_bytes("room", include_bytes!("../tests/room.gltf")).unwrap();
+        let (scene, _) = PreparedScene::new(imported.scene, &[]).unwrap();
+        let camera = scene.scene.cameras[0].clone();
+        let config = BakeConfig { spp: 2, tolerance_db: 20.0, seed, ..BakeConfig::default() };
+        let film = Film { width: 32, height: 24 };
+        BakeJob { scene: Arc::new(scene), camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() }
+    }
+
+    fn baked(job: &BakeJob) -> Bake {
+        job.clone().run(|_| ControlFlow::Continue(())).unwrap().unwrap()
+    }
+
+    fn is_hit(found: &Found) -> bool {
+        matches!(found, Found::Hit(_))
+    }
+
+    #[test]
+    fn a_bake_is_found_again_by_what_it_is_of() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = BakeCache::new(folder.path().join("deep/bakes"), 1 << 20);
+        assert!(matches!(cache.find(&job(1)), Found::Nothing));
+        assert_eq!(cache.usage().unwrap(), Usage { bakes: 0, bytes: 0 });
+        let bake = baked(&job(1));
+        assert!(cache.keep(&job(1), &bake).unwrap());
+        match cache.find(&job(1)) {
+            Found::Hit(found) => assert_eq!(found.header, bake.header),
+            other => panic!("{other:?}"),
+        }
+        assert!(matches!(cache.find(&job(2)), Found::Nothing));
+        assert_eq!(cache.clear().unwrap().bakes, 1);
+        assert!(matches!(cache.find(&job(1)), Found::Nothing));
+    }
+
+    #[test]
+    fn what_is_damaged_is_set_aside_and_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = BakeCache::new(folder.path().into(), 1 << 20);
+        cache.keep(&job(1), &baked(&job(1))).unwrap();
+        let path = cache.path(&job(1));
+        let mut bytes = fs::read(&path).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x10;
+        fs::write(&path, bytes).unwrap();
+        match cache.find(&job(1)) {
+            Found::SetAside(words) => assert!(words.contains("set aside"), "{words}"),
+            other => panic!("{other:?}"),
+        }
+        assert!(matches!(cache.find(&job(1)), Found::Nothing));
+        assert_eq!(cache.usage().unwrap().bakes, 0);
+        assert!(cache.usage().unwrap().bytes > 0, "it is kept for who wants to see what happened");
+    }
+
+    #[test]
+    fn over_the_limit_what_was_used_longest_ago_goes_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let jobs = [job(1), job(2), job(3)];
+        let bakes = jobs.each_ref().map(baked);
+        let roomy = BakeCache::new(folder.path().into(), 1 << 30);
+        for (age, (job, bake)) in [30, 20].into_iter().zip(jobs.iter().zip(&bakes)) {
+            roomy.keep(job, bake).unwrap();
+            let file = File::options().write(true).open(roomy.path(job)).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
+        }
+        // The first is older, but used again.
+        assert!(is_hit(&roomy.find(&jobs[0])));
+        let tight = BakeCache::new(folder.path().into(), roomy.usage().unwrap().bytes * 5 / 4);
+        assert!(tight.keep(&jobs[2], &bakes[2]).unwrap());
+        let left = jobs.each_ref().map(|job| is_hit(&tight.find(job)));
+        assert_eq!(left, [true, false, true]);
+        let tiny = BakeCache::new(folder.path().into(), 10);
+        assert!(!tiny.keep(&jobs[1], &bakes[1]).unwrap(), "it is larger than all that may be kept");
+        assert!(!BakeCache::new(folder.path().into(), 0).keep(&jobs[0], &bakes[0]).unwrap());
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_an_error_in_words() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        let error = BakeCache::new(file, 1 << 20).keep(&job(1), &baked(&job(1))).unwrap_err().to_string();
+        assert!(error.contains("not kept"), "{error}");
+    }
+
+    #[test]
+    fn limits_are_megabytes() {
+        assert_eq!(megabytes(" 3 ").unwrap(), 3 << 20);
+        for bad in ["-1", "much", "99999999999999999999", "18446744073709551615"] {
+            assert!(megabytes(bad).unwrap_err().to_string().contains(LIMIT_VARIABLE), "{bad}");
+        }
+    }
+}

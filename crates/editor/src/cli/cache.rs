@@ -1,0 +1,30 @@
+//! `clerestory cache`: the bakes that the editor keeps for the next time.
+
+use anyhow::{Context, Result};
+use serde_json::json;
+
+use super::args::CacheArgs;
+use super::console::{Answer, bytes_words};
+use crate::bake_cache::{BakeCache, FOLDER_VARIABLE};
+
+pub(super) fn cache(args: &CacheArgs) -> Result<Answer> {
+    let cache = BakeCache::of_user()?;
+    let cache =
+        cache.with_context(|| format!("this system has no folder for caches; set {FOLDER_VARIABLE} to a folder"))?;
+    let usage = if args.clear { cache.clear()? } else { cache.usage()? };
+    let json = json!({
+        "folder": cache.folder().display().to_string(),
+        "bakes": usage.bakes,
+        "bytes": usage.bytes,
+        "limit_bytes": cache.limit_bytes(),
+        "cleared": args.clear,
+    });
+    let (folder, what) = (cache.folder().display(), if args.clear { "removed" } else { "kept" });
+    let words = format!(
+        "{folder}: {} bakes {what}, {} of at most {}",
+        usage.bakes,
+        bytes_words(usage.bytes as f64),
+        bytes_words(cache.limit_bytes() as f64)
+    );
+    Ok(Answer { json, words })
+}

@@ -1,0 +1,162 @@
+use clerestory_transport::import;
+use clerestory_transport::lamps::LampUnit;
+use clerestory_transport::light::LightSetting;
+use eframe::egui::{self, pos2};
+
+use super::*;
+
+/// A closed box from −1 to 1, seen from (0, 0, 0.9) along −Z.
+fn room() -> PreparedScene {
+    let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+    PreparedScene::new(scene, &[]).unwrap().0
+}
+
+fn sight(scene: &PreparedScene) -> Sight<'_> {
+    let image = Rect::from_min_size(pos2(100.0, 50.0), vec2(800.0, 600.0));
+    Sight { scene, camera: &scene.scene.cameras[0], film: Film { width: 64, height: 48 }, image }
+}
+
+fn lamp(position: Vec3) -> FreeLamp {
+    let shape = LampShape::Spot { inner_rad: 0.2, outer_rad: 0.4 };
+    let (key, setting, unit) = ("l".to_owned(), LightSetting::default(), LampUnit::Candela);
+    FreeLamp { key, shape, position, aim: position - Vec3::Y, strength: 1.0, unit, setting }
+}
+
+fn near(a: Vec3, b: Vec3) -> bool {
+    a.distance(b) < 2e-3
+}
+
+/// Takes a part where one point is seen and carries it to where another is seen, in three steps.
+fn drag(part: Part, of: &FreeLamp, [from, to]: [Vec3; 2], held: Held) -> FreeLamp {
+    let scene = room();
+    let sight = sight(&scene);
+    let (from, to) = (sight.seen_at(from).unwrap(), sight.seen_at(to).unwrap());
+    let mut drag = Drag::begin(&sight, of, part, from);
+    let mut lamp = of.clone();
+    for _ in 0..3 {
+        lamp = drag.moved(&sight, &lamp, (to - from) / 3.0, held);
+    }
+    assert_eq!(drag.before, *of);
+    lamp
+}
+
+#[test]
+fn the_nearest_point_of_an_axis_and_the_meeting_with_a_plane_are_those_of_geometry() {
+    let (eye, ahead) = (Vec3::new(3.0, 1.0, 5.0), Vec3::NEG_Z);
+    assert_eq!(nearest_on_axis(Vec3::ZERO, Vec3::X, eye, ahead), Some(3.0));
+    assert_eq!(nearest_on_axis(Vec3::new(1.0, 0.0, 0.0), Vec3::X, eye, ahead), Some(2.0));
+    assert_eq!(nearest_on_axis(Vec3::ZERO, Vec3::Z, eye, ahead), None, "one looks along it");
+    assert_eq!(meet_plane(Vec3::ZERO, Vec3::Z, eye, ahead), Some(Vec3::new(3.0, 1.0, 0.0)));
+    assert_eq!(meet_plane(Vec3::new(0.0, 0.0, 9.0), Vec3::Z, eye, ahead), None, "it is behind");
+    assert_eq!(meet_plane(Vec3::ZERO, Vec3::X, eye, ahead), None, "the ray runs along it");
+}
+
+#[test]
+fn what_is_seen_is_where_the_pointer_is() {
+    let scene = room();
+    let sight = sight(&scene);
+    for point in [Vec3::new(0.3, -0.2, -0.9), Vec3::new(-0.4, 0.4, 0.0)] {
+        let at = sight.seen_at(point).unwrap();
+        assert!((point - sight.camera.position()).normalize().distance(sight.direction(at)) < 1e-4);
+        let meters = sight.meters_per_point(point).unwrap();
+        let right = sight.seen_at(point + Vec3::X * (10.0 * meters)).unwrap();
+        assert!(
+            (right.x - at.x - 10.0).abs() < 0.05,
+            "ten points to the right are ten points wide: {}",
+            right.x - at.x
+        );
+    }
+    assert_eq!(sight.seen_at(Vec3::new(0.0, 0.0, 2.0)), None);
+    assert_eq!(sight.meters_per_point(Vec3::new(0.0, 0.0, 2.0)), None);
+    let floor = sight.surface(sight.seen_at(Vec3::new(0.1, -1.0, -0.3)).unwrap()).unwrap();
+    assert!(near(floor.position, Vec3::new(0.1, -1.0, -0.3)) && near(floor.normal, Vec3::Y), "{floor:?}");
+}
+
+#[test]
+fn an_arrow_moves_along_its_axis_by_what_the_pointer_moves_on_it() {
+    let of = lamp(Vec3::new(0.1, 0.2, -0.4));
+    for axis in 0..3 {
+        // Taken at the tip of the arrow, away from the lamp: it does not jump there.
+        let tip = of.position + AXES[axis] * 0.2;
+        let moved = drag(Part::Axis(axis), &of, [tip, tip + AXES[axis] * 0.15], Held::default());
+        assert!(near(moved.position, of.position + AXES[axis] * 0.15), "{}", moved.position);
+        let aside = moved.position - of.position;
+        assert!((aside - AXES[axis] * aside.dot(AXES[axis])).length() < 1e-6, "not off the axis: {aside}");
+        assert!(near(moved.aim - moved.position, of.aim - of.position), "it keeps its direction");
+    }
+}
+
+#[test]
+fn a_square_moves_across_its_axis() {
+    let of = lamp(Vec3::new(0.1, -0.3, -0.4));
+    for (axis, way) in [(0, Vec3::new(0.0, 0.1, 0.1)), (1, Vec3::new(0.1, 0.0, -0.2)), (2, Vec3::new(-0.2, 0.1, 0.0))] {
+        let at = of.position + Vec3::splat(0.05) * (Vec3::ONE - AXES[axis]);
+        let moved = drag(Part::Plane(axis), &of, [at, at + way], Held::default());
+        assert!(near(moved.position, of.position + way), "{axis}: {}", moved.position);
+    }
+}
+
+#[test]
+fn with_shift_it_goes_a_tenth_of_the_way() {
+    let of = lamp(Vec3::new(0.0, 0.0, -0.4));
+    let ways = [of.position, of.position + Vec3::X * 0.4];
+    let moved = drag(Part::Axis(0), &of, ways, Held { fine: true, ..Held::default() });
+    assert!(near(moved.position, of.position + Vec3::X * 0.04), "{}", moved.position);
+}
+
+#[test]
+fn the_lamp_itself_goes_over_surfaces_and_with_alt_in_the_plane_of_the_screen() {
+    let of = lamp(Vec3::new(0.0, 0.0, -0.4));
+    let floor = Vec3::new(0.3, -1.0, -0.2);
+    let moved = drag(Part::Body, &of, [of.position, floor], Held::default());
+    let off = moved.position - floor;
+    assert!(off.y > 0.01 && off.y < 0.31 && off.x.abs() < 2e-3 && off.z.abs() < 2e-3, "{off}");
+
+    let to = Vec3::new(0.2, 0.1, -0.4);
+    let free = Held { free: true, ..Held::default() };
+    let moved = drag(Part::Body, &of, [of.position, to], free);
+    assert!(near(moved.position, to), "{}", moved.position);
+
+    // A lamp that is close to a wall keeps its distance, so that it does not jump.
+    let close = lamp(Vec3::new(0.0, -0.97, -0.4));
+    let moved = drag(Part::Body, &close, [close.position, floor], Held::default());
+    assert!((moved.position.y + 0.97).abs() < 2e-3, "{}", moved.position);
+}
+
+#[test]
+fn the_aim_goes_over_surfaces_and_stays_where_it_is_asked_to() {
+    let of = lamp(Vec3::new(0.0, 0.5, -0.4));
+    let wall = Vec3::new(0.2, 0.1, -1.0);
+    let aimed = drag(Part::Aim, &of, [of.aim, wall], Held::default());
+    assert!(near(aimed.aim, wall) && aimed.position == of.position, "{}", aimed.aim);
+    let held = Held { aim: AimWhileMoving::Stays, ..Held::default() };
+    let moved = drag(Part::Axis(0), &aimed, [aimed.position, aimed.position + Vec3::X * 0.1], held);
+    assert_eq!(moved.aim, aimed.aim);
+}
+
+#[test]
+fn where_one_looks_along_an_axis_or_beyond_the_horizon_the_lamp_stays() {
+    let scene = room();
+    let sight = sight(&scene);
+    // In the middle of the view one looks along Z.
+    let of = lamp(Vec3::new(0.0, 0.0, -0.4));
+    let center = sight.seen_at(of.position).unwrap();
+    let mut along = Drag::begin(&sight, &of, Part::Axis(2), center);
+    assert_eq!(along.moved(&sight, &of, vec2(0.5, 0.5), Held::default()), of);
+    // Below the eye, level: upwards the plane ends at the horizon.
+    let low = lamp(Vec3::new(0.0, -0.5, -0.4));
+    let mut level = Drag::begin(&sight, &low, Part::Plane(1), sight.seen_at(low.position).unwrap());
+    let moved = level.moved(&sight, &low, egui::vec2(0.0, -2000.0), Held::default());
+    assert_eq!(moved, low);
+}
+
+#[test]
+fn a_lamp_is_put_before_a_surface_and_shines_away_from_it() {
+    let surface = Surface { position: Vec3::new(0.0, 2.0, 0.0), normal: Vec3::NEG_Y };
+    let put = put_on(lamp(Vec3::ZERO), surface, Vec3::new(0.0, 0.0, 3.0));
+    assert!(put.position.y < 2.0 && put.position.y > 1.6 && put.aim.y < put.position.y, "{put:?}");
+    let globe = FreeLamp { shape: LampShape::Sphere { radius_m: 0.5 }, ..lamp(Vec3::ZERO) };
+    let put = put_on(globe, surface, Vec3::new(0.0, 0.0, 3.0));
+    assert!(put.position.y < 1.5, "all of it is in front of the surface: {}", put.position);
+    assert_eq!(put.aim, below(put.position));
+}

@@ -1,0 +1,112 @@
+//! What the tests of the window share: a tiny room with a lamp and a panel, opened and baked; clicks and drags.
+
+use std::path::Path;
+use std::time::Duration;
+
+use clerestory::app::{App, Start};
+use clerestory::bake_cache::BakeCache;
+use clerestory::session::{BakeSettings, BakeState, Source};
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::camera::Film;
+use eframe::egui::{Pos2, Rect, Vec2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::Vec3;
+use serde_json::{Value, json};
+
+pub type Window = Harness<'static, App>;
+
+/// The closed room of the process tests, with a panel of 4 × 4 texels under its ceiling.
+pub fn room() -> Vec<u8> {
+    let mut gltf: Value = serde_json::from_str(include_str!("../room.gltf")).unwrap();
+    let push = |list: &mut Value, item: Value| {
+        let list = list.as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    };
+    // The fourth quad of the box faces down: placed in view, it is the panel.
+    let quad = json!({"bufferView": 1, "byteOffset": 36, "componentType": 5123, "count": 6, "type": "SCALAR"});
+    let indices = push(&mut gltf["accessors"], quad);
+    let material = push(&mut gltf["materials"], json!({"emissiveFactor": [1, 0.9, 0.8]}));
+    let primitive = json!({"attributes": {"POSITION": 0}, "indices": indices, "material": material});
+    let mesh = push(&mut gltf["meshes"], json!({"primitives": [primitive]}));
+    let panel = json!({"name": "panel", "mesh": mesh, "scale": [0.4, 0.2, 0.4], "translation": [0, 0.2, -0.5],
+        "extras": {"clerestory": {"panel": 4}}});
+    let node = push(&mut gltf["nodes"], panel);
+    push(&mut gltf["scenes"][0]["nodes"], json!(node));
+    serde_json::to_vec(&gltf).unwrap()
+}
+
+pub fn open(source: Source) -> Window {
+    open_with(source, quick(), None)
+}
+
+/// Baked in no time.
+pub fn quick() -> BakeConfig {
+    BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() }
+}
+
+/// Opened and baked as asked, with a folder of the user's for unsaved looks and finished bakes.
+pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
+    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
+    let unsaved = home.map(|home| home.join("unsaved"));
+    let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
+    let start = Start { source, settings: Some(settings), unsaved, cache };
+    Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
+}
+
+/// The room, baked, with its first picture.
+pub fn baked() -> Window {
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window
+}
+
+/// Steps until something is so. Pictures and bakes come from threads, so this takes real time.
+#[track_caller]
+pub fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
+    for _ in 0..4000 {
+        window.step();
+        if until(window.state()) {
+            window.run_steps(2);
+            return;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    panic!(
+        "it never came about; the bake: {:?}, the stage: {:?}",
+        window.state().session().bake,
+        window.state().session().stage
+    );
+}
+
+/// Drags from one point to another in small steps.
+pub fn drag(window: &mut Window, from: Pos2, to: Pos2) {
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    for step in 1..=5 {
+        window.hover_at(from + (to - from) * (step as f32 / 5.0));
+        window.run_steps(2);
+    }
+    window.drop_at(to);
+    window.run_steps(3);
+}
+
+pub fn click(window: &mut Window, label: &str) {
+    window.get_by_label(label).click();
+    window.run_steps(3);
+}
+
+/// Where a point of the room is on the screen.
+pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {
+    let area: Rect = window.get_by_label("Picture").rect();
+    let shown = window.state().session().shown.as_ref().unwrap();
+    let film = Film { width: shown.header.width, height: shown.header.height };
+    let px = shown.camera.as_ref().unwrap().project(film, point).unwrap();
+    let size = vec2(film.width as f32, film.height as f32);
+    let room = area.size() - Vec2::splat(28.0);
+    let scale = (room.x / size.x).min(room.y / size.y);
+    area.center() + (vec2(px.x, px.y) - size / 2.0) * scale
+}

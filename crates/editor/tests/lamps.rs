@@ -1,0 +1,307 @@
+//! Free lamps in the window, driven by its labels: added, dragged, aimed, copied, taken away, and made of lamps of the file.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+mod desk;
+
+use std::cell::Cell;
+
+use clerestory::app::App;
+use clerestory::look::Look;
+use clerestory::session::{BakeState, Source};
+use clerestory_transport::archive;
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
+use egui_kittest::kittest::Queryable;
+use glam::Vec3;
+
+use desk::{Window, baked, click, drag, on_screen, open, open_with, room, wait};
+
+fn lamps(window: &Window) -> Vec<FreeLamp> {
+    window.state().look().lights.lamps.clone()
+}
+
+/// The room with a lamp from the menu, shown.
+fn with_lamp(kind: &str) -> Window {
+    let mut window = baked();
+    click(&mut window, "Add lamp");
+    click(&mut window, kind);
+    wait(&mut window, App::is_settled);
+    window
+}
+
+fn middle(window: &Window, label: &str) -> Pos2 {
+    window.get_by_label(label).rect().center()
+}
+
+fn pull(window: &mut Window, label: &str, travel: Vec2) {
+    let from = middle(window, label);
+    drag(window, from, from + travel);
+}
+
+fn click_at(window: &mut Window, at: Pos2, modifiers: Modifiers) {
+    window.hover_at(at);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        let button = PointerButton::Primary;
+        window.event_modifiers(eframe::egui::Event::PointerButton { pos: at, button, pressed, modifiers }, modifiers);
+        window.run_steps(1);
+    }
+    window.run_steps(3);
+}
+
+#[test]
+fn a_lamp_from_the_menu_lights_the_room_and_is_one_step_of_undo() {
+    let mut window = baked();
+    let ev = window.state().shown_ev();
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.5);
+    let added = lamps(&window);
+    assert_eq!((added.len(), added[0].key.as_str(), &added[0].shape), (1, "Point lamp 1", &LampShape::Point));
+    // In the middle of the view is the far wall; the lamp stands before it.
+    assert!(added[0].position.x.abs() < 0.05 && added[0].position.z > -1.0, "{}", added[0].position);
+    assert!(window.query_all_by_label_contains("Lamps: direct light only").count() == 1, "the bake has no patches");
+
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default());
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() < 1e-3);
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    window.run_steps(3);
+    assert_eq!(lamps(&window), added);
+}
+
+#[test]
+fn a_lamp_that_stands_still_costs_nothing_in_the_end() {
+    let mut window = with_lamp("Sphere");
+    let shown = window.state().n_pictures();
+    std::thread::sleep(std::time::Duration::from_millis(400));
+    window.run_steps(5);
+    assert!(window.state().is_settled() && window.state().n_pictures() == shown, "no picture is made any more");
+}
+
+#[test]
+fn an_arrow_drags_along_its_axis_and_esc_puts_back() {
+    let mut window = with_lamp("Point");
+    let before = lamps(&window)[0].position;
+    pull(&mut window, "Move Point lamp 1 along X", vec2(60.0, 25.0));
+    let after = lamps(&window)[0].position;
+    assert!(after.x > before.x + 0.02 && (after.y, after.z) == (before.y, before.z), "{before} {after}");
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window)[0].position, before, "one drag is one step");
+
+    pull(&mut window, "Move Point lamp 1 across Z", vec2(-40.0, -30.0));
+    let across = lamps(&window)[0].position;
+    assert!(across.x < before.x && across.y > before.y && across.z == before.z, "{before} {across}");
+
+    let from = middle(&window, "Move Point lamp 1 along Y");
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    for step in 1..4 {
+        window.hover_at(from + vec2(0.0, -20.0 * step as f32));
+        window.run_steps(2);
+    }
+    assert!(lamps(&window)[0].position.y > across.y + 0.02);
+    window.key_press(Key::Escape);
+    window.run_steps(2);
+    assert_eq!(lamps(&window)[0].position, across);
+    window.hover_at(from + vec2(0.0, -120.0));
+    window.run_steps(2);
+    window.drop_at(from + vec2(0.0, -120.0));
+    window.run_steps(3);
+    assert_eq!(lamps(&window)[0].position, across, "a drag that was put back is over");
+}
+
+#[test]
+fn a_lamp_is_dragged_over_surfaces_and_chosen_by_a_click() {
+    let mut window = with_lamp("Point");
+    let wall = Vec3::new(-1.0, -0.2, -0.8);
+    let (from, to) = (middle(&window, "Move Point lamp 1 over surfaces"), on_screen(&window, wall));
+    drag(&mut window, from, to);
+    let off = lamps(&window)[0].position - wall;
+    assert!(off.y.abs() < 0.03 && off.z.abs() < 0.03 && off.x > 0.0 && off.x < 0.31, "{off}");
+
+    // A click on nothing lets go, a click on the lamp takes hold again.
+    let away = on_screen(&window, Vec3::new(-0.7, -0.6, -1.0));
+    click_at(&mut window, away, Modifiers::NONE);
+    assert!(window.query_by_label("Move Point lamp 1 along X").is_none());
+    let lamp = middle(&window, "Point lamp 1 in the picture");
+    click_at(&mut window, lamp, Modifiers::NONE);
+    window.get_by_label("Move Point lamp 1 along X");
+}
+
+#[test]
+fn a_lamp_is_aimed_at_what_is_clicked() {
+    let mut window = with_lamp("Spot");
+    let (wall, side) = (Vec3::new(0.5, -0.3, -1.0), Vec3::new(-1.0, -0.2, -0.8));
+    click(&mut window, "Aim at…");
+    let at = on_screen(&window, wall);
+    click_at(&mut window, at, Modifiers::NONE);
+    assert!(lamps(&window)[0].aim.distance(wall) < 0.03, "{}", lamps(&window)[0].aim);
+    let at = on_screen(&window, side);
+    click_at(&mut window, at, Modifiers::COMMAND);
+    assert!(lamps(&window)[0].aim.distance(side) < 0.03, "{}", lamps(&window)[0].aim);
+    let at = on_screen(&window, wall);
+    click_at(&mut window, at, Modifiers::NONE);
+    assert!(lamps(&window)[0].aim.distance(side) < 0.03, "aiming is over");
+}
+
+#[test]
+fn lamps_are_copied_renamed_muted_and_deleted() {
+    let mut window = with_lamp("Disk");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    let names: Vec<String> = lamps(&window).into_iter().map(|lamp| lamp.key).collect();
+    assert_eq!(names, ["Round lamp 1", "Round lamp 2"]);
+    assert!(lamps(&window)[0].position.distance(lamps(&window)[1].position) > 0.01);
+
+    window.get_by_label("Name of Round lamp 2").focus();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Name of Round lamp 2").type_text("lamp");
+    window.run_steps(2);
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+    assert_eq!(lamps(&window)[1].key, "Round lamp 2", "a light of the scene has that name");
+    window.get_by_label("Name of Round lamp 2").focus();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Name of Round lamp 2").type_text("Desk");
+    window.run_steps(2);
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+    assert_eq!(lamps(&window)[1].key, "Desk");
+
+    click(&mut window, "Mute Desk");
+    assert!(lamps(&window)[1].setting.muted);
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert_eq!(lamps(&window).len(), 1);
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window).len(), 2);
+}
+
+#[test]
+fn another_unit_leaves_the_light_as_it_is() {
+    let mut window = with_lamp("Point");
+    assert_eq!((lamps(&window)[0].strength, lamps(&window)[0].unit), (800.0, LampUnit::Lumen));
+    click(&mut window, "Point lamp 1 unit");
+    click(&mut window, "cd");
+    let lamp = &lamps(&window)[0];
+    let candela = 800.0 / (4.0 * std::f32::consts::PI);
+    assert!((lamp.strength - candela).abs() < 1e-3 && lamp.unit == LampUnit::Candela, "{lamp:?}");
+}
+
+#[test]
+fn solo_darkens_what_is_not_soloed_among_lamps_and_lights_alike() {
+    let mut window = with_lamp("Point");
+    let ev = window.state().shown_ev();
+    click(&mut window, "Solo lamp");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() > ev + 0.3);
+    click(&mut window, "Solo lamp");
+    click(&mut window, "Solo Point lamp 1");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev + 0.3);
+    assert!(!lamps(&window)[0].setting.muted, "solo is not in the look");
+}
+
+#[test]
+fn a_lamp_of_the_file_is_made_movable_and_shines_as_before() {
+    let mut window = baked();
+    let before = window.state().shown_ev();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() > before + 0.5);
+    let dark = window.state().shown_ev();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - before).abs() < 1e-3);
+    make_movable(&mut window, "lamp");
+    let look = window.state().look().clone();
+    assert!(look.lights.lights["lamp"].muted);
+    let lamp = &look.lights.lamps[0];
+    assert_eq!((lamp.key.as_str(), lamp.strength, lamp.unit), ("lamp movable 1", 3.0, LampUnit::Candela));
+    assert!(lamp.position.distance(Vec3::new(0.3, 0.6, -0.2)) < 1e-5);
+    let brightest = Cell::new(f32::MIN);
+    wait(&mut window, |app| {
+        brightest.set(brightest.get().max(app.shown_ev()));
+        app.is_settled() && app.shown_ev() != before
+    });
+    // Without patches its indirect light is missing. It never goes out in between, or the exposure would rise further.
+    let after = window.state().shown_ev();
+    assert!(after > before - 0.1 && after < dark - 0.5, "{before} {after} {dark}");
+    assert!(brightest.get() < 0.5 * (after + dark), "{before} {} {after} {dark}", brightest.get());
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default(), "both at once");
+}
+
+#[test]
+fn with_patches_a_lamp_that_becomes_movable_leaves_the_picture_as_it_is() {
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+    let mut window =
+        open_with(source, BakeConfig { spp: 64, tolerance_db: 30.0, patches: 256, ..BakeConfig::default() }, None);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let before = window.state().shown_ev();
+    make_movable(&mut window, "lamp");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() != before);
+    let after = window.state().shown_ev();
+    assert!((after - before).abs() < 0.15, "{before} {after}");
+    assert!(window.query_by_label("Lamps: direct light only").is_none());
+}
+
+/// Chooses it from the menu of a light in the list.
+fn make_movable(window: &mut Window, key: &str) {
+    let row = window.get_by_label(&format!("Mute {key}")).rect();
+    let name = Pos2::new(row.right() + 20.0, row.center().y);
+    window.hover_at(name);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        window.event(eframe::egui::Event::PointerButton { pos: name, button, pressed, modifiers });
+        window.run_steps(1);
+    }
+    window.run_steps(3);
+    click(window, "Make movable");
+}
+
+#[test]
+fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
+    let window = baked();
+    let bake = window.state().session().shown.as_ref().unwrap().bake();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.transport");
+    archive::write(&bake, &path).unwrap();
+    drop(window);
+
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0);
+    wait(&mut window, |app| app.session().lamp_scene().is_none() && app.is_settled());
+    wait_for_words(&mut window, "need the scene of this bake, room.gltf");
+    window.get_by_label("Choose the scene…");
+    drop(window);
+
+    std::fs::write(folder.path().join("room.gltf"), room()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().lamp_scene().is_some() && app.n_pictures() > 0);
+    click(&mut window, "Add lamp");
+    click(&mut window, "Sphere");
+    wait(&mut window, App::is_settled);
+    window.get_by_label("Move Globe 1 along X");
+    drop(window);
+
+    // Another scene of the same name is refused.
+    std::fs::write(folder.path().join("room.gltf"), include_bytes!("room.gltf")).unwrap();
+    let mut window = open(Source::File(path));
+    wait_for_words(&mut window, "another scene");
+}
+
+fn wait_for_words(window: &mut Window, words: &str) {
+    for _ in 0..4000 {
+        window.step();
+        if window.query_all_by_label_contains(words).next().is_some() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    panic!("{words:?} was never said");
+}
