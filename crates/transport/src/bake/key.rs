@@ -30,7 +30,8 @@ mod tests {
     use crate::camera::{Camera, Film};
     use crate::prepared::PreparedScene;
     use crate::scene::{Material, Mesh, Scene};
-    use crate::sky::{Environment, SkyForm, SkyLight, SkyRequest};
+    use crate::emitters::SkyRequest;
+    use crate::sky::{Environment, SkyForm, SkyLight};
 
     fn job(radiance: f32) -> BakeJob {
         let light = SkyLight::new("uniform", Environment::uniform(Vec3::splat(radiance)));
