@@ -39,27 +39,27 @@ pub(super) fn install(view: &mut View, look: &Look, path: Option<&Path>, console
     lamps.install(scene).context("the look cannot light the scene")
 }
 
-/// What lamps bring to a baked picture.
+/// What a lamp brings to a baked picture.
 pub(super) struct LampLight {
-    scene: PreparedScene,
-    camera: Camera,
-    film: Film,
-    /// Lamps with their names, each for itself.
-    lamps: Vec<(String, PreparedLamps)>,
-    all: PreparedLamps,
+    /// Name of the lamp.
+    pub key: String,
+    /// Its direct light, and its body where it is seen, nit.
+    pub direct: Radiance,
+    /// Coefficients of the patches of the bake; none without patches.
+    pub of_patches: Vec<[f32; 3]>,
 }
 
 impl LampLight {
-    /// Of a look whose picture was baked from a scene; `None` for a look without lamps.
+    /// Of each lamp of a look whose picture was baked from a scene.
     pub fn of(
         bake: &Bake,
         look: &Look,
         (path, scene): (Option<&Path>, Option<&Path>),
         console: &mut Console,
-    ) -> Result<Option<LampLight>> {
+    ) -> Result<Vec<LampLight>> {
         let lamps = &look.lights.lamps;
         if lamps.is_empty() {
-            return Ok(None);
+            return Ok(Vec::new());
         }
         if bake.header.basis.is_measured() {
             bail!("the look has lamps, but the bake is of pictures, which no lamp can light; bake a scene instead");
@@ -69,15 +69,11 @@ impl LampLight {
                 "the look has lamps, which light the surfaces of the scene; name the scene that was baked with --scene"
             );
         };
-        let all = prepared(lamps, path, console)?;
-        let each = lamps.iter().map(|lamp| {
-            let alone = prepared(std::slice::from_ref(lamp), path, &mut *console)?;
-            Ok((lamp.key.clone(), alone))
-        });
-        let lamps: Vec<(String, PreparedLamps)> = each.collect::<Result<_>>()?;
-        if let Some((key, _)) = lamps.iter().find(|(key, _)| bake.header.basis.source(key).is_some()) {
-            bail!("a light of the scene is called `{key}`, as a lamp of the look is; rename the lamp");
+        if let Some(lamp) = lamps.iter().find(|lamp| bake.header.basis.source(&lamp.key).is_some()) {
+            bail!("a light of the scene is called `{}`, as a lamp of the look is; rename the lamp", lamp.key);
         }
+        let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
+        let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
         if bake.header.patches.is_none() {
             console.warn(
                 "the transport has no patches, so the light of the look's lamps is shown where it falls, not what surfaces make \
@@ -86,45 +82,38 @@ impl LampLight {
         }
         let (scene, camera) = open(&bake.header, scene, console)?;
         let film = Film { width: bake.header.width, height: bake.header.height };
-        Ok(Some(LampLight { scene, camera, film, lamps, all }))
+        let direct = direct(&scene, &camera, film, &each);
+        let of_patches = |lamps: &PreparedLamps| {
+            let irradiance = |position, normal| lamps.irradiance(&scene, position, normal);
+            bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance))
+        };
+        let lights = lamps.iter().zip(&each).zip(direct);
+        let light = |((lamp, prepared), direct): ((&FreeLamp, &PreparedLamps), Radiance)| LampLight {
+            key: lamp.key.clone(),
+            direct,
+            of_patches: of_patches(prepared),
+        };
+        Ok(lights.map(light).collect())
     }
+}
 
-    /// Direct light of all lamps, nit.
-    pub fn direct(&self) -> Radiance {
-        self.direct_of(&self.all)
-    }
-
-    /// Name of each lamp, its direct light, and its coefficients of patches.
-    pub fn layers<'a>(&'a self, bake: &'a Bake) -> impl Iterator<Item = (&'a str, Radiance, Vec<[f32; 3]>)> {
-        self.lamps.iter().map(|(key, lamps)| (key.as_str(), self.direct_of(lamps), self.of_patches(bake, lamps)))
-    }
-
-    /// Coefficients of the patches of a bake under all lamps; none for a bake without.
-    pub fn coefficients(&self, bake: &Bake) -> Vec<[f32; 3]> {
-        self.of_patches(bake, &self.all)
-    }
-
-    fn of_patches(&self, bake: &Bake, lamps: &PreparedLamps) -> Vec<[f32; 3]> {
-        let irradiance = |position, normal| lamps.irradiance(&self.scene, position, normal);
-        bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance))
-    }
-
-    fn direct_of(&self, lamps: &PreparedLamps) -> Radiance {
-        let Film { width, height } = self.film;
-        let mut pixels = vec![[0.0; 3]; self.film.n_pixels()];
-        let n_passes = SAMPLES * ROUNDS;
-        for turn in 0..TURNS {
-            let config = VisibleConfig { samples: SAMPLES, seed: u64::from(turn) };
-            let points = VisiblePoints::new(&self.scene, &self.camera, self.film, config, &|| false);
-            let passes = (0..n_passes).filter_map(|pass| points.as_ref()?.direct(&self.scene, lamps, pass, &|| false));
-            for pass in passes {
-                for (pixel, rgb) in pixels.iter_mut().zip(pass) {
+/// Direct light of each of some lamps.
+fn direct(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[PreparedLamps]) -> Vec<Radiance> {
+    let Film { width, height } = film;
+    let mut sums = vec![Radiance { width, height, pixels: vec![[0.0; 3]; film.n_pixels()] }; lamps.len()];
+    let n_passes = SAMPLES * ROUNDS;
+    for turn in 0..TURNS {
+        let config = VisibleConfig { samples: SAMPLES, seed: u64::from(turn) };
+        let Some(points) = VisiblePoints::new(scene, camera, film, config, &|| false) else { continue };
+        for (sum, lamps) in sums.iter_mut().zip(lamps) {
+            for picture in (0..n_passes).filter_map(|pass| points.direct(scene, lamps, pass, &|| false)) {
+                for (pixel, rgb) in sum.pixels.iter_mut().zip(picture) {
                     (0..3).for_each(|c| pixel[c] += rgb[c] / (n_passes * TURNS) as f32);
                 }
             }
         }
-        Radiance { width, height, pixels }
     }
+    sums
 }
 
 /// The scene of a bake and its camera.

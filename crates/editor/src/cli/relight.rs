@@ -31,7 +31,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     warn_of_unknown_lights(&bake.header.basis, &target.look, console);
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
     let lamps = LampLight::of(&bake, &target.look, paths, console)?;
-    target.finish(&bake, lamps.as_ref(), &args.options, console)
+    target.finish(&bake, &lamps, &args.options, console)
 }
 
 pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer> {
@@ -53,7 +53,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let (bake, times) = run_with_progress(console, &args.bake, &kept, |on_event| job.run(on_event))
         .with_context(|| format!("cannot bake {}", args.scene.display()))?;
     let mut answer = baked(&bake, times, &args.bake, console)?;
-    let relit = target.finish(&bake, None, &args.relight, console)?;
+    let relit = target.finish(&bake, &[], &args.relight, console)?;
     merge(&mut answer.json, relit.json);
     answer.words = format!("{}\n{}", answer.words, relit.words);
     Ok(answer)
@@ -82,7 +82,7 @@ impl Target {
     fn finish(
         self,
         bake: &Bake,
-        lamps: Option<&LampLight>,
+        lamps: &[LampLight],
         options: &RelightOptions,
         console: &mut Console,
     ) -> Result<Answer> {
@@ -90,9 +90,7 @@ impl Target {
         let irradiance = if asked { Some(seen_irradiance(bake, &self.look.lights)?) } else { None };
         let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu)?;
         let mut coefficients = bake.header.coefficients(&self.look.lights);
-        if let Some(lamps) = lamps {
-            fill_patches(bake, &mut coefficients, lamps.coefficients(bake));
-        }
+        lamps.iter().for_each(|lamp| light_patches(bake, &mut coefficients, lamp));
         let begun = Instant::now();
         let mut radiance = relighter.relight(&coefficients)?;
         let relight_secs = begun.elapsed().as_secs_f64();
@@ -100,14 +98,12 @@ impl Target {
             Layers::None | Layers::Irradiance => Vec::new(),
             Layers::Lights => relighter.layers(bake, &coefficients)?,
         };
-        if let Some(lamps) = lamps {
-            add(&mut radiance, &lamps.direct());
-            if options.layers == Layers::Lights {
-                layers.extend(relighter.lamp_layers(bake, lamps)?);
-            }
-            if irradiance.is_some() {
-                console.warn("the irradiance does not count the look's lamps; render the look from its scene for that");
-            }
+        lamps.iter().for_each(|lamp| add(&mut radiance, &lamp.direct));
+        if options.layers == Layers::Lights {
+            layers.extend(relighter.lamp_layers(bake, lamps)?);
+        }
+        if irradiance.is_some() && !lamps.is_empty() {
+            console.warn("the irradiance does not count the look's lamps; render the look from its scene for that");
         }
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look: &self.look };
@@ -131,10 +127,12 @@ impl Target {
     }
 }
 
-/// Puts the coefficients of patches into their place, the last group; there is none without patches.
-fn fill_patches(bake: &Bake, coefficients: &mut [Vec<[f32; 3]>], of_patches: Vec<[f32; 3]>) {
+/// Adds what a lamp throws on the patches of a bake, the last group; there is none without patches.
+fn light_patches(bake: &Bake, coefficients: &mut [Vec<[f32; 3]>], lamp: &LampLight) {
     if let (Some(last), true) = (coefficients.last_mut(), bake.header.patches.is_some()) {
-        *last = of_patches;
+        for (sum, more) in last.iter_mut().zip(&lamp.of_patches) {
+            (0..3).for_each(|c| sum[c] += more[c]);
+        }
     }
 }
 
@@ -235,17 +233,17 @@ impl Relighter {
     }
 
     /// What each lamp of the look adds.
-    fn lamp_layers(&mut self, bake: &Bake, lamps: &LampLight) -> Result<Vec<LightLayer>> {
+    fn lamp_layers(&mut self, bake: &Bake, lamps: &[LampLight]) -> Result<Vec<LightLayer>> {
         let dark: Vec<Vec<[f32; 3]>> =
             bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
-        let layer = |(key, direct, of_patches): (&str, Radiance, Vec<[f32; 3]>)| {
+        let layer = |lamp: &LampLight| {
             let mut coefficients = dark.clone();
-            fill_patches(bake, &mut coefficients, of_patches);
+            light_patches(bake, &mut coefficients, lamp);
             let mut radiance = self.relight(&coefficients)?;
-            add(&mut radiance, &direct);
-            Ok(LightLayer { key: key.to_owned(), radiance })
+            add(&mut radiance, &lamp.direct);
+            Ok(LightLayer { key: lamp.key.clone(), radiance })
         };
-        lamps.layers(bake).map(layer).collect()
+        lamps.iter().map(layer).collect()
     }
 
     fn words(&self) -> String {

@@ -63,6 +63,13 @@ pub(super) struct Layers<F = NoFilm> {
 impl<F: Film> Layers<F> {
     /// `lambert` is the albedo of the diffuse base over π.
     pub(super) fn new(params: &SurfaceParams, pose: &Pose, lambert: Vec3, film: F) -> Layers<F> {
+        let mut layers = Layers::unchosen(params, pose, film);
+        layers.choice = layers.choose(lambert);
+        layers
+    }
+
+    /// The same to be evaluated alone: it takes less, and knows no densities.
+    pub(super) fn unchosen(params: &SurfaceParams, pose: &Pose, film: F) -> Layers<F> {
         let [tangent, bitangent, ns] = pose.frame;
         let plain = Schlick::dielectric(params.ior, params.specular, params.specular_color);
         let dielectric = film.film().map_or(plain, ThinFilm::bound);
@@ -74,7 +81,7 @@ impl<F: Film> Layers<F> {
         let coat_alpha = if rough_coat { pose.alpha[0].min(pose.alpha[1]) } else { 0.0 };
         let coat = Coat::new(coat_alpha, dielectric.f0.max_element(), dielectric.f90);
         let wo = Vec3::new(pose.wo.dot(tangent), pose.wo.dot(bitangent), pose.wo.dot(ns));
-        let mut layers = Layers {
+        Layers {
             frame: pose.frame,
             wo,
             base_color: params.base_color,
@@ -91,9 +98,7 @@ impl<F: Film> Layers<F> {
             coat,
             allowance_o: coat.allowance(wo.z),
             choice: Choice { diffuse: 0.0, facets: 0.0, mirror: 0.0, clear: 0.0 },
-        };
-        layers.choice = layers.choose(lambert);
-        layers
+        }
     }
 
     /// Towards the viewer, in the local frame.

@@ -139,6 +139,20 @@ impl Bsdf {
         Bsdf { ng, ns: pose.frame[2], lambert, lobes: Lobes::Layers(layers) }
     }
 
+    /// [`Bsdf::new`] for nothing but the first answer of [`Bsdf::eval`] and [`Bsdf::transmits`]: it takes less.
+    #[inline]
+    pub(crate) fn to_be_lit(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Bsdf {
+        let Facing { ng, ns, eta } = Facing::new(params, ng, ns, wo);
+        let has_coat = params.specular > 0.0 && !fresnel::is_matched(params.ior);
+        if params.metallic <= 0.0 && params.transmission <= 0.0 && !has_coat {
+            return Bsdf { ng, ns, lambert: params.base_color * FRAC_1_PI, lobes: Lobes::None };
+        }
+        let opaque = (1.0 - params.metallic) * (1.0 - params.transmission);
+        let pose = Pose::round(turned_to_viewer(ns, wo), wo, eta, params.roughness);
+        let lobes = Lobes::Layers(Layers::unchosen(params, &pose, NoFilm));
+        Bsdf { ng, ns: pose.frame[2], lambert: params.base_color * (opaque * FRAC_1_PI), lobes }
+    }
+
     /// [`Bsdf::new`] of a surface with a finish, which costs more.
     pub fn finished(params: &SurfaceParams, finish: &FinishParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Bsdf {
         let (stretched, stacked) = (finish.anisotropy > 0.0, finish.is_stacked());

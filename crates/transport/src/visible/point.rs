@@ -41,15 +41,6 @@ const INSIDE: u16 = 1;
 /// First number that means a special.
 const SPECIAL: u32 = 1 << 31;
 
-/// A point as it is shaded.
-pub(super) struct Shaded {
-    pub bsdf: Bsdf,
-    /// Unit geometric normal on the viewer's side.
-    pub ng: Vec3,
-    /// Where rays begin that leave on the viewer's side.
-    pub origin: Vec3,
-}
-
 impl Point {
     /// `extinction` as in [`Special`].
     pub fn new(
@@ -93,12 +84,23 @@ impl Point {
         self.material.checked_sub(SPECIAL).map(|nth| &specials[nth as usize])
     }
 
-    /// Scattering and where rays begin.
-    pub fn shaded(&self, scene: &PreparedScene, specials: &[Special]) -> Shaded {
-        let ng = self.ng.unit();
-        let origin = self.origin(ng);
+    /// Unit geometric normal on the viewer's side.
+    #[inline]
+    pub fn normal(&self) -> Vec3 {
+        self.ng.unit()
+    }
+
+    /// Whether light from behind the surface may come through.
+    #[inline]
+    pub fn may_transmit(&self) -> bool {
+        self.surface[5] != 0 || self.material >= SPECIAL
+    }
+
+    /// Share of the light from a direction that the viewer gets, `f·|cosθ|`, given its normal.
+    #[inline]
+    pub fn lit(&self, scene: &PreparedScene, specials: &[Special], ng: Vec3, wi: Vec3) -> Vec3 {
         if let Some(special) = self.special(specials) {
-            return Shaded { bsdf: special.bsdf.clone(), ng, origin };
+            return special.bsdf.eval(wi).0;
         }
         let params = self.params(&scene.scene.materials[self.material as usize]);
         let mut wo = self.wo.unit();
@@ -108,10 +110,11 @@ impl Point {
             wo = (wo + ng * (GRAZING - above)).normalize();
         }
         let inside = if self.surface[7] & INSIDE == 0 { 1.0 } else { -1.0 };
-        Shaded { bsdf: Bsdf::new(&params, ng * inside, self.ns.unit() * inside, wo), ng, origin }
+        Bsdf::to_be_lit(&params, ng * inside, self.ns.unit() * inside, wo).eval(wi).0
     }
 
     /// Where rays begin that leave to the side of a normal.
+    #[inline]
     pub fn origin(&self, normal: Vec3) -> Vec3 {
         offset_origin(self.position + normal * self.clearance, normal)
     }

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::Band;
-use super::point::{Point, Shaded, Special};
+use super::point::{Point, Special};
 use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, lattice};
 use crate::light::luminance;
 use crate::path::passed_along;
@@ -23,13 +23,6 @@ pub(super) struct Shading<'a> {
     far: f32,
     /// No solid between things changes light.
     is_airy: bool,
-}
-
-/// Some points of a tile.
-struct Group<'a> {
-    points: &'a [Point],
-    specials: &'a [Special],
-    shaded: Vec<Shaded>,
 }
 
 /// Shadow rays of a group to a point that they share.
@@ -52,46 +45,50 @@ impl<'a> Shading<'a> {
         let mut n_rays = 0;
         for (tile, ends) in band.tiles.windows(2).enumerate() {
             let key = u64::from(first) << 12 | tile as u64;
-            for (nth, points) in points[ends[0] as usize..ends[1] as usize].chunks(GROUP).enumerate() {
-                let shaded = points.iter().map(|point| point.shaded(self.scene, specials)).collect();
-                let group = Group { points, specials, shaded };
+            for (nth, group) in points[ends[0] as usize..ends[1] as usize].chunks(GROUP).enumerate() {
                 for (lamp_idx, lamp) in self.lamps.lamps().iter().enumerate() {
                     let stream = STREAM + (key << 8) + lamp_idx as u64;
                     let shift = Vec2::from(Sampler::new(seed, stream, sample).next_2d());
                     let u = (shift + hammersley(nth as u32) + lattice(round)).fract();
-                    n_rays += self.shade_group(&group, lamp, u, first, pixels);
+                    n_rays += self.shade_group((group, specials), lamp, u, first, pixels);
                 }
             }
         }
         n_rays
     }
 
-    fn shade_group(&self, group: &Group, lamp: &PreparedLamp, u: Vec2, first: u32, pixels: &mut [Vec3]) -> u64 {
+    fn shade_group(
+        &self,
+        (group, specials): (&[Point], &[Special]),
+        lamp: &PreparedLamp,
+        u: Vec2,
+        first: u32,
+        pixels: &mut [Vec3],
+    ) -> u64 {
         let shared = lamp.lamp.point(u).filter(|_| self.is_airy && !lamp.lamp.is_ball());
         let mut fan = Fan { n: 0, places: [Vec3::ZERO; GROUP], values: [Vec3::ZERO; GROUP], pixels: [0; GROUP] };
         let mut n_rays = 0;
-        for (nth, (point, shaded)) in group.points.iter().zip(&group.shaded).enumerate() {
+        for (nth, point) in group.iter().enumerate() {
             let at = (point.pixel - first) as usize;
-            let shared = shared.filter(|_| !lamp.lamp.is_near(point.position));
-            let lit = match &shared {
+            if !self.is_airy {
+                n_rays += 1;
+                pixels[at] += self.through_solids((point, specials), (lamp, spread(u, nth)));
+                continue;
+            }
+            let shared = shared.as_ref().filter(|_| !lamp.lamp.is_near(point.position));
+            let lit = match shared {
                 Some(shared) => lamp.lamp.lit_from(shared, point.position),
                 None => lamp.lamp.lit_well(point.position, spread(u, nth), self.far),
             };
-            if !self.is_airy {
-                let special = point.special(group.specials);
-                n_rays += 1;
-                pixels[at] += self.through_solids((point, shaded, special), (lamp, spread(u, nth)), lit.as_ref());
-                continue;
-            }
             let Some(lit) = lit else { continue };
-            let Some(value) = self.arriving(point, shaded, lamp, &lit) else { continue };
+            let ng = point.normal();
+            let Some(value) = self.arriving((point, specials), ng, lamp, &lit) else { continue };
             n_rays += 1;
-            if lit.wi.dot(shaded.ng) <= 0.0 {
-                pixels[at] += value * self.scene.transmittance(point.origin(-shaded.ng), lit.target);
-            } else if shared.is_some() {
-                fan.push(shaded.origin, value, at as u32);
+            if lit.wi.dot(ng) > 0.0 && shared.is_some() {
+                fan.push(point.origin(ng), value, at as u32);
             } else {
-                pixels[at] += value * self.scene.transmittance(shaded.origin, lit.target);
+                let side = if lit.wi.dot(ng) > 0.0 { ng } else { -ng };
+                pixels[at] += value * self.scene.transmittance(point.origin(side), lit.target);
             }
         }
         if let Some(BodyPoint { position, .. }) = shared.filter(|_| fan.n > 0) {
@@ -100,29 +97,33 @@ impl<'a> Shading<'a> {
         n_rays
     }
 
-    /// What a point sends to its pixel if nothing is in the way; `None` where that is nothing, or less than counts.
+    /// What a point with its normal sends to its pixel if nothing is in the way; `None` where that is nothing, or less than
+    /// counts.
     #[inline]
-    fn arriving(&self, point: &Point, shaded: &Shaded, lamp: &PreparedLamp, lit: &Lit) -> Option<Vec3> {
-        if lit.wi.dot(shaded.ng) <= 0.0 && !shaded.bsdf.transmits() {
+    fn arriving(
+        &self,
+        (point, specials): (&Point, &[Special]),
+        ng: Vec3,
+        lamp: &PreparedLamp,
+        lit: &Lit,
+    ) -> Option<Vec3> {
+        if lit.wi.dot(ng) <= 0.0 && !point.may_transmit() {
             return None;
         }
-        let value = point.throughput * shaded.bsdf.eval(lit.wi).0 * lamp.emission * lit.factor;
+        let value = point.throughput * point.lit(self.scene, specials, ng, lit.wi) * lamp.emission * lit.factor;
         (luminance(value) > self.floor_nit).then_some(value)
     }
 
     /// The light of a lamp at a point among solids: on the straight way, dimmed by what attenuates, and through slabs.
-    fn through_solids(
-        &self,
-        (point, shaded, special): (&Point, &Shaded, Option<&Special>),
-        (lamp, u): (&PreparedLamp, Vec2),
-        straight: Option<&Lit>,
-    ) -> Vec3 {
-        let (scene, position) = (self.scene, point.position);
-        let extinction = |wi: Vec3| special.map_or(Vec3::ZERO, |s| s.extinction[usize::from(wi.dot(shaded.ng) <= 0.0)]);
-        let origin = |wi: Vec3| if wi.dot(shaded.ng) > 0.0 { shaded.origin } else { point.origin(-shaded.ng) };
+    fn through_solids(&self, (point, specials): (&Point, &[Special]), (lamp, u): (&PreparedLamp, Vec2)) -> Vec3 {
+        let (scene, position, ng) = (self.scene, point.position, point.normal());
+        let straight = lamp.lamp.lit_well(position, u, self.far);
+        let special = point.special(specials);
+        let extinction = |wi: Vec3| special.map_or(Vec3::ZERO, |s| s.extinction[usize::from(wi.dot(ng) <= 0.0)]);
+        let origin = |wi: Vec3| point.origin(if wi.dot(ng) > 0.0 { ng } else { -ng });
         let mut sum = Vec3::ZERO;
-        if let Some(lit) = straight
-            && let Some(value) = self.arriving(point, shaded, lamp, lit)
+        if let Some(lit) = &straight
+            && let Some(value) = self.arriving((point, specials), ng, lamp, lit)
         {
             let dimmed = if lamp.lamp.is_beyond() {
                 Vec3::ONE
@@ -130,6 +131,9 @@ impl<'a> Shading<'a> {
                 (-extinction(lit.wi) * lit.target.distance(position)).exp()
             };
             sum += value * dimmed * scene.transmittance(origin(lit.wi), lit.target);
+        }
+        if scene.slabs.is_empty() {
+            return sum;
         }
         let (end, route) = match straight.filter(|_| lamp.lamp.is_beyond()) {
             Some(lit) => (None, scene.slabs.route_beyond(position, lit.wi, self.far)),
@@ -142,7 +146,7 @@ impl<'a> Shading<'a> {
         // From there the lamp looks, without slabs, as it does from here through them.
         let eye = end.map_or(position, |end| end - route.direction / route.closeness.sqrt());
         if let Some(lit) = lamp.lamp.lit(eye, u, self.far)
-            && let Some(value) = self.arriving(point, shaded, lamp, &lit)
+            && let Some(value) = self.arriving((point, specials), ng, lamp, &lit)
         {
             let start = (position, origin(route.direction));
             sum += value * passed_along(scene, start, extinction(route.direction), (&route, end, self.far));
