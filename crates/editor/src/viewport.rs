@@ -103,12 +103,12 @@ pub fn viewport_ui(
     if let Some((scene, camera)) = viewed.scene {
         let film = Film { width, height };
         let picker = PanelPicker { scene, camera, film, image };
-        if !lights.lamps.aiming {
+        let sight = Sight { scene, camera, film, image };
+        lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
+        if !lights.lamps.aiming && lights.lamps.drag.is_none() {
             drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
         }
         picker.paint(&painter, look, lights.spot.as_ref());
-        let sight = Sight { scene, camera, film, image };
-        lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
     } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         state.grab = Some(Grab::Picture);
     }

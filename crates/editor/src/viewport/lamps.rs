@@ -35,9 +35,9 @@ pub fn lamps_ui(
     actions: &mut Vec<Action>,
 ) {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
-    aim_by_click(ui, picture, sight, lamps, state);
+    let mut touched = aim_by_click(ui, picture, sight, lamps, state);
     cancel(ui, lamps, state);
-    let mut touched = false;
+    drag_on(ui, sight, lamps, state);
     // The chosen lamp comes last, and so lies on top.
     let mut order: Vec<usize> = (0..lamps.len()).collect();
     order.sort_by_key(|idx| state.is_chosen(&lamps[*idx].key));
@@ -52,10 +52,10 @@ pub fn lamps_ui(
         }
         if is_chosen && !state.aiming {
             for (part, at) in parts(sight, &lamp, center) {
-                touched |= part_ui(ui, &painter, sight, (part, at, center), lamps, idx, state);
+                touched |= part_ui(ui, &painter, (sight, picture), (part, at, center), &lamp, state);
             }
         }
-        touched |= body_ui(ui, &painter, sight, center, lamps, idx, state, actions);
+        touched |= body_ui(ui, &painter, (sight, picture), center, &lamp, state, actions);
     }
     if picture.clicked() && !touched && !state.aiming {
         state.chosen = None;
@@ -75,16 +75,16 @@ fn film_px(sight: &Sight, at: Pos2) -> [f32; 2] {
     [px.x, px.y]
 }
 
-/// While a lamp is to be aimed, or with Ctrl, a click says at what.
-fn aim_by_click(ui: &Ui, picture: &Response, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) {
+/// While a lamp is to be aimed, or with Ctrl, a click says at what. Answers whether one did.
+fn aim_by_click(ui: &Ui, picture: &Response, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) -> bool {
     let chosen = lamps.iter_mut().find(|lamp| state.is_chosen(&lamp.key)).filter(|lamp| is_aimed(&lamp.shape));
     let Some(lamp) = chosen else {
         state.aiming = false;
-        return;
+        return false;
     };
     let with_key = ui.input(|input| input.modifiers.command);
     if !state.aiming && !with_key {
-        return;
+        return false;
     }
     if let Some(at) = picture.hover_pos() {
         ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
@@ -94,8 +94,10 @@ fn aim_by_click(ui: &Ui, picture: &Response, sight: &Sight, lamps: &mut [FreeLam
         {
             lamp.aim = surface.position;
             state.aiming = false;
+            return true;
         }
     }
+    false
 }
 
 /// Esc puts a dragged lamp back, and ends aiming.
@@ -148,47 +150,41 @@ fn part_words(part: Part, key: &str) -> String {
 fn part_ui(
     ui: &Ui,
     painter: &Painter,
-    sight: &Sight,
+    (sight, picture): (&Sight, &Response),
     (part, at, center): (Part, Pos2, Pos2),
-    lamps: &mut [FreeLamp],
-    idx: usize,
+    lamp: &FreeLamp,
     state: &mut LampState,
 ) -> bool {
-    let key = lamps[idx].key.clone();
-    let response =
-        handle(ui, at, Id::unique(("lamp part", key.as_str(), part_words(part, ""))), &part_words(part, &key));
-    let is_held = state.drag.as_ref().is_some_and(|drag| drag.key == key && drag.part == part);
+    let words = part_words(part, &lamp.key);
+    let response = handle(ui, at, Id::unique(("lamp part", words.as_str())), &words);
+    let is_held = state.drag.as_ref().is_some_and(|drag| drag.key == lamp.key && drag.part == part);
     paint_part(painter, (part, at, center), if response.hovered() || is_held { 1.0 } else { 0.75 });
-    drag_ui(ui, &response, sight, part, lamps, idx, state);
-    response.hovered() || response.clicked()
+    take_hold(ui, [&response, picture], sight, part, lamp, state) || response.hovered() || response.clicked()
 }
 
 /// The lamp itself: a click chooses it, a drag moves it over surfaces. Answers whether it is under the pointer.
-#[expect(clippy::too_many_arguments, reason = "what is drawn, where, and what may change of it")]
 fn body_ui(
     ui: &Ui,
     painter: &Painter,
-    sight: &Sight,
+    (sight, picture): (&Sight, &Response),
     center: Pos2,
-    lamps: &mut [FreeLamp],
-    idx: usize,
+    lamp: &FreeLamp,
     state: &mut LampState,
     actions: &mut Vec<Action>,
 ) -> bool {
-    let lamp = lamps[idx].clone();
     let is_chosen = state.is_chosen(&lamp.key);
     let words = if is_chosen { part_words(Part::Body, &lamp.key) } else { format!("{} in the picture", lamp.key) };
     let response = handle(ui, center, Id::unique(("lamp", lamp.key.as_str())), &words);
-    paint_body(painter, center, &lamp, is_chosen, response.hovered());
-    if response.clicked() || response.drag_started_by(PointerButton::Primary) || response.secondary_clicked() {
+    paint_body(painter, center, lamp, is_chosen, response.hovered());
+    let is_held = take_hold(ui, [&response, picture], sight, Part::Body, lamp, state);
+    if response.clicked() || is_held || response.secondary_clicked() {
         state.chosen = Some(lamp.key.clone());
     }
-    drag_ui(ui, &response, sight, Part::Body, lamps, idx, state);
     if response.hovered() && state.drag.is_none() {
         hint(ui, painter.clip_rect(), &format!("{}, drag to move it over surfaces, with Alt freely", lamp.key));
     }
-    response.context_menu(|ui| lamp_menu(ui, &lamp, state, actions));
-    response.hovered() || response.clicked()
+    response.context_menu(|ui| lamp_menu(ui, lamp, state, actions));
+    is_held || response.hovered() || response.clicked()
 }
 
 fn handle(ui: &Ui, at: Pos2, id: Id, words: &str) -> Response {
@@ -201,31 +197,44 @@ fn handle(ui: &Ui, at: Pos2, id: Id, words: &str) -> Response {
     response
 }
 
-fn drag_ui(
+/// Begins a drag of a part that was pressed. Where frames are slow, press and travel come at once, and then it is the
+/// picture behind that seems to be dragged: what counts is where the press was.
+fn take_hold(
     ui: &Ui,
-    response: &Response,
+    [handle, picture]: [&Response; 2],
     sight: &Sight,
     part: Part,
-    lamps: &mut [FreeLamp],
-    idx: usize,
+    lamp: &FreeLamp,
     state: &mut LampState,
-) {
-    if response.drag_started_by(PointerButton::Primary) {
-        let at = ui.input(|input| input.pointer.press_origin()).unwrap_or(response.rect.center());
-        state.drag = Some(Drag::begin(sight, &lamps[idx], part, at));
-        state.dragged_to = Some(at);
+) -> bool {
+    let pressed = ui.input(|input| input.pointer.press_origin()).unwrap_or(handle.rect.center());
+    let of_handle = handle.drag_started_by(PointerButton::Primary);
+    let of_picture = picture.drag_started_by(PointerButton::Primary) && handle.rect.contains(pressed);
+    if state.drag.is_some() || state.aiming || !(of_handle || of_picture) {
+        return false;
     }
-    let Some(drag) = state.drag.as_mut().filter(|drag| drag.part == part && drag.key == lamps[idx].key) else { return };
-    if let (Some(at), Some(last)) = (response.interact_pointer_pos(), state.dragged_to) {
-        let modifiers = ui.input(|input| input.modifiers);
+    state.drag = Some(Drag::begin(sight, lamp, part, pressed));
+    state.dragged_to = Some(pressed);
+    true
+}
+
+/// Carries a lamp on that is held, and lets go of it where the button comes up.
+fn drag_on(ui: &Ui, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) {
+    let (pointer, is_down, modifiers) =
+        ui.input(|input| (input.pointer.interact_pos(), input.pointer.primary_down(), input.modifiers));
+    let Some(drag) = &mut state.drag else { return };
+    let lamp = lamps.iter_mut().find(|lamp| lamp.key == drag.key);
+    if let (Some(lamp), Some(at), Some(last)) = (lamp, pointer, state.dragged_to)
+        && at != last
+    {
         let held = Held { fine: modifiers.shift, free: modifiers.alt, aim: state.aim_while_moving };
-        if at != last {
-            lamps[idx] = drag.moved(sight, &lamps[idx], at - last, held);
-        }
+        *lamp = drag.moved(sight, lamp, at - last, held);
         state.dragged_to = Some(at);
-        ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     }
-    if response.drag_stopped() {
+    ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+    if is_down {
+        ui.ctx().request_repaint();
+    } else {
         (state.drag, state.dragged_to) = (None, None);
     }
 }
