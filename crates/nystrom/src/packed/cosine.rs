@@ -42,16 +42,9 @@ impl Cosines {
         let mut out = vec![0.0; n * inner];
         for slab in values.chunks_exact_mut(n * inner) {
             out.fill(0.0);
-            for k in 0..n {
-                for i in 0..n {
-                    // out[to] += weight · slab[from], `inner` elements at once.
-                    let (to, from, weight) = match direction {
-                        Direction::Forward => (k, i, matrix[k * n + i]),
-                        Direction::Inverse => (i, k, matrix[k * n + i]),
-                    };
-                    let (out, slab) = (&mut out[to * inner..][..inner], &slab[from * inner..][..inner]);
-                    out.iter_mut().zip(slab).for_each(|(out, x)| *out += weight * x);
-                }
+            match direction {
+                Direction::Forward => forward(matrix, slab, &mut out, inner),
+                Direction::Inverse => inverse(matrix, slab, &mut out, inner),
             }
             slab.copy_from_slice(&out);
         }
@@ -61,6 +54,32 @@ impl Cosines {
     pub(super) fn planes(&self, values: &mut [f32], [width, height]: [u32; 2], direction: Direction) {
         self.along(values, width, 1, direction);
         self.along(values, height, width as usize, direction);
+    }
+}
+
+/// `out[k] += matrix[k][i] · slab[i]`, `inner` elements at once.
+fn forward(matrix: &[f32], slab: &[f32], out: &mut [f32], inner: usize) {
+    let n = slab.len() / inner;
+    for (out, row) in out.chunks_exact_mut(inner).zip(matrix.chunks_exact(n)) {
+        for (slab, weight) in slab.chunks_exact(inner).zip(row) {
+            out.iter_mut().zip(slab).for_each(|(out, x)| *out += weight * x);
+        }
+    }
+}
+
+/// `out[i] += matrix[k][i] · slab[k]`, in the order of k. Most coefficients of a file are 0: they are passed over.
+fn inverse(matrix: &[f32], slab: &[f32], out: &mut [f32], inner: usize) {
+    let n = slab.len() / inner;
+    for (slab, row) in slab.chunks_exact(inner).zip(matrix.chunks_exact(n)) {
+        match slab {
+            [x] if *x != 0.0 => out.iter_mut().zip(row).for_each(|(out, weight)| *out += weight * x),
+            slab if slab.iter().any(|x| *x != 0.0) => {
+                for (out, weight) in out.chunks_exact_mut(inner).zip(row) {
+                    out.iter_mut().zip(slab).for_each(|(out, x)| *out += weight * x);
+                }
+            }
+            _ => {}
+        }
     }
 }
 
