@@ -10,10 +10,12 @@ mod dither;
 mod false_color;
 mod metering;
 mod quantile;
+mod run;
 mod unseen;
 mod white;
 
 use rayon::prelude::*;
+use run::encode_run;
 
 use crate::frame::Radiance;
 pub use false_color::{ColorScale, Spacing, turbo, turbo_bytes};
@@ -78,6 +80,7 @@ impl DisplayParams {
 }
 
 /// Rec. 709 luminance of a linear color, in the unit of the color.
+#[inline(always)]
 pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
@@ -103,9 +106,6 @@ pub fn encode(radiance: &Radiance, params: &DisplayParams) -> Vec<u8> {
 /// Pixels per unit of parallel work.
 const RUN: usize = 4096;
 
-/// Pixels whose colors go through a curve together, so that the compiler can use vector registers.
-const LANES: usize = 8;
-
 /// Steps of the encoding table: fine enough that near black, where sRGB is steepest, a step is a fifth of a byte.
 const TABLE_LEN: usize = 1 << 14;
 
@@ -113,19 +113,19 @@ const TABLE_LEN: usize = 1 << 14;
 const MOST: f32 = 1e6;
 
 fn encode_with(
-    tone: impl Fn([f32; 3]) -> [f32; 3] + Sync,
+    tone: impl Fn([f32; 3]) -> [f32; 3] + Sync + Copy,
     radiance: &Radiance,
     params: &DisplayParams,
     bytes: &mut [u8],
 ) {
     match params.white.map(WhitePoint::matrix) {
         None => encode_curved(tone, radiance, params, bytes),
-        Some(matrix) => encode_curved(|rgb| tone(white::balanced(&matrix, rgb)), radiance, params, bytes),
+        Some(matrix) => encode_curved(move |rgb| tone(white::balanced(&matrix, rgb)), radiance, params, bytes),
     }
 }
 
 fn encode_curved(
-    tone: impl Fn([f32; 3]) -> [f32; 3] + Sync,
+    tone: impl Fn([f32; 3]) -> [f32; 3] + Sync + Copy,
     radiance: &Radiance,
     params: &DisplayParams,
     bytes: &mut [u8],
@@ -136,8 +136,9 @@ fn encode_curved(
         Dither::Off => {
             let table = table(params.tone, |value| (255.0 * value + 0.5) as u8);
             let table: &[u8; TABLE_LEN] = table.as_slice().try_into().expect("the table was made with this length");
-            let byte = |_, steps: [i32; 3]| steps.map(|step| table[step as usize % TABLE_LEN]);
-            runs.for_each(|(_, (bytes, pixels))| encode_run(&tone, gain, byte, pixels, bytes));
+            let at = |step: i32| table[step as usize % TABLE_LEN];
+            let byte = |_, [r, g, b]: [i32; 3]| [at(r), at(g), at(b)];
+            runs.for_each(|(_, (bytes, pixels))| encode_run(tone, gain, byte, pixels, bytes));
         }
         Dither::Ordered => {
             // 1/256 of a byte, to which a threshold below 256 is added before the fraction is cut off.
@@ -149,7 +150,7 @@ fn encode_curved(
                     let threshold = dither::threshold((pixel % width) as u32, (pixel / width) as u32);
                     steps.map(|step| ((table[step as usize % TABLE_LEN] + threshold) >> 8) as u8)
                 };
-                encode_run(&tone, gain, byte, pixels, bytes);
+                encode_run(tone, gain, byte, pixels, bytes);
             });
         }
     }
@@ -164,34 +165,13 @@ fn table<T: Send>(tone: Tone, of: impl Fn(f32) -> T + Sync) -> Vec<T> {
     (0..TABLE_LEN).into_par_iter().with_min_len(1024).map(entry).collect()
 }
 
-/// `byte_of` takes the number of a pixel in the run and its steps in the table.
-fn encode_run(
-    tone: impl Fn([f32; 3]) -> [f32; 3],
-    gain: f32,
-    byte_of: impl Fn(usize, [i32; 3]) -> [u8; 3],
-    pixels: &[[f32; 3]],
-    bytes: &mut [u8],
-) {
-    for (chunk, (bytes, pixels)) in bytes.chunks_mut(4 * LANES).zip(pixels.chunks(LANES)).enumerate() {
-        let mut steps = [[0; 3]; LANES];
-        let mut rgb = [[0.0; 3]; LANES];
-        rgb[..pixels.len()].copy_from_slice(pixels);
-        for (steps, rgb) in steps.iter_mut().zip(rgb) {
-            let curved = tone(rgb.map(|v| exposed(v, gain)));
-            *steps = curved.map(|v| (v.clamp(0.0, 1.0) * (TABLE_LEN - 1) as f32 + 0.5) as i32);
-        }
-        for (i, (rgba, steps)) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(steps).enumerate() {
-            let [r, g, b] = byte_of(chunk * LANES + i, steps);
-            *rgba = [r, g, b, 255];
-        }
-    }
-}
-
 /// Display-linear value before the tone curve: not negative, and within what the curves can square.
+#[inline(always)]
 fn exposed(radiance: f32, gain: f32) -> f32 {
-    (finite(radiance) * gain).clamp(0.0, MOST)
+    (finite(radiance) * gain).max(0.0).min(MOST)
 }
 
+#[inline(always)]
 fn finite(v: f32) -> f32 {
     if v.is_finite() { v } else { 0.0 }
 }

@@ -37,8 +37,8 @@ pub(super) struct Shape {
 
 impl Shape {
     /// Context of the coefficient at a place, from what comes before it and, at the same place, in the first plane.
-    fn table(self, before: &[i32], at: usize, first_plane: Option<&[i32]>) -> usize {
-        let (x, y) = (at % self.width, at / self.width);
+    fn table(self, before: &[i32], [x, y]: [usize; 2], first_plane: Option<&[i32]>) -> usize {
+        let at = y * self.width + x;
         let magnitude = |back: usize| before[at - back].unsigned_abs().min(MOST);
         let mut sum = 0;
         if x > 0 {
@@ -65,8 +65,13 @@ impl Shape {
         self.kind * N_CONTEXTS + EDGES.partition_point(|&edge| edge < sum)
     }
 
+    /// Places x, y in the order of their coefficients.
+    fn places(self) -> impl Iterator<Item = [usize; 2]> {
+        (0..self.height).flat_map(move |y| (0..self.width).map(move |x| [x, y]))
+    }
+
     pub(super) fn write(self, values: &[i32], first_plane: Option<&[i32]>, out: &mut impl Sink) {
-        for (at, &value) in values.iter().enumerate() {
+        for (at, &value) in self.places().zip(values) {
             let magnitude = value.unsigned_abs();
             let (symbol, first, n_bits) = class_of(magnitude);
             out.symbol(self.table(values, at, first_plane), symbol);
@@ -84,7 +89,7 @@ impl Shape {
     /// The plane that was written after the same first one.
     pub(super) fn read(self, first_plane: Option<&[i32]>, input: &mut Decoder<'_>) -> Vec<i32> {
         let mut values = Vec::with_capacity(self.width * self.height);
-        for at in 0..self.width * self.height {
+        for at in self.places() {
             let symbol = input.symbol(self.table(&values, at, first_plane));
             let (first, n_bits) = class(symbol);
             let rest = if symbol == ESCAPE { input.number(HUGE) } else { input.bits(n_bits) };

@@ -54,11 +54,11 @@ impl Kernel {
         let mut n_done = 0;
         #[cfg(target_arch = "x86_64")]
         if self != Self::Plain {
-            let (fours, rest) = right.split_at(right.len() / (4 * n_cols) * 4 * n_cols);
-            for rows in fours.chunks_exact(4 * n_cols) {
+            let (pairs, rest) = right.split_at(right.len() / (2 * n_cols) * 2 * n_cols);
+            for rows in pairs.chunks_exact(2 * n_cols) {
                 // SAFETY: both variants exist only where `detect` found the three features.
-                unsafe { avx2::project::<4>(rows, n_cols, planes, segments, |c, s, sums| put(n_done + c, s, sums)) };
-                n_done += 4;
+                unsafe { avx2::project::<2>(rows, n_cols, planes, segments, |c, s, sums| put(n_done + c, s, sums)) };
+                n_done += 2;
             }
             for row in rest.chunks_exact(n_cols) {
                 // SAFETY: as above.
@@ -140,7 +140,7 @@ mod avx2 {
 
     use super::*;
 
-    /// `N` components at a time, four at most, so that a coefficient is loaded once for all of them.
+    /// `N` components at a time, so that a coefficient is loaded once for all of them.
     #[target_feature(enable = "avx2,fma,f16c")]
     pub(super) fn project<const N: usize>(
         right: &[f16],
@@ -152,22 +152,25 @@ mod avx2 {
         let rows: [&[f16]; N] = std::array::from_fn(|component| &right[component * n_cols..][..n_cols]);
         let x: [&[f32]; 3] = std::array::from_fn(|channel| &planes.x[channel * planes.stride..][..planes.stride]);
         for &segment in segments {
-            let mut sums = [[_mm256_setzero_ps(); 4]; 3];
+            // Loops, not closures: sums whose address is taken would live in memory.
+            let mut sums = [[_mm256_setzero_ps(); 3]; N];
             for &col in planes.active(segment) {
-                let x = x.map(|x| load(&x[col..col + LANES]));
+                let x = [load(&x[0][col..col + LANES]), load(&x[1][col..col + LANES]), load(&x[2][col..col + LANES])];
                 for component in 0..N {
                     let lanes = match rows[component].get(col..col + LANES) {
                         Some(lanes) => load_f16(lanes),
                         None => load_f16_padded(&rows[component][col..]),
                     };
                     for channel in 0..3 {
-                        sums[channel][component] = _mm256_fmadd_ps(lanes, x[channel], sums[channel][component]);
+                        sums[component][channel] = _mm256_fmadd_ps(lanes, x[channel], sums[component][channel]);
                     }
                 }
             }
-            let mut out = [[0.0; 4]; 3];
-            (0..3).for_each(|channel| store(&mut out[channel], sum_rows(sums[channel])));
-            (0..N).for_each(|component| put(component, segment, out.map(|channel| channel[component])));
+            for (component, [r, g, b]) in sums.into_iter().enumerate() {
+                let mut out = [0.0; 4];
+                store(&mut out, sum_rows([r, g, b, _mm256_setzero_ps()]));
+                put(component, segment, [out[0], out[1], out[2]]);
+            }
         }
     }
 

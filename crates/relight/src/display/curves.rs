@@ -35,27 +35,38 @@ const ACES_OUT: [[f32; 3]; 3] =
 pub(super) const REINHARD_WHITE: f32 = 4.0;
 
 /// AgX up to the encoding for its own display, gamma [`AGX_GAMMA`]; the table of bytes goes on from there.
+#[inline(always)]
 pub(super) fn agx(rgb: [f32; 3]) -> [f32; 3] {
-    let bent = mul(&AGX_INSET, rgb).map(|v| {
-        let stops = log2(v.clamp(AGX_RANGE[0], AGX_RANGE[1]));
-        agx_contrast((stops - AGX_EV[0]) * (1.0 / (AGX_EV[1] - AGX_EV[0])))
-    });
-    mul(&AGX_OUTSET, bent)
+    let [r, g, b] = mul(&AGX_INSET, rgb);
+    mul(&AGX_OUTSET, [agx_bent(r), agx_bent(g), agx_bent(b)])
+}
+
+#[inline(always)]
+fn agx_bent(v: f32) -> f32 {
+    let stops = log2(v.max(AGX_RANGE[0]).min(AGX_RANGE[1]));
+    agx_contrast((stops - AGX_EV[0]) * (1.0 / (AGX_EV[1] - AGX_EV[0])))
 }
 
 /// The contrast curve, sixth order: of the two that are published, the one that reaches black and white \[Wrensch2023\].
+#[inline(always)]
 fn agx_contrast(x: f32) -> f32 {
     (((((15.5 * x - 40.14) * x + 31.96) * x - 6.868) * x + 0.4298) * x + 0.1191) * x - 0.002_32
 }
 
 /// The fit to reference rendering and output transform of ACES \[Hill2016\], without an exposure of its own.
+#[inline(always)]
 pub(super) fn aces(rgb: [f32; 3]) -> [f32; 3] {
-    let bent = mul(&ACES_IN, rgb)
-        .map(|v| (v * (v + 0.024_578_6) - 0.000_090_537) / (v * (0.983_729 * v + 0.432_951) + 0.238_081));
-    mul(&ACES_OUT, bent)
+    let [r, g, b] = mul(&ACES_IN, rgb);
+    mul(&ACES_OUT, [aces_bent(r), aces_bent(g), aces_bent(b)])
+}
+
+#[inline(always)]
+fn aces_bent(v: f32) -> f32 {
+    (v * (v + 0.024_578_6) - 0.000_090_537) / (v * (0.983_729 * v + 0.432_951) + 0.238_081)
 }
 
 /// The Khronos PBR neutral curve \[Khronos2024\].
+#[inline(always)]
 pub(super) fn neutral([r, g, b]: [f32; 3]) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
@@ -77,19 +88,24 @@ pub(super) fn neutral([r, g, b]: [f32; 3]) -> [f32; 3] {
 }
 
 /// The extended curve by luminance, which keeps hue and saturation \[Reinhard2002, eq. 4\].
+#[inline(always)]
 pub(super) fn reinhard(rgb: [f32; 3]) -> [f32; 3] {
     let luminance = super::luminance(rgb);
     let scale = (1.0 + luminance * (1.0 / (REINHARD_WHITE * REINHARD_WHITE))) / (1.0 + luminance);
-    rgb.map(|v| v * scale)
+    [rgb[0] * scale, rgb[1] * scale, rgb[2] * scale]
 }
 
 /// Row-major matrix times column.
+#[inline(always)]
 pub(super) fn mul(m: &[[f32; 3]; 3], [r, g, b]: [f32; 3]) -> [f32; 3] {
-    m.map(|row| row[0] * r + row[1] * g + row[2] * b)
+    // Spelled out: what maps over arrays is not always inlined, and then no vector register is filled.
+    let row = |i: usize| m[i][0] * r + m[i][1] * g + m[i][2] * b;
+    [row(0), row(1), row(2)]
 }
 
 /// Logarithm of a positive normal number, within 1e-6: atanh series on a mantissa around 1. Unlike the library's it is
 /// inlined, which makes encoding several times faster.
+#[inline(always)]
 pub(super) fn log2(x: f32) -> f32 {
     const SQRT_HALF_BITS: u32 = 0x3f35_04f3;
     let shifted = x.to_bits().wrapping_sub(SQRT_HALF_BITS);

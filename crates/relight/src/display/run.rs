@@ -1,0 +1,73 @@
+//! A run of pixels through a tone curve, many lanes at a time: the same code compiled for what the machine has.
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(unsafe_code, reason = "a call of a function compiled for AVX2, after it was detected")
+)]
+
+use super::{TABLE_LEN, exposed};
+
+/// Pixels whose colors go through a curve together, so that the compiler can use vector registers.
+const LANES: usize = 16;
+
+/// `byte_of` takes the number of a pixel in the run and its steps in the table.
+pub(super) fn encode_run(
+    tone: impl Fn([f32; 3]) -> [f32; 3],
+    gain: f32,
+    byte_of: impl Fn(usize, [i32; 3]) -> [u8; 3],
+    pixels: &[[f32; 3]],
+    bytes: &mut [u8],
+) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: AVX2 was just found.
+        return unsafe { avx2(tone, gain, byte_of, pixels, bytes) };
+    }
+    portable(tone, gain, byte_of, pixels, bytes);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn avx2(
+    tone: impl Fn([f32; 3]) -> [f32; 3],
+    gain: f32,
+    byte_of: impl Fn(usize, [i32; 3]) -> [u8; 3],
+    pixels: &[[f32; 3]],
+    bytes: &mut [u8],
+) {
+    portable(tone, gain, byte_of, pixels, bytes);
+}
+
+#[inline(always)]
+fn portable(
+    tone: impl Fn([f32; 3]) -> [f32; 3],
+    gain: f32,
+    byte_of: impl Fn(usize, [i32; 3]) -> [u8; 3],
+    pixels: &[[f32; 3]],
+    bytes: &mut [u8],
+) {
+    for (chunk, (bytes, pixels)) in bytes.chunks_mut(4 * LANES).zip(pixels.chunks(LANES)).enumerate() {
+        // Channel by channel, so that a vector register holds one channel of all.
+        let (mut red, mut green, mut blue) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+        for (i, rgb) in pixels.iter().enumerate() {
+            (red[i], green[i], blue[i]) = (rgb[0], rgb[1], rgb[2]);
+        }
+        let mut steps = [[0; LANES]; 3];
+        for i in 0..LANES {
+            let [r, g, b] = tone([exposed(red[i], gain), exposed(green[i], gain), exposed(blue[i], gain)]);
+            (steps[0][i], steps[1][i], steps[2][i]) = (step_of(r), step_of(g), step_of(b));
+        }
+        for (i, rgba) in bytes.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+            let [r, g, b] = byte_of(chunk * LANES + i, [steps[0][i], steps[1][i], steps[2][i]]);
+            *rgba = [r, g, b, 255];
+        }
+    }
+}
+
+/// Place in the table of what a tone curve answers.
+#[inline(always)]
+fn step_of(curved: f32) -> i32 {
+    // What is added moves the rounded number into the low bits of the mantissa; what is no number becomes 0.
+    const SHIFT: f32 = (1 << 23) as f32;
+    let scaled = curved.max(0.0).min(1.0) * (TABLE_LEN - 1) as f32;
+    ((scaled + SHIFT).to_bits() & 0x007f_ffff) as i32
+}
