@@ -55,11 +55,11 @@ impl Cosines {
             Direction::Forward => (forward, inverse),
             Direction::Inverse => (inverse, forward),
         };
-        let mut out = vec![0.0; n * CHUNK.min(inner)];
+        let (mut out, mut lit) = (vec![0.0; n * CHUNK.min(inner)], Vec::new());
         for slab in values.chunks_exact_mut(n * inner) {
             if inner == 1 {
                 out.fill(0.0);
-                for (x, column) in slab.iter().zip(columns.chunks_exact(n)) {
+                for (x, column) in slab.iter().zip(columns.chunks_exact(n)).filter(|(x, _)| **x != 0.0) {
                     out.iter_mut().zip(column).for_each(|(out, weight)| *out += weight * x);
                 }
                 slab.copy_from_slice(&out);
@@ -67,10 +67,14 @@ impl Cosines {
             }
             for first in (0..inner).step_by(CHUNK) {
                 let len = CHUNK.min(inner - first);
+                // Most cosines of a file are 0, many of them side by side.
+                let is_lit = |from: &usize| slab[from * inner + first..][..len].iter().any(|x| *x != 0.0);
+                lit.clear();
+                lit.extend((0..n).filter(is_lit));
                 for (out, weights) in out.chunks_exact_mut(len).zip(matrix.chunks_exact(n)) {
                     out.fill(0.0);
-                    for (from, weight) in weights.iter().enumerate() {
-                        let slab = &slab[from * inner + first..][..len];
+                    for &from in &lit {
+                        let (slab, weight) = (&slab[from * inner + first..][..len], weights[from]);
                         out.iter_mut().zip(slab).for_each(|(out, x)| *out += weight * x);
                     }
                 }
