@@ -1,5 +1,7 @@
 //! Errors block by block: where a bake is less exact than it is in the mean, and why.
 
+use std::sync::Arc;
+
 use clerestory_nystrom::{BlockError, BlockFactors};
 use serde::Serialize;
 
@@ -69,7 +71,7 @@ impl Bake {
     }
 
     fn block_db(&self, block_idx: usize, error: fn(&BlockError) -> f32) -> Option<f32> {
-        let of_group = |blocks: &[Option<std::sync::Arc<BlockFactors>>], n_cols: u32| {
+        let of_group = |blocks: &[Option<Arc<BlockFactors>>], n_cols: u32| {
             let block = blocks[block_idx].as_ref()?;
             Some([f64::from(error(&block.error)) * f64::from(n_cols), f64::from(n_cols)])
         };

@@ -3,6 +3,8 @@
 //! The vector is transformed once, `⟨r, x⟩ = ⟨C r, C x⟩` for orthonormal C; each component then multiplies as many coefficients
 //! as rounding has left of it, however many columns there are. Left factors are those of [`PackedMatrix::unpack`].
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::{PackedMatrix, layout::Layout, quantize::step_of_right};
@@ -32,7 +34,7 @@ impl PackedMatrix {
     /// # Errors
     /// Bytes that no packer wrote.
     pub fn product(&self) -> Result<PackedProduct, CodecError> {
-        let block = |(block_idx, bytes): (usize, &std::sync::Arc<[u8]>)| {
+        let block = |(block_idx, bytes): (usize, &Arc<[u8]>)| {
             if bytes.is_empty() {
                 return Ok(None);
             }

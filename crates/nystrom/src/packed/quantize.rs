@@ -121,7 +121,7 @@ impl Coefficients {
         self.kept(step).map(|component| component.round(step)).collect()
     }
 
-    /// Weighted mean square error per entry for a step: a little more than the plain one.
+    /// Weighted mean square error per entry for a step, as if components were orthogonal in that weight: near the plain one.
     pub(super) fn error(&self, step: f32) -> f64 {
         let change = |component: &Component| component.error(step) - component.norm.powi(2);
         (self.mean_square() + self.kept(step).map(change).sum::<f64>() / self.n_entries.max(1.0)).max(0.0)
