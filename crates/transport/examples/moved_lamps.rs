@@ -1,6 +1,7 @@
 //! How near the indirect light of a lamp comes that no bake knew, by way of patches, to a traced picture of it.
 //!
 //! `cargo run --release -p clerestory-transport --example moved_lamps -- SCENE WIDTH N_LAMPS SPP_REFERENCE BAKE_SPP N_PATCHES…`
+#![expect(clippy::print_stdout, reason = "an example speaks to whoever runs it")]
 
 use std::ops::ControlFlow;
 use std::path::Path;

@@ -11,6 +11,7 @@ use super::stage::{Stage, lambert, quad, room};
 use crate::archive;
 use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::{Camera, Film};
+use crate::irradiance::IrradianceRows;
 use crate::light::LightRig;
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
@@ -105,10 +106,11 @@ fn a_closed_room_of_even_light_is_as_bright_as_its_albedo_says() {
 fn a_lamp_that_no_bake_knew_lights_a_room_as_one_of_its_file_does() {
     let scene = Arc::new(furnished().prepared());
     let bake = baked(&scene, 96, 1024);
+    // The columns of so few patches leave out some 10 % of a lamp's picture in the mean square, and a few in the sum.
     for place in [Vec3::new(0.3, 0.7, 0.2), Vec3::new(-1.2, -0.7, 0.3), Vec3::new(1.2, -0.2, -1.0)] {
         let expected = indirect(&furnished().lamp("moved", place, 1.0).prepared(), 512);
         let (off, share) = difference(&expected, &by_patches(&bake, &lit(&scene, place)));
-        assert!(off < 0.1 && (share - 1.0).abs() < 0.03, "{place}: off by {off:.3}, {share:.3} of the light");
+        assert!(off < 0.1 && (share - 1.0).abs() < 0.05, "{place}: off by {off:.3}, {share:.3} of the light");
     }
 }
 
@@ -129,7 +131,10 @@ fn without_lamps_a_bake_with_patches_is_the_bake_without() {
 fn patches_are_the_same_on_any_number_of_threads_and_come_back_from_a_file() {
     let scene = Arc::new(furnished().prepared());
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
-    let [one, three] = [1, 3].map(|n| pool(n).install(|| baked(&scene, 8, 64)));
+    // Rows of irradiance have dark columns of patches.
+    let job = || BakeJob { irradiance: vec![IrradianceRows::Pixels], ..job(&scene, 8, 64) };
+    let run = || job().run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it");
+    let [one, three] = [1, 3].map(|n| pool(n).install(run));
     let folder = tempfile::tempdir().unwrap();
     let files = [&one, &three].map(|bake| {
         let path = folder.path().join("a.transport");

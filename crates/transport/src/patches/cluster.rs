@@ -165,7 +165,7 @@ mod tests {
     fn sheet(n: u64) -> Vec<Met> {
         let point = |i: u64| {
             let at = |key: u64| 2.0 * uniform_hash(i * 4 + key) - 1.0;
-            let normal = if i % 2 == 0 { Vec3::Y } else { Vec3::NEG_Y };
+            let normal = if i.is_multiple_of(2) { Vec3::Y } else { Vec3::NEG_Y };
             // The left half matters four times as much.
             let x = at(0);
             Met { position: Vec3::new(x, 0.0, at(1)), normal, weight: if x < 0.0 { 4.0 } else { 1.0 } }

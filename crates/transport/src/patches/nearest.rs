@@ -49,10 +49,10 @@ impl Nearest {
         let weight = |squared: f32| if limit.is_finite() { (1.0 - squared / limit).max(0.0).powi(2) } else { 1.0 };
         let weights: [f32; SHARING] = std::array::from_fn(|i| if i < found.n { weight(found.squared[i]) } else { 0.0 });
         let mut left = u * weights.iter().sum::<f32>();
-        for i in 0..found.n.min(SHARING) {
-            left -= weights[i];
+        for (&patch, weight) in found.patches.iter().zip(weights) {
+            left -= weight;
             if left < 0.0 {
-                return Some(found.patches[i]);
+                return Some(patch);
             }
         }
         (found.n > 0).then_some(found.patches[0])
