@@ -117,8 +117,8 @@ impl App {
             self.look.lights.lamps.iter().any(|lamp| lamp.key == name)
                 || self.session.basis().is_some_and(|basis| basis.source(name).is_some())
         };
-        let numbered = (1..).map(|n| format!("{stem} {n}"));
-        numbered.into_iter().find(|name| !is_taken(name)).expect("numbers do not end")
+        let mut numbered = (1..).map(|n| format!("{stem} {n}"));
+        numbered.find(|name| !is_taken(name)).expect("numbers do not end")
     }
 
     fn chosen_lamp(&self) -> Option<usize> {
