@@ -1,7 +1,5 @@
 //! A graphics device that fails under the window's hands.
 
-#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
-
 use std::time::Duration;
 
 use clerestory::app::{App, Start};

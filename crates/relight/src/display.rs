@@ -168,7 +168,7 @@ fn table<T: Send>(tone: Tone, of: impl Fn(f32) -> T + Sync) -> Vec<T> {
 /// Display-linear value before the tone curve: not negative, and within what the curves can square.
 #[inline(always)]
 fn exposed(radiance: f32, gain: f32) -> f32 {
-    (finite(radiance) * gain).max(0.0).min(MOST)
+    (finite(radiance) * gain).clamp(0.0, MOST)
 }
 
 #[inline(always)]

@@ -43,7 +43,7 @@ pub(super) fn agx(rgb: [f32; 3]) -> [f32; 3] {
 
 #[inline(always)]
 fn agx_bent(v: f32) -> f32 {
-    let stops = log2(v.max(AGX_RANGE[0]).min(AGX_RANGE[1]));
+    let stops = log2(v.clamp(AGX_RANGE[0], AGX_RANGE[1]));
     agx_contrast((stops - AGX_EV[0]) * (1.0 / (AGX_EV[1] - AGX_EV[0])))
 }
 

@@ -66,8 +66,8 @@ fn portable(
 /// Place in the table of what a tone curve answers.
 #[inline(always)]
 fn step_of(curved: f32) -> i32 {
-    // What is added moves the rounded number into the low bits of the mantissa; what is no number becomes 0.
+    // What is added moves the rounded number into the low bits of the mantissa; what is no number ends in zeros.
     const SHIFT: f32 = (1 << 23) as f32;
-    let scaled = curved.max(0.0).min(1.0) * (TABLE_LEN - 1) as f32;
+    let scaled = curved.clamp(0.0, 1.0) * (TABLE_LEN - 1) as f32;
     ((scaled + SHIFT).to_bits() & 0x007f_ffff) as i32
 }
