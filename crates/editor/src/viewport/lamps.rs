@@ -175,7 +175,8 @@ fn body_ui(
     let is_chosen = state.is_chosen(&lamp.key);
     let words = if is_chosen { part_words(Part::Body, &lamp.key) } else { format!("{} in the picture", lamp.key) };
     let response = handle(ui, center, Id::unique(("lamp", lamp.key.as_str())), &words);
-    paint_body(painter, center, lamp, is_chosen, response.hovered());
+    let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
+    paint_body(painter, (center, if response.hovered() { 7.0 } else { 6.0 }), lamp, rim);
     let is_held = take_hold(ui, [&response, picture], sight, Part::Body, lamp, state);
     if response.clicked() || is_held || response.secondary_clicked() {
         state.chosen = Some(lamp.key.clone());
@@ -268,10 +269,8 @@ fn paint_part(painter: &Painter, (part, at, center): (Part, Pos2, Pos2), strengt
     }
 }
 
-fn paint_body(painter: &Painter, center: Pos2, lamp: &FreeLamp, is_chosen: bool, is_hovered: bool) {
-    let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
+fn paint_body(painter: &Painter, (center, radius): (Pos2, f32), lamp: &FreeLamp, rim: Color32) {
     let fill = if lamp.setting.muted { Color32::from_gray(70) } else { shown_color(lamp) };
-    let radius = if is_hovered { 7.0 } else { 6.0 };
     painter.circle_filled(center, radius + 2.5, Color32::from_black_alpha(130));
     painter.circle(center, radius, fill, Stroke::new(2.0, rim));
 }

@@ -75,13 +75,13 @@ fn what_is_seen_is_where_the_pointer_is() {
 #[test]
 fn an_arrow_moves_along_its_axis_by_what_the_pointer_moves_on_it() {
     let of = lamp(Vec3::new(0.1, 0.2, -0.4));
-    for axis in 0..3 {
+    for (axis, along) in AXES.into_iter().enumerate() {
         // Taken at the tip of the arrow, away from the lamp: it does not jump there.
-        let tip = of.position + AXES[axis] * 0.2;
-        let moved = drag(Part::Axis(axis), &of, [tip, tip + AXES[axis] * 0.15], Held::default());
-        assert!(near(moved.position, of.position + AXES[axis] * 0.15), "{}", moved.position);
+        let tip = of.position + along * 0.2;
+        let moved = drag(Part::Axis(axis), &of, [tip, tip + along * 0.15], Held::default());
+        assert!(near(moved.position, of.position + along * 0.15), "{}", moved.position);
         let aside = moved.position - of.position;
-        assert!((aside - AXES[axis] * aside.dot(AXES[axis])).length() < 1e-6, "not off the axis: {aside}");
+        assert!((aside - along * aside.dot(along)).length() < 1e-6, "not off the axis: {aside}");
         assert!(near(moved.aim - moved.position, of.aim - of.position), "it keeps its direction");
     }
 }
