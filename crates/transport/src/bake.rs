@@ -26,7 +26,7 @@ use thiserror::Error;
 
 use self::patches::PatchBlocks;
 use crate::archive::ArchiveError;
-use crate::basis::LightBasis;
+use crate::basis::{ColumnKind, LightBasis};
 use crate::cache::CachePlan;
 use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
@@ -260,7 +260,9 @@ impl BakeHeader {
 
     /// Neighbors among pixels and among texels, for blocks that stay noisier than asked.
     pub(crate) fn smoothing(&self, partition: &Partition) -> Arc<Smoothing> {
-        let runs = self.basis.groups.iter().map(|group| self.basis.runs(group)).collect();
+        // Patches have walks and a compression of their own.
+        let groups = self.basis.groups.iter().filter(|group| group.kind != ColumnKind::Patch);
+        let runs = groups.map(|group| self.basis.runs(group)).collect();
         Arc::new(Smoothing::new(partition.clone(), CHANNELS, runs))
     }
 

@@ -11,9 +11,7 @@ fn gpus() -> Vec<Gpu> {
     if gpu().is_none() {
         return Vec::new();
     }
-    let gpus = Gpu::all_headless(DeviceChoice::Any);
-    gpus.iter().for_each(|gpu| println!("{}", gpu.description()));
-    gpus
+    Gpu::all_headless(DeviceChoice::Any)
 }
 
 #[test]

@@ -167,8 +167,9 @@ mod tests {
         for bytes in [encoded(eight, ImageFormat::Png), encoded(sixteen, ImageFormat::Png)] {
             let picture = decode_picture(&bytes).unwrap();
             assert!(picture.was_encoded);
+            // The curve is taken in single precision: its power multiplies the rounding of its argument by 2.4.
             for (value, expected) in picture.pixels[0].into_iter().zip(expected) {
-                assert!((value - expected).abs() <= 1e-7 * expected, "{:?} {expected:?}", picture.pixels);
+                assert!((value - expected).abs() <= 4e-7 * expected, "{:?} {expected:?}", picture.pixels);
             }
         }
     }
