@@ -79,6 +79,11 @@ fn a_look_changes_what_sensors_read() {
     let average = |line: &str| desk.json(line)["grids"][0]["average_lux"].as_f64().unwrap();
     let ratio = average("sensors @wall.transport --look @red.look") / average("sensors @wall.transport");
     assert!((ratio - 2.0 * 0.2126).abs() < 1e-4, "lux is luminance of RGB irradiance: {ratio}");
+    // Lamps of the look are no columns of the bake: the sensors do not count them, and say so.
+    let bulb = json!({ "key": "bulb", "type": "point", "position": [0, 0, 0.5], "strength": 100, "unit": "lm" });
+    std::fs::write(desk.path("bulb.look"), json!({ "clerestory": 1, "lamps": [bulb] }).to_string()).unwrap();
+    let read = desk.json("sensors @wall.transport --look @bulb.look");
+    assert!(read["warnings"][0].as_str().is_some_and(|words| words.contains("do not count")), "{read}");
 }
 
 #[test]

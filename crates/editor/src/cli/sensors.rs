@@ -50,6 +50,9 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let all = readings(&bake, &look.lights)?;
+    if look.lights.lamps.iter().any(|lamp| !lamp.setting.muted) {
+        console.warn("the look has lamps of its own, whose light the sensors do not count");
+    }
     if all.is_empty() && bake.header.basis.is_measured() {
         bail!("{} was baked from pictures, which tell no lux; sensors need a scene", args.transport.display());
     }
