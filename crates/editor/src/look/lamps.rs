@@ -25,19 +25,6 @@ const COMMON: [&str; 9] = ["key", "type", "position", "strength", "unit", "inten
 /// Names of the types in files.
 pub const TYPES: [&str; 7] = ["point", "spot", "rectangle", "disk", "sphere", "directional", "ies"];
 
-/// The name of a shape in files.
-pub fn type_name(shape: &LampShape) -> &'static str {
-    match shape {
-        LampShape::Point => "point",
-        LampShape::Spot { .. } => "spot",
-        LampShape::Rectangle { .. } => "rectangle",
-        LampShape::Disk { .. } => "disk",
-        LampShape::Sphere { .. } => "sphere",
-        LampShape::Directional => "directional",
-        LampShape::Profile { .. } => "ies",
-    }
-}
-
 /// Units in which the strength of a shape can be given, the usual one first.
 pub fn units(shape: &LampShape) -> &'static [LampUnit] {
     match shape {
@@ -46,16 +33,6 @@ pub fn units(shape: &LampShape) -> &'static [LampUnit] {
             &[LampUnit::Lumen, LampUnit::Candela, LampUnit::Nit]
         }
         LampShape::Directional => &[LampUnit::Lux],
-    }
-}
-
-/// The symbol of a unit.
-pub fn unit_name(unit: LampUnit) -> &'static str {
-    match unit {
-        LampUnit::Lumen => "lm",
-        LampUnit::Candela => "cd",
-        LampUnit::Nit => "nit",
-        LampUnit::Lux => "lx",
     }
 }
 
@@ -196,10 +173,10 @@ impl Reader<'_> {
     }
 
     fn unit(&self, value: &Value, shape: &LampShape) -> Result<LampUnit> {
-        let found = units(shape).iter().copied().find(|unit| value.as_str() == Some(unit_name(*unit)));
+        let found = units(shape).iter().copied().find(|unit| value.as_str() == Some(unit.name()));
         found.ok_or_else(|| {
-            let known: Vec<&str> = units(shape).iter().map(|unit| unit_name(*unit)).collect();
-            anyhow!("`{}` of a lamp `{}` must be {}, not {value}", self.name(), type_name(shape), known.join(" or "))
+            let known: Vec<&str> = units(shape).iter().map(|unit| unit.name()).collect();
+            anyhow!("`{}` of a lamp `{}` must be {}, not {value}", self.name(), shape.name(), known.join(" or "))
         })
     }
 
@@ -217,7 +194,7 @@ impl Reader<'_> {
 pub(super) fn json(lamp: &FreeLamp) -> String {
     let mut members = vec![
         format!("\"key\": {}", value(&lamp.key)),
-        member("type", type_name(&lamp.shape)),
+        member("type", lamp.shape.name()),
         member("position", &lamp.position.to_array()),
     ];
     if is_aimed(&lamp.shape) {
@@ -234,7 +211,7 @@ pub(super) fn json(lamp: &FreeLamp) -> String {
         LampShape::Point | LampShape::Directional => {}
     }
     members.push(member("strength", &lamp.strength));
-    members.push(member("unit", unit_name(lamp.unit)));
+    members.push(member("unit", lamp.unit.name()));
     members.extend(setting_members(&lamp.setting));
     format!("{{ {} }}", members.join(", "))
 }
