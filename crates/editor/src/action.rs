@@ -61,6 +61,8 @@ pub enum Action {
     DeleteLamp,
     /// Let the next click say what the chosen lamp is to light, or no longer.
     AimLamp,
+    /// Light the scene as a snapshot says, counted from 0.
+    TakeLook(usize),
     /// Take a file as the scene of the bake that was opened.
     UseScene(PathBuf),
     /// Take back the last edit.

@@ -3,6 +3,7 @@
 mod follow;
 mod lamplight;
 mod lamps;
+mod looks;
 mod recovery;
 mod rest;
 mod sky;
@@ -14,17 +15,19 @@ use std::sync::Arc;
 use anyhow::{Result, anyhow};
 use clerestory_transport::bake::{BakeConfig, Passes};
 use clerestory_transport::camera::Film;
+use clerestory_transport::light::LightRig;
 use eframe::egui::{self, Context, Panel, ThemePreference, Ui, ViewportCommand, util::undoer::Undoer};
 use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use eframe::{CreationContext, Storage, wgpu};
 
 use crate::action::{Action, FileTask, dropped};
 use crate::bake_cache::BakeCache;
-use crate::look::Look;
+use crate::look::{Display, Look};
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{LightsState, lights_ui};
+use crate::panels::looks::LooksState;
 use crate::panels::shortcuts::{shortcuts_ui, take_keys};
 use crate::panels::status::{MessageTone, Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
@@ -32,6 +35,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
+use looks::Prints;
 use recovery::Recovery;
 
 /// Width of a picture that is baked without being asked for.
@@ -78,6 +82,8 @@ pub struct App {
     lights: LightsState,
     view: ViewState,
     follower: Follower,
+    looks: LooksState,
+    prints: Prints,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -157,7 +163,9 @@ impl App {
             stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
             lights: LightsState::default(),
             view: ViewState::default(),
-            follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
+            follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
+            looks: LooksState::default(),
+            prints: Prints::new(wake)?,
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -194,7 +202,7 @@ impl App {
 
     /// Whether no bake runs and the picture shows the look as it is.
     pub fn is_settled(&self) -> bool {
-        !self.session.bake.is_running() && self.follower.is_idle()
+        !self.session.bake.is_running() && self.follower.is_idle() && self.prints.is_idle()
     }
 
     /// Exposure of the picture that is shown, EV.
@@ -232,6 +240,8 @@ impl App {
         self.lights = LightsState::default();
         self.view.fit();
         self.follower.forget();
+        self.prints.forget();
+        self.looks = LooksState::default();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             self.settings.camera_idx = 0;
@@ -268,10 +278,11 @@ impl App {
             Action::DuplicateLamp => self.duplicate_lamp(),
             Action::DeleteLamp => self.delete_lamp(),
             Action::AimLamp => self.aim_lamp(),
+            Action::TakeLook(idx) => self.take_look(idx),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
-            Action::ResetLook => self.look = Look::default(),
+            Action::ResetLook => (self.look.lights, self.look.display) = (LightRig::default(), Display::default()),
             Action::UseDevice(wish) => self.follower.use_device(wish),
             Action::FitPicture => self.view.fit(),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
@@ -320,7 +331,9 @@ impl App {
             Ok((mut look, mut warnings)) => {
                 if let Some(basis) = self.session.basis() {
                     warnings.extend(look.unheeded(basis));
-                    look.lights.lamps.retain(|lamp| basis.source(&lamp.key).is_none());
+                    for rig in look.rigs_mut() {
+                        rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none());
+                    }
                 }
                 self.look = look.clone();
                 (self.saved_look, self.look_path) = (look, Some(path.clone()));
@@ -353,7 +366,7 @@ impl App {
 
     /// What is seen is what is written, a solo included.
     fn export(&mut self, path: PathBuf) {
-        let mut seen = self.look.clone();
+        let mut seen = self.look.present();
         if let Some(basis) = self.session.basis() {
             seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
         }
@@ -558,6 +571,9 @@ impl eframe::App for App {
         if let Err(words) = self.follower.follow(ctx, &mut self.session, &self.look, &self.lights.solo) {
             self.complain(words);
         }
+        if let Err(words) = self.prints.follow(ctx, &self.session, &self.look) {
+            self.complain(words);
+        }
     }
 
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
@@ -565,6 +581,7 @@ impl eframe::App for App {
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         self.bars_ui(ui);
         self.side_panels_ui(ui);
+        self.looks_ui(ui);
         self.picture_ui(ui);
         let ctx = ui.ctx().clone();
         self.dialogs_ui(&ctx);

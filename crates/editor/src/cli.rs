@@ -7,6 +7,7 @@ mod console;
 mod info;
 mod interrupt;
 mod lamps;
+pub mod looks;
 pub(crate) mod relight;
 mod sensors;
 mod trace;

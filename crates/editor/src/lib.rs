@@ -16,6 +16,7 @@ pub mod output;
 pub mod panels;
 pub mod picture;
 pub mod session;
+pub mod stills;
 pub mod theme;
 pub mod unsaved;
 pub mod viewport;

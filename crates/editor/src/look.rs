@@ -2,10 +2,14 @@
 
 mod damage;
 pub mod display;
+pub mod fade;
 pub mod lamps;
 mod parse;
 mod place;
+pub mod presets;
 pub mod sky;
+pub mod snapshot;
+pub mod timeline;
 mod write;
 
 use std::io::Read;
@@ -17,6 +21,8 @@ use clerestory_transport::light::LightRig;
 
 use crate::output::write_whole;
 pub use display::{Display, FalseColor, Quantity};
+use snapshot::Snapshot;
+use timeline::Timeline;
 
 /// Version that this program writes and the newest that it reads.
 pub const LOOK_VERSION: u64 = 1;
@@ -31,6 +37,12 @@ pub struct Look {
     pub lights: LightRig,
     /// How radiance becomes a picture.
     pub display: Display,
+    /// Looks that were kept, each under a name.
+    pub snapshots: Vec<Snapshot>,
+    /// Name of the one that the present look came from.
+    pub on: Option<String>,
+    /// Which of them is to be seen when.
+    pub timeline: Timeline,
 }
 
 impl Look {
@@ -77,7 +89,7 @@ impl Look {
     pub fn load(path: &Path) -> Result<(Look, Vec<String>)> {
         let problem = || format!("cannot use the look {}", path.display());
         let (mut look, mut warnings) = Look::from_json(&read_text(path)?).with_context(problem)?;
-        if let Some(sky) = &mut look.lights.sky {
+        for sky in look.rigs_mut().filter_map(|rig| rig.sky.as_mut()) {
             warnings.extend(sky::load(sky, path.parent().unwrap_or(Path::new(""))).with_context(problem)?);
         }
         Ok((look, warnings))
@@ -99,15 +111,17 @@ impl Look {
     /// As [`Look::recover`].
     pub fn recover_in(json: &str, folder: &Path) -> Result<(Look, Vec<String>)> {
         let (mut look, mut warnings) = Look::recover(json)?;
-        match look.lights.sky.as_mut().map(|sky| sky::load(sky, folder)) {
-            Some(Ok(odd)) => warnings.extend(odd),
-            Some(Err(error)) => {
-                warnings.push(format!("{error:#}; the sky of the look is left out"));
-                look.lights.sky = None;
+        for rig in look.rigs_mut() {
+            match rig.sky.as_mut().map(|sky| sky::load(sky, folder)) {
+                Some(Ok(odd)) => warnings.extend(odd),
+                Some(Err(error)) => {
+                    warnings.push(format!("{error:#}; the sky of the look is left out"));
+                    rig.sky = None;
+                }
+                None => {}
             }
-            None => {}
+            warnings.extend(lamps::resolve(&mut rig.lamps, folder));
         }
-        warnings.extend(lamps::resolve(&mut look.lights.lamps, folder));
         Ok((look, warnings))
     }
 
@@ -117,7 +131,9 @@ impl Look {
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
         let mut look = self.clone();
-        look.lights.lamps = lamps::relative(&self.lights.lamps, path.parent().unwrap_or(Path::new("")));
+        for rig in look.rigs_mut() {
+            rig.lamps = lamps::relative(&rig.lamps, path.parent().unwrap_or(Path::new("")));
+        }
         write_whole(path, look.to_json().as_bytes())
     }
 }

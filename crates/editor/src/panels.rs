@@ -6,6 +6,7 @@ pub mod dialogs;
 pub mod display;
 pub mod lamps;
 pub mod lights;
+pub mod looks;
 pub mod shortcuts;
 pub mod spots;
 pub mod status;

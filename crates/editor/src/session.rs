@@ -1,6 +1,7 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
 pub mod lamps;
+pub mod prints;
 mod task;
 pub mod worker;
 
@@ -26,12 +27,13 @@ use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 
-use self::lamps::LampLight;
+use self::lamps::{LampLight, LampView};
 use crate::bake_cache::BakeCache;
 use crate::cli::relight::{frame_of, seen_irradiance};
 use crate::export::{ImageFormat, Picture};
 use crate::look::Look;
 use crate::picture::Changed;
+use crate::stills::Subject;
 use task::{Fact, Post, Prepared, Task, words};
 pub use task::{Loaded, Source};
 
@@ -128,10 +130,8 @@ impl Shown {
     /// One RGB coefficient per column and group under a rig and the light of its free lamps.
     pub fn coefficients(&self, rig: &LightRig, light: Option<&LampLight>) -> Vec<Vec<[f32; 3]>> {
         let mut coefficients = self.header.coefficients(rig);
-        if let (Some(light), Some(of_patches)) = (light.filter(|_| self.patches().is_some()), coefficients.last_mut())
-            && light.of_patches.len() == of_patches.len()
-        {
-            of_patches.clone_from(&light.of_patches);
+        if let Some(light) = light {
+            light.light_patches(&self.header, &mut coefficients);
         }
         coefficients
     }
@@ -247,6 +247,8 @@ pub struct Session {
     /// Ranks and bytes of what is shown.
     pub figures: Option<Figures>,
     figures_at: Instant,
+    /// Grows with every picture that is whole: a preview, a finished pass, a bake from a file.
+    pub n_whole: u64,
     /// Where finished bakes of scenes are found and kept.
     pub cache: Option<BakeCache>,
 }
@@ -275,6 +277,7 @@ impl Session {
             error_db: None,
             figures: None,
             figures_at: Instant::now(),
+            n_whole: 0,
             cache: None,
         }
     }
@@ -299,6 +302,18 @@ impl Session {
             _ => None,
         };
         opened.scene.as_ref().or_else(of_bake)
+    }
+
+    /// What other looks than the present one are pictured from, as far as it is there.
+    pub fn subject(&self) -> Option<Subject> {
+        let shown = self.shown.as_ref()?;
+        let view = self.lamp_scene().zip(shown.camera.as_ref()).map(|(scene, camera)| LampView {
+            scene: scene.clone(),
+            camera: camera.clone(),
+            film: shown.film(),
+            patches: shown.patches().cloned(),
+        });
+        Some(Subject { bake: shown.bake(), view })
     }
 
     /// What is new in the matrix since the last call.
@@ -609,6 +624,7 @@ impl Session {
                 if let Some(incoming) = self.incoming.take() {
                     self.show(incoming);
                 }
+                self.n_whole += 1;
                 self.error_db = Some(error_db);
                 self.count();
             }
@@ -657,6 +673,7 @@ impl Session {
                     (shown.header, shown.frame.groups) = (bake.header, bake.groups);
                     (shown.irradiance, shown.packed) = (bake.irradiance, bake.packed);
                     self.changed = Changed::All;
+                    self.n_whole += 1;
                 }
                 BakeState::Done
             }
@@ -682,6 +699,7 @@ impl Session {
     }
 
     fn show(&mut self, shown: Shown) {
+        self.n_whole += 1;
         self.shown = Some(shown);
         self.changed = Changed::All;
     }

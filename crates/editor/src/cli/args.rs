@@ -11,6 +11,8 @@ use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
 
+use super::looks::LookChoice;
+
 /// Most pixels of a picture, 8192 × 8192.
 const MAX_PIXELS: u64 = 1 << 26;
 
@@ -241,6 +243,9 @@ pub struct SensorsArgs {
     /// Look to light it with [default: as the scene says].
     #[arg(long, value_name = "FILE.look")]
     pub look: Option<PathBuf>,
+    /// What of it.
+    #[command(flatten)]
+    pub choice: LookChoice,
     /// Table to write: grid, x, y, z in meters, and lux of every point.
     #[arg(short, long, value_name = "OUT.csv")]
     pub output: Option<PathBuf>,
@@ -255,6 +260,9 @@ pub struct RelightOptions {
     /// Look to light it with [default: as the scene says].
     #[arg(long, value_name = "FILE.look")]
     pub look: Option<PathBuf>,
+    /// What of it.
+    #[command(flatten)]
+    pub choice: LookChoice,
     /// Picture to write: linear .exr or display-encoded .png.
     #[arg(short, long, value_name = "OUT.exr|OUT.png")]
     pub output: PathBuf,
@@ -318,6 +326,9 @@ pub struct TraceArgs {
     /// Look to light it with [default: as the scene says].
     #[arg(long, value_name = "FILE.look")]
     pub look: Option<PathBuf>,
+    /// What of it.
+    #[command(flatten)]
+    pub choice: LookChoice,
     /// Picture to write: linear .exr or display-encoded .png.
     #[arg(short, long, value_name = "OUT.exr|OUT.png")]
     pub output: PathBuf,

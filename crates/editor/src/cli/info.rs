@@ -194,6 +194,16 @@ fn look(path: &Path, console: &mut Console) -> Result<Answer> {
     let (look, warnings) = Look::load(path)?;
     console.warn_all(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
     let lights: Vec<&String> = look.lights.lights.keys().collect();
+    let looks: Vec<&str> = look.snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect();
+    let timeline = match look.timeline.keys.len() {
+        0 => "none".into(),
+        n => format!(
+            "{n} keys over {} s, {} frames at {} fps",
+            look.timeline.end_secs(),
+            look.timeline.n_frames(),
+            look.timeline.fps
+        ),
+    };
     let panels: Vec<String> =
         look.lights.panels.iter().map(|(key, spots)| format!("{key} ({} spots)", spots.len())).collect();
     let sky = look.lights.sky.as_ref().map_or("as baked".into(), |sky| {
@@ -204,11 +214,12 @@ fn look(path: &Path, console: &mut Console) -> Result<Answer> {
     let false_color = look.display.quantity().map_or(String::new(), |q| format!(", false color of {}", q.name()));
     let tone = serde_json::to_value(look.display.tone).context("a tone curve always has a JSON form")?;
     let words = format!(
-        "{}\nlights    {}\npanels    {}\nsky       {sky}\nexposure  {exposure}, tone curve {}{white}{false_color}",
+        "{}\nlights    {}\npanels    {}\nsky       {sky}\nexposure  {exposure}, tone curve {}{white}{false_color}\nlooks     {}\ntimeline  {timeline}",
         path.display(),
         listed(&lights),
         listed(&panels),
         tone.as_str().unwrap_or("unnamed"),
+        listed(&looks),
     );
     let mut json: Value = serde_json::from_str(&look.to_json()).context("a look that was read can be written")?;
     merge(&mut json, json!({ "warnings": console.warnings() }));

@@ -25,9 +25,10 @@ use crate::output::{PendingFile, spare_inputs};
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
-    let target = Target::new(&args.options, console)?;
+    let mut target = Target::new(&args.options, console)?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    target.look = args.options.choice.of(&target.document, Some(&bake.header.basis))?;
     warn_of_unknown_lights(&bake.header.basis, &target.look, console);
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
     let lamps = LampLight::of(&bake, &target.look, paths, console)?;
@@ -43,6 +44,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
     let mut view = interrupt
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.bake.view, sky.as_ref(), console))?;
+    target.look = args.relight.choice.of(&target.document, Some(&view.scene.lighting.basis))?;
     warn_of_unknown_lights(&view.scene.lighting.basis, &target.look, console);
     // Nothing is kept of this bake, so that its lamps need not be movable.
     lamps::install(&mut view, &target.look, args.relight.look.as_deref(), console)?;
@@ -63,6 +65,8 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
 struct Target {
     format: ImageFormat,
     place: PendingFile,
+    document: Look,
+    /// What was chosen of it.
     look: Look,
     gpu: Option<Gpu>,
 }
@@ -74,9 +78,10 @@ impl Target {
             bail!("{} cannot hold layers; write an .exr, or leave out --layers", options.output.display());
         }
         let place = PendingFile::create(&options.output)?;
-        let look = load_look(options.look.as_deref(), console)?;
-        spare_look(&options.output, options.look.as_deref(), &look)?;
-        Ok(Target { format, place, look, gpu: open_gpu(options.device)? })
+        let document = load_look(options.look.as_deref(), console)?;
+        spare_look(&options.output, options.look.as_deref(), &document)?;
+        let look = options.choice.of(&document, None)?;
+        Ok(Target { format, place, document, look, gpu: open_gpu(options.device)? })
     }
 
     fn finish(
@@ -88,7 +93,7 @@ impl Target {
     ) -> Result<Answer> {
         let asked = options.layers == Layers::Irradiance || self.look.shows_irradiance(self.format);
         let irradiance = if asked { Some(seen_irradiance(bake, &self.look.lights)?) } else { None };
-        let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu)?;
+        let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu.as_ref())?;
         let mut coefficients = bake.header.coefficients(&self.look.lights);
         lamps.iter().for_each(|lamp| light_patches(bake, &mut coefficients, lamp));
         let begun = Instant::now();
@@ -200,10 +205,10 @@ pub(crate) struct Relighter {
 
 impl Relighter {
     /// On the given GPU, else on the CPU; the sky is that of the rig.
-    pub(crate) fn new(bake: &Bake, rig: &LightRig, gpu: Option<Gpu>) -> Result<Relighter> {
+    pub(crate) fn new(bake: &Bake, rig: &LightRig, gpu: Option<&Gpu>) -> Result<Relighter> {
         let frame = frame_of(bake, rig);
-        let adapter = gpu.as_ref().map(|gpu| gpu.description());
-        let relight: Box<dyn Relight> = match &gpu {
+        let adapter = gpu.map(Gpu::description);
+        let relight: Box<dyn Relight> = match gpu {
             Some(gpu) => Box::new(GpuRelighter::new(gpu, &frame)?),
             None => Box::new(CpuRelighter::new(&frame)?),
         };
@@ -246,11 +251,11 @@ impl Relighter {
         lamps.iter().map(layer).collect()
     }
 
-    fn words(&self) -> String {
+    pub(super) fn words(&self) -> String {
         self.adapter.as_ref().map_or("CPU".into(), |name| format!("GPU ({name})"))
     }
 
-    fn json(&self) -> Value {
+    pub(super) fn json(&self) -> Value {
         json!({ "device": if self.adapter.is_some() { "gpu" } else { "cpu" }, "adapter": self.adapter })
     }
 }

@@ -41,14 +41,15 @@ struct Summary {
 }
 
 pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answer> {
-    let look = load_look(args.look.as_deref(), console)?;
+    let document = load_look(args.look.as_deref(), console)?;
     if let Some(output) = &args.output {
         spare_inputs(output, [("transport", args.transport.as_path())])?;
-        spare_look(output, args.look.as_deref(), &look)?;
+        spare_look(output, args.look.as_deref(), &document)?;
     }
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let look = args.choice.of(&document, Some(&bake.header.basis))?;
     let all = readings(&bake, &look.lights)?;
     if look.lights.lamps.iter().any(|lamp| !lamp.setting.muted) {
         console.warn("the look has lamps of its own, whose light the sensors do not count");

@@ -24,14 +24,16 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let interrupt = console.interrupt.heeded()?;
     let place = PendingFile::create(&args.output)?;
     let kept = || discarded(&place);
-    let look = load_look(args.look.as_deref(), console)?;
-    spare_look(&args.output, args.look.as_deref(), &look)?;
+    let document = load_look(args.look.as_deref(), console)?;
+    spare_look(&args.output, args.look.as_deref(), &document)?;
+    let look = args.choice.of(&document, None)?;
     if look.shows_irradiance(format) {
         bail!("trace measures no light that arrives, which the look shows in false color; use `clerestory render`");
     }
     let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
     let mut view = interrupt
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.view, sky.as_ref(), console))?;
+    let look = args.choice.of(&document, Some(&view.scene.lighting.basis))?;
     warn_of_unknown_lights(&view.scene.lighting.basis, &look, console);
     lamps::install(&mut view, &look, args.look.as_deref(), console)?;
     let coefficients = view.scene.lighting.basis.project(&look.lights);

@@ -1,7 +1,7 @@
 //! From what was typed to what can be traced: scene, camera, film and look.
 
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
@@ -66,12 +66,12 @@ pub(super) fn inputs_of(args: &ViewArgs) -> impl Iterator<Item = (&'static str, 
     sky.map(|file| ("sky", Path::new(file))).into_iter().chain(measured)
 }
 
-/// Refuses an output that would overwrite a look or the sky that it names.
+/// Refuses an output that would overwrite a look or a sky that it names.
 pub(super) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
-    let sky = look.lights.sky.as_ref().and_then(|sky| sky.file.as_deref());
-    let sky = sky.map(|file| path.parent().unwrap_or(Path::new("")).join(file));
-    spare_inputs(output, [("look", path)].into_iter().chain(sky.as_deref().map(|file| ("sky", file))))
+    let skies = look.rigs().filter_map(|rig| rig.sky.as_ref()?.file.as_deref());
+    let skies: Vec<PathBuf> = skies.map(|file| path.parent().unwrap_or(Path::new("")).join(file)).collect();
+    spare_inputs(output, [("look", path)].into_iter().chain(skies.iter().map(|file| ("sky", file.as_path()))))
 }
 
 /// Opens a scene for tracing under a sky, if any.

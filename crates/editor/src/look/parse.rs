@@ -21,6 +21,9 @@ const POSITION: RangeInclusive<f64> = -100.0..=100.0;
 /// Radius of a spot in shorter sides of its panel.
 const RADIUS: RangeInclusive<f64> = 0.0..=1000.0;
 
+/// Members that say how a scene is lit and shown, of a look and of each of its snapshots.
+pub(super) const LIGHTING: [&str; 5] = ["lights", "panels", "sky", "lamps", "display"];
+
 /// What happens at a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum OnFault {
@@ -59,25 +62,23 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
-    reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "lamps", "display"]);
-    let lights = LightRig {
-        lights: reader.entries(document, "lights", |reader, value| reader.setting(value))?,
-        panels: reader.entries(document, "panels", |reader, value| reader.spots(value))?,
-        sky: reader.optional(document, "sky", |reader, value| reader.sky(value))?,
-        lamps: reader.optional(document, "lamps", |reader, value| reader.lamps(value))?.unwrap_or_default(),
-    };
-    let display = match document.get("display") {
-        Some(value) => reader.part("display", |reader| reader.display(value))?.unwrap_or_default(),
-        None => Display::default(),
-    };
-    Ok((Look { lights, display }, warnings))
+    reader.report_unknown(document, &[&["clerestory", "looks", "on", "timeline"], &LIGHTING[..]].concat());
+    let (lights, display) = reader.lighting(document)?;
+    let snapshots = reader.optional(document, "looks", |reader, value| reader.snapshots(value))?.unwrap_or_default();
+    let names: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect();
+    let known = names.iter().map(|name| (*name, (*name).to_owned()));
+    let on = reader.optional(document, "on", |reader, value| reader.by_name(value, known))?.flatten();
+    let timeline = reader.optional(document, "timeline", |reader, value| reader.timeline(value, &names))?;
+    let timeline = timeline.unwrap_or_default();
+    Ok((Look { lights, display, snapshots, on, timeline }, warnings))
 }
 
 /// Refuses what a newer program wrote, and what is no look at all.
 fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<()> {
     let Some(version) = document.get("clerestory") else {
-        let known = ["lights", "panels", "sky", "lamps", "display"];
-        if !document.is_empty() && !known.iter().any(|key| document.contains_key(*key)) {
+        let known = LIGHTING.iter().chain(&["looks"]);
+        if !document.is_empty() && !known.clone().any(|key| document.contains_key(*key)) {
+            let known: Vec<&str> = known.copied().collect();
             bail!("it is no look: it has none of `clerestory`, `{}`", known.join("`, `"));
         }
         reader.warnings.push(format!("the look does not say `\"clerestory\": {LOOK_VERSION}`; read as that version"));
@@ -95,6 +96,21 @@ fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<(
 }
 
 impl Reader<'_> {
+    /// How a scene is lit and shown; see [`LIGHTING`].
+    pub(super) fn lighting(&mut self, object: &Map<String, Value>) -> Result<(LightRig, Display)> {
+        let lights = LightRig {
+            lights: self.entries(object, "lights", |reader, value| reader.setting(value))?,
+            panels: self.entries(object, "panels", |reader, value| reader.spots(value))?,
+            sky: self.optional(object, "sky", |reader, value| reader.sky(value))?,
+            lamps: self.optional(object, "lamps", |reader, value| reader.lamps(value))?.unwrap_or_default(),
+        };
+        let display = match object.get("display") {
+            Some(value) => self.part("display", |reader| reader.display(value))?.unwrap_or_default(),
+            None => Display::default(),
+        };
+        Ok((lights, display))
+    }
+
     /// Reads something one step deeper, so that complaints carry the whole path, and the line and column.
     fn at<T>(&mut self, step: impl Into<Step>, read: impl FnOnce(&mut Reader) -> Result<T>) -> Result<T> {
         let step = step.into();

@@ -1,36 +1,50 @@
 //! Look to JSON: one lamp or spot per line, only what differs from the scene.
 
-use clerestory_transport::light::{LightSetting, PanelSpot};
+use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
 use serde::Serialize;
 
-use super::{LOOK_VERSION, Look};
+use super::{Display, LOOK_VERSION, Look};
 
 /// Readable JSON; see [`Look::to_json`].
 pub(super) fn json(look: &Look) -> String {
     let mut members = vec![format!("  \"clerestory\": {LOOK_VERSION}")];
-    let changed = look.lights.lights.iter().filter(|(_, setting)| **setting != LightSetting::default());
-    let lights: Vec<String> = changed.map(|(key, s)| format!("    {}: {}", value(key), setting(s))).collect();
-    if !lights.is_empty() {
-        members.push(format!("  \"lights\": {{\n{}\n  }}", lights.join(",\n")));
+    members.extend(lighting_members(&look.lights, &look.display, "  "));
+    let snapshots = look.snapshots.iter().map(|snapshot| format!("    {}", super::snapshot::json(snapshot, "    ")));
+    let snapshots: Vec<String> = snapshots.collect();
+    if !snapshots.is_empty() {
+        members.push(format!("  \"looks\": [\n{}\n  ]", snapshots.join(",\n")));
     }
-    let panels = look.lights.panels.iter().map(|(key, s)| format!("    {}: {}", value(key), spots(s)));
+    members.extend(look.on.as_ref().map(|on| format!("  \"on\": {}", value(on))));
+    members.extend(super::timeline::json(&look.timeline).map(|timeline| format!("  \"timeline\": {timeline}")));
+    format!("{{\n{}\n}}\n", members.join(",\n"))
+}
+
+/// Members that say how a scene is lit and shown, those that differ from the scene, each line behind `indent`.
+pub(super) fn lighting_members(lights: &LightRig, display: &Display, indent: &str) -> Vec<String> {
+    let mut members = Vec::new();
+    let changed = lights.lights.iter().filter(|(_, setting)| **setting != LightSetting::default());
+    let settings: Vec<String> = changed.map(|(key, s)| format!("{indent}  {}: {}", value(key), setting(s))).collect();
+    if !settings.is_empty() {
+        members.push(format!("{indent}\"lights\": {{\n{}\n{indent}}}", settings.join(",\n")));
+    }
+    let panels = lights.panels.iter().map(|(key, s)| format!("{indent}  {}: {}", value(key), spots(s, indent)));
     let panels: Vec<String> = panels.collect();
     if !panels.is_empty() {
-        members.push(format!("  \"panels\": {{\n{}\n  }}", panels.join(",\n")));
+        members.push(format!("{indent}\"panels\": {{\n{}\n{indent}}}", panels.join(",\n")));
     }
-    let sky = look.lights.sky.as_ref().map(super::sky::members).unwrap_or_default();
+    let sky = lights.sky.as_ref().map(super::sky::members).unwrap_or_default();
     if !sky.is_empty() {
-        members.push(format!("  \"sky\": {{ {} }}", sky.join(", ")));
+        members.push(format!("{indent}\"sky\": {{ {} }}", sky.join(", ")));
     }
-    let lamps: Vec<String> = look.lights.lamps.iter().map(|lamp| format!("    {}", super::lamps::json(lamp))).collect();
+    let lamps: Vec<String> = lights.lamps.iter().map(|lamp| format!("{indent}  {}", super::lamps::json(lamp))).collect();
     if !lamps.is_empty() {
-        members.push(format!("  \"lamps\": [\n{}\n  ]", lamps.join(",\n")));
+        members.push(format!("{indent}\"lamps\": [\n{}\n{indent}]", lamps.join(",\n")));
     }
-    let display = super::display::members(&look.display);
+    let display = super::display::members(display);
     if !display.is_empty() {
-        members.push(format!("  \"display\": {{ {} }}", display.join(", ")));
+        members.push(format!("{indent}\"display\": {{ {} }}", display.join(", ")));
     }
-    format!("{{\n{}\n}}\n", members.join(",\n"))
+    members
 }
 
 /// JSON of a number, text or color on one line; numbers as short as an f32 allows.
@@ -57,12 +71,12 @@ pub(super) fn setting_members(setting: &LightSetting) -> Vec<String> {
     members.into_iter().flatten().collect()
 }
 
-fn spots(spots: &[PanelSpot]) -> String {
+fn spots(spots: &[PanelSpot], indent: &str) -> String {
     if spots.is_empty() {
         return "[]".into();
     }
-    let lines: Vec<String> = spots.iter().map(|s| format!("      {}", spot(s))).collect();
-    format!("[\n{}\n    ]", lines.join(",\n"))
+    let lines: Vec<String> = spots.iter().map(|s| format!("{indent}    {}", spot(s))).collect();
+    format!("[\n{}\n{indent}  ]", lines.join(",\n"))
 }
 
 fn spot(spot: &PanelSpot) -> String {

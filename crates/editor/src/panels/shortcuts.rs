@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, Context, Key, KeyboardShortcut, Modifiers};
 
+use super::looks::cards::{WITH_KEY, take_keys as look_keys};
 use crate::action::{Action, FileTask};
 
 const fn command(key: Key) -> KeyboardShortcut {
@@ -48,6 +49,7 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&REDO, Action::Redo);
     take(&UNDO, Action::Undo);
     take(&REDO_TOO, Action::Redo);
+    (0..WITH_KEY).for_each(|idx| take(&look_keys(idx), Action::TakeLook(idx)));
     take(&FIT, Action::FitPicture);
     take(&DELETE, Action::DeleteLamp);
     take(&DELETE_TOO, Action::DeleteLamp);
@@ -86,6 +88,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (keys(&BAKE), "Start the bake"),
         (keys(&UNDO), "Undo"),
         (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),
+        (format!("{} to {}", keys(&look_keys(0)), keys(&look_keys(WITH_KEY - 1))), "Take over a look by its number"),
         (words("F"), "Show the whole picture"),
         (words("Wheel, pinch"), "Zoom at the pointer"),
         (words("Middle drag, Space + drag"), "Move the picture"),

@@ -8,6 +8,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use clerestory_relight::Radiance;
+use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
 use clerestory_transport::light::LightSetting;
@@ -29,6 +30,7 @@ const MOST_BYTES: usize = 256 << 20;
 const POST_EVERY: Duration = Duration::from_millis(250);
 
 /// What is looked at, and from where. Two views are the same if they are one and the same `Arc`.
+#[derive(Clone)]
 pub struct LampView {
     /// The scene of the picture.
     pub scene: Arc<PreparedScene>,
@@ -66,6 +68,17 @@ pub struct LampLight {
     pub problems: Vec<String>,
     /// From the order to its first picture, milliseconds.
     pub first_millis: f32,
+}
+
+impl LampLight {
+    /// Puts what the lamps throw on the patches of a bake into its coefficients; where it has none, nothing.
+    pub fn light_patches(&self, header: &BakeHeader, coefficients: &mut [Vec<[f32; 3]>]) {
+        if let (Some(_), Some(of_patches)) = (&header.patches, coefficients.last_mut())
+            && self.of_patches.len() == of_patches.len()
+        {
+            of_patches.clone_from(&self.of_patches);
+        }
+    }
 }
 
 #[derive(Default)]
@@ -179,7 +192,7 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
             bench = Some(new);
         }
         let Some(bench) = &mut bench else { continue };
-        bench.step(mailbox);
+        bench.step(&|view, work| mailbox.interrupts(view, work));
         if let Some(light) = bench.news() {
             mailbox.lock().light = Some(light);
             wake(Duration::ZERO);
@@ -287,11 +300,11 @@ impl Bench {
     }
 
     /// One more pass of the lamp that has the fewest.
-    fn step(&mut self, mailbox: &Mailbox) {
+    fn step(&mut self, interrupts: &(dyn Fn(&Arc<LampView>, Work) -> bool + Sync)) {
         let Some(idx) = self.next() else { return };
         let work = if self.lamps[idx].n_passes == 0 { Work::Shows } else { Work::Refines };
         let (view, lit) = (self.view.clone(), &mut self.lamps[idx]);
-        let stop = || mailbox.interrupts(&view, work);
+        let stop = || interrupts(&view, work);
         let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
         if sample >= self.points.len() {
             let config = VisibleConfig { samples: 1, seed: sample as u64 };
@@ -363,6 +376,32 @@ impl Bench {
             }
         }
         sum
+    }
+}
+
+/// The light of lamps as smooth as it gets, for pictures that wait for it. Lamps that stay from one look to the next are traced once.
+pub struct StillLamps {
+    bench: Bench,
+}
+
+impl StillLamps {
+    /// In a view.
+    pub fn new(view: Arc<LampView>) -> StillLamps {
+        StillLamps { bench: Bench::new(view) }
+    }
+
+    /// The light of some lamps, those that are muted left out; `None` if it was stopped.
+    pub fn light(&mut self, lamps: &[FreeLamp], stop: &(dyn Fn() -> bool + Sync)) -> Option<LampLight> {
+        let shining = lamps.iter().filter(|lamp| !lamp.setting.muted).cloned().collect();
+        let (view, serial) = (self.bench.view.clone(), self.bench.serial + 1);
+        self.bench.take(LampOrder { view, lamps: shining, serial });
+        while self.bench.next().is_some() {
+            if stop() {
+                return None;
+            }
+            self.bench.step(&|_, _| stop());
+        }
+        self.bench.news()
     }
 }
 

@@ -1,0 +1,223 @@
+//! Looks that are made of what a scene has: day, dusk, night and exhibition.
+//!
+//! Every light is dimmed by its part in the scene. Light from outside (sky, sun, directional lamps) makes the hour; of the
+//! lamps, those that point at something are accents and the others general light. Rooms without a window are told from
+//! others, for there the lamps have to make the hour.
+
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
+use clerestory_transport::lamps::{FreeLamp, LampShape};
+use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
+use glam::Vec3;
+
+use super::Look;
+use super::snapshot::Snapshot;
+
+/// A look that any scene can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Light from outside at its full; without any, neutral light from all lamps.
+    Day,
+    /// A dim blue sky, a low warm sun, lamps on.
+    Dusk,
+    /// Warm lamps, hardly anything from outside.
+    Night,
+    /// Accents on what is shown, the rest held back.
+    Exhibition,
+}
+
+/// What a light is in its scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Part {
+    Sky,
+    Sun,
+    Accent,
+    General,
+}
+
+/// Factor to the file, and color temperature; none keeps the file's color.
+type Level = (f32, Option<f32>);
+
+/// A color with a channel below this share of its largest is meant to be a color: it is dimmed and not tinted.
+const SATURATED: f32 = 0.35;
+/// The spot that stands for a whole panel in an exhibition.
+const POOL: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 0.35, color: None, intensity: 1.0 };
+
+impl Preset {
+    /// All of them, with their names in files and for people.
+    pub const ALL: [(Preset, &'static str, &'static str); 4] = [
+        (Preset::Day, "day", "Day"),
+        (Preset::Dusk, "dusk", "Dusk"),
+        (Preset::Night, "night", "Night"),
+        (Preset::Exhibition, "exhibition", "Exhibition"),
+    ];
+
+    /// Name for people.
+    pub fn words(self) -> &'static str {
+        Preset::ALL.iter().find(|(preset, ..)| *preset == self).map_or("", |(.., words)| words)
+    }
+
+    /// The preset for a scene with these lights. Free lamps of `look` stay where they are and are dimmed like the others.
+    pub fn of(self, basis: &LightBasis, look: &Look) -> Snapshot {
+        let parts = basis.sources.iter().filter_map(|source| Some((source, part(source)?)));
+        let parts: Vec<(&LightSource, Part)> = parts.collect();
+        let lamps = look.lights.lamps.iter().map(|lamp| (lamp, lamp_part(lamp)));
+        let lamps: Vec<(&FreeLamp, Part)> = lamps.collect();
+        let all = || parts.iter().map(|(_, part)| *part).chain(lamps.iter().map(|(_, part)| *part));
+        let place = match () {
+            () if !all().any(|part| matches!(part, Part::Sky | Part::Sun)) => Place::Room,
+            () if all().any(|part| matches!(part, Part::Accent | Part::General)) => Place::Both,
+            () => Place::Outside,
+        };
+        let has_accents = all().any(|part| part == Part::Accent);
+        let mut rig = LightRig::default();
+        for (source, part) in &parts {
+            let setting = setting(self.level(*part, place, has_accents), source.color);
+            if setting != LightSetting::default() {
+                rig.lights.insert(source.key.clone(), setting);
+            }
+            let is_panel = matches!(source.kind, SourceKind::Panel { .. });
+            if self == Preset::Exhibition && is_panel && !has_accents {
+                rig.panels.insert(source.key.clone(), vec![POOL]);
+            }
+        }
+        let dimmed = |(lamp, part): &(&FreeLamp, Part)| {
+            let own = lamp.setting.color.map_or(Vec3::ONE, Vec3::from);
+            let setting = setting(self.level(*part, place, has_accents), own);
+            let color = if setting.kelvin.is_none() { lamp.setting.color } else { None };
+            FreeLamp { setting: LightSetting { color, ..setting }, ..(*lamp).clone() }
+        };
+        rig.lamps = lamps.iter().map(dimmed).collect();
+        Snapshot { name: self.words().into(), lights: rig, display: look.display }
+    }
+
+    fn level(self, part: Part, place: Place, has_accents: bool) -> Level {
+        match (self, part) {
+            (Preset::Day, Part::Sky | Part::Sun) => (1.0, None),
+            (Preset::Day, _) if place == Place::Both => (0.0, None),
+            (Preset::Day, _) => (1.0, Some(5000.0)),
+            // Where nothing but the sky lights the scene, it has to stay bright enough to be metered.
+            (Preset::Dusk, Part::Sky) => (0.05, Some(12_000.0)),
+            (Preset::Dusk, Part::Sun) => (0.02, Some(2200.0)),
+            (Preset::Dusk, Part::Accent) => (1.0, Some(2900.0)),
+            (Preset::Dusk, Part::General) if place == Place::Room && has_accents => (0.3, Some(3000.0)),
+            (Preset::Dusk, Part::General) => (0.6, Some(3000.0)),
+            (Preset::Night, Part::Sky) => (0.002, Some(15_000.0)),
+            // The moon.
+            (Preset::Night, Part::Sun) if place == Place::Outside => (0.000_02, Some(4100.0)),
+            (Preset::Night, Part::Sun) => (0.0, None),
+            (Preset::Night, Part::Accent) => (0.7, Some(2500.0)),
+            (Preset::Night, Part::General) if has_accents => (0.08, Some(2400.0)),
+            (Preset::Night, Part::General) => (0.25, Some(2400.0)),
+            (Preset::Exhibition, Part::Sky) => (0.05, None),
+            (Preset::Exhibition, Part::Sun) if place == Place::Outside => (1.0, None),
+            (Preset::Exhibition, Part::Sun) => (0.0, None),
+            (Preset::Exhibition, Part::Accent) => (2.0, Some(3500.0)),
+            (Preset::Exhibition, Part::General) if has_accents => (0.15, Some(4000.0)),
+            (Preset::Exhibition, Part::General) => (1.0, Some(3500.0)),
+        }
+    }
+}
+
+/// Where a scene is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// No light comes from outside.
+    Room,
+    /// There are lamps, and light from outside.
+    Both,
+    /// There are no lamps.
+    Outside,
+}
+
+fn setting((factor, kelvin): Level, own: Vec3) -> LightSetting {
+    if factor == 0.0 {
+        return LightSetting { muted: true, ..LightSetting::default() };
+    }
+    let is_colored = own.min_element() < SATURATED * own.max_element();
+    LightSetting { intensity: factor, kelvin: kelvin.filter(|_| !is_colored), ..LightSetting::default() }
+}
+
+/// What a light is in its scene; unlit surfaces are none.
+fn part(source: &LightSource) -> Option<Part> {
+    Some(match source.kind {
+        SourceKind::Sky | SourceKind::Dome { .. } => Part::Sky,
+        SourceKind::Sun { .. } | SourceKind::Directional => Part::Sun,
+        SourceKind::Spot => Part::Accent,
+        SourceKind::Constant => return None,
+        _ => Part::General,
+    })
+}
+
+fn lamp_part(lamp: &FreeLamp) -> Part {
+    match lamp.shape {
+        LampShape::Directional => Part::Sun,
+        LampShape::Spot { .. } | LampShape::Profile { .. } => Part::Accent,
+        _ => Part::General,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::light::luminance;
+
+    use super::*;
+
+    fn source(key: &str, kind: SourceKind) -> LightSource {
+        let columns = 0..if let SourceKind::Panel { resolution, .. } = kind { resolution * resolution } else { 1 };
+        LightSource { key: key.into(), kind, columns, color: Vec3::new(1.0, 0.9, 0.8), strength: 10.0 }
+    }
+
+    fn light(basis: &LightBasis, preset: Preset, key: &str) -> f32 {
+        let rig = preset.of(basis, &Look::default()).lights;
+        luminance(basis.project(&rig)[basis.source(key).unwrap().columns.start as usize].into())
+    }
+
+    #[test]
+    fn the_hour_comes_from_outside_where_there_is_a_window() {
+        let kinds = [("sky", SourceKind::Sky), ("spot", SourceKind::Spot), ("lamp", SourceKind::Emitter)];
+        let basis = LightBasis::new(kinds.map(|(key, kind)| source(key, kind)).to_vec());
+        let sky = Preset::ALL.map(|(preset, ..)| light(&basis, preset, "sky"));
+        assert!(sky[0] > sky[1] && sky[1] > sky[2] && sky[3] < sky[0], "{sky:?}");
+        let lamp = Preset::ALL.map(|(preset, ..)| light(&basis, preset, "lamp"));
+        assert!(lamp[0] == 0.0 && lamp[1] > lamp[2] && lamp[2] > 0.0, "{lamp:?}");
+        assert!(light(&basis, Preset::Exhibition, "spot") > 4.0 * light(&basis, Preset::Exhibition, "lamp"));
+    }
+
+    #[test]
+    fn no_preset_is_dark_whatever_a_scene_has() {
+        let panel = SourceKind::Panel { resolution: 4, size_m: [1.0, 1.0] };
+        let kinds = [SourceKind::Sky, SourceKind::Directional, SourceKind::Spot, SourceKind::Point, panel];
+        for kind in kinds {
+            let basis = LightBasis::new(vec![source("only", kind), source("unlit", SourceKind::Constant)]);
+            for (preset, name, _) in Preset::ALL {
+                let rig = preset.of(&basis, &Look::default()).lights;
+                let lit = basis.project(&rig);
+                let of_light = &basis.source("only").unwrap().columns;
+                let columns = &lit[of_light.start as usize..of_light.end as usize];
+                assert!(columns.iter().any(|rgb| luminance((*rgb).into()) > 0.0), "{name} of {kind:?} is dark");
+            }
+        }
+    }
+
+    #[test]
+    fn colored_lights_keep_their_color_and_free_lamps_their_place() {
+        let mut neon = source("neon", SourceKind::Emitter);
+        neon.color = Vec3::new(1.0, 0.05, 0.4);
+        let basis = LightBasis::new(vec![neon]);
+        let mut look = Look::default();
+        let lamp = FreeLamp {
+            key: "l".into(),
+            shape: LampShape::Point,
+            position: Vec3::ONE,
+            aim: Vec3::ZERO,
+            strength: 5.0,
+            unit: clerestory_transport::lamps::LampUnit::Lumen,
+            setting: LightSetting { muted: true, ..LightSetting::default() },
+        };
+        look.lights.lamps.push(lamp);
+        let night = Preset::Night.of(&basis, &look);
+        assert_eq!(night.lights.lights["neon"].kelvin, None);
+        let lamp = &night.lights.lamps[0];
+        assert!(lamp.position == Vec3::ONE && !lamp.setting.muted && lamp.setting.kelvin.is_some(), "{lamp:?}");
+    }
+}

@@ -1,0 +1,113 @@
+//! The strip below the picture: looks that were kept, each with its picture.
+
+pub mod cards;
+
+use clerestory_transport::basis::LightBasis;
+use eframe::egui::{self, RichText, TextureId, Ui, Vec2};
+
+use crate::look::Look;
+use crate::look::presets::Preset;
+use crate::theme;
+use cards::card_ui;
+
+/// What the strip remembers and no look holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LooksState {
+    /// Snapshot that is being renamed, and what was typed so far.
+    pub(super) renaming: Option<(usize, String)>,
+    /// Snapshot that is being dragged to another place.
+    pub(super) dragged: Option<usize>,
+    /// What went wrong with the last name, in words.
+    pub(super) problem: Option<String>,
+}
+
+/// What the strip needs to know.
+pub struct LooksView<'a> {
+    /// The lights of the scene, for presets and cross-fades.
+    pub basis: Option<&'a LightBasis>,
+    /// The pictures of the snapshots as far as they are there: texture and size in pixels.
+    pub thumbnail: &'a dyn Fn(&str) -> Option<(TextureId, Vec2)>,
+}
+
+/// Draws it.
+pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView) {
+    bar_ui(ui, look, view);
+    if look.snapshots.is_empty() {
+        return;
+    }
+    ui.add_space(2.0);
+    egui::ScrollArea::horizontal().id_salt("looks").auto_shrink([false, true]).show(ui, |ui| {
+        ui.horizontal_top(|ui| {
+            ui.spacing_mut().item_spacing.x = 10.0;
+            let mut centers = Vec::new();
+            for idx in 0..look.snapshots.len() {
+                if idx < look.snapshots.len() {
+                    centers.push(card_ui(ui, idx, look, state, view));
+                }
+            }
+            drop_ui(ui, look, state, &centers);
+        });
+    });
+    if let Some(problem) = &state.problem {
+        ui.label(RichText::new(problem).color(theme::ALERT).small());
+    }
+    ui.add_space(2.0);
+}
+
+fn bar_ui(ui: &mut Ui, look: &mut Look, view: &LooksView) {
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Looks").heading().strong());
+        ui.add_space(6.0);
+        let hint = "Keep the lights and the display as they are now under a name";
+        if ui.button("Keep look").on_hover_text(hint).clicked() {
+            look.keep("Look");
+        }
+        ui.add_enabled_ui(view.basis.is_some(), |ui| {
+            ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis)).response.on_hover_text("Looks made of what the scene has");
+        });
+        if look.snapshots.is_empty() {
+            ui.add_space(6.0);
+            ui.label(RichText::new("Keep the lights as they are, then change them: a click brings each look back").weak());
+        }
+    });
+}
+
+fn presets_menu(ui: &mut Ui, look: &mut Look, basis: Option<&LightBasis>) {
+    let Some(basis) = basis else { return };
+    for (preset, _, words) in Preset::ALL {
+        if ui.button(words).clicked() {
+            add_preset(look, preset, basis);
+            ui.close();
+        }
+    }
+    ui.separator();
+    if ui.button("All four").clicked() {
+        for (preset, ..) in Preset::ALL {
+            add_preset(look, preset, basis);
+        }
+        let first = look.snapshots.len() - Preset::ALL.len();
+        look.take(first);
+        ui.close();
+    }
+}
+
+/// Adds a preset as a snapshot and lights the scene with it.
+fn add_preset(look: &mut Look, preset: Preset, basis: &LightBasis) {
+    let snapshot = preset.of(basis, look);
+    look.add(preset.words(), snapshot);
+    look.take(look.snapshots.len() - 1);
+}
+
+/// A card that was dragged goes where it was dropped.
+fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
+    let Some(from) = state.dragged else { return };
+    let Some(pointer) = ui.input(|input| input.pointer.latest_pos()) else { return };
+    let others = centers.iter().enumerate().filter(|(idx, center)| *idx != from && **center < pointer.x);
+    let to = others.count();
+    ui.ctx().set_cursor_icon(egui::CursorIcon::Grabbing);
+    if ui.input(|input| input.pointer.any_released() || !input.pointer.any_down()) {
+        state.dragged = None;
+        look.reorder(from, to);
+    }
+}
+

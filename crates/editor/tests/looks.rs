@@ -1,0 +1,107 @@
+//! Looks in the window, driven by their labels: kept, taken over, named, put in order, and made of what the scene has.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+mod desk;
+
+use clerestory::look::snapshot::Mark;
+use eframe::egui::{Key, Modifiers, PointerButton};
+use egui_kittest::kittest::{NodeT, Queryable};
+
+use desk::{Window, baked, click, drag, wait};
+
+fn names(window: &Window) -> Vec<&str> {
+    window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
+}
+
+fn is_muted(window: &Window) -> bool {
+    window.state().look().lights.lights.get("lamp").is_some_and(|setting| setting.muted)
+}
+
+/// The room with two looks: as it is, and without its lamp, which is on.
+fn two_looks() -> Window {
+    let mut window = baked();
+    click(&mut window, "Keep look");
+    click(&mut window, "Mute lamp");
+    click(&mut window, "Keep look");
+    assert_eq!(names(&window), ["Look", "Look 2"]);
+    window
+}
+
+fn context_menu(window: &mut Window, card: &str, item: &str) {
+    window.get_by_label(card).click_button(PointerButton::Secondary);
+    window.run_steps(4);
+    click(window, item);
+}
+
+#[test]
+fn a_click_brings_a_look_back_and_is_one_step_of_undo() {
+    let mut window = two_looks();
+    wait(&mut window, |app| app.is_settled());
+    let ev = window.state().shown_ev();
+    click(&mut window, "Look Look");
+    assert!(!is_muted(&window));
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() > 1e-2);
+    click(&mut window, "Undo");
+    assert!(is_muted(&window), "one click is one step");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Num1);
+    window.run_steps(3);
+    assert!(!is_muted(&window));
+    click(&mut window, "Undo");
+    assert_eq!((is_muted(&window), names(&window).len()), (true, 2), "a key is one step, too");
+}
+
+#[test]
+fn a_look_that_is_on_tells_that_it_was_changed_and_can_be_updated() {
+    let mut window = two_looks();
+    let mark = |window: &Window, idx: usize| {
+        let look = window.state().look();
+        look.mark(&look.snapshots[idx])
+    };
+    assert_eq!((mark(&window, 0), mark(&window, 1)), (Mark::Off, Mark::On));
+    click(&mut window, "Mute panel");
+    assert_eq!(mark(&window, 1), Mark::Changed);
+    context_menu(&mut window, "Look Look 2", "Update");
+    assert_eq!(mark(&window, 1), Mark::On);
+    assert!(window.state().look().snapshots[1].lights.lights["panel"].muted);
+}
+
+#[test]
+fn looks_are_renamed_duplicated_put_in_order_and_deleted() {
+    let mut window = two_looks();
+    context_menu(&mut window, "Look Look", "Rename");
+    window.get_by_label("Name of the look").focus();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Name of the look").type_text("Day");
+    window.run_steps(2);
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+    assert_eq!(names(&window), ["Day", "Look 2"]);
+    context_menu(&mut window, "Look Day", "Duplicate");
+    assert_eq!(names(&window), ["Day", "Day 2", "Look 2"]);
+    let (from, to) = (window.get_by_label("Look Look 2").rect().center(), window.get_by_label("Look Day").rect());
+    drag(&mut window, from, to.left_center());
+    assert_eq!(names(&window), ["Look 2", "Day", "Day 2"]);
+    context_menu(&mut window, "Look Day 2", "Delete");
+    assert_eq!(names(&window), ["Look 2", "Day"]);
+    click(&mut window, "Undo");
+    assert_eq!(names(&window).len(), 3);
+}
+
+#[test]
+fn presets_are_made_of_the_lights_of_the_scene() {
+    let mut window = baked();
+    click(&mut window, "Presets");
+    click(&mut window, "All four");
+    assert_eq!(names(&window), ["Day", "Dusk", "Night", "Exhibition"]);
+    assert_eq!(window.state().look().on.as_deref(), Some("Day"));
+    click(&mut window, "Look Night");
+    let look = window.state().look();
+    assert!(look.lights.lights["lamp"].kelvin.unwrap() < 3000.0, "{:?}", look.lights);
+    let on = window.get_by_label("Look Night").accesskit_node().toggled();
+    assert_ne!(on, window.get_by_label("Look Day").accesskit_node().toggled());
+    click(&mut window, "Undo");
+    click(&mut window, "Undo");
+    assert!(names(&window).is_empty(), "all four are one step");
+}
