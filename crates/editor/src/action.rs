@@ -63,6 +63,12 @@ pub enum Action {
     AimLamp,
     /// Light the scene as a snapshot says, counted from 0.
     TakeLook(usize),
+    /// Play the timeline, or stay where it is.
+    PlayTimeline,
+    /// Write the frames of the timeline.
+    ExportFrames(PathBuf),
+    /// Stop writing frames; those that are there stay.
+    CancelFrames,
     /// Take a file as the scene of the bake that was opened.
     UseScene(PathBuf),
     /// Take back the last edit.
@@ -94,6 +100,8 @@ pub enum FileTask {
     SaveLook,
     /// A place for the picture.
     Export,
+    /// Names for the frames of the timeline.
+    ExportFrames,
     /// A place for the bake.
     SaveBake,
     /// The distribution of a lamp.
@@ -111,6 +119,7 @@ impl FileTask {
             FileTask::OpenLook => "Open a look",
             FileTask::SaveLook => "Save the look",
             FileTask::Export => "Export the picture",
+            FileTask::ExportFrames => "Export the frames",
             FileTask::SaveBake => "Save the bake",
             FileTask::OpenProfile => "Open the profile of a lamp",
             FileTask::FindScene => "Choose the scene of this bake",
@@ -123,7 +132,7 @@ impl FileTask {
             FileTask::OpenScene => ("glTF scenes and bakes", &["glb", "gltf", "transport"]),
             FileTask::OpenPictures => ("Folders", &[]),
             FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
-            FileTask::Export => ("Pictures", &["png", "exr"]),
+            FileTask::Export | FileTask::ExportFrames => ("Pictures", &["png", "exr"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
             FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
             FileTask::FindScene => ("glTF scenes", &["glb", "gltf"]),
@@ -132,7 +141,7 @@ impl FileTask {
 
     /// Whether a file is written.
     pub fn writes(self) -> bool {
-        matches!(self, FileTask::SaveLook | FileTask::Export | FileTask::SaveBake)
+        matches!(self, FileTask::SaveLook | FileTask::Export | FileTask::ExportFrames | FileTask::SaveBake)
     }
 
     /// What happens once a file is chosen.
@@ -145,6 +154,7 @@ impl FileTask {
             FileTask::OpenLook => Action::OpenLook(path),
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
+            FileTask::ExportFrames => Action::ExportFrames(path),
             FileTask::SaveBake => Action::SaveBake(path),
             FileTask::OpenProfile => Action::AddProfile(path),
             FileTask::FindScene => Action::UseScene(path),

@@ -279,6 +279,9 @@ impl App {
             Action::DeleteLamp => self.delete_lamp(),
             Action::AimLamp => self.aim_lamp(),
             Action::TakeLook(idx) => self.take_look(idx),
+            Action::PlayTimeline => self.play_timeline(),
+            Action::ExportFrames(path) => self.export_frames(&path),
+            Action::CancelFrames => self.session.cancel_frames(),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
@@ -313,6 +316,7 @@ impl App {
             FileTask::OpenProfile | FileTask::FindScene => String::new(),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
+            FileTask::ExportFrames => format!("{stem}_####.png"),
             FileTask::SaveBake => format!("{stem}.transport"),
         };
         self.question = Some(FileQuestion::new(task, &suggestion, self.dialogs));
@@ -366,7 +370,7 @@ impl App {
 
     /// What is seen is what is written, a solo included.
     fn export(&mut self, path: PathBuf) {
-        let mut seen = self.look.present();
+        let mut seen = self.seen();
         if let Some(basis) = self.session.basis() {
             seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
         }
@@ -541,9 +545,11 @@ impl App {
             picture: self.follower.picture(),
             stage: &self.session.stage,
             bake: &self.session.bake,
-            scene: scene.zip(shown_camera),
+            scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
             legend: self.follower.legend(),
+            compared: None,
         };
+        let viewed = self.compared(viewed);
         egui::CentralPanel::no_frame().show(ui, |ui| {
             viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);
         });
@@ -568,10 +574,9 @@ impl eframe::App for App {
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
         self.set_title(ctx);
-        if let Err(words) = self.follower.follow(ctx, &mut self.session, &self.look, &self.lights.solo) {
-            self.complain(words);
-        }
-        if let Err(words) = self.prints.follow(ctx, &self.session, &self.look) {
+        self.advance_timeline(ctx);
+        self.follow(ctx);
+        if let Err(words) = self.prints.follow(ctx, &self.session, &self.look, self.looks.compare.as_ref()) {
             self.complain(words);
         }
     }
@@ -586,10 +591,12 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         self.dialogs_ui(&ctx);
         // The worker starts on the new picture while this frame is still being painted.
-        if (self.look != before || self.lights.solo != solo_before)
-            && let Err(words) = self.follower.follow(&ctx, &mut self.session, &self.look, &self.lights.solo)
-        {
-            self.complain(words);
+        let is_edited = (&self.look.lights, &self.look.display) != (&before.lights, &before.display);
+        if is_edited {
+            self.looks.player.stop();
+        }
+        if is_edited || self.lights.solo != solo_before {
+            self.follow(&ctx);
         }
         if !self.actions.is_empty() || self.look != before {
             ctx.request_repaint();

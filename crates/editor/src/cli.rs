@@ -10,6 +10,7 @@ mod lamps;
 pub mod looks;
 pub(crate) mod relight;
 mod sensors;
+pub mod sequence;
 mod trace;
 mod usage;
 pub(crate) mod view;

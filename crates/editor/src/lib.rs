@@ -15,6 +15,7 @@ pub mod look;
 pub mod output;
 pub mod panels;
 pub mod picture;
+pub mod sequence;
 pub mod session;
 pub mod stills;
 pub mod theme;

@@ -33,6 +33,7 @@ use crate::cli::relight::{frame_of, seen_irradiance};
 use crate::export::{ImageFormat, Picture};
 use crate::look::Look;
 use crate::picture::Changed;
+use crate::sequence::Sequence;
 use crate::stills::Subject;
 use task::{Fact, Post, Prepared, Task, words};
 pub use task::{Loaded, Source};
@@ -226,6 +227,8 @@ pub struct Session {
     others: Vec<Task>,
     /// Which of them looks for the scene of a bake.
     finding: Option<u64>,
+    /// What writes frames, and how far it is.
+    frames: Option<(Task, (u32, u32))>,
     /// Path of what is being opened.
     opening: Option<PathBuf>,
     /// Where opening stands.
@@ -266,6 +269,7 @@ impl Session {
             baking: None,
             others: Vec::new(),
             finding: None,
+            frames: None,
             opening: None,
             stage: Stage::Empty,
             opened: None,
@@ -447,6 +451,25 @@ impl Session {
         });
     }
 
+    /// Writes the frames of a timeline in the background.
+    pub fn export_frames(&mut self, sequence: Sequence) {
+        let Some(subject) = self.subject() else { return };
+        self.cancel_frames();
+        let n_frames = sequence.n_frames();
+        let task = self.spawn("frames", move |post| task::write_frames(&sequence, subject, &post));
+        self.frames = task.map(|task| (task, (0, n_frames)));
+    }
+
+    /// Frames that are written, and how many there will be, while a sequence is under way.
+    pub fn frames(&self) -> Option<(u32, u32)> {
+        self.frames.as_ref().map(|(_, progress)| *progress)
+    }
+
+    /// Stops writing frames; those that are there stay.
+    pub fn cancel_frames(&mut self) {
+        self.others.extend(self.frames.take().map(|(task, _)| task.stopped()));
+    }
+
     /// Writes the bake that is shown in the background.
     pub fn save_bake(&mut self, path: PathBuf) {
         let Some(shown) = &self.shown else { return };
@@ -511,6 +534,11 @@ impl Session {
             Fact::Found(bake) if is_of(&self.baking) => self.bake_found(*bake, notices),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
             Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
+            Fact::Frame(n_written) => {
+                if let Some((_, (done, _))) = self.frames.as_mut().filter(|(task, _)| task.id() == id) {
+                    *done = n_written;
+                }
+            }
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
             // Facts of a task that was stopped no longer count.
@@ -729,6 +757,9 @@ impl Session {
         if ended_finding.is_some() && ended_finding == self.finding {
             self.scene_found(Err(CRASHED.into()));
         }
+        if self.frames.as_ref().is_some_and(|(task, _)| task.is_finished()) {
+            self.others.extend(self.frames.take().map(|(task, _)| task));
+        }
         let (done, running) = std::mem::take(&mut self.others).into_iter().partition(Task::is_finished);
         self.others = running;
         let done: Vec<Task> = done;
@@ -740,6 +771,7 @@ impl Drop for Session {
     fn drop(&mut self) {
         self.stop_loading();
         self.stop_baking();
+        self.cancel_frames();
         // Without a receiver nobody waits for room in the channel.
         self.receiver = None;
         self.others.drain(..).for_each(Task::join);

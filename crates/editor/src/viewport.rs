@@ -1,5 +1,6 @@
 //! The picture: fit, zoom, pan, and spots of light that are dragged in it.
 
+pub mod compare;
 pub mod gizmo;
 pub mod handles;
 pub mod lamps;
@@ -17,6 +18,7 @@ use crate::look::Look;
 use crate::panels::lights::LightsState;
 use crate::session::{BakeState, Stage};
 use crate::theme;
+use compare::{Compared, Way};
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
 
@@ -32,6 +34,8 @@ pub struct Viewed<'a> {
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
     /// What its colors mean, where they are false.
     pub legend: Option<Legend>,
+    /// What it is compared with.
+    pub compared: Option<Compared>,
 }
 
 /// How it is looked at.
@@ -43,6 +47,8 @@ pub struct ViewState {
     offset: Vec2,
     /// What the pointer holds.
     grab: Option<Grab>,
+    /// Way of the divider of a comparison from the middle, in widths of the picture.
+    divider: f32,
 }
 
 /// Room around a picture that fits, points.
@@ -87,8 +93,9 @@ pub fn viewport_ui(
     lights: &mut LightsState,
     actions: &mut Vec<Action>,
 ) {
-    let area = ui.available_rect_before_wrap();
-    ui.painter().rect_filled(area, 0.0, theme::SURROUND);
+    let whole = ui.available_rect_before_wrap();
+    ui.painter().rect_filled(whole, 0.0, theme::SURROUND);
+    let area = compare::left_area(whole, viewed.compared.as_ref());
     let Some((texture, [width, height])) = viewed.picture else {
         words_ui(ui, area, viewed, actions);
         return;
@@ -111,6 +118,13 @@ pub fn viewport_ui(
         picker.paint(&painter, look, lights.spot.as_ref());
     } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         state.grab = Some(Grab::Picture);
+    }
+    if let Some(compared) = &viewed.compared {
+        let right = compare::right_area(whole, area);
+        match compared.way {
+            Way::SideBySide => compare::beside_ui(ui, compared, [area, right], state.image_rect(right, size)),
+            Way::Wipe => compare::wipe_ui(ui, compared, area, image, &mut state.divider),
+        }
     }
     if let Some(legend) = viewed.legend {
         legend.ui(ui, area);

@@ -1,6 +1,7 @@
 //! Looks in the window: their pictures, made when they or the bake change, and what is asked for about them.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -8,10 +9,15 @@ use eframe::egui::{self, Context, Panel, TextureHandle, TextureId, TextureOption
 
 use super::App;
 use crate::look::Look;
+use crate::panels::looks::mix::{Compare, Side};
+use crate::panels::looks::timeline::toggle;
 use crate::panels::looks::{LooksView, looks_ui};
+use crate::sequence::{Pattern, Sequence};
 use crate::session::prints::{PrintOrder, Printer, Slot};
 use crate::session::{Session, Wake};
 use crate::stills::{Size, Subject};
+use crate::viewport::Viewed;
+use crate::viewport::compare::{Compared, Way};
 
 /// Width of a thumbnail in pixels: as wide as a card at twice the usual scale.
 const THUMBNAIL_PX: u32 = 232;
@@ -50,7 +56,13 @@ impl Prints {
     }
 
     /// Takes in what was made, and orders what is new. Fails with words for people.
-    pub fn follow(&mut self, ctx: &Context, session: &Session, look: &Look) -> Result<(), String> {
+    pub fn follow(
+        &mut self,
+        ctx: &Context,
+        session: &Session,
+        look: &Look,
+        compare: Option<&Compare>,
+    ) -> Result<(), String> {
         let mut problem = Ok(());
         for print in self.printer.take() {
             match print.image {
@@ -63,8 +75,13 @@ impl Prints {
                 Err(words) => problem = Err(words),
             }
         }
-        let wanted = look.snapshots.iter().map(|s| (Slot::Thumbnail(s.name.clone()), s.look())).collect();
-        self.order(session, wanted);
+        let thumbnails = look.snapshots.iter().map(|s| (Slot::Thumbnail(s.name.clone()), s.look()));
+        let sides = compare.iter().flat_map(|compare| compare.sides.iter().enumerate());
+        let sides = sides.filter_map(|(idx, side)| match side {
+            Side::Snapshot(name) => Some((Slot::Side(idx), look.snapshot(name)?.look())),
+            Side::Present => None,
+        });
+        self.order(session, thumbnails.chain(sides).collect());
         problem
     }
 
@@ -102,16 +119,95 @@ impl App {
         Panel::bottom("looks").frame(frame).show(ui, |ui| {
             let prints = &self.prints;
             let thumbnail = |name: &str| prints.picture(&Slot::Thumbnail(name.to_owned()));
-            let view = LooksView { basis: self.session.basis(), thumbnail: &thumbnail };
-            looks_ui(ui, &mut self.look, &mut self.looks, &view);
+            let view = LooksView {
+                basis: self.session.basis(),
+                thumbnail: &thumbnail,
+                frames: self.session.frames(),
+                can_export: self.session.shown.is_some(),
+            };
+            looks_ui(ui, &mut self.look, &mut self.looks, &view, &mut self.actions);
         });
     }
 
     /// Lights the scene as a snapshot says.
     pub(super) fn take_look(&mut self, idx: usize) {
         if let Some(name) = self.look.snapshots.get(idx).map(|snapshot| snapshot.name.clone()) {
+            self.looks.player.stop();
             self.as_one_step(|app| app.look.take(idx));
             self.say(format!("Look {name}"));
+        }
+    }
+
+    pub(super) fn play_timeline(&mut self) {
+        if !self.look.timeline.keys.is_empty() {
+            self.looks.timeline = true;
+            toggle(&mut self.looks.player, &self.look.timeline);
+        }
+    }
+
+    /// Lets the timeline run on.
+    pub(super) fn advance_timeline(&mut self, ctx: &Context) {
+        let player = &mut self.looks.player;
+        let was_playing = player.playing;
+        player.advance(&self.look.timeline, ctx.input(|input| input.stable_dt));
+        if was_playing {
+            ctx.request_repaint();
+        }
+    }
+
+    /// What is shown: a moment of the timeline while it plays or is looked at, else the present look.
+    pub(super) fn seen(&self) -> Look {
+        let moment = self.looks.player.playhead.map(|secs| self.look.at(secs, self.session.basis()));
+        moment.unwrap_or_else(|| self.look.present())
+    }
+
+    /// Has the picture follow what is to be seen.
+    pub(super) fn follow(&mut self, ctx: &Context) {
+        let seen = self.seen();
+        if let Err(words) = self.follower.follow(ctx, &mut self.session, &seen, &self.lights.solo) {
+            self.complain(words);
+        }
+    }
+
+    /// Whether what is dragged in the picture can be seen in it.
+    pub(super) fn has_handles(&self) -> bool {
+        let is_compared = self.looks.compare.as_ref().is_some_and(|compare| match compare.way {
+            Way::Wipe => !compare.sides.contains(&Side::Present),
+            Way::SideBySide => compare.sides[0] != Side::Present,
+        });
+        self.looks.player.playhead.is_none() && !is_compared
+    }
+
+    /// What is viewed, with what it is compared with, once both pictures are there.
+    pub(super) fn compared<'a>(&self, viewed: Viewed<'a>) -> Viewed<'a> {
+        let (Some(compare), Some((present, size))) = (&self.looks.compare, viewed.picture) else { return viewed };
+        let texture = |idx: usize| match &compare.sides[idx] {
+            Side::Present => Some(present),
+            Side::Snapshot(_) => self.prints.picture(&Slot::Side(idx)).map(|(texture, _)| texture),
+        };
+        let (Some(left), Some(right)) = (texture(0), texture(1)) else { return viewed };
+        let names = [0, 1].map(|idx| compare.sides[idx].words().to_owned());
+        let compared = Some(Compared { right, names, way: compare.way });
+        Viewed { picture: Some((left, size)), compared, ..viewed }
+    }
+
+    /// Writes the frames of the timeline.
+    pub(super) fn export_frames(&mut self, path: &Path) {
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
+        let inputs = [("look", self.look_path.clone()), ("scene", opened)];
+        let inputs: Vec<_> = inputs.into_iter().filter_map(|(what, path)| Some((what, path?))).collect();
+        let read: Vec<(&'static str, &Path)> = inputs.iter().map(|(what, path)| (*what, path.as_path())).collect();
+        let sequence = Pattern::new(path).and_then(|pattern| {
+            let sequence = Sequence::new(self.look.clone(), pattern, None, None)?;
+            sequence.spare(&read)?;
+            Ok(sequence)
+        });
+        match sequence {
+            Ok(sequence) => {
+                self.say(format!("Writing {} frames", sequence.n_frames()));
+                self.session.export_frames(sequence);
+            }
+            Err(error) => self.complain(format!("{error:#}")),
         }
     }
 }

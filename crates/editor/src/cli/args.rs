@@ -12,6 +12,7 @@ use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
 
 use super::looks::LookChoice;
+use super::sequence::FramesArgs;
 
 /// Most pixels of a picture, 8192 × 8192.
 const MAX_PIXELS: u64 = 1 << 26;
@@ -39,7 +40,8 @@ const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport 
     or: clerestory bake --images stage/ -o face.transport --tolerance 45";
 const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights\n         \
     or: clerestory relight room.transport -o lux.exr --layers irradiance\n         \
-    or: clerestory relight room.transport --look lamps.look --scene room.glb -o lamps.exr";
+    or: clerestory relight room.transport --look lamps.look --scene room.glb -o lamps.exr\n         \
+    or: clerestory relight room.transport --look shots.look --frames 0..48 --fps 24 -o out/frame_####.png";
 const SENSORS_EXAMPLE: &str = "Example: clerestory sensors room.transport --look evening.look -o evening.csv";
 const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128\n         \
     or: clerestory render room.glb --ies Downlight=maker/downlight.ies -o measured.png";
@@ -286,6 +288,9 @@ pub struct RelightArgs {
     /// How to light.
     #[command(flatten)]
     pub options: RelightOptions,
+    /// Which frames of a timeline.
+    #[command(flatten)]
+    pub frames: FramesArgs,
     /// How to answer.
     #[command(flatten)]
     pub answer: OutputArgs,

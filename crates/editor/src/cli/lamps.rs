@@ -58,29 +58,9 @@ impl LampLight {
         console: &mut Console,
     ) -> Result<Vec<LampLight>> {
         let lamps = &look.lights.lamps;
-        if lamps.is_empty() {
-            return Ok(Vec::new());
-        }
-        if bake.header.basis.is_measured() {
-            bail!("the look has lamps, but the bake is of pictures, which no lamp can light; bake a scene instead");
-        }
-        let Some(scene) = scene else {
-            bail!(
-                "the look has lamps, which light the surfaces of the scene; name the scene that was baked with --scene"
-            );
-        };
-        if let Some(lamp) = lamps.iter().find(|lamp| bake.header.basis.source(&lamp.key).is_some()) {
-            bail!("a light of the scene is called `{}`, as a lamp of the look is; rename the lamp", lamp.key);
-        }
+        let Some((scene, camera)) = stage(bake, lamps, scene, console)? else { return Ok(Vec::new()) };
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
-        if bake.header.patches.is_none() {
-            console.warn(
-                "the transport has no patches, so the light of the look's lamps is shown where it falls, not what surfaces make \
-                 of it; bake the scene with --patches 4096 for that",
-            );
-        }
-        let (scene, camera) = open(&bake.header, scene, console)?;
         let film = Film { width: bake.header.width, height: bake.header.height };
         let direct = direct(&scene, &camera, film, &each);
         let of_patches = |lamps: &PreparedLamps| {
@@ -95,6 +75,34 @@ impl LampLight {
         };
         Ok(lights.map(light).collect())
     }
+}
+
+/// Where lamps shine that are to be added to a baked picture: the scene of the bake and its camera; none without lamps.
+pub(super) fn stage(
+    bake: &Bake,
+    lamps: &[FreeLamp],
+    scene: Option<&Path>,
+    console: &mut Console,
+) -> Result<Option<(PreparedScene, Camera)>> {
+    if lamps.is_empty() {
+        return Ok(None);
+    }
+    if bake.header.basis.is_measured() {
+        bail!("the look has lamps, but the bake is of pictures, which no lamp can light; bake a scene instead");
+    }
+    let Some(scene) = scene else {
+        bail!("the look has lamps, which light the surfaces of the scene; name the scene that was baked with --scene");
+    };
+    if let Some(lamp) = lamps.iter().find(|lamp| bake.header.basis.source(&lamp.key).is_some()) {
+        bail!("a light of the scene is called `{}`, as a lamp of the look is; rename the lamp", lamp.key);
+    }
+    if bake.header.patches.is_none() {
+        console.warn(
+            "the transport has no patches, so the light of the look's lamps is shown where it falls, not what surfaces make \
+             of it; bake the scene with --patches 4096 for that",
+        );
+    }
+    Ok(Some(open(&bake.header, scene, console)?))
 }
 
 /// Direct light of each of some lamps.

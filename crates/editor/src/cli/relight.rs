@@ -18,12 +18,16 @@ use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
 use super::interrupt::discarded;
 use super::lamps::{self, LampLight};
+use super::sequence::sequence;
 use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, LightLayer, Picture};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+    if args.frames.are_meant(&args.options.output) {
+        return sequence(args, console);
+    }
     spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
     let mut target = Target::new(&args.options, console)?;
     let bake = archive::read(&args.transport)
@@ -147,7 +151,7 @@ fn add(radiance: &mut Radiance, more: &Radiance) {
     }
 }
 
-fn open_gpu(device: Device) -> Result<Option<Gpu>> {
+pub(super) fn open_gpu(device: Device) -> Result<Option<Gpu>> {
     match device {
         Device::Cpu => Ok(None),
         Device::Gpu => {
@@ -251,7 +255,7 @@ impl Relighter {
         lamps.iter().map(layer).collect()
     }
 
-    pub(super) fn words(&self) -> String {
+    fn words(&self) -> String {
         self.adapter.as_ref().map_or("CPU".into(), |name| format!("GPU ({name})"))
     }
 

@@ -36,7 +36,8 @@ pub(super) fn lighting_members(lights: &LightRig, display: &Display, indent: &st
     if !sky.is_empty() {
         members.push(format!("{indent}\"sky\": {{ {} }}", sky.join(", ")));
     }
-    let lamps: Vec<String> = lights.lamps.iter().map(|lamp| format!("{indent}  {}", super::lamps::json(lamp))).collect();
+    let lamps: Vec<String> =
+        lights.lamps.iter().map(|lamp| format!("{indent}  {}", super::lamps::json(lamp))).collect();
     if !lamps.is_empty() {
         members.push(format!("{indent}\"lamps\": [\n{}\n{indent}]", lamps.join(",\n")));
     }

@@ -1,18 +1,31 @@
 //! The strip below the picture: looks that were kept, each with its picture.
 
 pub mod cards;
+pub mod mix;
+pub mod timeline;
 
 use clerestory_transport::basis::LightBasis;
 use eframe::egui::{self, RichText, TextureId, Ui, Vec2};
 
+use crate::action::Action;
 use crate::look::Look;
 use crate::look::presets::Preset;
 use crate::theme;
 use cards::card_ui;
+use mix::{Compare, Fade, compare_ui, fade_ui};
+use timeline::{Player, timeline_ui};
 
 /// What the strip remembers and no look holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LooksState {
+    /// Looks that are compared in the picture.
+    pub compare: Option<Compare>,
+    /// Looks of which one becomes the other.
+    pub fade: Option<Fade>,
+    /// Whether the timeline is open.
+    pub timeline: bool,
+    /// What it shows.
+    pub player: Player,
     /// Snapshot that is being renamed, and what was typed so far.
     pub(super) renaming: Option<(usize, String)>,
     /// Snapshot that is being dragged to another place.
@@ -27,12 +40,17 @@ pub struct LooksView<'a> {
     pub basis: Option<&'a LightBasis>,
     /// The pictures of the snapshots as far as they are there: texture and size in pixels.
     pub thumbnail: &'a dyn Fn(&str) -> Option<(TextureId, Vec2)>,
+    /// Frames of a sequence that are written, and how many it has, while one is under way.
+    pub frames: Option<(u32, u32)>,
+    /// Whether there is a picture whose frames could be written.
+    pub can_export: bool,
 }
 
 /// Draws it.
-pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView) {
-    bar_ui(ui, look, view);
+pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView, actions: &mut Vec<Action>) {
+    bar_ui(ui, look, state, view);
     if look.snapshots.is_empty() {
+        *state = LooksState::default();
         return;
     }
     ui.add_space(2.0);
@@ -51,10 +69,21 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
     if let Some(problem) = &state.problem {
         ui.label(RichText::new(problem).color(theme::ALERT).small());
     }
+    if let Some(compare) = &mut state.compare {
+        compare.heal(look);
+        compare_ui(ui, compare, look);
+    }
+    state.fade = state.fade.take().filter(|fade| fade.is_whole(look));
+    if let Some(fade) = &mut state.fade {
+        fade_ui(ui, fade, look, view.basis);
+    }
+    if state.timeline {
+        timeline_ui(ui, look, &mut state.player, view, actions);
+    }
     ui.add_space(2.0);
 }
 
-fn bar_ui(ui: &mut Ui, look: &mut Look, view: &LooksView) {
+fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView) {
     ui.horizontal(|ui| {
         ui.label(RichText::new("Looks").heading().strong());
         ui.add_space(6.0);
@@ -63,13 +92,39 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, view: &LooksView) {
             look.keep("Look");
         }
         ui.add_enabled_ui(view.basis.is_some(), |ui| {
-            ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis)).response.on_hover_text("Looks made of what the scene has");
+            ui.menu_button("Presets", |ui| presets_menu(ui, look, view.basis))
+                .response
+                .on_hover_text("Looks made of what the scene has");
         });
         if look.snapshots.is_empty() {
             ui.add_space(6.0);
-            ui.label(RichText::new("Keep the lights as they are, then change them: a click brings each look back").weak());
+            ui.label(
+                RichText::new("Keep the lights as they are, then change them: a click brings each look back").weak(),
+            );
+        } else {
+            ui.separator();
+            tools_ui(ui, look, state);
         }
     });
+}
+
+/// What can be done with several looks, each in a row of its own.
+fn tools_ui(ui: &mut Ui, look: &Look, state: &mut LooksState) {
+    let compare = ui.selectable_label(state.compare.is_some(), "Compare");
+    if compare.on_hover_text("See two looks at once, with a divider or side by side").clicked() {
+        state.compare = if state.compare.is_some() { None } else { Compare::start(look) };
+    }
+    let fade = ui.selectable_label(state.fade.is_some(), "Cross-fade");
+    if fade.on_hover_text("Let one look become another").clicked() {
+        state.fade = if state.fade.is_some() { None } else { Fade::start(look) };
+    }
+    let timeline = ui.selectable_label(state.timeline, "Timeline");
+    if timeline.on_hover_text("Let looks follow each other, and write them as frames").clicked() {
+        state.timeline = !state.timeline;
+        if !state.timeline {
+            state.player.stop();
+        }
+    }
 }
 
 fn presets_menu(ui: &mut Ui, look: &mut Look, basis: Option<&LightBasis>) {
@@ -110,4 +165,3 @@ fn drop_ui(ui: &Ui, look: &mut Look, state: &mut LooksState, centers: &[f32]) {
         look.reorder(from, to);
     }
 }
-

@@ -20,6 +20,7 @@ const SAVE: KeyboardShortcut = command(Key::S);
 const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
 const EXPORT: KeyboardShortcut = command(Key::E);
 const BAKE: KeyboardShortcut = command(Key::B);
+const PLAY: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::P);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
@@ -50,6 +51,7 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&UNDO, Action::Undo);
     take(&REDO_TOO, Action::Redo);
     (0..WITH_KEY).for_each(|idx| take(&look_keys(idx), Action::TakeLook(idx)));
+    take(&PLAY, Action::PlayTimeline);
     take(&FIT, Action::FitPicture);
     take(&DELETE, Action::DeleteLamp);
     take(&DELETE_TOO, Action::DeleteLamp);
@@ -89,6 +91,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (keys(&UNDO), "Undo"),
         (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),
         (format!("{} to {}", keys(&look_keys(0)), keys(&look_keys(WITH_KEY - 1))), "Take over a look by its number"),
+        (words("P"), "Play the timeline, or stay"),
         (words("F"), "Show the whole picture"),
         (words("Wheel, pinch"), "Zoom at the pointer"),
         (words("Middle drag, Space + drag"), "Move the picture"),

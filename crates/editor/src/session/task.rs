@@ -23,6 +23,8 @@ use super::lamps::LampLight;
 use super::{Chosen, Wake};
 use crate::bake_cache::{BakeCache, Found};
 use crate::headless::GALLERY;
+use crate::sequence::Sequence;
+use crate::stills::{Stills, Subject};
 
 /// Something to open.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,6 +101,8 @@ pub(super) enum Fact {
     SceneFound(Result<Box<PreparedScene>, String>),
     /// The bake that was asked for is there already.
     Found(Box<Bake>),
+    /// So many frames of a sequence were written.
+    Frame(u32),
     /// A file was written, or why not.
     Written(Result<String, String>),
 }
@@ -114,6 +118,11 @@ pub(super) struct Post {
 impl Post {
     pub fn new(id: u64, sender: SyncSender<(u64, Fact)>, wake: Wake) -> Post {
         Post { id, sender, wake, stop: Arc::default() }
+    }
+
+    /// Whether nobody wants its work any more.
+    pub fn is_stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     /// Tells the window, which looks within `soon`; breaks if nobody wants to hear more.
@@ -282,6 +291,25 @@ fn beside_the_window(bake: impl FnOnce() -> Result<Option<Bake>, BakeError> + Se
         Ok(pool) => pool.install(bake).map_err(words),
         Err(error) => Err(words(error)),
     }
+}
+
+/// Writes the frames of a timeline one after the other.
+pub(super) fn write_frames(sequence: &Sequence, subject: Subject, post: &Post) {
+    let header = subject.bake.header.clone();
+    let mut stills = Stills::new(Arc::new(subject), None);
+    let n_frames = sequence.n_frames();
+    let mut on_frame = |n: u32| {
+        // A stop is seen before the next frame.
+        let _ = post.send(Fact::Frame(n), BLOCKS_WITHIN);
+    };
+    let written = sequence.write(&mut stills, &header.basis, &|| post.is_stopped(), &mut on_frame);
+    let last = sequence.pattern.file(*sequence.frames.end());
+    let words = |n: u32| match n == n_frames {
+        true => format!("Saved {n} frames up to {}", last.display()),
+        false => format!("{n} of {n_frames} frames were saved"),
+    };
+    let result = written.map(words).map_err(|error| format!("{error:#}"));
+    let _ = post.send(Fact::Written(result), Duration::ZERO);
 }
 
 /// One picture, for a file.

@@ -1,7 +1,8 @@
 //! A snapshot in the strip: its picture, its name, and whether it is on.
 
 use eframe::egui::{
-    self, Align2, Color32, CornerRadius, FontId, Key, Rect, Response, Sense, Stroke, StrokeKind, TextEdit, Ui, pos2, vec2,
+    self, Align2, Color32, CornerRadius, FontId, Key, Rect, Response, Sense, Stroke, StrokeKind, TextEdit, Ui, pos2,
+    vec2,
 };
 
 use super::{LooksState, LooksView};
@@ -51,7 +52,8 @@ pub(super) fn card_ui(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut Look
         Mark::Changed => "This look was on; the lights were changed since",
     };
     let keys = if idx < WITH_KEY { format!("\n{}", ui.ctx().format_shortcut(&take_keys(idx))) } else { String::new() };
-    let response = response.on_hover_text(format!("{name}\n{hint}{keys}\nDouble-click to rename, drag to reorder, right-click for more"));
+    let response = response
+        .on_hover_text(format!("{name}\n{hint}{keys}\nDouble-click to rename, drag to reorder, right-click for more"));
     response.context_menu(|ui| menu(ui, idx, look, state, mark));
     rect.center().x
 }

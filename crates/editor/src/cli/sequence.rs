@@ -1,0 +1,144 @@
+//! `clerestory relight --look SHOTS.look -o frame_####.png`: the frames of a look's timeline.
+
+use std::ops::RangeInclusive;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use clerestory_relight::Gpu;
+use clerestory_transport::archive;
+use clerestory_transport::camera::Film;
+use serde_json::json;
+
+use super::args::{Layers, RelightArgs};
+use super::bake::merge;
+use super::console::{Answer, Console, advance, duration_words};
+use super::lamps;
+use super::relight::open_gpu;
+use super::view::{load_look, warn_of_unknown_lights};
+use crate::look::lamps::resolve;
+use crate::look::timeline::FPS;
+use crate::sequence::{Pattern, Sequence};
+use crate::session::lamps::LampView;
+use crate::stills::{Stills, Subject};
+
+/// Which frames of a timeline are written.
+#[derive(Clone, Debug, Default, Args)]
+pub struct FramesArgs {
+    /// First and last frame of the look's timeline; write # for their digits in -o [default: all where -o has #].
+    #[arg(long, value_name = "FIRST..LAST", requires = "look", conflicts_with_all = ["name", "at", "preset"],
+        value_parser = parse_frames)]
+    pub frames: Option<RangeInclusive<u32>>,
+    /// Frames of a second [default: as the look says, else 24].
+    #[arg(long, value_name = "N", requires = "look", value_parser = parse_fps)]
+    pub fps: Option<f32>,
+}
+
+impl FramesArgs {
+    /// Whether many files are meant.
+    pub(super) fn are_meant(&self, output: &Path) -> bool {
+        self.frames.is_some() || self.fps.is_some() || Pattern::is_meant(output)
+    }
+}
+
+fn parse_frames(text: &str) -> Result<RangeInclusive<u32>, String> {
+    let problem = "write FIRST..LAST such as 0..48, both of which are written";
+    let (first, last) = text.split_once("..").ok_or(problem)?;
+    let number = |text: &str| text.trim().parse::<u32>().map_err(|_| problem);
+    let (first, last) = (number(first)?, number(last.trim_start_matches('='))?);
+    if first > last { Err(problem.into()) } else { Ok(first..=last) }
+}
+
+fn parse_fps(text: &str) -> Result<f32, String> {
+    let fps = text.parse::<f64>().ok().filter(|fps| FPS.contains(fps));
+    fps.map(|fps| fps as f32).ok_or_else(|| format!("write {} to {}", FPS.start(), FPS.end()))
+}
+
+/// Writes the frames.
+pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+    let options = &args.options;
+    if options.layers != Layers::None {
+        bail!("frames hold no layers; leave out --layers, or relight one moment with --at");
+    }
+    let choice = &options.choice;
+    if choice.name.is_some() || choice.at.is_some() || choice.preset.is_some() {
+        bail!("--name, --at and --preset light one picture; leave them out to write frames, or # in -o for one file");
+    }
+    let pattern = Pattern::new(&options.output)?;
+    let mut look = load_look(options.look.as_deref(), console)?;
+    let folder = options.look.as_deref().and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
+    let skies = look.rigs().filter_map(|rig| Some(folder.join(rig.sky.as_ref()?.file.as_deref()?)));
+    let skies: Vec<_> = skies.collect();
+    look.rigs_mut().for_each(|rig| console.warn_all(resolve(&mut rig.lamps, &folder)));
+    let sequence = Sequence::new(look, pattern, args.frames.frames.clone(), args.frames.fps)?;
+    let read = [
+        ("transport", Some(args.transport.as_path())),
+        ("look", options.look.as_deref()),
+        ("scene", args.scene.as_deref()),
+    ];
+    let mut inputs: Vec<(&'static str, &Path)> =
+        read.into_iter().filter_map(|(what, path)| Some((what, path?))).collect();
+    inputs.extend(skies.iter().map(|file| ("sky", file.as_path())));
+    sequence.spare(&inputs)?;
+
+    let interrupt = console.interrupt.heeded()?;
+    let gpu = open_gpu(options.device)?;
+    let device = gpu.as_ref().map_or("CPU".into(), |gpu: &Gpu| format!("GPU ({})", gpu.description()));
+    let bake = archive::read(&args.transport)
+        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let header = bake.header.clone();
+    sequence
+        .look
+        .snapshots
+        .iter()
+        .for_each(|snapshot| warn_of_unknown_lights(&header.basis, &snapshot.look(), console));
+    let all: Vec<_> = sequence.look.snapshots.iter().flat_map(|snapshot| snapshot.lights.lamps.clone()).collect();
+    let view = lamps::stage(&bake, &all, args.scene.as_deref(), console)?.map(|(scene, camera)| LampView {
+        scene: Arc::new(scene),
+        camera,
+        film: Film { width: header.width, height: header.height },
+        patches: header.patches.clone(),
+    });
+    let mut stills = Stills::new(Arc::new(Subject { bake, view }), gpu);
+    let (begun, n_frames, bar) = (Instant::now(), sequence.n_frames(), console.start_progress("frames"));
+    let mut on_frame = |n: u32| {
+        advance(&bar, n as f32 / n_frames as f32);
+        bar.set_message(format!("{n} of {n_frames}"));
+    };
+    let written = sequence.write(&mut stills, &header.basis, &|| interrupt.came(), &mut on_frame);
+    console.end_progress();
+    let n_written = written?;
+    if n_written < n_frames {
+        return Err(interrupt.stopped(format!("{n_written} of {n_frames} frames were written, each of them whole")));
+    }
+    let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());
+    let words = format!(
+        "{output}: {n_frames} frames, {}×{}, in {} on the {device}",
+        header.width,
+        header.height,
+        duration_words(secs)
+    );
+    let mut json = json!({
+        "output": output, "frames": n_frames, "first": sequence.frames.start(), "last": sequence.frames.end(), "fps": sequence.fps,
+        "width": header.width, "height": header.height, "relight_secs": secs, "warnings": console.warnings(),
+    });
+    stills.relighter().into_iter().for_each(|relighter| merge(&mut json, relighter.json()));
+    Ok(Answer { json, words })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_typed_with_both_ends() {
+        assert_eq!(parse_frames("0..48"), Ok(0..=48));
+        assert_eq!(parse_frames("7..=7"), Ok(7..=7));
+        for bad in ["", "5", "5..", "9..3", "-1..3", "a..b"] {
+            assert!(parse_frames(bad).is_err(), "{bad}");
+        }
+        assert!(parse_fps("23.976").is_ok() && parse_fps("0").is_err() && parse_fps("nan").is_err());
+    }
+}

@@ -1,0 +1,138 @@
+//! Two looks against each other: compared in the picture, or one becoming the other.
+
+use clerestory_transport::basis::LightBasis;
+use eframe::egui::{ComboBox, RichText, Slider, Ui};
+
+use crate::look::Look;
+use crate::look::fade::fade;
+use crate::viewport::compare::Way;
+
+/// What is seen on a side of a comparison.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// The lights as they are now.
+    Present,
+    /// The snapshot of that name.
+    Snapshot(String),
+}
+
+impl Side {
+    /// For people.
+    pub fn words(&self) -> &str {
+        match self {
+            Side::Present => "Now",
+            Side::Snapshot(name) => name,
+        }
+    }
+}
+
+/// A comparison.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Compare {
+    /// Left and right.
+    pub sides: [Side; 2],
+    /// How.
+    pub way: Way,
+}
+
+impl Compare {
+    /// The present look against the snapshot that it came from, else the first one.
+    pub(super) fn start(look: &Look) -> Option<Compare> {
+        let first = || look.snapshots.first().map(|snapshot| &snapshot.name);
+        let other = look.on.as_ref().or_else(first)?.clone();
+        Some(Compare { sides: [Side::Snapshot(other), Side::Present], way: Way::Wipe })
+    }
+
+    /// Sides whose snapshot is gone show the present look.
+    pub(super) fn heal(&mut self, look: &Look) {
+        for side in &mut self.sides {
+            if matches!(side, Side::Snapshot(name) if look.snapshot(name).is_none()) {
+                *side = Side::Present;
+            }
+        }
+    }
+}
+
+/// A cross-fade under way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fade {
+    /// Names of the snapshots from and to.
+    pub ends: [String; 2],
+    /// 0 is the first, 1 the second.
+    pub share: f32,
+}
+
+impl Fade {
+    /// From the look that is on, else the first one, to the one behind it.
+    pub(super) fn start(look: &Look) -> Option<Fade> {
+        let on = look.snapshots.iter().position(|snapshot| look.on.as_ref() == Some(&snapshot.name)).unwrap_or(0);
+        let next = (on + 1) % look.snapshots.len().max(1);
+        let name = |idx: usize| look.snapshots.get(idx).map(|snapshot| snapshot.name.clone());
+        Some(Fade { ends: [name(on)?, name(next)?], share: 0.0 })
+    }
+
+    /// Whether both of its snapshots are there.
+    pub(super) fn is_whole(&self, look: &Look) -> bool {
+        self.ends.iter().all(|name| look.snapshot(name).is_some())
+    }
+}
+
+/// The row of a comparison.
+pub(super) fn compare_ui(ui: &mut Ui, compare: &mut Compare, look: &Look) {
+    ui.horizontal(|ui| {
+        ui.label("Compare");
+        side_ui(ui, "Left look", &mut compare.sides[0], look);
+        ui.label("with");
+        side_ui(ui, "Right look", &mut compare.sides[1], look);
+        ui.add_space(8.0);
+        ui.selectable_value(&mut compare.way, Way::Wipe, "Wipe").on_hover_text("Drag the divider over the picture");
+        ui.selectable_value(&mut compare.way, Way::SideBySide, "Side by side");
+    });
+}
+
+fn side_ui(ui: &mut Ui, label: &str, side: &mut Side, look: &Look) {
+    let response = ComboBox::from_id_salt(label).selected_text(side.words().to_owned()).show_ui(ui, |ui| {
+        ui.selectable_value(side, Side::Present, Side::Present.words());
+        for snapshot in &look.snapshots {
+            ui.selectable_value(side, Side::Snapshot(snapshot.name.clone()), &snapshot.name);
+        }
+    });
+    response.response.accessible_name(label);
+}
+
+/// The row of a cross-fade. The slider lights the scene.
+pub(super) fn fade_ui(ui: &mut Ui, state: &mut Fade, look: &mut Look, basis: Option<&LightBasis>) {
+    let before = state.clone();
+    ui.horizontal(|ui| {
+        ui.label("Cross-fade");
+        end_ui(ui, "Fade from", &mut state.ends[0], look);
+        ui.spacing_mut().slider_width = (ui.available_width() - 420.0).clamp(120.0, 420.0);
+        let slider = Slider::new(&mut state.share, 0.0..=1.0)
+            .custom_formatter(|share, _| format!("{:.0} %", 100.0 * share))
+            .custom_parser(|text| text.trim_end_matches(['%', ' ']).parse::<f64>().ok().map(|percent| percent / 100.0));
+        ui.add(slider)
+            .accessible_name("Cross-fade")
+            .on_hover_text("Share of the second look, %; light is mixed linearly");
+        end_ui(ui, "Fade to", &mut state.ends[1], look);
+        ui.label(RichText::new("Keep look keeps what you see").weak().small());
+    });
+    let ends = [0, 1].map(|end| look.snapshot(&state.ends[end]).map(crate::look::snapshot::Snapshot::look));
+    if let ([Some(from), Some(to)], true) = (ends, *state != before) {
+        let mixed = fade(&from, &to, state.share, basis);
+        (look.lights, look.display) = (mixed.lights, mixed.display);
+        look.on = match state.share {
+            s if s <= 0.0 => Some(state.ends[0].clone()),
+            s if s >= 1.0 => Some(state.ends[1].clone()),
+            _ => None,
+        };
+    }
+}
+
+fn end_ui(ui: &mut Ui, label: &str, end: &mut String, look: &Look) {
+    let response = ComboBox::from_id_salt(label).selected_text(end.clone()).show_ui(ui, |ui| {
+        for snapshot in &look.snapshots {
+            ui.selectable_value(end, snapshot.name.clone(), &snapshot.name);
+        }
+    });
+    response.response.accessible_name(label);
+}

@@ -1,0 +1,321 @@
+//! The timeline: keys on a ruler, a playhead that is dragged or runs, and frames for files.
+
+use eframe::egui::{
+    self, Align2, Button, Color32, ComboBox, DragValue, FontId, ProgressBar, Rect, Response, RichText, Sense, Shape,
+    Stroke, Ui, pos2, vec2,
+};
+
+use super::LooksView;
+use crate::action::{Action, FileTask};
+use crate::look::Look;
+use crate::look::timeline::{Ease, FPS, Key, SECS, Timeline};
+use crate::theme;
+
+/// Height of ruler and keys, points.
+const HEIGHT: f32 = 46.0;
+/// Where the line of the keys is, from the top.
+const LINE: f32 = 30.0;
+/// Distance in points in which a key is touched.
+const REACH: f32 = 9.0;
+/// Least time that the ruler shows, seconds.
+const LEAST_SECS: f32 = 5.0;
+/// Time between the last key and one that is added behind it.
+const NEXT_SECS: f32 = 2.0;
+
+/// What the timeline remembers and no look holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Player {
+    /// The moment that is shown instead of the present look, seconds; none shows the present look.
+    pub playhead: Option<f32>,
+    /// Whether it runs.
+    pub playing: bool,
+    /// Key that was touched last.
+    chosen: Option<usize>,
+    /// Key that is being dragged.
+    dragged: Option<usize>,
+}
+
+impl Player {
+    /// Back to the present look.
+    pub fn stop(&mut self) {
+        (self.playhead, self.playing) = (None, false);
+    }
+
+    /// Lets time pass; it stays at the end.
+    pub fn advance(&mut self, timeline: &Timeline, secs: f32) {
+        let Some(playhead) = &mut self.playhead else { return };
+        if timeline.keys.is_empty() {
+            self.stop();
+        } else if self.playing {
+            *playhead = (*playhead + secs).min(timeline.end_secs());
+            self.playing = *playhead < timeline.end_secs();
+        }
+    }
+
+    fn play(&mut self, timeline: &Timeline) {
+        let is_at_end = self.playhead.is_none_or(|secs| secs >= timeline.end_secs());
+        if is_at_end {
+            self.playhead = Some(0.0);
+        }
+        self.playing = true;
+    }
+}
+
+/// Draws it.
+pub(super) fn timeline_ui(
+    ui: &mut Ui,
+    look: &mut Look,
+    player: &mut Player,
+    view: &LooksView,
+    actions: &mut Vec<Action>,
+) {
+    player.chosen = player.chosen.filter(|idx| *idx < look.timeline.keys.len());
+    ui.horizontal(|ui| {
+        play_ui(ui, look, player, view);
+        add_ui(ui, look, player);
+        key_ui(ui, look, player);
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| frames_ui(ui, look, view, actions));
+    });
+    track_ui(ui, look, player);
+}
+
+fn play_ui(ui: &mut Ui, look: &mut Look, player: &mut Player, view: &LooksView) {
+    let has_keys = !look.timeline.keys.is_empty();
+    let words = if player.playing { "⏸" } else { "▶" };
+    let play = ui.add_enabled(has_keys, Button::new(words)).accessible_name("Play the timeline");
+    if play.on_hover_text("Play at real time, P").clicked() {
+        toggle(player, &look.timeline);
+    }
+    let back = ui.add_enabled(player.playhead.is_some(), Button::new("⏹")).accessible_name("Back to the lights");
+    if back.on_hover_text("Stop, and show the lights as they are now").clicked() {
+        player.stop();
+    }
+    let Some(secs) = player.playhead else { return };
+    let frame = (secs * look.timeline.fps).round();
+    ui.label(RichText::new(format!("{secs:.2} s, frame {frame}")).color(theme::ACCENT));
+    let hint = "Light the scene as the timeline does at this moment";
+    if ui.add(Button::new("Take over").small()).on_hover_text(hint).clicked() {
+        let moment = look.at(secs, view.basis);
+        (look.lights, look.display, look.on) = (moment.lights, moment.display, None);
+        player.stop();
+    }
+}
+
+/// Plays, or stays where it is.
+pub fn toggle(player: &mut Player, timeline: &Timeline) {
+    if player.playing {
+        player.playing = false;
+    } else if !timeline.keys.is_empty() {
+        player.play(timeline);
+    }
+}
+
+fn add_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
+    let hint = "Add a key with one of the looks: at the playhead, else behind the last key";
+    ui.menu_button("Add key", |ui| {
+        let names: Vec<String> = look.snapshots.iter().map(|snapshot| snapshot.name.clone()).collect();
+        for name in names {
+            if ui.button(&name).clicked() {
+                let behind = look.timeline.keys.last().map_or(0.0, |key| key.secs + NEXT_SECS);
+                let secs = player.playhead.unwrap_or(behind);
+                player.chosen = Some(look.timeline.add(Key { secs, look: name, ease: Ease::default() }));
+                ui.close();
+            }
+        }
+    })
+    .response
+    .on_hover_text(hint);
+}
+
+/// The key that is chosen.
+fn key_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
+    let Some(idx) = player.chosen else { return };
+    ui.separator();
+    let Key { mut secs, look: name, ease } = look.timeline.keys[idx].clone();
+    let number = DragValue::new(&mut secs).range(0.0..=*SECS.end() as f32).speed(0.02).suffix(" s").max_decimals(3);
+    let time = ui.add(number).accessible_name("Time of the key").on_hover_text("When it is reached, seconds");
+    let key = &mut look.timeline.keys[idx];
+    let shown = ComboBox::from_id_salt("look of the key").selected_text(name).show_ui(ui, |ui| {
+        for snapshot in &look.snapshots {
+            ui.selectable_value(&mut key.look, snapshot.name.clone(), &snapshot.name);
+        }
+    });
+    shown.response.accessible_name("Look of the key");
+    let eases = ComboBox::from_id_salt("ease").width(70.0).selected_text(ease.words()).show_ui(ui, |ui| {
+        Ease::ALL.iter().for_each(|(ease, _, words)| drop(ui.selectable_value(&mut key.ease, *ease, *words)));
+    });
+    eases.response.accessible_name("Way to the next key").on_hover_text("How it becomes the next look");
+    if time.changed() {
+        player.chosen = Some(look.timeline.move_to(idx, secs));
+    }
+    if ui.button("Delete key").clicked() {
+        look.timeline.keys.remove(idx);
+        player.chosen = None;
+    }
+}
+
+/// From right to left: export, frames of a second, or how far the frames are.
+fn frames_ui(ui: &mut Ui, look: &mut Look, view: &LooksView, actions: &mut Vec<Action>) {
+    if let Some((done, of)) = view.frames {
+        if ui.button("Cancel").accessible_name("Cancel the frames").clicked() {
+            actions.push(Action::CancelFrames);
+        }
+        let bar = ProgressBar::new(done as f32 / of.max(1) as f32).desired_width(120.0);
+        ui.add(bar.text(format!("{done} of {of}"))).accessible_name("Frames that are written");
+        return;
+    }
+    let can_export = view.can_export && !look.timeline.keys.is_empty();
+    let hint = "Write every frame as PNG or linear EXR; # stands for the digits of its number";
+    if ui.add_enabled(can_export, Button::new("Export frames…")).on_hover_text(hint).clicked() {
+        actions.push(Action::Ask(FileTask::ExportFrames));
+    }
+    let fps = DragValue::new(&mut look.timeline.fps).range(*FPS.start() as f32..=*FPS.end() as f32).suffix(" fps");
+    ui.add(fps.speed(0.1).max_decimals(3)).accessible_name("Frames per second").on_hover_text("Frames of a second");
+}
+
+/// Seconds along the ruler.
+struct Ruler {
+    rect: Rect,
+    secs: f32,
+}
+
+impl Ruler {
+    fn x(&self, secs: f32) -> f32 {
+        self.rect.left() + 12.0 + secs / self.secs * (self.rect.width() - 24.0)
+    }
+
+    fn secs_at(&self, x: f32) -> f32 {
+        ((x - self.rect.left() - 12.0) / (self.rect.width() - 24.0) * self.secs).clamp(0.0, *SECS.end() as f32)
+    }
+
+    /// Seconds between two marks with a number: at least 56 points apart.
+    fn step(&self) -> f32 {
+        let least = 56.0 / (self.rect.width() - 24.0) * self.secs;
+        let steps = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0];
+        steps.into_iter().find(|step| *step >= least).unwrap_or(7200.0)
+    }
+}
+
+fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
+    let size = vec2(ui.available_width(), HEIGHT);
+    let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+    let at = f64::from(player.playhead.unwrap_or(0.0));
+    response.widget_info(|| egui::WidgetInfo::slider(true, at, "Timeline"));
+    // While something is dragged the ruler stays as it is.
+    let secs = ui.data_mut(|data| {
+        let kept = data.get_temp_mut_or::<f32>(response.id, LEAST_SECS);
+        if !response.dragged() {
+            *kept = (1.15 * look.timeline.end_secs()).max(LEAST_SECS);
+        }
+        *kept
+    });
+    let ruler = Ruler { rect, secs };
+    drag_ui(ui, &response, &ruler, look, player);
+    for (idx, key) in look.timeline.keys.iter().enumerate() {
+        let center = pos2(ruler.x(key.secs), rect.top() + LINE);
+        let place = Rect::from_center_size(center, egui::Vec2::splat(2.0 * REACH));
+        let key_response = ui.interact(place, response.id.with(idx), Sense::click());
+        let label = format!("Key {}: {} at {:.2} s", idx + 1, key.look, key.secs);
+        key_response
+            .widget_info(|| egui::WidgetInfo::selected(egui::Role::Button, true, player.chosen == Some(idx), &label));
+        if key_response.on_hover_text(format!("{label}\nDrag to move it")).clicked() {
+            player.chosen = Some(idx);
+        }
+    }
+    paint(ui, &ruler, &look.timeline, player);
+}
+
+/// A press on a key drags it; elsewhere the playhead comes to the pointer.
+fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player: &mut Player) {
+    let Some(pointer) = response.interact_pointer_pos() else { return };
+    if response.drag_started() {
+        let press = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
+        let distance = |key: &Key| (pos2(ruler.x(key.secs), ruler.rect.top() + LINE) - press).length();
+        player.dragged = look.timeline.keys.iter().position(|key| distance(key) < 1.5 * REACH);
+        player.chosen = player.dragged.or(player.chosen);
+    }
+    let secs = ruler.secs_at(pointer.x);
+    let on_frame = (secs * look.timeline.fps).round() / look.timeline.fps;
+    match player.dragged {
+        Some(idx) if response.dragged() => {
+            player.dragged = Some(look.timeline.move_to(idx, on_frame));
+            player.chosen = player.dragged;
+        }
+        None if (response.dragged() || response.clicked()) && !look.timeline.keys.is_empty() => {
+            (player.playhead, player.playing) = (Some(on_frame), false);
+        }
+        _ => {}
+    }
+    if response.drag_stopped() {
+        player.dragged = None;
+    }
+}
+
+fn paint(ui: &Ui, ruler: &Ruler, timeline: &Timeline, player: &Player) {
+    let (rect, painter) = (ruler.rect, ui.painter_at(ruler.rect));
+    let visuals = ui.visuals();
+    painter.rect_filled(rect, 3.0, visuals.extreme_bg_color);
+    let (weak, y) = (visuals.weak_text_color(), rect.top() + LINE);
+    let step = ruler.step();
+    for mark in 0..=(ruler.secs / step) as u32 {
+        let (secs, x) = (mark as f32 * step, ruler.x(mark as f32 * step));
+        painter.vline(x, rect.top()..=rect.top() + 5.0, Stroke::new(1.0, weak));
+        let words = if step < 1.0 { format!("{secs:.1} s") } else { format!("{secs:.0} s") };
+        painter.text(pos2(x + 3.0, rect.top() + 1.0), Align2::LEFT_TOP, words, FontId::proportional(10.5), weak);
+    }
+    for pair in timeline.keys.windows(2) {
+        let [from, to] = [&pair[0], &pair[1]].map(|key| ruler.x(key.secs));
+        let stroke = Stroke::new(if pair[0].look == pair[1].look { 1.0 } else { 2.5 }, weak);
+        match pair[0].ease {
+            Ease::Hold => {
+                painter.extend(Shape::dashed_line(&[pos2(from, y), pos2(to, y)], stroke, 4.0, 4.0));
+            }
+            _ => drop(painter.hline(from..=to, y, stroke)),
+        }
+    }
+    for (idx, key) in timeline.keys.iter().enumerate() {
+        let center = pos2(ruler.x(key.secs), y);
+        let diamond = [vec2(0.0, -6.0), vec2(6.0, 0.0), vec2(0.0, 6.0), vec2(-6.0, 0.0)].map(|corner| center + corner);
+        let color = if player.chosen == Some(idx) { theme::ACCENT } else { visuals.text_color() };
+        painter.add(Shape::convex_polygon(diamond.to_vec(), color, Stroke::new(1.0, Color32::from_black_alpha(160))));
+        let font = FontId::proportional(11.0);
+        painter.text(center + vec2(9.0, 7.0), Align2::LEFT_CENTER, &key.look, font, color);
+    }
+    if timeline.keys.is_empty() {
+        let words = "Add keys to let one look become the next";
+        painter.text(pos2(rect.center().x, y), Align2::CENTER_CENTER, words, FontId::proportional(12.0), weak);
+    }
+    if let Some(secs) = player.playhead {
+        painter.vline(ruler.x(secs), rect.y_range(), Stroke::new(1.5, theme::ACCENT));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_plays_to_the_end_and_starts_over() {
+        let mut timeline = Timeline::default();
+        let mut player = Player::default();
+        toggle(&mut player, &timeline);
+        assert_eq!(player, Player::default(), "without keys there is nothing to play");
+        timeline.add(Key { secs: 2.0, look: "A".into(), ease: Ease::Smooth });
+        toggle(&mut player, &timeline);
+        player.advance(&timeline, 1.5);
+        assert_eq!((player.playhead, player.playing), (Some(1.5), true));
+        player.advance(&timeline, 1.5);
+        assert_eq!((player.playhead, player.playing), (Some(2.0), false));
+        toggle(&mut player, &timeline);
+        assert_eq!((player.playhead, player.playing), (Some(0.0), true));
+    }
+
+    #[test]
+    fn the_ruler_reads_what_it_shows() {
+        let ruler = Ruler { rect: Rect::from_min_size(pos2(5.0, 0.0), vec2(624.0, 40.0)), secs: 6.0 };
+        for secs in [0.0, 1.25, 6.0] {
+            assert!((ruler.secs_at(ruler.x(secs)) - secs).abs() < 1e-4);
+        }
+        assert_eq!((ruler.step(), ruler.secs_at(-50.0)), (1.0, 0.0));
+    }
+}

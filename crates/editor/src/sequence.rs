@@ -1,0 +1,202 @@
+//! Frames of a timeline as files: each whole or not there, one after the other.
+
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use clerestory_transport::basis::LightBasis;
+
+use crate::export::{ImageFormat, Picture};
+use crate::look::Look;
+use crate::output::{PendingFile, spare_inputs};
+use crate::stills::{Size, Stills};
+
+/// Most frames of a sequence.
+pub const MOST_FRAMES: u32 = 1_000_000;
+
+/// Names of the files of a sequence: a path with `#` for the digits of the frame's number.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pattern {
+    folder: PathBuf,
+    before: String,
+    digits: usize,
+    after: String,
+    format: ImageFormat,
+}
+
+impl Pattern {
+    /// Whether a path names many files.
+    pub fn is_meant(path: &Path) -> bool {
+        path.file_name().is_some_and(|name| name.to_string_lossy().contains('#'))
+    }
+
+    /// From a path such as `out/frame_####.png`.
+    ///
+    /// # Errors
+    /// If its name has no `#` or several groups of them, or ends in neither `.png` nor `.exr`.
+    pub fn new(path: &Path) -> Result<Pattern> {
+        let format = ImageFormat::of(path)?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let digits = name.chars().filter(|c| *c == '#').count();
+        let run = "#".repeat(digits);
+        let Some((before, after)) = name.split_once(&run).filter(|_| digits > 0) else {
+            bail!(
+                "cannot name frames by {}: write # for the digits of their number, in one place, such as frame_####.png",
+                path.display()
+            );
+        };
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Ok(Pattern { folder, before: before.into(), digits, after: after.into(), format })
+    }
+
+    /// The file of a frame.
+    pub fn file(&self, frame: u32) -> PathBuf {
+        let Pattern { folder, before, digits, after, .. } = self;
+        folder.join(format!("{before}{frame:0digits$}{after}"))
+    }
+}
+
+/// Frames of a look that are to be written.
+pub struct Sequence {
+    /// The document with snapshots and timeline.
+    pub look: Look,
+    /// Names of the files.
+    pub pattern: Pattern,
+    /// First and last frame; frame n is at n / `fps` seconds.
+    pub frames: RangeInclusive<u32>,
+    /// Frames of a second.
+    pub fps: f32,
+}
+
+impl Sequence {
+    /// The whole timeline of a look, or what is asked of it.
+    ///
+    /// # Errors
+    /// A look without a timeline, frames in the wrong order, or too many.
+    pub fn new(
+        look: Look,
+        pattern: Pattern,
+        frames: Option<RangeInclusive<u32>>,
+        fps: Option<f32>,
+    ) -> Result<Sequence> {
+        if look.timeline.keys.is_empty() {
+            bail!("the look has no timeline: add keys to it in the editor, or write them into its `timeline`");
+        }
+        let fps = fps.unwrap_or(look.timeline.fps);
+        let last = (look.timeline.end_secs() * fps).round() as u32;
+        let frames = frames.unwrap_or(0..=last);
+        let n_frames = u64::from(*frames.end()) + 1 - u64::from(*frames.start()).min(u64::from(*frames.end()));
+        if frames.is_empty() || n_frames > u64::from(MOST_FRAMES) {
+            bail!("frames {} to {}: give 1 to {MOST_FRAMES} in rising order", frames.start(), frames.end());
+        }
+        Ok(Sequence { look, pattern, frames, fps })
+    }
+
+    /// Number of files.
+    pub fn n_frames(&self) -> u32 {
+        self.frames.end() - self.frames.start() + 1
+    }
+
+    /// Refuses to write over files that are read, and into folders that are not there.
+    ///
+    /// # Errors
+    /// Names the file.
+    pub fn spare<'a>(&self, inputs: &[(&'static str, &'a Path)]) -> Result<()> {
+        let folder = if self.pattern.folder.as_os_str().is_empty() { Path::new(".") } else { &self.pattern.folder };
+        if !folder.is_dir() {
+            bail!("cannot write frames: the folder {} does not exist; create it first", folder.display());
+        }
+        let existing = self.frames.clone().map(|frame| self.pattern.file(frame)).filter(|file| file.exists());
+        existing.into_iter().try_for_each(|file| spare_inputs(&file, inputs.iter().copied()))
+    }
+
+    /// Writes the frames in order and answers how many were written, all unless it was stopped. `on_frame` is told how many are
+    /// there.
+    ///
+    /// # Errors
+    /// A failing device, a picture that cannot be shown, a full disk.
+    pub fn write(
+        &self,
+        stills: &mut Stills,
+        basis: &LightBasis,
+        stop: &(dyn Fn() -> bool + Sync),
+        on_frame: &mut dyn FnMut(u32),
+    ) -> Result<u32> {
+        let mut last = None;
+        for (n_written, frame) in (0..).zip(self.frames.clone()) {
+            if stop() {
+                return Ok(n_written);
+            }
+            let look = self.look.at(frame as f32 / self.fps, Some(basis));
+            // Where nothing changes there is nothing to light.
+            let kept = last.take().filter(|(of, _)| *of == look.lights).map(|(_, picture)| picture);
+            let radiance = match kept {
+                Some(radiance) => radiance,
+                None => match stills.picture(&look, Size::Whole, stop)? {
+                    Some(radiance) => radiance,
+                    None => return Ok(n_written),
+                },
+            };
+            let irradiance = match look.shows_irradiance(self.pattern.format) {
+                true => stills.irradiance(&look, Size::Whole)?,
+                false => None,
+            };
+            let path = self.pattern.file(frame);
+            let place = PendingFile::create(&path)?;
+            let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
+            picture.write(place, self.pattern.format).with_context(|| format!("frame {frame} stopped the sequence"))?;
+            last = Some((look.lights, radiance));
+            on_frame(n_written + 1);
+        }
+        Ok(self.n_frames())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::look::timeline::{Ease, Key};
+
+    #[test]
+    fn a_pattern_numbers_its_files() {
+        let pattern = Pattern::new(Path::new("out/frame_####.v2.png")).unwrap();
+        assert_eq!(pattern.file(7), Path::new("out/frame_0007.v2.png"));
+        assert_eq!(pattern.file(123_456), Path::new("out/frame_123456.v2.png"));
+        for bad in ["out/frame.png", "a_##_#.png", "frame_####.jpg", "##"] {
+            assert!(Pattern::new(Path::new(bad)).is_err(), "{bad}");
+        }
+        assert!(Pattern::is_meant(Path::new("a#.exr")) && !Pattern::is_meant(Path::new("a#/b.exr")));
+    }
+
+    #[test]
+    fn a_sequence_spans_the_timeline_unless_told_otherwise() {
+        let mut look = Look::default();
+        look.keep("A");
+        let pattern = || Pattern::new(Path::new("f#.exr")).unwrap();
+        assert!(Sequence::new(look.clone(), pattern(), None, None).is_err(), "no keys");
+        look.timeline.add(Key { secs: 2.0, look: "A".into(), ease: Ease::Smooth });
+        let of = |frames, fps| Sequence::new(look.clone(), pattern(), frames, fps);
+        assert_eq!(of(None, None).unwrap().frames, 0..=48);
+        assert_eq!(of(None, Some(10.0)).unwrap().n_frames(), 21);
+        assert_eq!(of(Some(5..=9), None).unwrap().n_frames(), 5);
+        assert!(of(Some(9..=5), None).is_err() && of(Some(0..=u32::MAX), None).is_err());
+    }
+
+    #[test]
+    fn inputs_are_spared_by_every_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let input = folder.path().join("f03.exr");
+        std::fs::write(&input, b"bake").unwrap();
+        let mut look = Look::default();
+        look.keep("A");
+        look.timeline.add(Key { secs: 1.0, look: "A".into(), ease: Ease::Smooth });
+        let of = |name: &str| {
+            let pattern = Pattern::new(&folder.path().join(name)).unwrap();
+            Sequence::new(look.clone(), pattern, None, None).unwrap()
+        };
+        let inputs = [("transport", input.as_path())];
+        assert!(of("f##.exr").spare(&inputs).unwrap_err().to_string().contains("would overwrite the transport"));
+        of("g##.exr").spare(&inputs).unwrap();
+        assert!(of("none/g##.exr").spare(&inputs).is_err());
+    }
+}

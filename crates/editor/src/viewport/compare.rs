@@ -1,0 +1,118 @@
+//! Two looks of one picture: side by side, or with a divider that is dragged over it.
+
+use eframe::egui::{
+    self, Align2, Color32, CornerRadius, CursorIcon, FontId, Key, Pos2, Rect, Sense, Stroke, TextureId, Ui, pos2, vec2,
+};
+
+use crate::theme;
+
+/// How two pictures are shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Way {
+    /// One left of a divider, the other right of it.
+    #[default]
+    Wipe,
+    /// One beside the other, both whole.
+    SideBySide,
+}
+
+/// What a picture is compared with.
+pub struct Compared {
+    /// The picture on the right, of the same size.
+    pub right: TextureId,
+    /// What is seen on the left and on the right.
+    pub names: [String; 2],
+    /// How.
+    pub way: Way,
+}
+
+/// Width in points in which the divider is taken.
+const REACH: f32 = 16.0;
+/// Room between two pictures, points.
+const GAP: f32 = 4.0;
+/// By how much a key moves the divider, of the picture.
+const KEY_STEP: f32 = 0.02;
+const WHOLE: Rect = Rect { min: Pos2::ZERO, max: pos2(1.0, 1.0) };
+
+/// Where the picture on the left has its place in an area.
+pub fn left_area(area: Rect, compared: Option<&Compared>) -> Rect {
+    match compared.map(|compared| compared.way) {
+        Some(Way::SideBySide) => Rect::from_min_max(area.min, pos2(area.center().x - 0.5 * GAP, area.max.y)),
+        _ => area,
+    }
+}
+
+/// Where the picture on the right has its place beside that of the left.
+pub fn right_area(area: Rect, left: Rect) -> Rect {
+    Rect::from_min_max(pos2(left.right() + GAP, area.top()), area.max)
+}
+
+/// Draws the picture on the right of `left`, beside it.
+pub fn beside_ui(ui: &Ui, compared: &Compared, [left, right]: [Rect; 2], image: Rect) {
+    ui.painter_at(right).image(compared.right, image, WHOLE, Color32::WHITE);
+    name(ui, left, &compared.names[0], Align2::LEFT_BOTTOM);
+    name(ui, right, &compared.names[1], Align2::LEFT_BOTTOM);
+}
+
+/// Draws what is right of the divider, and the divider. `offset` is its way from the middle, in widths of the picture.
+pub fn wipe_ui(ui: &Ui, compared: &Compared, area: Rect, image: Rect, offset: &mut f32) {
+    let seen = image.intersect(area);
+    let at = |offset: f32| (image.center().x + offset * image.width()).clamp(seen.left(), seen.right());
+    let x = at(*offset);
+    let handle = Rect::from_center_size(pos2(x, seen.center().y), vec2(REACH, seen.height()));
+    let response =
+        ui.interact(handle, ui.scope_id().with("divider"), Sense::drag() | Sense::focusable_noninteractive());
+    let percent = f64::from(100.0 * (0.5 + *offset)).round();
+    response.widget_info(|| egui::WidgetInfo::slider(true, percent, "Compare divider"));
+    if let Some(pointer) = response.interact_pointer_pos() {
+        *offset = ((pointer.x - image.center().x) / image.width()).clamp(-0.5, 0.5);
+    }
+    if response.has_focus() {
+        let pressed = |key| ui.input(|input| input.key_pressed(key));
+        let step = f32::from(pressed(Key::ArrowRight)) - f32::from(pressed(Key::ArrowLeft));
+        *offset = (*offset + step * KEY_STEP).clamp(-0.5, 0.5);
+    }
+    if response.hovered() || response.dragged() {
+        ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
+    }
+    let x = at(*offset);
+    let share = (x - image.left()) / image.width();
+    let painter = ui.painter_at(area);
+    let right = Rect::from_min_max(pos2(x, image.top()), image.max);
+    painter.image(compared.right, right, Rect::from_min_max(pos2(share, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    let is_held = response.hovered() || response.dragged() || response.has_focus();
+    let color = if is_held { theme::ACCENT } else { Color32::WHITE };
+    painter.vline(x, seen.y_range(), Stroke::new(3.5, Color32::from_black_alpha(110)));
+    painter.vline(x, seen.y_range(), Stroke::new(1.5, color));
+    painter.circle(pos2(x, seen.center().y), 9.0, Color32::from_black_alpha(150), Stroke::new(1.5, color));
+    let font = FontId::proportional(12.0);
+    painter.text(pos2(x, seen.center().y), Align2::CENTER_CENTER, "↔", font, color);
+    name(ui, seen, &compared.names[0], Align2::LEFT_BOTTOM);
+    name(ui, seen, &compared.names[1], Align2::RIGHT_BOTTOM);
+}
+
+/// The name of a picture in its lower corner.
+fn name(ui: &Ui, of: Rect, words: &str, corner: Align2) {
+    let painter = ui.painter_at(of);
+    let inner = of.shrink(8.0);
+    let galley = painter.layout_no_wrap(words.to_owned(), FontId::proportional(12.5), Color32::from_gray(235));
+    let place = corner.anchor_size(corner.pos_in_rect(&inner), galley.size() + vec2(12.0, 6.0));
+    painter.rect_filled(place, CornerRadius::same(3), Color32::from_black_alpha(150));
+    painter.galley(place.min + vec2(6.0, 3.0), galley, Color32::from_gray(235));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_pictures_share_the_area_evenly() {
+        let area = Rect::from_min_max(pos2(10.0, 5.0), pos2(410.0, 300.0));
+        let compared = |way| Compared { right: TextureId::default(), names: [String::new(), String::new()], way };
+        let left = left_area(area, Some(&compared(Way::SideBySide)));
+        let right = right_area(area, left);
+        assert!((left.width() - right.width()).abs() < 1e-3 && right.right() == area.right(), "{left} {right}");
+        assert_eq!(left_area(area, Some(&compared(Way::Wipe))), area);
+        assert_eq!(left_area(area, None), area);
+    }
+}
