@@ -63,6 +63,8 @@ pub enum Action {
     AimLamp,
     /// Light the scene as a snapshot says, counted from 0.
     TakeLook(usize),
+    /// Write the scene with its lights as they are.
+    ExportGltf(PathBuf),
     /// Play the timeline, or stay where it is.
     PlayTimeline,
     /// Write the frames of the timeline.
@@ -100,6 +102,8 @@ pub enum FileTask {
     SaveLook,
     /// A place for the picture.
     Export,
+    /// A place for the scene with its lights.
+    ExportGltf,
     /// Names for the frames of the timeline.
     ExportFrames,
     /// A place for the bake.
@@ -120,6 +124,7 @@ impl FileTask {
             FileTask::SaveLook => "Save the look",
             FileTask::Export => "Export the picture",
             FileTask::ExportFrames => "Export the frames",
+            FileTask::ExportGltf => "Save the scene with its lights",
             FileTask::SaveBake => "Save the bake",
             FileTask::OpenProfile => "Open the profile of a lamp",
             FileTask::FindScene => "Choose the scene of this bake",
@@ -135,13 +140,13 @@ impl FileTask {
             FileTask::Export | FileTask::ExportFrames => ("Pictures", &["png", "exr"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
             FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
-            FileTask::FindScene => ("glTF scenes", &["glb", "gltf"]),
+            FileTask::FindScene | FileTask::ExportGltf => ("glTF scenes", &["glb", "gltf"]),
         }
     }
 
     /// Whether a file is written.
     pub fn writes(self) -> bool {
-        matches!(self, FileTask::SaveLook | FileTask::Export | FileTask::ExportFrames | FileTask::SaveBake)
+        matches!(self, FileTask::SaveLook | FileTask::Export | FileTask::ExportFrames | FileTask::ExportGltf | FileTask::SaveBake)
     }
 
     /// What happens once a file is chosen.
@@ -155,6 +160,7 @@ impl FileTask {
             FileTask::SaveLook => Action::SaveLook(path),
             FileTask::Export => Action::ExportImage(path),
             FileTask::ExportFrames => Action::ExportFrames(path),
+            FileTask::ExportGltf => Action::ExportGltf(path),
             FileTask::SaveBake => Action::SaveBake(path),
             FileTask::OpenProfile => Action::AddProfile(path),
             FileTask::FindScene => Action::UseScene(path),

@@ -281,6 +281,7 @@ impl App {
             Action::TakeLook(idx) => self.take_look(idx),
             Action::PlayTimeline => self.play_timeline(),
             Action::ExportFrames(path) => self.export_frames(&path),
+            Action::ExportGltf(path) => self.export_gltf(path),
             Action::CancelFrames => self.session.cancel_frames(),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
@@ -317,6 +318,7 @@ impl App {
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
             FileTask::ExportFrames => format!("{stem}_####.png"),
+            FileTask::ExportGltf => format!("{stem}-lit.glb"),
             FileTask::SaveBake => format!("{stem}.transport"),
         };
         self.question = Some(FileQuestion::new(task, &suggestion, self.dialogs));

@@ -4,6 +4,7 @@ pub mod args;
 pub(crate) mod bake;
 mod cache;
 mod console;
+pub mod gltf;
 mod info;
 mod interrupt;
 mod lamps;
@@ -76,6 +77,7 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
         Command::Sensors(args) => (sensors::sensors(args, console)?, args.answer.json),
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
+        Command::ExportGltf(args) => (gltf::export_gltf(args, console)?, args.answer.json),
         Command::Cache(args) => (cache::cache(args)?, args.answer.json),
         Command::Info(args) => (info::info(&args.file, console)?, args.answer.json),
     };

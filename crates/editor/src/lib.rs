@@ -9,6 +9,7 @@ pub mod bake_cache;
 pub mod cli;
 pub mod compare;
 pub mod export;
+pub mod export_gltf;
 pub mod headless;
 pub mod legend;
 pub mod look;

@@ -61,6 +61,8 @@ pub struct BakeSettings {
 pub struct Opened {
     /// For people.
     pub name: String,
+    /// What it was read from, where it is a scene.
+    pub source: Option<Source>,
     /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
     pub path: Option<PathBuf>,
     /// The scene; a bake that was opened from a file has none.
@@ -231,6 +233,7 @@ pub struct Session {
     frames: Option<(Task, (u32, u32))>,
     /// Path of what is being opened.
     opening: Option<PathBuf>,
+    opening_source: Option<Source>,
     /// Where opening stands.
     pub stage: Stage,
     /// What is open.
@@ -271,6 +274,7 @@ impl Session {
             finding: None,
             frames: None,
             opening: None,
+            opening_source: None,
             stage: Stage::Empty,
             opened: None,
             bake: BakeState::Idle,
@@ -330,6 +334,7 @@ impl Session {
         self.stop_loading();
         self.stage = Stage::Loading(source.name());
         self.opening = source.path();
+        self.opening_source = Some(source.clone());
         self.loading = self.spawn("open", move |post| {
             let name = source.name();
             let loaded = task::load(source).map_err(|error| format!("{error:#}"));
@@ -451,6 +456,14 @@ impl Session {
         });
     }
 
+    /// Writes the open scene with its lights under `look` in the background.
+    pub fn export_gltf(&mut self, look: Look, path: PathBuf) {
+        let opened = self.opened.as_ref().and_then(|opened| Some((opened.scene.clone()?, opened.source.clone()?)));
+        let Some((scene, source)) = opened else { return };
+        let task = self.spawn("write", move |post| task::write_gltf(&scene, source, &look, &path, &post));
+        self.others.extend(task);
+    }
+
     /// Writes the frames of a timeline in the background.
     pub fn export_frames(&mut self, sequence: Sequence) {
         let Some(subject) = self.subject() else { return };
@@ -565,22 +578,26 @@ impl Session {
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.stage = Stage::Ready;
         let path = self.opening.take();
+        let source = self.opening_source.take();
         match loaded {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
                 let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
-                self.opened = Some(Opened { name, path, scene, stack: None, report, lamps, chosen, of_bake: None });
+                self.opened =
+                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
             }
             Loaded::Stack(stack) => {
                 let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
                 let stack = Some(Arc::new(stack));
-                self.opened = Some(Opened { name, path, scene: None, stack, report, lamps, chosen, of_bake: None });
+                let (scene, source) = (None, None);
+                self.opened = Some(Opened { name, source, path, scene, stack, report, lamps, chosen, of_bake: None });
             }
             Loaded::Bake(bake) => {
                 let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
                 let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+                let (scene, source) = (None, None);
                 self.opened =
-                    Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen, of_bake: None });
+                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
                 let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
                 let Bake { header, irradiance, packed, .. } = bake;
                 let folder = folder.filter(|_| !header.basis.is_measured());

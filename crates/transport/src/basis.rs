@@ -3,7 +3,7 @@
 //! Every column is baked white at intensity 1, so that a red lamp can turn blue afterwards. What the file says about a
 //! light stands beside it as `color` and `strength` and comes back in [`LightBasis::project`].
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 use clerestory_nystrom::ColumnRun;
@@ -149,6 +149,9 @@ pub struct LightBasis {
     /// The sky of the bake, if it has one of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sky: Option<SkyLight>,
+    /// Spots that the file marks on its panels, by key; a rig's own take their place.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub spots: BTreeMap<String, Vec<PanelSpot>>,
 }
 
 impl LightBasis {
@@ -173,7 +176,7 @@ impl LightBasis {
                 _ => groups.push(ColumnGroup { kind, columns: source.columns.clone() }),
             }
         }
-        LightBasis { sources, groups, sky: None }
+        LightBasis { sources, groups, sky: None, spots: BTreeMap::new() }
     }
 
     /// Number of columns.
@@ -211,7 +214,7 @@ impl LightBasis {
         for source in &self.sources {
             let columns = &mut coefficients[source.columns.start as usize..source.columns.end as usize];
             let setting = rig.lights.get(&source.key).copied().unwrap_or_default();
-            match (source.kind, rig.panels.get(&source.key)) {
+            match (source.kind, self.spots_of(rig, &source.key)) {
                 (SourceKind::Constant, _) => columns.fill([1.0; 3]),
                 (SourceKind::Dome { divisions }, _) => self.project_dome(rig, setting, divisions, columns),
                 (SourceKind::Sun { .. }, _) => columns.fill(self.project_sun(rig, setting, source).to_array()),
@@ -222,6 +225,11 @@ impl LightBasis {
             }
         }
         coefficients
+    }
+
+    /// Spots of a panel under a rig: its own, else those of the file.
+    pub fn spots_of<'a>(&'a self, rig: &'a LightRig, key: &str) -> Option<&'a Vec<PanelSpot>> {
+        rig.panels.get(key).or_else(|| self.spots.get(key))
     }
 
     /// Luminance of each column's coefficient under the light of the file: what a scene is first seen under.

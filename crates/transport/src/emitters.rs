@@ -15,6 +15,7 @@ pub(crate) use self::surface::SurfacePoint;
 
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
 use crate::lamps::Lamp;
+use crate::light::PanelSpot;
 use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene};
 use crate::sensors::parallelogram;
@@ -227,6 +228,7 @@ impl Lighting {
             SkyForm::Whole => sky.light.clone(),
             SkyForm::Patches(_) => sky.light.clone().storable(),
         });
+        basis.spots = file_spots(scene, &found);
         let mut by_key: BTreeMap<String, Emitter> = found.into_iter().map(|(s, e)| (s.key, e)).collect();
         let emitters: Vec<Emitter> =
             basis.sources.iter().map(|s| by_key.remove(&s.key).expect("keys are unique")).collect();
@@ -243,6 +245,18 @@ impl Lighting {
     }
 }
 
+/// Spots that the file marks on its panels, by the panels' keys.
+fn file_spots(scene: &Scene, found: &Found) -> BTreeMap<String, Vec<PanelSpot>> {
+    let spots = found.iter().filter_map(|(source, emitter)| match emitter {
+        Emitter::Panel(panel) => {
+            let node = scene.mesh.triangle_node[panel.triangle as usize];
+            Some((source.key.clone(), scene.spots.get(&node)?.clone()))
+        }
+        _ => None,
+    });
+    spots.collect()
+}
+
 /// Color and strength that the file gives a node's emissive surfaces: those of its brightest material, channel by channel.
 fn file_emission(scene: &Scene, triangles: &[u32]) -> (Vec3, f32) {
     let mut radiance = Vec3::ZERO;
@@ -257,7 +271,7 @@ fn file_emission(scene: &Scene, triangles: &[u32]) -> (Vec3, f32) {
 
 /// A material's share of the brightest radiance of its light, per channel. A channel that the light does not emit in the
 /// file takes the largest share: columns are white, so that any color can be put in place of the file's.
-fn share_of(radiance: Vec3, brightest: Vec3) -> Vec3 {
+pub fn share_of(radiance: Vec3, brightest: Vec3) -> Vec3 {
     let emits = brightest.cmpgt(Vec3::ZERO);
     let share = Vec3::select(emits, radiance / Vec3::select(emits, brightest, Vec3::ONE), Vec3::ZERO);
     Vec3::select(emits, share, Vec3::splat(share.max_element()))

@@ -39,6 +39,13 @@ pub struct FreeLamp {
     pub setting: LightSetting,
 }
 
+impl FreeLamp {
+    /// Unit vectors to its right, its upper side, and where it shines; right-handed with the last one turned round.
+    pub fn frame(&self) -> [Vec3; 3] {
+        body::frame(self)
+    }
+}
+
 /// Kinds of free lamps. Angles are half angles in radians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

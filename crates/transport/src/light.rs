@@ -14,7 +14,8 @@ pub struct LightRig {
     /// Settings by lamp; a lamp that is left out shines as in the file.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub lights: BTreeMap<String, LightSetting>,
-    /// Spots by panel; a panel that is left out shines uniformly, one without spots is dark.
+    /// Spots by panel; a panel that is left out shines as in the file (uniformly, unless its node marks spots), one without
+    /// spots is dark.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub panels: BTreeMap<String, Vec<PanelSpot>>,
     /// The sky; one that is left out is as baked.

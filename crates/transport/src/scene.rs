@@ -5,11 +5,13 @@
 
 mod finish;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
 use crate::camera::Camera;
+use crate::light::PanelSpot;
 use crate::photometry::PhotometricProfile;
 use crate::sensors::SensorGrid;
 
@@ -37,6 +39,8 @@ pub struct Scene {
     /// Grids that nodes of the file ask for, `{"clerestory": {"sensors": [16, 8]}}`. Such a node exists as sensor only: it is
     /// not in the mesh, so that it neither blocks nor scatters light, nor shines.
     pub sensors: Vec<SensorGrid>,
+    /// Spots of light that nodes of the file mark on their panels, by index into `nodes`.
+    pub spots: BTreeMap<u32, Vec<PanelSpot>>,
     /// Images of the file that were not decoded, as nothing samples them.
     pub idle_images: u32,
     /// Bytes of their texels, of those whose size was at hand.

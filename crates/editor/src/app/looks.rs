@@ -1,7 +1,7 @@
 //! Looks in the window: their pictures, made when they or the bake change, and what is asked for about them.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -9,6 +9,8 @@ use eframe::egui::{self, Context, Panel, TextureHandle, TextureId, TextureOption
 
 use super::App;
 use crate::look::Look;
+use crate::output::spare_inputs;
+use crate::panels::lights::heard;
 use crate::panels::looks::mix::{Compare, Side};
 use crate::panels::looks::timeline::toggle;
 use crate::panels::looks::{LooksView, looks_ui};
@@ -124,6 +126,7 @@ impl App {
                 thumbnail: &thumbnail,
                 frames: self.session.frames(),
                 can_export: self.session.shown.is_some(),
+                is_scene: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
             };
             looks_ui(ui, &mut self.look, &mut self.looks, &view, &mut self.actions);
         });
@@ -189,6 +192,20 @@ impl App {
         let names = [0, 1].map(|idx| compare.sides[idx].words().to_owned());
         let compared = Some(Compared { right, names, way: compare.way });
         Viewed { picture: Some((left, size)), compared, ..viewed }
+    }
+
+    /// Writes the scene with its lights as they are seen, a solo included.
+    pub(super) fn export_gltf(&mut self, path: PathBuf) {
+        let mut seen = self.seen();
+        if let Some(basis) = self.session.basis() {
+            seen.lights = heard(basis, &seen.lights, &self.lights.solo);
+        }
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
+        let spared = spare_inputs(&path, opened.iter().map(|scene| ("opened scene", scene.as_path())));
+        match spared {
+            Ok(()) => self.session.export_gltf(seen, path),
+            Err(error) => self.complain(format!("{error:#}")),
+        }
     }
 
     /// Writes the frames of the timeline.

@@ -11,6 +11,7 @@ use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
 
+use super::gltf::ExportGltfArgs;
 use super::looks::LookChoice;
 use super::sequence::FramesArgs;
 
@@ -48,6 +49,7 @@ const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening
 const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024\n         \
     or: clerestory trace room.glb --ies Downlight=maker/downlight.ldt -o measured.exr";
 const COMPARE_EXAMPLE: &str = "Example: clerestory compare evening.exr reference.exr --json";
+const EXPORT_GLTF_EXAMPLE: &str = "Example: clerestory export-gltf room.glb --look evening.look -o evening.glb";
 const CACHE_EXAMPLE: &str = "Example: clerestory cache --clear";
 const INFO_EXAMPLE: &str = "Example: clerestory info room.transport --json";
 
@@ -71,6 +73,9 @@ pub enum Command {
     /// Say how many lux arrive at the sensors of a baked scene: average, minimum, maximum, uniformity.
     #[command(after_help = SENSORS_EXAMPLE)]
     Sensors(SensorsArgs),
+    /// Write a scene with its lights as a look sets them, so that it looks the same wherever it is opened.
+    #[command(after_help = EXPORT_GLTF_EXAMPLE)]
+    ExportGltf(ExportGltfArgs),
     /// Hold picture A against the reference B.
     #[command(after_help = COMPARE_EXAMPLE)]
     Compare(CompareArgs),
@@ -400,7 +405,7 @@ fn parse_size(text: &str) -> Result<Film, String> {
     Ok(Film { width, height })
 }
 
-fn parse_panel(text: &str) -> Result<PanelRequest, String> {
+pub(super) fn parse_panel(text: &str) -> Result<PanelRequest, String> {
     // A node's name may hold '=', a number cannot.
     let (node, resolution) = text.rsplit_once('=').ok_or("write NODE=M such as Ceiling=16")?;
     let resolution: u32 = resolution.parse().map_err(|_| "M must be a whole number from 4 to 64")?;

@@ -187,7 +187,7 @@ mod tests {
 
     fn look() -> Look {
         let mut look = Look::default();
-        for (name, intensity) in [("A", 1.0), ("B", 3.0)] {
+        for (name, intensity) in [("A", 2.0), ("B", 4.0)] {
             look.lights.lights.insert("lamp".into(), LightSetting { intensity, ..LightSetting::default() });
             look.keep(name);
         }
@@ -201,13 +201,13 @@ mod tests {
     #[test]
     fn keys_are_reached_at_their_times_and_eased_between() {
         let mut look = look();
-        assert_eq!(level(&look, 7.0), 3.0, "without keys it is the present look");
+        assert_eq!(level(&look, 7.0), 4.0, "without keys it is the present look");
         for (secs, name, ease) in [(4.0, "A", Ease::Linear), (1.0, "A", Ease::Smooth), (3.0, "B", Ease::Hold)] {
             look.timeline.add(Key { secs, look: name.into(), ease });
         }
         let seen = [0.0, 1.0, 1.5, 2.0, 3.0, 3.9, 4.0, 9.0].map(|secs| level(&look, secs));
-        let smooth = 1.0 + 2.0 * (0.25f32 * 0.25 * 2.5);
-        for (seen, expected) in seen.into_iter().zip([1.0, 1.0, smooth, 2.0, 3.0, 3.0, 1.0, 1.0]) {
+        let smooth = 2.0 + 2.0 * (0.25f32 * 0.25 * 2.5);
+        for (seen, expected) in seen.into_iter().zip([2.0, 2.0, smooth, 3.0, 4.0, 4.0, 2.0, 2.0]) {
             assert!((seen - expected).abs() < 1e-5, "{seen} is not {expected}");
         }
         assert_eq!(look.timeline.n_frames(), 97);
@@ -237,7 +237,7 @@ mod tests {
         for (key, wanted) in [
             ("{\"look\": \"A\"}", "`timeline.keys[0].time` is missing"),
             ("{\"time\": 1}", "`timeline.keys[0].look` is missing"),
-            ("{\"time\": -1, \"look\": \"A\"}", "line 2, column 31: `timeline.keys[0].time`"),
+            ("{\"time\": -1, \"look\": \"A\"}", "line 2, column 32: `timeline.keys[0].time`"),
         ] {
             let error = Look::from_json(&of(key)).unwrap_err().to_string();
             assert!(error.contains(wanted), "{key}: {error}");

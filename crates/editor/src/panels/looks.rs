@@ -5,9 +5,9 @@ pub mod mix;
 pub mod timeline;
 
 use clerestory_transport::basis::LightBasis;
-use eframe::egui::{self, RichText, TextureId, Ui, Vec2};
+use eframe::egui::{self, Button, RichText, TextureId, Ui, Vec2};
 
-use crate::action::Action;
+use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::presets::Preset;
 use crate::theme;
@@ -44,11 +44,13 @@ pub struct LooksView<'a> {
     pub frames: Option<(u32, u32)>,
     /// Whether there is a picture whose frames could be written.
     pub can_export: bool,
+    /// Whether a scene is open that could be written with its lights.
+    pub is_scene: bool,
 }
 
 /// Draws it.
 pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView, actions: &mut Vec<Action>) {
-    bar_ui(ui, look, state, view);
+    bar_ui(ui, look, state, view, actions);
     if look.snapshots.is_empty() {
         *state = LooksState::default();
         return;
@@ -83,7 +85,7 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
     ui.add_space(2.0);
 }
 
-fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView) {
+fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         ui.label(RichText::new("Looks").heading().strong());
         ui.add_space(6.0);
@@ -99,12 +101,19 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
         if look.snapshots.is_empty() {
             ui.add_space(6.0);
             ui.label(
-                RichText::new("Keep the lights as they are, then change them: a click brings each look back").weak(),
+                RichText::new("A click on a look that you kept brings it back").weak(),
             );
         } else {
             ui.separator();
             tools_ui(ui, look, state);
         }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let save = ui.add_enabled(view.is_scene, Button::new("Save as glTF…"));
+            let hint = "Write the scene with its lights as they are, for other programs";
+            if save.on_hover_text(hint).on_disabled_hover_text("Open a scene, not a bake, to write it").clicked() {
+                actions.push(Action::Ask(FileTask::ExportGltf));
+            }
+        });
     });
 }
 

@@ -22,7 +22,9 @@ use clerestory_transport::scene::{PunctualLight, Scene};
 use super::lamps::LampLight;
 use super::{Chosen, Wake};
 use crate::bake_cache::{BakeCache, Found};
+use crate::export_gltf::Lit;
 use crate::headless::GALLERY;
+use crate::look::Look;
 use crate::sequence::Sequence;
 use crate::stills::{Stills, Subject};
 
@@ -291,6 +293,24 @@ fn beside_the_window(bake: impl FnOnce() -> Result<Option<Bake>, BakeError> + Se
         Ok(pool) => pool.install(bake).map_err(words),
         Err(error) => Err(words(error)),
     }
+}
+
+/// Writes a scene with its lights as they are.
+pub(super) fn write_gltf(scene: &PreparedScene, source: Source, look: &Look, path: &Path, post: &Post) {
+    let folder = source.path().as_deref().and_then(Path::parent).map(Path::to_path_buf);
+    let write = || -> Result<String> {
+        let bytes = match source {
+            Source::BuiltIn => GALLERY.to_vec(),
+            Source::Bytes { bytes, .. } => bytes,
+            Source::File(file) => {
+                std::fs::read(&file).with_context(|| format!("the scene {} cannot be read again", file.display()))?
+            }
+        };
+        let warnings = Lit { bytes: &bytes, folder: folder.as_deref(), scene, look }.save(path)?;
+        let but = if warnings.is_empty() { String::new() } else { format!("; {}", warnings.join(", ")) };
+        Ok(format!("Saved {}{but}", path.display()))
+    };
+    let _ = post.send(Fact::Written(write().map_err(|error| format!("{error:#}"))), Duration::ZERO);
 }
 
 /// Writes the frames of a timeline one after the other.

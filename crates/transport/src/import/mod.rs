@@ -24,6 +24,7 @@ mod meshopt;
 mod profiles;
 mod report;
 mod sensors;
+mod spots;
 pub mod stack;
 mod tangents;
 #[cfg(test)]
@@ -259,6 +260,9 @@ fn add_nodes(
         let node_idx = scene.nodes.len() as u32;
         let name = node.name.clone().filter(|name| !name.is_empty());
         let panel = panel_side(node, index, notes);
+        if let Some(spots) = spots::marked(node, index, notes) {
+            scene.spots.insert(node_idx, spots);
+        }
         scene.nodes.push(SceneNode { index: index as u32, name, panel });
         let plain = light.and_then(|light| lamps::lamp(document, light, world_from_node, node_idx, notes));
         if plain.is_some() && light.and_then(|light| document.get(light)?.range).is_some() {

@@ -111,6 +111,12 @@ impl PreparedLamps {
         self.lamps.is_empty()
     }
 
+    /// What the lamp of that name shines with, per channel: candela along its axis (of a profile its largest), lux of parallel
+    /// light, nit of a body. `None` where it is dark.
+    pub fn emission(&self, key: &str) -> Option<Vec3> {
+        self.lamps.iter().find(|lamp| lamp.key == key).map(|lamp| lamp.emission)
+    }
+
     /// Those that shine.
     pub(crate) fn lamps(&self) -> &[PreparedLamp] {
         &self.lamps

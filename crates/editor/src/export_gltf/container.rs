@@ -1,0 +1,155 @@
+//! GLB chunks, and the files that a glTF refers to.
+
+use std::io::Write;
+use std::path::{Component, Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+use super::raw::{Document, PROFILES};
+use crate::output::{PendingFile, write_whole};
+
+const MAGIC: u32 = 0x4654_6C67;
+const JSON: u32 = 0x4E4F_534A;
+const BIN: u32 = 0x004E_4942;
+
+/// Kind of file that is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Glb,
+    Gltf,
+}
+
+impl Kind {
+    /// # Errors
+    /// If a name ends in neither `.glb` nor `.gltf`.
+    pub fn of(path: &Path) -> Result<Kind> {
+        match path.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
+            Some("glb") => Ok(Kind::Glb),
+            Some("gltf") => Ok(Kind::Gltf),
+            _ => bail!("cannot write {}: end the name in .glb or .gltf", path.display()),
+        }
+    }
+}
+
+/// The JSON of a file, and behind it the other chunks of a GLB as they are.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Container<'a> {
+    pub json: &'a [u8],
+    /// Kind and content of each chunk.
+    pub chunks: Vec<(u32, &'a [u8])>,
+}
+
+impl<'a> Container<'a> {
+    /// # Errors
+    /// If chunks are cut short.
+    pub fn split(bytes: &'a [u8]) -> Result<Container<'a>> {
+        let word = |at: usize| bytes.get(at..at + 4).map(|four| u32::from_le_bytes(four.try_into().expect("four bytes")));
+        if word(0) != Some(MAGIC) {
+            return Ok(Container { json: bytes, chunks: Vec::new() });
+        }
+        let length = word(8).context("it ends within its header")? as usize;
+        let (mut at, mut chunks) = (12, Vec::new());
+        while at + 8 <= length.min(bytes.len()) {
+            let (size, kind) = (word(at).context("it is cut short")? as usize, word(at + 4).context("it is cut short")?);
+            chunks.push((kind, bytes.get(at + 8..at + 8 + size).context("a chunk of it is cut short")?));
+            at += 8 + size;
+        }
+        match chunks.first() {
+            Some((JSON, json)) => Ok(Container { json, chunks: chunks.split_off(1) }),
+            _ => bail!("its first chunk is no JSON"),
+        }
+    }
+
+    fn bin(&self) -> Option<&'a [u8]> {
+        self.chunks.iter().find(|(kind, _)| *kind == BIN).map(|(_, bytes)| *bytes)
+    }
+}
+
+/// Writes a document with the chunks of its source, and beside it what it refers to.
+pub(super) fn save(
+    source: &Container,
+    mut document: Document,
+    kind: Kind,
+    folder: Option<&Path>,
+    path: &Path,
+) -> Result<()> {
+    // Reserved first, so that a folder that cannot be written costs nothing.
+    let place = PendingFile::create(path)?;
+    let beside = path.parent().unwrap_or(Path::new(""));
+    if let Some(folder) = folder {
+        copy_resources(&mut document, folder, beside)?;
+    }
+    if let (Kind::Gltf, Some(bin)) = (kind, source.bin()) {
+        let name = path.with_extension("bin");
+        put_beside(&name, bin)?;
+        let mut buffer = document.item("buffers", 0)?;
+        buffer.set("uri", &name.file_name().unwrap_or_default().to_string_lossy());
+        document.put("buffers", 0, &buffer);
+    }
+    let mut json = document.into_json();
+    place.commit(|writer| {
+        if kind == Kind::Gltf {
+            return Ok(writer.write_all(&json)?);
+        }
+        json.resize(json.len().next_multiple_of(4), b' ');
+        let length = 12 + [&json[..]].into_iter().chain(source.chunks.iter().map(|c| c.1)).map(|c| 8 + c.len()).sum::<usize>();
+        let length = u32::try_from(length).context("a GLB holds 4 GiB at most; write a .gltf")?;
+        let words = |words: [u32; 2]| words.map(u32::to_le_bytes).concat();
+        writer.write_all(&[words([MAGIC, 2]), length.to_le_bytes().to_vec()].concat())?;
+        for (kind, content) in std::iter::once(&(JSON, &json[..])).chain(&source.chunks) {
+            writer.write_all(&words([content.len() as u32, *kind]))?;
+            writer.write_all(content)?;
+        }
+        Ok(())
+    })
+}
+
+/// Copies the files that a document refers to from its old folder to the same places below the new one.
+fn copy_resources(document: &mut Document, from: &Path, to: &Path) -> Result<()> {
+    let canonical = |folder: &Path| if folder.as_os_str().is_empty() { Path::new(".") } else { folder }.canonicalize();
+    if canonical(from).ok() == canonical(to).ok() {
+        return Ok(());
+    }
+    for list in ["buffers", "images", PROFILES] {
+        for idx in 0..document.len(list) {
+            let uri: Option<String> = document.item(list, idx).unwrap_or_default().read("uri");
+            let Some(file) = uri.as_deref().and_then(|uri| beside(uri, from)) else { continue };
+            let target = to.join(&file);
+            let content = std::fs::read(from.join(&file))
+                .with_context(|| format!("cannot read {}, which the scene needs", from.join(&file).display()))?;
+            if let Some(parent) = target.parent() {
+                std::fs::create_dir_all(parent).with_context(|| format!("cannot make the folder {}", parent.display()))?;
+            }
+            put_beside(&target, &content)?;
+        }
+    }
+    Ok(())
+}
+
+/// The file that a URI names below a folder, as it is named there; none for data, addresses, and what lies elsewhere.
+fn beside(uri: &str, folder: &Path) -> Option<PathBuf> {
+    let is_below = |path: &Path| path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
+    let names = [percent_decode(uri)?, uri.to_owned()].map(PathBuf::from);
+    let has_scheme = uri.split_once(':').is_some_and(|(scheme, _)| scheme.chars().all(|c| c.is_ascii_alphanumeric()));
+    names.into_iter().find(|name| !has_scheme && is_below(name) && folder.join(name).is_file())
+}
+
+fn percent_decode(text: &str) -> Option<String> {
+    let (mut bytes, mut at) = (Vec::new(), 0);
+    while let Some(byte) = text.as_bytes().get(at) {
+        let code = text.get(at + 1..at + 3).filter(|_| *byte == b'%').and_then(|hex| u8::from_str_radix(hex, 16).ok());
+        bytes.push(code.unwrap_or(*byte));
+        at += if code.is_some() { 3 } else { 1 };
+    }
+    String::from_utf8(bytes).ok()
+}
+
+/// Writes a file that the scene needs, unless it is there already; another one of that name is not overwritten.
+fn put_beside(path: &Path, content: &[u8]) -> Result<()> {
+    match std::fs::read(path) {
+        Ok(there) if there == content => Ok(()),
+        Ok(_) => bail!("{} is there already and is another file; choose another folder or name", path.display()),
+        Err(_) => write_whole(path, content),
+    }
+}
+

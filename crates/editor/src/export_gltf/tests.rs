@@ -1,0 +1,251 @@
+//! What is written looks the same when it is opened again.
+
+use std::path::{Path, PathBuf};
+
+use clerestory_transport::import;
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
+use clerestory_transport::light::{LightSetting, PanelSpot};
+use glam::Vec3;
+use serde_json::{Value, json};
+
+use super::*;
+
+fn open(path: &Path) -> PreparedScene {
+    PreparedScene::new(import::load(path).unwrap().scene, &[]).unwrap().0
+}
+
+/// Files of the repository, and of others where they are at hand.
+fn files() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mut folders = vec![root.join("assets/scenes")];
+    if let Some(shared) = std::env::var_os("CLERESTORY_SHARED") {
+        let conformance = std::fs::read_dir(Path::new(&shared).join("conformance")).unwrap();
+        folders.extend(conformance.map(|entry| entry.unwrap().path()).filter(|path| path.is_dir()));
+    }
+    let files = folders.iter().flat_map(|folder| std::fs::read_dir(folder).unwrap()).map(|entry| entry.unwrap().path());
+    let is_scene = |path: &PathBuf| path.extension().is_some_and(|e| e == "glb" || e == "gltf");
+    let mut files: Vec<PathBuf> = files.filter(is_scene).collect();
+    files.sort();
+    files
+}
+
+fn save(file: &Path, scene: &PreparedScene, look: &Look, out: &Path) -> Vec<String> {
+    let bytes = std::fs::read(file).unwrap();
+    Lit { bytes: &bytes, folder: file.parent(), scene, look }.save(out).unwrap()
+}
+
+/// JSON and the rest of a file.
+fn parts(path: &Path) -> (Value, Vec<(u32, Vec<u8>)>) {
+    let bytes = std::fs::read(path).unwrap();
+    let Container { json, chunks } = Container::split(&bytes).unwrap();
+    let chunks = chunks.into_iter().map(|(kind, content)| (kind, content.to_vec())).collect();
+    (serde_json::from_slice(json).unwrap(), chunks)
+}
+
+#[test]
+fn a_scene_whose_lights_are_as_they_were_is_written_as_it_was() {
+    let mut n_files = 0;
+    for file in files() {
+        let Ok(imported) = import::load(&file) else { continue };
+        let Ok((scene, _)) = PreparedScene::new(imported.scene, &[]) else { continue };
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join(file.file_name().unwrap());
+        assert_eq!(save(&file, &scene, &Look::default(), &out), Vec::<String>::new());
+        assert_eq!(parts(&out), parts(&file), "{}", file.display());
+        n_files += 1;
+    }
+    assert!(n_files >= 5, "{n_files} files");
+}
+
+/// A setting for each light, none like the other.
+fn set_all(scene: &PreparedScene) -> Look {
+    let mut look = Look::default();
+    for (nth, source) in scene.lighting.basis.sources.iter().enumerate() {
+        let level = 0.25 + (nth % 5) as f32;
+        let (color, kelvin) = match nth % 3 {
+            0 => (Some([0.2, 1.5, 0.7]), None),
+            1 => (None, Some(2200.0 + 100.0 * nth as f32)),
+            _ => (None, None),
+        };
+        look.lights.lights.insert(source.key.clone(), LightSetting { intensity: level, color, kelvin, muted: false });
+    }
+    look
+}
+
+/// Holds what every light sends against what it sends in the file that was written.
+#[track_caller]
+fn assert_same_light(before: &PreparedScene, look: &Look, after: &PreparedScene) {
+    let (was, is) = (&before.lighting.basis, &after.lighting.basis);
+    let (lit, written) = (was.project(&look.lights), is.project(&Look::default().lights));
+    for source in &was.sources {
+        let expected = &lit[source.columns.start as usize..source.columns.end as usize];
+        let Some(found) = is.source(&source.key) else {
+            assert!(expected.iter().flatten().all(|v| *v == 0.0), "`{}` is gone", source.key);
+            continue;
+        };
+        let found = &written[found.columns.start as usize..found.columns.end as usize];
+        assert_eq!(expected.len(), found.len(), "{}", source.key);
+        for (a, b) in expected.iter().zip(found) {
+            let off = (Vec3::from(*a) - Vec3::from(*b)).abs().max_element();
+            assert!(off <= 1e-4 * Vec3::from(*a).max_element(), "`{}` sends {b:?} and not {a:?}", source.key);
+        }
+    }
+}
+
+#[test]
+fn every_light_of_every_scene_sends_what_it_was_set_to() {
+    let mut n_lights = 0;
+    for file in files() {
+        let Ok(imported) = import::load(&file) else { continue };
+        let Ok((scene, _)) = PreparedScene::new(imported.scene, &[]) else { continue };
+        let mut look = set_all(&scene);
+        look.lights.lights.retain(|key, _| key != "sky" && key != "unlit");
+        if look.lights.lights.is_empty() {
+            continue;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["out.glb", "out.gltf"] {
+            let out = folder.path().join(name);
+            save(&file, &scene, &look, &out);
+            assert_same_light(&scene, &look, &open(&out));
+        }
+        n_lights += look.lights.lights.len();
+    }
+    assert!(n_lights >= 20, "{n_lights} lights");
+}
+
+/// Two nodes share a mesh that shines, two a lamp; a third node uses the same material.
+fn shared() -> Vec<u8> {
+    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    let push = |list: &mut Value, item: Value| {
+        let list = list.as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    };
+    let quad = json!({"bufferView": 1, "byteOffset": 36, "componentType": 5123, "count": 6, "type": "SCALAR"});
+    let indices = push(&mut gltf["accessors"], quad);
+    let material = push(&mut gltf["materials"], json!({"emissiveFactor": [1, 0.9, 0.8], "extras": {"kept": [1.50]}}));
+    for primitives in 1..=2 {
+        let primitive = json!({"attributes": {"POSITION": 0}, "indices": indices, "material": material});
+        push(&mut gltf["meshes"], json!({"primitives": vec![primitive; primitives]}));
+    }
+    let [first, second] = [gltf["meshes"].as_array().unwrap().len() - 2, gltf["meshes"].as_array().unwrap().len() - 1];
+    for (name, mesh) in [("a", first), ("b", first), ("c", second), ("panel", first)] {
+        let x = f32::from(name.as_bytes()[0] % 5) * 0.1;
+        let mut node = json!({"name": name, "mesh": mesh, "scale": [0.1, 0.1, 0.1], "translation": [x, 0.2, -0.5]});
+        if name == "panel" {
+            node["extras"] = json!({"clerestory": {"panel": 4}, "other": 1});
+        }
+        let node = push(&mut gltf["nodes"], node);
+        push(&mut gltf["scenes"][0]["nodes"], json!(node));
+    }
+    let lamp = gltf["nodes"].as_array().unwrap().iter().find(|node| node["extensions"].is_object()).unwrap().clone();
+    let twin = push(&mut gltf["nodes"], json!({"name": "twin", "extensions": lamp["extensions"]}));
+    push(&mut gltf["scenes"][0]["nodes"], json!(twin));
+    serde_json::to_vec(&gltf).unwrap()
+}
+
+#[test]
+fn what_several_nodes_share_is_copied_and_muted_lights_stay_dark() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
+    std::fs::write(&file, shared()).unwrap();
+    let scene = open(&file);
+    let mut look = Look::default();
+    let set = |look: &mut Look, key: &str, setting| look.lights.lights.insert(key.into(), setting);
+    set(&mut look, "a", LightSetting { intensity: 3.0, ..LightSetting::default() });
+    set(&mut look, "c", LightSetting { color: Some([0.0, 0.5, 2.0]), ..LightSetting::default() });
+    set(&mut look, "lamp", LightSetting { muted: true, ..LightSetting::default() });
+    set(&mut look, "panel", LightSetting { intensity: 0.5, kelvin: Some(3000.0), ..LightSetting::default() });
+    let spot = PanelSpot { position: [0.3, 0.6], radius: 0.4, color: None, intensity: 2.0 };
+    look.lights.panels.insert("panel".into(), vec![spot, PanelSpot { color: Some([1.0, 0.0, 0.2]), ..spot }]);
+    save(&file, &scene, &look, &out);
+    let again = open(&out);
+    assert_same_light(&scene, &look, &again);
+    let (before, after) = (parts(&file).0, parts(&out).0);
+    // `b` and `twin` were not touched, and so are what they share with others.
+    assert_eq!(after["materials"][1], before["materials"][1]);
+    let lamps = &after["extensions"]["KHR_lights_punctual"]["lights"];
+    assert_eq!((lamps.as_array().unwrap().len(), &lamps[1]["intensity"]), (2, &json!(0.0)));
+    let copies = after["materials"].as_array().unwrap().len() - before["materials"].as_array().unwrap().len();
+    assert_eq!(copies, 3);
+    assert!(after["materials"].as_array().unwrap().iter().skip(1).all(|m| m["extras"]["kept"][0] == 1.5));
+    assert_eq!(after["nodes"][5]["extras"]["other"].clone(), before["nodes"][5]["extras"]["other"].clone());
+    // Written once more, it is the same again.
+    let (third, last) = (folder.path().join("third.gltf"), open(&out));
+    save(&out, &last, &Look::default(), &third);
+    assert_eq!(parts(&third), parts(&out));
+}
+
+#[test]
+fn free_lamps_become_nodes_that_shine_alike() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.glb"));
+    std::fs::write(&file, include_str!("../../tests/room.gltf")).unwrap();
+    let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+    std::fs::write(folder.path().join("x.ies"), ies).unwrap();
+    let profile = folder.path().join("x.ies").display().to_string();
+    let scene = open(&file);
+    let (aim, position) = (Vec3::new(0.3, -0.4, -0.6), Vec3::new(0.1, 0.4, -0.2));
+    let setting = LightSetting { kelvin: Some(3000.0), intensity: 2.0, ..LightSetting::default() };
+    let lamp = |shape: LampShape| {
+        let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Lumen };
+        FreeLamp { key: shape.name().to_owned(), shape, position, aim, strength: 300.0, unit, setting }
+    };
+    let mut look = Look::default();
+    look.lights.lamps = vec![
+        lamp(LampShape::Point),
+        lamp(LampShape::Spot { inner_rad: 0.2, outer_rad: 0.5 }),
+        lamp(LampShape::Directional),
+        lamp(LampShape::Profile { file: profile }),
+        lamp(LampShape::Rectangle { size_m: [0.3, 0.2] }),
+        lamp(LampShape::Disk { radius_m: 0.1 }),
+        lamp(LampShape::Sphere { radius_m: 0.1 }),
+    ];
+    save(&file, &scene, &look, &out);
+    let again = open(&out);
+    let basis = &again.lighting.basis;
+    let light = basis.project(&Look::default().lights);
+    for lamp in &look.lights.lamps {
+        let source = basis.source(&lamp.key).unwrap();
+        let expected = PreparedLamps::new(std::slice::from_ref(lamp), None).unwrap().0.emission(&lamp.key).unwrap();
+        let found = Vec3::from(light[source.columns.start as usize]);
+        assert!((found - expected).abs().max_element() < 1e-3 * expected.max_element(), "{found} {lamp:?}");
+        let node = again.scene.nodes.iter().position(|node| node.name.as_ref() == Some(&lamp.key)).unwrap();
+        if let Some(punctual) = again.scene.punctual.iter().find(|light| light.node as usize == node) {
+            let ahead = (aim - position).normalize();
+            assert!(punctual.position.distance(position) < 1e-5 && punctual.direction.distance(ahead) < 1e-5);
+            assert_eq!(punctual.profile.is_some(), matches!(lamp.shape, LampShape::Profile { .. }));
+        } else {
+            let mesh = &again.scene.mesh;
+            let own = (0..mesh.triangles.len()).filter(|t| mesh.triangle_node[*t] as usize == node);
+            let toward: Vec3 = own.map(|t| mesh.area_normal(t as u32)).sum();
+            let flat = !matches!(lamp.shape, LampShape::Sphere { .. });
+            assert!(!flat || toward.normalize().distance((aim - position).normalize()) < 1e-4, "{lamp:?}");
+        }
+    }
+    // The light of the file is what it was.
+    assert_same_light(&scene, &Look::default(), &again);
+}
+
+#[test]
+fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let (from, to) = (folder.path().join("from"), folder.path().join("to"));
+    std::fs::create_dir_all(from.join("data")).unwrap();
+    std::fs::create_dir(&to).unwrap();
+    let file = from.join("in.gltf");
+    std::fs::write(&file, r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "data/a%20b.bin"}]}"#).unwrap();
+    std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
+    let write = |out: &Path| {
+        let bytes = std::fs::read(&file).unwrap();
+        let document = Document::parse(&bytes).unwrap();
+        container::save(&Container::split(&bytes).unwrap(), document, Kind::Gltf, Some(&from), out)
+    };
+    write(&to.join("out.gltf")).unwrap();
+    assert_eq!(std::fs::read(to.join("data/a b.bin")).unwrap(), b"abc");
+    write(&to.join("again.gltf")).unwrap();
+    std::fs::write(to.join("data/a b.bin"), b"other").unwrap();
+    let error = write(&to.join("third.gltf")).unwrap_err().to_string();
+    assert!(error.contains("is there already") && !to.join("third.gltf").exists(), "{error}");
+}
