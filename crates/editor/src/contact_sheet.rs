@@ -53,11 +53,12 @@ mod tests {
         let sheet = contact_sheet(&prints);
         for i in 0..5 {
             let n = sheet.pixels().filter(|pixel| pixel.0 == [100 + i; 3]).count();
-            assert!((60 * 40..60 * 40 + 40).contains(&n), "{n} pixels of picture {i}");
+            // Some edge of a letter may have the same gray.
+            assert!((60 * 40..60 * 40 + 200).contains(&n), "{n} pixels of picture {i}");
         }
         assert!(sheet.pixels().any(|pixel| pixel.0[0] > 200), "words are bright");
         let columns = |y: u32| (0..sheet.width()).filter(|&x| sheet.get_pixel(x, y).0[0] >= 100).count();
-        assert_eq!((columns(20), columns(sheet.height() - 45)), (180, 120), "three across, two below");
+        assert_eq!((columns(20), columns(sheet.height() - 70)), (180, 120), "three across, two below");
     }
 
     #[test]

@@ -17,6 +17,7 @@ pub mod look;
 pub mod output;
 pub mod panels;
 pub mod picture;
+pub mod platform;
 pub mod session;
 pub mod theme;
 pub mod unsaved;

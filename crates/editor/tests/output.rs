@@ -13,7 +13,7 @@ use eframe::egui::{Event, OutputCommand};
 use egui_kittest::kittest::{NodeT, Queryable};
 use exr::meta::MetaData;
 
-use desk::{Window, baked, click, wait};
+use desk::{Window, baked, click, room, wait};
 
 /// Opens the questions about a picture and writes the path of its file.
 fn export_to(window: &mut Window, path: &Path) {
@@ -96,4 +96,62 @@ fn the_picture_is_copied_as_it_is_seen() {
     click(&mut window, "Mute panel");
     window.event(Event::Copy);
     assert!(copied(&mut window).pixels.iter().all(|pixel| pixel.r() == 0), "no light, and exposure stays");
+}
+
+/// Runs a command line in this process; what it answers, as JSON.
+#[track_caller]
+fn answer(line: &[&str]) -> serde_json::Value {
+    let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+    let line = ["clerestory"].iter().chain(line).chain(&["--json"]);
+    let code = clerestory::cli::run(line, &mut stdout, &mut stderr);
+    assert_eq!(code, std::process::ExitCode::SUCCESS, "{}", String::from_utf8_lossy(&stderr));
+    serde_json::from_slice(&stdout).unwrap()
+}
+
+#[test]
+fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    let (scene, bake) = (at("room.gltf"), at("room.transport"));
+    let size = ["--size", "64x48", "--spp", "4", "--tolerance", "20"];
+    let estimate = answer(&[&["bake", &scene, "--estimate"], &size[..]].concat());
+    answer(&[&["bake", &scene, "-o", &bake, "--memory", "64GB"], &size[..]].concat());
+    let (told, is) = (estimate["file_bytes"].as_f64().unwrap(), std::fs::metadata(&bake).unwrap().len() as f64);
+    assert!((told - is).abs() < 0.1 * is, "{told} {is}");
+
+    let exr = at("part.exr");
+    let line = ["relight", &bake, "-o", &exr, "--layers", "groups", "--bits", "16", "--compression", "piz"];
+    let told = answer(&[&line[..], &["--width", "32", "--region", "8,4,16,12"]].concat());
+    assert_eq!((&told["width"], &told["height"], &told["layers"]), (&16.into(), &12.into(), &2.into()));
+    let header = MetaData::read_from_file(&exr, true).unwrap().headers.remove(0);
+    let names: Vec<String> = header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R", "lamps.B", "lamps.G", "lamps.R", "panels.B", "panels.G", "panels.R"]);
+    assert_eq!((header.layer_size.0, header.shared_attributes.display_window.size.0), (16, 32));
+
+    for (name, intensity) in [("dim", 0.2), ("bright", 3.0), ("as it is", 1.0)] {
+        let look = format!(r#"{{"clerestory": 1, "lights": {{"lamp": {{"intensity": {intensity}}}}}}}"#);
+        std::fs::write(at(&format!("{name}.look")), look).unwrap();
+    }
+    let looks = ["dim", "bright", "as it is"].map(|name| at(&format!("{name}.look")));
+    let sheet = at("looks.png");
+    let line = ["relight", &bake, "-o", &sheet, "--contact-sheet", &looks[0], &looks[1], &looks[2]];
+    let told = answer(&line);
+    assert_eq!(told["looks"][2]["name"], "as it is");
+    let sheet = image::open(&sheet).unwrap();
+    assert!(sheet.width() > 2 * 64 && sheet.width() < 3 * 64, "two across: {}", sheet.width());
+}
+
+#[test]
+fn a_bake_beyond_its_memory_is_refused_before_it_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+    let line = ["clerestory", "bake", &at("room.gltf"), "-o", &at("a.transport"), "--size", "64x48", "--spp", "4"];
+    let line = line.iter().chain(&["--memory", "1MB"]);
+    let code = clerestory::cli::run(line, &mut stdout, &mut stderr);
+    let said = String::from_utf8_lossy(&stderr);
+    assert!(code != std::process::ExitCode::SUCCESS && said.contains("--memory allows"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was begun");
 }

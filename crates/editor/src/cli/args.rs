@@ -36,6 +36,7 @@ const EDITOR_EXAMPLE: &str = "Example: clerestory room.glb\n\
 const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16\n         \
     or: clerestory bake room.glb -o room.transport --ies Downlight=maker/downlight.ies\n         \
     or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75\n         \
+    or: clerestory bake room.glb --estimate\n         \
     or: clerestory bake --images stage/ -o face.transport --tolerance 45";
 const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers groups\n         \
     or: clerestory relight room.transport -o lux.exr --layers irradiance --bits 16 --compression piz\n         \
@@ -177,7 +178,7 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 17] = [
+const OF_SCENES: [&str; 19] = [
     "scene",
     "camera",
     "size",
@@ -195,6 +196,8 @@ const OF_SCENES: [&str; 17] = [
     "irradiance",
     "sensors",
     "work_planes",
+    "estimate",
+    "memory",
 ];
 
 /// `clerestory bake`.
@@ -208,8 +211,14 @@ pub struct BakeArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = OF_SCENES)]
     pub images: Option<PathBuf>,
     /// Transport file to write.
-    #[arg(short, long, value_name = "FILE.transport")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "FILE.transport", required_unless_present = "estimate")]
+    pub output: Option<PathBuf>,
+    /// Do not bake: try some blocks, and tell about how long it will take, how much memory, and how large the file will be.
+    #[arg(long, conflicts_with = "output")]
+    pub estimate: bool,
+    /// Refuse a bake that would take more memory than this, before it starts; such as 8GB.
+    #[arg(long, value_name = "SIZE", value_parser = super::estimate::parse_bytes)]
+    pub memory: Option<u64>,
     /// How to bake.
     #[command(flatten)]
     pub options: BakeOptions,

@@ -23,6 +23,7 @@ use crate::export::layers::{FREE_LAMPS, LayerSet};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
+use crate::platform::may_have_gpu;
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
@@ -198,19 +199,6 @@ pub(super) fn open_gpu(device: Device) -> Result<Option<Gpu>> {
         Device::Auto if may_have_gpu() => Ok(Gpu::headless(DeviceChoice::Hardware).ok()),
         Device::Auto => Ok(None),
     }
-}
-
-/// Nodes of the drivers of graphics hardware on Linux: kernel drivers, NVIDIA's own, Windows' subsystem, phones.
-#[cfg(target_os = "linux")]
-const GPU_NODES: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
-
-/// Whether it is worth asking for hardware. Graphics libraries write complaints of their own to stderr when they are asked
-/// where there is neither hardware nor a session.
-fn may_have_gpu() -> bool {
-    #[cfg(target_os = "linux")]
-    return GPU_NODES.iter().any(|node| Path::new(node).exists());
-    #[cfg(not(target_os = "linux"))]
-    true
 }
 
 /// The frame of a bake under a rig, as a relighter takes it. Blocks are shared but where the sky is seen.
