@@ -142,7 +142,7 @@ impl Lit {
         let begun = Instant::now();
         let mut radiance = relighter.relight(&coefficients)?;
         let relight_secs = begun.elapsed().as_secs_f64();
-        lamps.iter().for_each(|lamp| add(&mut radiance, &lamp.direct));
+        lamps.iter().for_each(|lamp| radiance.add(&lamp.direct));
         Ok(Lit { relighter, coefficients, radiance, relight_secs })
     }
 
@@ -154,7 +154,7 @@ impl Lit {
         if set == LayerSet::Groups
             && let Some((first, others)) = of_lamps.split_first_mut()
         {
-            others.iter().for_each(|other| add(&mut first.radiance, &other.radiance));
+            others.iter().for_each(|other| first.radiance.add(&other.radiance));
             first.key = FREE_LAMPS.into();
             of_lamps.truncate(1);
         }
@@ -180,12 +180,6 @@ fn light_patches(bake: &Bake, coefficients: &mut [Vec<[f32; 3]>], lamp: &LampLig
         for (sum, more) in last.iter_mut().zip(&lamp.of_patches) {
             (0..3).for_each(|c| sum[c] += more[c]);
         }
-    }
-}
-
-fn add(radiance: &mut Radiance, more: &Radiance) {
-    for (pixel, more) in radiance.pixels.iter_mut().zip(&more.pixels) {
-        (0..3).for_each(|c| pixel[c] += more[c]);
     }
 }
 
@@ -259,7 +253,7 @@ impl Relighter {
             let mut coefficients = dark.clone();
             light_patches(bake, &mut coefficients, lamp);
             let mut radiance = self.relight(&coefficients)?;
-            add(&mut radiance, &lamp.direct);
+            radiance.add(&lamp.direct);
             Ok(LightLayer { key: lamp.key.clone(), radiance })
         };
         lamps.iter().map(layer).collect()
