@@ -79,8 +79,8 @@ fn the_picture_is_copied_as_it_is_seen() {
                 OutputCommand::CopyImage(picture) => Some(picture.clone()),
                 _ => None,
             });
-            if picture.is_some() {
-                return picture.unwrap();
+            if let Some(picture) = picture {
+                return picture;
             }
             std::thread::sleep(std::time::Duration::from_millis(2));
         }

@@ -1,6 +1,5 @@
 //! `clerestory relight` and `clerestory render`: factors times coefficients, into a file.
 
-use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
