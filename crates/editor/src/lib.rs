@@ -9,6 +9,7 @@ pub mod bake_cache;
 pub mod cli;
 pub mod compare;
 pub mod contact_sheet;
+pub mod crash;
 pub mod export;
 pub mod headless;
 pub mod legend;

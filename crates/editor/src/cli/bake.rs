@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
@@ -70,7 +71,8 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
     if let Some(limit_bytes) = args.memory {
         estimate::keep_within(limit_bytes, &estimate::estimate(&job, args, console)?)?;
     }
-    run_with_progress(console, &args.options, &|| kept_words(output), |on_event| {
+    let kept = || kept_words(output, restart(&args.options));
+    run_with_progress(console, &args.options, &kept, |on_event| {
         archive::bake_to_file(job, output, restart(&args.options), on_event)
     })
     .with_context(|| format!("cannot bake {} to {}", scene.display(), output.display()))
@@ -82,7 +84,8 @@ fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Cons
     reserve(output, &inputs)?;
     let mut remarks = Vec::new();
     let job = stack_job(&stack, &args.options);
-    let baked = run_with_progress(console, &args.options, &|| kept_words(output), |on_event| {
+    let kept = || kept_words(output, restart(&args.options));
+    let baked = run_with_progress(console, &args.options, &kept, |on_event| {
         let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
         remarks = surveyed.remarks();
         archive::stack_to_file(surveyed, output, restart(&args.options), on_event)
@@ -114,13 +117,15 @@ fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
 }
 
 fn restart(options: &BakeOptions) -> Restart {
-    if options.fresh { Restart::Fresh } else { Restart::Resume }
+    // Within a time, blocks of the last pass alone are no start.
+    if options.fresh || options.seconds.is_some() { Restart::Fresh } else { Restart::Resume }
 }
 
 /// What a bake that is stopped leaves behind.
-fn kept_words(output: &Path) -> String {
+fn kept_words(output: &Path, restart: Restart) -> String {
     let part = archive::part_of(output);
     match part.exists() {
+        true if restart == Restart::Fresh => "the same command starts over".into(),
         true => format!("what is done is kept in {}, and the same command goes on with it", part.display()),
         false => "nothing was done yet".into(),
     }
@@ -146,6 +151,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         method: options.method,
         patches: options.patches,
     };
+    let passes = options.seconds.map_or(passes, |limit| Passes::Until(Instant::now() + limit));
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
 }
 

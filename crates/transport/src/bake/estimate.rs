@@ -121,7 +121,17 @@ impl BakeJob {
         let passes = self.pass_samples(true);
         let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
         let started = Instant::now();
-        let mut run = Run { job: self, matrix: &matrix, header: &header, empty, matrices, last, bias: None, started };
+        let mut run = Run {
+            job: self,
+            matrix: &matrix,
+            header: &header,
+            empty,
+            matrices,
+            last,
+            bias: None,
+            started,
+            deadline: None,
+        };
         let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
         let all = self.config.samples_per_half();
         let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());
