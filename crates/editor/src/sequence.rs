@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clerestory_transport::basis::LightBasis;
 
-use crate::export::{ImageFormat, Picture};
+use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 use crate::stills::{Size, Stills};
@@ -21,7 +21,8 @@ pub struct Pattern {
     before: String,
     digits: usize,
     after: String,
-    format: ImageFormat,
+    /// Kind of the files.
+    pub format: ImageFormat,
 }
 
 impl Pattern {
@@ -66,6 +67,8 @@ pub struct Sequence {
     pub frames: RangeInclusive<u32>,
     /// Frames of a second.
     pub fps: f32,
+    /// How the files are written.
+    pub options: ExportOptions,
 }
 
 impl Sequence {
@@ -89,7 +92,7 @@ impl Sequence {
         if frames.is_empty() || n_frames > u64::from(MOST_FRAMES) {
             bail!("frames {} to {}: give 1 to {MOST_FRAMES} in rising order", frames.start(), frames.end());
         }
-        Ok(Sequence { look, pattern, frames, fps })
+        Ok(Sequence { look, pattern, frames, fps, options: ExportOptions::default() })
     }
 
     /// Number of files.
@@ -137,14 +140,16 @@ impl Sequence {
                     None => return Ok(n_written),
                 },
             };
-            let irradiance = match look.shows_irradiance(self.pattern.format) {
+            let irradiance = match self.options.irradiance || look.shows_irradiance(self.pattern.format) {
                 true => stills.irradiance(&look, Size::Whole)?,
                 false => None,
             };
             let path = self.pattern.file(frame);
             let place = PendingFile::create(&path)?;
             let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
-            picture.write(place, self.pattern.format).with_context(|| format!("frame {frame} stopped the sequence"))?;
+            picture
+                .write(place, self.pattern.format, &self.options)
+                .with_context(|| format!("frame {frame} stopped the sequence"))?;
             last = Some((look.lights, radiance));
             on_frame(n_written + 1);
         }

@@ -9,6 +9,7 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::sky::Backdrop;
 
 use crate::cli::relight::{Relighter, irradiance_of};
+use crate::export::{height_of, shrunk};
 use crate::look::Look;
 use crate::session::lamps::{LampView, StillLamps};
 
@@ -87,10 +88,9 @@ impl Stills {
         if let Some(light) = &light {
             light.light_patches(header, &mut coefficients);
         }
-        let mut radiance = smaller(relighter.relight(&coefficients)?, film);
-        for (pixel, more) in radiance.pixels.iter_mut().zip(light.iter().flat_map(|light| &light.direct.pixels)) {
-            (0..3).for_each(|c| pixel[c] += more[c]);
-        }
+        let whole = relighter.relight(&coefficients)?;
+        let mut radiance = shrunk(&whole, [film.width, film.height]).into_owned();
+        light.iter().for_each(|light| radiance.add(&light.direct));
         Ok(Some(radiance))
     }
 
@@ -102,45 +102,18 @@ impl Stills {
         let bake = &self.subject.bake;
         let Some(set) = bake.pixel_irradiance() else { return Ok(None) };
         let film = fitting(Film { width: bake.header.width, height: bake.header.height }, size);
-        Ok(Some(smaller(irradiance_of(bake, set, &look.lights)?, film)))
+        let whole = irradiance_of(bake, set, &look.lights)?;
+        Ok(Some(shrunk(&whole, [film.width, film.height]).into_owned()))
     }
 }
 
 fn fitting(film: Film, size: Size) -> Film {
     match size {
         Size::Within(width) if width < film.width => {
-            let height = (u64::from(film.height) * u64::from(width)).div_ceil(u64::from(film.width));
-            Film { width, height: height as u32 }
+            Film { width, height: height_of(width, [film.width, film.height]) }
         }
         _ => film,
     }
-}
-
-/// The mean of the pixels that each pixel of a smaller film touches.
-fn smaller(picture: Radiance, film: Film) -> Radiance {
-    if (picture.width, picture.height) == (film.width, film.height) {
-        return picture;
-    }
-    let span = |n: u32, to: u32, of: u32| {
-        let scaled = |n: u32| u64::from(n) * u64::from(of);
-        (scaled(n) / u64::from(to)) as usize..scaled(n + 1).div_ceil(u64::from(to)) as usize
-    };
-    let mut small = Radiance::new(film.width, film.height);
-    for y in 0..film.height {
-        let rows = span(y, film.height, picture.height);
-        for x in 0..film.width {
-            let (columns, mut sum) = (span(x, film.width, picture.width), [0.0; 3]);
-            for row in rows.clone() {
-                let start = row * picture.width as usize;
-                for pixel in &picture.pixels[start + columns.start..start + columns.end] {
-                    (0..3).for_each(|c| sum[c] += pixel[c]);
-                }
-            }
-            let n_pixels = (rows.len() * columns.len()) as f32;
-            small.pixels[(y * film.width + x) as usize] = sum.map(|sum| sum / n_pixels);
-        }
-    }
-    small
 }
 
 #[cfg(test)]
@@ -148,17 +121,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_smaller_picture_has_the_same_mean() {
-        let pixels = (0..12 * 6).map(|i| [i as f32, 1.0, (i % 12) as f32]).collect();
-        let picture = Radiance { width: 12, height: 6, pixels };
-        let film = fitting(Film { width: 12, height: 6 }, Size::Within(4));
-        assert_eq!((film.width, film.height), (4, 2));
-        let small = smaller(picture.clone(), film);
-        let mean = |of: &Radiance, c: usize| of.pixels.iter().map(|p| p[c]).sum::<f32>() / of.pixels.len() as f32;
-        assert!((0..3).all(|c| (mean(&small, c) - mean(&picture, c)).abs() < 1e-3), "{small:?}");
-        assert_eq!(small.pixels[0], [13.0, 1.0, 1.0]);
-        assert_eq!(fitting(film, Size::Within(9)), film);
-        // Sides that do not divide.
-        assert!(smaller(picture, Film { width: 5, height: 4 }).pixels.iter().all(|p| p[1] == 1.0));
+    fn pictures_fit_and_are_never_larger_than_what_was_baked() {
+        let film = Film { width: 12, height: 6 };
+        assert_eq!(fitting(film, Size::Within(4)), Film { width: 4, height: 2 });
+        assert_eq!((fitting(film, Size::Within(12)), fitting(film, Size::Whole)), (film, film));
+        assert_eq!(fitting(film, Size::Within(90)), film);
     }
 }

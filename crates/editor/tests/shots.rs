@@ -72,7 +72,10 @@ fn frames_go_from_one_look_to_the_other() {
     }
     assert_eq!(relight(folder, &["--look", "shots.look", "--at", "0.5"], "half.exr"), middle);
     // Part of it, at another rate.
-    run(folder, &["relight", "room.transport", "--look", "shots.look", "--frames", "3..4", "--fps", "8", "-o", "g_#.png"]);
+    run(
+        folder,
+        &["relight", "room.transport", "--look", "shots.look", "--frames", "3..4", "--fps", "8", "-o", "g_#.png"],
+    );
     let names: Vec<bool> = (2..6).map(|n| folder.join(format!("g_{n}.png")).exists()).collect();
     assert_eq!(names, [false, true, true, false]);
 }

@@ -8,9 +8,10 @@ use anyhow::Result;
 use eframe::egui::{self, Context, Panel, TextureHandle, TextureId, TextureOptions, Ui, Vec2};
 
 use super::App;
+use crate::export::ExportOptions;
+use crate::export::layers::LayerSet;
 use crate::look::Look;
 use crate::output::spare_inputs;
-use crate::panels::lights::heard;
 use crate::panels::looks::mix::{Compare, Side};
 use crate::panels::looks::timeline::toggle;
 use crate::panels::looks::{LooksView, looks_ui};
@@ -196,10 +197,7 @@ impl App {
 
     /// Writes the scene with its lights as they are seen, a solo included.
     pub(super) fn export_gltf(&mut self, path: PathBuf) {
-        let mut seen = self.seen();
-        if let Some(basis) = self.session.basis() {
-            seen.lights = heard(basis, &seen.lights, &self.lights.solo);
-        }
+        let seen = self.seen_look();
         let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
         let spared = spare_inputs(&path, opened.iter().map(|scene| ("opened scene", scene.as_path())));
         match spared {
@@ -217,7 +215,9 @@ impl App {
         let sequence = Pattern::new(path).and_then(|pattern| {
             let sequence = Sequence::new(self.look.clone(), pattern, None, None)?;
             sequence.spare(&read)?;
-            Ok(sequence)
+            // Frames have no layers, and a light that arrives where it was baked alone.
+            let options = ExportOptions { layers: LayerSet::None, irradiance: false, ..self.export };
+            Ok(Sequence { options, ..sequence })
         });
         match sequence {
             Ok(sequence) => {

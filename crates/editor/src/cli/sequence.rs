@@ -16,6 +16,7 @@ use super::args::{Layers, RelightArgs};
 use super::bake::merge;
 use super::console::{Answer, Console, advance, duration_words};
 use super::lamps;
+use super::picture;
 use super::relight::open_gpu;
 use super::view::{load_look, warn_of_unknown_lights};
 use crate::look::lamps::resolve;
@@ -59,7 +60,7 @@ fn parse_fps(text: &str) -> Result<f32, String> {
 /// Writes the frames.
 pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     let options = &args.options;
-    if options.layers != Layers::None {
+    if options.layers.iter().any(|layer| *layer != Layers::None) {
         bail!("frames hold no layers; leave out --layers, or relight one moment with --at");
     }
     let choice = &options.choice;
@@ -72,7 +73,9 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     let skies = look.rigs().filter_map(|rig| Some(folder.join(rig.sky.as_ref()?.file.as_deref()?)));
     let skies: Vec<_> = skies.collect();
     look.rigs_mut().for_each(|rig| console.warn_all(resolve(&mut rig.lamps, &folder)));
+    let written = picture::options(pattern.format, options.depth, options.cut, &options.layers)?;
     let sequence = Sequence::new(look, pattern, args.frames.frames.clone(), args.frames.fps)?;
+    let sequence = Sequence { options: written, ..sequence };
     let read = [
         ("transport", Some(args.transport.as_path())),
         ("look", options.look.as_deref()),

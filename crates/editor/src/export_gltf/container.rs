@@ -43,14 +43,16 @@ impl<'a> Container<'a> {
     /// # Errors
     /// If chunks are cut short.
     pub fn split(bytes: &'a [u8]) -> Result<Container<'a>> {
-        let word = |at: usize| bytes.get(at..at + 4).map(|four| u32::from_le_bytes(four.try_into().expect("four bytes")));
+        let word =
+            |at: usize| bytes.get(at..at + 4).map(|four| u32::from_le_bytes(four.try_into().expect("four bytes")));
         if word(0) != Some(MAGIC) {
             return Ok(Container { json: bytes, chunks: Vec::new() });
         }
         let length = word(8).context("it ends within its header")? as usize;
         let (mut at, mut chunks) = (12, Vec::new());
         while at + 8 <= length.min(bytes.len()) {
-            let (size, kind) = (word(at).context("it is cut short")? as usize, word(at + 4).context("it is cut short")?);
+            let (size, kind) =
+                (word(at).context("it is cut short")? as usize, word(at + 4).context("it is cut short")?);
             chunks.push((kind, bytes.get(at + 8..at + 8 + size).context("a chunk of it is cut short")?));
             at += 8 + size;
         }
@@ -92,7 +94,8 @@ pub(super) fn save(
             return Ok(writer.write_all(&json)?);
         }
         json.resize(json.len().next_multiple_of(4), b' ');
-        let length = 12 + [&json[..]].into_iter().chain(source.chunks.iter().map(|c| c.1)).map(|c| 8 + c.len()).sum::<usize>();
+        let length =
+            12 + [&json[..]].into_iter().chain(source.chunks.iter().map(|c| c.1)).map(|c| 8 + c.len()).sum::<usize>();
         let length = u32::try_from(length).context("a GLB holds 4 GiB at most; write a .gltf")?;
         let words = |words: [u32; 2]| words.map(u32::to_le_bytes).concat();
         writer.write_all(&[words([MAGIC, 2]), length.to_le_bytes().to_vec()].concat())?;
@@ -118,7 +121,8 @@ fn copy_resources(document: &mut Document, from: &Path, to: &Path) -> Result<()>
             let content = std::fs::read(from.join(&file))
                 .with_context(|| format!("cannot read {}, which the scene needs", from.join(&file).display()))?;
             if let Some(parent) = target.parent() {
-                std::fs::create_dir_all(parent).with_context(|| format!("cannot make the folder {}", parent.display()))?;
+                std::fs::create_dir_all(parent)
+                    .with_context(|| format!("cannot make the folder {}", parent.display()))?;
             }
             put_beside(&target, &content)?;
         }
@@ -152,4 +156,3 @@ fn put_beside(path: &Path, content: &[u8]) -> Result<()> {
         Err(_) => write_whole(path, content),
     }
 }
-

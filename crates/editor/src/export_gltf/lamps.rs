@@ -34,7 +34,9 @@ pub(super) fn write(
                 warnings.push(format!("`{}` is dark and has a body, so it is not written", lamp.key));
                 continue;
             }
-            LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => body(document, lamp, light),
+            LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => {
+                body(document, lamp, light)
+            }
             LampShape::Profile { file } => measured(document, lamp, light, Path::new(file))?,
             LampShape::Point | LampShape::Spot { .. } | LampShape::Directional => punctual(document, lamp, light),
         };
@@ -59,13 +61,13 @@ fn place(document: &mut Document, node: usize) -> Result<()> {
 fn node(lamp: &FreeLamp, members: Value) -> Value {
     let [right, up, ahead] = lamp.frame();
     let rotation = Quat::from_mat3(&Mat3::from_cols(right, up, -ahead)).normalize();
-    let mut node = json!({ "name": lamp.key, "translation": lamp.position.to_array(), "rotation": rotation.to_array() });
+    let mut node =
+        json!({ "name": lamp.key, "translation": lamp.position.to_array(), "rotation": rotation.to_array() });
     if let (Some(node), Value::Object(members)) = (node.as_object_mut(), members) {
         node.extend(members);
     }
     node
 }
-
 
 fn punctual(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
     let (color, intensity) = color_and_strength(light);
@@ -107,20 +109,29 @@ fn body(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
     let (color, strength) = color_and_strength(light);
     document.uses("KHR_materials_emissive_strength");
     document.uses("KHR_materials_specular");
-    let material = document.push("materials", &json!({
-        "name": lamp.key, "emissiveFactor": color,
-        "pbrMetallicRoughness": { "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0 },
-        "extensions": {
-            "KHR_materials_emissive_strength": { "emissiveStrength": strength },
-            "KHR_materials_specular": { "specularFactor": 0 },
-        },
-    }));
+    let material = document.push(
+        "materials",
+        &json!({
+            "name": lamp.key, "emissiveFactor": color,
+            "pbrMetallicRoughness": { "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0 },
+            "extensions": {
+                "KHR_materials_emissive_strength": { "emissiveStrength": strength },
+                "KHR_materials_specular": { "specularFactor": 0 },
+            },
+        }),
+    );
     let mesh = mesh(document, lamp, (&corners, &normals, &indices), material);
     node(lamp, json!({ "mesh": mesh }))
 }
 
-fn mesh(document: &mut Document, lamp: &FreeLamp, (corners, normals, indices): (&[Vec3], &[Vec3], &[u16]), material: usize) -> usize {
-    let floats = |values: &[Vec3]| -> Vec<u8> { values.iter().flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes).collect() };
+fn mesh(
+    document: &mut Document,
+    lamp: &FreeLamp,
+    (corners, normals, indices): (&[Vec3], &[Vec3], &[u16]),
+    material: usize,
+) -> usize {
+    let floats =
+        |values: &[Vec3]| -> Vec<u8> { values.iter().flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes).collect() };
     let parts = [floats(corners), floats(normals), indices.iter().flat_map(|idx| idx.to_le_bytes()).collect()];
     let bytes = parts.concat();
     let buffer = document.push("buffers", &json!({ "byteLength": bytes.len(), "uri": data_uri(&bytes) }));
@@ -142,7 +153,8 @@ fn mesh(document: &mut Document, lamp: &FreeLamp, (corners, normals, indices): (
     let position = accessor(views[0], corners.len(), ("VEC3", 5126), Some([low, high]));
     let normal = accessor(views[1], normals.len(), ("VEC3", 5126), None);
     let index = accessor(views[2], indices.len(), ("SCALAR", 5123), None);
-    let primitive = json!({ "attributes": { "POSITION": position, "NORMAL": normal }, "indices": index, "material": material });
+    let primitive =
+        json!({ "attributes": { "POSITION": position, "NORMAL": normal }, "indices": index, "material": material });
     document.push("meshes", &json!({ "name": lamp.key, "primitives": [primitive] }))
 }
 

@@ -127,7 +127,8 @@ fn write_lamp(
     let mut lamp = lamp_idx.map(|idx| document.item(LAMPS, idx)).transpose()?;
     let own_color: Vec3 = lamp.as_ref().and_then(|lamp| lamp.read::<[f32; 3]>("color")).map_or(Vec3::ONE, Vec3::from);
     if let Some(measured_cd) = measured_cd {
-        let mut instance = node.read::<RawObject>("extensions").and_then(|all| all.read::<RawObject>(PROFILES)).unwrap_or_default();
+        let mut instance =
+            node.read::<RawObject>("extensions").and_then(|all| all.read::<RawObject>(PROFILES)).unwrap_or_default();
         let tint = instance.read::<[f32; 3]>("color").map_or(Vec3::ONE, Vec3::from);
         let of_file = own_color * tint * measured_cd;
         if is_same(now, of_file) {
@@ -173,7 +174,12 @@ fn write_lamp(
 
 /// The shining materials of a node: `now` and `file` are what its light sends at most, nit. Answers the largest emissive strength
 /// that they have then.
-fn write_surface(document: &mut Document, shared: &mut Shared, node_idx: usize, (now, file): (Vec3, Vec3)) -> Result<f32> {
+fn write_surface(
+    document: &mut Document,
+    shared: &mut Shared,
+    node_idx: usize,
+    (now, file): (Vec3, Vec3),
+) -> Result<f32> {
     let mut node = document.item("nodes", node_idx)?;
     let Some(mesh_idx) = node.read::<usize>("mesh") else { return Ok(0.0) };
     let mut mesh = document.item("meshes", mesh_idx)?;
@@ -195,7 +201,12 @@ fn write_surface(document: &mut Document, shared: &mut Shared, node_idx: usize, 
                 let (material, strength) = emission.lit(material, now, file);
                 let uses_here = parts_with(&mesh, idx);
                 let is_alone = !is_shared_mesh && shared.materials.get(&idx).is_none_or(|n_uses| *n_uses <= uses_here);
-                let new_idx = if is_alone { document.put("materials", idx, &material); idx } else { document.push("materials", &material) };
+                let new_idx = if is_alone {
+                    document.put("materials", idx, &material);
+                    idx
+                } else {
+                    document.push("materials", &material)
+                };
                 written.entry(idx).or_insert((new_idx, strength))
             }
         };
@@ -232,7 +243,8 @@ impl Emission {
     fn of(material: &RawObject) -> Option<Emission> {
         let extensions: RawObject = material.read("extensions").unwrap_or_default();
         let factor = material.read::<[f32; 3]>("emissiveFactor").map(Vec3::from)?;
-        let strength = extensions.read::<RawObject>(STRENGTH).and_then(|own| own.read("emissiveStrength")).unwrap_or(1.0);
+        let strength =
+            extensions.read::<RawObject>(STRENGTH).and_then(|own| own.read("emissiveStrength")).unwrap_or(1.0);
         let shines = (factor * strength).max_element() > 0.0 && extensions.get("KHR_materials_unlit").is_none();
         shines.then_some(Emission { factor, strength })
     }
@@ -262,7 +274,8 @@ fn write_spots(
     colored: f32,
 ) -> Result<()> {
     let mut node = document.item("nodes", node_idx)?;
-    let own = node.read::<RawObject>("extras").and_then(|extras| extras.read::<RawObject>("clerestory")).unwrap_or_default();
+    let own =
+        node.read::<RawObject>("extras").and_then(|extras| extras.read::<RawObject>("clerestory")).unwrap_or_default();
     if spots.is_none() && own.read::<f64>("panel") == Some(f64::from(resolution)) {
         return Ok(());
     }

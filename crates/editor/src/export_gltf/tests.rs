@@ -235,7 +235,8 @@ fn what_a_gltf_refers_to_comes_along_and_nothing_else_is_overwritten() {
     std::fs::create_dir_all(from.join("data")).unwrap();
     std::fs::create_dir(&to).unwrap();
     let file = from.join("in.gltf");
-    std::fs::write(&file, r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "data/a%20b.bin"}]}"#).unwrap();
+    std::fs::write(&file, r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 3, "uri": "data/a%20b.bin"}]}"#)
+        .unwrap();
     std::fs::write(from.join("data/a b.bin"), b"abc").unwrap();
     let write = |out: &Path| {
         let bytes = std::fs::read(&file).unwrap();

@@ -74,7 +74,7 @@ impl FileQuestion {
     /// Asks. The desktop's dialog is opened as well unless only the field is wanted.
     pub fn new(task: FileTask, suggestion: &str, dialogs: FileDialogs) -> FileQuestion {
         let mut question = FileQuestion { task, path: suggestion.into(), native: None, dialogs, is_fresh: true };
-        if dialogs == FileDialogs::Desktop {
+        if dialogs == FileDialogs::Desktop && !task.asks_more() {
             question.browse();
         }
         question
@@ -102,24 +102,40 @@ impl FileQuestion {
         let ended = self.native.as_mut()?.poll(ctx.input(|input| input.focused), &waker)?;
         self.native = None;
         match ended {
+            Ended::Chosen(path) if self.task.asks_more() => {
+                self.path = path.display().to_string();
+                None
+            }
+            Ended::Closed if self.task.asks_more() => None,
             Ended::Chosen(path) => Some(Some(path)),
             Ended::Closed => Some(None),
             Ended::Unseen => None,
         }
     }
 
-    /// Draws the field; answers with `Some(None)` when it was closed.
-    pub fn ui(&mut self, ctx: &Context) -> Option<Option<PathBuf>> {
+    /// What the file is wanted for.
+    pub fn task(&self) -> FileTask {
+        self.task
+    }
+
+    /// Draws the field; answers with `Some(None)` when it was closed. What else is asked, `above` the field, it draws itself; it
+    /// may change the path, and says in words why there can be no file as things are.
+    pub fn ui(
+        &mut self,
+        ctx: &Context,
+        above: impl FnOnce(&mut Ui, &mut String) -> Option<String>,
+    ) -> Option<Option<PathBuf>> {
         let modal = Modal::new(egui::Id::unique("file question")).show(ctx, |ui| {
             ui.set_width(460.0);
             ui.label(RichText::new(self.task.title()).heading().strong());
             ui.add_space(6.0);
-            self.field_ui(ui)
+            let problem = above(ui, &mut self.path);
+            self.field_ui(ui, problem)
         });
         if modal.inner.is_none() && modal.should_close() { Some(None) } else { modal.inner }
     }
 
-    fn field_ui(&mut self, ui: &mut Ui) -> Option<Option<PathBuf>> {
+    fn field_ui(&mut self, ui: &mut Ui, problem: Option<String>) -> Option<Option<PathBuf>> {
         let edit = TextEdit::singleline(&mut self.path).hint_text("Path of the file").desired_width(f32::INFINITY);
         let field = ui.add(edit).accessible_name("Path");
         if std::mem::take(&mut self.is_fresh) {
@@ -131,7 +147,10 @@ impl FileQuestion {
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
         };
-        ui.label(RichText::new(hint).weak().small());
+        match &problem {
+            Some(words) => ui.colored_label(ui.visuals().error_fg_color, words),
+            None => ui.label(RichText::new(hint).weak().small()),
+        };
         ui.add_space(8.0);
         let mut answer = None;
         ui.horizontal(|ui| {
@@ -144,7 +163,7 @@ impl FileQuestion {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let verb = if self.task.writes() { "Save" } else { "Open" };
                 let ok = Button::new(RichText::new(verb).color(theme::ON_ACCENT)).fill(theme::ACCENT);
-                let has_path = !self.path.trim().is_empty();
+                let has_path = !self.path.trim().is_empty() && problem.is_none();
                 if (ui.add_enabled(has_path, ok).clicked() || entered) && has_path {
                     answer = Some(Some(PathBuf::from(self.path.trim())));
                 }
@@ -175,24 +194,13 @@ pub enum UnsavedAnswer {
 
 /// Asks before a look is lost.
 pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
-    let modal = Modal::new(egui::Id::unique("unsaved")).show(ctx, |ui| {
-        ui.set_width(360.0);
-        ui.label(RichText::new("Save the look?").heading().strong());
-        ui.add_space(4.0);
-        ui.label("The lights were changed since the look was last saved");
-        ui.add_space(10.0);
-        ui.horizontal(|ui| {
-            let discard = ui.button("Discard").clicked().then_some(UnsavedAnswer::Discard);
-            let right = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let save = Button::new(RichText::new("Save look…").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-                let save = ui.add(save).clicked().then_some(UnsavedAnswer::Save);
-                save.or(ui.button("Cancel").clicked().then_some(UnsavedAnswer::Stay))
-            });
-            discard.or(right.inner)
-        })
-        .inner
-    });
-    if modal.inner.is_none() && modal.should_close() { Some(UnsavedAnswer::Stay) } else { modal.inner }
+    let words = "The lights were changed since the look was last saved";
+    let answers = Answers {
+        best: ("Save look…", UnsavedAnswer::Save),
+        back: ("Cancel", UnsavedAnswer::Stay),
+        lose: ("Discard", UnsavedAnswer::Discard),
+    };
+    answers.ui(ctx, "Save the look?", words)
 }
 
 /// What a person wants done with a look that an editor left behind.
@@ -208,25 +216,54 @@ pub enum RecoveryAnswer {
 
 /// Offers a look that an editor left behind when it ended without asking, `age` ago.
 pub fn recovery_ui(ctx: &Context, scene: &str, age: Option<Duration>) -> Option<RecoveryAnswer> {
-    let modal = Modal::new(egui::Id::unique("recovery")).show(ctx, |ui| {
-        ui.set_width(400.0);
-        ui.label(RichText::new("Recover unsaved lights?").heading().strong());
-        ui.add_space(4.0);
-        let when = age.map_or(String::new(), |age| format!(", last changed {}", ago(age)));
-        ui.label(format!("Clerestory ended before the look of {scene} was saved{when}"));
-        ui.add_space(10.0);
-        ui.horizontal(|ui| {
-            let discard = ui.button("Discard").clicked().then_some(RecoveryAnswer::Discard);
-            let right = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let recover = Button::new(RichText::new("Recover").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-                let recover = ui.add(recover).clicked().then_some(RecoveryAnswer::Recover);
-                recover.or(ui.button("Ask again later").clicked().then_some(RecoveryAnswer::Later))
+    let when = age.map_or(String::new(), |age| format!(", last changed {}", ago(age)));
+    let answers = Answers {
+        best: ("Recover", RecoveryAnswer::Recover),
+        back: ("Ask again later", RecoveryAnswer::Later),
+        lose: ("Discard", RecoveryAnswer::Discard),
+    };
+    let words = format!("Clerestory ended before the look of {scene} was saved{when}");
+    answers.ui(ctx, "Recover unsaved lights?", &words)
+}
+
+/// Labels of the buttons of a question about work, and what each answers.
+struct Answers<A> {
+    /// Keeps the work.
+    best: (&'static str, A),
+    /// Leaves everything as it is, as closing the question does.
+    back: (&'static str, A),
+    /// Loses the work.
+    lose: (&'static str, A),
+}
+
+impl<A: Copy> Answers<A> {
+    /// Asks; none while there is no answer.
+    fn ui(self, ctx: &Context, title: &str, words: &str) -> Option<A> {
+        let Answers { best: (best_label, best), back: (back_label, back), lose: (lose_label, lose) } = self;
+        let mut chosen = None;
+        let modal = Modal::new(egui::Id::unique(title)).show(ctx, |ui| {
+            ui.set_width(400.0);
+            ui.label(RichText::new(title).heading().strong());
+            ui.add_space(4.0);
+            ui.label(words);
+            ui.add_space(10.0);
+            ui.horizontal(|ui| {
+                if ui.button(lose_label).clicked() {
+                    chosen = Some(lose);
+                }
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    let button = Button::new(RichText::new(best_label).color(theme::ON_ACCENT)).fill(theme::ACCENT);
+                    if ui.add(button).clicked() {
+                        chosen = Some(best);
+                    }
+                    if ui.button(back_label).clicked() {
+                        chosen = Some(back);
+                    }
+                });
             });
-            discard.or(right.inner)
-        })
-        .inner
-    });
-    if modal.inner.is_none() && modal.should_close() { Some(RecoveryAnswer::Later) } else { modal.inner }
+        });
+        if chosen.is_none() && modal.should_close() { Some(back) } else { chosen }
+    }
 }
 
 /// A time ago, roughly, for people.

@@ -100,9 +100,7 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
         });
         if look.snapshots.is_empty() {
             ui.add_space(6.0);
-            ui.label(
-                RichText::new("A click on a look that you kept brings it back").weak(),
-            );
+            ui.label(RichText::new("A click on a look that you kept brings it back").weak());
         } else {
             ui.separator();
             tools_ui(ui, look, state);

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use clerestory_relight::Radiance;
 use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
@@ -19,6 +19,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Wake;
+use crate::crash;
 
 /// Passes after which a soft shadow is as smooth as it gets.
 const SOFT_PASSES: u32 = 64;
@@ -66,11 +67,15 @@ pub struct LampLight {
     pub is_done: bool,
     /// A sentence for each lamp that cannot shine.
     pub problems: Vec<String>,
-    /// From the order to its first picture, milliseconds.
-    pub first_millis: f32,
 }
 
 impl LampLight {
+    /// No light, and why.
+    fn failed(film: Film, serial: u64, problem: String) -> LampLight {
+        let direct = Arc::new(Radiance::new(film.width, film.height));
+        LampLight { direct, of_patches: Arc::default(), serial, is_done: true, problems: vec![problem] }
+    }
+
     /// Puts what the lamps throw on the patches of a bake into its coefficients; where it has none, nothing.
     pub fn light_patches(&self, header: &BakeHeader, coefficients: &mut [Vec<[f32; 3]>]) {
         if let (Some(_), Some(of_patches)) = (&header.patches, coefficients.last_mut())
@@ -185,19 +190,30 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
     loop {
         let idle = if bench.as_ref().is_some_and(|bench| !bench.is_done()) { Idle::GoOn } else { Idle::Sleep };
         let Some(order) = mailbox.next(idle) else { return };
-        if let Some(order) = order {
-            let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
-            let mut new = kept.unwrap_or_else(|| Bench::new(order.view.clone()));
-            new.take(order);
-            bench = Some(new);
-        }
-        let Some(bench) = &mut bench else { continue };
-        bench.step(&|view, work| mailbox.interrupts(view, work));
-        if let Some(light) = bench.news() {
+        let asked = order.as_ref().map(|order| (order.view.film, order.serial));
+        let asked = asked.or(bench.as_ref().map(|bench| (bench.view.film, bench.serial)));
+        let worked = crash::guarded(|| work_on(&mut bench, order, mailbox));
+        let news = worked.unwrap_or_else(|words| {
+            bench = None;
+            asked.map(|(film, serial)| LampLight::failed(film, serial, format!("the light of lamps failed: {words}")))
+        });
+        if let Some(light) = news {
             mailbox.lock().light = Some(light);
             wake(Duration::ZERO);
         }
     }
+}
+
+/// Takes an order up and does a piece of the work; answers what is new.
+fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &Mailbox) -> Option<LampLight> {
+    if let Some(order) = order {
+        let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
+        let new = bench.insert(kept.unwrap_or_else(|| Bench::new(order.view.clone())));
+        new.take(order);
+    }
+    let bench = bench.as_mut()?;
+    bench.step(&|view, work| mailbox.interrupts(view, work));
+    bench.news()
 }
 
 /// A view, and how far its lamps are.
@@ -209,10 +225,8 @@ struct Bench {
     lamps: Vec<Lit>,
     problems: Vec<String>,
     serial: u64,
-    ordered: Instant,
     /// The light that was posted last: of which order, how far, when.
     posted: Option<(u64, u32, Instant)>,
-    first_millis: f32,
 }
 
 /// A lamp, and what it lights.
@@ -256,15 +270,13 @@ impl Bench {
             lamps: Vec::new(),
             problems: Vec::new(),
             serial: 0,
-            ordered: Instant::now(),
             posted: None,
-            first_millis: 0.0,
         }
     }
 
     /// Takes over other lamps; what is known of those that stay is kept.
     fn take(&mut self, order: LampOrder) {
-        (self.serial, self.ordered) = (order.serial, Instant::now());
+        self.serial = order.serial;
         self.problems.clear();
         let mut before = std::mem::take(&mut self.lamps);
         for lamp in order.lamps {
@@ -275,11 +287,7 @@ impl Bench {
             match PreparedLamps::new(&[white(&lamp)], None) {
                 Ok((prepared, warnings)) => {
                     self.problems.extend(warnings);
-                    let is_soft = matches!(
-                        lamp.shape,
-                        LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. }
-                    );
-                    let most_passes = if is_soft { SOFT_PASSES } else { self.n_samples as u32 };
+                    let most_passes = if lamp.shape.has_surface() { SOFT_PASSES } else { self.n_samples as u32 };
                     let (sum, n_passes, of_patches) = (Vec::new(), 0, None);
                     self.lamps.push(Lit { lamp, prepared, sum, n_passes, most_passes, of_patches });
                 }
@@ -340,9 +348,6 @@ impl Bench {
         if !is_whole || !is_due {
             return None;
         }
-        if self.posted.is_none_or(|(serial, _, _)| serial != self.serial) {
-            self.first_millis = 1e3 * self.ordered.elapsed().as_secs_f32();
-        }
         self.posted = Some((self.serial, n_passes, Instant::now()));
         Some(LampLight {
             direct: Arc::new(self.direct()),
@@ -350,7 +355,6 @@ impl Bench {
             serial: self.serial,
             is_done,
             problems: self.problems.clone(),
-            first_millis: self.first_millis,
         })
     }
 
