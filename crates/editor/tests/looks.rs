@@ -105,3 +105,102 @@ fn presets_are_made_of_the_lights_of_the_scene() {
     click(&mut window, "Undo");
     assert!(names(&window).is_empty(), "all four are one step");
 }
+
+#[test]
+fn two_looks_are_compared_and_the_divider_is_dragged() {
+    let mut window = two_looks();
+    click(&mut window, "Compare");
+    window.get_by_label("Left look");
+    // The first side is the look that is on, which the printer makes at full size.
+    wait(&mut window, |app| app.is_settled());
+    window.run_steps(4);
+    let divider = window.get_by_label("Compare divider").rect();
+    let picture = window.get_by_label("Picture").rect();
+    assert!((divider.center().x - picture.center().x).abs() < 2.0, "{divider} {picture}");
+    let look = window.state().look().clone();
+    drag(&mut window, divider.center(), divider.center() + eframe::egui::vec2(90.0, 0.0));
+    let moved = window.get_by_label("Compare divider").rect();
+    assert!((moved.center().x - divider.center().x - 90.0).abs() < 6.0, "{moved}");
+    assert_eq!(*window.state().look(), look, "nothing of it is part of the look");
+    click(&mut window, "Side by side");
+    window.run_steps(3);
+    assert!(window.query_by_label("Compare divider").is_none());
+    assert!(window.get_by_label("Picture").rect().width() < 0.6 * picture.width());
+    click(&mut window, "Compare");
+    assert_eq!(window.get_by_label("Picture").rect(), picture);
+}
+
+#[test]
+fn a_cross_fade_lights_the_scene_and_is_one_step_of_undo() {
+    let mut window = two_looks();
+    click(&mut window, "Look Look");
+    click(&mut window, "Cross-fade");
+    let before = window.state().look().clone();
+    let slider =
+        window.get_all_by_label("Cross-fade").map(|node| node.rect()).max_by(|a, b| a.width().total_cmp(&b.width()));
+    let slider = slider.unwrap();
+    drag(&mut window, slider.left_center() + eframe::egui::vec2(5.0, 0.0), slider.center());
+    let level = window.state().look().lights.lights["lamp"].intensity;
+    assert!(level > 0.05 && level < 0.95, "{level}");
+    click(&mut window, "Keep look");
+    assert_eq!(names(&window).len(), 3);
+    click(&mut window, "Undo");
+    click(&mut window, "Undo");
+    assert_eq!(window.state().look().lights, before.lights, "one drag is one step");
+}
+
+#[test]
+fn the_timeline_is_shown_played_and_written_without_an_edit() {
+    let mut window = two_looks();
+    click(&mut window, "Timeline");
+    for name in ["Look", "Look 2"] {
+        click(&mut window, "Add key");
+        click(&mut window, name);
+    }
+    assert_eq!(window.state().look().timeline.end_secs(), 2.0);
+    wait(&mut window, |app| app.is_settled());
+    let (look, ev_dark) = (window.state().look().clone(), window.state().shown_ev());
+    // The start of the ruler is the first look, which is brighter than the present one.
+    let track =
+        window.get_all_by_label("Timeline").map(|node| node.rect()).max_by(|a, b| a.width().total_cmp(&b.width()));
+    let track = track.unwrap();
+    drag(
+        &mut window,
+        track.left_top() + eframe::egui::vec2(60.0, 8.0),
+        track.left_top() + eframe::egui::vec2(12.0, 8.0),
+    );
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev_dark).abs() > 1e-2);
+    assert_eq!(*window.state().look(), look, "looking is no edit");
+    click(&mut window, "Play the timeline");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev_dark).abs() < 1e-3);
+    click(&mut window, "Back to the lights");
+
+    let folder = tempfile::tempdir().unwrap();
+    click(&mut window, "Export frames…");
+    let field = window.get_by_label("Path");
+    field.focus();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Path").type_text(&folder.path().join("f_###.png").display().to_string());
+    window.run_steps(2);
+    click(&mut window, "Save");
+    wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("f_048.png").exists());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 49);
+}
+
+#[test]
+fn the_scene_is_saved_with_its_lights() {
+    let mut window = two_looks();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dark.gltf");
+    click(&mut window, "Save as glTF…");
+    window.get_by_label("Path").focus();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Path").type_text(&path.display().to_string());
+    window.run_steps(2);
+    click(&mut window, "Save");
+    wait(&mut window, |_| path.exists());
+    let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    assert_eq!(written["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"], 0.0);
+}
