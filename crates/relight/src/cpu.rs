@@ -2,7 +2,8 @@
 //!
 //! A row of tiles is one run of the output, so rows of tiles go to threads and nothing is shared. Every group keeps its
 //! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, columns
-//! that did not change are not projected again, and a block whose `z` did not move is not expanded. The answer depends on frame
+//! that did not change are not projected again, and a block whose `z` did not move is not expanded. Factors are read from a
+//! copy that is one stream per row of tiles. The answer depends on frame
 //! and coefficients alone, not on what was asked before nor on the number of threads.
 //!
 //! For a display, blocks are left as they are, too, while no pixel of theirs would change by half a step of it: what the largest entries of their factors
@@ -15,9 +16,11 @@ mod prefetch;
 mod project;
 mod quad;
 mod row;
+mod store;
 
 use std::sync::Arc;
 
+use clerestory_nystrom::SparseEntry;
 use rayon::prelude::*;
 
 use crate::display::DisplayParams;
@@ -25,7 +28,7 @@ use crate::frame::{Frame, Radiance};
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_dark, is_same_layer};
 use kernel::Kernel;
 use project::Planes;
-use row::{Tile, TileRow};
+use row::TileRow;
 
 /// Relights with all cores.
 #[derive(Debug)]
@@ -150,8 +153,7 @@ impl Relight for CpuRelighter {
         self.frame.take_blocks(frame, changed)?;
         let tiles_x = frame.partition().tiles_x() as usize;
         for &(group, block) in changed {
-            let tile = &mut self.rows[block / tiles_x].0[group].tiles[block % tiles_x];
-            *tile = Tile::default();
+            self.rows[block / tiles_x].0[group].replace(block % tiles_x);
         }
         Ok(())
     }
@@ -181,6 +183,13 @@ struct Step<'a> {
     tolerance: f32,
 }
 
+impl Step<'_> {
+    /// Entries of a block that no low rank holds.
+    fn sparse(&self, group: usize, block: usize) -> &[SparseEntry] {
+        self.frame.block(group, block).map_or(&[], |factors| &factors.sparse)
+    }
+}
+
 fn add(from: &[[f32; 3]], to: &mut [[f32; 3]]) {
     for (to, from) in to.as_flattened_mut().iter_mut().zip(from.as_flattened()) {
         *to += from;
@@ -189,5 +198,7 @@ fn add(from: &[[f32; 3]], to: &mut [[f32; 3]]) {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod truth_tests;
 #[cfg(test)]
 pub(crate) mod unseen_tests;

@@ -1,9 +1,11 @@
 //! Expand: `radiance = left · z + sparse · x` over the pixels of one block.
 
-use clerestory_nystrom::BlockFactors;
+use clerestory_nystrom::SparseEntry;
+use half::f16;
 
 use super::kernel::{Kernel, PATTERN};
-use super::left::{Left, RUN};
+use super::left::RUN;
+use super::prefetch::prefetch;
 use super::project::Planes;
 use super::quad::{QUAD, Quad};
 
@@ -24,12 +26,13 @@ pub(super) enum Write {
     Add,
 }
 
-/// One block as expand reads it; without any factors it is black.
+/// One block as expand reads it; without components and sparse entries it is black.
 pub(super) struct Source<'a> {
-    pub factors: Option<&'a BlockFactors>,
-    /// Its left factors, where it has any.
-    pub left: Option<&'a Left>,
+    /// Begins with the block's runs × rank × [`RUN`].
+    pub left: &'a [f16],
+    pub rank: usize,
     pub z: &'a [Quad],
+    pub sparse: &'a [SparseEntry],
     pub planes: &'a Planes,
 }
 
@@ -52,22 +55,23 @@ impl Scratch {
         row: &mut [[f32; 3]],
     ) -> u64 {
         let n_rows = 3 * place.width * place.height;
-        let sparse = source.factors.map_or(&[][..], |f| &f.sparse);
-        let lit = source.left.filter(|_| source.z.iter().any(|z| *z != Quad::default()));
-        if lit.is_none() && sparse.is_empty() && write == Write::Add {
+        let is_lit = source.z.iter().any(|z| *z != Quad::default());
+        if !is_lit && source.sparse.is_empty() && write == Write::Add {
             return 0;
         }
+        // The pixels of the next tile are written next, and memory reads a line before it is written.
+        let ends = (0..place.height).map(|y| y * place.stride + place.x + place.width);
+        ends.filter_map(|end| row.get(end..end + place.width)).for_each(prefetch);
         self.rows.resize(n_rows.next_multiple_of(RUN), 0.0);
-        match lit {
-            Some(left) => {
-                let pattern = |k: usize| pattern(source.z[k / QUAD].rgb(k % QUAD));
-                self.patterns.clear();
-                self.patterns.extend((0..left.rank).map(pattern));
-                kernel.expand(&left.halves, &self.patterns, &mut self.rows);
-            }
-            None => self.rows.fill(0.0),
+        if is_lit {
+            let pattern = |k: usize| pattern(source.z[k / QUAD].rgb(k % QUAD));
+            self.patterns.clear();
+            self.patterns.extend((0..source.rank).map(pattern));
+            kernel.expand(source.left, &self.patterns, &mut self.rows);
+        } else {
+            self.rows.fill(0.0);
         }
-        for entry in sparse {
+        for entry in source.sparse {
             self.rows[entry.row as usize] += entry.value * source.planes.at(entry.row as usize % 3, entry.col as usize);
         }
 
@@ -78,7 +82,8 @@ impl Scratch {
                 Write::Add => to.iter_mut().zip(from).for_each(|(to, from)| *to += from),
             }
         }
-        (2 * lit.map_or(0, |left| left.n_rows * left.rank) + 12 * sparse.len()) as u64
+        let n_left = if is_lit { n_rows * source.rank } else { 0 };
+        (2 * n_left + size_of::<SparseEntry>() * source.sparse.len()) as u64
     }
 }
 

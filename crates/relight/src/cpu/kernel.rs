@@ -18,7 +18,7 @@ use half::f16;
 
 use super::left::RUN;
 use super::prefetch::prefetch;
-use super::project::{LANES, Lit, Planes, SEGMENT};
+use super::project::{Cols, LANES, SEGMENT};
 use super::quad::{QUAD, Quad};
 
 /// Floats of one component of `z` as the rows of a run meet it: red, green, blue, red, … as far as the vectors of AVX-512
@@ -41,45 +41,17 @@ pub(super) enum Kernel {
     Neon,
 }
 
-/// Halves between what is multiplied and what is asked for.
-const AHEAD: usize = 8192;
+/// Halves from what is projected to what memory is asked for meanwhile: what was fastest of 4, 8 and 16 KB.
+const PROJECT_AHEAD: usize = 8192;
 
-/// A factor of a block, and that of the block which comes next.
-#[derive(Clone, Copy)]
-pub(super) struct Stream<'a> {
-    pub halves: &'a [f16],
-    pub next: &'a [f16],
-}
+/// The same for what is expanded.
+const EXPAND_AHEAD: usize = 2048;
 
-impl Stream<'_> {
-    /// Asks for some halves of this factor, or of the next where they lie behind.
-    fn ask(&self, first: usize, len: usize) {
-        let (from, first) = match first.checked_sub(self.halves.len()) {
-            None => (self.halves, first),
-            Some(first) => (self.next, first),
-        };
-        if let Some(halves) = from.get(first..from.len().min(first + len)) {
-            prefetch(halves);
-        }
-    }
-}
+/// Halves that are expanded, and asked for, in one go; at least one run.
+const EXPAND_LEN: usize = 1024;
 
-/// Up to four rows of a right factor.
-#[derive(Clone, Copy)]
-struct Rows<'a> {
-    halves: &'a [f16],
-    n_cols: usize,
-}
-
-/// Up to four components of a right factor over one segment, and what they meet there.
-struct Segment<'a, const N: usize> {
-    /// The halves of each component, in whole lanes.
-    right: [&'a [[f16; LANES]]; N],
-    /// Red, green and blue coefficients in the same lanes.
-    x: [&'a [[f32; LANES]]; 3],
-    /// Lanes that hold any coefficient.
-    lit: Lit,
-}
+/// Up to four components of a right factor over one segment, in whole lanes.
+type Rows<'a, const N: usize> = [&'a [[f16; LANES]]; N];
 
 impl Kernel {
     /// The fastest that this machine runs.
@@ -106,104 +78,79 @@ impl Kernel {
         all
     }
 
-    /// Sum over the columns of each of `segments` of `right[component][col] · x[channel][col]`: `put` takes quad, segment
-    /// and the sums. `right` is row-major, components × columns. Without columns there is nothing to put.
-    pub(super) fn project(
-        self,
-        (right, n_cols): (Stream, usize),
-        planes: &Planes,
-        segments: &[usize],
-        mut put: impl FnMut(usize, usize, Quad),
-    ) {
-        if n_cols == 0 {
-            return;
+    /// Sums over the columns of one segment of `right[component][col] · x[channel][col]`, quad by quad. `right` begins with
+    /// the segment of the block, row-major, rank × columns in whole lanes; what comes behind is read next.
+    pub(super) fn project(self, right: &[f16], (rank, n_cols): (usize, usize), cols: &Cols, sums: &mut [Quad]) {
+        if cols.lit.is_empty() {
+            return sums.fill(Quad::default());
         }
-        // All of it is asked for as far ahead as memory takes to answer; of one segment, that of the next block.
-        let is_whole = segments.len() == n_cols.div_ceil(SEGMENT);
-        let distance = if is_whole { right.halves.len().min(AHEAD) } else { right.halves.len() };
-        for (quad, rows) in right.halves.chunks(QUAD * n_cols).enumerate() {
-            let first = quad * QUAD * n_cols;
-            let rows = Rows { halves: rows, n_cols };
-            let ahead = |at: usize, len: usize| right.ask(first + at + distance, len);
-            let put = |segment, sums| put(quad, segment, sums);
-            match rows.halves.len() / rows.n_cols {
-                1 => self.project_rows::<1>(rows, planes, segments, ahead, put),
-                2 => self.project_rows::<2>(rows, planes, segments, ahead, put),
-                3 => self.project_rows::<3>(rows, planes, segments, ahead, put),
-                _ => self.project_rows::<4>(rows, planes, segments, ahead, put),
-            }
-        }
-    }
-
-    fn project_rows<const N: usize>(
-        self,
-        rows: Rows,
-        planes: &Planes,
-        segments: &[usize],
-        ahead: impl Fn(usize, usize),
-        mut put: impl FnMut(usize, Quad),
-    ) {
-        for &segment in segments {
-            let (x, lit) = (planes.segment(segment), planes.lit(segment));
-            let first = segment * SEGMENT;
-            let n_cols = SEGMENT.min(rows.n_cols - first);
-            let cols: [&[f16]; N] = std::array::from_fn(|k| &rows.halves[k * rows.n_cols + first..][..n_cols]);
-            (0..N).for_each(|k| ahead(k * rows.n_cols + first, n_cols));
-            let sums = if n_cols.is_multiple_of(LANES) {
-                self.project_segment(&Segment { right: cols.map(|cols| cols.as_chunks().0), x, lit })
-            } else {
-                // The last columns of a row do not fill their lanes, and nothing is read behind them.
-                let padded = cols.map(padded);
-                self.project_segment(&Segment { right: padded.each_ref().map(|cols| cols.as_chunks().0), x, lit })
+        let len = QUAD * n_cols;
+        for (quad, (rows, sums)) in right[..rank * n_cols].chunks(len).zip(sums).enumerate() {
+            prefetch(behind(right, quad * len + PROJECT_AHEAD, rows.len()));
+            let row = |k: usize| rows[k * n_cols..][..n_cols].as_chunks().0;
+            *sums = match rows.len() / n_cols {
+                1 => self.project_rows([row(0)], cols),
+                2 => self.project_rows([row(0), row(1)], cols),
+                3 => self.project_rows([row(0), row(1), row(2)], cols),
+                _ => self.project_rows([row(0), row(1), row(2), row(3)], cols),
             };
-            put(segment, sums);
         }
     }
 
     #[inline(always)]
-    fn project_segment<const N: usize>(self, segment: &Segment<N>) -> Quad {
+    fn project_rows<const N: usize>(self, rows: Rows<N>, cols: &Cols) -> Quad {
         match self {
-            Self::Plain => plain::project(segment),
+            Self::Plain => plain::project(rows, cols),
             // SAFETY: this and the next variants exist only where `all` found the features.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => unsafe { avx2::project(segment) },
+            Self::Avx2 => unsafe { avx2::project(rows, cols) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => unsafe { avx512::project(segment) },
+            Self::Avx512 => unsafe { avx512::project(rows, cols) },
             // SAFETY: as above.
             #[cfg(target_arch = "aarch64")]
-            Self::Neon => unsafe { neon::project(segment) },
+            Self::Neon => unsafe { neon::project(rows, cols) },
         }
     }
 
-    /// `out[row] = Σ left[row][k] · z[k][row % 3]`. `left` is runs × rank × [`RUN`], `patterns` one per component, `out` as
-    /// long as the runs together; without components it is all zeros.
+    /// `out[row] = Σ left[row][k] · z[k][row % 3]`. `left` begins with the block's runs × rank × [`RUN`], what comes behind is
+    /// read next; `patterns` are one per component, `out` is as long as the runs together. Without components it is all zeros.
     pub(super) fn expand(self, left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
         let rank = patterns.len();
         assert!(
-            left.len() == out.len() * rank && out.len().is_multiple_of(RUN),
+            left.len() >= out.len() * rank && out.len().is_multiple_of(RUN),
             "left factors of rank {rank} fit the rows"
         );
         if rank == 0 {
             return out.fill(0.0);
         }
+        let n_rows = RUN * (EXPAND_LEN / (RUN * rank)).max(1);
+        for (i, out) in out.chunks_mut(n_rows).enumerate() {
+            let (first, len) = (i * n_rows * rank, out.len() * rank);
+            prefetch(behind(left, first + EXPAND_AHEAD, len));
+            self.expand_runs(&left[first..first + len], patterns, out);
+        }
+    }
+
+    #[inline(always)]
+    fn expand_runs(self, left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
         match self {
             Self::Plain => plain::expand(left, patterns, out),
-            // SAFETY: as in `project_segment`.
+            // SAFETY: as in `project_rows`.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => unsafe { avx2::expand(left, patterns, out) },
-            // SAFETY: as in `project_segment`.
+            // SAFETY: as in `project_rows`.
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => unsafe { avx512::expand(left, patterns, out) },
-            // SAFETY: as in `project_segment`.
+            // SAFETY: as in `project_rows`.
             #[cfg(target_arch = "aarch64")]
             Self::Neon => unsafe { neon::expand(left, patterns, out) },
         }
     }
 }
 
-fn padded(cols: &[f16]) -> [f16; SEGMENT] {
-    let mut padded = [f16::ZERO; SEGMENT];
-    padded[..cols.len()].copy_from_slice(cols);
-    padded
+/// So many halves from a place on, fewer where the stream ends.
+fn behind(stream: &[f16], first: usize, len: usize) -> &[f16] {
+    let first = stream.len().min(first);
+    &stream[first..stream.len().min(first + len)]
 }

@@ -3,10 +3,10 @@
 //! Columns come in segments. What each segment adds is kept, so that a change of one light reads the columns of its own
 //! segment alone, and `z` is always the sum over all segments in their order: the same number whichever way a slider took.
 
-use clerestory_nystrom::BlockFactors;
+use clerestory_nystrom::SparseEntry;
 
-use super::kernel::{Kernel, Stream};
-use super::quad::{QUAD, Quad};
+use super::kernel::Kernel;
+use super::store::Store;
 
 /// Columns that are looked at together; one register of f32 where those are widest.
 pub(super) const LANES: usize = 16;
@@ -23,10 +23,8 @@ pub(super) struct Planes {
     stride: usize,
     /// Of each segment one bit for each of those lanes that hold any coefficient; the rest add exact zeros.
     lit: Vec<u8>,
-    /// All segments.
-    all: Vec<usize>,
-    /// Segments to project again where their sums are kept.
-    changed: Vec<usize>,
+    /// Of each segment whether any coefficient is another than before.
+    changed: Vec<bool>,
     /// Columns whose coefficient is another than before; all where there was none.
     changed_cols: Vec<bool>,
 }
@@ -50,9 +48,8 @@ impl Planes {
         let lit: Vec<u8> = coefficients.chunks(SEGMENT).map(bits).collect();
         let is_other = |(col, rgb): (usize, &[f32; 3])| before.is_none_or(|before| before[col] != *rgb);
         let changed_cols: Vec<bool> = coefficients.iter().enumerate().map(is_other).collect();
-        let segments = changed_cols.chunks(SEGMENT).enumerate();
-        let changed = segments.filter(|(_, cols)| cols.contains(&true)).map(|(segment, _)| segment).collect();
-        Self { x, stride, all: (0..lit.len()).collect(), lit, changed, changed_cols }
+        let changed = changed_cols.chunks(SEGMENT).map(|cols| cols.contains(&true)).collect();
+        Self { x, stride, lit, changed, changed_cols }
     }
 
     /// Coefficient of a column in a channel.
@@ -60,34 +57,43 @@ impl Planes {
         self.x[channel * self.stride + col]
     }
 
-    /// Coefficients of a segment, channel by channel, in whole lanes.
-    #[inline]
-    pub(super) fn segment(&self, segment: usize) -> [&[[f32; LANES]]; 3] {
+    /// What the columns of a segment meet.
+    fn segment(&self, segment: usize) -> Cols<'_> {
         let (first, last) = (segment * SEGMENT, self.stride.min((segment + 1) * SEGMENT));
-        std::array::from_fn(|channel| self.x[channel * self.stride..][first..last].as_chunks().0)
+        let x = std::array::from_fn(|channel| self.x[channel * self.stride..][first..last].as_chunks().0);
+        Cols { x, lit: Lit(self.lit[segment]) }
     }
 
-    /// Which lanes of a segment hold any coefficient, from the first up.
-    #[inline]
-    pub(super) fn lit(&self, segment: usize) -> Lit {
-        Lit(self.lit[segment])
-    }
-
-    /// Whether any of the block's sparse entries carries a coefficient that is another than before.
-    pub(super) fn moves_sparse(&self, factors: Option<&BlockFactors>) -> bool {
-        factors.is_some_and(|f| f.sparse.iter().any(|entry| self.changed_cols[entry.col as usize]))
+    /// Whether any of a block's sparse entries carries a coefficient that is another than before.
+    pub(super) fn moves(&self, sparse: &[SparseEntry]) -> bool {
+        sparse.iter().any(|entry| self.changed_cols[entry.col as usize])
     }
 
     /// Columns of a segment that are read.
     fn n_lit_cols(&self, segment: usize) -> usize {
         let n_cols = self.changed_cols.len() - segment * SEGMENT;
-        self.lit(segment).map(|lanes| LANES.min(n_cols - lanes * LANES)).sum()
+        Lit(self.lit[segment]).map(|lanes| LANES.min(n_cols - lanes * LANES)).sum()
     }
+}
+
+/// Coefficients of one segment.
+pub(super) struct Cols<'a> {
+    /// Red, green and blue, in whole lanes.
+    pub x: [&'a [[f32; LANES]]; 3],
+    /// Lanes that hold any.
+    pub lit: Lit,
 }
 
 /// Numbers of the bits that are set.
 #[derive(Clone, Copy)]
 pub(super) struct Lit(u8);
+
+impl Lit {
+    /// Whether none is.
+    pub(super) fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+}
 
 impl Iterator for Lit {
     type Item = usize;
@@ -100,55 +106,22 @@ impl Iterator for Lit {
     }
 }
 
-/// What the segments of a block's columns add to `z`, kept from one relight to the next.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Partials {
-    /// Segments × quads, without `scale`; empty where nothing is kept.
-    sums: Vec<Quad>,
-}
-
-impl Partials {
-    /// Appends the block's `z` to `z`, rank rounded up to whole quads; returns the bytes of factors read. A missing block has
-    /// rank 0. `next` is the block that comes next.
-    pub(super) fn project(
-        &mut self,
-        kernel: Kernel,
-        (factors, next): (Option<&BlockFactors>, Option<&BlockFactors>),
-        planes: &Planes,
-        z: &mut Vec<Quad>,
-    ) -> u64 {
-        let Some(factors) = factors else { return 0 };
-        let (rank, n_segments) = (factors.rank as usize, planes.all.len());
-        let n_quads = rank.div_ceil(QUAD);
-        let first = z.len();
-        z.resize(first + n_quads, Quad::default());
-        if rank == 0 || n_segments == 0 {
-            return 0;
+/// Projects the segments of a row of tiles that changed, and all of tiles that have no sums yet; returns the bytes of factors read.
+pub(super) fn project(store: &mut Store, kernel: Kernel, planes: &Planes) -> u64 {
+    let Store { tiles, right, widths, sums, .. } = store;
+    let n_components: usize = tiles.iter().map(|tile| tile.rank).sum();
+    let n_quads = tiles.last().map_or(0, |tile| tile.quads().end);
+    let (mut first, mut n_bytes) = (0, 0);
+    for (segment, width) in widths.iter().enumerate() {
+        let cols = planes.segment(segment);
+        for tile in tiles.iter().filter(|tile| planes.changed[segment] || !tile.is_summed) {
+            let at = first + tile.first * width;
+            let sums = &mut sums[segment * n_quads..][tile.quads()];
+            kernel.project(&right[at..], (tile.rank, *width), &cols, sums);
+            n_bytes += 2 * tile.rank * planes.n_lit_cols(segment);
         }
-        let z = &mut z[first..];
-        let next = next.map_or(&[][..], |next| &next.right);
-        let right = (Stream { halves: &factors.right, next }, factors.n_cols as usize);
-        let segments = if n_segments == 1 {
-            // The sum is one segment, which is projected whenever anything changed.
-            kernel.project(right, planes, &planes.all, |quad, _, sums| z[quad] = sums);
-            &planes.all
-        } else {
-            let is_kept = self.sums.len() == n_segments * n_quads;
-            let segments = if is_kept { &planes.changed } else { &planes.all };
-            self.sums.resize(n_segments * n_quads, Quad::default());
-            let sums = &mut self.sums;
-            kernel.project(right, planes, segments, |quad, segment, values| sums[segment * n_quads + quad] = values);
-
-            // In the order of the segments, whatever was projected just now.
-            for sums in sums.chunks_exact(n_quads) {
-                z.iter_mut().zip(sums).for_each(|(z, sum)| *z = z.plus(sum));
-            }
-            segments
-        };
-        for (z, scale) in z.iter_mut().zip(factors.scale.chunks(QUAD)) {
-            *z = z.times(&Quad::from_rgb(std::array::from_fn(|k| [scale.get(k).copied().unwrap_or(0.0); 3])));
-        }
-        let n_cols: usize = segments.iter().map(|segment| planes.n_lit_cols(*segment)).sum();
-        (2 * rank * n_cols) as u64
+        first += n_components * width;
     }
+    tiles.iter_mut().for_each(|tile| tile.is_summed = true);
+    n_bytes as u64
 }

@@ -8,7 +8,7 @@ fn relit(relighter: &mut CpuRelighter, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
     out.pixels
 }
 
-fn assert_near(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
+pub(super) fn assert_near(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
     let largest = b.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
     for (i, (a, b)) in a.as_flattened().iter().zip(b.as_flattened()).enumerate() {
         assert!((a - b).abs() <= tolerance * largest, "entry {i}: {a} against {b}, largest {largest}");
@@ -16,7 +16,7 @@ fn assert_near(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
 }
 
 /// The definition, entry by entry of the dense matrix, in f64.
-fn dense(frame: &Frame, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
+pub(super) fn dense(frame: &Frame, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
     let mut out = vec![[0f64; 3]; frame.width as usize * frame.height as usize];
     let mut bundles = Vec::new();
     for (low_rank, x) in frame.groups.iter().zip(x) {

@@ -7,15 +7,15 @@ use super::*;
 
 /// All rows of the factor against all channels, twelve sums at a time.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) fn project<const N: usize>(segment: &Segment<N>) -> Quad {
-    let (right, x) = (segment.right, segment.x);
+pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
+    let x = cols.x;
     // Loops, not closures: sums whose address is taken would live in memory.
     let mut sums = [[_mm256_setzero_ps(); QUAD]; 3];
-    for lanes in segment.lit {
+    for lanes in cols.lit {
         for half in 0..2 {
             let x = [load_half(&x[0][lanes], half), load_half(&x[1][lanes], half), load_half(&x[2][lanes], half)];
             for component in 0..N {
-                let right = load_f16(&right[component][lanes].as_chunks().0[half]);
+                let right = load_f16(&rows[component][lanes].as_chunks().0[half]);
                 for channel in 0..3 {
                     sums[channel][component] = _mm256_fmadd_ps(right, x[channel], sums[channel][component]);
                 }

@@ -8,14 +8,14 @@ use super::*;
 /// All rows of the factor against all channels, so that a coefficient is loaded once for four components and a half once for
 /// three channels: twelve sums at a time.
 #[target_feature(enable = "avx512f")]
-pub(super) fn project<const N: usize>(segment: &Segment<N>) -> Quad {
-    let (right, x) = (segment.right, segment.x);
+pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
+    let x = cols.x;
     // Loops, not closures: sums whose address is taken would live in memory.
     let mut sums = [[_mm512_setzero_ps(); QUAD]; 3];
-    for lanes in segment.lit {
+    for lanes in cols.lit {
         let x = [load(&x[0][lanes]), load(&x[1][lanes]), load(&x[2][lanes])];
         for component in 0..N {
-            let right = load_f16(&right[component][lanes]);
+            let right = load_f16(&rows[component][lanes]);
             for channel in 0..3 {
                 sums[channel][component] = _mm512_fmadd_ps(right, x[channel], sums[channel][component]);
             }

@@ -7,11 +7,11 @@ use super::*;
 
 /// All rows of the factor against all channels, twelve sums at a time.
 #[target_feature(enable = "neon")]
-pub(super) fn project<const N: usize>(segment: &Segment<N>) -> Quad {
-    let (right, x) = (segment.right, segment.x);
+pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
+    let x = cols.x;
     // Loops, not closures: sums whose address is taken would live in memory.
     let mut sums = [[vdupq_n_f32(0.0); QUAD]; 3];
-    for lanes in segment.lit {
+    for lanes in cols.lit {
         for quarter in 0..LANES / 4 {
             let x = [
                 load_quarter(&x[0][lanes], quarter),
@@ -19,7 +19,7 @@ pub(super) fn project<const N: usize>(segment: &Segment<N>) -> Quad {
                 load_quarter(&x[2][lanes], quarter),
             ];
             for component in 0..N {
-                let right = load_f16(&right[component][lanes].as_chunks().0[quarter]);
+                let right = load_f16(&rows[component][lanes].as_chunks().0[quarter]);
                 for channel in 0..3 {
                     sums[channel][component] = vfmaq_f32(sums[channel][component], right, x[channel]);
                 }

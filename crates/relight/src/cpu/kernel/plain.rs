@@ -4,14 +4,14 @@ use half::{f16, slice::HalfFloatSliceExt};
 
 use super::*;
 
-pub(super) fn project<const N: usize>(segment: &Segment<N>) -> Quad {
+pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
     let mut components = [[0.0; 3]; QUAD];
-    for (halves, rgb) in segment.right.iter().zip(&mut components) {
+    for (halves, rgb) in rows.iter().zip(&mut components) {
         let mut right = [[0.0; LANES]; SEGMENT / LANES];
         halves.as_flattened().convert_to_f32_slice(right[..halves.len()].as_flattened_mut());
         let mut sums = [[0.0; LANES]; 3];
-        for lanes in segment.lit {
-            for (x, sums) in segment.x.iter().zip(&mut sums) {
+        for lanes in cols.lit {
+            for (x, sums) in cols.x.iter().zip(&mut sums) {
                 let terms = right[lanes].iter().zip(&x[lanes]);
                 sums.iter_mut().zip(terms).for_each(|(sum, (right, x))| *sum += right * x);
             }
