@@ -18,6 +18,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Wake;
+use crate::crash;
 
 /// Passes after which a soft shadow is as smooth as it gets.
 const SOFT_PASSES: u32 = 64;
@@ -58,12 +59,53 @@ pub struct LampLight {
     pub direct: Arc<Radiance>,
     /// Coefficients of the columns of patches: what their light becomes on its further way; empty without patches.
     pub of_patches: Arc<Vec<[f32; 3]>>,
+    /// The same of each lamp for itself.
+    pub parts: Vec<LampPart>,
     /// Number of the order that it answers.
     pub serial: u64,
     /// Whether it does not get any smoother.
     pub is_done: bool,
     /// A sentence for each lamp that cannot shine.
     pub problems: Vec<String>,
+}
+
+/// The light of one lamp in a picture.
+#[derive(Clone)]
+pub struct LampPart {
+    /// Name of the lamp.
+    pub key: String,
+    /// What of `light` and `of_patches` it brings.
+    weights: [Vec3; 2],
+    /// Its light when it is white, summed over passes.
+    light: Arc<Vec<[f32; 3]>>,
+    of_patches: Arc<Vec<[f32; 3]>>,
+}
+
+impl LampPart {
+    /// Its direct light at a pixel, nit; pixels are numbered row by row.
+    pub fn direct(&self, pixel: u32) -> Vec3 {
+        self.light.get(pixel as usize).map_or(Vec3::ZERO, |light| self.weights[0] * Vec3::from(*light))
+    }
+
+    /// Its coefficients of the columns of patches; empty without patches.
+    pub fn of_patches(&self) -> impl Iterator<Item = Vec3> {
+        self.of_patches.iter().map(|light| self.weights[1] * Vec3::from(*light))
+    }
+}
+
+impl LampLight {
+    /// No light, and why.
+    fn failed(film: Film, serial: u64, problem: String) -> LampLight {
+        let direct = Arc::new(Radiance::new(film.width, film.height));
+        LampLight {
+            direct,
+            of_patches: Arc::default(),
+            parts: Vec::new(),
+            serial,
+            is_done: true,
+            problems: vec![problem],
+        }
+    }
 }
 
 #[derive(Default)]
@@ -170,19 +212,30 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
     loop {
         let idle = if bench.as_ref().is_some_and(|bench| !bench.is_done()) { Idle::GoOn } else { Idle::Sleep };
         let Some(order) = mailbox.next(idle) else { return };
-        if let Some(order) = order {
-            let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
-            let mut new = kept.unwrap_or_else(|| Bench::new(order.view.clone()));
-            new.take(order);
-            bench = Some(new);
-        }
-        let Some(bench) = &mut bench else { continue };
-        bench.step(mailbox);
-        if let Some(light) = bench.news() {
+        let asked = order.as_ref().map(|order| (order.view.film, order.serial));
+        let asked = asked.or(bench.as_ref().map(|bench| (bench.view.film, bench.serial)));
+        let worked = crash::guarded(|| work_on(&mut bench, order, mailbox));
+        let news = worked.unwrap_or_else(|words| {
+            bench = None;
+            asked.map(|(film, serial)| LampLight::failed(film, serial, format!("the light of lamps failed: {words}")))
+        });
+        if let Some(light) = news {
             mailbox.lock().light = Some(light);
             wake(Duration::ZERO);
         }
     }
+}
+
+/// Takes an order up and does a piece of the work; answers what is new.
+fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &Mailbox) -> Option<LampLight> {
+    if let Some(order) = order {
+        let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
+        let new = bench.insert(kept.unwrap_or_else(|| Bench::new(order.view.clone())));
+        new.take(order);
+    }
+    let bench = bench.as_mut()?;
+    bench.step(mailbox);
+    bench.news()
 }
 
 /// A view, and how far its lamps are.
@@ -205,12 +258,12 @@ struct Lit {
     /// White and at its full strength.
     prepared: PreparedLamps,
     /// Sum over the passes, nit; empty before the first one.
-    sum: Vec<[f32; 3]>,
+    sum: Arc<Vec<[f32; 3]>>,
     n_passes: u32,
     /// Passes that it takes.
     most_passes: u32,
     /// What it brings to the columns of patches.
-    of_patches: Option<Vec<[f32; 3]>>,
+    of_patches: Option<Arc<Vec<[f32; 3]>>>,
 }
 
 impl Lit {
@@ -221,6 +274,17 @@ impl Lit {
 
     fn is_done(&self) -> bool {
         self.n_passes >= self.most_passes
+    }
+
+    /// Its light as it shines.
+    fn part(&self) -> LampPart {
+        let weight = weight(&self.lamp);
+        LampPart {
+            key: self.lamp.key.clone(),
+            weights: [weight / self.n_passes as f32, weight],
+            light: self.sum.clone(),
+            of_patches: self.of_patches.clone().unwrap_or_default(),
+        }
     }
 }
 
@@ -257,7 +321,7 @@ impl Bench {
                 Ok((prepared, warnings)) => {
                     self.problems.extend(warnings);
                     let most_passes = if lamp.shape.has_surface() { SOFT_PASSES } else { self.n_samples as u32 };
-                    let (sum, n_passes, of_patches) = (Vec::new(), 0, None);
+                    let (sum, n_passes, of_patches) = (Arc::default(), 0, None);
                     self.lamps.push(Lit { lamp, prepared, sum, n_passes, most_passes, of_patches });
                 }
                 Err(error) => self.problems.push(error.to_string()),
@@ -291,14 +355,15 @@ impl Bench {
         }
         let Some(pass) = self.points[sample].direct(&view.scene, &lit.prepared, round, &stop) else { return };
         if lit.sum.is_empty() {
-            lit.sum = pass;
+            lit.sum = Arc::new(pass);
         } else {
-            let sums = lit.sum.as_flattened_mut().par_iter_mut().zip(pass.as_flattened());
+            // What was posted stays as it is: it is copied where somebody still looks at it.
+            let sums = Arc::make_mut(&mut lit.sum).as_flattened_mut().par_iter_mut().zip(pass.as_flattened());
             sums.for_each(|(sum, more)| *sum += more);
         }
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
             let irradiance = |position, normal| lit.prepared.irradiance(&view.scene, position, normal);
-            lit.of_patches = Some(patches.coefficients(&irradiance));
+            lit.of_patches = Some(Arc::new(patches.coefficients(&irradiance)));
         }
         lit.n_passes += 1;
     }
@@ -321,6 +386,7 @@ impl Bench {
         Some(LampLight {
             direct: Arc::new(self.direct()),
             of_patches: Arc::new(self.of_patches()),
+            parts: self.lamps.iter().map(Lit::part).collect(),
             serial: self.serial,
             is_done,
             problems: self.problems.clone(),
@@ -333,7 +399,7 @@ impl Bench {
         let mut sum = Radiance::new(width, height);
         for lit in &self.lamps {
             let weight = (weight(&lit.lamp) / lit.n_passes as f32).to_array();
-            let pixels = sum.pixels.par_iter_mut().zip(&lit.sum);
+            let pixels = sum.pixels.par_iter_mut().zip(lit.sum.par_iter());
             pixels.for_each(|(sum, light)| (0..3).for_each(|c| sum[c] += weight[c] * light[c]));
         }
         sum
@@ -344,7 +410,7 @@ impl Bench {
         let mut sum = vec![[0.0; 3]; n_columns];
         for lit in &self.lamps {
             let weight = weight(&lit.lamp).to_array();
-            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flatten()) {
+            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flat_map(|of_patches| of_patches.iter())) {
                 (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
             }
         }
