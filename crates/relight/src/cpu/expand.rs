@@ -83,7 +83,7 @@ impl Scratch {
             }
         }
         let n_left = if is_lit { n_rows * source.rank } else { 0 };
-        (2 * n_left + size_of::<SparseEntry>() * source.sparse.len()) as u64
+        (2 * n_left + size_of_val(source.sparse)) as u64
     }
 }
 
