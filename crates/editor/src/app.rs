@@ -5,6 +5,7 @@ mod follow;
 mod lamplight;
 mod lamps;
 mod looks;
+mod probe;
 mod recovery;
 mod rest;
 mod sky;
@@ -39,6 +40,7 @@ use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
 use looks::Prints;
+use probe::Prober;
 use recovery::Recovery;
 
 /// Width of a picture that is baked without being asked for.
@@ -88,6 +90,7 @@ pub struct App {
     follower: Follower,
     looks: LooksState,
     prints: Prints,
+    prober: Prober,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -175,6 +178,7 @@ impl App {
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
             looks: LooksState::default(),
             prints: Prints::new(wake)?,
+            prober: Prober::default(),
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -203,6 +207,11 @@ impl App {
     /// How the bake panel is set.
     pub fn settings(&self) -> &BakeSettings {
         &self.settings
+    }
+
+    /// Key of the light that was chosen in the picture.
+    pub fn chosen_light(&self) -> Option<&str> {
+        self.lights.chosen.as_deref()
     }
 
     /// Number of pictures that were made since the window opened.
@@ -250,7 +259,7 @@ impl App {
         (self.export.width_px, self.export.region) = (None, None);
         self.undoer = Undoer::default();
         self.lights = LightsState::default();
-        self.view.fit();
+        self.view = ViewState::default();
         self.follower.forget();
         self.prints.forget();
         self.looks = LooksState::default();
@@ -301,7 +310,8 @@ impl App {
             Action::Redo => self.redo(),
             Action::ResetLook => (self.look.lights, self.look.display) = (LightRig::default(), Display::default()),
             Action::UseDevice(wish) => self.follower.use_device(wish),
-            Action::FitPicture => self.view.fit(),
+            Action::FitPicture => self.view.zoom.fit(),
+            Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
         }
@@ -543,6 +553,7 @@ impl App {
     fn picture_ui(&mut self, ui: &mut Ui) {
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
+        self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
         let viewed = Viewed {
             picture: self.follower.picture(),
             stage: &self.session.stage,
@@ -550,6 +561,7 @@ impl App {
             scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
             legend: self.follower.legend(),
             compared: None,
+            readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
         };
         let viewed = self.compared(viewed);
         egui::CentralPanel::no_frame().show(ui, |ui| {

@@ -3,6 +3,7 @@
 pub mod lamps;
 pub mod prints;
 mod seen;
+pub mod shares;
 mod task;
 pub mod worker;
 

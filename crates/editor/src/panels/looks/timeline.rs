@@ -83,7 +83,7 @@ fn play_ui(ui: &mut Ui, look: &mut Look, player: &mut Player, view: &LooksView) 
     let has_keys = !look.timeline.keys.is_empty();
     let words = if player.playing { "⏸" } else { "▶" };
     let play = ui.add_enabled(has_keys, Button::new(words)).accessible_name("Play the timeline");
-    if play.on_hover_text("Play at real time, P").clicked() {
+    if play.on_hover_text("Play at real time, L").clicked() {
         toggle(player, &look.timeline);
     }
     let back = ui.add_enabled(player.playhead.is_some(), Button::new("⏹")).accessible_name("Back to the lights");
