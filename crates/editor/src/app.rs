@@ -554,16 +554,17 @@ impl App {
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
+        let (left, compared) = self.compared().unzip();
+        let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
         let viewed = Viewed {
-            picture: self.follower.picture(),
+            picture,
             stage: &self.session.stage,
             bake: &self.session.bake,
             scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
             legend: self.follower.legend(),
-            compared: None,
+            compared,
             readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
         };
-        let viewed = self.compared(viewed);
         egui::CentralPanel::no_frame().show(ui, |ui| {
             viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);
         });

@@ -19,7 +19,6 @@ use crate::sequence::{Pattern, Sequence};
 use crate::session::prints::{PrintOrder, Printer, Slot};
 use crate::session::{Session, Wake};
 use crate::stills::{Size, Subject};
-use crate::viewport::Viewed;
 use crate::viewport::compare::{Compared, Way};
 
 /// Width of a thumbnail in pixels: as wide as a card at twice the usual scale.
@@ -182,17 +181,16 @@ impl App {
         self.looks.player.playhead.is_none() && !is_compared
     }
 
-    /// What is viewed, with what it is compared with, once both pictures are there.
-    pub(super) fn compared<'a>(&self, viewed: Viewed<'a>) -> Viewed<'a> {
-        let (Some(compare), Some((present, size))) = (&self.looks.compare, viewed.picture) else { return viewed };
+    /// The picture on the left of a comparison and what it is compared with, once both pictures are there.
+    pub(super) fn compared(&self) -> Option<(TextureId, Compared)> {
+        let (compare, (present, _)) = (self.looks.compare.as_ref()?, self.follower.picture()?);
         let texture = |idx: usize| match &compare.sides[idx] {
             Side::Present => Some(present),
             Side::Snapshot(_) => self.prints.picture(&Slot::Side(idx)).map(|(texture, _)| texture),
         };
-        let (Some(left), Some(right)) = (texture(0), texture(1)) else { return viewed };
+        let (left, right) = (texture(0)?, texture(1)?);
         let names = [0, 1].map(|idx| compare.sides[idx].words().to_owned());
-        let compared = Some(Compared { right, names, way: compare.way });
-        Viewed { picture: Some((left, size)), compared, ..viewed }
+        Some((left, Compared { right, names, way: compare.way }))
     }
 
     /// Writes the scene with its lights as they are seen, a solo included.
