@@ -100,6 +100,7 @@ pub fn click(window: &mut Window, label: &str) {
 }
 
 /// Where a point of the room is on the screen.
+#[allow(dead_code, reason = "not every test of the window points at the room")]
 pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {
     let area: Rect = window.get_by_label("Picture").rect();
     let shown = window.state().session().shown.as_ref().unwrap();
