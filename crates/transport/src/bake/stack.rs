@@ -18,6 +18,7 @@ use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, TILE, check_tole
 use crate::basis::{LightBasis, LightSource, SourceKind};
 use crate::camera::Film;
 use crate::fingerprint::digest;
+use crate::origin::LightOrigin;
 use crate::import::stack::{ImageStack, StackError};
 use crate::matrix::{PEAK_QUANTILE, scale_of_peaks};
 use crate::skips::{Skips, Spared};
@@ -141,6 +142,7 @@ impl StackJob {
             columns: column..column + 1,
             color: Vec3::ONE,
             strength: 1.0,
+            origin: LightOrigin::default(),
         };
         let keys = images.iter().map(|image| image.key.as_str());
         let words: Vec<u8> = digests.iter().flat_map(|digest| digest.to_le_bytes()).collect();
