@@ -59,6 +59,11 @@ impl Look {
         write::json(self)
     }
 
+    /// What a light is called.
+    pub fn name_of<'a>(&'a self, key: &'a str) -> &'a str {
+        self.names.get(key).map_or(key, String::as_str)
+    }
+
     /// A sentence for each light that it sets without effect on a scene.
     pub fn unheeded(&self, basis: &LightBasis) -> Vec<String> {
         let words = |(key, why): (&str, Unheeded)| match why {

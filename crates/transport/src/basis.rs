@@ -344,7 +344,14 @@ mod tests {
     use super::*;
 
     fn source(key: &str, kind: SourceKind, n: u32) -> LightSource {
-        LightSource { key: key.into(), kind, columns: 0..n, color: Vec3::new(1.0, 0.5, 0.25), strength: 8.0, origin: LightOrigin::default() }
+        LightSource {
+            key: key.into(),
+            kind,
+            columns: 0..n,
+            color: Vec3::new(1.0, 0.5, 0.25),
+            strength: 8.0,
+            origin: LightOrigin::default(),
+        }
     }
 
     fn panel(resolution: u32) -> SourceKind {

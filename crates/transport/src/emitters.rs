@@ -15,8 +15,8 @@ pub(crate) use self::surface::SurfacePoint;
 
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
 use crate::lamps::Lamp;
-use crate::photometry::PhotometricProfile;
 use crate::origin::LightOrigin;
+use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene, SceneNode};
 use crate::sensors::parallelogram;
 use crate::sky::{Dome, DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};

@@ -18,9 +18,9 @@ use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, TILE, check_tole
 use crate::basis::{LightBasis, LightSource, SourceKind};
 use crate::camera::Film;
 use crate::fingerprint::digest;
-use crate::origin::LightOrigin;
 use crate::import::stack::{ImageStack, StackError};
 use crate::matrix::{PEAK_QUANTILE, scale_of_peaks};
+use crate::origin::LightOrigin;
 use crate::skips::{Skips, Spared};
 use band::Band;
 
