@@ -100,8 +100,7 @@ impl LightSource {
             // What a map or a picture holds is its own affair.
             SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Constant | SourceKind::Image => return None,
         };
-        let lit = LightSetting { muted: false, ..*setting };
-        let amount = luminance(lit.emission(self.color, self.strength));
+        let amount = luminance(setting.tint(self.color)) * self.strength * setting.intensity;
         match unit {
             unit if unit == own => Some(amount),
             LampUnit::Lumen => Some(amount * self.origin.lumens?),

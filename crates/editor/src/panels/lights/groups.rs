@@ -12,11 +12,15 @@ use crate::look::Look;
 /// By what lights are sorted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum GroupBy {
+    /// By place, and those that stand alone by their numbered names.
+    #[default]
+    Automatic,
     /// All in a row.
     Nothing,
     /// By the node of the file that they stand below.
-    #[default]
     Place,
+    /// By their names without the number at the end.
+    Name,
     /// By the mesh or lamp of the file that they are instances of.
     Model,
     /// By their material.

@@ -98,7 +98,6 @@ impl Listed<'_> {
         match &self.light {
             LightOf::Scene(source) => source.amount(setting, unit),
             LightOf::Look(lamp, per_candela) => {
-                let lit = LightSetting { muted: false, ..*setting };
                 let strength = match (lamp.unit, unit, per_candela) {
                     (has, wanted, _) if has == wanted => Some(lamp.strength),
                     (LampUnit::Candela, LampUnit::Lumen, Some(lumens)) => Some(lamp.strength * lumens),
@@ -107,7 +106,7 @@ impl Listed<'_> {
                     _ if matches!(lamp.shape, LampShape::Profile { .. }) => None,
                     _ => lamp.strength_in(unit),
                 };
-                Some(strength? * luminance(lit.emission(Vec3::ONE, 1.0)))
+                Some(strength? * luminance(setting.tint(Vec3::ONE)) * setting.intensity)
             }
         }
     }
