@@ -7,7 +7,7 @@ use super::fader::{More, fader_ui};
 use super::groups::{Group, master, own_name, set_master};
 use super::mix::Mix;
 use super::names::renaming_ui;
-use super::row::{HEIGHT, NUMBER, letter_ui, mark_ui, name_label_ui};
+use super::row::{HEIGHT, NAME, NUMBER, letter_ui, mark_ui, name_label_ui};
 use super::scale::{Shown, number_ui};
 use super::solo;
 use crate::theme;
@@ -78,7 +78,7 @@ pub(super) fn letters_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
 }
 
 fn name_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
-    let width = (ui.available_width() * 0.38).max(60.0);
+    let width = (ui.available_width() * NAME).max(60.0);
     let of = (group.key.as_str(), own_name(&group.key));
     let is_named =
         ui.allocate_ui(vec2(width, HEIGHT), |ui| renaming_ui(ui, of, mix.look, &mut mix.state.renaming, &[])).inner;

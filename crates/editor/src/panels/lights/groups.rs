@@ -31,13 +31,23 @@ pub enum GroupBy {
 
 impl GroupBy {
     /// All of them, in the order of the menu.
-    pub const ALL: [GroupBy; 5] = [GroupBy::Nothing, GroupBy::Place, GroupBy::Model, GroupBy::Material, GroupBy::Kind];
+    pub const ALL: [GroupBy; 7] = [
+        GroupBy::Automatic,
+        GroupBy::Place,
+        GroupBy::Name,
+        GroupBy::Model,
+        GroupBy::Material,
+        GroupBy::Kind,
+        GroupBy::Nothing,
+    ];
 
     /// For the menu.
     pub fn name(self) -> &'static str {
         match self {
-            GroupBy::Nothing => "No groups",
+            GroupBy::Automatic => "Automatic",
+            GroupBy::Nothing => "Nothing",
             GroupBy::Place => "Place",
+            GroupBy::Name => "Name",
             GroupBy::Model => "Instance",
             GroupBy::Material => "Material",
             GroupBy::Kind => "Kind",
@@ -47,8 +57,10 @@ impl GroupBy {
     /// What it does.
     pub fn words(self) -> &'static str {
         match self {
+            GroupBy::Automatic => "By place, and lights that stand alone by their numbered names",
             GroupBy::Nothing => "All lights in one list",
             GroupBy::Place => "Lights below one node of the file",
+            GroupBy::Name => "Lights whose names differ by a number at the end",
             GroupBy::Model => "Instances of one mesh or one lamp of the file",
             GroupBy::Material => "Surfaces of one material",
             GroupBy::Kind => "Point lamps, spot lamps, surfaces, panels, sky",
@@ -138,17 +150,29 @@ fn group_key(light: &Listed, by: GroupBy, places: &BTreeMap<String, usize>) -> O
     let origin = &source.origin;
     match (source.kind, by) {
         (SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Sun { .. }, _) => Some("kind:Sky".into()),
-        (_, GroupBy::Place) => {
-            // The innermost place that more than one light stands below.
-            let paths = (1..=origin.parents.len()).rev().map(|depth| origin.parents[..depth].join(SEPARATOR));
-            let mut shared = paths.filter(|path| places.get(path).is_some_and(|n_lights| *n_lights > 1));
-            shared.next().map(|path| format!("place:{path}"))
-        }
+        (_, GroupBy::Place) => place_key(light, places),
+        (_, GroupBy::Name) => name_key(&light.key),
+        (_, GroupBy::Automatic) => place_key(light, places).or_else(|| name_key(&light.key)),
         (_, GroupBy::Model) => origin.model.as_ref().map(|model| format!("instance:{model}")),
         (_, GroupBy::Material) => origin.material.as_ref().map(|material| format!("material:{material}")),
         (kind, GroupBy::Kind) => Some(format!("kind:{}", kind_name(kind))),
         (_, GroupBy::Nothing) => None,
     }
+}
+
+/// The innermost place that more than one light stands below.
+fn place_key(light: &Listed, places: &BTreeMap<String, usize>) -> Option<String> {
+    let LightOf::Scene(source) = &light.light else { return None };
+    let parents = &source.origin.parents;
+    let mut paths = (1..=parents.len()).rev().map(|depth| parents[..depth].join(SEPARATOR));
+    let shared = paths.find(|path| places.get(path).is_some_and(|n_lights| *n_lights > 1));
+    shared.map(|path| format!("place:{path}"))
+}
+
+/// The name of a light without its number.
+fn name_key(key: &str) -> Option<String> {
+    let stem = key.trim_end_matches(|c: char| c.is_ascii_digit() || " ._-#:".contains(c));
+    (!stem.is_empty()).then(|| format!("name:{stem}"))
 }
 
 fn kind_name(kind: SourceKind) -> &'static str {
@@ -208,6 +232,8 @@ mod tests {
             source("b", SourceKind::Emitter, &["Hall"], "Tube"),
             source("c", SourceKind::Point, &["Hall", "Table"], "Bulb"),
             source("d", SourceKind::Point, &["Attic", "Lamp of d"], "Bulb"),
+            source("e 1", SourceKind::Spot, &[], "Bulb"),
+            source("e#2", SourceKind::Spot, &["Spots"], "Bulb"),
             source("sky", SourceKind::Dome { divisions: 1 }, &[], "x"),
             source("sun", SourceKind::Sun { direction: Vec3::Y }, &[], "y"),
         ]
@@ -215,8 +241,10 @@ mod tests {
 
     fn names(by: GroupBy) -> Vec<(String, Vec<usize>)> {
         let sources = sources();
-        let list = |source| Listed { key: String::new(), name: String::new(), light: LightOf::Scene(source) };
-        let lights: Vec<Listed> = sources.iter().map(list).collect();
+        let lights: Vec<Listed> = sources
+            .iter()
+            .map(|source| Listed { key: source.key.clone(), name: String::new(), light: LightOf::Scene(source) })
+            .collect();
         let name = |item: Item| match item {
             Item::Light(idx) => (String::new(), vec![idx]),
             Item::Group(group) => (group.name, group.lights),
@@ -227,12 +255,15 @@ mod tests {
     #[test]
     fn lights_are_sorted_by_place_instance_material_and_kind() {
         let group = |name: &str, lights: &[usize]| (name.to_owned(), lights.to_vec());
-        let (alone, sky) = (|idx| group("", &[idx]), group("Sky", &[4, 5]));
-        assert_eq!(names(GroupBy::Nothing), (0..6).map(alone).collect::<Vec<_>>());
-        assert_eq!(names(GroupBy::Place), [group("Table", &[0, 2]), alone(1), alone(3), sky.clone()]);
-        assert_eq!(names(GroupBy::Model), [group("Bulb", &[0, 2, 3]), alone(1), sky.clone()]);
-        assert_eq!(names(GroupBy::Material), [group("Glow", &[0, 1, 2, 3]), sky.clone()]);
-        assert_eq!(names(GroupBy::Kind), [group("Point lamps", &[0, 2, 3]), alone(1), sky]);
+        let (alone, sky) = (|idx| group("", &[idx]), group("Sky", &[6, 7]));
+        let (table, glow) = (group("Table", &[0, 2]), group("Glow", &[0, 1, 2, 3, 4, 5]));
+        assert_eq!(names(GroupBy::Nothing), (0..8).map(alone).collect::<Vec<_>>());
+        assert_eq!(names(GroupBy::Place), [table.clone(), alone(1), alone(3), alone(4), alone(5), sky.clone()]);
+        assert_eq!(names(GroupBy::Automatic), [table, alone(1), alone(3), group("e", &[4, 5]), sky.clone()]);
+        assert_eq!(names(GroupBy::Model), [group("Bulb", &[0, 2, 3, 4, 5]), alone(1), sky.clone()]);
+        assert_eq!(names(GroupBy::Material), [glow, sky.clone()]);
+        let kinds = [group("Point lamps", &[0, 2, 3]), alone(1), group("Spot lamps", &[4, 5]), sky];
+        assert_eq!(names(GroupBy::Kind), kinds);
     }
 
     #[test]

@@ -21,7 +21,9 @@ use crate::theme;
 /// Height of a row in points.
 pub(super) const HEIGHT: f32 = 24.0;
 /// Width of a number with its unit.
-pub(super) const NUMBER: f32 = 66.0;
+pub(super) const NUMBER: f32 = 62.0;
+/// Width of a name, of what is left of a row.
+pub(super) const NAME: f32 = 0.36;
 /// Width of the mark in front of what differs from the file.
 const MARK: f32 = 8.0;
 /// Texels a side of a panel that is chosen in the window.
@@ -118,7 +120,7 @@ pub(super) fn name_text(mix: &Mix, light: &Listed) -> RichText {
 }
 
 fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
-    let width = (ui.available_width() * 0.38).max(60.0);
+    let width = (ui.available_width() * NAME).max(60.0);
     let of = (light.key.as_str(), light.key.as_str());
     let is_named = ui
         .allocate_ui(vec2(width, HEIGHT), |ui| renaming_ui(ui, of, mix.look, &mut mix.state.renaming, mix.lights))
