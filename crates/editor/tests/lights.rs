@@ -62,10 +62,10 @@ fn name(window: &Window, name: &str) -> Pos2 {
 fn select(window: &mut Window, names: &[&str]) {
     for (idx, of) in names.iter().enumerate() {
         let modifiers = if idx == 0 { Modifiers::NONE } else { Modifiers::COMMAND };
-        window.input_mut().modifiers = modifiers;
+        window.event(Event::ModifiersChanged(modifiers));
         let at = name(window, of);
         click_with(window, at, PointerButton::Primary, modifiers);
-        window.input_mut().modifiers = Modifiers::NONE;
+        window.event(Event::ModifiersChanged(Modifiers::NONE));
     }
 }
 
@@ -146,10 +146,10 @@ fn many_lights_are_changed_by_stops_and_set_to_one_value() {
 fn shift_selects_all_up_to_there_and_a_light_has_another_name() {
     let mut window = lit();
     select(&mut window, &["left"]);
-    window.input_mut().modifiers = Modifiers::SHIFT;
+    window.event(Event::ModifiersChanged(Modifiers::SHIFT));
     let at = name(&window, "right");
     click_with(&mut window, at, PointerButton::Primary, Modifiers::SHIFT);
-    window.input_mut().modifiers = Modifiers::NONE;
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
     window.get_by_label("3 lights selected");
     click(&mut window, "Select nothing");
     assert!(window.query_by_label("3 lights selected").is_none());
@@ -197,9 +197,9 @@ fn faders_take_keys_and_fine_drags_and_go_back() {
     // With Shift a drag goes a tenth of the way.
     let fader = window.get_by_label("left intensity").rect();
     let from = pos2(fader.left() + 0.4 * fader.width(), fader.center().y);
-    window.input_mut().modifiers = Modifiers::SHIFT;
+    window.event(Event::ModifiersChanged(Modifiers::SHIFT));
     drag(&mut window, from, from + eframe::egui::vec2(0.3 * fader.width(), 0.0));
-    window.input_mut().modifiers = Modifiers::NONE;
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
     let stops = intensity(&window, "left").log2();
     assert!(stops > 0.1 && stops < 0.8, "{stops}");
     let at = name(&window, "left");

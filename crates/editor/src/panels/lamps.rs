@@ -26,6 +26,8 @@ pub struct LampState {
     pub dragged_to: Option<Pos2>,
     /// Where the menu of the picture was opened.
     pub menu_at: Option<Pos2>,
+    /// A name that is being typed.
+    naming: Renaming,
 }
 
 impl LampState {
@@ -133,7 +135,7 @@ pub(super) fn details_ui(
     ui: &mut Ui,
     key: &str,
     look: &mut Look,
-    (state, renaming): (&mut LampState, &mut Renaming),
+    state: &mut LampState,
     lights: &[Listed],
     actions: &mut Vec<Action>,
 ) {
@@ -145,7 +147,7 @@ pub(super) fn details_ui(
                 ui.label(RichText::new("Name").weak());
                 ui.scope(|ui| {
                     ui.set_max_width(150.0);
-                    name_field_ui(ui, (key, key), look, renaming, lights);
+                    name_field_ui(ui, (key, key), look, &mut state.naming, lights);
                 });
                 ui.end_row();
                 let lamp = &mut look.lights.lamps[idx];

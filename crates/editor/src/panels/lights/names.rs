@@ -44,7 +44,7 @@ pub(in crate::panels) fn name_field_ui(
         if is_wanted && is_free && name != now {
             rename(look, key, own_name, &name);
         }
-    } else {
+    } else if edit.has_focus() {
         *renaming = Some((key.to_owned(), name));
     }
     edit
@@ -58,17 +58,11 @@ pub(super) fn renaming_ui(
     renaming: &mut Renaming,
     lights: &[Listed],
 ) -> bool {
-    if renaming.as_ref().is_none_or(|(key, _)| key != of.0) {
-        return false;
-    }
+    let Some(asked) = renaming.clone().filter(|(key, _)| key == of.0) else { return false };
     let edit = name_field_ui(ui, of, look, renaming, lights);
-    let id = edit.id.with("asked");
-    // Once, so that a click elsewhere ends it.
-    if !edit.lost_focus() && !ui.data(|data| data.get_temp::<bool>(id).unwrap_or(false)) {
+    if !edit.has_focus() && !edit.lost_focus() {
+        *renaming = Some(asked);
         edit.request_focus();
-        ui.data_mut(|data| data.insert_temp(id, true));
-    } else if edit.lost_focus() {
-        ui.data_mut(|data| data.remove_temp::<bool>(id));
     }
     true
 }

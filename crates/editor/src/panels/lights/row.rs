@@ -254,8 +254,7 @@ fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
             }
         }
         LightOf::Look(lamp, _) if mix.state.lamps.is_chosen(&lamp.key) => {
-            let (lamps, renaming) = (&mut mix.state.lamps, &mut mix.state.renaming);
-            details_ui(ui, &lamp.key, mix.look, (lamps, renaming), mix.lights, mix.actions);
+            details_ui(ui, &lamp.key, mix.look, &mut mix.state.lamps, mix.lights, mix.actions);
         }
         LightOf::Look(..) => {}
     }
