@@ -20,6 +20,7 @@ use eframe::{CreationContext, Storage, wgpu};
 
 use crate::action::{Action, FileTask, dropped};
 use crate::bake_cache::BakeCache;
+use crate::crash;
 use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
@@ -114,6 +115,9 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
+    if let Some(folder) = eframe::storage_dir("clerestory") {
+        crash::keep_reports(folder.join("crashes"));
+    }
     let start = Start {
         source,
         settings: None,

@@ -115,7 +115,8 @@ fn options() -> BakeOptions {
         threads: None,
     };
     let (sky_patches, method) = (SkyForm::Patches(1), Method::default());
-    BakeOptions { view, sky_patches, tolerance: 40.0, fast: true, exact: false, patches: 0, method, fresh: true }
+    let (tolerance, seconds) = (40.0, None);
+    BakeOptions { view, sky_patches, tolerance, seconds, fast: true, exact: false, patches: 0, method, fresh: true }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {

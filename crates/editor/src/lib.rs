@@ -8,6 +8,7 @@ pub mod app;
 pub mod bake_cache;
 pub mod cli;
 pub mod compare;
+pub mod crash;
 pub mod export;
 pub mod headless;
 pub mod legend;

@@ -29,6 +29,7 @@ use clerestory_transport::scene::PunctualLight;
 use self::lamps::LampLight;
 use crate::bake_cache::BakeCache;
 use crate::cli::relight::{frame_of, seen_irradiance};
+use crate::crash;
 use crate::export::{ImageFormat, Picture};
 use crate::look::Look;
 use crate::picture::Changed;
@@ -693,22 +694,20 @@ impl Session {
 
     /// Joins threads that have ended; one that ended without a last word has panicked.
     fn reap(&mut self, ended: [Option<u64>; 2], ended_finding: Option<u64>, notices: &mut Vec<Notice>) {
-        const CRASHED: &str =
-            "it ended unexpectedly; start the program from a terminal to see why, and please report it";
         let has_crashed =
             |task: &Option<Task>, ended: Option<u64>| ended.is_some() && task.as_ref().map(Task::id) == ended;
         if has_crashed(&self.loading, ended[0]) {
             self.others.extend(self.loading.take());
             self.stage =
-                if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), CRASHED.into()) };
-            notices.push(Notice::Failed(format!("opening failed: {CRASHED}")));
+                if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), crash::words()) };
+            notices.push(Notice::Failed(format!("opening failed: {}", crash::words())));
         }
         if has_crashed(&self.baking, ended[1]) {
             self.others.extend(self.baking.take());
-            self.bake = BakeState::Failed(CRASHED.into());
+            self.bake = BakeState::Failed(crash::words());
         }
         if ended_finding.is_some() && ended_finding == self.finding {
-            self.scene_found(Err(CRASHED.into()));
+            self.scene_found(Err(crash::words()));
         }
         let (done, running) = std::mem::take(&mut self.others).into_iter().partition(Task::is_finished);
         self.others = running;
@@ -724,5 +723,33 @@ impl Drop for Session {
         // Without a receiver nobody waits for room in the channel.
         self.receiver = None;
         self.others.drain(..).for_each(Task::join);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wait(session: &mut Session, until: impl Fn(&Session) -> bool) {
+        for _ in 0..10_000 {
+            session.drain();
+            if until(session) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        panic!("it never came about: {:?}, {:?}", session.stage, session.bake);
+    }
+
+    #[test]
+    fn what_panics_is_told_and_the_session_lives_on() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.bake = BakeState::Preparing;
+        session.baking = session.spawn("bake", |_| panic!("injected by a test of the session"));
+        wait(&mut session, |session| !session.bake.is_running());
+        assert!(matches!(&session.bake, BakeState::Failed(words) if words.contains("ended unexpectedly")));
+        let bytes = include_bytes!("../tests/room.gltf").to_vec();
+        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        wait(&mut session, |session| session.stage == Stage::Ready);
     }
 }

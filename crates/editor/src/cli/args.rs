@@ -1,6 +1,7 @@
 //! What can be typed: subcommands, options, defaults, and the range of every number.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_nystrom::rivals::{Method, UnknownMethod};
@@ -153,6 +154,11 @@ pub struct BakeOptions {
     /// Signal to error in decibels that the bake aims at.
     #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
     pub tolerance: f32,
+    /// Seconds that the bake may take, scene loading not counted: it goes over the picture with four times the samples each
+    /// time, from the middle outwards, and ends with what it has; --spp and --tolerance still end it sooner. A preview is
+    /// always made whole.
+    #[arg(long, value_name = "N", value_parser = parse_seconds, conflicts_with = "patches")]
+    pub seconds: Option<Duration>,
     /// Share the light between surfaces among neighboring pixels: smoother at the same samples, but smeared over a few
     /// pixels; the error says by how much, as measured on pixels that are traced as well.
     #[arg(long, conflicts_with = "exact")]
@@ -174,11 +180,12 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 17] = [
+const OF_SCENES: [&str; 18] = [
     "scene",
     "camera",
     "size",
     "spp",
+    "seconds",
     "bounces",
     "panels",
     "ies",
@@ -437,6 +444,11 @@ fn parse_method(text: &str) -> Result<Method, String> {
     }
 }
 
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let secs = text.parse::<f32>().ok().filter(|secs| *secs > 0.0 && *secs <= 1e6);
+    secs.map(Duration::from_secs_f32).ok_or_else(|| "give seconds above 0 and up to 1000000".into())
+}
+
 fn parse_tolerance(text: &str) -> Result<f32, String> {
     let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
     decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
@@ -470,6 +482,8 @@ mod tests {
         let bad = [
             ["--spp", "0"],
             ["--spp", "-3"],
+            ["--seconds", "0"],
+            ["--seconds", "nan"],
             ["--size", "0x4"],
             ["--size", "20000x20"],
             ["--size", "12"],
@@ -515,6 +529,7 @@ mod tests {
             let line = format!("clerestory bake --images stage -o a.transport {rest}");
             Arguments::try_parse_from(line.split_whitespace().map(str::to_owned))
         };
+        assert!(line("--seconds 10").is_err());
         assert!(line("--tolerance 45 --fresh --seed 3 --threads 2 --json").is_ok());
         for of_scenes in [
             "a.glb",

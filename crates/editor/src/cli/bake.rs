@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
@@ -52,7 +53,8 @@ fn bake_scene(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<(B
     let rows = requested(&args.irradiance).rows(&view.scene);
     let irradiance = rows.with_context(|| format!("cannot measure light in {}", scene.display()))?;
     let job = BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) };
-    run_with_progress(console, &args.options, &|| kept_words(&args.output), |on_event| {
+    let kept = || kept_words(&args.output, restart(&args.options));
+    run_with_progress(console, &args.options, &kept, |on_event| {
         archive::bake_to_file(job, &args.output, restart(&args.options), on_event)
     })
     .with_context(|| format!("cannot bake {} to {}", scene.display(), args.output.display()))
@@ -64,7 +66,8 @@ fn bake_images(folder: &Path, args: &BakeArgs, console: &mut Console) -> Result<
     reserve(&args.output, &inputs)?;
     let mut remarks = Vec::new();
     let job = stack_job(&stack, &args.options);
-    let baked = run_with_progress(console, &args.options, &|| kept_words(&args.output), |on_event| {
+    let kept = || kept_words(&args.output, restart(&args.options));
+    let baked = run_with_progress(console, &args.options, &kept, |on_event| {
         let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
         remarks = surveyed.remarks();
         archive::stack_to_file(surveyed, &args.output, restart(&args.options), on_event)
@@ -96,13 +99,15 @@ fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
 }
 
 fn restart(options: &BakeOptions) -> Restart {
-    if options.fresh { Restart::Fresh } else { Restart::Resume }
+    // Within a time, blocks of the last pass alone are no start.
+    if options.fresh || options.seconds.is_some() { Restart::Fresh } else { Restart::Resume }
 }
 
 /// What a bake that is stopped leaves behind.
-fn kept_words(output: &Path) -> String {
+fn kept_words(output: &Path, restart: Restart) -> String {
     let part = archive::part_of(output);
     match part.exists() {
+        true if restart == Restart::Fresh => "the same command starts over".into(),
         true => format!("what is done is kept in {}, and the same command goes on with it", part.display()),
         false => "nothing was done yet".into(),
     }
@@ -128,6 +133,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         method: options.method,
         patches: options.patches,
     };
+    let passes = options.seconds.map_or(passes, |limit| Passes::Until(Instant::now() + limit));
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
 }
 
