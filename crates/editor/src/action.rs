@@ -24,6 +24,8 @@ pub enum Action {
     SaveLookAgain,
     /// Write the picture that is seen.
     ExportImage(PathBuf),
+    /// Put the picture that is seen on the clipboard.
+    CopyImage,
     /// Keep the bake for `clerestory relight`.
     SaveBake(PathBuf),
     /// Bake with the settings of the bake panel.
@@ -73,6 +75,8 @@ pub enum Action {
     UseDevice(DeviceWish),
     /// Show the whole picture.
     FitPicture,
+    /// Show a pixel of the picture on each pixel of the screen.
+    OneToOne,
     /// Show or hide the list of keyboard shortcuts.
     ToggleShortcuts,
     /// Close the window, whatever was not saved.
@@ -126,6 +130,11 @@ impl FileTask {
             FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
             FileTask::FindScene => ("glTF scenes", &["glb", "gltf"]),
         }
+    }
+
+    /// Whether more than the file's name is asked, so that the desktop's dialog waits until it is wanted.
+    pub fn asks_more(self) -> bool {
+        self == FileTask::Export
     }
 
     /// Whether a file is written.

@@ -1,8 +1,10 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
+mod export;
 mod follow;
 mod lamplight;
 mod lamps;
+mod probe;
 mod recovery;
 mod rest;
 mod sky;
@@ -21,6 +23,7 @@ use eframe::{CreationContext, Storage, wgpu};
 use crate::action::{Action, FileTask, dropped};
 use crate::bake_cache::BakeCache;
 use crate::crash;
+use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
@@ -33,6 +36,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
+use probe::Prober;
 use recovery::Recovery;
 
 /// Width of a picture that is baked without being asked for.
@@ -43,6 +47,7 @@ const MANY_CORES: usize = 8;
 const MAX_RECENT: usize = 8;
 const RECENT_KEY: &str = "recent";
 const LIGHTS_KEY: &str = "lights";
+const EXPORT_KEY: &str = "export";
 
 /// How the window starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,6 +85,7 @@ pub struct App {
     lights: LightsState,
     view: ViewState,
     follower: Follower,
+    prober: Prober,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -89,6 +95,8 @@ pub struct App {
     /// Where the lamp goes whose profile is being asked for.
     profile_at_px: Option<[f32; 2]>,
     shortcuts: bool,
+    /// How pictures are written.
+    export: ExportOptions,
     recovery: Recovery,
     message: (String, MessageTone),
     recent: Vec<PathBuf>,
@@ -165,6 +173,7 @@ impl App {
             lights,
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
+            prober: Prober::default(),
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -172,6 +181,7 @@ impl App {
             after_saving: None,
             profile_at_px: None,
             shortcuts: false,
+            export: cc.storage.and_then(|storage| eframe::get_value(storage, EXPORT_KEY)).unwrap_or_default(),
             recovery,
             message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
             recent,
@@ -192,6 +202,11 @@ impl App {
     /// How the bake panel is set.
     pub fn settings(&self) -> &BakeSettings {
         &self.settings
+    }
+
+    /// Key of the light that was chosen in the picture.
+    pub fn chosen_light(&self) -> Option<&str> {
+        self.lights.chosen.as_deref()
     }
 
     /// Number of pictures that were made since the window opened.
@@ -221,11 +236,12 @@ impl App {
         self.message = (words.into(), MessageTone::Problem);
     }
 
-    fn notice(&mut self, notice: Notice) {
+    fn notice(&mut self, ctx: &Context, notice: Notice) {
         match notice {
             Notice::Opened => self.scene_opened(),
             Notice::PreparedAgain => self.start_bake(),
             Notice::Said(words) => self.say(words),
+            Notice::Developed(picture) => self.copied(ctx, picture),
             Notice::Failed(words) => {
                 self.leave_behind();
                 self.complain(words);
@@ -235,9 +251,10 @@ impl App {
 
     fn scene_opened(&mut self) {
         (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+        (self.export.width_px, self.export.region) = (None, None);
         self.undoer = Undoer::default();
         self.lights = LightsState::new(self.lights.layout);
-        self.view.fit();
+        self.view = ViewState::default();
         self.follower.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
@@ -263,6 +280,7 @@ impl App {
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),
             Action::ExportImage(path) => self.export(path),
+            Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.start_bake(),
             Action::CancelBake => self.session.cancel_bake(),
@@ -280,7 +298,8 @@ impl App {
             Action::Redo => self.redo(),
             Action::ResetLook => self.look = Look::default(),
             Action::UseDevice(wish) => self.follower.use_device(wish),
-            Action::FitPicture => self.view.fit(),
+            Action::FitPicture => self.view.zoom.fit(),
+            Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
         }
@@ -358,16 +377,6 @@ impl App {
         }
     }
 
-    /// What is seen is what is written, a solo included.
-    fn export(&mut self, path: PathBuf) {
-        let mut seen = self.look.clone();
-        if let Some(basis) = self.session.basis() {
-            seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
-        }
-        self.say(format!("Writing {}", path.display()));
-        self.session.export(seen, self.follower.lamp_light().cloned(), path);
-    }
-
     fn undo(&mut self) {
         if let Some(look) = self.undoer.undo(&self.look).cloned() {
             self.look = look;
@@ -405,10 +414,7 @@ impl App {
     }
 
     fn dialogs_ui(&mut self, ctx: &Context) {
-        if let Some(question) = &mut self.question {
-            let answer = question.ui(ctx);
-            self.answered(answer);
-        }
+        self.question_ui(ctx);
         if self.unsaved.is_some()
             && let Some(answer) = unsaved_ui(ctx)
         {
@@ -531,12 +537,14 @@ impl App {
     fn picture_ui(&mut self, ui: &mut Ui) {
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
+        self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
         let viewed = Viewed {
             picture: self.follower.picture(),
             stage: &self.session.stage,
             bake: &self.session.bake,
             scene: scene.zip(shown_camera),
             legend: self.follower.legend(),
+            readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             let area = ui.available_rect_before_wrap();
@@ -549,7 +557,7 @@ impl App {
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         for notice in self.session.drain() {
-            self.notice(notice);
+            self.notice(ctx, notice);
         }
         if let Some(answer) = self.question.as_mut().and_then(|question| question.poll(ctx)) {
             self.answered(Some(answer));
@@ -591,6 +599,7 @@ impl eframe::App for App {
     fn save(&mut self, storage: &mut dyn Storage) {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
         eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
+        eframe::set_value(storage, EXPORT_KEY, &self.export);
     }
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {

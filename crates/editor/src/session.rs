@@ -1,6 +1,8 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
 pub mod lamps;
+mod seen;
+pub mod shares;
 mod task;
 pub mod worker;
 
@@ -25,14 +27,15 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
+use eframe::egui::ColorImage;
 
 use self::lamps::LampLight;
 use crate::bake_cache::BakeCache;
-use crate::cli::relight::{frame_of, seen_irradiance};
 use crate::crash;
-use crate::export::{ImageFormat, Picture};
+use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::picture::Changed;
+use seen::Seen;
 use task::{Fact, Post, Prepared, Task, words};
 pub use task::{Loaded, Source};
 
@@ -213,6 +216,8 @@ pub enum Notice {
     Said(String),
     /// Something went wrong, in words.
     Failed(String),
+    /// A picture for the clipboard.
+    Developed(ColorImage),
 }
 
 /// What is open and what runs.
@@ -418,18 +423,21 @@ impl Session {
     }
 
     /// Writes the picture under `look` in the background, with the light of its free lamps.
-    pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf) {
+    pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf, options: ExportOptions) {
         let Some(shown) = &self.shown else { return };
-        let coefficients = shown.coefficients(&look.lights, light.as_ref());
-        let bake = shown.bake();
-        self.write(path.clone(), move || {
-            let frame = frame_of(&bake, &look.lights);
-            let radiance = task::relight_once(&frame, &coefficients, light.as_ref())?;
-            let asked = look.shows_irradiance(ImageFormat::of(&path)?);
-            let irradiance = if asked { Some(seen_irradiance(&bake, &look.lights)?) } else { None };
-            Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look }.save(&path)?;
-            Ok(())
+        let seen = Seen::of(shown, look, light);
+        self.write(path.clone(), move || seen.save(&path, &options));
+    }
+
+    /// Makes the picture under `look` for the clipboard in the background; it comes as a notice.
+    pub fn copy(&mut self, look: Look, light: Option<LampLight>) {
+        let Some(shown) = &self.shown else { return };
+        let seen = Seen::of(shown, look, light);
+        let task = self.spawn("copy", move |post| {
+            let developed = seen.develop().map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::Developed(developed), Duration::ZERO);
         });
+        self.others.extend(task);
     }
 
     /// Writes the bake that is shown in the background.
@@ -497,7 +505,8 @@ impl Session {
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
             Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
-            Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
+            Fact::Written(Err(words)) | Fact::Developed(Err(words)) => notices.push(Notice::Failed(words)),
+            Fact::Developed(Ok(picture)) => notices.push(Notice::Developed(picture)),
             // Facts of a task that was stopped no longer count.
             Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
             Fact::Found(_) | Fact::BakeEnded(_) | Fact::SceneFound(_) => {}

@@ -3,6 +3,7 @@
 //! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads.
 
 mod clock;
+pub mod estimate;
 mod irradiance;
 mod key;
 mod method;
@@ -530,7 +531,8 @@ impl BakeJob {
             }
         }
         for set in 0..header.irradiance.len() {
-            if run.irradiance((last, all, set), &mut clock, &mut on_event)?.is_break() {
+            let blocks = run.missing(1 + set);
+            if run.irradiance((last, all, set), &blocks, &mut clock, &mut on_event)?.is_break() {
                 return Ok(None);
             }
         }
@@ -657,6 +659,14 @@ impl Deadline {
 }
 
 impl Run<'_> {
+    /// Blocks of a matrix that are not there yet, from its middle outwards.
+    fn missing(&self, matrix: usize) -> Vec<u32> {
+        let mut blocks = from_the_center(&self.header.partitions()[matrix]);
+        let groups = &self.matrices[matrix];
+        blocks.retain(|&block| groups.iter().any(|group| group.blocks[block as usize].is_none()));
+        blocks
+    }
+
     fn keep(&mut self, (matrix, block_idx): (usize, usize), factors: &[Arc<BlockFactors>]) {
         for (group, factors) in self.matrices[matrix].iter_mut().zip(factors) {
             group.blocks[block_idx] = Some(factors.clone());

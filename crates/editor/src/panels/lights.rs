@@ -76,12 +76,15 @@ pub struct LightsState {
     pub filter: String,
     /// Keys of the lights that alone are heard.
     pub solo: BTreeSet<String>,
+    /// Key of the light that was chosen in the picture; its row is marked.
+    pub chosen: Option<String>,
     /// Panel and spot that were touched last.
     pub spot: Option<(String, usize)>,
     /// The free lamps.
     pub lamps: LampState,
-    /// Key of a light that was chosen elsewhere: the panel selects it and shows it.
+    /// Key of the light that was chosen in the picture: the panel selects it and shows it.
     pub chosen: Option<String>,
+    chosen_before: Option<String>,
     selection: Selection,
     /// The chosen lamp of the frame before.
     lamp_before: Option<String>,
@@ -101,17 +104,20 @@ impl LightsState {
         LightsState { layout, ..LightsState::default() }
     }
 
-    /// Chooses a lamp of the picture, or none, from within the panel.
+    /// Chooses a lamp of the picture, or none, from within the panel, after what is selected changed. What is selected alone
+    /// is the chosen light of the picture, too.
     fn choose_lamp(&mut self, key: Option<String>) {
-        self.lamp_before.clone_from(&key);
+        self.chosen = self.selection.single().map(str::to_owned);
         self.lamps.chosen = key;
+        (self.chosen_before, self.lamp_before) = (self.chosen.clone(), self.lamps.chosen.clone());
     }
 
     /// Takes over what was chosen in the picture: a lamp that was clicked, or a light that was asked for.
     fn follow_picture(&mut self) {
+        let mut asked = self.chosen.clone().filter(|_| self.chosen != self.chosen_before);
         if self.lamps.chosen != self.lamp_before {
             match &self.lamps.chosen {
-                Some(key) => self.chosen = Some(key.clone()),
+                Some(key) => asked = Some(key.clone()),
                 None if self.lamp_before.as_deref().is_some_and(|key| self.selection.has(key)) => {
                     self.selection.clear()
                 }
@@ -119,10 +125,11 @@ impl LightsState {
             }
             self.lamp_before.clone_from(&self.lamps.chosen);
         }
-        if let Some(key) = self.chosen.take() {
+        if let Some(key) = asked {
             self.selection.set(&key);
-            self.scroll_to = Some(key);
+            (self.chosen, self.scroll_to) = (Some(key.clone()), Some(key));
         }
+        self.chosen_before.clone_from(&self.chosen);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Keys: which there are, what they do, and the window that lists them.
 
-use eframe::egui::{self, Context, Key, KeyboardShortcut, Modifiers};
+use eframe::egui::text_selection::LabelSelectionState;
+use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
 
 use crate::action::{Action, FileTask};
 
@@ -18,8 +19,11 @@ const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plu
 const SAVE: KeyboardShortcut = command(Key::S);
 const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
 const EXPORT: KeyboardShortcut = command(Key::E);
+const COPY: KeyboardShortcut = command(Key::C);
 const BAKE: KeyboardShortcut = command(Key::B);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
+const FIT_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Home);
+const ONE_TO_ONE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Num1);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
 const DUPLICATE: KeyboardShortcut = command(Key::D);
@@ -29,6 +33,7 @@ const HELP_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Q
 
 /// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it.
 pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
+    take_copy(ctx, actions);
     let mut take = |shortcut: &KeyboardShortcut, action: Action| {
         if ctx.input_mut(|input| input.consume_shortcut(shortcut)) {
             actions.push(action);
@@ -49,11 +54,21 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&UNDO, Action::Undo);
     take(&REDO_TOO, Action::Redo);
     take(&FIT, Action::FitPicture);
+    take(&FIT_TOO, Action::FitPicture);
+    take(&ONE_TO_ONE, Action::OneToOne);
     take(&DELETE, Action::DeleteLamp);
     take(&DELETE_TOO, Action::DeleteLamp);
     take(&DUPLICATE, Action::DuplicateLamp);
     take(&AIM, Action::AimLamp);
     take(&HELP_TOO, Action::ToggleShortcuts);
+}
+
+/// The toolkit makes an event of the keys that copy; words that are marked go before the picture.
+fn take_copy(ctx: &Context, actions: &mut Vec<Action>) {
+    let has_words = ctx.with_plugin(|selection: &mut LabelSelectionState| selection.has_selection()) == Some(true);
+    if !has_words && !ctx.text_edit_focused() && ctx.input(|input| input.events.contains(&Event::Copy)) {
+        actions.push(Action::CopyImage);
+    }
 }
 
 /// The list of keys and gestures.
@@ -83,12 +98,17 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (keys(&SAVE), "Save the look"),
         (keys(&SAVE_AS), "Save the look under another name"),
         (keys(&EXPORT), "Export the picture"),
+        (keys(&COPY), "Copy the picture"),
         (keys(&BAKE), "Start the bake"),
         (keys(&UNDO), "Undo"),
         (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),
-        (words("F"), "Show the whole picture"),
+        (words("F or Home"), "Show the whole picture"),
+        (words("1"), "Show it pixel by pixel"),
         (words("Wheel, pinch"), "Zoom at the pointer"),
+        (words("Z + drag"), "Zoom to a rectangle"),
         (words("Middle drag, Space + drag"), "Move the picture"),
+        (words("Click in the picture"), "Show which lights are there"),
+        (words("P"), "Pin a probe at the pointer"),
         (words("Drag on a panel in the picture"), "Place or move a spot of light"),
         (words("Double-click on a panel"), "Add a spot"),
         (words("Click on a lamp"), "Choose it, show its handles"),
