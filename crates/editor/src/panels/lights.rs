@@ -208,7 +208,7 @@ fn layout_ui(ui: &mut Ui, state: &mut LightsState, n_lights: usize) {
                 ui.selectable_value(&mut layout.group_by, by, by.name()).on_hover_text(by.words());
             }
         });
-        combo.response.accessible_name("Group by").on_hover_text(layout.group_by.words());
+        combo.response.accessible_name("Group lights by").on_hover_text(layout.group_by.words());
         ui.label(RichText::new("Unit").weak());
         let combo = ComboBox::from_id_salt("unit").width(44.0).selected_text(layout.scale.name());
         let combo = combo.show_ui(ui, |ui| {
