@@ -76,8 +76,6 @@ pub struct LightsState {
     pub filter: String,
     /// Keys of the lights that alone are heard.
     pub solo: BTreeSet<String>,
-    /// Key of the light that was chosen in the picture; its row is marked.
-    pub chosen: Option<String>,
     /// Panel and spot that were touched last.
     pub spot: Option<(String, usize)>,
     /// The free lamps.
