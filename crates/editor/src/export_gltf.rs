@@ -40,7 +40,7 @@ impl Lit<'_> {
         let source = Container::split(self.bytes).context("the scene cannot be read again")?;
         let mut document = Document::parse(source.json).context("the scene cannot be read again")?;
         let mut warnings = lights::write(&mut document, self.scene, &self.look.lights)?;
-        lamps::write(&mut document, self.scene, &self.look.lights.lamps, &mut warnings)?;
+        lamps::write(&mut document, self.scene, &self.look.lights.lit_lamps(), &mut warnings)?;
         container::save(&source, document, kind, self.folder, path)?;
         Ok(warnings)
     }

@@ -73,13 +73,14 @@ impl Stills {
             None => self.relighter.insert(Relighter::new(&subject.bake, &look.lights, self.gpu.as_ref())?),
         };
         self.backdrop = backdrop;
-        let light = match (&subject.view, look.lights.lamps.iter().any(|lamp| !lamp.setting.muted)) {
+        let shining = look.lights.lit_lamps();
+        let light = match (&subject.view, shining.iter().any(|lamp| !lamp.setting.muted)) {
             (Some(view), true) => {
                 let (_, lamps) = match self.lamps.take().filter(|(of, _)| *of == film) {
                     Some(kept) => self.lamps.insert(kept),
                     None => self.lamps.insert((film, StillLamps::new(Arc::new(LampView { film, ..view.clone() })))),
                 };
-                let Some(light) = lamps.light(&look.lights.lamps, stop) else { return Ok(None) };
+                let Some(light) = lamps.light(&shining, stop) else { return Ok(None) };
                 Some(light)
             }
             _ => None,

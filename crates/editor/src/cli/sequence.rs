@@ -97,7 +97,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         .snapshots
         .iter()
         .for_each(|snapshot| warn_of_unknown_lights(&header.basis, &snapshot.look(), console));
-    let all: Vec<_> = sequence.look.snapshots.iter().flat_map(|snapshot| snapshot.lights.lamps.clone()).collect();
+    let all: Vec<_> = sequence.look.snapshots.iter().flat_map(|snapshot| snapshot.lights.lit_lamps()).collect();
     let view = lamps::stage(&bake, &all, args.scene.as_deref(), console)?.map(|(scene, camera)| LampView {
         scene: Arc::new(scene),
         camera,

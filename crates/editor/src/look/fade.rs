@@ -3,7 +3,7 @@
 //! Light is linear, so what a light sends is mixed linearly, and half way between two looks the picture is the mean of
 //! both wherever nothing moves. What has a place moves there on a straight line.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_relight::display::WhitePoint;
 use clerestory_transport::basis::LightBasis;
@@ -31,6 +31,9 @@ pub fn fade(a: &Look, b: &Look, share: f32, basis: Option<&LightBasis>) -> Look 
 }
 
 fn rig(a: &LightRig, b: &LightRig, t: f32, basis: Option<&LightBasis>) -> LightRig {
+    if a.groups != b.groups {
+        return rig(&ungrouped(a), &ungrouped(b), t, basis);
+    }
     let own_color = |key: &str| basis.and_then(|basis| basis.source(key)).map_or(Vec3::ONE, |source| source.color);
     let of = |rig: &LightRig, key: &str| rig.lights.get(key).copied().unwrap_or_default();
     let keys: BTreeSet<&String> = a.lights.keys().chain(b.lights.keys()).collect();
@@ -46,7 +49,22 @@ fn rig(a: &LightRig, b: &LightRig, t: f32, basis: Option<&LightBasis>) -> LightR
         (key.clone(), spots(&ends, own_color(key)))
     };
     let panels = panels.into_iter().map(panel).collect();
-    LightRig { lights, panels, sky: sky(a.sky.as_ref(), b.sky.as_ref(), t), lamps: lamps(&a.lamps, &b.lamps, t) }
+    LightRig {
+        lights,
+        panels,
+        sky: sky(a.sky.as_ref(), b.sky.as_ref(), t),
+        lamps: lamps(&a.lamps, &b.lamps, t),
+        groups: a.groups.clone(),
+    }
+}
+
+/// The same light without groups: what they multiply is part of each light.
+fn ungrouped(rig: &LightRig) -> LightRig {
+    let lamps = rig.lit_lamps();
+    let is_lamp = |key: &&String| lamps.iter().any(|lamp| lamp.key == **key);
+    let keys = rig.lights.keys().chain(rig.groups.values().flat_map(|group| &group.lights).filter(|key| !is_lamp(key)));
+    let lights = keys.map(|key| (key.clone(), rig.setting(key))).collect();
+    LightRig { lights, lamps, groups: BTreeMap::new(), ..rig.clone() }
 }
 
 fn lerp(a: f32, b: f32, t: f32) -> f32 {

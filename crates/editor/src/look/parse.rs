@@ -22,7 +22,7 @@ const POSITION: RangeInclusive<f64> = -100.0..=100.0;
 const RADIUS: RangeInclusive<f64> = 0.0..=1000.0;
 
 /// Members that say how a scene is lit and shown, of a look and of each of its snapshots.
-pub(super) const LIGHTING: [&str; 5] = ["lights", "panels", "sky", "lamps", "display"];
+pub(super) const LIGHTING: [&str; 6] = ["lights", "panels", "sky", "lamps", "groups", "display"];
 
 /// What happens at a fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,21 +62,22 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
-    reader.report_unknown(document, &[&["clerestory", "looks", "on", "timeline"], &LIGHTING[..]].concat());
+    reader.report_unknown(document, &[&["clerestory", "names", "looks", "on", "timeline"], &LIGHTING[..]].concat());
     let (lights, display) = reader.lighting(document)?;
     let snapshots = reader.optional(document, "looks", |reader, value| reader.snapshots(value))?.unwrap_or_default();
-    let names: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect();
-    let known = names.iter().map(|name| (*name, (*name).to_owned()));
+    let kept: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect();
+    let known = kept.iter().map(|name| (*name, (*name).to_owned()));
     let on = reader.optional(document, "on", |reader, value| reader.by_name(value, known))?.flatten();
-    let timeline = reader.optional(document, "timeline", |reader, value| reader.timeline(value, &names))?;
+    let timeline = reader.optional(document, "timeline", |reader, value| reader.timeline(value, &kept))?;
     let timeline = timeline.unwrap_or_default();
-    Ok((Look { lights, display, snapshots, on, timeline }, warnings))
+    let names = reader.entries(document, "names", |reader, value| reader.text(value))?;
+    Ok((Look { lights, names, display, snapshots, on, timeline }, warnings))
 }
 
 /// Refuses what a newer program wrote, and what is no look at all.
 fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<()> {
     let Some(version) = document.get("clerestory") else {
-        let known = LIGHTING.iter().chain(&["looks"]);
+        let known = LIGHTING.iter().chain(&["looks", "names"]);
         if !document.is_empty() && !known.clone().any(|key| document.contains_key(*key)) {
             let known: Vec<&str> = known.copied().collect();
             bail!("it is no look: it has none of `clerestory`, `{}`", known.join("`, `"));
@@ -103,6 +104,7 @@ impl Reader<'_> {
             panels: self.entries(object, "panels", |reader, value| reader.spots(value))?,
             sky: self.optional(object, "sky", |reader, value| reader.sky(value))?,
             lamps: self.optional(object, "lamps", |reader, value| reader.lamps(value))?.unwrap_or_default(),
+            groups: self.entries(object, "groups", |reader, value| reader.group(value))?,
         };
         let display = match object.get("display") {
             Some(value) => self.part("display", |reader| reader.display(value))?.unwrap_or_default(),

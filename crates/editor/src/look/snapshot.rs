@@ -43,7 +43,8 @@ pub enum Mark {
 impl Look {
     /// What is lit now, without snapshots and timeline.
     pub fn present(&self) -> Look {
-        Look { lights: self.lights.clone(), display: self.display, ..Look::default() }
+        let (lights, names) = (self.lights.clone(), self.names.clone());
+        Look { lights, names, display: self.display, ..Look::default() }
     }
 
     /// The snapshot of that name.

@@ -9,6 +9,7 @@ use super::{Display, LOOK_VERSION, Look};
 pub(super) fn json(look: &Look) -> String {
     let mut members = vec![format!("  \"clerestory\": {LOOK_VERSION}")];
     members.extend(lighting_members(&look.lights, &look.display, "  "));
+    members.extend(super::groups::names_member(&look.names));
     let snapshots = look.snapshots.iter().map(|snapshot| format!("    {}", super::snapshot::json(snapshot, "    ")));
     let snapshots: Vec<String> = snapshots.collect();
     if !snapshots.is_empty() {
@@ -41,6 +42,7 @@ pub(super) fn lighting_members(lights: &LightRig, display: &Display, indent: &st
     if !lamps.is_empty() {
         members.push(format!("{indent}\"lamps\": [\n{}\n{indent}]", lamps.join(",\n")));
     }
+    members.extend(super::groups::member_of(&lights.groups));
     let display = super::display::members(display);
     if !display.is_empty() {
         members.push(format!("{indent}\"display\": {{ {} }}", display.join(", ")));
