@@ -267,6 +267,7 @@ mod tests {
             columns: 0..n,
             color: Vec3::new(1.0, 0.5, 0.25),
             strength: 8.0,
+            origin: Default::default(),
         };
         let panel = SourceKind::Panel { resolution: 4, size_m: [2.0, 1.0] };
         LightBasis::new(vec![source("lamp", SourceKind::Point, 1), source("panel", panel, 16)])

@@ -164,7 +164,14 @@ mod tests {
 
     fn source(key: &str, kind: SourceKind) -> LightSource {
         let columns = 0..if let SourceKind::Panel { resolution, .. } = kind { resolution * resolution } else { 1 };
-        LightSource { key: key.into(), kind, columns, color: Vec3::new(1.0, 0.9, 0.8), strength: 10.0 }
+        LightSource {
+            key: key.into(),
+            kind,
+            columns,
+            color: Vec3::new(1.0, 0.9, 0.8),
+            strength: 10.0,
+            origin: Default::default(),
+        }
     }
 
     fn light(basis: &LightBasis, preset: Preset, key: &str) -> f32 {
