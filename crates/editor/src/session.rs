@@ -1,6 +1,7 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
 pub mod lamps;
+pub mod shares;
 mod task;
 pub mod worker;
 
