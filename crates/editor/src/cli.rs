@@ -9,6 +9,7 @@ mod interrupt;
 mod lamps;
 pub(crate) mod relight;
 mod sensors;
+mod solve;
 mod trace;
 mod usage;
 pub(crate) mod view;
@@ -73,6 +74,7 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Render(args) => (relight::render(args, console)?, args.answer.json),
         Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
         Command::Sensors(args) => (sensors::sensors(args, console)?, args.answer.json),
+        Command::Solve(args) => (solve::run(args, console)?, args.answer.json),
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
         Command::Cache(args) => (cache::cache(args)?, args.answer.json),
         Command::Info(args) => (info::info(&args.file, console)?, args.answer.json),
