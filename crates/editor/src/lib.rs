@@ -10,6 +10,7 @@ pub mod cli;
 pub mod compare;
 pub mod export;
 pub mod headless;
+pub mod illuminance;
 pub mod legend;
 pub mod look;
 pub mod marks;

@@ -1,5 +1,6 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
+pub mod aside;
 pub mod lamps;
 pub mod shares;
 mod task;

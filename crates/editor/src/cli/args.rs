@@ -286,7 +286,7 @@ pub struct SolveArgs {
     /// How much the rest of the picture counts, beside 1 for a wish [default: 0.001].
     #[arg(long, value_name = "WEIGHT")]
     pub keep: Option<f64>,
-    /// How much a light that stays as it is counts [default: 0.01].
+    /// How much a light that stays as it is counts [default: 0.001].
     #[arg(long, value_name = "STRENGTH")]
     pub pull: Option<f64>,
     /// Look to write.

@@ -89,7 +89,7 @@ impl Default for Request {
             lights: None,
             bounds: [0.0, 100.0],
             freedom: Freedom::Intensity,
-            pull: 0.01,
+            pull: 1e-3,
             keep: 1e-3,
         }
     }
