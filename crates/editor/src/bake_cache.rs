@@ -81,20 +81,24 @@ impl BakeCache {
         self.limit_bytes
     }
 
-    /// The bake of a job made by this very program, if it was kept; then it counts as used now.
-    pub fn find(&self, job: &BakeJob) -> Found {
-        let path = self.path(job);
+    /// Where the bake of a job by this very program is kept: this reads the whole scene.
+    pub fn place(&self, job: &BakeJob) -> Place {
+        Place(self.folder.join(format!("{}-{}.{ENDING}", job.key(), program())))
+    }
+
+    /// The bake of a place, if it was kept; then it counts as used now.
+    pub fn find(&self, Place(path): &Place) -> Found {
         if !path.exists() {
             return Found::Nothing;
         }
-        match archive::read(&path) {
+        match archive::read(path) {
             Ok(bake) => {
                 // A folder that cannot be written still serves.
-                let _ = File::options().write(true).open(&path).and_then(|file| file.set_modified(SystemTime::now()));
+                let _ = File::options().write(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
                 Found::Hit(Box::new(bake))
             }
             Err(error) => {
-                let _ = fs::rename(&path, path.with_extension(DAMAGED));
+                let _ = fs::rename(path, path.with_extension(DAMAGED));
                 Found::SetAside(format!("a kept bake could not be used and was set aside: {error}"))
             }
         }
@@ -105,14 +109,13 @@ impl BakeCache {
     ///
     /// # Errors
     /// If the folder cannot be made or written.
-    pub fn keep(&self, job: &BakeJob, bake: &Bake) -> Result<bool> {
+    pub fn keep(&self, Place(path): &Place, bake: &Bake) -> Result<bool> {
         if self.limit_bytes == 0 {
             return Ok(false);
         }
         let problem = || format!("the bake is not kept for the next time: cannot write to {}", self.folder.display());
         fs::create_dir_all(&self.folder).with_context(problem)?;
-        let path = self.path(job);
-        archive::write(bake, &path).with_context(problem)?;
+        archive::write(bake, path).with_context(problem)?;
         self.shrink().with_context(problem)?;
         Ok(path.exists())
     }
@@ -154,10 +157,6 @@ impl BakeCache {
         Ok(())
     }
 
-    fn path(&self, job: &BakeJob) -> PathBuf {
-        self.folder.join(format!("{}-{}.{ENDING}", job.key(), program()))
-    }
-
     fn entries(&self) -> Result<Vec<Entry>> {
         let listed = match fs::read_dir(&self.folder) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
@@ -176,6 +175,10 @@ impl BakeCache {
         Ok(entries)
     }
 }
+
+/// Where a bake is kept, by what it is of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place(PathBuf);
 
 struct Entry {
     path: PathBuf,
@@ -241,34 +244,34 @@ mod tests {
     fn a_bake_is_found_again_by_what_it_is_of() {
         let folder = tempfile::tempdir().unwrap();
         let cache = BakeCache::new(folder.path().join("deep/bakes"), 1 << 20);
-        assert!(matches!(cache.find(&job(1)), Found::Nothing));
+        assert!(matches!(cache.find(&cache.place(&job(1))), Found::Nothing));
         assert_eq!(cache.usage().unwrap(), Usage { bakes: 0, bytes: 0 });
         let bake = baked(&job(1));
-        assert!(cache.keep(&job(1), &bake).unwrap());
-        match cache.find(&job(1)) {
+        assert!(cache.keep(&cache.place(&job(1)), &bake).unwrap());
+        match cache.find(&cache.place(&job(1))) {
             Found::Hit(found) => assert_eq!(found.header, bake.header),
             other => panic!("{other:?}"),
         }
-        assert!(matches!(cache.find(&job(2)), Found::Nothing));
+        assert!(matches!(cache.find(&cache.place(&job(2))), Found::Nothing));
         assert_eq!(cache.clear().unwrap().bakes, 1);
-        assert!(matches!(cache.find(&job(1)), Found::Nothing));
+        assert!(matches!(cache.find(&cache.place(&job(1))), Found::Nothing));
     }
 
     #[test]
     fn what_is_damaged_is_set_aside_and_told() {
         let folder = tempfile::tempdir().unwrap();
         let cache = BakeCache::new(folder.path().into(), 1 << 20);
-        cache.keep(&job(1), &baked(&job(1))).unwrap();
-        let path = cache.path(&job(1));
+        cache.keep(&cache.place(&job(1)), &baked(&job(1))).unwrap();
+        let path = cache.place(&job(1)).0;
         let mut bytes = fs::read(&path).unwrap();
         let middle = bytes.len() / 2;
         bytes[middle] ^= 0x10;
         fs::write(&path, bytes).unwrap();
-        match cache.find(&job(1)) {
+        match cache.find(&cache.place(&job(1))) {
             Found::SetAside(words) => assert!(words.contains("set aside"), "{words}"),
             other => panic!("{other:?}"),
         }
-        assert!(matches!(cache.find(&job(1)), Found::Nothing));
+        assert!(matches!(cache.find(&cache.place(&job(1))), Found::Nothing));
         assert_eq!(cache.usage().unwrap().bakes, 0);
         assert!(cache.usage().unwrap().bytes > 0, "it is kept for who wants to see what happened");
     }
@@ -280,19 +283,20 @@ mod tests {
         let bakes = jobs.each_ref().map(baked);
         let roomy = BakeCache::new(folder.path().into(), 1 << 30);
         for (age, (job, bake)) in [30, 20].into_iter().zip(jobs.iter().zip(&bakes)) {
-            roomy.keep(job, bake).unwrap();
-            let file = File::options().write(true).open(roomy.path(job)).unwrap();
+            roomy.keep(&roomy.place(job), bake).unwrap();
+            let file = File::options().write(true).open(roomy.place(job).0).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(age)).unwrap();
         }
         // The first is older, but used again.
-        assert!(is_hit(&roomy.find(&jobs[0])));
+        assert!(is_hit(&roomy.find(&roomy.place(&jobs[0]))));
         let tight = BakeCache::new(folder.path().into(), roomy.usage().unwrap().bytes * 5 / 4);
-        assert!(tight.keep(&jobs[2], &bakes[2]).unwrap());
-        let left = jobs.each_ref().map(|job| is_hit(&tight.find(job)));
+        assert!(tight.keep(&tight.place(&jobs[2]), &bakes[2]).unwrap());
+        let left = jobs.each_ref().map(|job| is_hit(&tight.find(&tight.place(job))));
         assert_eq!(left, [true, false, true]);
         let tiny = BakeCache::new(folder.path().into(), 10);
-        assert!(!tiny.keep(&jobs[1], &bakes[1]).unwrap(), "it is larger than all that may be kept");
-        assert!(!BakeCache::new(folder.path().into(), 0).keep(&jobs[0], &bakes[0]).unwrap());
+        assert!(!tiny.keep(&tiny.place(&jobs[1]), &bakes[1]).unwrap(), "it is larger than all that may be kept");
+        let none = BakeCache::new(folder.path().into(), 0);
+        assert!(!none.keep(&none.place(&jobs[0]), &bakes[0]).unwrap());
     }
 
     #[test]
@@ -300,7 +304,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
-        let error = BakeCache::new(file, 1 << 20).keep(&job(1), &baked(&job(1))).unwrap_err().to_string();
+        let cache = BakeCache::new(file, 1 << 20);
+        let error = cache.keep(&cache.place(&job(1)), &baked(&job(1))).unwrap_err().to_string();
         assert!(error.contains("not kept"), "{error}");
     }
 

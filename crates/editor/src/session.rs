@@ -410,8 +410,7 @@ impl Session {
         opened.of_bake = Some(match found {
             Ok(scene) => {
                 if let Some(shown) = &mut self.shown {
-                    let cameras = &scene.scene.cameras;
-                    shown.camera = cameras.iter().find(|camera| camera.name == shown.header.camera).cloned();
+                    shown.camera = Camera::named(&scene.scene.cameras, &shown.header.camera).cloned();
                 }
                 SceneOfBake::Found(Arc::from(scene))
             }
@@ -540,17 +539,12 @@ impl Session {
                 let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
                 self.opened =
                     Some(Opened { name, path, scene: None, stack: None, report, lamps, chosen, of_bake: None });
-                let frame = Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups };
-                let Bake { header, irradiance, packed, .. } = bake;
-                let folder = folder.filter(|_| !header.basis.is_measured());
-                let scene = folder.map(|folder| folder.join(&header.scene));
-                self.show(Shown { header, camera: None, frame, irradiance, packed });
-                self.bake = BakeState::Done;
-                self.count();
+                let folder = folder.filter(|_| !bake.header.basis.is_measured());
+                let scene = folder.map(|folder| folder.join(&bake.header.scene));
+                self.show_finished(bake);
                 if let Some(path) = scene {
                     self.find_scene(path);
                 }
-                self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
             }
         }
         notices.push(Notice::Opened);
@@ -619,7 +613,7 @@ impl Session {
 
     fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
         self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
-        let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
+        let camera = Camera::named(self.cameras(), &header.camera).cloned();
         let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
         let started = Shown { header, camera, frame, irradiance: Vec::new(), packed: None };
         // A picture of the same view stays until the new one is whole; another view starts from black.
@@ -672,15 +666,20 @@ impl Session {
     fn bake_found(&mut self, bake: Bake, notices: &mut Vec<Notice>) {
         self.others.extend(self.baking.take());
         self.incoming = None;
+        self.show_finished(bake);
+        let db = self.error_db.map_or(f32::NAN, |error| error.total);
+        notices.push(Notice::Said(format!("Baked before: {db:.1} dB")));
+    }
+
+    /// Shows a bake that was made before.
+    fn show_finished(&mut self, bake: Bake) {
         let Bake { header, groups, irradiance, packed } = bake;
-        let camera = self.cameras().iter().find(|camera| camera.name == header.camera).cloned();
+        let camera = Camera::named(self.cameras(), &header.camera).cloned();
         let frame = Frame { width: header.width, height: header.height, groups };
         self.show(Shown { header, camera, frame, irradiance, packed });
         self.bake = BakeState::Done;
         self.count();
         self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
-        let db = self.error_db.map_or(f32::NAN, |error| error.total);
-        notices.push(Notice::Said(format!("Baked before: {db:.1} dB")));
     }
 
     fn show(&mut self, shown: Shown) {

@@ -1,6 +1,7 @@
 //! What goes in (a compressed frame) and what comes out (radiance).
 
 use clerestory_nystrom::{BlockFactors, BlockLowRank, Partition};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 use crate::relight::RelightError;
@@ -20,6 +21,13 @@ impl Radiance {
     /// A black picture.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, pixels: vec![[0.0; 3]; width as usize * height as usize] }
+    }
+
+    /// Adds another picture of the same size.
+    pub fn add(&mut self, more: &Radiance) {
+        assert_eq!((self.width, self.height), (more.width, more.height), "pictures of one size");
+        let sums = self.pixels.as_flattened_mut().par_iter_mut().zip(more.pixels.as_flattened());
+        sums.for_each(|(sum, added)| *sum += added);
     }
 
     /// Takes the given size; the content is unspecified afterwards where the size is new.

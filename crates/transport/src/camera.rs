@@ -42,6 +42,11 @@ impl Film {
 }
 
 impl Camera {
+    /// The first camera of a name.
+    pub fn named<'a>(cameras: &'a [Camera], name: &str) -> Option<&'a Camera> {
+        cameras.iter().find(|camera| camera.name == name)
+    }
+
     /// Looks from `eye` to `target`, +Y up (or −Z up when looking along Y).
     pub fn look_at(name: &str, eye: Vec3, target: Vec3, yfov_rad: f32, aspect: f32) -> Camera {
         let forward = (target - eye).normalize_or(Vec3::NEG_Z);

@@ -118,6 +118,29 @@ impl LampShape {
             LampShape::Profile { .. } => "ies",
         }
     }
+
+    /// Units in which its strength can be given, the usual one first.
+    pub fn units(&self) -> &'static [LampUnit] {
+        match self {
+            LampShape::Point | LampShape::Spot { .. } | LampShape::Profile { .. } => {
+                &[LampUnit::Lumen, LampUnit::Candela]
+            }
+            LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => {
+                &[LampUnit::Lumen, LampUnit::Candela, LampUnit::Nit]
+            }
+            LampShape::Directional => &[LampUnit::Lux],
+        }
+    }
+
+    /// Whether it has a surface that shines: only such a lamp has a luminance, and soft shadows.
+    pub fn has_surface(&self) -> bool {
+        self.units().contains(&LampUnit::Nit)
+    }
+
+    /// Whether it matters where it is aimed at.
+    pub fn is_aimed(&self) -> bool {
+        !matches!(self, LampShape::Point | LampShape::Sphere { .. })
+    }
 }
 
 #[cfg(test)]

@@ -73,12 +73,16 @@ impl LightSetting {
         if self.muted {
             return Vec3::ZERO;
         }
-        let color = match (self.kelvin, self.color) {
+        self.tint(color) * strength * self.intensity
+    }
+
+    /// Linear Rec. 709 color of a light that shines in `own` color where neither color nor kelvin is set.
+    pub fn tint(&self, own: Vec3) -> Vec3 {
+        match (self.kelvin, self.color) {
             (Some(kelvin), _) => planckian_tint(kelvin),
-            (None, Some(own)) => Vec3::from(own),
-            (None, None) => color,
-        };
-        color * strength * self.intensity
+            (None, Some(color)) => Vec3::from(color),
+            (None, None) => own,
+        }
     }
 }
 

@@ -8,10 +8,11 @@ use glam::{Vec2, Vec4};
 use crate::scene::{Encoding, Filter, Image, Texture, TextureRef, Wrap};
 
 /// Linear values of the 256 sRGB codes.
-static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| srgb_to_linear(code as f32 / 255.0)));
+static SRGB: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| srgb_to_linear(code as f64 / 255.0) as f32));
 
 /// The sRGB curve: encoded 0…1 to linear 0…1.
-pub fn srgb_to_linear(encoded: f32) -> f32 {
+pub fn srgb_to_linear(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 

@@ -42,8 +42,6 @@ pub struct VisiblePoints {
     config: VisibleConfig,
     /// Sample × band of the film.
     bands: Vec<Vec<Band>>,
-    /// Luminance below which the light of a lamp at a point is left out, nit; 0 for nothing.
-    pub floor_nit: f32,
     n_rays: AtomicU64,
 }
 
@@ -59,7 +57,7 @@ struct Band {
 /// Rows of a band and side of a tile, pixels.
 const TILE: u32 = 16;
 /// Streams of random numbers that nobody else uses.
-const STREAM: u64 = 11 << 58;
+const STREAM: u64 = 14 << 58;
 
 impl VisiblePoints {
     /// Looks at every pixel; `None` when `stop` asked to.
@@ -83,23 +81,8 @@ impl VisiblePoints {
         };
         let bands: Vec<Vec<Band>> = (0..config.samples.max(1)).map(look).collect();
         let n_rays = bands.iter().flatten().map(|band| band.found.n_rays).sum::<u64>();
-        let (camera, floor_nit, n_rays) = (camera.clone(), 0.0, AtomicU64::new(n_rays));
-        (!stopped.into_inner()).then_some(VisiblePoints { camera, film, config, bands, floor_nit, n_rays })
-    }
-
-    /// Size of the picture.
-    pub fn film(&self) -> Film {
-        self.film
-    }
-
-    /// Points that are kept, of all samples.
-    pub fn n_points(&self) -> usize {
-        self.bands.iter().flatten().map(|band| band.found.points.len()).sum()
-    }
-
-    /// Memory that they take.
-    pub fn memory_bytes(&self) -> usize {
-        self.bands.iter().flatten().map(Band::memory_bytes).sum()
+        let (camera, n_rays) = (camera.clone(), AtomicU64::new(n_rays));
+        (!stopped.into_inner()).then_some(VisiblePoints { camera, film, config, bands, n_rays })
     }
 
     /// Rays that were followed so far, those of the camera and to lamps.
@@ -126,7 +109,7 @@ impl VisiblePoints {
                 stopped.store(true, Ordering::Relaxed);
                 return;
             }
-            let shading = shade::Shading::new(scene, lamps, self.floor_nit);
+            let shading = shade::Shading::new(scene, lamps);
             let n_rays = shading.shade(band, (nth as u32 * rows, self.config.seed, [sample, round]), pixels);
             self.n_rays.fetch_add(n_rays, Ordering::Relaxed);
             self.show_bodies(lamps, &views, (nth as u32, sample), band, pixels);
@@ -153,14 +136,6 @@ impl Band {
         tiles.push(found.points.len() as u32);
         found.points.shrink_to_fit();
         Band { found, tiles, reach }
-    }
-
-    fn memory_bytes(&self) -> usize {
-        let Found { points, specials, segments, .. } = &self.found;
-        size_of_val(points.as_slice())
-            + size_of_val(specials.as_slice())
-            + size_of_val(segments.as_slice())
-            + size_of_val(self.reach.as_slice())
     }
 }
 

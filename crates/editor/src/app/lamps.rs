@@ -1,19 +1,19 @@
 //! What is asked for about free lamps: they are added, copied, taken away, and take the place of lamps of the file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::Emitter;
+use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::LightSetting;
-use clerestory_transport::photometry::PhotometricProfile;
 use clerestory_transport::prepared::PreparedScene;
 use glam::{Vec2, Vec3};
 
 use super::App;
 use crate::action::FileTask;
-use crate::look::lamps::{check_profile, is_aimed};
+
 use crate::panels::lamps::{LampChoice, kind_words, new_strength};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
@@ -78,13 +78,13 @@ impl App {
 
     pub(super) fn add_profile(&mut self, path: PathBuf) {
         let path = std::path::absolute(&path).unwrap_or(path);
-        match peak_candela(&path) {
-            Ok(candela) => {
+        match read_profile(&path) {
+            Ok(profile) => {
                 let (shape, at_px) =
                     (LampShape::Profile { file: path.display().to_string() }, self.profile_at_px.take());
-                self.place_lamp(shape, (candela, LampUnit::Candela), at_px);
+                self.place_lamp(shape, (profile.max_candela(), LampUnit::Candela), at_px);
             }
-            Err(error) => self.complain(format!("{error:#}")),
+            Err(why) => self.complain(format!("{}: {why}", path.display())),
         }
     }
 
@@ -151,7 +151,7 @@ impl App {
     }
 
     pub(super) fn aim_lamp(&mut self) {
-        let can_aim = self.chosen_lamp().is_some_and(|idx| is_aimed(&self.look.lights.lamps[idx].shape));
+        let can_aim = self.chosen_lamp().is_some_and(|idx| self.look.lights.lamps[idx].shape.is_aimed());
         self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming;
     }
 
@@ -178,10 +178,4 @@ impl App {
             app.push_lamp(lamp);
         });
     }
-}
-
-/// The largest intensity of a profile, candela.
-fn peak_candela(path: &Path) -> anyhow::Result<f32> {
-    check_profile(path)?;
-    Ok(PhotometricProfile::parse(&std::fs::read(path)?, &path.display().to_string())?.max_candela())
 }

@@ -98,7 +98,7 @@ impl Target {
             Layers::None | Layers::Irradiance => Vec::new(),
             Layers::Lights => relighter.layers(bake, &coefficients)?,
         };
-        lamps.iter().for_each(|lamp| add(&mut radiance, &lamp.direct));
+        lamps.iter().for_each(|lamp| radiance.add(&lamp.direct));
         if options.layers == Layers::Lights {
             layers.extend(relighter.lamp_layers(bake, lamps)?);
         }
@@ -133,12 +133,6 @@ fn light_patches(bake: &Bake, coefficients: &mut [Vec<[f32; 3]>], lamp: &LampLig
         for (sum, more) in last.iter_mut().zip(&lamp.of_patches) {
             (0..3).for_each(|c| sum[c] += more[c]);
         }
-    }
-}
-
-fn add(radiance: &mut Radiance, more: &Radiance) {
-    for (pixel, more) in radiance.pixels.iter_mut().zip(&more.pixels) {
-        (0..3).for_each(|c| pixel[c] += more[c]);
     }
 }
 
@@ -240,7 +234,7 @@ impl Relighter {
             let mut coefficients = dark.clone();
             light_patches(bake, &mut coefficients, lamp);
             let mut radiance = self.relight(&coefficients)?;
-            add(&mut radiance, &lamp.direct);
+            radiance.add(&lamp.direct);
             Ok(LightLayer { key: lamp.key.clone(), radiance })
         };
         lamps.iter().map(layer).collect()

@@ -151,7 +151,7 @@ fn pick_camera<'a>(cameras: &'a [Camera], wanted: Option<&str>) -> Result<&'a Ca
         return Ok(first);
     };
     let by_number = || wanted.parse::<usize>().ok().and_then(|n| cameras.get(n));
-    cameras.iter().find(|camera| camera.name == wanted).or_else(by_number).with_context(|| {
+    Camera::named(cameras, wanted).or_else(by_number).with_context(|| {
         let known: Vec<String> = cameras.iter().enumerate().map(|(n, c)| format!("{n} `{}`", c.name)).collect();
         format!("no camera is called or numbered `{wanted}`; there are: {}", known.join(", "))
     })

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Result, anyhow, bail};
+use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-use clerestory_transport::photometry::PhotometricProfile;
 use glam::Vec3;
 use serde_json::{Map, Value};
 
@@ -25,22 +25,6 @@ const COMMON: [&str; 9] = ["key", "type", "position", "strength", "unit", "inten
 /// Names of the types in files.
 pub const TYPES: [&str; 7] = ["point", "spot", "rectangle", "disk", "sphere", "directional", "ies"];
 
-/// Units in which the strength of a shape can be given, the usual one first.
-pub fn units(shape: &LampShape) -> &'static [LampUnit] {
-    match shape {
-        LampShape::Point | LampShape::Spot { .. } | LampShape::Profile { .. } => &[LampUnit::Lumen, LampUnit::Candela],
-        LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => {
-            &[LampUnit::Lumen, LampUnit::Candela, LampUnit::Nit]
-        }
-        LampShape::Directional => &[LampUnit::Lux],
-    }
-}
-
-/// Whether it matters where a lamp of this shape is aimed at.
-pub fn is_aimed(shape: &LampShape) -> bool {
-    !matches!(shape, LampShape::Point | LampShape::Sphere { .. })
-}
-
 /// Where a lamp that shines all around is said to aim, so that equal lamps are equal.
 pub fn below(position: Vec3) -> Vec3 {
     position - Vec3::Y
@@ -55,26 +39,15 @@ pub fn resolve(lamps: &mut Vec<FreeLamp>, folder: &Path) -> Vec<String> {
         let path = folder.join(&*file);
         let path = std::path::absolute(&path).unwrap_or(path);
         *file = path.display().to_string();
-        match check_profile(&path) {
-            Ok(()) => true,
-            Err(error) => {
-                warnings.push(format!("{error:#}; the lamp `{}` is left out", lamp.key));
+        match read_profile(&path) {
+            Ok(_) => true,
+            Err(why) => {
+                warnings.push(format!("{}: {why}; the lamp `{}` is left out", path.display(), lamp.key));
                 false
             }
         }
     });
     warnings
-}
-
-/// Whether a file holds a distribution.
-///
-/// # Errors
-/// If it cannot be read, or in words why it cannot be used.
-pub fn check_profile(path: &Path) -> Result<()> {
-    let name = path.display();
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read the profile {name}: check the path"))?;
-    PhotometricProfile::parse(&bytes, &name.to_string())?;
-    Ok(())
 }
 
 /// The same lamps with paths relative to `folder` where their profiles lie in it, so that the folder can be moved.
@@ -119,10 +92,10 @@ impl Reader<'_> {
         let types = TYPES.map(|name| (name, name));
         let Some(kind) = self.optional(object, "type", |r, v| r.by_name(v, types))?.flatten() else { return Ok(None) };
         let (shape, own) = self.shape(object, kind)?;
-        let aim: &[&str] = if is_aimed(&shape) { &["aim"] } else { &[] };
+        let aim: &[&str] = if shape.is_aimed() { &["aim"] } else { &[] };
         self.report_unknown(object, &[&COMMON, own, aim].concat());
         let position = self.place(object, "position")?;
-        let aim = if is_aimed(&shape) { self.place(object, "aim")? } else { below(position) };
+        let aim = if shape.is_aimed() { self.place(object, "aim")? } else { below(position) };
         let strength = self.optional(object, "strength", |r, v| r.number(v, &INTENSITY))?;
         let unit = self.optional(object, "unit", |r, v| r.unit(v, &shape))?;
         Ok(Some(FreeLamp {
@@ -130,7 +103,7 @@ impl Reader<'_> {
             position,
             aim,
             strength: strength.ok_or_else(|| self.lacks("strength"))?,
-            unit: unit.unwrap_or(units(&shape)[0]),
+            unit: unit.unwrap_or(shape.units()[0]),
             setting: self.setting_members(object)?,
             shape,
         }))
@@ -173,9 +146,9 @@ impl Reader<'_> {
     }
 
     fn unit(&self, value: &Value, shape: &LampShape) -> Result<LampUnit> {
-        let found = units(shape).iter().copied().find(|unit| value.as_str() == Some(unit.name()));
+        let found = shape.units().iter().copied().find(|unit| value.as_str() == Some(unit.name()));
         found.ok_or_else(|| {
-            let known: Vec<&str> = units(shape).iter().map(|unit| unit.name()).collect();
+            let known: Vec<&str> = shape.units().iter().map(|unit| unit.name()).collect();
             anyhow!("`{}` of a lamp `{}` must be {}, not {value}", self.name(), shape.name(), known.join(" or "))
         })
     }
@@ -197,7 +170,7 @@ pub(super) fn json(lamp: &FreeLamp) -> String {
         member("type", lamp.shape.name()),
         member("position", &lamp.position.to_array()),
     ];
-    if is_aimed(&lamp.shape) {
+    if lamp.shape.is_aimed() {
         members.push(member("aim", &lamp.aim.to_array()));
     }
     match &lamp.shape {
@@ -236,8 +209,8 @@ mod tests {
 
     fn lamp(key: &str, shape: LampShape) -> FreeLamp {
         let position = Vec3::new(1.5, 2.25, -0.1);
-        let aim = if is_aimed(&shape) { Vec3::new(0.1, 0.0, 3.0) } else { below(position) };
-        let (unit, setting) = (units(&shape)[0], LightSetting::default());
+        let aim = if shape.is_aimed() { Vec3::new(0.1, 0.0, 3.0) } else { below(position) };
+        let (unit, setting) = (shape.units()[0], LightSetting::default());
         FreeLamp { key: key.into(), shape, position, aim, strength: 800.0, unit, setting }
     }
 
@@ -355,7 +328,7 @@ mod tests {
         assert_eq!((opened.lights.lamps.len(), warnings.len()), (1, 2), "{warnings:?}");
         assert!(warnings[0].contains("spoiled.ies") && warnings[1].contains("`none.ies` is left out"), "{warnings:?}");
         let LampShape::Profile { file } = &opened.lights.lamps[0].shape else { panic!("another shape") };
-        assert!(Path::new(file).is_absolute() && check_profile(Path::new(file)).is_ok(), "{file}");
+        assert!(Path::new(file).is_absolute() && read_profile(Path::new(file)).is_ok(), "{file}");
 
         opened.save(&path).unwrap();
         assert!(std::fs::read_to_string(&path).unwrap().contains("\"ies/x.ies\""));

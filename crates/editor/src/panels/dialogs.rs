@@ -175,24 +175,13 @@ pub enum UnsavedAnswer {
 
 /// Asks before a look is lost.
 pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
-    let modal = Modal::new(egui::Id::unique("unsaved")).show(ctx, |ui| {
-        ui.set_width(360.0);
-        ui.label(RichText::new("Save the look?").heading().strong());
-        ui.add_space(4.0);
-        ui.label("The lights were changed since the look was last saved");
-        ui.add_space(10.0);
-        ui.horizontal(|ui| {
-            let discard = ui.button("Discard").clicked().then_some(UnsavedAnswer::Discard);
-            let right = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let save = Button::new(RichText::new("Save look…").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-                let save = ui.add(save).clicked().then_some(UnsavedAnswer::Save);
-                save.or(ui.button("Cancel").clicked().then_some(UnsavedAnswer::Stay))
-            });
-            discard.or(right.inner)
-        })
-        .inner
-    });
-    if modal.inner.is_none() && modal.should_close() { Some(UnsavedAnswer::Stay) } else { modal.inner }
+    let words = "The lights were changed since the look was last saved";
+    let answers = Answers {
+        best: ("Save look…", UnsavedAnswer::Save),
+        back: ("Cancel", UnsavedAnswer::Stay),
+        lose: ("Discard", UnsavedAnswer::Discard),
+    };
+    answers.ui(ctx, "Save the look?", words)
 }
 
 /// What a person wants done with a look that an editor left behind.
@@ -208,25 +197,54 @@ pub enum RecoveryAnswer {
 
 /// Offers a look that an editor left behind when it ended without asking, `age` ago.
 pub fn recovery_ui(ctx: &Context, scene: &str, age: Option<Duration>) -> Option<RecoveryAnswer> {
-    let modal = Modal::new(egui::Id::unique("recovery")).show(ctx, |ui| {
-        ui.set_width(400.0);
-        ui.label(RichText::new("Recover unsaved lights?").heading().strong());
-        ui.add_space(4.0);
-        let when = age.map_or(String::new(), |age| format!(", last changed {}", ago(age)));
-        ui.label(format!("Clerestory ended before the look of {scene} was saved{when}"));
-        ui.add_space(10.0);
-        ui.horizontal(|ui| {
-            let discard = ui.button("Discard").clicked().then_some(RecoveryAnswer::Discard);
-            let right = ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let recover = Button::new(RichText::new("Recover").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-                let recover = ui.add(recover).clicked().then_some(RecoveryAnswer::Recover);
-                recover.or(ui.button("Ask again later").clicked().then_some(RecoveryAnswer::Later))
+    let when = age.map_or(String::new(), |age| format!(", last changed {}", ago(age)));
+    let answers = Answers {
+        best: ("Recover", RecoveryAnswer::Recover),
+        back: ("Ask again later", RecoveryAnswer::Later),
+        lose: ("Discard", RecoveryAnswer::Discard),
+    };
+    let words = format!("Clerestory ended before the look of {scene} was saved{when}");
+    answers.ui(ctx, "Recover unsaved lights?", &words)
+}
+
+/// Labels of the buttons of a question about work, and what each answers.
+struct Answers<A> {
+    /// Keeps the work.
+    best: (&'static str, A),
+    /// Leaves everything as it is, as closing the question does.
+    back: (&'static str, A),
+    /// Loses the work.
+    lose: (&'static str, A),
+}
+
+impl<A: Copy> Answers<A> {
+    /// Asks; none while there is no answer.
+    fn ui(self, ctx: &Context, title: &str, words: &str) -> Option<A> {
+        let Answers { best: (best_label, best), back: (back_label, back), lose: (lose_label, lose) } = self;
+        let mut chosen = None;
+        let modal = Modal::new(egui::Id::unique(title)).show(ctx, |ui| {
+            ui.set_width(400.0);
+            ui.label(RichText::new(title).heading().strong());
+            ui.add_space(4.0);
+            ui.label(words);
+            ui.add_space(10.0);
+            ui.horizontal(|ui| {
+                if ui.button(lose_label).clicked() {
+                    chosen = Some(lose);
+                }
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    let button = Button::new(RichText::new(best_label).color(theme::ON_ACCENT)).fill(theme::ACCENT);
+                    if ui.add(button).clicked() {
+                        chosen = Some(best);
+                    }
+                    if ui.button(back_label).clicked() {
+                        chosen = Some(back);
+                    }
+                });
             });
-            discard.or(right.inner)
-        })
-        .inner
-    });
-    if modal.inner.is_none() && modal.should_close() { Some(RecoveryAnswer::Later) } else { modal.inner }
+        });
+        if chosen.is_none() && modal.should_close() { Some(back) } else { chosen }
+    }
 }
 
 /// A time ago, roughly, for people.

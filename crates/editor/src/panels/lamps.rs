@@ -3,14 +3,14 @@
 use std::collections::BTreeSet;
 
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-use clerestory_transport::light::{LightRig, luminance, planckian_tint};
+use clerestory_transport::light::{LightRig, luminance};
 use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Sense, TextEdit, Ui};
 use glam::Vec3;
 
 use super::color::{KelvinChoice, Tint, tint_ui};
 use super::lights::{intensity_ui, mute_and_solo_ui};
 use crate::action::{Action, FileTask};
-use crate::look::lamps::{is_aimed, units};
+
 use crate::theme;
 use crate::viewport::gizmo::{AimWhileMoving, Drag, move_to};
 
@@ -78,7 +78,7 @@ const MOST: f32 = 1e6;
 
 /// How strong a lamp of a shape is when it is added.
 pub fn new_strength(shape: &LampShape) -> (f32, LampUnit) {
-    let unit = units(shape)[0];
+    let unit = shape.units()[0];
     match shape {
         LampShape::Directional => (NEW_LUX, unit),
         LampShape::Rectangle { size_m: [width, height] } => (NEW_LUMEN_PER_M2 * width * height, unit),
@@ -111,7 +111,7 @@ pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &
         }
         clicked
     };
-    let aims = is_aimed(&lamp.shape) && chosen(ui, "Aim at…", None);
+    let aims = lamp.shape.is_aimed() && chosen(ui, "Aim at…", None);
     chosen(ui, "Duplicate", Some(Action::DuplicateLamp));
     chosen(ui, "Delete", Some(Action::DeleteLamp));
     state.aiming |= aims;
@@ -227,7 +227,7 @@ fn details_ui(
                 place_ui(ui, lamp, state);
             });
             ui.horizontal(|ui| {
-                if is_aimed(&lamp.shape) {
+                if lamp.shape.is_aimed() {
                     let hint = "Click in the picture what it is to light\nA, or Ctrl and click at once";
                     let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
                     if aim.clicked() {
@@ -283,7 +283,7 @@ fn strength_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
         ui.add(number).accessible_name(format!("{} strength", lamp.key));
         let (before, mut unit) = (lamp.unit, lamp.unit);
         let combo = ComboBox::from_id_salt("unit").width(56.0).selected_text(unit.name()).show_ui(ui, |ui| {
-            for one in units(&lamp.shape) {
+            for one in lamp.shape.units() {
                 ui.selectable_value(&mut unit, *one, one.name());
             }
         });
@@ -360,7 +360,7 @@ fn place_ui(ui: &mut Ui, lamp: &mut FreeLamp, state: &mut LampState) {
     let mut position = lamp.position;
     numbers(ui, &mut position, "position");
     ui.end_row();
-    if is_aimed(&lamp.shape) {
+    if lamp.shape.is_aimed() {
         ui.label(RichText::new("Aim").weak());
         numbers(ui, &mut lamp.aim, "aim");
         ui.end_row();
@@ -392,11 +392,7 @@ pub fn kind_words(shape: &LampShape) -> &'static str {
 
 /// The color of a lamp, as bright as can be shown.
 pub fn shown_color(lamp: &FreeLamp) -> Color32 {
-    let color = match (lamp.setting.kelvin, lamp.setting.color) {
-        (Some(kelvin), _) => planckian_tint(kelvin),
-        (None, Some(color)) => Vec3::from(color),
-        (None, None) => Vec3::ONE,
-    };
+    let color = lamp.setting.tint(Vec3::ONE);
     let [r, g, b] = (color / color.max_element().max(1e-6)).to_array();
     if luminance(color) > 0.0 { egui::Rgba::from_rgb(r, g, b).into() } else { Color32::BLACK }
 }

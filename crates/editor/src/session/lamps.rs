@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use clerestory_relight::Radiance;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
@@ -66,8 +66,6 @@ pub struct LampLight {
     pub is_done: bool,
     /// A sentence for each lamp that cannot shine.
     pub problems: Vec<String>,
-    /// From the order to its first picture, milliseconds.
-    pub first_millis: f32,
 }
 
 /// The light of one lamp in a picture.
@@ -222,10 +220,8 @@ struct Bench {
     lamps: Vec<Lit>,
     problems: Vec<String>,
     serial: u64,
-    ordered: Instant,
     /// The light that was posted last: of which order, how far, when.
     posted: Option<(u64, u32, Instant)>,
-    first_millis: f32,
 }
 
 /// A lamp, and what it lights.
@@ -280,15 +276,13 @@ impl Bench {
             lamps: Vec::new(),
             problems: Vec::new(),
             serial: 0,
-            ordered: Instant::now(),
             posted: None,
-            first_millis: 0.0,
         }
     }
 
     /// Takes over other lamps; what is known of those that stay is kept.
     fn take(&mut self, order: LampOrder) {
-        (self.serial, self.ordered) = (order.serial, Instant::now());
+        self.serial = order.serial;
         self.problems.clear();
         let mut before = std::mem::take(&mut self.lamps);
         for lamp in order.lamps {
@@ -299,11 +293,7 @@ impl Bench {
             match PreparedLamps::new(&[white(&lamp)], None) {
                 Ok((prepared, warnings)) => {
                     self.problems.extend(warnings);
-                    let is_soft = matches!(
-                        lamp.shape,
-                        LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. }
-                    );
-                    let most_passes = if is_soft { SOFT_PASSES } else { self.n_samples as u32 };
+                    let most_passes = if lamp.shape.has_surface() { SOFT_PASSES } else { self.n_samples as u32 };
                     let (sum, n_passes, of_patches) = (Arc::default(), 0, None);
                     self.lamps.push(Lit { lamp, prepared, sum, n_passes, most_passes, of_patches });
                 }
@@ -365,9 +355,6 @@ impl Bench {
         if !is_whole || !is_due {
             return None;
         }
-        if self.posted.is_none_or(|(serial, _, _)| serial != self.serial) {
-            self.first_millis = 1e3 * self.ordered.elapsed().as_secs_f32();
-        }
         self.posted = Some((self.serial, n_passes, Instant::now()));
         Some(LampLight {
             direct: Arc::new(self.direct()),
@@ -376,7 +363,6 @@ impl Bench {
             serial: self.serial,
             is_done,
             problems: self.problems.clone(),
-            first_millis: self.first_millis,
         })
     }
 

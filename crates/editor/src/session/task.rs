@@ -13,6 +13,7 @@ use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::archive;
 use clerestory_transport::bake::stack::StackJob;
 use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob};
+use clerestory_transport::camera::Camera;
 use clerestory_transport::emitters::LightingError;
 use clerestory_transport::import::{self, stack::ImageStack};
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
@@ -207,7 +208,7 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
 pub(super) fn scene_of(header: &BakeHeader, path: &Path) -> Result<Box<PreparedScene>> {
     anyhow::ensure!(path.is_file(), "{} is not there", path.display());
     let mut scene = import::load(path)?.scene;
-    let camera = scene.cameras.iter().find(|camera| camera.name == header.camera).cloned();
+    let camera = Camera::named(&scene.cameras, &header.camera).cloned();
     let is_it = |scene: &Scene| camera.as_ref().is_some_and(|camera| header.is_of(scene, camera));
     if !is_it(&scene) {
         assume_unitless(&mut scene);
@@ -242,7 +243,8 @@ const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 /// One that is in the cache is not made again; one that is new is kept there.
 pub(super) fn bake(job: BakeJob, cache: Option<BakeCache>, post: Post) {
     let mut remarks = Vec::new();
-    match cache.as_ref().map(|cache| cache.find(&job)) {
+    let cached = cache.map(|cache| (cache.place(&job), cache));
+    match cached.as_ref().map(|(place, cache)| cache.find(place)) {
         Some(Found::Hit(bake)) => {
             let _ = post.send(Fact::Found(bake), Duration::ZERO);
             return;
@@ -251,11 +253,11 @@ pub(super) fn bake(job: BakeJob, cache: Option<BakeCache>, post: Post) {
         Some(Found::Nothing) | None => {}
     }
     let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
-    let result = beside_the_window(|| job.clone().run(|event| tell(&post, event)));
+    let result = beside_the_window(|| job.run(|event| tell(&post, event)));
     let baked = result.as_ref().ok().cloned().flatten();
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
-    if let (Some(cache), Some(bake)) = (cache, baked)
-        && let Err(error) = cache.keep(&job, &bake)
+    if let (Some((place, cache)), Some(bake)) = (cached, baked)
+        && let Err(error) = cache.keep(&place, &bake)
     {
         let _ = post.send(Fact::Written(Err(format!("{error:#}"))), Duration::ZERO);
     }

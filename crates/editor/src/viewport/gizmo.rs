@@ -8,7 +8,7 @@ use clerestory_transport::sampler::Sampler;
 use eframe::egui::{Pos2, Rect, vec2};
 use glam::{Vec2, Vec3};
 
-use crate::look::lamps::{below, is_aimed};
+use crate::look::lamps::below;
 
 /// The world's axes, by index.
 pub const AXES: [Vec3; 3] = [Vec3::X, Vec3::Y, Vec3::Z];
@@ -142,7 +142,7 @@ pub enum AimWhileMoving {
 
 /// Puts a lamp somewhere else.
 pub fn move_to(lamp: &mut FreeLamp, position: Vec3, aim: AimWhileMoving) {
-    if !is_aimed(&lamp.shape) {
+    if !lamp.shape.is_aimed() {
         lamp.aim = below(position);
     } else if aim == AimWhileMoving::GoesAlong {
         lamp.aim += position - lamp.position;
@@ -244,7 +244,7 @@ impl Drag {
 /// A lamp of a shape where a surface is seen, shining away from it.
 pub fn put_on(mut lamp: FreeLamp, surface: Surface, eye: Vec3) -> FreeLamp {
     lamp.position = surface.position + surface.normal * standoff_m(&lamp.shape, surface.position.distance(eye));
-    lamp.aim = if is_aimed(&lamp.shape) { lamp.position + surface.normal } else { below(lamp.position) };
+    lamp.aim = if lamp.shape.is_aimed() { lamp.position + surface.normal } else { below(lamp.position) };
     lamp
 }
 

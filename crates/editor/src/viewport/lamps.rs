@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, frame};
 use crate::action::Action;
-use crate::look::lamps::is_aimed;
+
 use crate::panels::lamps::{LampState, add_menu, lamp_menu, shown_color};
 use crate::theme;
 
@@ -77,7 +77,7 @@ fn film_px(sight: &Sight, at: Pos2) -> [f32; 2] {
 
 /// While a lamp is to be aimed, or with Ctrl, a click says at what. Answers whether one did.
 fn aim_by_click(ui: &Ui, picture: &Response, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) -> bool {
-    let chosen = lamps.iter_mut().find(|lamp| state.is_chosen(&lamp.key)).filter(|lamp| is_aimed(&lamp.shape));
+    let chosen = lamps.iter_mut().find(|lamp| state.is_chosen(&lamp.key)).filter(|lamp| lamp.shape.is_aimed());
     let Some(lamp) = chosen else {
         state.aiming = false;
         return false;
@@ -128,7 +128,7 @@ fn parts(sight: &Sight, lamp: &FreeLamp, center: Pos2) -> Vec<(Part, Pos2)> {
             parts.push((Part::Axis(axis), at));
         }
     }
-    if is_aimed(&lamp.shape)
+    if lamp.shape.is_aimed()
         && let Some(at) = sight.seen_at(lamp.aim).filter(|at| at.distance(center) > FORESHORTENED)
     {
         parts.push((Part::Aim, at));

@@ -208,7 +208,7 @@ impl GpuRelighter {
         self.shown = Some(*display);
     }
 
-    /// Reads back what the texture shows.
+    /// Reads back what the texture shows, without the layer.
     pub(super) fn read_radiance(&self, out: &mut Radiance) -> Result<(), RelightError> {
         out.resize(self.frame.width, self.frame.height);
         let n_bytes = 16 * out.pixels.len() as u64;
@@ -251,8 +251,7 @@ impl Relight for GpuRelighter {
         self.submit(coefficients, None)?;
         self.read_radiance(out)?;
         if let Some(layer) = &self.layer {
-            let sums = out.pixels.as_flattened_mut().par_iter_mut().zip(layer.pixels.as_flattened());
-            sums.for_each(|(sum, added)| *sum += added);
+            out.add(layer);
         }
         Ok(())
     }

@@ -29,7 +29,7 @@ pub enum LampError {
         /// Kind of lamp.
         kind: &'static str,
         /// Units that it can have.
-        known: &'static str,
+        known: String,
     },
     /// A number that is none or lies out of range.
     #[error("the {what} of lamp `{key}` is {value}; give {range}")]
@@ -189,7 +189,7 @@ fn prepare(
         let value = emission.max_element();
         return Err(value_error(lamp, "strength with its color and intensity", value, "what can be shown"));
     }
-    if lamp.aim == lamp.position && aims(&lamp.shape) {
+    if lamp.aim == lamp.position && lamp.shape.is_aimed() {
         warnings.push(format!("lamp `{}` aims at itself; it shines down", lamp.key));
     }
     let [right, up, ahead] = frame(lamp);
@@ -216,11 +216,6 @@ fn prepare(
     };
     let shines = emission != Vec3::ZERO;
     Ok(shines.then(|| PreparedLamp { key: lamp.key.clone(), lamp: Lamp { form }, emission }))
-}
-
-/// Whether it matters to a lamp where it aims.
-fn aims(shape: &LampShape) -> bool {
-    !matches!(shape, LampShape::Point | LampShape::Sphere { .. })
 }
 
 fn value_error(lamp: &FreeLamp, what: &'static str, value: f32, range: &'static str) -> LampError {

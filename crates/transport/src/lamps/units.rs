@@ -37,12 +37,18 @@ pub(super) fn native_strength(
         key: lamp.key.clone(),
         unit: lamp.unit.name(),
         kind: lamp.shape.name(),
-        known: match lamp.shape {
-            LampShape::Directional => "lx",
-            LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => "lm, cd or nit",
-            _ => "lm or cd",
-        },
+        known: known_units(&lamp.shape),
     })
+}
+
+/// The units of a shape, in words.
+fn known_units(shape: &LampShape) -> String {
+    let names: Vec<&str> = shape.units().iter().map(|unit| unit.name()).collect();
+    match names.split_last() {
+        Some((last, [])) => last.to_string(),
+        Some((last, others)) => format!("{} or {last}", others.join(", ")),
+        None => String::new(),
+    }
 }
 
 /// Luminance of a diffuse body of an area that stands for one of `asked` m²: the same flux leaves it. Seen from afar it

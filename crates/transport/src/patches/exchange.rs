@@ -136,33 +136,18 @@ impl Exchange {
     /// bounces between patches were followed.
     pub fn solve(&self, direct: &[f32], tint: Tint) -> (Vec<f32>, u32) {
         let len = direct.len() / self.rows.len().max(1);
-        let first = self.sweep(direct, direct, len, |row| &row.straight, tint);
+        let first = sweep([direct, direct], len, |patch| &self.rows[patch].straight, tint);
         let mut light = first.clone();
         let total = |light: &[f32]| light.par_chunks(4096).map(sum_of_sizes).collect::<Vec<_>>().iter().sum::<f64>();
-        for sweep in 0..self.most_sweeps {
-            let next = self.sweep(&first, &light, len, |row| &row.known, tint);
+        for nth in 0..self.most_sweeps {
+            let next = sweep([&first, &light], len, |patch| &self.rows[patch].known, tint);
             let (before, after) = (total(&light), total(&next));
             light = next;
             if (after - before).abs() < SETTLED * after {
-                return (light, sweep + 1);
+                return (light, nth + 1);
             }
         }
         (light, self.most_sweeps)
-    }
-
-    /// `base + shares · light`.
-    fn sweep(
-        &self,
-        base: &[f32],
-        light: &[f32],
-        len: usize,
-        of: impl Fn(&Row) -> &Vec<Share> + Sync,
-        tint: Tint,
-    ) -> Vec<f32> {
-        let mut out = base.to_vec();
-        let rows = out.par_chunks_mut(len.max(1)).zip(&self.rows);
-        rows.for_each(|(out, row)| Row::add(of(row), light, |color| tint.of(color), out));
-        out
     }
 
     /// What receivers take of light straight from lamps, by all ways, given what they take of all light of patches and of
@@ -170,17 +155,11 @@ impl Exchange {
     pub fn solve_transposed(&self, [known, straight]: [&[f32]; 2], sweeps: u32, tint: Tint) -> Vec<f32> {
         let len = known.len() / self.rows.len().max(1);
         let (by_known, by_straight) = (self.transposed(|row| &row.known), self.transposed(|row| &row.straight));
-        let sweep = |base: &[f32], light: &[f32], shares: &[Vec<Share>]| {
-            let mut out = base.to_vec();
-            let rows = out.par_chunks_mut(len.max(1)).zip(shares);
-            rows.for_each(|(out, shares)| Row::add(shares, light, |color| tint.of(color), out));
-            out
-        };
         let mut taken = known.to_vec();
         for _ in 0..sweeps {
-            taken = sweep(known, &taken, &by_known);
+            taken = sweep([known, &taken], len, |patch| &by_known[patch], tint);
         }
-        let mut out = sweep(&taken, &taken, &by_straight);
+        let mut out = sweep([&taken, &taken], len, |patch| &by_straight[patch], tint);
         out.iter_mut().zip(straight).for_each(|(out, straight)| *out += straight);
         out
     }
@@ -194,6 +173,14 @@ impl Exchange {
         }
         out
     }
+}
+
+/// `base + shares · light`, rows of `len` numbers, given the shares of each patch.
+fn sweep<'a>([base, light]: [&[f32]; 2], len: usize, of: impl Fn(usize) -> &'a [Share] + Sync, tint: Tint) -> Vec<f32> {
+    let mut out = base.to_vec();
+    let rows = out.par_chunks_mut(len.max(1)).enumerate();
+    rows.for_each(|(patch, out)| Row::add(of(patch), light, |color| tint.of(color), out));
+    out
 }
 
 /// What rows take of light, given all of it and what of it comes straight from lamps.

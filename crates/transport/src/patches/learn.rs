@@ -143,7 +143,7 @@ fn scout(integrator: &Integrator<'_, NoLights>, (camera, film): (&Camera, Film),
 }
 
 /// A random point of a pixel, as a ray of the camera.
-fn ray(camera: &Camera, film: Film, pixel: u32, sampler: &mut Sampler) -> (Vec3, Vec3) {
+pub(super) fn ray(camera: &Camera, film: Film, pixel: u32, sampler: &mut Sampler) -> (Vec3, Vec3) {
     let corner = Vec2::new((pixel % film.width) as f32, (pixel / film.width) as f32);
     (camera.position(), camera.direction(film, corner + Vec2::from(sampler.next_2d())))
 }

@@ -6,9 +6,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
-use super::learn::Table;
+use super::learn::{Table, ray};
 use super::nearest::Nearest;
 use crate::camera::{Camera, Film};
 use crate::empty::EmptyPixels;
@@ -34,9 +34,7 @@ const SPLITS: u32 = 4;
 
 impl PatchMatrix<'_> {
     fn add_sample(&self, pixel: u32, mut sampler: Sampler, rows: &mut [f32]) {
-        let corner = Vec2::new((pixel % self.film.width) as f32, (pixel / self.film.width) as f32);
-        let film_px = corner + Vec2::from(sampler.next_2d());
-        let ray = (self.camera.position(), self.camera.direction(self.film, film_px));
+        let ray = ray(&self.camera, self.film, pixel, &mut sampler);
         self.integrator.land_from_camera(ray, SPLITS, &mut sampler, &mut |landing, sampler| {
             self.table.add(landing, sampler.next_1d(), rows);
             Onward::Narrow

@@ -13,13 +13,12 @@ use crate::sampler::Sampler;
 /// Points that are shaded together, as many as a fan has.
 const GROUP: usize = 16;
 /// Stream of random numbers that nobody else uses.
-const STREAM: u64 = 13 << 58;
+const STREAM: u64 = 15 << 58;
 
 /// What light is computed with.
 pub(super) struct Shading<'a> {
     scene: &'a PreparedScene,
     lamps: &'a PreparedLamps,
-    floor_nit: f32,
     far: f32,
     /// No solid between things changes light.
     is_airy: bool,
@@ -34,8 +33,8 @@ struct Fan {
 }
 
 impl<'a> Shading<'a> {
-    pub fn new(scene: &'a PreparedScene, lamps: &'a PreparedLamps, floor_nit: f32) -> Shading<'a> {
-        Shading { scene, lamps, floor_nit, far: scene.far(), is_airy: scene.is_airy() }
+    pub fn new(scene: &'a PreparedScene, lamps: &'a PreparedLamps) -> Shading<'a> {
+        Shading { scene, lamps, far: scene.far(), is_airy: scene.is_airy() }
     }
 
     /// Adds the light of all lamps to the pixels of a band, which begin with the one of number `first`. Returns the number
@@ -97,8 +96,7 @@ impl<'a> Shading<'a> {
         n_rays
     }
 
-    /// What a point with its normal sends to its pixel if nothing is in the way; `None` where that is nothing, or less than
-    /// counts.
+    /// What a point with its normal sends to its pixel if nothing is in the way; `None` where that is nothing.
     #[inline]
     fn arriving(
         &self,
@@ -111,7 +109,7 @@ impl<'a> Shading<'a> {
             return None;
         }
         let value = point.throughput * point.lit(self.scene, specials, ng, lit.wi) * lamp.emission * lit.factor;
-        (luminance(value) > self.floor_nit).then_some(value)
+        (luminance(value) > 0.0).then_some(value)
     }
 
     /// The light of a lamp at a point among solids: on the straight way, dimmed by what attenuates, and through slabs.

@@ -1,7 +1,7 @@
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use clerestory_transport::import;
-use clerestory_transport::lamps::LampUnit;
+use clerestory_transport::lamps::{LampShape, LampUnit};
 
 use super::*;
 
