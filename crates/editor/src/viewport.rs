@@ -3,6 +3,7 @@
 pub mod gizmo;
 pub mod handles;
 pub mod lamps;
+pub mod marking;
 
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
@@ -19,6 +20,7 @@ use crate::session::{BakeState, Stage};
 use crate::theme;
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
+use marking::{Marking, marking_ui};
 
 /// What is shown.
 pub struct Viewed<'a> {
@@ -43,6 +45,8 @@ pub struct ViewState {
     offset: Vec2,
     /// What the pointer holds.
     grab: Option<Grab>,
+    /// What is marked, and how.
+    pub marking: Marking,
 }
 
 /// Room around a picture that fits, points.
@@ -100,7 +104,10 @@ pub fn viewport_ui(
     let image = state.image_rect(area, size);
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
-    if let Some((scene, camera)) = viewed.scene {
+    let marks = state.grab.is_none() && marking_ui(ui, &response, image, Film { width, height }, &mut state.marking);
+    if marks {
+        // The pointer marks: lamps and spots wait.
+    } else if let Some((scene, camera)) = viewed.scene {
         let film = Film { width, height };
         let picker = PanelPicker { scene, camera, film, image };
         let sight = Sight { scene, camera, film, image };
