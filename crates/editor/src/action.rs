@@ -24,6 +24,8 @@ pub enum Action {
     SaveLookAgain,
     /// Write the picture that is seen.
     ExportImage(PathBuf),
+    /// Put the picture that is seen on the clipboard.
+    CopyImage,
     /// Keep the bake for `clerestory relight`.
     SaveBake(PathBuf),
     /// Bake with the settings of the bake panel.
@@ -146,6 +148,11 @@ impl FileTask {
             FileTask::OpenTarget => ("Pictures", &["exr", "hdr", "png", "jpg", "jpeg"]),
             FileTask::SaveSchedule => ("Tables", &["csv"]),
         }
+    }
+
+    /// Whether more than the file's name is asked, so that the desktop's dialog waits until it is wanted.
+    pub fn asks_more(self) -> bool {
+        self == FileTask::Export
     }
 
     /// Whether a file is written.

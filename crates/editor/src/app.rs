@@ -1,5 +1,6 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
+mod export;
 mod follow;
 mod lamplight;
 mod lamps;
@@ -21,6 +22,8 @@ use eframe::{CreationContext, Storage, wgpu};
 
 use crate::action::{Action, FileTask, dropped};
 use crate::bake_cache::BakeCache;
+use crate::crash;
+use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
@@ -43,6 +46,7 @@ const MANY_CORES: usize = 8;
 /// Recent files that are remembered.
 const MAX_RECENT: usize = 8;
 const RECENT_KEY: &str = "recent";
+const EXPORT_KEY: &str = "export";
 
 /// How the window starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -90,6 +94,8 @@ pub struct App {
     /// Where the lamp goes whose profile is being asked for.
     profile_at_px: Option<[f32; 2]>,
     shortcuts: bool,
+    /// How pictures are written.
+    export: ExportOptions,
     recovery: Recovery,
     message: (String, MessageTone),
     recent: Vec<PathBuf>,
@@ -116,6 +122,9 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
+    if let Some(folder) = eframe::storage_dir("clerestory") {
+        crash::keep_reports(folder.join("crashes"));
+    }
     let start = Start {
         source,
         settings: None,
@@ -169,6 +178,7 @@ impl App {
             after_saving: None,
             profile_at_px: None,
             shortcuts: false,
+            export: cc.storage.and_then(|storage| eframe::get_value(storage, EXPORT_KEY)).unwrap_or_default(),
             recovery,
             message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
             recent,
@@ -218,11 +228,12 @@ impl App {
         self.message = (words.into(), MessageTone::Problem);
     }
 
-    fn notice(&mut self, notice: Notice) {
+    fn notice(&mut self, ctx: &Context, notice: Notice) {
         match notice {
             Notice::Opened => self.scene_opened(),
             Notice::PreparedAgain => self.start_bake(),
             Notice::Said(words) => self.say(words),
+            Notice::Developed(picture) => self.copied(ctx, picture),
             Notice::Failed(words) => {
                 self.leave_behind();
                 self.complain(words);
@@ -232,6 +243,7 @@ impl App {
 
     fn scene_opened(&mut self) {
         (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+        (self.export.width_px, self.export.region) = (None, None);
         self.undoer = Undoer::default();
         self.lights = LightsState::default();
         self.view.fit();
@@ -262,6 +274,7 @@ impl App {
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),
             Action::ExportImage(path) => self.export(path),
+            Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.start_bake(),
             Action::CancelBake => self.session.cancel_bake(),
@@ -364,16 +377,6 @@ impl App {
         }
     }
 
-    /// What is seen is what is written, a solo included.
-    fn export(&mut self, path: PathBuf) {
-        let mut seen = self.shown_look().into_owned();
-        if let Some(basis) = self.session.basis() {
-            seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
-        }
-        self.say(format!("Writing {}", path.display()));
-        self.session.export(seen, self.follower.lamp_light().cloned(), path);
-    }
-
     fn undo(&mut self) {
         if let Some(look) = self.undoer.undo(&self.look).cloned() {
             self.look = look;
@@ -411,10 +414,7 @@ impl App {
     }
 
     fn dialogs_ui(&mut self, ctx: &Context) {
-        if let Some(question) = &mut self.question {
-            let answer = question.ui(ctx);
-            self.answered(answer);
-        }
+        self.question_ui(ctx);
         if self.unsaved.is_some()
             && let Some(answer) = unsaved_ui(ctx)
         {
@@ -556,7 +556,7 @@ impl App {
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         for notice in self.session.drain() {
-            self.notice(notice);
+            self.notice(ctx, notice);
         }
         if let Some(answer) = self.question.as_mut().and_then(|question| question.poll(ctx)) {
             self.answered(Some(answer));
@@ -600,6 +600,7 @@ impl eframe::App for App {
 
     fn save(&mut self, storage: &mut dyn Storage) {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
+        eframe::set_value(storage, EXPORT_KEY, &self.export);
     }
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {

@@ -4,11 +4,14 @@ pub mod args;
 pub(crate) mod bake;
 mod cache;
 mod console;
+mod estimate;
 mod info;
 mod interrupt;
 mod lamps;
+pub(crate) mod picture;
 pub(crate) mod relight;
 mod sensors;
+mod sheet;
 mod solve;
 mod trace;
 mod usage;
@@ -23,6 +26,7 @@ use anyhow::{Context, Result};
 use serde_json::json;
 
 use crate::compare::{compare, read_exr};
+use crate::platform::has_display;
 use args::{Arguments, Command, CompareArgs};
 pub use console::{Answer, Console};
 pub use interrupt::Interrupt;
@@ -127,12 +131,6 @@ fn open_editor(arguments: &Arguments, console: &mut Console) -> Result<()> {
     };
     let answer = crate::headless::run(arguments.scene.as_deref(), &reason, console)?;
     console.answer(&answer, arguments.json)
-}
-
-/// Whether a window can be hoped for. Only X11 and Wayland say beforehand.
-fn has_display() -> bool {
-    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
-    !cfg!(all(unix, not(target_os = "macos"))) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }
 
 fn compare_files(args: &CompareArgs) -> Result<Answer> {

@@ -18,7 +18,7 @@ use crate::cli::bake::{BakeTimes, baked, job, merge, open_stack, run_with_progre
 use crate::cli::relight::Relighter;
 use crate::cli::view::{load_scene, prepare_view, warn_of_unknown_lights};
 use crate::cli::{Answer, Console, nothing_kept};
-use crate::export::Picture;
+use crate::export::{ExportOptions, Picture};
 use crate::look::Look;
 
 /// The built-in scene, a gallery with daylight high in the wall.
@@ -115,7 +115,8 @@ fn options() -> BakeOptions {
         threads: None,
     };
     let (sky_patches, method) = (SkyForm::Patches(1), Method::default());
-    BakeOptions { view, sky_patches, tolerance: 40.0, fast: true, exact: false, patches: 0, method, fresh: true }
+    let (tolerance, seconds) = (40.0, None);
+    BakeOptions { view, sky_patches, tolerance, seconds, fast: true, exact: false, patches: 0, method, fresh: true }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {
@@ -142,7 +143,7 @@ fn write_frame(bake: &Bake, name: &str, look: &Look, console: &mut Console) -> R
     let radiance = Relighter::new(bake, &look.lights, None)?.relight(&bake.header.coefficients(&look.lights))?;
     let paths = ["png", "exr"].map(|extension| Path::new(FOLDER).join(format!("{name}.{extension}")));
     for path in &paths {
-        Picture { radiance: &radiance, layers: &[], irradiance: None, look }.save(path)?;
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look }.save(path, &ExportOptions::default())?;
     }
     Ok(paths)
 }

@@ -4,6 +4,7 @@ pub mod bake;
 pub mod color;
 pub mod dialogs;
 pub mod display;
+pub mod export;
 pub mod lamps;
 pub mod lights;
 pub mod measure;

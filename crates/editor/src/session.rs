@@ -2,6 +2,7 @@
 
 pub mod aside;
 pub mod lamps;
+mod seen;
 pub mod shares;
 mod task;
 pub mod worker;
@@ -28,13 +29,15 @@ use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 use clerestory_transport::sensors::{IrradianceRequest, OfFile};
+use eframe::egui::ColorImage;
 
 use self::lamps::LampLight;
 use crate::bake_cache::BakeCache;
-use crate::cli::relight::{frame_of, seen_irradiance};
-use crate::export::{ImageFormat, Picture};
+use crate::crash;
+use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::picture::Changed;
+use seen::Seen;
 use task::{Fact, Post, Prepared, Task, words};
 pub use task::{Loaded, Source};
 
@@ -217,6 +220,8 @@ pub enum Notice {
     Said(String),
     /// Something went wrong, in words.
     Failed(String),
+    /// A picture for the clipboard.
+    Developed(ColorImage),
 }
 
 /// What is open and what runs.
@@ -430,18 +435,21 @@ impl Session {
     }
 
     /// Writes the picture under `look` in the background, with the light of its free lamps.
-    pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf) {
+    pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf, options: ExportOptions) {
         let Some(shown) = &self.shown else { return };
-        let coefficients = shown.coefficients(&look.lights, light.as_ref());
-        let bake = shown.bake();
-        self.write(path.clone(), move || {
-            let frame = frame_of(&bake, &look.lights);
-            let radiance = task::relight_once(&frame, &coefficients, light.as_ref())?;
-            let asked = look.shows_irradiance(ImageFormat::of(&path)?);
-            let irradiance = if asked { Some(seen_irradiance(&bake, &look.lights)?) } else { None };
-            Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look }.save(&path)?;
-            Ok(())
+        let seen = Seen::of(shown, look, light);
+        self.write(path.clone(), move || seen.save(&path, &options));
+    }
+
+    /// Makes the picture under `look` for the clipboard in the background; it comes as a notice.
+    pub fn copy(&mut self, look: Look, light: Option<LampLight>) {
+        let Some(shown) = &self.shown else { return };
+        let seen = Seen::of(shown, look, light);
+        let task = self.spawn("copy", move |post| {
+            let developed = seen.develop().map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::Developed(developed), Duration::ZERO);
         });
+        self.others.extend(task);
     }
 
     /// Writes the bake that is shown in the background.
@@ -509,7 +517,8 @@ impl Session {
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
             Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
-            Fact::Written(Err(words)) => notices.push(Notice::Failed(words)),
+            Fact::Written(Err(words)) | Fact::Developed(Err(words)) => notices.push(Notice::Failed(words)),
+            Fact::Developed(Ok(picture)) => notices.push(Notice::Developed(picture)),
             // Facts of a task that was stopped no longer count.
             Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
             Fact::Found(_) | Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
@@ -706,22 +715,20 @@ impl Session {
 
     /// Joins threads that have ended; one that ended without a last word has panicked.
     fn reap(&mut self, ended: [Option<u64>; 2], ended_finding: Option<u64>, notices: &mut Vec<Notice>) {
-        const CRASHED: &str =
-            "it ended unexpectedly; start the program from a terminal to see why, and please report it";
         let has_crashed =
             |task: &Option<Task>, ended: Option<u64>| ended.is_some() && task.as_ref().map(Task::id) == ended;
         if has_crashed(&self.loading, ended[0]) {
             self.others.extend(self.loading.take());
             self.stage =
-                if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), CRASHED.into()) };
-            notices.push(Notice::Failed(format!("opening failed: {CRASHED}")));
+                if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), crash::words()) };
+            notices.push(Notice::Failed(format!("opening failed: {}", crash::words())));
         }
         if has_crashed(&self.baking, ended[1]) {
             self.others.extend(self.baking.take());
-            self.bake = BakeState::Failed(CRASHED.into());
+            self.bake = BakeState::Failed(crash::words());
         }
         if ended_finding.is_some() && ended_finding == self.finding {
-            self.scene_found(Err(CRASHED.into()));
+            self.scene_found(Err(crash::words()));
         }
         let (done, running) = std::mem::take(&mut self.others).into_iter().partition(Task::is_finished);
         self.others = running;
@@ -737,5 +744,33 @@ impl Drop for Session {
         // Without a receiver nobody waits for room in the channel.
         self.receiver = None;
         self.others.drain(..).for_each(Task::join);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wait(session: &mut Session, until: impl Fn(&Session) -> bool) {
+        for _ in 0..10_000 {
+            session.drain();
+            if until(session) {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        panic!("it never came about: {:?}, {:?}", session.stage, session.bake);
+    }
+
+    #[test]
+    fn what_panics_is_told_and_the_session_lives_on() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.bake = BakeState::Preparing;
+        session.baking = session.spawn("bake", |_| panic!("injected by a test of the session"));
+        wait(&mut session, |session| !session.bake.is_running());
+        assert!(matches!(&session.bake, BakeState::Failed(words) if words.contains("ended unexpectedly")));
+        let bytes = include_bytes!("../tests/room.gltf").to_vec();
+        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        wait(&mut session, |session| session.stage == Stage::Ready);
     }
 }

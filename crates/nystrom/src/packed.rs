@@ -96,7 +96,8 @@ impl PackedMatrix {
         let packer = Packer::new(matrix, &layout, plan);
         // Blocks all over the matrix; in one that has few, all of them.
         let n_blocks = matrix.blocks.len();
-        let stride = n_blocks.div_ceil(N_TELLING).max(1);
+        let n_there = matrix.blocks.iter().flatten().count();
+        let stride = n_there.div_ceil(N_TELLING).max(1);
         let telling = (0..n_blocks).into_par_iter().step_by(stride);
         let telling: Vec<Option<Unrounded<'_>>> = telling.map(|block_idx| packer.unrounded(block_idx)).collect();
         let step = packer.common_step(&telling.iter().flatten().collect::<Vec<_>>());
@@ -162,9 +163,12 @@ impl PackedMatrix {
 
     /// Bytes of all blocks and tables, those that [`encode`](Self::encode) puts around them aside.
     pub fn n_bytes(&self) -> usize {
-        4 * self.direction.len()
-            + self.tables.encode().len()
-            + self.blocks.iter().map(|bytes| bytes.len()).sum::<usize>()
+        4 * self.direction.len() + self.tables.encode().len() + self.block_bytes()
+    }
+
+    /// Bytes of its blocks alone.
+    pub fn block_bytes(&self) -> usize {
+        self.blocks.iter().map(|bytes| bytes.len()).sum()
     }
 }
 

@@ -7,6 +7,7 @@
 
 mod curves;
 mod dither;
+pub(crate) mod exact;
 mod false_color;
 mod metering;
 mod quantile;
@@ -18,6 +19,7 @@ use rayon::prelude::*;
 use run::encode_run;
 
 use crate::frame::Radiance;
+pub use exact::encode16;
 pub use false_color::{ColorScale, Spacing, turbo, turbo_bytes};
 pub use metering::{Metering, auto_exposure_ev};
 pub use white::WhitePoint;
@@ -187,23 +189,6 @@ pub(crate) mod tests {
 
     pub(super) fn gray(values: &[f32]) -> Radiance {
         Radiance { width: values.len() as u32, height: 1, pixels: values.iter().map(|v| [*v; 3]).collect() }
-    }
-
-    /// What `encode` rounds, by the functions as they are published: no table, no lanes.
-    pub(crate) fn encoded(params: &DisplayParams, rgb: [f32; 3]) -> [f32; 3] {
-        if let Some(scale) = &params.false_color {
-            return turbo(scale.position(luminance(rgb)));
-        }
-        let exposed = rgb.map(|v| exposed(v, params.gain()));
-        let balanced = params.white.map_or(exposed, |white| white::balanced(&white.matrix(), exposed));
-        let curved = match params.tone {
-            Tone::Agx => curves::agx(balanced).map(|v| v.max(0.0).powf(curves::AGX_GAMMA)),
-            Tone::Aces => curves::aces(balanced),
-            Tone::Neutral => curves::neutral(balanced),
-            Tone::Reinhard => curves::reinhard(balanced),
-            Tone::Linear => balanced,
-        };
-        curved.map(|v| srgb_from_linear(v.clamp(0.0, 1.0)))
     }
 
     fn linear() -> DisplayParams {

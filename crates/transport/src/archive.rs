@@ -129,6 +129,11 @@ fn at(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> ArchiveErro
     move |source| ArchiveError::Io { doing, path, source }
 }
 
+/// Bytes of a file before its blocks.
+pub(crate) fn header_len(header: &BakeHeader) -> u64 {
+    header_bytes(MAGIC, header, Blocks::Packed).len() as u64
+}
+
 /// Where a bake to `path` keeps what is done.
 pub fn part_of(path: &Path) -> PathBuf {
     with_suffix(path, ".part")

@@ -3,6 +3,7 @@
 //! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads.
 
 mod clock;
+pub mod estimate;
 mod irradiance;
 mod key;
 mod method;
@@ -174,12 +175,24 @@ pub enum Passes {
     PreviewAndFinal,
     /// All samples at once.
     FinalOnly,
+    /// A preview, then passes of four times the samples each, until then at the latest: blocks that the pass under way has not
+    /// reached stay as the pass before left them. What comes out depends on the speed of the machine.
+    Until(Instant),
+}
+
+impl Passes {
+    fn deadline(self) -> Option<Instant> {
+        if let Passes::Until(deadline) = self { Some(deadline) } else { None }
+    }
 }
 
 /// Samples per half at which a block is first asked whether it is exact enough; more where indirect light is traced, since
 /// a half that met a rare bright walk early would keep it undiluted.
 const FIRST_LOOK_SHARED: u32 = 2;
 const FIRST_LOOK_TRACED: u32 = 4;
+
+/// Samples per half of the first pass of those that grow until a time is up.
+const FIRST_OF_GROWING: u32 = 4;
 
 /// What a preview aims at where more is asked for: it has no time for ranks that hold nothing but noise.
 const PREVIEW_DB: f32 = 24.0;
@@ -457,6 +470,11 @@ impl BakeJob {
         if !(0.0..=120.0).contains(&config.tolerance_db) {
             return complain("the tolerance must be between 0 and 120 dB");
         }
+        if self.passes.deadline().is_some() && (config.patches > 0 || !self.irradiance.is_empty()) {
+            return complain(
+                "a bake within a time has neither patches for movable lamps nor irradiance; limit its samples",
+            );
+        }
         if let Some(why) = config.method.without_factors() {
             return complain(&format!("the method `{}` cannot relight in compressed form: {why}", config.method));
         }
@@ -480,7 +498,9 @@ impl BakeJob {
         let n_blocks = partition.n_blocks();
         let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
         let started = Instant::now();
-        let mut run = Run { job: &self, matrix: &matrix, header: &header, empty, matrices, last, bias: None, started };
+        let deadline = self.passes.deadline().map(Deadline::new);
+        let mut run =
+            Run { job: &self, matrix: &matrix, header: &header, empty, matrices, last, bias: None, started, deadline };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -500,15 +520,19 @@ impl BakeJob {
         }
         for (pass, &samples) in passes.iter().enumerate() {
             let mut blocks = from_the_center(&partition);
-            if pass as u32 == last {
+            if pass as u32 == last || run.deadline.is_some() {
                 blocks.retain(|b| !done.iter().any(|(d, _)| *d == *b as usize));
             }
             if run.pass(pass as u32, samples, &blocks, &mut clock, &mut on_event)?.is_break() {
+                if run.deadline.as_ref().is_some_and(|deadline| deadline.has_struck) {
+                    break;
+                }
                 return Ok(None);
             }
         }
         for set in 0..header.irradiance.len() {
-            if run.irradiance((last, all, set), &mut clock, &mut on_event)?.is_break() {
+            let blocks = run.missing(1 + set);
+            if run.irradiance((last, all, set), &blocks, &mut clock, &mut on_event)?.is_break() {
                 return Ok(None);
             }
         }
@@ -522,7 +546,12 @@ impl BakeJob {
     /// Samples per half of each pass; `None` is the preview.
     fn pass_samples(&self, from_scratch: bool) -> Vec<Option<u32>> {
         let all = self.config.samples_per_half();
+        let growing = std::iter::successors(Some(FIRST_OF_GROWING), |n| n.checked_mul(4));
         match self.passes {
+            Passes::Until(_) => {
+                let growing = growing.take_while(|n| *n < all).map(Some);
+                [None].into_iter().chain(growing).chain([Some(all)]).collect()
+            }
             _ if !from_scratch => vec![Some(all)],
             Passes::Progressive if all >= 32 => vec![None, Some(all / 16), Some(all)],
             Passes::Progressive | Passes::PreviewAndFinal => vec![None, Some(all)],
@@ -593,12 +622,51 @@ struct Run<'a> {
     matrices: Vec<Vec<BlockLowRank>>,
     /// The last pass.
     last: u32,
-    /// See [`BakeHeader::sharing_bias`].
+    /// See [`BakeHeader::sharing_bias`]: of the pass that every block has.
     bias: Option<f32>,
     started: Instant,
+    deadline: Option<Deadline>,
+}
+
+/// When a bake has to end, if there is a whole picture.
+struct Deadline {
+    begun: Instant,
+    at: Instant,
+    /// It came and ended a pass.
+    has_struck: bool,
+}
+
+impl Deadline {
+    fn new(at: Instant) -> Deadline {
+        Deadline { begun: Instant::now(), at, has_struck: false }
+    }
+
+    /// Breaks once it has come; the preview, pass 0, is never cut short.
+    fn strike(&mut self, pass: u32) -> ControlFlow<()> {
+        if pass > 0 && Instant::now() >= self.at {
+            self.has_struck = true;
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// 0…1, and seconds left.
+    fn progress(&self) -> (f32, f32) {
+        let left = self.at.saturating_duration_since(Instant::now()).as_secs_f32();
+        let all = self.at.saturating_duration_since(self.begun).as_secs_f32();
+        ((1.0 - left / all.max(f32::MIN_POSITIVE)).clamp(0.0, 1.0), left)
+    }
 }
 
 impl Run<'_> {
+    /// Blocks of a matrix that are not there yet, from its middle outwards.
+    fn missing(&self, matrix: usize) -> Vec<u32> {
+        let mut blocks = from_the_center(&self.header.partitions()[matrix]);
+        let groups = &self.matrices[matrix];
+        blocks.retain(|&block| groups.iter().any(|group| group.blocks[block as usize].is_none()));
+        blocks
+    }
+
     fn keep(&mut self, (matrix, block_idx): (usize, usize), factors: &[Arc<BlockFactors>]) {
         for (group, factors) in self.matrices[matrix].iter_mut().zip(factors) {
             group.blocks[block_idx] = Some(factors.clone());
@@ -616,8 +684,14 @@ impl Run<'_> {
     ) -> ControlFlow<()> {
         let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
         self.keep(place, &factors);
-        let (done, secs_left) = clock.block_done(self.started.elapsed().as_secs_f32());
+        let (mut done, mut secs_left) = clock.block_done(self.started.elapsed().as_secs_f32());
         on_event(BakeEvent::of_block(pass, place, factors))?;
+        if let Some(deadline) = &mut self.deadline {
+            let (share, left) = deadline.progress();
+            done = done.max(share);
+            secs_left = secs_left.map(|secs| secs.min(left));
+            deadline.strike(pass)?;
+        }
         on_event(BakeEvent::Progress { pass, done, secs_left })
     }
 
@@ -642,8 +716,9 @@ impl Run<'_> {
                 &coarse
             }
         };
-        // Until the last pass the picture is there to be looked at: its light is always shared.
-        let is_last = pass == self.last;
+        // Until the last pass the picture is there to be looked at: its light is always shared. Before a deadline any pass with
+        // samples may be the last.
+        let is_last = pass == self.last || (samples.is_some() && self.deadline.is_some());
         let indirect = if is_last { job.config.indirect } else { Indirect::Shared };
         let shared = match indirect.nodes(samples, job.config.tolerance_db) {
             None => None,
@@ -667,7 +742,8 @@ impl Run<'_> {
         if is_last && self.patches(&mut of_patches, blocks, (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));
         }
-        self.bias = shared.as_ref().filter(|_| is_last).map(|shared| shared.bias(job.config.tolerance_db));
+        let is_kept = is_last || self.deadline.is_some();
+        let bias = shared.as_ref().filter(|_| is_kept).map(|shared| shared.bias(job.config.tolerance_db));
         clock.start_pass(pass, started.elapsed().as_secs_f32());
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
             factors.extend(of_patches.take(block));
@@ -680,6 +756,7 @@ impl Run<'_> {
         if flow.is_break() {
             return Ok(flow);
         }
+        self.bias = bias;
         let n_own = job.scene.lighting.basis.groups.len();
         Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.matrices[0][..n_own], self.bias) }))
     }

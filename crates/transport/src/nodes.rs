@@ -10,6 +10,7 @@ use glam::{UVec2, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::cache::{CachePlan, CachedDeposit, LightCache, Place};
+use crate::camera::Film;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, median};
 use crate::path::{Gathering, Scratch};
 use crate::sampler::Sampler;
@@ -47,7 +48,24 @@ pub(crate) struct Nodes {
     pub(crate) cache: LightCache,
 }
 
+/// Distance between nodes in pixels and their number across and down, given the numbers of a node.
+fn grid(film: Film, node_len: usize) -> (u32, UVec2) {
+    let size_at = |spacing: u32| UVec2::new(film.width.div_ceil(spacing), film.height.div_ceil(spacing));
+    let bytes_at = |spacing: u32| size_at(spacing).as_u64vec2().element_product() as usize * node_len * 4;
+    let mut spacing = (film.width.max(film.height) * SPACING / FULL_WIDTH).clamp(1, SPACING);
+    while bytes_at(spacing) > MOST_BYTES && spacing < 64 {
+        spacing *= 2;
+    }
+    (spacing, size_at(spacing))
+}
+
 impl Nodes {
+    /// Memory of the nodes of a picture, bytes.
+    pub(crate) fn bytes_for(film: Film, n_columns: usize) -> usize {
+        let node_len = 2 * CHANNELS * n_columns;
+        grid(film, node_len).1.element_product() as usize * node_len * size_of::<f32>()
+    }
+
     /// Follows the walks of all nodes; `None` if `on_part` says stop.
     pub(crate) fn gather(
         matrix: &TransportMatrix<'_>,
@@ -55,13 +73,7 @@ impl Nodes {
         mut on_part: impl FnMut() -> ControlFlow<()>,
     ) -> Option<Nodes> {
         let (film, node_len) = (matrix.film, 2 * CHANNELS * matrix.column_scale().len());
-        let size_at = |spacing: u32| UVec2::new(film.width.div_ceil(spacing), film.height.div_ceil(spacing));
-        let bytes_at = |spacing: u32| size_at(spacing).as_u64vec2().element_product() as usize * node_len * 4;
-        let mut spacing = (film.width.max(film.height) * SPACING / FULL_WIDTH).clamp(1, SPACING);
-        while bytes_at(spacing) > MOST_BYTES && spacing < 64 {
-            spacing *= 2;
-        }
-        let size = size_at(spacing);
+        let (spacing, size) = grid(film, node_len);
         let n_nodes = size.element_product() as usize;
         let hits: Vec<Option<Place>> = (0..n_nodes as u32)
             .into_par_iter()

@@ -173,7 +173,7 @@ impl Follower {
                 self.show(ctx, relit, look);
                 None
             }
-            Some(Err(error)) => Some(error.to_string()),
+            Some(Err(words)) => Some(words),
             None => None,
         };
         let changed = session.take_changed();

@@ -1,6 +1,7 @@
 //! What can be typed: subcommands, options, defaults, and the range of every number.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_nystrom::rivals::{Method, UnknownMethod};
@@ -10,6 +11,8 @@ use clerestory_transport::patches::MOST_PATCHES;
 use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
+
+use super::picture::{CutArgs, DepthArgs};
 
 /// Most pixels of a picture, 8192 × 8192.
 const MAX_PIXELS: u64 = 1 << 26;
@@ -34,9 +37,11 @@ const EDITOR_EXAMPLE: &str = "Example: clerestory room.glb\n\
 const BAKE_EXAMPLE: &str = "Example: clerestory bake room.glb -o room.transport --size 640x480 --panel Ceiling=16\n         \
     or: clerestory bake room.glb -o room.transport --ies Downlight=maker/downlight.ies\n         \
     or: clerestory bake room.glb -o room.transport --irradiance --sensors Desk=16x8 --work-plane 0.75\n         \
+    or: clerestory bake room.glb --estimate\n         \
     or: clerestory bake --images stage/ -o face.transport --tolerance 45";
-const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers lights\n         \
-    or: clerestory relight room.transport -o lux.exr --layers irradiance\n         \
+const RELIGHT_EXAMPLE: &str = "Example: clerestory relight room.transport --look evening.look -o evening.exr --layers groups\n         \
+    or: clerestory relight room.transport -o lux.exr --layers irradiance --bits 16 --compression piz\n         \
+    or: clerestory relight room.transport --contact-sheet day.look evening.look -o looks.png --width 640\n         \
     or: clerestory relight room.transport --look lamps.look --scene room.glb -o lamps.exr";
 const SENSORS_EXAMPLE: &str = "Example: clerestory sensors room.transport --look evening.look -o evening.csv";
 const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening.look -o evening.png --spp 128\n         \
@@ -158,6 +163,11 @@ pub struct BakeOptions {
     /// Signal to error in decibels that the bake aims at.
     #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
     pub tolerance: f32,
+    /// Seconds that the bake may take, scene loading not counted: it goes over the picture with four times the samples each
+    /// time, from the middle outwards, and ends with what it has; --spp and --tolerance still end it sooner. A preview is
+    /// always made whole.
+    #[arg(long, value_name = "N", value_parser = parse_seconds, conflicts_with = "patches")]
+    pub seconds: Option<Duration>,
     /// Share the light between surfaces among neighboring pixels: smoother at the same samples, but smeared over a few
     /// pixels; the error says by how much, as measured on pixels that are traced as well.
     #[arg(long, conflicts_with = "exact")]
@@ -179,11 +189,12 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 17] = [
+const OF_SCENES: [&str; 20] = [
     "scene",
     "camera",
     "size",
     "spp",
+    "seconds",
     "bounces",
     "panels",
     "ies",
@@ -197,6 +208,8 @@ const OF_SCENES: [&str; 17] = [
     "irradiance",
     "sensors",
     "work_planes",
+    "estimate",
+    "memory",
 ];
 
 /// `clerestory bake`.
@@ -210,8 +223,14 @@ pub struct BakeArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = OF_SCENES)]
     pub images: Option<PathBuf>,
     /// Transport file to write.
-    #[arg(short, long, value_name = "FILE.transport")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "FILE.transport", required_unless_present = "estimate")]
+    pub output: Option<PathBuf>,
+    /// Do not bake: try some blocks, and tell about how long it will take, how much memory, and how large the file will be.
+    #[arg(long, conflicts_with_all = ["output", "seconds"])]
+    pub estimate: bool,
+    /// Refuse a bake that would take more memory than this, before it starts; such as 8GB.
+    #[arg(long, value_name = "SIZE", value_parser = super::estimate::parse_bytes)]
+    pub memory: Option<u64>,
     /// How to bake.
     #[command(flatten)]
     pub options: BakeOptions,
@@ -309,10 +328,17 @@ pub struct RelightOptions {
     /// What multiplies; `auto` is a real GPU if there is one, `gpu` takes any adapter or fails.
     #[arg(long, value_enum, default_value_t = Device::Auto)]
     pub device: Device,
-    /// Layers beside the picture itself (EXR only); `lights` adds KEY.R, KEY.G, KEY.B for every light, `irradiance`
-    /// adds irradiance.R, irradiance.G, irradiance.B: the light that arrives, in lux per channel.
-    #[arg(long, value_enum, default_value_t = Layers::None)]
-    pub layers: Layers,
+    /// Layers beside the picture itself (EXR only); `lights` adds KEY.R, KEY.G, KEY.B for every light, `groups` such for
+    /// every kind of light, `irradiance` adds irradiance.R, irradiance.G, irradiance.B: the light that arrives, in lux per
+    /// channel. Several are set apart by commas.
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "none")]
+    pub layers: Vec<Layers>,
+    /// Numbers of the file.
+    #[command(flatten)]
+    pub depth: DepthArgs,
+    /// How much of the picture.
+    #[command(flatten)]
+    pub cut: CutArgs,
 }
 
 /// `clerestory relight`.
@@ -323,6 +349,9 @@ pub struct RelightArgs {
     /// Scene that was baked: lamps of the look, which are free to be anywhere, light its surfaces.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Relight under each of these looks instead, and put the pictures on one sheet (PNG) with their names.
+    #[arg(long, value_name = "FILE.look", num_args = 1.., conflicts_with = "look")]
+    pub contact_sheet: Vec<PathBuf>,
     /// How to light.
     #[command(flatten)]
     pub options: RelightOptions,
@@ -372,6 +401,9 @@ pub struct TraceArgs {
     /// Picture and quality.
     #[command(flatten)]
     pub view: ViewArgs,
+    /// Numbers of the file.
+    #[command(flatten)]
+    pub depth: DepthArgs,
     /// How to answer.
     #[command(flatten)]
     pub answer: OutputArgs,
@@ -417,6 +449,8 @@ pub enum Layers {
     None,
     /// One per light.
     Lights,
+    /// One per kind of light: lamps, luminous surfaces, panels, sky, unlit surfaces, free lamps.
+    Groups,
     /// The light that arrives at what is seen.
     Irradiance,
 }
@@ -492,6 +526,11 @@ fn parse_method(text: &str) -> Result<Method, String> {
     }
 }
 
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let secs = text.parse::<f32>().ok().filter(|secs| *secs > 0.0 && *secs <= 1e6);
+    secs.map(Duration::from_secs_f32).ok_or_else(|| "give seconds above 0 and up to 1000000".into())
+}
+
 fn parse_tolerance(text: &str) -> Result<f32, String> {
     let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
     decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
@@ -525,6 +564,8 @@ mod tests {
         let bad = [
             ["--spp", "0"],
             ["--spp", "-3"],
+            ["--seconds", "0"],
+            ["--seconds", "nan"],
             ["--size", "0x4"],
             ["--size", "20000x20"],
             ["--size", "12"],
@@ -570,6 +611,7 @@ mod tests {
             let line = format!("clerestory bake --images stage -o a.transport {rest}");
             Arguments::try_parse_from(line.split_whitespace().map(str::to_owned))
         };
+        assert!(line("--seconds 10").is_err());
         assert!(line("--tolerance 45 --fresh --seed 3 --threads 2 --json").is_ok());
         for of_scenes in [
             "a.glb",

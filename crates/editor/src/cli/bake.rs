@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive::{self, Restart};
@@ -17,6 +18,7 @@ use serde_json::{Value, json};
 
 use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
 use super::console::{Answer, Console, advance, bytes_words, duration_words};
+use super::estimate;
 use super::view::{View, inputs_of, on_threads, open_view, requested_sky};
 use crate::output::{PendingFile, spare_inputs};
 
@@ -30,47 +32,66 @@ pub(crate) struct BakeTimes {
 }
 
 pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
+    let output = match (&args.output, &args.scene) {
+        (Some(output), _) => output,
+        (None, Some(scene)) => {
+            let job = scene_job(scene, args, console)?;
+            let estimate = estimate::estimate(&job, args, console)?;
+            return Ok(estimate::told(&estimate, args, console));
+        }
+        (None, None) => bail!("name the file to write with -o"),
+    };
     let (bake, times) = match (&args.images, &args.scene) {
-        (Some(folder), _) => bake_images(folder, args, console)?,
-        (None, Some(scene)) => bake_scene(scene, args, console)?,
+        (Some(folder), _) => bake_images(folder, output, args, console)?,
+        (None, Some(scene)) => bake_scene(scene, output, args, console)?,
         (None, None) => bail!("name a scene, or a folder of pictures with --images"),
     };
     let mut answer = baked(&bake, times, &args.options, console)?;
-    answer.json["output"] = json!(args.output.display().to_string());
-    answer.words = format!("{}: {}", args.output.display(), answer.words);
+    answer.json["output"] = json!(output.display().to_string());
+    answer.words = format!("{}: {}", output.display(), answer.words);
     Ok(answer)
 }
 
-fn bake_scene(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+/// What is to be baked of a scene.
+fn scene_job(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<BakeJob> {
     if scene.is_dir() {
         bail!("{0} is a folder; name a scene, or bake the pictures in it with --images {0}", scene.display());
     }
-    let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
-    reserve(&args.output, &inputs)?;
     let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
     let view = open_view(scene, &args.options.view, sky.as_ref(), console)?;
     let rows = requested(&args.irradiance).rows(&view.scene);
     let irradiance = rows.with_context(|| format!("cannot measure light in {}", scene.display()))?;
-    let job = BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) };
-    run_with_progress(console, &args.options, &|| kept_words(&args.output), |on_event| {
-        archive::bake_to_file(job, &args.output, restart(&args.options), on_event)
-    })
-    .with_context(|| format!("cannot bake {} to {}", scene.display(), args.output.display()))
+    Ok(BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) })
 }
 
-fn bake_images(folder: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+    let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
+    reserve(output, &inputs)?;
+    let job = scene_job(scene, args, console)?;
+    if let Some(limit_bytes) = args.memory {
+        estimate::keep_within(limit_bytes, &estimate::estimate(&job, args, console)?)?;
+    }
+    let kept = || kept_words(output, restart(&args.options));
+    run_with_progress(console, &args.options, &kept, |on_event| {
+        archive::bake_to_file(job, output, restart(&args.options), on_event)
+    })
+    .with_context(|| format!("cannot bake {} to {}", scene.display(), output.display()))
+}
+
+fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
     let stack = open_stack(folder, console)?;
     let inputs: Vec<_> = stack.images.iter().map(|image| ("picture", image.path.as_path())).collect();
-    reserve(&args.output, &inputs)?;
+    reserve(output, &inputs)?;
     let mut remarks = Vec::new();
     let job = stack_job(&stack, &args.options);
-    let baked = run_with_progress(console, &args.options, &|| kept_words(&args.output), |on_event| {
+    let kept = || kept_words(output, restart(&args.options));
+    let baked = run_with_progress(console, &args.options, &kept, |on_event| {
         let Some(surveyed) = job.survey(on_event)? else { return Ok(None) };
         remarks = surveyed.remarks();
-        archive::stack_to_file(surveyed, &args.output, restart(&args.options), on_event)
+        archive::stack_to_file(surveyed, output, restart(&args.options), on_event)
     });
     console.warn_all(remarks);
-    baked.with_context(|| format!("cannot bake {} to {}", folder.display(), args.output.display()))
+    baked.with_context(|| format!("cannot bake {} to {}", folder.display(), output.display()))
 }
 
 /// Opens a folder of pictures and says what else is in it.
@@ -96,13 +117,15 @@ fn reserve(output: &Path, inputs: &[(&'static str, &Path)]) -> Result<()> {
 }
 
 fn restart(options: &BakeOptions) -> Restart {
-    if options.fresh { Restart::Fresh } else { Restart::Resume }
+    // Within a time, blocks of the last pass alone are no start.
+    if options.fresh || options.seconds.is_some() { Restart::Fresh } else { Restart::Resume }
 }
 
 /// What a bake that is stopped leaves behind.
-fn kept_words(output: &Path) -> String {
+fn kept_words(output: &Path, restart: Restart) -> String {
     let part = archive::part_of(output);
     match part.exists() {
+        true if restart == Restart::Fresh => "the same command starts over".into(),
         true => format!("what is done is kept in {}, and the same command goes on with it", part.display()),
         false => "nothing was done yet".into(),
     }
@@ -128,6 +151,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         method: options.method,
         patches: options.patches,
     };
+    let passes = options.seconds.map_or(passes, |limit| Passes::Until(Instant::now() + limit));
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }
 }
 

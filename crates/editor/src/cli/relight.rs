@@ -1,7 +1,5 @@
 //! `clerestory relight` and `clerestory render`: factors times coefficients, into a file.
 
-use std::ops::Range;
-use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
@@ -19,12 +17,18 @@ use super::console::{Answer, Console, duration_words};
 use super::interrupt::discarded;
 use super::lamps::{self, LampLight};
 use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
-use crate::export::{ImageFormat, LightLayer, Picture};
+use super::{picture, sheet::sheet};
+use crate::export::layers::{FREE_LAMPS, LayerSet};
+use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
+use crate::platform::may_have_gpu;
 
 pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
     spare_inputs(&args.options.output, [("transport", args.transport.as_path())])?;
+    if !args.contact_sheet.is_empty() {
+        return sheet(args, console);
+    }
     let target = Target::new(&args.options, console)?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
@@ -47,7 +51,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     // Nothing is kept of this bake, so that its lamps need not be movable.
     lamps::install(&mut view, &target.look, args.relight.look.as_deref(), console)?;
     target.look.lights.lamps.clear();
-    let asked = args.relight.layers == Layers::Irradiance || target.look.shows_irradiance(target.format);
+    let asked = target.options.irradiance || target.look.shows_irradiance(target.format);
     let irradiance = if asked { vec![IrradianceRows::Pixels] } else { Vec::new() };
     let job = BakeJob { irradiance, ..job(view, &args.bake, Passes::FinalOnly) };
     let (bake, times) = run_with_progress(console, &args.bake, &kept, |on_event| job.run(on_event))
@@ -64,19 +68,21 @@ struct Target {
     format: ImageFormat,
     place: PendingFile,
     look: Look,
+    options: ExportOptions,
     gpu: Option<Gpu>,
 }
 
 impl Target {
     fn new(options: &RelightOptions, console: &mut Console) -> Result<Target> {
         let format = ImageFormat::of(&options.output)?;
-        if options.layers != Layers::None && format == ImageFormat::Png {
+        if options.layers.iter().any(|layer| *layer != Layers::None) && format == ImageFormat::Png {
             bail!("{} cannot hold layers; write an .exr, or leave out --layers", options.output.display());
         }
+        let file = picture::options(format, options.depth, options.cut, &options.layers)?;
         let place = PendingFile::create(&options.output)?;
         let look = load_look(options.look.as_deref(), console)?;
         spare_look(&options.output, options.look.as_deref(), &look)?;
-        Ok(Target { format, place, look, gpu: open_gpu(options.device)? })
+        Ok(Target { format, place, look, options: file, gpu: open_gpu(options.device)? })
     }
 
     fn finish(
@@ -86,45 +92,85 @@ impl Target {
         options: &RelightOptions,
         console: &mut Console,
     ) -> Result<Answer> {
-        let asked = options.layers == Layers::Irradiance || self.look.shows_irradiance(self.format);
-        let irradiance = if asked { Some(seen_irradiance(bake, &self.look.lights)?) } else { None };
-        let mut relighter = Relighter::new(bake, &self.look.lights, self.gpu)?;
-        let mut coefficients = bake.header.coefficients(&self.look.lights);
-        lamps.iter().for_each(|lamp| light_patches(bake, &mut coefficients, lamp));
-        let begun = Instant::now();
-        let mut radiance = relighter.relight(&coefficients)?;
-        let relight_secs = begun.elapsed().as_secs_f64();
-        let mut layers = match options.layers {
-            Layers::None | Layers::Irradiance => Vec::new(),
-            Layers::Lights => relighter.layers(bake, &coefficients)?,
-        };
-        lamps.iter().for_each(|lamp| radiance.add(&lamp.direct));
-        if options.layers == Layers::Lights {
-            layers.extend(relighter.lamp_layers(bake, lamps)?);
-        }
+        let irradiance = irradiance_for(bake, &self.look, self.format, &self.options)?;
+        let mut lit = Lit::new(bake, &self.look, lamps, self.gpu)?;
+        let layers = lit.layers(bake, lamps, self.options.layers)?;
         if irradiance.is_some() && !lamps.is_empty() {
             console.warn("the irradiance does not count the look's lamps; render the look from its scene for that");
         }
+        let Lit { radiance, relighter, relight_secs, .. } = lit;
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look: &self.look };
-        let shown = picture.write(self.place, self.format)?;
-        let n_layers = layers.len() + usize::from(options.layers == Layers::Irradiance);
+        let shown = picture.write(self.place, self.format, &self.options)?;
+        let window = self.options.window([radiance.width, radiance.height])?;
+        let n_layers = layers.len() + usize::from(self.options.irradiance);
         let output = options.output.display().to_string();
         let words = format!(
             "{output}: {}×{}, relit in {} on the {}",
-            radiance.width,
-            radiance.height,
+            window.width,
+            window.height,
             duration_words(relight_secs),
             relighter.words(),
         );
         let mut json = json!({
-            "output": output, "width": radiance.width, "height": radiance.height, "relight_secs": relight_secs,
+            "output": output, "width": window.width, "height": window.height, "relight_secs": relight_secs,
             "exposure_ev": shown.exposure_ev, "false_color": shown.legend.map(|legend| legend.json()), "layers": n_layers,
             "warnings": console.warnings(),
         });
         merge(&mut json, relighter.json());
         Ok(Answer { json, words })
     }
+}
+
+/// A bake under a look.
+pub(super) struct Lit {
+    pub relighter: Relighter,
+    /// One RGB per column of each group, the light that lamps throw on patches included.
+    coefficients: Vec<Vec<[f32; 3]>>,
+    /// The picture, lamps included.
+    pub radiance: Radiance,
+    /// What the multiplication took.
+    pub relight_secs: f64,
+}
+
+impl Lit {
+    pub fn new(bake: &Bake, look: &Look, lamps: &[LampLight], gpu: Option<Gpu>) -> Result<Lit> {
+        let mut relighter = Relighter::new(bake, &look.lights, gpu)?;
+        let mut coefficients = bake.header.coefficients(&look.lights);
+        lamps.iter().for_each(|lamp| light_patches(bake, &mut coefficients, lamp));
+        let begun = Instant::now();
+        let mut radiance = relighter.relight(&coefficients)?;
+        let relight_secs = begun.elapsed().as_secs_f64();
+        lamps.iter().for_each(|lamp| radiance.add(&lamp.direct));
+        Ok(Lit { relighter, coefficients, radiance, relight_secs })
+    }
+
+    /// Its light in parts.
+    fn layers(&mut self, bake: &Bake, lamps: &[LampLight], set: LayerSet) -> Result<Vec<LightLayer>> {
+        let relighter = &mut self.relighter;
+        let mut layers = set.layers(&bake.header.basis, &self.coefficients, |c| relighter.relight(c))?;
+        let mut of_lamps = if set == LayerSet::None { Vec::new() } else { relighter.lamp_layers(bake, lamps)? };
+        if set == LayerSet::Groups
+            && let Some((first, others)) = of_lamps.split_first_mut()
+        {
+            others.iter().for_each(|other| first.radiance.add(&other.radiance));
+            first.key = FREE_LAMPS.into();
+            of_lamps.truncate(1);
+        }
+        layers.extend(of_lamps);
+        Ok(layers)
+    }
+}
+
+/// The light that arrives at the pixels, where a file shows or holds it.
+pub(crate) fn irradiance_for(
+    bake: &Bake,
+    look: &Look,
+    format: ImageFormat,
+    options: &ExportOptions,
+) -> Result<Option<Radiance>> {
+    let asked = options.irradiance || look.shows_irradiance(format);
+    asked.then(|| seen_irradiance(bake, &look.lights)).transpose()
 }
 
 /// Adds what a lamp throws on the patches of a bake, the last group; there is none without patches.
@@ -136,7 +182,7 @@ fn light_patches(bake: &Bake, coefficients: &mut [Vec<[f32; 3]>], lamp: &LampLig
     }
 }
 
-fn open_gpu(device: Device) -> Result<Option<Gpu>> {
+pub(super) fn open_gpu(device: Device) -> Result<Option<Gpu>> {
     match device {
         Device::Cpu => Ok(None),
         Device::Gpu => {
@@ -146,19 +192,6 @@ fn open_gpu(device: Device) -> Result<Option<Gpu>> {
         Device::Auto if may_have_gpu() => Ok(Gpu::headless(DeviceChoice::Hardware).ok()),
         Device::Auto => Ok(None),
     }
-}
-
-/// Nodes of the drivers of graphics hardware on Linux: kernel drivers, NVIDIA's own, Windows' subsystem, phones.
-#[cfg(target_os = "linux")]
-const GPU_NODES: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
-
-/// Whether it is worth asking for hardware. Graphics libraries write complaints of their own to stderr when they are asked
-/// where there is neither hardware nor a session.
-fn may_have_gpu() -> bool {
-    #[cfg(target_os = "linux")]
-    return GPU_NODES.iter().any(|node| Path::new(node).exists());
-    #[cfg(not(target_os = "linux"))]
-    true
 }
 
 /// The frame of a bake under a rig, as a relighter takes it. Blocks are shared but where the sky is seen.
@@ -209,21 +242,6 @@ impl Relighter {
         let mut radiance = Radiance::default();
         self.relight.relight(coefficients, &mut radiance).context("cannot relight")?;
         Ok(radiance)
-    }
-
-    /// What each light adds to the picture.
-    fn layers(&mut self, bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Result<Vec<LightLayer>> {
-        let basis = &bake.header.basis;
-        let alone = |columns: &Range<u32>| -> Vec<Vec<[f32; 3]>> {
-            let groups = basis.groups.iter().zip(coefficients);
-            let kept = groups.map(|(group, coefficients)| {
-                let lit = group.columns.clone().zip(coefficients);
-                lit.map(|(column, rgb)| if columns.contains(&column) { *rgb } else { [0.0; 3] }).collect()
-            });
-            kept.collect()
-        };
-        let sources = basis.sources.iter();
-        sources.map(|s| Ok(LightLayer { key: s.key.clone(), radiance: self.relight(&alone(&s.columns))? })).collect()
     }
 
     /// What each lamp of the look adds.

@@ -14,12 +14,14 @@ use super::args::TraceArgs;
 use super::console::{Answer, Console, advance, duration_words};
 use super::interrupt::discarded;
 use super::lamps;
+use super::picture::{CutArgs, options};
 use super::view::{inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use crate::export::{ImageFormat, Picture};
 use crate::output::{PendingFile, spare_inputs};
 
 pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let format = ImageFormat::of(&args.output)?;
+    let options = options(format, args.depth, CutArgs::default(), &[])?;
     spare_inputs(&args.output, [("scene", args.scene.as_path())].into_iter().chain(inputs_of(&args.view)))?;
     let interrupt = console.interrupt.heeded()?;
     let place = PendingFile::create(&args.output)?;
@@ -53,7 +55,8 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let trace_secs = begun.elapsed().as_secs_f64();
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
-    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format)?;
+    let shown =
+        Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format, &options)?;
     let output = args.output.display().to_string();
     let words = format!(
         "{output}: {}×{} at {} spp in {}",

@@ -74,7 +74,7 @@ impl FileQuestion {
     /// Asks. The desktop's dialog is opened as well unless only the field is wanted.
     pub fn new(task: FileTask, suggestion: &str, dialogs: FileDialogs) -> FileQuestion {
         let mut question = FileQuestion { task, path: suggestion.into(), native: None, dialogs, is_fresh: true };
-        if dialogs == FileDialogs::Desktop {
+        if dialogs == FileDialogs::Desktop && !task.asks_more() {
             question.browse();
         }
         question
@@ -102,24 +102,40 @@ impl FileQuestion {
         let ended = self.native.as_mut()?.poll(ctx.input(|input| input.focused), &waker)?;
         self.native = None;
         match ended {
+            Ended::Chosen(path) if self.task.asks_more() => {
+                self.path = path.display().to_string();
+                None
+            }
+            Ended::Closed if self.task.asks_more() => None,
             Ended::Chosen(path) => Some(Some(path)),
             Ended::Closed => Some(None),
             Ended::Unseen => None,
         }
     }
 
-    /// Draws the field; answers with `Some(None)` when it was closed.
-    pub fn ui(&mut self, ctx: &Context) -> Option<Option<PathBuf>> {
+    /// What the file is wanted for.
+    pub fn task(&self) -> FileTask {
+        self.task
+    }
+
+    /// Draws the field; answers with `Some(None)` when it was closed. What else is asked, `above` the field, it draws itself; it
+    /// may change the path, and says in words why there can be no file as things are.
+    pub fn ui(
+        &mut self,
+        ctx: &Context,
+        above: impl FnOnce(&mut Ui, &mut String) -> Option<String>,
+    ) -> Option<Option<PathBuf>> {
         let modal = Modal::new(egui::Id::unique("file question")).show(ctx, |ui| {
             ui.set_width(460.0);
             ui.label(RichText::new(self.task.title()).heading().strong());
             ui.add_space(6.0);
-            self.field_ui(ui)
+            let problem = above(ui, &mut self.path);
+            self.field_ui(ui, problem)
         });
         if modal.inner.is_none() && modal.should_close() { Some(None) } else { modal.inner }
     }
 
-    fn field_ui(&mut self, ui: &mut Ui) -> Option<Option<PathBuf>> {
+    fn field_ui(&mut self, ui: &mut Ui, problem: Option<String>) -> Option<Option<PathBuf>> {
         let edit = TextEdit::singleline(&mut self.path).hint_text("Path of the file").desired_width(f32::INFINITY);
         let field = ui.add(edit).accessible_name("Path");
         if std::mem::take(&mut self.is_fresh) {
@@ -131,7 +147,10 @@ impl FileQuestion {
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
         };
-        ui.label(RichText::new(hint).weak().small());
+        match &problem {
+            Some(words) => ui.colored_label(ui.visuals().error_fg_color, words),
+            None => ui.label(RichText::new(hint).weak().small()),
+        };
         ui.add_space(8.0);
         let mut answer = None;
         ui.horizontal(|ui| {
@@ -144,7 +163,7 @@ impl FileQuestion {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let verb = if self.task.writes() { "Save" } else { "Open" };
                 let ok = Button::new(RichText::new(verb).color(theme::ON_ACCENT)).fill(theme::ACCENT);
-                let has_path = !self.path.trim().is_empty();
+                let has_path = !self.path.trim().is_empty() && problem.is_none();
                 if (ui.add_enabled(has_path, ok).clicked() || entered) && has_path {
                     answer = Some(Some(PathBuf::from(self.path.trim())));
                 }

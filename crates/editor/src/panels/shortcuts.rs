@@ -1,6 +1,7 @@
 //! Keys: which there are, what they do, and the window that lists them.
 
-use eframe::egui::{self, Context, Key, KeyboardShortcut, Modifiers};
+use eframe::egui::text_selection::LabelSelectionState;
+use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
 
 use crate::action::{Action, FileTask};
 
@@ -18,6 +19,7 @@ const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plu
 const SAVE: KeyboardShortcut = command(Key::S);
 const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
 const EXPORT: KeyboardShortcut = command(Key::E);
+const COPY: KeyboardShortcut = command(Key::C);
 const BAKE: KeyboardShortcut = command(Key::B);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
@@ -29,6 +31,7 @@ const HELP_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Q
 
 /// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it.
 pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
+    take_copy(ctx, actions);
     let mut take = |shortcut: &KeyboardShortcut, action: Action| {
         if ctx.input_mut(|input| input.consume_shortcut(shortcut)) {
             actions.push(action);
@@ -54,6 +57,14 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&DUPLICATE, Action::DuplicateLamp);
     take(&AIM, Action::AimLamp);
     take(&HELP_TOO, Action::ToggleShortcuts);
+}
+
+/// The toolkit makes an event of the keys that copy; words that are marked go before the picture.
+fn take_copy(ctx: &Context, actions: &mut Vec<Action>) {
+    let has_words = ctx.with_plugin(|selection: &mut LabelSelectionState| selection.has_selection()) == Some(true);
+    if !has_words && !ctx.text_edit_focused() && ctx.input(|input| input.events.contains(&Event::Copy)) {
+        actions.push(Action::CopyImage);
+    }
 }
 
 /// The list of keys and gestures.
@@ -83,6 +94,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (keys(&SAVE), "Save the look"),
         (keys(&SAVE_AS), "Save the look under another name"),
         (keys(&EXPORT), "Export the picture"),
+        (keys(&COPY), "Copy the picture"),
         (keys(&BAKE), "Start the bake"),
         (keys(&UNDO), "Undo"),
         (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),

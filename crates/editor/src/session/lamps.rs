@@ -18,6 +18,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Wake;
+use crate::crash;
 
 /// Passes after which a soft shadow is as smooth as it gets.
 const SOFT_PASSES: u32 = 64;
@@ -89,6 +90,14 @@ impl LampPart {
     /// Its coefficients of the columns of patches; empty without patches.
     pub fn of_patches(&self) -> impl Iterator<Item = Vec3> {
         self.of_patches.iter().map(|light| self.weights[1] * Vec3::from(*light))
+    }
+}
+
+impl LampLight {
+    /// No light, and why.
+    fn failed(film: Film, serial: u64, problem: String) -> LampLight {
+        let direct = Arc::new(Radiance::new(film.width, film.height));
+        LampLight { direct, of_patches: Arc::default(), parts: Vec::new(), serial, is_done: true, problems: vec![problem] }
     }
 }
 
@@ -196,19 +205,30 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
     loop {
         let idle = if bench.as_ref().is_some_and(|bench| !bench.is_done()) { Idle::GoOn } else { Idle::Sleep };
         let Some(order) = mailbox.next(idle) else { return };
-        if let Some(order) = order {
-            let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
-            let mut new = kept.unwrap_or_else(|| Bench::new(order.view.clone()));
-            new.take(order);
-            bench = Some(new);
-        }
-        let Some(bench) = &mut bench else { continue };
-        bench.step(mailbox);
-        if let Some(light) = bench.news() {
+        let asked = order.as_ref().map(|order| (order.view.film, order.serial));
+        let asked = asked.or(bench.as_ref().map(|bench| (bench.view.film, bench.serial)));
+        let worked = crash::guarded(|| work_on(&mut bench, order, mailbox));
+        let news = worked.unwrap_or_else(|words| {
+            bench = None;
+            asked.map(|(film, serial)| LampLight::failed(film, serial, format!("the light of lamps failed: {words}")))
+        });
+        if let Some(light) = news {
             mailbox.lock().light = Some(light);
             wake(Duration::ZERO);
         }
     }
+}
+
+/// Takes an order up and does a piece of the work; answers what is new.
+fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &Mailbox) -> Option<LampLight> {
+    if let Some(order) = order {
+        let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
+        let new = bench.insert(kept.unwrap_or_else(|| Bench::new(order.view.clone())));
+        new.take(order);
+    }
+    let bench = bench.as_mut()?;
+    bench.step(mailbox);
+    bench.news()
 }
 
 /// A view, and how far its lamps are.

@@ -9,7 +9,6 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::archive;
 use clerestory_transport::bake::stack::StackJob;
 use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob};
@@ -19,8 +18,8 @@ use clerestory_transport::import::{self, stack::ImageStack};
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{PunctualLight, Scene};
+use eframe::egui::ColorImage;
 
-use super::lamps::LampLight;
 use super::{Chosen, Wake};
 use crate::bake_cache::{BakeCache, Found};
 use crate::headless::GALLERY;
@@ -102,6 +101,8 @@ pub(super) enum Fact {
     Found(Box<Bake>),
     /// A file was written, or why not.
     Written(Result<String, String>),
+    /// A picture for the clipboard, or why there is none.
+    Developed(Result<ColorImage, String>),
 }
 
 /// A thread's end of the channel.
@@ -284,17 +285,4 @@ fn beside_the_window(bake: impl FnOnce() -> Result<Option<Bake>, BakeError> + Se
         Ok(pool) => pool.install(bake).map_err(words),
         Err(error) => Err(words(error)),
     }
-}
-
-/// One picture, for a file.
-pub(super) fn relight_once(
-    frame: &Frame,
-    coefficients: &[Vec<[f32; 3]>],
-    light: Option<&LampLight>,
-) -> Result<Radiance> {
-    let mut radiance = Radiance::default();
-    let mut relighter = CpuRelighter::new(frame)?;
-    relighter.set_layer(light.map(|light| &light.direct))?;
-    relighter.relight(coefficients, &mut radiance)?;
-    Ok(radiance)
 }

@@ -9,6 +9,7 @@ use eframe::egui::Color32;
 use eframe::egui::ColorImage;
 
 use super::Wake;
+use crate::crash;
 use crate::look::Display;
 use crate::picture::Changed;
 
@@ -55,7 +56,7 @@ pub struct Relit {
 #[derive(Default)]
 struct Mail {
     order: Option<Order>,
-    result: Option<Result<Relit, RelightError>>,
+    result: Option<Result<Relit, String>>,
     closed: bool,
 }
 
@@ -95,8 +96,8 @@ impl Worker {
         self.mailbox.posted.notify_one();
     }
 
-    /// The newest picture, once.
-    pub fn take(&self) -> Option<Result<Relit, RelightError>> {
+    /// The newest picture, once, or in words why there is none.
+    pub fn take(&self) -> Option<Result<Relit, String>> {
         self.mailbox.lock().result.take()
     }
 }
@@ -135,9 +136,10 @@ impl Mailbox {
 fn work(mailbox: &Mailbox, wake: &Wake) {
     let mut bench = Bench::default();
     while let Some(order) = mailbox.next() {
-        let result = bench.relight(&order);
+        let relit = crash::guarded(|| bench.relight(&order).map_err(|error| error.to_string()));
+        let result = relit.unwrap_or_else(|words| Err(format!("relighting failed: {words}")));
         if result.is_err() {
-            bench.relighter = None;
+            bench = Bench::default();
         }
         mailbox.lock().result = Some(result);
         wake(Duration::ZERO);

@@ -1,7 +1,7 @@
 //! Changes that nobody sees.
 
 use super::*;
-use crate::display::tests::encoded;
+use crate::display::exact::encoded;
 use crate::synthetic::{Ranks, Recipe};
 use crate::{DisplayParams, Tone};
 

@@ -54,7 +54,7 @@ fn largest_gain(white: WhitePoint) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::encoded;
+    use super::super::exact::encoded;
     use super::*;
     use crate::display::ColorScale;
     use crate::synthetic::Random;

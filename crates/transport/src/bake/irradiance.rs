@@ -8,7 +8,7 @@ use clerestory_nystrom::{BlockFactors, compress};
 
 use super::clock::Clock;
 use super::patches::PatchBlocks;
-use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Run, from_the_center};
+use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Run};
 use crate::irradiance::{IrradianceHeader, IrradianceRows};
 use crate::plan::{Density, MatrixPlan};
 use crate::sensors::{SensorError, SensorGrid};
@@ -50,10 +50,11 @@ fn dark_for<'a>(rows: &IrradianceRows, dark: &'a [u32]) -> &'a [u32] {
 }
 
 impl Run<'_> {
-    /// Compresses the blocks of a matrix of irradiance that are not there yet; `pass` is the last one of the picture.
+    /// Compresses some blocks of a matrix of irradiance; `pass` is the last one of the picture.
     pub(super) fn irradiance(
         &mut self,
         (pass, samples, set): (u32, u32, usize),
+        blocks: &[u32],
         clock: &mut Clock,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
@@ -63,10 +64,6 @@ impl Run<'_> {
         let mut matrix = job.matrix(&plan, self.empty.clone()).of_irradiance(rows);
         matrix.set_column_scale(job.own_scale(column_scale));
         let partition = header.partitions().swap_remove(1 + set);
-        let there = &self.matrices[1 + set];
-        let mut blocks = from_the_center(&partition);
-        blocks.retain(|&block| there.iter().any(|group| group.blocks[block as usize].is_none()));
-
         clock.start_pass(pass + 1 + set as u32, started.elapsed().as_secs_f32());
         let mut config = job.compress_config(samples, job.config.tolerance_db, column_scale);
         config.smoothing = Some(header.smoothing(&partition));
@@ -75,6 +72,6 @@ impl Run<'_> {
             factors.extend(dark.take(block));
             self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
         };
-        Ok(compress(&matrix, &partition, &blocks, &config, on_block)?)
+        Ok(compress(&matrix, &partition, blocks, &config, on_block)?)
     }
 }

@@ -2,6 +2,7 @@
 
 mod columns;
 mod cutoffs;
+mod deadline;
 mod estimators;
 mod finishes;
 mod irradiance;

@@ -1,0 +1,63 @@
+//! Pictures out of the window: into files and onto the clipboard.
+
+use std::path::PathBuf;
+
+use eframe::egui::{ColorImage, Context};
+
+use super::App;
+use crate::action::FileTask;
+use crate::look::Look;
+use crate::panels::export::{ExportView, export_ui};
+
+impl App {
+    /// How pictures are written.
+    pub fn export_options(&self) -> &crate::export::ExportOptions {
+        &self.export
+    }
+
+    /// What is seen is what is written, a solo included.
+    fn seen_look(&self) -> Look {
+        let mut seen = self.shown_look().into_owned();
+        if let Some(basis) = self.session.basis() {
+            seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
+        }
+        seen
+    }
+
+    pub(super) fn export(&mut self, path: PathBuf) {
+        self.say(format!("Writing {}", path.display()));
+        let (look, light) = (self.seen_look(), self.follower.lamp_light().cloned());
+        self.session.export(look, light, path, self.export);
+    }
+
+    pub(super) fn copy_image(&mut self) {
+        if self.session.shown.is_none() {
+            self.complain("There is no picture to copy yet; start the bake");
+            return;
+        }
+        let (look, light) = (self.seen_look(), self.follower.lamp_light().cloned());
+        self.session.copy(look, light);
+    }
+
+    pub(super) fn copied(&mut self, ctx: &Context, picture: ColorImage) {
+        let [width, height] = picture.size;
+        ctx.copy_image(picture);
+        self.say(format!("Copied the picture, {width} × {height} pixels"));
+    }
+
+    /// Asks for a file where one is wanted.
+    pub(super) fn question_ui(&mut self, ctx: &Context) {
+        let Some(question) = &mut self.question else { return };
+        let answer = match (question.task(), &self.session.shown) {
+            (FileTask::Export, Some(shown)) => {
+                let baked = [shown.header.width, shown.header.height];
+                let view = ExportView { baked, has_illuminance: shown.pixel_irradiance().is_some() };
+                let (options, actions) = (&mut self.export, &mut self.actions);
+                options.irradiance &= view.has_illuminance;
+                question.ui(ctx, |ui, path| export_ui(ui, path, options, &view, actions))
+            }
+            _ => question.ui(ctx, |_, _| None),
+        };
+        self.answered(answer);
+    }
+}

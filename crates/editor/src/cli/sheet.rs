@@ -1,0 +1,75 @@
+//! `clerestory relight --contact-sheet`: one bake under several looks, side by side on one sheet.
+
+use std::io::Write;
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+use clerestory_transport::archive;
+use serde_json::json;
+
+use super::args::{Layers, RelightArgs};
+use super::console::{Answer, Console, duration_words};
+use super::lamps::LampLight;
+use super::picture::options;
+use super::relight::{Lit, irradiance_for};
+use super::view::{load_look, spare_look, warn_of_unknown_lights};
+use crate::contact_sheet::{Print, contact_sheet};
+use crate::export::{ExportOptions, ImageFormat, Picture, png_bytes};
+use crate::look::Look;
+use crate::output::PendingFile;
+
+/// Relights under each of the looks and writes the sheet.
+pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer> {
+    let output = &args.options.output;
+    let format = ImageFormat::of(output)?;
+    if format != ImageFormat::Png || args.options.layers.iter().any(|layer| *layer != Layers::None) {
+        bail!("a contact sheet is a .png without layers; change the name of the output, or leave out --layers");
+    }
+    let options = options(format, args.options.depth, args.options.cut, &args.options.layers)?;
+    if options.depth != ExportOptions::default().depth {
+        bail!("a contact sheet has 8 bits per channel; leave out --bits");
+    }
+    let place = PendingFile::create(output)?;
+    let looks: Vec<(String, &Path, Look)> = args
+        .contact_sheet
+        .iter()
+        .map(|path| {
+            let look = load_look(Some(path), console)?;
+            spare_look(output, Some(path), &look)?;
+            Ok((caption(path), path.as_path(), look))
+        })
+        .collect::<Result<_>>()?;
+    let bake = archive::read(&args.transport)
+        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    let gpu = super::relight::open_gpu(args.options.device)?;
+    let begun = Instant::now();
+    let (mut prints, mut told) = (Vec::new(), Vec::new());
+    for (name, path, look) in looks {
+        warn_of_unknown_lights(&bake.header.basis, &look, console);
+        let lamps = LampLight::of(&bake, &look, (Some(path), args.scene.as_deref()), console)?;
+        let lit = Lit::new(&bake, &look, &lamps, gpu.clone())?;
+        let irradiance = irradiance_for(&bake, &look, format, &options)?;
+        let picture = Picture { radiance: &lit.radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
+        let (picture, shown) =
+            picture.developed(&options).with_context(|| format!("cannot show {}", path.display()))?;
+        told.push(json!({ "name": name, "look": path.display().to_string(), "exposure_ev": shown.exposure_ev }));
+        prints.push(Print { name, picture });
+    }
+    let sheet = contact_sheet(&prints);
+    let (width, height) = sheet.dimensions();
+    let bytes = png_bytes(&sheet.into())?;
+    place.commit(|writer| Ok(writer.write_all(&bytes)?))?;
+    let (secs, output) = (begun.elapsed().as_secs_f64(), output.display().to_string());
+    let words = format!("{output}: {} looks on {width}×{height} in {}", prints.len(), duration_words(secs));
+    let json = json!({
+        "output": output, "width": width, "height": height, "relight_secs": secs, "looks": told,
+        "warnings": console.warnings(),
+    });
+    Ok(Answer { json, words })
+}
+
+/// What stands under the picture of a look: its file's name.
+fn caption(path: &Path) -> String {
+    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+}

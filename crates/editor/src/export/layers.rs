@@ -1,0 +1,139 @@
+//! The light of a picture in parts: by light, or by kind of light. Together they are the picture.
+
+use std::ops::Range;
+
+use anyhow::Result;
+use clap::ValueEnum;
+use clerestory_relight::Radiance;
+use clerestory_transport::basis::{LightBasis, SourceKind};
+use serde::{Deserialize, Serialize};
+
+/// What one light or kind of light adds to a picture.
+#[derive(Clone, Debug)]
+pub struct LightLayer {
+    /// Key of the light, or name of the kind.
+    pub key: String,
+    /// Its part of the picture.
+    pub radiance: Radiance,
+}
+
+/// Into which parts the light is told apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum LayerSet {
+    /// None.
+    #[default]
+    None,
+    /// By kind: lamps, luminous surfaces, panels, sky, unlit surfaces, free lamps.
+    Groups,
+    /// By light.
+    Lights,
+}
+
+/// Name of the layer of lamps that the scene does not have, where they are not told apart.
+pub const FREE_LAMPS: &str = "free lamps";
+
+/// Name of the kind that a light belongs to.
+fn kind_of(kind: SourceKind) -> &'static str {
+    match kind {
+        SourceKind::Point | SourceKind::Spot | SourceKind::Directional => "lamps",
+        SourceKind::Emitter => "surfaces",
+        SourceKind::Panel { .. } => "panels",
+        SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Sun { .. } => "sky",
+        SourceKind::Constant => "unlit",
+        SourceKind::Image => "pictures",
+    }
+}
+
+impl LayerSet {
+    /// Names of the parts, and the columns of each, in the order of the columns; free lamps have none.
+    pub fn parts(self, basis: &LightBasis) -> Vec<(String, Vec<Range<u32>>)> {
+        let mut parts: Vec<(String, Vec<Range<u32>>)> = Vec::new();
+        for source in &basis.sources {
+            let kind = kind_of(source.kind);
+            match self {
+                LayerSet::None => {}
+                LayerSet::Lights => parts.push((source.key.clone(), vec![source.columns.clone()])),
+                LayerSet::Groups => match parts.iter_mut().find(|(name, _)| name == kind) {
+                    Some((_, columns)) => columns.push(source.columns.clone()),
+                    None => parts.push((kind.into(), vec![source.columns.clone()])),
+                },
+            }
+        }
+        parts
+    }
+
+    /// The parts of a picture under some coefficients, one RGB per column and group; `relight` makes a picture of such. Columns
+    /// of patches stay dark: their light is that of free lamps.
+    ///
+    /// # Errors
+    /// As `relight`.
+    pub fn layers(
+        self,
+        basis: &LightBasis,
+        coefficients: &[Vec<[f32; 3]>],
+        mut relight: impl FnMut(&[Vec<[f32; 3]>]) -> Result<Radiance>,
+    ) -> Result<Vec<LightLayer>> {
+        let alone = |columns: &[Range<u32>]| -> Vec<Vec<[f32; 3]>> {
+            let kept = |column: u32| columns.iter().any(|range| range.contains(&column));
+            let groups = basis.groups.iter().zip(coefficients);
+            let group = groups.map(|(group, coefficients)| {
+                let lit = group.columns.clone().zip(coefficients);
+                lit.map(|(column, rgb)| if kept(column) { *rgb } else { [0.0; 3] }).collect()
+            });
+            group.collect()
+        };
+        let parts = self.parts(basis).into_iter();
+        parts.map(|(key, columns)| Ok(LightLayer { key, radiance: relight(&alone(&columns))? })).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::basis::LightSource;
+    use glam::Vec3;
+
+    use super::*;
+
+    fn basis() -> LightBasis {
+        let source = |key: &str, kind, n_columns| {
+            let columns = 0..n_columns;
+            LightSource { key: key.into(), kind, columns, color: Vec3::ONE, strength: 1.0 }
+        };
+        LightBasis::new(vec![
+            source("desk", SourceKind::Point, 1),
+            source("screen", SourceKind::Emitter, 1),
+            source("wall", SourceKind::Spot, 1),
+            source("sky", SourceKind::Sky, 1),
+            source("ceiling", SourceKind::Panel { resolution: 4, size_m: [1.0; 2] }, 16),
+        ])
+    }
+
+    #[test]
+    fn kinds_gather_their_lights_and_every_column_is_in_one_part() {
+        let basis = basis();
+        let names = |set: LayerSet| set.parts(&basis).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        assert_eq!(names(LayerSet::Groups), ["lamps", "surfaces", "sky", "panels"]);
+        assert_eq!(names(LayerSet::Lights), ["desk", "screen", "wall", "sky", "ceiling"]);
+        assert!(names(LayerSet::None).is_empty());
+        for set in [LayerSet::Groups, LayerSet::Lights] {
+            let mut columns: Vec<u32> =
+                set.parts(&basis).into_iter().flat_map(|(_, ranges)| ranges).flatten().collect();
+            columns.sort_unstable();
+            assert_eq!(columns, (0..basis.n_cols() as u32).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn a_layer_is_the_picture_under_its_own_coefficients_alone() {
+        let basis = basis();
+        let all = basis.split_by_group(&vec![[1.0, 2.0, 3.0]; basis.n_cols()]);
+        let sum = |coefficients: &[Vec<[f32; 3]>]| {
+            let sum = coefficients.iter().flatten().fold([0.0; 3], |sum, c| std::array::from_fn(|i| sum[i] + c[i]));
+            Ok(Radiance { width: 1, height: 1, pixels: vec![sum] })
+        };
+        let layers = LayerSet::Groups.layers(&basis, &all, sum).unwrap();
+        let reds: Vec<f32> = layers.iter().map(|layer| layer.radiance.pixels[0][0]).collect();
+        assert_eq!(reds, [2.0, 1.0, 1.0, 16.0]);
+    }
+}

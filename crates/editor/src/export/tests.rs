@@ -1,0 +1,253 @@
+//! What is written comes back: values, layers, windows, depth and words about color.
+
+use ::exr::prelude::{AttributeValue, FlatSamples, ReadChannels, ReadLayers, Text, Vec2};
+use clerestory_relight::display::{encode16, turbo_bytes};
+use clerestory_relight::{DisplayParams, encode};
+
+use super::options::{ExrCompression, ExrSamples, PngDepth, Region};
+use super::*;
+use crate::compare::read_exr;
+use crate::look::FalseColor;
+
+fn gradient(scale: f32) -> Radiance {
+    let pixels = (0..12).map(|i| [i as f32 * scale, 1.0 * scale, 0.25 * scale]).collect();
+    Radiance { width: 4, height: 3, pixels }
+}
+
+#[test]
+fn an_exr_gives_back_every_bit_and_carries_look_and_layers() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let (whole, a, b) = (gradient(1.0), gradient(0.25), gradient(0.75));
+    let layers = [LightLayer { key: "a.b".into(), radiance: a }, LightLayer { key: "ä_b".into(), radiance: b }];
+    let look = Look::default();
+    Picture { radiance: &whole, layers: &layers, irradiance: None, look: &look }
+        .save(&path, &ExportOptions::default())
+        .unwrap();
+    assert_eq!(read_exr(&path).unwrap(), whole);
+
+    let meta = ::exr::meta::MetaData::read_from_file(&path, true).unwrap();
+    let header = &meta.headers[0];
+    let names: Vec<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
+    assert!(names.contains(&"a_b.R".to_string()), "{names:?}");
+    let attribute = &header.own_attributes.other[&Text::from("clerestory.look")];
+    let AttributeValue::Text(json) = attribute else { panic!("the look is a text") };
+    assert_eq!(Look::from_json(&json.to_string()).unwrap().0, look);
+}
+
+#[test]
+fn the_same_picture_gives_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = ["a.exr", "b.exr"].map(|name| folder.path().join(name));
+    for path in &paths {
+        Picture { radiance: &gradient(1.0), layers: &[], irradiance: None, look: &Look::default() }
+            .save(path, &ExportOptions::default())
+            .unwrap();
+    }
+    assert!(std::fs::read(&paths[0]).unwrap() == std::fs::read(&paths[1]).unwrap());
+}
+
+#[test]
+fn a_png_is_what_the_display_shows_and_says_srgb() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let radiance = gradient(1.0);
+    let shown = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &Look::default() }
+        .save(&path, &ExportOptions::default())
+        .unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    assert_eq!(&bytes[37..41], b"sRGB");
+    let expected = encode(&radiance, &DisplayParams { exposure_ev: shown.exposure_ev, ..DisplayParams::default() });
+    let decoded = image::load_from_memory(&bytes).unwrap().to_rgba8();
+    assert_eq!(decoded.dimensions(), (4, 3));
+    assert_eq!(decoded.into_raw(), expected);
+}
+
+#[test]
+fn false_color_of_illuminance_shows_irradiance_with_a_legend_or_says_what_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let mut look = Look::default();
+    let range = Some([1.0, 100.0]);
+    look.display.false_color = Some(FalseColor { quantity: Quantity::Illuminance, range, ..FalseColor::default() });
+    let (radiance, lux) = (gradient(1.0), Radiance { width: 4, height: 3, pixels: vec![[10.0; 3]; 12] });
+    let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
+    let error = picture.save(&path, &ExportOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("--irradiance") && !path.exists(), "{error}");
+
+    let shown = Picture { irradiance: Some(&lux), ..picture }.save(&path, &ExportOptions::default()).unwrap();
+    assert_eq!(shown.legend.unwrap().json()["high"], 100.0);
+    let png = image::open(&path).unwrap().to_rgb8();
+    assert_eq!(png.get_pixel(2, 1).0, turbo_bytes(0.5), "10 lies halfway from 1 to 100");
+    assert!(png.width() > 4 + 8 && png.height() >= 48, "the legend is beside the picture");
+    let exr = folder.path().join("a.exr");
+    assert_eq!(picture.save(&exr, &ExportOptions::default()).unwrap().legend, None);
+    assert_eq!(read_exr(&exr).unwrap(), radiance, "an EXR stays linear");
+}
+
+#[test]
+fn pixels_that_are_no_numbers_and_layers_that_do_not_add_up_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let look = Look::default();
+    let mut bad = gradient(1.0);
+    bad.pixels[3][1] = f32::NAN;
+    let error = Picture { radiance: &bad, layers: &[], irradiance: None, look: &look }
+        .save(&path, &ExportOptions::default())
+        .unwrap_err()
+        .to_string();
+    assert!(error.contains("1 pixels"), "{error}");
+    let layers = [LightLayer { key: "half".into(), radiance: gradient(0.5) }];
+    assert!(
+        Picture { radiance: &gradient(1.0), layers: &layers, irradiance: None, look: &look }
+            .save(&path, &ExportOptions::default())
+            .is_err()
+    );
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// A picture with noise and dark parts, told apart into two layers.
+fn noisy(width: u32, height: u32) -> (Radiance, [LightLayer; 2]) {
+    let value = |i: u32, salt: u32| {
+        let bits = (i.wrapping_mul(2_654_435_761) ^ salt).wrapping_mul(2_246_822_519) >> 8;
+        let unit = bits as f32 / (1 << 24) as f32;
+        if i.is_multiple_of(7) { unit * 1e-3 } else { 1.0 + 300.0 * unit }
+    };
+    let layer = |salt: u32| {
+        let pixels = (0..width * height).map(|i| [value(i, salt), value(i, salt + 1), value(i, salt + 2)]).collect();
+        Radiance { width, height, pixels }
+    };
+    let (a, b) = (layer(1), layer(91));
+    let sum = a.pixels.iter().zip(&b.pixels).map(|(a, b)| std::array::from_fn(|c| a[c] + b[c])).collect();
+    let layers = [("a", a), ("b", b)].map(|(key, radiance)| LightLayer { key: key.into(), radiance });
+    (Radiance { width, height, pixels: sum }, layers)
+}
+
+/// All channels of an EXR by their names.
+fn channels_of(path: &Path) -> Vec<(String, Vec<f32>, bool)> {
+    let image = ::exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+    let image = image.all_attributes().from_file(path).unwrap();
+    let channels = image.layer_data.channel_data.list.into_iter();
+    let values = |samples: &FlatSamples| samples.values_as_f32().collect();
+    channels
+        .map(|c| (c.name.to_string(), values(&c.sample_data), matches!(c.sample_data, FlatSamples::F16(_))))
+        .collect()
+}
+
+#[test]
+fn layers_in_halves_add_up_to_the_picture_within_rounding() {
+    let folder = tempfile::tempdir().unwrap();
+    let (radiance, layers) = noisy(40, 33);
+    for compression in [ExrCompression::None, ExrCompression::Zip, ExrCompression::Piz] {
+        let path = folder.path().join("a.exr");
+        let options = ExportOptions { samples: ExrSamples::Half, compression, ..ExportOptions::default() };
+        let look = Look::default();
+        Picture { radiance: &radiance, layers: &layers, irradiance: None, look: &look }.save(&path, &options).unwrap();
+        let channels = channels_of(&path);
+        assert!(channels.len() == 9 && channels.iter().all(|(.., is_half)| *is_half));
+        let named = |name: &str| &channels.iter().find(|(n, ..)| n == name).unwrap().1;
+        for (c, name) in ["R", "G", "B"].into_iter().enumerate() {
+            let (whole, a, b) = (named(name), named(&format!("a.{name}")), named(&format!("b.{name}")));
+            for idx in 0..whole.len() {
+                // Each of the three numbers is off by half of its last of eleven bits at most.
+                let rounding = (whole[idx] + a[idx] + b[idx]) * 2f32.powi(-11) + 2f32.powi(-24);
+                assert!((a[idx] + b[idx] - whole[idx]).abs() <= rounding, "{compression:?} {name} {idx}");
+                assert!((whole[idx] - radiance.pixels[idx][c]).abs() <= rounding, "{compression:?} {name} {idx}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_compression_gives_the_picture_back_lossless_or_nearly() {
+    let folder = tempfile::tempdir().unwrap();
+    // Odd sizes, several blocks of lines.
+    let (radiance, _) = noisy(45, 71);
+    let smooth = Radiance {
+        pixels: (0..45 * 71).map(|i| [(i % 45) as f32, (i / 45) as f32 * 3.0, 20.0]).collect(),
+        ..radiance.clone()
+    };
+    for (compression, name) in ExrCompression::ALL {
+        let path = folder.path().join("a.exr");
+        let options = ExportOptions { compression, ..ExportOptions::default() };
+        for picture in [&radiance, &smooth] {
+            let picture = Picture { radiance: picture, layers: &[], irradiance: None, look: &Look::default() };
+            picture.save(&path, &options).unwrap();
+            let back = read_exr(&path).unwrap();
+            if compression != ExrCompression::Dwaa {
+                assert_eq!(back, *picture.radiance, "{name}");
+            } else if picture.radiance == &smooth {
+                let pairs = back.pixels.iter().flatten().zip(smooth.pixels.iter().flatten());
+                let worst = pairs.map(|(a, b)| (a - b).abs() / (1.0 + b)).fold(0.0, f32::max);
+                assert!(worst > 0.0 && worst < 0.05, "{worst}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_region_keeps_its_place_in_the_whole_and_a_width_shrinks_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let (radiance, layers) = noisy(40, 30);
+    let region = Some(Region { x: 3, y: 5, width: 12, height: 9 });
+    let options = ExportOptions { width_px: Some(20), region, ..ExportOptions::default() };
+    let picture = Picture { radiance: &radiance, layers: &layers, irradiance: None, look: &Look::default() };
+    picture.save(&path, &options).unwrap();
+    let header = ::exr::meta::MetaData::read_from_file(&path, true).unwrap().headers.remove(0);
+    assert_eq!((header.own_attributes.layer_position, header.layer_size), (Vec2(3, 5), Vec2(12, 9)));
+    let display = header.shared_attributes.display_window;
+    assert_eq!((display.position, display.size), (Vec2(0, 0), Vec2(20, 15)));
+    let mean = |c: usize| [(6, 10), (7, 10), (6, 11), (7, 11)].map(|(x, y)| radiance.pixels[y * 40 + x][c]);
+    let first = read_exr(&path).unwrap().pixels[0];
+    for (c, is) in first.into_iter().enumerate() {
+        let expected = mean(c).iter().sum::<f32>() / 4.0;
+        assert!((is - expected).abs() < 1e-4 * expected, "{is} {expected}");
+    }
+
+    let png = folder.path().join("a.png");
+    let shown = picture.save(&png, &options).unwrap();
+    assert_eq!(image::image_dimensions(&png).unwrap(), (12, 9));
+    let whole = picture.save(&png, &ExportOptions::default()).unwrap();
+    assert_eq!(shown, whole, "a part is shown as the whole is");
+}
+
+#[test]
+fn what_halves_cannot_tell_is_refused_and_floats_hold_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let sun = gradient(1e5);
+    let picture = Picture { radiance: &sun, layers: &[], irradiance: None, look: &Look::default() };
+    for options in [
+        ExportOptions { samples: ExrSamples::Half, ..ExportOptions::default() },
+        ExportOptions { compression: ExrCompression::Dwaa, ..ExportOptions::default() },
+    ] {
+        let error = format!("{:#}", picture.save(&path, &options).unwrap_err());
+        assert!(error.contains("12 pixels are brighter") && !path.exists(), "{error}");
+    }
+    picture.save(&path, &ExportOptions::default()).unwrap();
+    assert_eq!(read_exr(&path).unwrap(), sun);
+}
+
+#[test]
+fn a_png_of_sixteen_bits_holds_what_is_shown_and_its_legend() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let radiance = gradient(1.0);
+    let options = ExportOptions { depth: PngDepth::Sixteen, ..ExportOptions::default() };
+    let mut look = Look::default();
+    for false_color in [None, Some(FalseColor::default())] {
+        look.display.false_color = false_color;
+        let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
+        let shown = picture.save(&path, &options).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(&bytes[37..41], b"sRGB");
+        let image::DynamicImage::ImageRgb16(decoded) = image::load_from_memory(&bytes).unwrap() else {
+            panic!("sixteen bits were asked for")
+        };
+        let params = look.display.metered(&radiance);
+        let cut = image::imageops::crop_imm(&decoded, 0, 0, 4, 3).to_image();
+        assert_eq!(cut.into_raw(), encode16(&radiance, &params));
+        assert_eq!(decoded.width() > 4, shown.legend.is_some());
+    }
+}

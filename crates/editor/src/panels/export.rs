@@ -1,0 +1,156 @@
+//! What is asked about a picture file beside its name.
+
+use std::path::Path;
+
+use eframe::egui::{self, ComboBox, DragValue, RichText, Ui};
+
+use crate::action::Action;
+use crate::export::ImageFormat;
+use crate::export::layers::LayerSet;
+use crate::export::options::{ExportOptions, ExrCompression, ExrSamples, PngDepth, Region};
+
+/// What the questions are about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExportView {
+    /// Size of the bake in pixels.
+    pub baked: [u32; 2],
+    /// Whether the light that arrives at the pixels was baked.
+    pub has_illuminance: bool,
+}
+
+const LAYERS: [(LayerSet, &str); 3] =
+    [(LayerSet::None, "None"), (LayerSet::Groups, "By kind of light"), (LayerSet::Lights, "By light")];
+
+/// Asks; changes the ending of the path where the format is another one. Answers what is wrong, in words.
+pub fn export_ui(
+    ui: &mut Ui,
+    path: &mut String,
+    options: &mut ExportOptions,
+    view: &ExportView,
+    actions: &mut Vec<Action>,
+) -> Option<String> {
+    let format = ImageFormat::of(Path::new(path.trim())).ok();
+    egui::Grid::new("export").num_columns(2).spacing([14.0, 7.0]).show(ui, |ui| {
+        ui.label("Format");
+        ui.horizontal(|ui| format_ui(ui, path, format));
+        ui.end_row();
+        match format {
+            Some(ImageFormat::Exr) => exr_rows(ui, options, view),
+            _ => png_rows(ui, options),
+        }
+        ui.label("Size");
+        ui.horizontal(|ui| width_ui(ui, options, view.baked));
+        ui.end_row();
+        ui.label("Part");
+        ui.horizontal(|ui| region_ui(ui, options, view.baked));
+        ui.end_row();
+    });
+    ui.add_space(4.0);
+    let hint = match format {
+        Some(ImageFormat::Exr) => "Linear Rec. 709 in cd/m², with the look inside; exposure and tone are not applied",
+        _ => "sRGB as it is seen, with the legend where colors are false",
+    };
+    ui.horizontal(|ui| {
+        ui.label(RichText::new(hint).weak().small());
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let copy = ui.button("Copy picture");
+            if copy.on_hover_text("Put the picture on the clipboard as it is seen").clicked() {
+                actions.push(Action::CopyImage);
+            }
+        });
+    });
+    ui.add_space(6.0);
+    options.window(view.baked).err().map(|error| error.to_string())
+}
+
+fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {
+    let choices = [
+        (ImageFormat::Png, "PNG", "png", "A picture for people: sRGB, as it is seen"),
+        (ImageFormat::Exr, "OpenEXR", "exr", "Light for other programs: linear, with layers"),
+    ];
+    for (choice, name, ending, hint) in choices {
+        if ui.radio(format == Some(choice), name).on_hover_text(hint).clicked() {
+            *path = Path::new(path.trim()).with_extension(ending).display().to_string();
+        }
+    }
+}
+
+fn png_rows(ui: &mut Ui, options: &mut ExportOptions) {
+    ui.label("Depth");
+    ui.horizontal(|ui| {
+        ui.radio_value(&mut options.depth, PngDepth::Eight, "8 bits").on_hover_text("Per channel");
+        ui.radio_value(&mut options.depth, PngDepth::Sixteen, "16 bits")
+            .on_hover_text("Per channel, for gradients that are worked on");
+    });
+    ui.end_row();
+}
+
+fn exr_rows(ui: &mut Ui, options: &mut ExportOptions, view: &ExportView) {
+    let is_lossy = options.compression == ExrCompression::Dwaa;
+    ui.label("Numbers");
+    ui.horizontal(|ui| {
+        let mut samples = options.exr_samples();
+        let half = ui.radio_value(&mut samples, ExrSamples::Half, "Half");
+        half.on_hover_text("16-bit floats, up to 65504 cd/m²; half the size");
+        let float = ui.add_enabled_ui(!is_lossy, |ui| ui.radio_value(&mut samples, ExrSamples::Float, "Float")).inner;
+        float.on_hover_text("32-bit floats").on_disabled_hover_text("DWAA keeps halves");
+        if !is_lossy {
+            options.samples = samples;
+        }
+    });
+    ui.end_row();
+    let label = ui.label("Compression");
+    let name = |wanted: ExrCompression| ExrCompression::ALL.iter().find(|(c, _)| *c == wanted).map_or("", |(_, n)| *n);
+    let combo = ComboBox::from_id_salt("compression").selected_text(name(options.compression));
+    let combo = combo.show_ui(ui, |ui| {
+        for (compression, name) in ExrCompression::ALL {
+            ui.selectable_value(&mut options.compression, compression, name);
+        }
+    });
+    combo.response.labelled_by(label.id);
+    ui.end_row();
+    let label = ui.label("Layers");
+    let current = LAYERS.iter().find(|(set, _)| *set == options.layers).map_or("", |(_, name)| *name);
+    let combo = ComboBox::from_id_salt("layers").selected_text(current).show_ui(ui, |ui| {
+        for (set, name) in LAYERS {
+            ui.selectable_value(&mut options.layers, set, name);
+        }
+    });
+    combo.response.labelled_by(label.id).on_hover_text("They add up to the picture");
+    ui.end_row();
+    ui.label("");
+    let lux = ui.add_enabled_ui(view.has_illuminance, |ui| ui.checkbox(&mut options.irradiance, "Illuminance")).inner;
+    lux.on_hover_text("A layer with the light that arrives, in lux per channel")
+        .on_disabled_hover_text("This bake holds no illuminance");
+    ui.end_row();
+}
+
+fn width_ui(ui: &mut Ui, options: &mut ExportOptions, baked: [u32; 2]) {
+    let mut width = options.width_px.unwrap_or(baked[0]);
+    let number = ui.add(DragValue::new(&mut width).range(1..=baked[0])).accessible_name("Width of the file");
+    if number.on_hover_text("Pixels across, at most as many as were baked").changed() {
+        options.width_px = (width < baked[0]).then_some(width);
+    }
+    let height = options.whole(baked).map_or(baked[1], |[_, height]| height);
+    ui.label(format!("× {height}"));
+    ui.weak(format!("of {} × {}", baked[0], baked[1]));
+}
+
+fn region_ui(ui: &mut Ui, options: &mut ExportOptions, baked: [u32; 2]) {
+    let [width, height] = options.whole(baked).unwrap_or(baked);
+    let mut is_part = options.region.is_some();
+    let hint = "Write a part alone; an EXR remembers where in the picture it lies";
+    if ui.checkbox(&mut is_part, "Region").on_hover_text(hint).changed() {
+        options.region = is_part.then_some(Region { x: 0, y: 0, width, height });
+    }
+    let Some(region) = &mut options.region else { return };
+    let numbers = [
+        (&mut region.x, 0..=width - 1, "x ", "Region left"),
+        (&mut region.y, 0..=height - 1, "y ", "Region top"),
+        (&mut region.width, 1..=width, "w ", "Region width"),
+        (&mut region.height, 1..=height, "h ", "Region height"),
+    ];
+    for (value, range, prefix, name) in numbers {
+        ui.add(DragValue::new(value).range(range).prefix(prefix)).on_hover_text("Pixels").accessible_name(name);
+    }
+}

@@ -1,0 +1,47 @@
+//! What is asked of one system and not of the others, all of it here. Elsewhere the code is the same on Linux, macOS and Windows.
+
+/// Memory of this process that is in use now, bytes; `None` where the system is not asked.
+pub fn resident_bytes() -> Option<u64> {
+    #[cfg(target_os = "linux")]
+    {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+        let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+        Some(kilobytes * 1024)
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
+}
+
+/// Whether a window can be hoped for. Only X11 and Wayland say beforehand.
+pub fn has_display() -> bool {
+    let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    !cfg!(all(unix, not(target_os = "macos"))) || is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
+}
+
+/// Nodes of the drivers of graphics hardware on Linux: kernel drivers, NVIDIA's own, Windows' subsystem, phones.
+#[cfg(target_os = "linux")]
+const GPU_NODES: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
+
+/// Whether it is worth asking for hardware. Graphics libraries write complaints of their own to stderr when they are asked
+/// where there is neither hardware nor a session.
+pub fn may_have_gpu() -> bool {
+    #[cfg(target_os = "linux")]
+    return GPU_NODES.iter().any(|node| std::path::Path::new(node).exists());
+    #[cfg(not(target_os = "linux"))]
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_in_use_grows_with_what_is_touched() {
+        let Some(before) = resident_bytes() else { return };
+        let touched = vec![1u8; 64 << 20];
+        let after = resident_bytes().expect("it was told before");
+        assert!(after > before + (48 << 20), "{before} {after}");
+        drop(touched);
+    }
+}

@@ -1,0 +1,93 @@
+//! The picture that is seen, made once more for a file or the clipboard.
+
+use std::path::Path;
+
+use anyhow::{Result, ensure};
+use clerestory_relight::{CpuRelighter, Radiance, Relight};
+use clerestory_transport::bake::Bake;
+use eframe::egui::{Color32, ColorImage};
+
+use super::Shown;
+use super::lamps::LampLight;
+use crate::cli::relight::{frame_of, irradiance_for};
+use crate::export::layers::{FREE_LAMPS, LayerSet};
+use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
+use crate::look::Look;
+
+/// A bake under a look, with the light of its free lamps.
+pub(super) struct Seen {
+    bake: Bake,
+    coefficients: Vec<Vec<[f32; 3]>>,
+    look: Look,
+    light: Option<LampLight>,
+}
+
+impl Seen {
+    /// Of the matrix that is shown.
+    pub fn of(shown: &Shown, look: Look, light: Option<LampLight>) -> Seen {
+        let coefficients = shown.coefficients(&look.lights, light.as_ref());
+        Seen { bake: shown.bake(), coefficients, look, light }
+    }
+
+    /// Writes it.
+    pub fn save(&self, path: &Path, options: &ExportOptions) -> Result<()> {
+        let format = ImageFormat::of(path)?;
+        let (mut relighter, radiance) = self.relit()?;
+        let set = if options.asks_layers(format) { options.layers } else { LayerSet::None };
+        let layers = self.layers(&mut relighter, set)?;
+        let wanted = ExportOptions { irradiance: options.irradiance && format == ImageFormat::Exr, ..*options };
+        let irradiance = irradiance_for(&self.bake, &self.look, format, &wanted)?;
+        let picture =
+            Picture { radiance: &radiance, layers: &layers, irradiance: irradiance.as_ref(), look: &self.look };
+        picture.save(path, options)?;
+        Ok(())
+    }
+
+    /// The picture as it is shown, for the clipboard.
+    pub fn develop(&self) -> Result<ColorImage> {
+        let (_, radiance) = self.relit()?;
+        let options = ExportOptions::default();
+        let irradiance = irradiance_for(&self.bake, &self.look, ImageFormat::Png, &options)?;
+        let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &self.look };
+        let (picture, _) = picture.developed(&options)?;
+        let pixels = picture.pixels().map(|pixel| Color32::from_rgb(pixel.0[0], pixel.0[1], pixel.0[2])).collect();
+        Ok(ColorImage::new([picture.width() as usize, picture.height() as usize], pixels))
+    }
+
+    fn relit(&self) -> Result<(CpuRelighter, Radiance)> {
+        let mut relighter = CpuRelighter::new(&frame_of(&self.bake, &self.look.lights))?;
+        let mut radiance = Radiance::default();
+        relighter.set_layer(self.light.as_ref().map(|light| &light.direct))?;
+        relighter.relight(&self.coefficients, &mut radiance)?;
+        ensure!(!radiance.pixels.is_empty(), "there is no picture yet; wait for the preview");
+        Ok((relighter, radiance))
+    }
+
+    /// Its light in parts; free lamps are one of them.
+    fn layers(&self, relighter: &mut CpuRelighter, set: LayerSet) -> Result<Vec<LightLayer>> {
+        if set == LayerSet::None {
+            return Ok(Vec::new());
+        }
+        relighter.set_layer(None)?;
+        let mut relight = |coefficients: &[Vec<[f32; 3]>]| {
+            let mut radiance = Radiance::default();
+            relighter.relight(coefficients, &mut radiance)?;
+            Ok(radiance)
+        };
+        let mut layers = set.layers(&self.bake.header.basis, &self.coefficients, &mut relight)?;
+        if let Some(light) = &self.light {
+            let mut of_lamps: Vec<Vec<[f32; 3]>> =
+                self.coefficients.iter().map(|group| vec![[0.0; 3]; group.len()]).collect();
+            if let (Some(last), Some(lit)) = (of_lamps.last_mut(), self.coefficients.last())
+                && self.bake.header.patches.is_some()
+            {
+                last.clone_from(lit);
+            }
+            relighter.set_layer(Some(&light.direct))?;
+            let mut radiance = Radiance::default();
+            relighter.relight(&of_lamps, &mut radiance)?;
+            layers.push(LightLayer { key: FREE_LAMPS.into(), radiance });
+        }
+        Ok(layers)
+    }
+}

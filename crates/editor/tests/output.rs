@@ -1,0 +1,157 @@
+//! Pictures out of the window: files with what was chosen about them, and the clipboard.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+#[expect(dead_code, reason = "not every test of the window drags")]
+mod desk;
+
+use std::path::Path;
+
+use clerestory::compare::read_exr;
+use clerestory::export::layers::LayerSet;
+use eframe::egui::{Event, OutputCommand};
+use egui_kittest::kittest::{NodeT, Queryable};
+use exr::meta::MetaData;
+
+use desk::{Window, baked, click, room, wait};
+
+/// Opens the questions about a picture and writes the path of its file.
+fn export_to(window: &mut Window, path: &Path) {
+    click(window, "Export…");
+    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+    window.run_steps(3);
+}
+
+#[test]
+fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.png");
+    let mut window = baked();
+    export_to(&mut window, &path);
+    click(&mut window, "OpenEXR");
+    click(&mut window, "Half");
+    click(&mut window, "Layers");
+    click(&mut window, "By light");
+    assert_eq!(window.state().export_options().layers, LayerSet::Lights);
+    assert!(window.get_by_label("Illuminance").accesskit_node().is_disabled(), "none was baked");
+    click(&mut window, "Region");
+    window.get_by_label("Region left").set_value_accesskit(60.0);
+    window.run_steps(3);
+    window.get_by_label_contains("does not lie within the picture of 64 × 48");
+    assert!(window.get_by_label("Save").accesskit_node().is_disabled());
+    window.get_by_label("Region width").set_value_accesskit(4.0);
+    window.run_steps(3);
+    click(&mut window, "Save");
+    let path = path.with_extension("exr");
+    wait(&mut window, |_| path.exists());
+    let header = MetaData::read_from_file(&path, true).unwrap().headers.remove(0);
+    let names: Vec<String> = header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R", "lamp.B", "lamp.G", "lamp.R", "panel.B", "panel.G", "panel.R"]);
+    assert_eq!(header.own_attributes.layer_position.0, 60);
+    assert_eq!(header.shared_attributes.display_window.size.0, 64);
+    let part = read_exr(&path).unwrap();
+    assert_eq!((part.width, part.height), (4, 48));
+}
+
+#[test]
+fn a_png_of_a_smaller_size_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.png");
+    let mut window = baked();
+    export_to(&mut window, &path);
+    click(&mut window, "16 bits");
+    window.get_by_label("Width of the file").set_value_accesskit(32.0);
+    window.run_steps(3);
+    click(&mut window, "Save");
+    wait(&mut window, |_| path.exists());
+    let picture = image::open(&path).unwrap();
+    assert_eq!((picture.width(), picture.height(), picture.color()), (32, 24, image::ColorType::Rgb16));
+}
+
+#[test]
+fn the_picture_is_copied_as_it_is_seen() {
+    let mut window = baked();
+    let copied = |window: &mut Window| {
+        for _ in 0..2000 {
+            window.step();
+            let commands = &window.output().platform_output.commands;
+            let picture = commands.iter().find_map(|command| match command {
+                OutputCommand::CopyImage(picture) => Some(picture.clone()),
+                _ => None,
+            });
+            if let Some(picture) = picture {
+                return picture;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        panic!("nothing was copied");
+    };
+    window.event(Event::Copy);
+    let lit = copied(&mut window);
+    assert_eq!(lit.size, [64, 48]);
+    assert!(lit.pixels.iter().any(|pixel| pixel.r() > 60));
+    window.get_by_label_contains("Copied the picture, 64 × 48");
+    click(&mut window, "Auto");
+    click(&mut window, "Mute lamp");
+    click(&mut window, "Mute panel");
+    window.event(Event::Copy);
+    assert!(copied(&mut window).pixels.iter().all(|pixel| pixel.r() == 0), "no light, and exposure stays");
+}
+
+/// Runs a command line in this process; what it answers, as JSON.
+#[track_caller]
+fn answer(line: &[&str]) -> serde_json::Value {
+    let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+    let line = ["clerestory"].iter().chain(line).chain(&["--json"]);
+    let code = clerestory::cli::run(line, &mut stdout, &mut stderr);
+    assert_eq!(code, std::process::ExitCode::SUCCESS, "{}", String::from_utf8_lossy(&stderr));
+    serde_json::from_slice(&stdout).unwrap()
+}
+
+#[test]
+fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    let (scene, bake) = (at("room.gltf"), at("room.transport"));
+    let size = ["--size", "64x48", "--spp", "4", "--tolerance", "20"];
+    let estimate = answer(&[&["bake", &scene, "--estimate"], &size[..]].concat());
+    answer(&[&["bake", &scene, "-o", &bake, "--memory", "64GB"], &size[..]].concat());
+    let (told, is) = (estimate["file_bytes"].as_f64().unwrap(), std::fs::metadata(&bake).unwrap().len() as f64);
+    assert!((told - is).abs() < 0.1 * is, "{told} {is}");
+
+    let exr = at("part.exr");
+    let line = ["relight", &bake, "-o", &exr, "--layers", "groups", "--bits", "16", "--compression", "piz"];
+    let told = answer(&[&line[..], &["--width", "32", "--region", "8,4,16,12"]].concat());
+    assert_eq!((&told["width"], &told["height"], &told["layers"]), (&16.into(), &12.into(), &2.into()));
+    let header = MetaData::read_from_file(&exr, true).unwrap().headers.remove(0);
+    let names: Vec<String> = header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R", "lamps.B", "lamps.G", "lamps.R", "panels.B", "panels.G", "panels.R"]);
+    assert_eq!((header.layer_size.0, header.shared_attributes.display_window.size.0), (16, 32));
+
+    for (name, intensity) in [("dim", 0.2), ("bright", 3.0), ("as it is", 1.0)] {
+        let look = format!(r#"{{"clerestory": 1, "lights": {{"lamp": {{"intensity": {intensity}}}}}}}"#);
+        std::fs::write(at(&format!("{name}.look")), look).unwrap();
+    }
+    let looks = ["dim", "bright", "as it is"].map(|name| at(&format!("{name}.look")));
+    let sheet = at("looks.png");
+    let line = ["relight", &bake, "-o", &sheet, "--contact-sheet", &looks[0], &looks[1], &looks[2]];
+    let told = answer(&line);
+    assert_eq!(told["looks"][2]["name"], "as it is");
+    let sheet = image::open(&sheet).unwrap();
+    assert!(sheet.width() > 2 * 64 && sheet.width() < 3 * 64, "two across: {}", sheet.width());
+}
+
+#[test]
+fn a_bake_beyond_its_memory_is_refused_before_it_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+    let line = ["clerestory", "bake", &at("room.gltf"), "-o", &at("a.transport"), "--size", "64x48", "--spp", "4"];
+    let line = line.iter().chain(&["--memory", "1MB"]);
+    let code = clerestory::cli::run(line, &mut stdout, &mut stderr);
+    let said = String::from_utf8_lossy(&stderr);
+    assert!(code != std::process::ExitCode::SUCCESS && said.contains("--memory allows"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing was begun");
+}

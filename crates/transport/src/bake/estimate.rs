@@ -1,0 +1,249 @@
+//! What a bake will take, told before it is made: a few blocks all over the picture are baked as the bake would, and counted
+//! for all of them.
+//!
+//! Blocks stop when they are exact enough, so that no formula tells their samples, their ranks or their bytes; blocks of the
+//! same picture do. What a bake does once (the scale of its columns, nodes of shared light, patches) is done once here as well.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clerestory_nystrom::{BlockLowRank, PackedMatrix, Partition};
+use serde::Serialize;
+
+use super::clock::Clock;
+use super::{Bake, BakeError, BakeEvent, BakeJob, Run};
+use crate::archive::header_len;
+use crate::matrix::CHANNELS;
+
+/// Blocks that are tried, and at least so many for each thread.
+const BLOCKS: usize = 48;
+const BLOCKS_PER_THREAD: usize = 3;
+/// Sums of the samples of a block that a thread holds at once, with what makes factors of them.
+const COPIES: u64 = 6;
+
+/// What a bake will take.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BakeEstimate {
+    /// From start to end, seconds, on as many threads as estimated.
+    pub secs: f32,
+    /// Until the first whole picture, seconds; 0 if no preview is made.
+    pub preview_secs: f32,
+    /// Most memory at a time beside the scene, bytes.
+    pub memory_bytes: u64,
+    /// Memory of the result, bytes.
+    pub result_bytes: u64,
+    /// The file, bytes.
+    pub file_bytes: u64,
+    /// Blocks of the picture.
+    pub n_blocks: usize,
+    /// Blocks that were tried.
+    pub n_tried: usize,
+}
+
+/// Some blocks all over a picture, in an order that covers it evenly from the first one on.
+fn spread(n_blocks: usize, most: usize) -> Vec<u32> {
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    let mut taken = vec![false; n_blocks];
+    let places =
+        (0..4 * most.max(n_blocks)).map(|nth| ((0.5 + nth as f64 * GOLDEN).fract() * n_blocks as f64) as usize);
+    let fresh = places.filter(|&place| !std::mem::replace(&mut taken[place.min(n_blocks - 1)], true));
+    fresh.take(most).map(|place| place as u32).collect()
+}
+
+/// When the blocks of a pass came.
+struct Watch {
+    started: Instant,
+    /// When the last word before the first block was said, and when the last block came; seconds.
+    prepared_secs: f32,
+    last_secs: f32,
+    n_done: usize,
+}
+
+impl Watch {
+    fn new() -> Watch {
+        Watch { started: Instant::now(), prepared_secs: 0.0, last_secs: 0.0, n_done: 0 }
+    }
+
+    fn hear(&mut self, event: &BakeEvent) {
+        let now = self.started.elapsed().as_secs_f32();
+        match event {
+            BakeEvent::BlockDone { .. } | BakeEvent::IrradianceDone { .. } => {
+                (self.n_done, self.last_secs) = (self.n_done + 1, now);
+            }
+            BakeEvent::Progress { .. } if self.n_done == 0 => self.prepared_secs = now,
+            _ => {}
+        }
+    }
+
+    /// Seconds for a number of blocks. Those that the other threads were at when the last one came are half done.
+    fn secs_for(&self, n_blocks: usize, scales: Scales) -> f32 {
+        let under_way = (rayon::current_num_threads() as f32 - 1.0) / 2.0;
+        let of_blocks = |secs: f32| secs * n_blocks as f32 / (self.n_done as f32 + under_way).max(1.0);
+        match scales {
+            Scales::Blocks => self.prepared_secs + of_blocks(self.last_secs - self.prepared_secs),
+            Scales::Everything => of_blocks(self.last_secs),
+        }
+    }
+}
+
+/// What of a pass takes longer for more blocks.
+#[derive(Clone, Copy)]
+enum Scales {
+    /// What comes before them is for the whole picture.
+    Blocks,
+    /// All of it.
+    Everything,
+}
+
+impl BakeJob {
+    /// Tries a few blocks on the threads of the current pool, for about as long as `budget` beside what is done once. `None` if
+    /// `go_on` said no.
+    ///
+    /// # Errors
+    /// As [`BakeJob::run`].
+    pub fn estimate(
+        &self,
+        budget: Duration,
+        go_on: impl Fn() -> bool + Sync,
+    ) -> Result<Option<BakeEstimate>, BakeError> {
+        let begun = Instant::now();
+        let header = Arc::new(self.header()?);
+        let mut secs = begun.elapsed().as_secs_f32();
+        if !go_on() {
+            return Ok(None);
+        }
+        let partitions = header.partitions();
+        let plan = self.plan(super::Density::Full, &header);
+        let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
+        let mut matrix = self.matrix(&plan, empty.clone());
+        matrix.set_column_scale(self.own_scale(&header.column_scale));
+        let passes = self.pass_samples(true);
+        let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
+        let started = Instant::now();
+        let mut run = Run {
+            job: self,
+            matrix: &matrix,
+            header: &header,
+            empty,
+            matrices,
+            last,
+            bias: None,
+            started,
+            deadline: None,
+        };
+        let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
+        let all = self.config.samples_per_half();
+        let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());
+        partitions.iter().skip(1).for_each(|partition| clock.add_pass(all, partition.n_blocks(), 0));
+
+        let mut preview_secs = 0.0;
+        for (nth, &samples) in passes.iter().enumerate() {
+            let is_last = nth as u32 == last;
+            // A block of an earlier pass must not stand for one of the last that was not tried.
+            run.matrices = header.empty_matrices();
+            let (partition, scales) = (&partitions[0], if is_last { self.scales() } else { Scales::Blocks });
+            let blocks = spread(partition.n_blocks(), n_tried);
+            let tried = try_blocks(budget, &go_on, |mut on_event| {
+                run.pass(nth as u32, samples, &blocks, &mut clock, &mut on_event)
+            });
+            let Some(watch) = tried? else { return Ok(None) };
+            secs += watch.secs_for(partition.n_blocks(), scales);
+            if nth == 0 && samples.is_none() {
+                preview_secs = secs;
+            }
+        }
+        for set in 0..header.irradiance.len() {
+            let partition = &partitions[1 + set];
+            let blocks = spread(partition.n_blocks(), n_tried);
+            let tried = try_blocks(budget, &go_on, |mut on_event| {
+                run.irradiance((last, all, set), &blocks, &mut clock, &mut on_event)
+            });
+            let Some(watch) = tried? else { return Ok(None) };
+            secs += watch.secs_for(partition.n_blocks(), Scales::Everything);
+        }
+        let (packing_secs, sizes) = sizes(&header, &run.matrices, &partitions);
+        Ok(Some(BakeEstimate {
+            secs: secs + packing_secs,
+            preview_secs,
+            memory_bytes: sizes.memory(self.working_bytes(&header)),
+            result_bytes: sizes.factors + sizes.packed,
+            file_bytes: sizes.packed + header_len(&header),
+            n_blocks: partitions[0].n_blocks(),
+            n_tried: run.matrices[0].first().map_or(0, n_there),
+        }))
+    }
+
+    /// Of the last pass: patches are traced for its blocks before them, everything else that comes first is for all of them.
+    fn scales(&self) -> Scales {
+        if self.config.patches > 0 { Scales::Everything } else { Scales::Blocks }
+    }
+
+    /// Memory that the threads work in, and nodes of shared light.
+    fn working_bytes(&self, header: &super::BakeHeader) -> u64 {
+        let columns = header.basis.n_cols() as u64;
+        let block = u64::from(header.tile * header.tile) * CHANNELS as u64 * columns * size_of::<f32>() as u64;
+        let nodes = crate::nodes::Nodes::bytes_for(self.film, columns as usize) as u64;
+        rayon::current_num_threads() as u64 * COPIES * block + nodes
+    }
+}
+
+/// Bytes of all blocks of all matrices.
+#[derive(Clone, Copy, Default)]
+struct Sizes {
+    /// In memory.
+    factors: u64,
+    /// In the file.
+    packed: u64,
+}
+
+impl Sizes {
+    /// At its most while blocks are sampled, or at the end, when the factors are there twice.
+    fn memory(self, working: u64) -> u64 {
+        self.factors + working.max(self.factors + self.packed)
+    }
+}
+
+fn n_there(group: &BlockLowRank) -> usize {
+    group.blocks.iter().filter(|block| block.is_some()).count()
+}
+
+/// Packs what was tried, counted for all blocks, and the seconds that packing all of them will take.
+fn sizes(header: &Arc<super::BakeHeader>, matrices: &[Vec<BlockLowRank>], partitions: &[Partition]) -> (f32, Sizes) {
+    let begun = Instant::now();
+    let bake = Bake::packing(header.clone(), matrices);
+    let packing_secs = begun.elapsed().as_secs_f32();
+    let (mut sizes, mut most) = (Sizes::default(), 1.0f64);
+    let packed = bake.packed.iter().flat_map(|matrices| matrices.iter());
+    for ((groups, packed), partition) in matrices.iter().zip(packed).zip(partitions) {
+        let n = groups.first().map_or(0, n_there).max(1);
+        let factor = partition.n_blocks() as f64 / n as f64;
+        let all = |bytes: usize| (bytes as f64 * factor) as u64;
+        sizes.factors += groups.iter().map(|group| all(group.n_bytes())).sum::<u64>();
+        let whole = |group: &PackedMatrix| all(group.block_bytes()) + (group.n_bytes() - group.block_bytes()) as u64;
+        sizes.packed += packed.iter().map(whole).sum::<u64>();
+        most = most.max(factor);
+    }
+    (packing_secs * most as f32, sizes)
+}
+
+/// Runs a pass until its blocks are done or the time is over; `None` if it was told to stop.
+fn try_blocks(
+    budget: Duration,
+    go_on: &(impl Fn() -> bool + Sync),
+    run: impl FnOnce(&mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send)) -> Result<ControlFlow<()>, BakeError>,
+) -> Result<Option<Watch>, BakeError> {
+    let mut watch = Watch::new();
+    let mut told_to_stop = false;
+    // Whether it broke off, the watch knows.
+    let _ = run(&mut |event| {
+        watch.hear(&event);
+        told_to_stop |= !go_on();
+        let enough = watch.n_done >= rayon::current_num_threads() && watch.started.elapsed() > budget;
+        if told_to_stop || enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    Ok((!told_to_stop).then_some(watch))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,91 @@
+use glam::Vec3;
+
+use super::*;
+use crate::bake::{BakeConfig, Passes};
+use crate::camera::{Camera, Film};
+use crate::emitters::SkyRequest;
+use crate::prepared::PreparedScene;
+use crate::scene::{Material, Mesh, Scene};
+use crate::sky::{Environment, SkyForm, SkyLight};
+
+/// A floor under a sky in patches.
+fn job(film: Film) -> BakeJob {
+    let light = SkyLight::new("uniform", Environment::uniform(Vec3::ONE));
+    let sky = SkyRequest { light, form: SkyForm::Patches(1) };
+    let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+    let mesh = Mesh {
+        positions: vec![corner(-9.0, -9.0), corner(-9.0, 9.0), corner(9.0, 9.0), corner(9.0, -9.0)],
+        normals: vec![Vec3::Y; 4],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        triangle_material: vec![0; 2],
+        triangle_node: vec![0; 2],
+        ..Mesh::default()
+    };
+    let scene = Scene { mesh, materials: vec![Material::default()], ..Scene::default() };
+    let (scene, _) = PreparedScene::with_sky(scene, &[], Some(&sky)).unwrap();
+    let camera = Camera::look_at("above", Vec3::new(0.0, 6.0, 5.0), Vec3::ZERO, 1.0, 4.0 / 3.0);
+    let config = BakeConfig { spp: 8, tolerance_db: 24.0, ..BakeConfig::default() };
+    let (scene, passes) = (Arc::new(scene), Passes::PreviewAndFinal);
+    BakeJob { scene, camera, film, config, passes, irradiance: Vec::new() }
+}
+
+const LONG: Duration = Duration::from_secs(600);
+
+#[test]
+fn where_every_block_is_tried_sizes_are_those_of_the_bake() {
+    let job = job(Film { width: 64, height: 48 });
+    let estimate = job.estimate(LONG, || true).unwrap().unwrap();
+    assert_eq!((estimate.n_blocks, estimate.n_tried), (12, 12));
+    let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport");
+    crate::archive::write(&bake, &path).unwrap();
+    let file = std::fs::metadata(&path).unwrap().len() as f64;
+    let off = (estimate.file_bytes as f64 - file).abs() / file;
+    assert!(off < 0.02, "{} bytes, not {file}", estimate.file_bytes);
+    assert!(estimate.memory_bytes >= bake.figures().bytes as u64);
+    assert!(estimate.secs > estimate.preview_secs && estimate.preview_secs > 0.0);
+}
+
+#[test]
+fn a_part_of_the_blocks_stands_for_all_of_them() {
+    let job = job(Film { width: 160, height: 160 });
+    let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
+    let estimate = job.estimate(LONG, || true).unwrap().unwrap();
+    assert_eq!((estimate.n_blocks, estimate.n_tried), (100, n_tried.min(100)));
+    let bytes = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap().figures().file_bytes.unwrap() as f64;
+    let header = estimate.file_bytes as f64 - bytes;
+    assert!(header > -0.25 * bytes, "{} bytes for {bytes} of factors", estimate.file_bytes);
+    let factors = estimate.result_bytes as f64;
+    assert!(factors > 0.0 && estimate.memory_bytes as f64 >= factors);
+}
+
+#[test]
+fn nobody_waits_for_an_estimate_that_is_not_wanted_any_more() {
+    assert_eq!(job(Film { width: 64, height: 48 }).estimate(LONG, || false).unwrap(), None);
+    let n_asked = std::sync::atomic::AtomicUsize::new(0);
+    let once = || n_asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) < 3;
+    assert_eq!(job(Film { width: 64, height: 48 }).estimate(LONG, once).unwrap(), None);
+}
+
+#[test]
+fn blocks_that_are_tried_lie_all_over_the_picture_and_none_twice() {
+    let mut blocks = spread(1200, 48);
+    assert_eq!(blocks.len(), 48);
+    blocks.sort_unstable();
+    let widest = blocks.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
+    assert!(blocks.windows(2).all(|pair| pair[0] < pair[1]) && widest < 60, "{blocks:?}");
+    let mut all = spread(5, 48);
+    all.sort_unstable();
+    assert_eq!(all, [0, 1, 2, 3, 4]);
+}
+
+#[test]
+fn what_is_done_once_is_not_counted_for_every_block() {
+    let started = Instant::now();
+    let watch = Watch { started, prepared_secs: 3.0, last_secs: 5.0, n_done: 10 };
+    let under_way = (rayon::current_num_threads() as f32 - 1.0) / 2.0;
+    let blocks = 2.0 * 100.0 / (10.0 + under_way);
+    assert!((watch.secs_for(100, Scales::Blocks) - (3.0 + blocks)).abs() < 1e-3);
+    assert!((watch.secs_for(100, Scales::Everything) - 2.5 * blocks).abs() < 1e-3);
+}

@@ -1,0 +1,59 @@
+//! A bake within a time is whole at any time, and the whole bake if it has the time.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+
+use super::stage::{Stage, lambert, room};
+use crate::bake::{Bake, BakeConfig, BakeError, BakeJob, Passes};
+use crate::camera::{Camera, Film};
+use crate::irradiance::IrradianceRows;
+
+fn job(passes: Passes) -> BakeJob {
+    let camera = Camera::look_at("eye", Vec3::new(0.5, 0.2, 0.8), Vec3::new(-1.0, -0.5, -1.0), 1.1, 4.0 / 3.0);
+    let stage = Stage::new(camera).surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0)).lamp(
+        "lamp",
+        Vec3::new(-0.6, 0.2, -0.1),
+        0.5,
+    );
+    let scene = Arc::new(stage.prepared());
+    let camera = scene.scene.cameras[0].clone();
+    let config = BakeConfig { spp: 8, seed: 5, ..BakeConfig::default() };
+    BakeJob { scene, camera, film: Film { width: 64, height: 48 }, config, passes, irradiance: Vec::new() }
+}
+
+fn baked(passes: Passes) -> Bake {
+    job(passes).run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+}
+
+/// Blocks that are there, and those that are the same in both.
+fn counts(bake: &Bake, other: &Bake) -> (usize, usize) {
+    let blocks = || bake.groups[0].blocks.iter().zip(&other.groups[0].blocks);
+    (blocks().filter(|(own, _)| own.is_some()).count(), blocks().filter(|(own, other)| own == other).count())
+}
+
+#[test]
+fn with_time_enough_a_bake_is_as_without_a_limit() {
+    let whole = baked(Passes::FinalOnly);
+    let timed = baked(Passes::Until(Instant::now() + Duration::from_secs(3600)));
+    assert_eq!((counts(&timed, &whole), timed.header), ((12, 12), whole.header));
+}
+
+#[test]
+fn a_bake_whose_time_is_up_keeps_what_it_has() {
+    let whole = baked(Passes::FinalOnly);
+    let late = baked(Passes::Until(Instant::now()));
+    // The preview, and the one block of the next pass at which the time was seen to be up.
+    assert_eq!(counts(&late, &whole), (12, 1));
+    assert!(late.header.sharing_bias.is_some_and(f32::is_finite), "light of a preview is shared");
+    assert!(late.figures().error_db.total.is_finite());
+}
+
+#[test]
+fn what_needs_a_pass_of_its_own_has_no_time_limit() {
+    let job = BakeJob { irradiance: vec![IrradianceRows::Pixels], ..job(Passes::Until(Instant::now())) };
+    let Err(BakeError::Config { what }) = job.run(|_| ControlFlow::Continue(())) else { panic!("it was accepted") };
+    assert!(what.contains("irradiance"), "{what}");
+}
