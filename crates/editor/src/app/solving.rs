@@ -1,7 +1,6 @@
 //! What is marked in the picture, measured there, and wished for: threads beside the window, and what is done with their answers.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use clerestory_transport::basis::SourceKind;
@@ -17,6 +16,8 @@ use crate::marks::{Marks, Seen};
 use crate::panels::lights::heard;
 use crate::panels::measure::{MeasureView, ScheduleState, measure_ui};
 use crate::panels::solve::{SolveState, SolveView, solve_ui};
+use crate::output::PendingFile;
+use crate::schedule::Schedule;
 use crate::session::aside::Aside;
 use crate::session::{Session, Wake};
 use crate::solve::{LampColumn, Place, Scene, Solution, parse, solve};
@@ -292,19 +293,28 @@ impl App {
     }
 
     /// Writes the table of lamps.
-    pub(super) fn save_schedule(&mut self, path: PathBuf) {
-        let _ = path;
+    pub(super) fn save_schedule(&mut self, path: &std::path::Path) {
+        let Some(basis) = self.session.basis() else { return };
+        let ScheduleState { efficacy_lm_w, floor_m2 } = self.solving.schedule;
+        let marked = self.marked_lux().and_then(|figures| figures.area_m2);
+        let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { marked };
+        let scene = self.session.lamp_scene().map(|scene| &**scene);
+        let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
+        match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer))) {
+            Ok(()) => self.say(format!("Saved {}", path.display())),
+            Err(error) => self.complain(format!("{error:#}")),
+        }
     }
 
     /// Keys of all lights that shine.
     fn free_lights(&self) -> Vec<String> {
         let rig = &self.look.lights;
-        let is_muted = |key: &str| rig.lights.get(key).is_some_and(|setting| setting.muted);
+        let is_muted = |key: &str| rig.setting(key).muted;
         let sources = self.session.basis().into_iter().flat_map(|basis| &basis.sources);
         let sources = sources.filter(|source| source.kind != SourceKind::Constant && !is_muted(&source.key));
         let known = self.follower.lamp_light().map(|light| &light.parts[..]).unwrap_or_default();
         let lamps = rig.lamps.iter().filter(|lamp| {
-            !lamp.setting.muted && lamp.setting.intensity > 0.0 && known.iter().any(|part| part.key == lamp.key)
+            !is_muted(&lamp.key) && rig.setting(&lamp.key).intensity > 0.0 && known.iter().any(|part| part.key == lamp.key)
         });
         sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key.clone())).collect()
     }

@@ -48,6 +48,7 @@ const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening
     or: clerestory render room.glb --ies Downlight=maker/downlight.ies -o measured.png";
 const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024\n         \
     or: clerestory trace room.glb --ies Downlight=maker/downlight.ldt -o measured.exr";
+const SCHEDULE_EXAMPLE: &str = "Example: clerestory schedule room.glb --look evening.look --efficacy 110 -o lamps.csv";
 const SOLVE_EXAMPLE: &str = "Example: clerestory solve room.transport --wishes table.json -o table.look\n         \
     or: clerestory solve room.transport --match photo.png --colors 0.5 -o photo.look";
 const COMPARE_EXAMPLE: &str = "Example: clerestory compare evening.exr reference.exr --json";
@@ -74,6 +75,9 @@ pub enum Command {
     /// Say how many lux arrive at the sensors of a baked scene: average, minimum, maximum, uniformity.
     #[command(after_help = SENSORS_EXAMPLE)]
     Sensors(SensorsArgs),
+    /// Write a table of all lamps: lumen, watt, place, aim, color, and W/m² of floor.
+    #[command(after_help = SCHEDULE_EXAMPLE)]
+    Schedule(ScheduleArgs),
     /// Find the lights that come closest to wishes (lux, cd/m², a picture to match) and write them as a look.
     #[command(after_help = SOLVE_EXAMPLE)]
     Solve(SolveArgs),
@@ -268,6 +272,28 @@ pub struct SensorsArgs {
     /// Table to write: grid, x, y, z in meters, and lux of every point.
     #[arg(short, long, value_name = "OUT.csv")]
     pub output: Option<PathBuf>,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// `clerestory schedule`.
+#[derive(Debug, Args)]
+pub struct ScheduleArgs {
+    /// Scene, or transport file of an earlier bake.
+    pub file: PathBuf,
+    /// Look that says how the lamps are set [default: as the scene says].
+    #[arg(long, value_name = "FILE.look")]
+    pub look: Option<PathBuf>,
+    /// Luminous efficacy of the lamps: their watts are lumen over this.
+    #[arg(long, value_name = "LM/W", default_value_t = 100.0, value_parser = parse_positive)]
+    pub efficacy: f64,
+    /// Floor area in m² [default: that of the scene's floor; none for a transport file].
+    #[arg(long = "floor-area", value_name = "M2", value_parser = parse_positive)]
+    pub floor_m2: Option<f64>,
+    /// Table to write.
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: PathBuf,
     /// How to answer.
     #[command(flatten)]
     pub answer: OutputArgs,
@@ -501,6 +527,11 @@ fn parse_work_plane(text: &str) -> Result<WorkPlane, String> {
     let meters = |text: &str| text.parse::<f32>().ok().filter(|m| (0.0..=1e4).contains(m)).ok_or(problem);
     let spacing_m = spacing.map(|text| meters(text).and_then(|m| if m >= 1e-3 { Ok(m) } else { Err(problem) }));
     Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()? })
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|x| (1e-3..=1e9).contains(x));
+    number.ok_or_else(|| "write a number above 0".into())
 }
 
 fn parse_factor(text: &str) -> Result<[f64; 2], String> {

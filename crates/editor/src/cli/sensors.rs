@@ -17,6 +17,7 @@ use super::console::{Answer, Console};
 use super::view::{load_look, spare_look, warn_of_unknown_lights};
 use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
 use crate::output::{PendingFile, spare_inputs};
+use crate::table::text_cell;
 
 /// What the sensors of a grid say.
 struct Readings<'a> {
@@ -124,11 +125,7 @@ impl Summary {
 fn write_table(writer: &mut impl Write, all: &[Readings]) -> Result<()> {
     writeln!(writer, "grid,x,y,z,lux")?;
     for Readings { grid, points } in all {
-        let name = if grid.name.contains([',', '"', '\n', '\r']) {
-            format!("\"{}\"", grid.name.replace('"', "\"\""))
-        } else {
-            grid.name.clone()
-        };
+        let name = text_cell(&grid.name);
         for (point, lux) in points {
             writeln!(writer, "{name},{},{},{},{lux}", point.x, point.y, point.z)?;
         }

@@ -339,8 +339,9 @@ fn misfit(outcomes: &[Outcome], wishes: &[Wish]) -> f64 {
 /// What a designer should know about the answer.
 fn notes(scene: &Scene, request: &Request, film: Film) -> Vec<String> {
     let mut notes: Vec<String> = Vec::new();
-    let shines = |key: &str| scene.rig.lamps.iter().any(|lamp| lamp.key == key && !lamp.setting.muted);
-    let unknown_lamps = scene.rig.lamps.iter().filter(|lamp| !lamp.setting.muted && !scene.lamps.iter().any(|l| l.key == lamp.key));
+    let shines = |key: &str| !scene.rig.setting(key).muted;
+    let unknown_lamps =
+        scene.rig.lamps.iter().filter(|lamp| shines(&lamp.key) && !scene.lamps.iter().any(|l| l.key == lamp.key));
     notes.extend(unknown_lamps.map(|lamp| format!("the light of {} is not known here: it counts as dark", lamp.key)));
     let is_lux = |wish: &Wish| matches!(wish.target, Target::Illuminance(_)) || matches!(wish.place, Place::Grid(_));
     if scene.lamps.iter().any(|lamp| shines(&lamp.key)) && request.wishes.iter().any(is_lux) {

@@ -67,9 +67,9 @@ pub(super) fn unknowns(scene: &Scene, request: &Request) -> Result<Vec<Unknown>>
     let mut found: Vec<Unknown> = Vec::new();
     let candidates = basis.sources.iter().filter(|source| source.kind != SourceKind::Constant);
     for source in candidates {
-        let own = scene.rig.lights.get(&source.key).copied().unwrap_or_default();
+        let own = scene.rig.own_setting(&source.key);
         let is_chosen = request.lights.as_ref().is_none_or(|keys| keys.contains(&source.key));
-        if is_chosen && !own.muted {
+        if is_chosen && !scene.rig.setting(&source.key).muted {
             found.push(unknown(source, own, scene, request.freedom));
         }
     }
@@ -77,8 +77,9 @@ pub(super) fn unknowns(scene: &Scene, request: &Request) -> Result<Vec<Unknown>>
         let is_chosen = request.lights.as_ref().is_none_or(|keys| keys.contains(&lamp.key));
         let Some(free) = scene.rig.lamps.iter().find(|free| free.key == lamp.key) else { continue };
         // What is dark now tells nothing of its light.
-        if is_chosen && !free.setting.muted && free.setting.intensity > 0.0 {
-            let color = LightSetting { intensity: 1.0, ..free.setting }.emission(Vec3::ONE, 1.0);
+        let lit = scene.rig.setting(&lamp.key);
+        if is_chosen && !lit.muted && lit.intensity > 0.0 {
+            let color = free.setting.tint(Vec3::ONE);
             let is_colored = request.freedom != Freedom::Intensity && color.min_element() > 0.0;
             found.push(Unknown { key: lamp.key.clone(), own: free.setting, color, is_colored });
         }
@@ -97,8 +98,7 @@ pub(super) fn unknowns(scene: &Scene, request: &Request) -> Result<Vec<Unknown>>
 }
 
 fn unknown(source: &LightSource, own: LightSetting, scene: &Scene, freedom: Freedom) -> Unknown {
-    let lit = LightSetting { intensity: 1.0, ..own };
-    let color = lit.emission(source.color, 1.0);
+    let color = own.tint(source.color);
     // A sky keeps its colors, and so do spots that have one of their own.
     let is_sky = matches!(source.kind, SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Sun { .. });
     let spots = scene.rig.panels.get(&source.key);
@@ -114,7 +114,10 @@ pub(super) fn unit_rig(rig: &LightRig, unknowns: &[Unknown]) -> LightRig {
         let white = unknown.is_colored.then_some([1.0; 3]);
         let kelvin = if unknown.is_colored { None } else { unknown.own.kelvin };
         let setting = LightSetting { intensity: 1.0, color: white.or(unknown.own.color), kelvin, ..unknown.own };
-        unit.lights.insert(unknown.key.clone(), setting);
+        // Lamps have no columns: what they bring is known as they shine.
+        if !unit.lamps.iter().any(|lamp| lamp.key == unknown.key) {
+            unit.set(&unknown.key, setting);
+        }
     }
     unit
 }
@@ -122,14 +125,6 @@ pub(super) fn unit_rig(rig: &LightRig, unknowns: &[Unknown]) -> LightRig {
 /// The lighting with what was found.
 pub(super) fn with(rig: &LightRig, unknowns: &[Unknown], settings: &[LightSetting]) -> LightRig {
     let mut solved = rig.clone();
-    for (unknown, setting) in unknowns.iter().zip(settings) {
-        if let Some(lamp) = solved.lamps.iter_mut().find(|lamp| lamp.key == unknown.key) {
-            lamp.setting = *setting;
-        } else if *setting == LightSetting::default() {
-            solved.lights.remove(&unknown.key);
-        } else {
-            solved.lights.insert(unknown.key.clone(), *setting);
-        }
-    }
+    unknowns.iter().zip(settings).for_each(|(unknown, setting)| solved.set(&unknown.key, *setting));
     solved
 }

@@ -22,8 +22,8 @@ const SETTLED: f64 = 1e-4;
 const CAUCHY: f64 = 2.385;
 /// Standard deviation over median miss of normal misses.
 const SIGMA_PER_MEDIAN: f64 = 1.4826;
-/// Misses that count as none, over what is wanted.
-const LEAST_SIGMA: f64 = 1e-3;
+/// Misses that count as none, over what is wanted: the noise of a bake is no reason to trust a cell less.
+const LEAST_SIGMA: f64 = 0.02;
 
 /// A picture to be matched by all cells.
 pub(super) struct Matching {
