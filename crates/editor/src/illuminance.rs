@@ -93,7 +93,9 @@ pub fn of_grid(bake: &Bake, (set, grid): (usize, &SensorGrid), rig: &LightRig) -
 /// If the bake holds no irradiance of its pixels.
 pub fn of_marks(bake: &Bake, rig: &LightRig, marks: &Marks, seen: Option<&Seen>) -> Result<LuxFigures> {
     let Some(set) = bake.pixel_irradiance() else {
-        bail!("the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance");
+        bail!(
+            "the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance"
+        );
     };
     // Blocks without a mark are left out of the work.
     let mut groups = bake.irradiance[set].clone();
@@ -108,14 +110,26 @@ pub fn of_marks(bake: &Bake, rig: &LightRig, marks: &Marks, seen: Option<&Seen>)
     let mut picture = Radiance::default();
     CpuRelighter::new(&frame)?.relight(&bake.header.irradiance_coefficients(set, rig), &mut picture)?;
     let values = weighed(marks.pixels(), seen).into_iter();
-    let values = values.map(|(pixel, weight)| (f64::from(luminance(picture.pixels[pixel as usize])), f64::from(weight)));
+    let values =
+        values.map(|(pixel, weight)| (f64::from(luminance(picture.pixels[pixel as usize])), f64::from(weight)));
     let area = seen.map(|seen| marks.pixels().iter().map(|pixel| f64::from(seen.area_m2(*pixel))).sum());
     Ok(LuxFigures { area_m2: area, ..LuxFigures::of(values) })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+    use clerestory_transport::camera::{Camera, Film};
+    use clerestory_transport::emitters::SkyRequest;
+    use clerestory_transport::irradiance::IrradianceRows;
+    use clerestory_transport::prepared::PreparedScene;
+    use clerestory_transport::scene::{Material, Mesh, PunctualKind, PunctualLight, Scene, SceneNode};
+    use clerestory_transport::sky::SkyForm;
+
     use super::*;
+    use crate::marks::Kin;
 
     #[test]
     fn figures_are_those_of_the_standards() {
@@ -125,6 +139,99 @@ mod tests {
         let dark = LuxFigures::of([(-1e-3, 1.0)]);
         assert_eq!((dark.average, dark.uniformity(), dark.diversity()), (0.0, None, None));
         assert_eq!(LuxFigures::of([]).minimum, 0.0);
+    }
+
+    const FILM: Film = Film { width: 40, height: 30 };
+    const CANDELA: f32 = 50.0;
+    const HEIGHT: f32 = 2.0;
+
+    /// A floor of 4 m × 4 m with nothing on it, seen from a corner of the sky, and a lamp above its middle.
+    fn floor(sky: Option<&SkyRequest>) -> (Bake, Seen) {
+        let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+        let mesh = Mesh {
+            positions: vec![corner(-2.0, 2.0), corner(2.0, 2.0), corner(2.0, -2.0), corner(-2.0, -2.0)],
+            normals: vec![Vec3::Y; 4],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            triangle_material: vec![0; 2],
+            triangle_node: vec![0; 2],
+            ..Mesh::default()
+        };
+        let node = |name: &str| SceneNode { name: Some(name.into()), ..SceneNode::default() };
+        let lamp = PunctualLight {
+            node: 1,
+            kind: PunctualKind::Point,
+            position: Vec3::Y * HEIGHT,
+            direction: Vec3::NEG_Y,
+            across: [Vec3::X, Vec3::Z],
+            profile: None,
+            color: Vec3::ONE,
+            intensity: CANDELA,
+        };
+        let camera = Camera::look_at("above", Vec3::new(3.0, 5.0, 4.0), Vec3::ZERO, 0.9, 4.0 / 3.0);
+        let scene = Scene {
+            mesh,
+            materials: vec![Material { metallic: 0.0, ..Material::default() }],
+            nodes: vec![node("floor"), node("lamp")],
+            cameras: vec![camera.clone()],
+            punctual: if sky.is_none() { vec![lamp] } else { Vec::new() },
+            ..Scene::default()
+        };
+        let scene = Arc::new(PreparedScene::with_sky(scene, &[], sky).unwrap().0);
+        let config = BakeConfig { spp: 32, tolerance_db: 60.0, ..BakeConfig::default() };
+        let irradiance = vec![IrradianceRows::Pixels];
+        let (passes, of) = (Passes::FinalOnly, (scene.clone(), camera.clone()));
+        let job = BakeJob { scene: of.0, camera: of.1, film: FILM, config, passes, irradiance };
+        let bake = job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap();
+        let seen = Seen::new(&scene, &camera, FILM);
+        (bake, seen)
+    }
+
+    /// Pixels whose whole square sees the floor.
+    fn inner(marks: &Marks) -> Marks {
+        let width = FILM.width;
+        let mut rim = Marks::new(FILM);
+        for &pixel in marks.pixels() {
+            let (x, y) = ((pixel % width) as f32, (pixel / width) as f32);
+            let near = [[x - 1.0, y - 1.0], [x + 2.0, y + 2.0]];
+            if Marks::rect(FILM, near).pixels().iter().any(|pixel| !marks.holds(*pixel)) {
+                rim.add(&Marks::rect(FILM, [[x, y], [x + 1.0, y + 1.0]]));
+            }
+        }
+        let mut inner = marks.clone();
+        inner.remove(&rim);
+        inner
+    }
+
+    #[test]
+    fn a_lamp_over_a_floor_gives_candela_times_cosine_over_squared_distance() {
+        let (bake, seen) = floor(None);
+        let floor = seen.like(FILM.width * 15 + 20, Kin::Node);
+        let told = of_marks(&bake, &LightRig::default(), &floor, Some(&seen)).unwrap();
+        assert!((told.area_m2.unwrap() / 16.0 - 1.0).abs() < 0.02, "{told:?}");
+        // I cosθ / d², the mean over the square by its middles.
+        let lux = |x: f32, z: f32| f64::from(CANDELA * HEIGHT / (x * x + z * z + HEIGHT * HEIGHT).powf(1.5));
+        let at = |i: i32| (i as f32 + 0.5) * 0.02;
+        let mean = (-100..100).flat_map(|i| (-100..100).map(move |j| lux(at(i), at(j)))).sum::<f64>() / 40_000.0;
+        let inside = of_marks(&bake, &LightRig::default(), &inner(&floor), Some(&seen)).unwrap();
+        let most = lux(0.0, 0.0);
+        assert!((inside.maximum / most - 1.0).abs() < 0.03, "{} is not {most}", inside.maximum);
+        // The rim is darker than the rest, and left out.
+        assert!(inside.average > mean && inside.average < 1.1 * mean, "{} for {mean}", inside.average);
+        assert!(inside.minimum > lux(2.0, 2.0) && inside.minimum < 1.3 * lux(2.0, 2.0), "{inside:?}");
+        assert!(told.average < mean, "the rim is half in the dark: {} for {mean}", told.average);
+    }
+
+    #[test]
+    fn a_uniform_sky_over_a_floor_gives_pi_times_its_radiance_everywhere() {
+        let mut sky = crate::look::sky::typed("uniform").unwrap();
+        crate::look::sky::load(&mut sky, std::path::Path::new("")).unwrap();
+        let light = sky.light(None).unwrap();
+        let (bake, seen) = floor(Some(&SkyRequest { light, form: SkyForm::Patches(1) }));
+        let floor = inner(&seen.like(FILM.width * 15 + 20, Kin::Node));
+        let told = of_marks(&bake, &LightRig::default(), &floor, Some(&seen)).unwrap();
+        let known = std::f64::consts::PI;
+        assert!((told.average / known - 1.0).abs() < 0.02, "{told:?}");
+        assert!(told.uniformity().unwrap() > 0.8 && told.diversity().unwrap() > 0.7, "{told:?}");
     }
 
     #[test]

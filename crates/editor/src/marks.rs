@@ -5,6 +5,7 @@ use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::Sampler;
+use clerestory_transport::scene::SceneNode;
 use rayon::prelude::*;
 
 /// Clear panes that a pixel looks through.
@@ -143,9 +144,7 @@ impl Seen {
     /// The pixels that see nodes, or materials, of a name.
     pub fn named(&self, scene: &PreparedScene, name: &str, kin: Kin) -> Marks {
         let is_named = |number: u32| match kin {
-            Kin::Node => scene.scene.nodes.get(number as usize).is_some_and(|node| {
-                node.name.as_deref() == Some(name) || name == format!("node:{}", node.index)
-            }),
+            Kin::Node => scene.scene.nodes.get(number as usize).is_some_and(|node| node.is_named(name)),
             Kin::Material => scene.scene.materials.get(number as usize).is_some_and(|m| m.name == name),
         };
         let of = self.of(kin);
@@ -157,9 +156,7 @@ impl Seen {
     pub fn name(&self, scene: &PreparedScene, pixel: u32, kin: Kin) -> Option<String> {
         let number = *self.of(kin).get(pixel as usize).filter(|number| **number != NOTHING)? as usize;
         match kin {
-            Kin::Node => scene.scene.nodes.get(number).map(|node| {
-                node.name.clone().unwrap_or_else(|| format!("node:{}", node.index))
-            }),
+            Kin::Node => scene.scene.nodes.get(number).map(SceneNode::key),
             Kin::Material => scene.scene.materials.get(number).map(|material| material.name.clone()),
         }
     }
@@ -219,7 +216,12 @@ mod tests {
 
     #[test]
     fn weights_are_shares_of_the_whole() {
-        let seen = Seen { film: FILM, nodes: vec![0; 80], materials: vec![0; 80], areas_m2: (0..80).map(|i| i as f32).collect() };
+        let seen = Seen {
+            film: FILM,
+            nodes: vec![0; 80],
+            materials: vec![0; 80],
+            areas_m2: (0..80).map(|i| i as f32).collect(),
+        };
         assert_eq!(weighed(&[1, 3], Some(&seen)), [(1, 0.25), (3, 0.75)]);
         assert_eq!(weighed(&[0], Some(&seen)), [(0, 1.0)]);
         assert_eq!(weighed(&[1, 3], None), [(1, 0.5), (3, 0.5)]);

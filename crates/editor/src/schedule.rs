@@ -65,7 +65,11 @@ impl Schedule {
         let is_lamp = |source: &&LightSource| {
             !matches!(
                 source.kind,
-                SourceKind::Constant | SourceKind::Image | SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Sun { .. }
+                SourceKind::Constant
+                    | SourceKind::Image
+                    | SourceKind::Sky
+                    | SourceKind::Dome { .. }
+                    | SourceKind::Sun { .. }
             )
         };
         let coefficients = basis.project(&look.lights);
@@ -121,10 +125,7 @@ impl Schedule {
     /// # Errors
     /// If it cannot be written.
     pub fn write(&self, writer: &mut impl Write) -> Result<()> {
-        writeln!(
-            writer,
-            "key,name,kind,count,on,lumen,watt,x_m,y_m,z_m,aim_x,aim_y,aim_z,kelvin,red,green,blue"
-        )?;
+        writeln!(writer, "key,name,kind,count,on,lumen,watt,x_m,y_m,z_m,aim_x,aim_y,aim_z,kelvin,red,green,blue")?;
         let number = |x: Option<f64>| x.map_or(String::new(), |x| format!("{x:.1}"));
         let three = |v: Option<Vec3>, digits: usize| match v {
             // Plus zero, so that there is but one zero.
@@ -242,7 +243,10 @@ mod tests {
         schedule.write(&mut table).unwrap();
         let table = String::from_utf8(table).unwrap();
         let lines: Vec<&str> = table.lines().collect();
-        assert!(lines[1].starts_with("'=SUM(A1),'=SUM(A1),") && lines[1].contains(",1,yes,400.0,4.0,-1.000,2.000,0.500,"), "{table}");
+        assert!(
+            lines[1].starts_with("'=SUM(A1),'=SUM(A1),") && lines[1].contains(",1,yes,400.0,4.0,-1.000,2.000,0.500,"),
+            "{table}"
+        );
         let n_cells = lines[0].split(',').count();
         assert!(lines.iter().all(|line| line.split(',').count() == n_cells), "{table}");
         assert!(!table.contains("W/m²"), "no floor is known");

@@ -54,7 +54,9 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
     // A light that goes out takes its lux along.
     window.get_all_by_label("M").next().unwrap().click();
     window.run_steps(3);
-    wait(&mut window, |app| !app.is_solving() && app.marked_lux().is_some_and(|now| now.average < 0.99 * figures.average));
+    wait(&mut window, |app| {
+        !app.is_solving() && app.marked_lux().is_some_and(|now| now.average < 0.99 * figures.average)
+    });
     click(&mut window, "Clear");
     wait(&mut window, |app| app.marked_lux().is_none());
 }

@@ -24,7 +24,9 @@ const LEVEL: f64 = 1e-10;
 #[non_exhaustive]
 pub enum BoundedError {
     /// The bounds leave nothing, or start and bounds are not as many as unknowns.
-    #[error("the bounds of unknown {0} leave no number, or there are none; give a lower bound that is not above the upper")]
+    #[error(
+        "the bounds of unknown {0} leave no number, or there are none; give a lower bound that is not above the upper"
+    )]
     Bounds(usize),
     /// Rows that are not finite, or of magnitudes that double precision does not hold together.
     #[error("the equations are not finite; check them for infinite numbers and weights")]
@@ -83,7 +85,9 @@ impl BoundedLeastSquares {
     /// See [`BoundedError`].
     pub fn solve(&self, start: &[f64], bounds: &[[f64; 2]]) -> Result<Vec<f64>, BoundedError> {
         for i in 0..self.n {
-            let sound = bounds.get(i).is_some_and(|[low, high]| low <= high && *low < f64::INFINITY && *high > f64::NEG_INFINITY);
+            let sound = bounds
+                .get(i)
+                .is_some_and(|[low, high]| low <= high && *low < f64::INFINITY && *high > f64::NEG_INFINITY);
             if !sound || !start.get(i).is_some_and(|x| x.is_finite()) {
                 return Err(BoundedError::Bounds(i));
             }
@@ -91,7 +95,8 @@ impl BoundedLeastSquares {
         if !self.gram.iter().chain(&self.rhs).all(|x| x.is_finite()) {
             return Err(BoundedError::NotFinite);
         }
-        let scale: Vec<f64> = (0..self.n).map(|i| self.at(i, i)).map(|d| if d > 0.0 { d.sqrt() } else { 1.0 }).collect();
+        let scale: Vec<f64> =
+            (0..self.n).map(|i| self.at(i, i)).map(|d| if d > 0.0 { d.sqrt() } else { 1.0 }).collect();
         let mut scaled = Scaled::new(self, &scale, start, bounds);
         (0..SWEEPS).for_each(|_| scaled.sweep());
         scaled.finish()?;
@@ -201,7 +206,12 @@ impl Scaled {
                 let is_inside = (self.low[i]..=self.high[i]).contains(&to);
                 (if is_inside { 1.0 } else { ((bound - from) / (to - from)).clamp(0.0, 1.0) }, is_inside, k)
             };
-            let nearest = free.iter().enumerate().map(share).filter(|(_, is_inside, _)| !is_inside).min_by(|a, b| a.0.total_cmp(&b.0));
+            let nearest = free
+                .iter()
+                .enumerate()
+                .map(share)
+                .filter(|(_, is_inside, _)| !is_inside)
+                .min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((way, _, hit)) = nearest else {
                 free.iter().enumerate().for_each(|(k, &i)| self.x[i] = goal[k]);
                 return Ok(());
@@ -210,7 +220,8 @@ impl Scaled {
             // The one in the way is at its bound whatever rounding says.
             let i = free[hit];
             let is_low = goal[hit] < self.low[i];
-            (self.x[i], self.state[i]) = if is_low { (self.low[i], State::Lower) } else { (self.high[i], State::Upper) };
+            (self.x[i], self.state[i]) =
+                if is_low { (self.low[i], State::Lower) } else { (self.high[i], State::Upper) };
         }
     }
 

@@ -77,7 +77,8 @@ mod tests {
 
     #[test]
     fn rows_times_coefficients_are_the_picture() {
-        let recipe = Recipe { width: 45, height: 37, n_cols: vec![9, 1, 70], rank: Ranks::Fixed(5), ..Recipe::default() };
+        let recipe =
+            Recipe { width: 45, height: 37, n_cols: vec![9, 1, 70], rank: Ranks::Fixed(5), ..Recipe::default() };
         let (frame, coefficients) = (recipe.frame(), recipe.coefficients(3));
         let mut picture = Radiance::default();
         CpuRelighter::new(&frame).unwrap().relight(&coefficients, &mut picture).unwrap();

@@ -13,10 +13,10 @@ use super::App;
 use crate::illuminance::{LuxFigures, of_grid, of_marks};
 use crate::look::Look;
 use crate::marks::{Marks, Seen};
+use crate::output::PendingFile;
 use crate::panels::lights::heard;
 use crate::panels::measure::{MeasureView, ScheduleState, measure_ui};
 use crate::panels::solve::{SolveState, SolveView, solve_ui};
-use crate::output::PendingFile;
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
 use crate::session::{Session, Wake};
@@ -213,7 +213,8 @@ impl App {
         let bake = shown.bake();
         let started = self.solving.measuring.start("measure", &self.solving.wake, move || {
             let figures = || -> anyhow::Result<Figures> {
-                let marked = of.marks.as_ref().map(|marks| of_marks(&bake, &of.rig, marks, seen.as_deref())).transpose()?;
+                let marked =
+                    of.marks.as_ref().map(|marks| of_marks(&bake, &of.rig, marks, seen.as_deref())).transpose()?;
                 let grid = |(set, grid)| -> anyhow::Result<(String, LuxFigures)> {
                     let points = of_grid(&bake, (set, grid), &of.rig)?;
                     Ok((grid.name.clone(), LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)))))
@@ -244,9 +245,10 @@ impl App {
         let scene = Scene { bake: shown.bake(), rig: rig.clone(), lamps, seen };
         (self.solving.state.solution, self.solving.state.problem) = (None, None);
         self.solving.solved_from = rig;
-        let started = self.solving.solving.start("solve", &self.solving.wake, move || {
-            solve(&scene, &request).map_err(|error| format!("{error:#}"))
-        });
+        let started = self
+            .solving
+            .solving
+            .start("solve", &self.solving.wake, move || solve(&scene, &request).map_err(|error| format!("{error:#}")));
         if let Err(words) = started {
             self.complain(words);
         }
@@ -314,7 +316,9 @@ impl App {
         let sources = sources.filter(|source| source.kind != SourceKind::Constant && !is_muted(&source.key));
         let known = self.follower.lamp_light().map(|light| &light.parts[..]).unwrap_or_default();
         let lamps = rig.lamps.iter().filter(|lamp| {
-            !is_muted(&lamp.key) && rig.setting(&lamp.key).intensity > 0.0 && known.iter().any(|part| part.key == lamp.key)
+            !is_muted(&lamp.key)
+                && rig.setting(&lamp.key).intensity > 0.0
+                && known.iter().any(|part| part.key == lamp.key)
         });
         sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key.clone())).collect()
     }
@@ -340,9 +344,8 @@ impl App {
         };
         measure_ui(ui, &mut self.view.marking, &mut self.solving.schedule, &view, &mut self.actions);
         ui.add_space(6.0);
-        let grids = shown.map_or_else(Vec::new, |shown| {
-            shown.bake().grids().map(|(set, grid)| (set, grid.name.clone())).collect()
-        });
+        let grids = shown
+            .map_or_else(Vec::new, |shown| shown.bake().grids().map(|(set, grid)| (set, grid.name.clone())).collect());
         let view = SolveView {
             lights: self.free_lights(),
             is_busy: self.solving.solving.is_busy(),

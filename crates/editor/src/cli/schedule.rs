@@ -21,8 +21,8 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
     let place = PendingFile::create(&args.output)?;
     let is_bake = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"));
     let (basis, scene) = if is_bake {
-        let bake = archive::read(&args.file)
-            .with_context(|| format!("cannot read the transport {}", args.file.display()))?;
+        let bake =
+            archive::read(&args.file).with_context(|| format!("cannot read the transport {}", args.file.display()))?;
         ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());
         (bake.header.basis.clone(), None)
     } else {
@@ -36,7 +36,8 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
     let floor = args.floor_m2.or_else(|| scene.as_ref().and_then(|scene| floor_area_m2(&scene.scene)).map(f64::from));
     let schedule = Schedule::new(&basis, scene.as_ref(), &look, args.efficacy, floor);
     let untold = schedule.luminaires.iter().filter(|lamp| lamp.is_on && lamp.lumen.is_none());
-    let untold: Vec<String> = untold.map(|lamp| format!("`{}` tells no lumen and counts in no total", lamp.key)).collect();
+    let untold: Vec<String> =
+        untold.map(|lamp| format!("`{}` tells no lumen and counts in no total", lamp.key)).collect();
     console.warn_all(untold);
     place.commit(|writer| schedule.write(writer))?;
     let number = |x: f64| number_words(x as f32);

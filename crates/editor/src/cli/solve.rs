@@ -24,7 +24,8 @@ use crate::solve::{Freedom, LampColumn, Place, Request, Scene, Wish, solve};
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
-    let inputs = [("transport", Some(&args.transport)), ("wishes", args.wishes.as_ref()), ("picture", args.picture.as_ref())];
+    let inputs =
+        [("transport", Some(&args.transport)), ("wishes", args.wishes.as_ref()), ("picture", args.picture.as_ref())];
     spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
     spare_look(&args.output, None, &look)?;
     let place = PendingFile::create(&args.output)?;
@@ -70,7 +71,10 @@ fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<See
     request.keep = args.keep.unwrap_or(request.keep);
     request.pull = args.pull.unwrap_or(request.pull);
     parse::check(&request)?;
-    ensure!(!request.wishes.is_empty(), "there is nothing to solve for; name a file with --wishes, or a picture with --match");
+    ensure!(
+        !request.wishes.is_empty(),
+        "there is nothing to solve for; name a file with --wishes, or a picture with --match"
+    );
     Ok(request)
 }
 
@@ -81,7 +85,9 @@ fn lamps(args: &SolveArgs, bake: &Bake, look: &Look, console: &mut Console) -> R
     let column = |light: LampLight| LampColumn {
         key: light.key,
         of_patches: light.of_patches.into_iter().map(Vec3::from).collect(),
-        direct: Arc::new(move |pixel| light.direct.pixels.get(pixel as usize).map_or(Vec3::ZERO, |rgb| Vec3::from(*rgb))),
+        direct: Arc::new(move |pixel| {
+            light.direct.pixels.get(pixel as usize).map_or(Vec3::ZERO, |rgb| Vec3::from(*rgb))
+        }),
     };
     Ok(lights.into_iter().map(column).collect())
 }

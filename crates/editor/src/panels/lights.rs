@@ -28,12 +28,12 @@ use super::lamps::{LampChoice, LampState, add_button, missing_ui};
 use crate::action::Action;
 use crate::look::Look;
 use groups::{GroupBy, Item, arranged, own_name};
+pub(crate) use listed::source_words;
 use listed::{Listed, Profiles, listed};
 use mix::Mix;
 use names::Renaming;
 use scale::{IDEAL_EFFICACY, Scale};
 use selection::Selection;
-pub(crate) use listed::source_words;
 pub use solo::{heard, solo_banner_ui};
 use table::Sorting;
 

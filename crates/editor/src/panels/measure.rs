@@ -117,7 +117,9 @@ pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
                 let label = ui.label("Radius");
                 let radius = DragValue::new(&mut marking.radius_px).range(0.0..=500.0).speed(0.2).suffix(" px");
                 let words = |px: f64, _| if px > 0.0 { format!("{px:.0}") } else { "fitting".into() };
-                ui.add(radius.custom_formatter(words)).labelled_by(label.id).on_hover_text("Of the brush, in pixels of the picture");
+                ui.add(radius.custom_formatter(words))
+                    .labelled_by(label.id)
+                    .on_hover_text("Of the brush, in pixels of the picture");
             });
         }
         _ => {}
@@ -127,7 +129,8 @@ pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
 fn figures_ui(ui: &mut Ui, salt: &str, figures: &LuxFigures) {
     Grid::new(("lux", salt)).num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
         let both = |lux: f64| format!("{} lx   {} fc", lux_words(lux), lux_words(lux / FOOT_CANDLE_LX));
-        let mut rows = vec![("Average", both(figures.average), "Mean illuminance, by area of surface where the scene is known")];
+        let mut rows =
+            vec![("Average", both(figures.average), "Mean illuminance, by area of surface where the scene is known")];
         if figures.points > 1 {
             rows.push(("Minimum", both(figures.minimum), "Least illuminance"));
             rows.push(("Maximum", both(figures.maximum), "Largest illuminance"));
@@ -160,7 +163,9 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
     Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         let label = ui.label("Efficacy");
         let efficacy = DragValue::new(&mut schedule.efficacy_lm_w).range(1.0..=400.0).speed(0.5).suffix(" lm/W");
-        ui.add(efficacy).labelled_by(label.id).on_hover_text("Lumen per watt: the watts of the schedule are lumen over this");
+        ui.add(efficacy)
+            .labelled_by(label.id)
+            .on_hover_text("Lumen per watt: the watts of the schedule are lumen over this");
         ui.end_row();
         let label = ui.label("Floor area");
         let marked = view.marked.and_then(|figures| figures.area_m2);
@@ -175,7 +180,8 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
             .on_hover_text("For W/m² in the schedule; at 0 it is the area of what is marked");
         ui.end_row();
     });
-    let save = ui.button("Save schedule…").on_hover_text("A table of all lamps: lumen, watt, place, aim, color, and W/m²");
+    let save =
+        ui.button("Save schedule…").on_hover_text("A table of all lamps: lumen, watt, place, aim, color, and W/m²");
     if save.clicked() {
         actions.push(Action::Ask(FileTask::SaveSchedule));
     }

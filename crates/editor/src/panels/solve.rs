@@ -115,7 +115,8 @@ impl SolveState {
     pub fn push(&mut self, name: &str, place: Place, target: Target) {
         self.n_made += 1;
         let is_taken = self.wishes.iter().any(|wish| wish.name == name);
-        let name = if is_taken || name.is_empty() { format!("{name} {}", self.n_made).trim().to_owned() } else { name.into() };
+        let name =
+            if is_taken || name.is_empty() { format!("{name} {}", self.n_made).trim().to_owned() } else { name.into() };
         self.wishes.push(Wish { name, place, target, weight: 1.0 });
     }
 
@@ -130,7 +131,13 @@ impl SolveState {
 }
 
 /// Draws it.
-pub fn solve_ui(ui: &mut Ui, state: &mut SolveState, marking: &mut Marking, view: &SolveView, actions: &mut Vec<Action>) {
+pub fn solve_ui(
+    ui: &mut Ui,
+    state: &mut SolveState,
+    marking: &mut Marking,
+    view: &SolveView,
+    actions: &mut Vec<Action>,
+) {
     let heading = RichText::new("Solve for light").heading().strong();
     CollapsingHeader::new(heading).id_salt("solve").show(ui, |ui| {
         ui.label(RichText::new("Say what you want to see, and let the lights be found").weak());
@@ -157,9 +164,10 @@ fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &So
                 ui.selectable_value(&mut state.kind, kind, name).on_hover_text(hint);
             }
         });
-        combo.response.on_hover_text(hint).widget_info(|| {
-            egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Kind of wish")
-        });
+        combo
+            .response
+            .on_hover_text(hint)
+            .widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Kind of wish"));
         if state.kind != before {
             state.value = KINDS[KINDS.iter().position(|kind| kind.0 == state.kind).unwrap_or(0)].3;
         }
@@ -223,7 +231,9 @@ fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
                 }
             }
             let weight = DragValue::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
-            ui.add(weight).on_hover_text("How much it counts beside the others").accessible_name(format!("{} weight", wish.name));
+            ui.add(weight)
+                .on_hover_text("How much it counts beside the others")
+                .accessible_name(format!("{} weight", wish.name));
             let remove = ui.button("×").on_hover_text("Remove this wish");
             remove.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("Remove {}", wish.name)));
             if remove.clicked() {
@@ -281,7 +291,8 @@ fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
         ui.end_row();
         ui.label("");
         ui.horizontal(|ui| {
-            ui.checkbox(&mut state.colors, "Colors too").on_hover_text("Lets the colors of lamps change, but not of the sky");
+            ui.checkbox(&mut state.colors, "Colors too")
+                .on_hover_text("Lets the colors of lamps change, but not of the sky");
             if state.colors {
                 let saturation = DragValue::new(&mut state.saturation).range(0.0..=1.0).speed(0.005).fixed_decimals(2);
                 ui.add(saturation)
@@ -327,7 +338,8 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, actions: &mut Vec<Action>) {
     for note in &solution.notes {
         ui.label(RichText::new(note).weak());
     }
-    ui.checkbox(&mut state.is_previewed, "Preview").on_hover_text("Show the picture under these lights before they are taken over");
+    ui.checkbox(&mut state.is_previewed, "Preview")
+        .on_hover_text("Show the picture under these lights before they are taken over");
     ui.horizontal(|ui| {
         if ui.button("Accept").on_hover_text("Take these lights over, one step of undo").clicked() {
             actions.push(Action::AcceptSolution);

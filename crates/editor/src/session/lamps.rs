@@ -97,7 +97,14 @@ impl LampLight {
     /// No light, and why.
     fn failed(film: Film, serial: u64, problem: String) -> LampLight {
         let direct = Arc::new(Radiance::new(film.width, film.height));
-        LampLight { direct, of_patches: Arc::default(), parts: Vec::new(), serial, is_done: true, problems: vec![problem] }
+        LampLight {
+            direct,
+            of_patches: Arc::default(),
+            parts: Vec::new(),
+            serial,
+            is_done: true,
+            problems: vec![problem],
+        }
     }
 }
 

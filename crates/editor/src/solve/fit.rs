@@ -113,11 +113,8 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
     pull(&mut base, unknowns, request.pull, &layout);
 
     let film = Film { width: scene.bake.header.width, height: scene.bake.header.height };
-    let mut matchings: Vec<Matching> = request
-        .wishes
-        .iter()
-        .filter_map(|wish| Matching::new(wish, film, &cells, &layout))
-        .collect();
+    let mut matchings: Vec<Matching> =
+        request.wishes.iter().filter_map(|wish| Matching::new(wish, film, &cells, &layout)).collect();
     let x = within_saturation(request.freedom, unknowns, layout.bounds.clone(), &layout, |bounds| {
         matching::solve(&base, &mut matchings, &cells, &layout, bounds)
     })?;
@@ -135,10 +132,11 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
         }
     }
     let changes = unknowns.iter().zip(&settings).enumerate().map(|(light, (unknown, setting))| {
-        let at_bound = layout.of(light, &x).iter().zip(&layout.bounds[layout.first[light]..]).find_map(|(x, bounds)| {
-            let is_at = |bound: f64| (x - bound).abs() <= 1e-9 * bound.abs().max(1.0);
-            (!unknown.is_colored).then(|| bounds.iter().position(|bound| is_at(*bound))).flatten()
-        });
+        let at_bound =
+            layout.of(light, &x).iter().zip(&layout.bounds[layout.first[light]..]).find_map(|(x, bounds)| {
+                let is_at = |bound: f64| (x - bound).abs() <= 1e-9 * bound.abs().max(1.0);
+                (!unknown.is_colored).then(|| bounds.iter().position(|bound| is_at(*bound))).flatten()
+            });
         Change { key: unknown.key.clone(), before: unknown.own, after: *setting, at_bound }
     });
     Ok(Solution {
@@ -193,9 +191,11 @@ fn cells(scene: &Scene, rows: &Rows) -> Result<Vec<Cell>> {
     let side = ((width * height) as f32 / CELLS as f32).sqrt().ceil().max(1.0) as u32;
     let mut rects = Vec::new();
     for top in (0..height).step_by(side as usize) {
-        rects.extend((0..width).step_by(side as usize).map(|left| {
-            [left, top, (left + side).min(width), (top + side).min(height)]
-        }));
+        rects.extend(
+            (0..width)
+                .step_by(side as usize)
+                .map(|left| [left, top, (left + side).min(width), (top + side).min(height)]),
+        );
     }
     let pixels = |[left, top, right, bottom]: &[u32; 4]| -> Vec<u32> {
         (*top..*bottom).flat_map(|y| (*left..*right).map(move |x| y * width + x)).collect()
@@ -216,8 +216,7 @@ fn keep_rest(problem: &mut BoundedLeastSquares, scene: &Scene, request: &Request
         Place::Whole => true,
         Place::Grid(_) => false,
     };
-    let rest: Vec<&Cell> =
-        cells.iter().filter(|cell| !request.wishes.iter().any(|wish| is_in(wish, cell))).collect();
+    let rest: Vec<&Cell> = cells.iter().filter(|cell| !request.wishes.iter().any(|wish| is_in(wish, cell))).collect();
     add_kept(problem, &rest, request.keep, layout);
     for wish in request.wishes.iter().filter(|wish| matches!(wish.target, Target::Keep)) {
         let kept: Vec<&Cell> = cells.iter().filter(|cell| is_in(wish, cell)).collect();
@@ -252,7 +251,8 @@ fn pull(problem: &mut BoundedLeastSquares, unknowns: &[Unknown], strength: f64, 
             continue;
         };
         let relative = [r, g, b];
-        let weights: [f64; 3] = std::array::from_fn(|c| luminance(std::array::from_fn(|k| f64::from(u8::from(k == c)))));
+        let weights: [f64; 3] =
+            std::array::from_fn(|c| luminance(std::array::from_fn(|k| f64::from(u8::from(k == c)))));
         let mean = |c: usize| weights[c] * relative[c];
         let at = |row: [f64; 3]| -> Vec<(usize, f64)> { (0..3).map(|c| (first + c, row[c])).collect() };
         let now = |row: [f64; 3]| (0..3).map(|c| row[c] * start[c]).sum::<f64>();

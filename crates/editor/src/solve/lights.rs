@@ -90,7 +90,9 @@ pub(super) fn unknowns(scene: &Scene, request: &Request) -> Result<Vec<Unknown>>
         }
         let is_light = basis.source(key).is_some() || scene.rig.lamps.iter().any(|lamp| lamp.key == *key);
         match is_light {
-            true => bail!("`{key}` may not change: it is muted, dark, or its light is not known; unmute it, or leave it out"),
+            true => bail!(
+                "`{key}` may not change: it is muted, dark, or its light is not known; unmute it, or leave it out"
+            ),
             false => bail!("no light is called `{key}`; `info` lists the lights of a bake"),
         }
     }

@@ -167,7 +167,10 @@ fn place(entry: &Entry, of: &Surroundings) -> Result<(Place, Option<String>)> {
         let known: Vec<&str> = of.bake.grids().map(|(_, grid)| grid.name.as_str()).collect();
         let found = of.bake.grids().find(|(_, grid)| grid.name == *name);
         let Some((set, _)) = found else {
-            bail!("the bake has no sensors `{name}`; it has: {}", if known.is_empty() { "none".into() } else { known.join(", ") });
+            bail!(
+                "the bake has no sensors `{name}`; it has: {}",
+                if known.is_empty() { "none".into() } else { known.join(", ") }
+            );
         };
         places.push((Place::Grid(set), Some(name.clone())));
     }

@@ -71,7 +71,10 @@ impl Outcome {
         let remark = (!is_met).then(|| {
             if wanted > most {
                 let most = number_words(most as f32);
-                format!("cannot be reached: these lights give {most} {unit} at most, all of them at {}×", number_words(upper as f32))
+                format!(
+                    "cannot be reached: these lights give {most} {unit} at most, all of them at {}×",
+                    number_words(upper as f32)
+                )
             } else if wanted < least {
                 format!("cannot be reached: {} {unit} stay whatever these lights do", number_words(least as f32))
             } else {
@@ -83,8 +86,12 @@ impl Outcome {
 
     /// Of a picture, in percent that it is off; `trust` is the share of it that could be matched.
     pub(super) fn of_picture(name: &str, [before, reached]: [f64; 2], exposure_ev: f64, trust: f64) -> Outcome {
-        let remark = (trust < 0.8)
-            .then(|| format!("{:.0} % of it counted for little: no setting of these lights looks like that", 100.0 * (1.0 - trust)));
+        let remark = (trust < 0.8).then(|| {
+            format!(
+                "{:.0} % of it counted for little: no setting of these lights looks like that",
+                100.0 * (1.0 - trust)
+            )
+        });
         Outcome {
             name: name.into(),
             unit: "% off",
@@ -132,7 +139,9 @@ impl Change {
     /// Whether anything of it is seen.
     pub fn is_change(&self) -> bool {
         let (a, b) = (self.before.intensity, self.after.intensity);
-        (a - b).abs() > 1e-3 * a.max(b) || self.before.color != self.after.color || self.before.kelvin != self.after.kelvin
+        (a - b).abs() > 1e-3 * a.max(b)
+            || self.before.color != self.after.color
+            || self.before.kelvin != self.after.kelvin
     }
 
     /// In words: from, to, and whether a bound holds it.

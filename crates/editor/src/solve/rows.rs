@@ -80,7 +80,9 @@ impl<'a> Rows<'a> {
     /// The mean irradiance over some pixels, lux; free lamps do not count.
     pub fn irradiance(&self, pixels: &[u32]) -> Result<Row> {
         let Some(set) = self.scene.bake.pixel_irradiance() else {
-            bail!("the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance");
+            bail!(
+                "the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance"
+            );
         };
         self.of_set(set, &weighed(pixels, self.scene.seen.as_deref()))
     }

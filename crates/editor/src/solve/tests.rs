@@ -18,7 +18,8 @@ const FILM: Film = Film { width: 32, height: 24 };
 fn room() -> Bake {
     let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
     for (name, x, z, light) in [("right", 0.8, 0.3, 0), ("back", 0.0, -0.8, 1)] {
-        let lamp = json!({"name": name, "translation": [x, 0.5, z], "extensions": {"KHR_lights_punctual": {"light": light}}});
+        let lamp =
+            json!({"name": name, "translation": [x, 0.5, z], "extensions": {"KHR_lights_punctual": {"light": light}}});
         let nodes = gltf["nodes"].as_array_mut().unwrap();
         nodes.push(lamp);
         let number = nodes.len() - 1;
@@ -77,7 +78,10 @@ fn a_wish_for_lux_is_what_the_relit_picture_then_has() {
         let wanted = times * before;
         let solved = solve(&scene, &of(vec![wish(corner(), Target::Illuminance(wanted))])).unwrap();
         let (told, relit) = (&solved.outcomes[0], lux(&scene.bake, &solved.rig));
-        assert!((told.before / before - 1.0).abs() < 1e-3 && (told.reached / relit - 1.0).abs() < 1e-3, "{told:?} {relit}");
+        assert!(
+            (told.before / before - 1.0).abs() < 1e-3 && (told.reached / relit - 1.0).abs() < 1e-3,
+            "{told:?} {relit}"
+        );
         assert!(told.is_met && (relit / wanted - 1.0).abs() < 0.02, "{relit} of {wanted}");
         assert!(solved.misfit < 0.02 && solved.changes.len() == 3);
     }
@@ -129,7 +133,8 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
     let pixels = (0..48).flat_map(|y| (0..64).map(move |x| (y, x))).map(|(y, x)| large(y, x)).collect();
     let target = Arc::new(TargetPicture::of("photo", [64, 48], pixels));
     let ratio = |rig: &LightRig, a: &str, b: &str| rig.lights[a].intensity / rig.lights[b].intensity;
-    let solved = solve(&scene, &of(vec![wish(Place::Whole, Target::Picture(target.clone(), Exposure::Ev(-3.0)))])).unwrap();
+    let solved =
+        solve(&scene, &of(vec![wish(Place::Whole, Target::Picture(target.clone(), Exposure::Ev(-3.0)))])).unwrap();
     for (key, setting) in &secret.lights {
         let found = solved.rig.lights[key].intensity;
         assert!((found / setting.intensity - 1.0).abs() < 0.05, "{key}: {found} is not {}", setting.intensity);
