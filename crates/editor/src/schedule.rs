@@ -12,7 +12,6 @@ use glam::Vec3;
 use serde::Serialize;
 
 use crate::look::Look;
-use crate::look::lamps::is_aimed;
 use crate::panels::lamps::kind_words;
 use crate::panels::lights::source_words;
 use crate::table::text_cell;
@@ -181,7 +180,7 @@ fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
         lumen: lumen.map(|lumen| f64::from(lumen * luminance(color) * lamp.setting.intensity)),
         watt: None,
         position: is_near.then_some(lamp.position),
-        direction: is_aimed(&lamp.shape).then(|| (lamp.aim - lamp.position).normalize_or(Vec3::NEG_Y)),
+        direction: lamp.shape.is_aimed().then(|| (lamp.aim - lamp.position).normalize_or(Vec3::NEG_Y)),
         kelvin: lamp.setting.kelvin,
         color,
     }
