@@ -4,6 +4,7 @@ mod export;
 mod follow;
 mod lamplight;
 mod lamps;
+mod probe;
 mod recovery;
 mod rest;
 mod sky;
@@ -36,6 +37,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
+use probe::Prober;
 use recovery::Recovery;
 use solving::Solving;
 
@@ -85,6 +87,7 @@ pub struct App {
     lights: LightsState,
     view: ViewState,
     follower: Follower,
+    prober: Prober,
     solving: Solving,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
@@ -174,6 +177,7 @@ impl App {
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
             solving: Solving::new(wake),
+            prober: Prober::default(),
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -202,6 +206,11 @@ impl App {
     /// How the bake panel is set.
     pub fn settings(&self) -> &BakeSettings {
         &self.settings
+    }
+
+    /// Key of the light that was chosen in the picture.
+    pub fn chosen_light(&self) -> Option<&str> {
+        self.lights.chosen.as_deref()
     }
 
     /// Number of pictures that were made since the window opened.
@@ -249,10 +258,9 @@ impl App {
         (self.export.width_px, self.export.region) = (None, None);
         self.undoer = Undoer::default();
         self.lights = LightsState::new(self.lights.layout);
-        self.view.fit();
+        self.view = ViewState::default();
         self.follower.forget();
         self.solving.forget();
-        self.view.marking = Default::default();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             self.settings.camera_idx = 0;
@@ -301,7 +309,8 @@ impl App {
             Action::Redo => self.redo(),
             Action::ResetLook => self.look = Look::default(),
             Action::UseDevice(wish) => self.follower.use_device(wish),
-            Action::FitPicture => self.view.fit(),
+            Action::FitPicture => self.view.zoom.fit(),
+            Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
         }
@@ -543,12 +552,14 @@ impl App {
     fn picture_ui(&mut self, ui: &mut Ui) {
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
+        self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
         let viewed = Viewed {
             picture: self.follower.picture(),
             stage: &self.session.stage,
             bake: &self.session.bake,
             scene: scene.zip(shown_camera),
             legend: self.follower.legend(),
+            readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             let area = ui.available_rect_before_wrap();
