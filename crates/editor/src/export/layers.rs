@@ -98,7 +98,7 @@ mod tests {
     fn basis() -> LightBasis {
         let source = |key: &str, kind, n_columns| {
             let columns = 0..n_columns;
-            LightSource { key: key.into(), kind, columns, color: Vec3::ONE, strength: 1.0 }
+            LightSource { key: key.into(), kind, columns, color: Vec3::ONE, strength: 1.0, origin: Default::default() }
         };
         LightBasis::new(vec![
             source("desk", SourceKind::Point, 1),
