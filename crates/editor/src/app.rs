@@ -48,8 +48,8 @@ const MANY_CORES: usize = 8;
 /// Recent files that are remembered.
 const MAX_RECENT: usize = 8;
 const RECENT_KEY: &str = "recent";
-const EXPORT_KEY: &str = "export";
 const LIGHTS_KEY: &str = "lights";
+const EXPORT_KEY: &str = "export";
 
 /// How the window starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -616,8 +616,8 @@ impl eframe::App for App {
 
     fn save(&mut self, storage: &mut dyn Storage) {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
-        eframe::set_value(storage, EXPORT_KEY, &self.export);
         eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
+        eframe::set_value(storage, EXPORT_KEY, &self.export);
     }
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {

@@ -89,7 +89,7 @@ fn lights_below_one_node_are_a_group_with_a_master() {
     wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.2);
 
     // The master counts however the list is sorted, and the list says so.
-    click(&mut window, "Group by");
+    click(&mut window, "Group lights by");
     click(&mut window, "Instance");
     window.get_by_label("Group Bulb intensity");
     assert_eq!(window.query_all_by_label_contains("Table turns by").count(), 1);

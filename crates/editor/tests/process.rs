@@ -374,7 +374,10 @@ fn a_schedule_counts_what_shines_and_measures_the_floor() {
     near("floor_m2", 4.0);
     near("watt_per_m2", lumen / 200.0);
     let table = std::fs::read_to_string(folder.path().join("lamps.csv")).unwrap();
-    assert!(table.lines().nth(1).unwrap().starts_with("lamp,lamp,Point lamp,1,yes,37.7,0.8,0.300,0.600,-0.200,"), "{table}");
+    assert!(
+        table.lines().nth(1).unwrap().starts_with("lamp,lamp,Point lamp,1,yes,37.7,0.8,0.300,0.600,-0.200,"),
+        "{table}"
+    );
     let refused = run(folder.path(), "schedule room.gltf -o room.gltf");
     assert!(String::from_utf8_lossy(&refused.stderr).contains("would overwrite"));
 }

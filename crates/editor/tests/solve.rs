@@ -48,7 +48,7 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
     click(&mut window, "Measure");
     mark(&mut window);
     let figures = window.state().marked_lux().unwrap();
-    assert!(figures.points > 100 && figures.minimum > 0.0 && figures.minimum <= figures.average, "{figures:?}");
+    assert!(figures.points > 100 && figures.average > 0.1 && figures.minimum <= figures.average, "{figures:?}");
     assert!(figures.maximum >= figures.average && figures.area_m2.is_some_and(|area| area > 0.0 && area < 24.0));
     assert_eq!(window.query_all_by_label_contains(" fc").count(), 3, "average, minimum and maximum");
     // A light that goes out takes its lux along.

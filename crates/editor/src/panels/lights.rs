@@ -6,6 +6,7 @@ mod editor;
 mod fader;
 mod group_row;
 pub mod groups;
+mod list;
 pub(super) mod listed;
 mod mix;
 pub(super) mod names;
@@ -18,16 +19,13 @@ mod table;
 use std::collections::BTreeSet;
 
 use clerestory_transport::basis::LightBasis;
-use clerestory_transport::light::LightRig;
-use eframe::egui::{
-    self, Align, ComboBox, DragValue, Key, Layout, Modifiers, Panel, RichText, ScrollArea, TextEdit, Ui,
-};
+use eframe::egui::{self, Align, ComboBox, DragValue, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
 use serde::{Deserialize, Serialize};
 
 use super::lamps::{LampChoice, LampState, add_button, missing_ui};
 use crate::action::Action;
 use crate::look::Look;
-use groups::{GroupBy, Item, arranged, own_name};
+use groups::{GroupBy, Item, arranged};
 pub(crate) use listed::source_words;
 use listed::{Listed, Profiles, listed};
 use mix::Mix;
@@ -83,8 +81,9 @@ pub struct LightsState {
     pub spot: Option<(String, usize)>,
     /// The free lamps.
     pub lamps: LampState,
-    /// Key of a light that was chosen elsewhere: the panel selects it and shows it.
+    /// Key of the light that was chosen in the picture: the panel selects it and shows it.
     pub chosen: Option<String>,
+    chosen_before: Option<String>,
     selection: Selection,
     /// The chosen lamp of the frame before.
     lamp_before: Option<String>,
@@ -97,10 +96,6 @@ pub struct LightsState {
 
 /// Lists up to this long need no filter.
 const FILTER_FROM: usize = 10;
-/// Lists from this long draw only the rows that are seen.
-const LONG_FROM: usize = 300;
-/// How far the lights of a group are set in, points.
-const INDENT: f32 = 12.0;
 
 impl LightsState {
     /// For a scene that was just opened, laid out as before.
@@ -108,17 +103,20 @@ impl LightsState {
         LightsState { layout, ..LightsState::default() }
     }
 
-    /// Chooses a lamp of the picture, or none, from within the panel.
+    /// Chooses a lamp of the picture, or none, from within the panel, after what is selected changed. What is selected alone
+    /// is the chosen light of the picture, too.
     fn choose_lamp(&mut self, key: Option<String>) {
-        self.lamp_before.clone_from(&key);
+        self.chosen = self.selection.single().map(str::to_owned);
         self.lamps.chosen = key;
+        (self.chosen_before, self.lamp_before) = (self.chosen.clone(), self.lamps.chosen.clone());
     }
 
     /// Takes over what was chosen in the picture: a lamp that was clicked, or a light that was asked for.
     fn follow_picture(&mut self) {
+        let mut asked = self.chosen.clone().filter(|_| self.chosen != self.chosen_before);
         if self.lamps.chosen != self.lamp_before {
             match &self.lamps.chosen {
-                Some(key) => self.chosen = Some(key.clone()),
+                Some(key) => asked = Some(key.clone()),
                 None if self.lamp_before.as_deref().is_some_and(|key| self.selection.has(key)) => {
                     self.selection.clear()
                 }
@@ -126,10 +124,11 @@ impl LightsState {
             }
             self.lamp_before.clone_from(&self.lamps.chosen);
         }
-        if let Some(key) = self.chosen.take() {
+        if let Some(key) = asked {
             self.selection.set(&key);
-            self.scroll_to = Some(key);
+            (self.chosen, self.scroll_to) = (Some(key.clone()), Some(key));
         }
+        self.chosen_before.clone_from(&self.chosen);
     }
 }
 
@@ -161,7 +160,7 @@ pub fn lights_ui(
         ui.label(RichText::new(words).weak());
     }
     match mix.state.layout.view {
-        LightsView::List => list_ui(ui, &mut mix),
+        LightsView::List => list::list_ui(ui, &mut mix),
         LightsView::Board => board::board_ui(ui, &mut mix),
         LightsView::Table => table::table_ui(ui, &mut mix),
     }
@@ -208,7 +207,7 @@ fn layout_ui(ui: &mut Ui, state: &mut LightsState, n_lights: usize) {
                 ui.selectable_value(&mut layout.group_by, by, by.name()).on_hover_text(by.words());
             }
         });
-        combo.response.accessible_name("Group by").on_hover_text(layout.group_by.words());
+        combo.response.accessible_name("Group lights by").on_hover_text(layout.group_by.words());
         ui.label(RichText::new("Unit").weak());
         let combo = ComboBox::from_id_salt("unit").width(44.0).selected_text(layout.scale.name());
         let combo = combo.show_ui(ui, |ui| {
@@ -287,55 +286,5 @@ fn keys(ui: &Ui, mix: &mut Mix) {
     }
     if let ([one], true) = (selected.as_slice(), pressed(Key::F2)) {
         mix.state.renaming = Some((one.clone(), mix.look.name_of(one).to_owned()));
-    }
-}
-
-fn list_ui(ui: &mut Ui, mix: &mut Mix) {
-    let is_long = mix.lights.len() > LONG_FROM;
-    ScrollArea::vertical().id_salt("lights").auto_shrink([false, false]).show(ui, |ui| {
-        for item in mix.items {
-            match item {
-                Item::Light(idx) => light_ui(ui, mix, *idx, 0.0, is_long),
-                Item::Group(group) => {
-                    if group_row::group_row_ui(ui, mix, group) {
-                        for idx in &group.lights {
-                            light_ui(ui, mix, *idx, INDENT, is_long);
-                        }
-                    }
-                }
-            }
-        }
-        ui.add_space(8.0);
-        other_masters_ui(ui, mix);
-        if mix.look.lights != LightRig::default() && ui.button("Reset all lights").clicked() {
-            mix.look.lights = LightRig::default();
-        }
-    });
-}
-
-fn light_ui(ui: &mut Ui, mix: &mut Mix, idx: usize, indent: f32, is_long: bool) {
-    let light = &mix.lights[idx];
-    let is_wanted = mix.state.scroll_to.as_deref() == Some(&light.key);
-    if is_wanted || !row::passes_over(ui, is_long) {
-        row::row_ui(ui, mix, light, indent);
-    }
-}
-
-/// Masters of groups that are not in the list as it is sorted now still turn their lights: they are named here.
-fn other_masters_ui(ui: &mut Ui, mix: &mut Mix) {
-    let is_shown = |key: &String| mix.items.iter().any(|item| matches!(item, Item::Group(group) if group.key == *key));
-    let others: Vec<String> = mix.look.lights.groups.keys().filter(|key| !is_shown(key)).cloned().collect();
-    for key in others {
-        let group = &mix.look.lights.groups[&key];
-        let does = if group.muted { "mutes".to_owned() } else { format!("turns by {:.2}×", group.intensity) };
-        let name = mix.look.names.get(&key).map_or_else(|| own_name(&key), String::as_str).to_owned();
-        let words = format!("{name} {does} {} lights", group.lights.len());
-        let tip = "The master of a group that this order of the list does not show";
-        ui.horizontal(|ui| {
-            ui.label(RichText::new(words).weak()).on_hover_text(tip);
-            if ui.small_button("Reset").accessible_name(format!("Reset master {name}")).clicked() {
-                mix.look.lights.groups.remove(&key);
-            }
-        });
     }
 }

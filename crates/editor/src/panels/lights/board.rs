@@ -111,8 +111,8 @@ fn group_strip_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, height: f32) {
                 group_row::letters_ui(ui, mix, group);
             });
             let is_open = !mix.state.collapsed.contains(&group.key);
-            let (sign, words) = if is_open { ("◂", "Collapse") } else { ("▸", "Expand") };
-            let button = ui.small_button(format!("{sign} {}", group.lights.len())).on_hover_text(words);
+            let words = if is_open { "Collapse" } else { "Expand" };
+            let button = ui.small_button(format!("{} lights", group.lights.len())).on_hover_text(words);
             if button.accessible_name(format!("{words} {}", group.name)).clicked() {
                 group_row::fold(mix, group, !is_open);
             }

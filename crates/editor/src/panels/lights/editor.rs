@@ -56,7 +56,7 @@ fn heading_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
             many => format!("{} lights selected", many.len()),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            let close = ui.add(Button::new("✕").small().frame(false)).on_hover_text("Select nothing");
+            let close = ui.add(Button::new("×").small()).on_hover_text("Select nothing");
             if close.accessible_name("Select nothing").clicked() {
                 mix.state.selection.clear();
                 mix.state.choose_lamp(None);

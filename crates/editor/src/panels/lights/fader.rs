@@ -123,7 +123,7 @@ fn dragged(ui: &Ui, response: &Response, [low, high]: [Pos2; 2], intensity: f32)
     let mut apart = if is_new { None } else { ui.data(|data| data.get_temp::<f32>(id)) };
     if fine {
         let held = apart.unwrap_or_else(|| place(intensity) - at);
-        apart = Some(held - if is_new { 0.0 } else { (1.0 - FINE) * along(response.drag_delta()) });
+        apart = Some(held - if is_new { 0.0 } else { (1.0 - FINE) * along(ui.input(|input| input.pointer.delta())) });
     }
     let apart = apart.unwrap_or(0.0);
     ui.data_mut(|data| data.insert_temp(id, apart));

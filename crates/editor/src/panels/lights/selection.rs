@@ -23,6 +23,11 @@ impl Selection {
         self.keys.is_empty()
     }
 
+    /// The light that alone is selected.
+    pub fn single(&self) -> Option<&str> {
+        self.keys.first().filter(|_| self.keys.len() == 1).map(String::as_str)
+    }
+
     /// Selects one light alone.
     pub fn set(&mut self, key: &str) {
         self.set_all([key.to_owned()]);

@@ -58,7 +58,6 @@ pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
             }
             ui.end_row();
             for idx in lines {
-                ui.push_id(idx, |_| {});
                 line_ui(ui, mix, &mix.lights[idx]);
                 ui.end_row();
             }
@@ -72,7 +71,7 @@ fn title_ui(ui: &mut Ui, mix: &mut Mix, title: &str, tip: &str, column: Option<C
         return;
     };
     let sorting = mix.state.sorting.filter(|sorting| sorting.column == column);
-    let arrow = sorting.map_or("", |sorting| if sorting.descends { " ↓" } else { " ↑" });
+    let arrow = sorting.map_or("", |sorting| if sorting.descends { ", down" } else { ", up" });
     let button = Button::new(RichText::new(format!("{title}{arrow}")).weak()).frame(false);
     let button = ui.add(button).on_hover_text(tip);
     if button.accessible_name(format!("Sort by {}", title.to_lowercase())).clicked() {
