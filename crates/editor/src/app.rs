@@ -9,6 +9,7 @@ mod probe;
 mod recovery;
 mod rest;
 mod sky;
+mod solving;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -42,6 +43,7 @@ use follow::Follower;
 use looks::Prints;
 use probe::Prober;
 use recovery::Recovery;
+use solving::Solving;
 
 /// Width of a picture that is baked without being asked for.
 const DEFAULT_WIDTH_PX: u32 = 640;
@@ -92,6 +94,7 @@ pub struct App {
     looks: LooksState,
     prints: Prints,
     prober: Prober,
+    solving: Solving,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -180,7 +183,8 @@ impl App {
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
             looks: LooksState::default(),
-            prints: Prints::new(wake)?,
+            prints: Prints::new(wake.clone())?,
+            solving: Solving::new(wake),
             prober: Prober::default(),
             actions: Vec::new(),
             question: None,
@@ -266,6 +270,7 @@ impl App {
         self.follower.forget();
         self.prints.forget();
         self.looks = LooksState::default();
+        self.solving.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             self.settings.camera_idx = 0;
@@ -308,6 +313,12 @@ impl App {
             Action::ExportFrames(path) => self.export_frames(&path),
             Action::ExportGltf(path) => self.export_gltf(path),
             Action::CancelFrames => self.session.cancel_frames(),
+            Action::Solve => self.solve(),
+            Action::AcceptSolution => self.accept_solution(),
+            Action::DiscardSolution => self.discard_solution(),
+            Action::MatchPicture(path) => self.match_picture(&path),
+            Action::BakeIlluminance => self.bake_illuminance(),
+            Action::SaveSchedule(path) => self.save_schedule(&path),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
@@ -340,7 +351,8 @@ impl App {
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
         let suggestion = match task {
             FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
-            FileTask::OpenProfile | FileTask::FindScene => String::new(),
+            FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget => String::new(),
+            FileTask::SaveSchedule => format!("{stem}.csv"),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
             FileTask::ExportFrames => format!("{stem}_####.png"),
@@ -496,6 +508,8 @@ impl App {
                 };
                 display_ui(ui, &mut self.look.display, &view);
                 ui.add_space(10.0);
+                self.solving_ui(ui);
+                ui.add_space(10.0);
                 self.bake_panel_ui(ui);
             });
         });
@@ -519,6 +533,7 @@ impl App {
             camera_idx: 0,
             film: Film { width: shown.header.width, height: shown.header.height },
             config: shown.header.config.clone(),
+            illuminance: shown.pixel_irradiance().is_some(),
         });
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
         bake_ui(ui, of_file.as_mut().unwrap_or(own), &view, &mut self.actions);
@@ -594,6 +609,7 @@ impl eframe::App for App {
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
         self.set_title(ctx);
+        self.follow_solving();
         self.advance_timeline(ctx);
         self.follow(ctx);
         if let Err(words) = self.prints.follow(ctx, &self.session, &self.look, self.looks.compare.as_ref()) {
@@ -650,5 +666,6 @@ fn default_settings() -> BakeSettings {
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let quality = QUALITIES[usize::from(n_cores >= MANY_CORES)];
     let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
-    BakeSettings { camera_idx: 0, film: Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 }, config }
+    let film = Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 };
+    BakeSettings { camera_idx: 0, film, config, illuminance: false }
 }

@@ -12,9 +12,11 @@ mod lamps;
 pub mod looks;
 pub(crate) mod picture;
 pub(crate) mod relight;
+mod schedule;
 mod sensors;
 pub mod sequence;
 mod sheet;
+mod solve;
 mod trace;
 mod usage;
 pub(crate) mod view;
@@ -80,6 +82,8 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Render(args) => (relight::render(args, console)?, args.answer.json),
         Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
         Command::Sensors(args) => (sensors::sensors(args, console)?, args.answer.json),
+        Command::Schedule(args) => (schedule::run(args, console)?, args.answer.json),
+        Command::Solve(args) => (solve::run(args, console)?, args.answer.json),
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
         Command::ExportGltf(args) => (gltf::export_gltf(args, console)?, args.answer.json),
         Command::Cache(args) => (cache::cache(args)?, args.answer.json),

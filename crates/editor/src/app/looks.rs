@@ -161,7 +161,7 @@ impl App {
     /// What is shown: a moment of the timeline while it plays or is looked at, else the present look.
     pub(super) fn seen(&self) -> Look {
         let moment = self.looks.player.playhead.map(|secs| self.look.at(secs, self.session.basis()));
-        moment.unwrap_or_else(|| self.look.present())
+        moment.unwrap_or_else(|| self.solving.previewed(&self.look).present())
     }
 
     /// Has the picture follow what is to be seen.
