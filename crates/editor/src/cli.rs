@@ -15,6 +15,7 @@ mod sheet;
 mod trace;
 mod usage;
 pub(crate) mod view;
+mod viewpoint;
 
 use std::ffi::OsString;
 use std::io::Write;

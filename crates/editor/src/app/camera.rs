@@ -149,14 +149,12 @@ impl App {
     }
 
     pub(super) fn camera_panel_ui(&mut self, ui: &mut Ui) {
-        let is_baked = self.is_baked_view();
         let views = self.session.views();
         let view = CameraView {
             cameras: self.session.cameras(),
             views: &views,
             film: self.settings.film,
             is_moving: self.camera.is_moving,
-            is_baked,
         };
         let desk = &mut self.camera;
         let bookmarks = desk.bookmarks.entry(scene_key(&self.session)).or_default();

@@ -19,8 +19,6 @@ pub struct CameraView<'a> {
     pub film: Film,
     /// Whether the camera is in hand.
     pub is_moving: bool,
-    /// Whether the present view is baked.
-    pub is_baked: bool,
 }
 
 /// What the section sets.
@@ -53,29 +51,17 @@ pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut
     });
 }
 
-/// Takes the camera in hand, and bakes what it sees.
+/// Takes the camera in hand.
 fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
-        let toggle = Button::new("Move camera").selected(view.is_moving);
-        if ui.add(toggle).on_hover_text("Look for another view in a quick preview, C").clicked() {
-            actions.push(if view.is_moving { Action::LeaveCamera } else { Action::MoveCamera });
-        }
-        let bake = ui.add_enabled(!view.is_baked, Button::new("Bake this view"));
-        let hint = "A new view needs a bake of its own; looks and lights stay as they are";
-        if bake.on_hover_text(hint).on_disabled_hover_text("This view is baked").clicked() {
-            actions.push(Action::StartBake);
-        }
-    });
+    let toggle = Button::new("Move camera").selected(view.is_moving);
+    let hint = "Look for another view in a quick preview, C\nA new view needs a bake of its own; looks and lights stay";
+    if ui.add(toggle).on_hover_text(hint).clicked() {
+        actions.push(Action::ToggleCamera);
+    }
 }
 
 /// Cameras of the file and bookmarks.
-fn choice_ui(
-    ui: &mut Ui,
-    view: &CameraView,
-    camera: &Camera,
-    bookmarks: &mut Vec<Camera>,
-    actions: &mut Vec<Action>,
-) {
+fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Vec<Camera>, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         let is_known = view.cameras.iter().chain(bookmarks.iter()).any(|known| known == camera);
         let name = if is_known { camera.name.as_str() } else { "Free view" };
@@ -135,7 +121,10 @@ fn views_ui(ui: &mut Ui, views: &[ViewEntry], actions: &mut Vec<Action>) {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 let can_go = !view.is_shown && !view.is_baking;
                 let close = ui.add_enabled(can_go, Button::new("×").small());
-                if close.on_hover_text("Free its memory").accessible_name(format!("Forget view {}", view.name)).clicked()
+                if close
+                    .on_hover_text("Free its memory")
+                    .accessible_name(format!("Forget view {}", view.name))
+                    .clicked()
                 {
                     actions.push(Action::ForgetView(view.id));
                 }

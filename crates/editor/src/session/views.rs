@@ -173,7 +173,7 @@ impl Session {
     /// Another scene, or other columns: the views are of what is gone.
     pub(super) fn forget_views(&mut self) {
         self.views.kept.clear();
-        self.views.aside = None;
+        (self.views.aside, self.views.baking) = (None, None);
     }
 
     fn state_of_shown(&self) -> BakeState {
