@@ -397,8 +397,9 @@ impl Session {
     /// Stops the bake; what was done stays.
     pub fn cancel_bake(&mut self) {
         if self.bake.is_running() {
+            let was_aside = self.is_aside();
             self.stop_baking();
-            self.bake = BakeState::Stopped;
+            self.bake = if was_aside { self.state_of_shown() } else { BakeState::Stopped };
         }
     }
 
