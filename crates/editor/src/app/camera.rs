@@ -92,7 +92,7 @@ impl App {
     /// Whether the present view is the one that is shown.
     fn is_baked_view(&self) -> bool {
         let shown = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
-        shown.zip(self.camera()).is_some_and(|(shown, camera)| shsees_alike(own, camera))
+        shown.zip(self.camera()).is_some_and(|(shown, camera)| sees_alike(shown, camera))
     }
 
     /// A view whose bake is shown is the present one.
