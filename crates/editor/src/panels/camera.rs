@@ -67,9 +67,11 @@ fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Ve
         let name = if is_known { camera.name.as_str() } else { "Free view" };
         let combo = ComboBox::from_id_salt("cameras").width(ui.available_width() - 78.0).truncate().selected_text(name);
         let response = combo.show_ui(ui, |ui| {
-            let known = view.cameras.iter().map(|camera| (camera, "")).chain(bookmarks.iter().map(|b| (b, "☆ ")));
-            for (known, mark) in known {
-                if ui.selectable_label(known == camera, format!("{mark}{}", known.name)).clicked() {
+            for (idx, known) in view.cameras.iter().chain(bookmarks.iter()).enumerate() {
+                if idx > 0 && idx == view.cameras.len() {
+                    ui.separator();
+                }
+                if ui.selectable_label(known == camera, &known.name).clicked() {
                     actions.push(Action::LookFrom(Box::new(known.clone())));
                 }
             }
