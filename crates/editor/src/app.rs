@@ -9,6 +9,7 @@ mod probe;
 mod recovery;
 mod rest;
 mod sky;
+mod solving;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -40,6 +41,7 @@ use camera::CameraDesk;
 use follow::Follower;
 use probe::Prober;
 use recovery::Recovery;
+use solving::Solving;
 
 /// Width of a picture that is baked without being asked for.
 const DEFAULT_WIDTH_PX: u32 = 640;
@@ -89,6 +91,7 @@ pub struct App {
     follower: Follower,
     prober: Prober,
     camera: CameraDesk,
+    solving: Solving,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -176,6 +179,7 @@ impl App {
             lights,
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
+            solving: Solving::new(wake.clone()),
             prober: Prober::default(),
             camera: CameraDesk::start(cc, wake)?,
             actions: Vec::new(),
@@ -262,6 +266,7 @@ impl App {
         self.camera.put_down();
         self.camera.camera = self.session.cameras().get(self.settings.camera_idx).cloned();
         self.follower.forget();
+        self.solving.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             self.settings.camera_idx = 0;
@@ -304,6 +309,12 @@ impl App {
             Action::DuplicateLamp => self.duplicate_lamp(),
             Action::DeleteLamp => self.delete_lamp(),
             Action::AimLamp => self.aim_lamp(),
+            Action::Solve => self.solve(),
+            Action::AcceptSolution => self.accept_solution(),
+            Action::DiscardSolution => self.discard_solution(),
+            Action::MatchPicture(path) => self.match_picture(&path),
+            Action::BakeIlluminance => self.bake_illuminance(),
+            Action::SaveSchedule(path) => self.save_schedule(&path),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
@@ -343,7 +354,8 @@ impl App {
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
         let suggestion = match task {
             FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
-            FileTask::OpenProfile | FileTask::FindScene => String::new(),
+            FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget => String::new(),
+            FileTask::SaveSchedule => format!("{stem}.csv"),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
             FileTask::SaveBake => format!("{stem}.transport"),
@@ -497,6 +509,8 @@ impl App {
                 ui.add_space(10.0);
                 self.camera_panel_ui(ui);
                 ui.add_space(10.0);
+                self.solving_ui(ui);
+                ui.add_space(10.0);
                 self.bake_panel_ui(ui);
             });
         });
@@ -518,6 +532,7 @@ impl App {
             camera_idx: 0,
             film: Film { width: shown.header.width, height: shown.header.height },
             config: shown.header.config.clone(),
+            illuminance: shown.pixel_irradiance().is_some(),
         });
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
         bake_ui(ui, of_file.as_mut().unwrap_or(own), &view, &mut self.actions);
@@ -593,7 +608,9 @@ impl eframe::App for App {
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
         self.set_title(ctx);
-        if let Err(words) = self.follower.follow(ctx, &mut self.session, &self.look, &self.lights.solo) {
+        self.follow_solving();
+        let look = self.solving.previewed(&self.look);
+        if let Err(words) = self.follower.follow(ctx, &mut self.session, &look, &self.lights.solo) {
             self.complain(words);
         }
     }
@@ -607,8 +624,9 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         self.dialogs_ui(&ctx);
         // The worker starts on the new picture while this frame is still being painted.
+        let look = self.solving.previewed(&self.look);
         if (self.look != before || self.lights.solo != solo_before)
-            && let Err(words) = self.follower.follow(&ctx, &mut self.session, &self.look, &self.lights.solo)
+            && let Err(words) = self.follower.follow(&ctx, &mut self.session, &look, &self.lights.solo)
         {
             self.complain(words);
         }
@@ -645,5 +663,6 @@ fn default_settings() -> BakeSettings {
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let quality = QUALITIES[usize::from(n_cores >= MANY_CORES)];
     let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
-    BakeSettings { camera_idx: 0, film: Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 }, config }
+    let film = Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 };
+    BakeSettings { camera_idx: 0, film, config, illuminance: false }
 }

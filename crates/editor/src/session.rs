@@ -1,5 +1,6 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
+pub mod aside;
 pub mod lamps;
 mod mailbox;
 pub mod preview;
@@ -30,6 +31,7 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
+use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 use eframe::egui::ColorImage;
 
 use self::lamps::LampLight;
@@ -60,6 +62,8 @@ pub struct BakeSettings {
     pub film: Film,
     /// How exactly.
     pub config: BakeConfig,
+    /// Whether the light that arrives at the pixels and at the sensors of the file is baked as well.
+    pub illuminance: bool,
 }
 
 /// A scene, a stack or a bake that is open.
@@ -388,7 +392,15 @@ impl Session {
         self.stop_baking();
         self.views.baking = Some(camera.clone());
         let config = settings.config.clone();
-        let job = BakeJob { scene, camera, film: settings.film, config, passes, irradiance: Vec::new() };
+        let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
+        let irradiance = match (IrradianceRequest { of_file, ..IrradianceRequest::default() }).rows(&scene) {
+            Ok(rows) => rows,
+            Err(error) => {
+                self.bake = BakeState::Failed(words(error));
+                return;
+            }
+        };
+        let job = BakeJob { scene, camera, film: settings.film, config, passes, irradiance };
         self.bake = BakeState::Preparing;
         let cache = self.cache.clone();
         self.baking = self.spawn("bake", move |post| task::bake(job, cache, post));
@@ -609,7 +621,7 @@ impl Session {
                 self.pass_blocks.1 += 1;
                 self.block_done(block_idx, &factors);
             }
-            // The window asks for no irradiance.
+            // It is shown once all of it is there.
             BakeEvent::IrradianceDone { .. } => {}
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {

@@ -4,6 +4,7 @@ pub mod flight;
 pub mod gizmo;
 pub mod handles;
 pub mod lamps;
+pub mod marking;
 pub mod names;
 pub mod orbit;
 pub mod probe;
@@ -23,6 +24,7 @@ use crate::session::{BakeState, Stage};
 use crate::theme;
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
+use marking::{Marking, marking_ui};
 use probe::{Grid, Probes, Readings};
 use zoom::Zoom;
 
@@ -51,6 +53,8 @@ pub struct ViewState {
     pub probes: Probes,
     /// What the pointer holds.
     grab: Option<Grab>,
+    /// What is marked, and how.
+    pub marking: Marking,
 }
 
 /// Draws picture and handles, or says in words what is going on.
@@ -75,8 +79,11 @@ pub fn viewport_ui(
     let image = state.zoom.image_rect(area, size);
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
-    let mut is_free = true;
-    if let Some((scene, camera)) = viewed.scene {
+    let marks = state.grab.is_none() && marking_ui(ui, &response, image, Film { width, height }, &mut state.marking);
+    let mut is_free = !marks;
+    if marks {
+        // The pointer marks: lamps, spots and probes wait.
+    } else if let Some((scene, camera)) = viewed.scene {
         let film = Film { width, height };
         let picker = PanelPicker { scene, camera, film, image };
         let sight = Sight { scene, camera, film, image };
