@@ -1,5 +1,6 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
+mod camera;
 mod export;
 mod follow;
 mod lamplight;
@@ -39,6 +40,7 @@ use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
+use camera::CameraDesk;
 use follow::Follower;
 use looks::Prints;
 use probe::Prober;
@@ -94,6 +96,7 @@ pub struct App {
     looks: LooksState,
     prints: Prints,
     prober: Prober,
+    camera: CameraDesk,
     solving: Solving,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
@@ -184,8 +187,9 @@ impl App {
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
             looks: LooksState::default(),
             prints: Prints::new(wake.clone())?,
-            solving: Solving::new(wake),
+            solving: Solving::new(wake.clone()),
             prober: Prober::default(),
+            camera: CameraDesk::start(cc, wake)?,
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -267,6 +271,8 @@ impl App {
         self.undoer = Undoer::default();
         self.lights = LightsState::new(self.lights.layout);
         self.view = ViewState::default();
+        self.camera.put_down();
+        self.camera.camera = self.session.cameras().get(self.settings.camera_idx).cloned();
         self.follower.forget();
         self.prints.forget();
         self.looks = LooksState::default();
@@ -283,7 +289,9 @@ impl App {
     fn start_bake(&mut self) {
         let is_stack = self.session.opened.as_ref().is_some_and(|opened| opened.stack.is_some());
         let settings = if is_stack { &self.stack_settings } else { &self.settings };
-        self.session.start_bake(settings, Passes::Progressive);
+        let camera = self.camera.camera.clone().filter(|_| !is_stack);
+        self.session.start_bake(settings, camera, Passes::Progressive);
+        self.camera.put_down();
     }
 
     fn apply(&mut self, ctx: &Context, action: Action) {
@@ -298,7 +306,10 @@ impl App {
             Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.start_bake(),
-            Action::CancelBake => self.session.cancel_bake(),
+            Action::CancelBake => {
+                self.session.cancel_bake();
+                self.adopt_view();
+            }
             Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
             Action::ChooseUnits(units) => self.session.choose_units(units),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
@@ -325,6 +336,13 @@ impl App {
             Action::ResetLook => (self.look.lights, self.look.display) = (LightRig::default(), Display::default()),
             Action::UseDevice(wish) => self.follower.use_device(wish),
             Action::FitPicture => self.view.zoom.fit(),
+            Action::LeaveCamera => self.leave_camera(),
+            Action::ToggleCamera if self.camera.is_moving => self.leave_camera(),
+            Action::ToggleCamera => self.move_camera(),
+            Action::LookFrom(camera) => self.look_from(*camera),
+            Action::NameView(name) => self.name_view(name),
+            Action::ShowView(id) => self.show_view(id),
+            Action::ForgetView(id) => self.session.forget_view(id),
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
@@ -508,6 +526,8 @@ impl App {
                 };
                 display_ui(ui, &mut self.look.display, &view);
                 ui.add_space(10.0);
+                self.camera_panel_ui(ui);
+                ui.add_space(10.0);
                 self.solving_ui(ui);
                 ui.add_space(10.0);
                 self.bake_panel_ui(ui);
@@ -518,8 +538,6 @@ impl App {
     fn bake_panel_ui(&mut self, ui: &mut Ui) {
         let opened = self.session.opened.as_ref();
         let view = BakeView {
-            cameras: self.session.cameras(),
-            baked_camera: self.session.shown.as_ref().map(|shown| shown.header.camera.as_str()),
             state: &self.session.bake,
             figures: self.session.figures.as_ref(),
             error_db: self.session.error_db,
@@ -569,6 +587,9 @@ impl App {
     }
 
     fn picture_ui(&mut self, ui: &mut Ui) {
+        if self.camera.is_moving && self.session.lamp_scene().is_some() {
+            return self.flight_ui(ui);
+        }
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
@@ -643,6 +664,7 @@ impl eframe::App for App {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
         eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
         eframe::set_value(storage, EXPORT_KEY, &self.export);
+        self.camera.save(storage);
     }
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
