@@ -1,12 +1,15 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
 mod export;
+mod focus;
 mod follow;
+mod heat;
 mod lamplight;
 mod lamps;
 mod recovery;
 mod rest;
 mod sky;
+mod strips;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -27,6 +30,7 @@ use crate::look::Look;
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
+use crate::panels::heat::HeatMap;
 use crate::panels::lights::{LightsState, lights_ui};
 use crate::panels::shortcuts::{shortcuts_ui, take_keys};
 use crate::panels::status::{MessageTone, Status, status_ui};
@@ -45,6 +49,8 @@ const MANY_CORES: usize = 8;
 const MAX_RECENT: usize = 8;
 const RECENT_KEY: &str = "recent";
 const EXPORT_KEY: &str = "export";
+/// Set once the welcome was read.
+const WELCOMED_KEY: &str = "welcomed";
 
 /// How the window starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,12 +65,14 @@ pub struct Start {
     pub cache: Option<BakeCache>,
     /// Where files are asked for.
     pub dialogs: FileDialogs,
+    /// Whether somebody who was never here before is welcomed.
+    pub welcome: bool,
 }
 
 impl Start {
     /// With nothing of the user's: no folders and no dialogs of the desktop.
     pub fn alone(source: Source, settings: Option<BakeSettings>) -> Start {
-        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly }
+        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly, welcome: false }
     }
 }
 
@@ -93,8 +101,16 @@ pub struct App {
     shortcuts: bool,
     /// How pictures are written.
     export: ExportOptions,
+    heat_map: HeatMap,
+    heat: Option<heat::Heat>,
     recovery: Recovery,
     message: (String, MessageTone),
+    watched: strips::Watched,
+    /// The scene that is being opened is the same one, changed.
+    keeps_look: bool,
+    is_new_here: bool,
+    /// Memory in use, and when it was asked for, seconds.
+    memory: (Option<u64>, f64),
     recent: Vec<PathBuf>,
     title: String,
 }
@@ -128,6 +144,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         unsaved: recovery::folder(),
         cache: BakeCache::of_user()?,
         dialogs: FileDialogs::Desktop,
+        welcome: true,
     };
     let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
     result.map_err(|error| anyhow!("{error}"))
@@ -149,6 +166,7 @@ impl App {
             cc.egui_ctx.set_theme(ThemePreference::Dark);
         }
         let recent = cc.storage.and_then(|storage| eframe::get_value(storage, RECENT_KEY)).unwrap_or_default();
+        let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
         let ctx = cc.egui_ctx.clone();
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
@@ -175,8 +193,14 @@ impl App {
             profile_at_px: None,
             shortcuts: false,
             export: cc.storage.and_then(|storage| eframe::get_value(storage, EXPORT_KEY)).unwrap_or_default(),
+            heat_map: HeatMap::default(),
+            heat: None,
             recovery,
             message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
+            watched: strips::Watched::default(),
+            keeps_look: false,
+            is_new_here: start.welcome && !was_welcomed,
+            memory: (None, f64::MIN),
             recent,
             title: String::new(),
         })
@@ -232,15 +256,20 @@ impl App {
             Notice::Developed(picture) => self.copied(ctx, picture),
             Notice::Failed(words) => {
                 self.leave_behind();
+                self.keeps_look = false;
                 self.complain(words);
             }
         }
     }
 
     fn scene_opened(&mut self) {
-        (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+        let keeps_look = std::mem::take(&mut self.keeps_look);
+        if !keeps_look {
+            (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+            self.undoer = Undoer::default();
+        }
         (self.export.width_px, self.export.region) = (None, None);
-        self.undoer = Undoer::default();
+        self.watch_opened();
         self.lights = LightsState::default();
         self.view.fit();
         self.follower.forget();
@@ -250,6 +279,12 @@ impl App {
             self.settings.film = Film::of_width(DEFAULT_WIDTH_PX, camera);
         }
         self.take_up();
+        if let (true, Some(basis)) = (keeps_look, self.session.basis()) {
+            let lost = self.look.unheeded(basis);
+            if !lost.is_empty() {
+                self.complain(format!("Opened again: {}", lost.join(", ")));
+            }
+        }
         self.start_bake();
     }
 
@@ -271,6 +306,8 @@ impl App {
             Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.start_bake(),
+            Action::Reload => self.reload(),
+            Action::ResumeBake => self.session.resume_bake(&self.settings),
             Action::CancelBake => self.session.cancel_bake(),
             Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
             Action::ChooseUnits(units) => self.session.choose_units(units),
@@ -481,6 +518,9 @@ impl App {
             pictures: self.session.pictures(),
             units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),
+            n_resumable: self.session.n_resumable(&self.settings),
+            forecast: self.session.forecast(),
+            history: &self.session.history,
         };
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = self.session.shown.as_ref().filter(|_| !view.can_bake).map(|shown| BakeSettings {
@@ -489,10 +529,11 @@ impl App {
             config: shown.header.config.clone(),
         });
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
-        bake_ui(ui, of_file.as_mut().unwrap_or(own), &view, &mut self.actions);
+        bake_ui(ui, of_file.as_mut().unwrap_or(own), &mut self.heat_map, &view, &mut self.actions);
     }
 
     fn bars_ui(&mut self, ui: &mut Ui) {
+        self.ask_memory(ui.ctx());
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 7));
         Panel::top("toolbar").frame(frame).show(ui, |ui| {
             let state = ToolbarState {
@@ -516,12 +557,17 @@ impl App {
                 size: self.follower.picture().map(|(_, size)| size),
                 millis: self.follower.millis(),
                 lamps: self.lamp_note(),
+                error_db: self.session.error_db.map(|error| error.total),
+                memory_bytes: self.memory.0,
             };
             status_ui(ui, &status, &mut self.actions);
         });
     }
 
     fn picture_ui(&mut self, ui: &mut Ui) {
+        self.strips_ui(ui);
+        let overlay = self.heat_overlay(ui.ctx());
+        self.look_there(ui.ctx(), ui.available_rect_before_wrap());
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         let viewed = Viewed {
@@ -530,6 +576,7 @@ impl App {
             bake: &self.session.bake,
             scene: scene.zip(shown_camera),
             legend: self.follower.legend(),
+            overlay,
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);
@@ -551,6 +598,8 @@ impl eframe::App for App {
         for action in std::mem::take(&mut self.actions) {
             self.apply(ctx, action);
         }
+        self.session.foresee(&self.settings);
+        self.watch_file(ctx);
         self.feed_undoer(ctx);
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
@@ -582,6 +631,9 @@ impl eframe::App for App {
     fn save(&mut self, storage: &mut dyn Storage) {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
         eframe::set_value(storage, EXPORT_KEY, &self.export);
+        if !self.is_new_here {
+            eframe::set_value(storage, WELCOMED_KEY, &true);
+        }
     }
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
@@ -603,7 +655,7 @@ fn hovered_files_ui(ctx: &Context) {
 /// Quality that suits the machine, until a scene says which size.
 fn default_settings() -> BakeSettings {
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let quality = QUALITIES[usize::from(n_cores >= MANY_CORES)];
+    let quality = QUALITIES[if n_cores >= MANY_CORES { 2 } else { 1 }];
     let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
     BakeSettings { camera_idx: 0, film: Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 }, config }
 }

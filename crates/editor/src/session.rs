@@ -1,5 +1,7 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
+mod begun;
+pub mod estimate;
 pub mod lamps;
 mod seen;
 mod task;
@@ -13,8 +15,9 @@ use std::time::{Duration, Instant};
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::Frame;
 use clerestory_transport::archive;
+use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
-use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, PackedMatrices, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, PackedMatrices, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelRequest;
@@ -28,6 +31,8 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 use eframe::egui::ColorImage;
 
+use self::begun::Begun;
+use self::estimate::Forecasting;
 use self::lamps::LampLight;
 use crate::bake_cache::BakeCache;
 use crate::crash;
@@ -252,6 +257,14 @@ pub struct Session {
     /// Ranks and bytes of what is shown.
     pub figures: Option<Figures>,
     figures_at: Instant,
+    n_counts: u64,
+    /// Seconds since the bake began, and its error at that time in dB.
+    pub history: Vec<[f32; 2]>,
+    bake_began: Instant,
+    begun: Option<Begun>,
+    forecasting: Forecasting,
+    /// Where somebody looks while a bake runs.
+    pub focus: Arc<Focus>,
     /// Where finished bakes of scenes are found and kept.
     pub cache: Option<BakeCache>,
 }
@@ -280,6 +293,12 @@ impl Session {
             error_db: None,
             figures: None,
             figures_at: Instant::now(),
+            n_counts: 0,
+            history: Vec::new(),
+            bake_began: Instant::now(),
+            begun: None,
+            forecasting: Forecasting::default(),
+            focus: Arc::default(),
             cache: None,
         }
     }
@@ -371,18 +390,41 @@ impl Session {
         let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
             return;
         };
-        let Some(camera) = scene.scene.cameras.get(settings.camera_idx).cloned() else {
+        let Some(job) = self.job(settings) else {
             self.bake = BakeState::Failed(
                 "the scene has no camera and no surfaces to look at; open a scene with meshes".into(),
             );
             return;
         };
+        self.begun = Some(Begun::new(scene, settings.clone()));
+        self.begin(BakeJob { passes, ..job }, None);
+    }
+
+    /// Goes on with a bake that was stopped, where that can be.
+    pub fn resume_bake(&mut self, settings: &BakeSettings) {
+        if self.n_resumable(settings) > 0
+            && let Some(job) = self.job(settings)
+        {
+            let half_done = self.half_done();
+            self.begin(job, half_done);
+        }
+    }
+
+    /// What would be baked with some settings.
+    fn job(&self, settings: &BakeSettings) -> Option<BakeJob> {
+        let scene = self.opened.as_ref()?.scene.clone()?;
+        let camera = scene.scene.cameras.get(settings.camera_idx)?.clone();
+        let (film, config, passes) = (settings.film, settings.config.clone(), Passes::Progressive);
+        Some(BakeJob { scene, camera, film, config, passes, irradiance: Vec::new() })
+    }
+
+    fn begin(&mut self, job: BakeJob, half_done: Option<HalfDone>) {
         self.stop_baking();
-        let config = settings.config.clone();
-        let job = BakeJob { scene, camera, film: settings.film, config, passes, irradiance: Vec::new() };
         self.bake = BakeState::Preparing;
-        let cache = self.cache.clone();
-        self.baking = self.spawn("bake", move |post| task::bake(job, cache, post));
+        self.history.clear();
+        self.bake_began = Instant::now();
+        let (cache, focus) = (self.cache.clone(), self.focus.clone());
+        self.baking = self.spawn("bake", move |post| task::bake(job, half_done, cache, &focus, post));
     }
 
     /// Stops the bake; what was done stays.
@@ -505,6 +547,7 @@ impl Session {
             Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) | Fact::Developed(Err(words)) => notices.push(Notice::Failed(words)),
+            Fact::Foreseen(answer) => self.foreseen(id, answer),
             Fact::Developed(Ok(picture)) => notices.push(Notice::Developed(picture)),
             // Facts of a task that was stopped no longer count.
             Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
@@ -588,10 +631,12 @@ impl Session {
     fn bake_event(&mut self, event: BakeEvent) {
         match event {
             BakeEvent::Started { header, n_blocks, n_passes } => {
+                self.begun.iter_mut().for_each(|begun| begun.started(header.clone(), n_passes));
                 self.pass_blocks = (n_blocks, 0);
                 self.bake_started(header, n_passes);
             }
-            BakeEvent::BlockDone { block_idx, factors, .. } => {
+            BakeEvent::BlockDone { pass, block_idx, factors } => {
+                self.begun.iter_mut().for_each(|begun| begun.block_done(pass, block_idx, &factors));
                 self.pass_blocks.1 += 1;
                 self.block_done(block_idx, &factors);
             }
@@ -628,7 +673,9 @@ impl Session {
             let (a, b) = (&shown.header, &started.header);
             (a.width, a.height, &a.camera, &a.basis.sources) == (b.width, b.height, &b.camera, &b.basis.sources)
         };
-        if self.shown.as_ref().is_some_and(is_same_view) {
+        if self.shown.as_ref().is_some_and(|shown| Arc::ptr_eq(&shown.header, &started.header)) {
+            // A bake that goes on: its blocks are in the picture already.
+        } else if self.shown.as_ref().is_some_and(is_same_view) {
             self.incoming = Some(started);
         } else {
             self.show(started);
@@ -697,7 +744,15 @@ impl Session {
     /// Counts ranks and bytes of what is there.
     fn count(&mut self) {
         self.figures = self.shown.as_ref().map(|shown| shown.bake().figures());
-        self.figures_at = Instant::now();
+        (self.figures_at, self.n_counts) = (Instant::now(), self.n_counts + 1);
+        if let (true, Some(figures)) = (self.bake.is_running(), &self.figures) {
+            self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
+        }
+    }
+
+    /// How often the blocks that are there were counted; what is made of them is as new as that.
+    pub fn n_counts(&self) -> u64 {
+        self.n_counts
     }
 
     /// Joins threads that have ended; one that ended without a last word has panicked.

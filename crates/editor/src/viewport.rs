@@ -14,6 +14,7 @@ use eframe::egui::{
 use crate::action::{Action, FileTask};
 use crate::legend::Legend;
 use crate::look::Look;
+use crate::panels::heat::Overlay;
 use crate::panels::lights::LightsState;
 use crate::session::{BakeState, Stage};
 use crate::theme;
@@ -32,6 +33,8 @@ pub struct Viewed<'a> {
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
     /// What its colors mean, where they are false.
     pub legend: Option<Legend>,
+    /// A map of colors over it.
+    pub overlay: Option<Overlay>,
 }
 
 /// How it is looked at.
@@ -49,6 +52,8 @@ pub struct ViewState {
 const MARGIN: f32 = 14.0;
 /// Zoom range in points per pixel.
 const ZOOM: std::ops::RangeInclusive<f32> = 0.05..=48.0;
+/// How much of a picture a map of colors hides, of 255.
+const OVERLAY_ALPHA: u8 = 200;
 /// Zoom per point of scrolling.
 const ZOOM_PER_POINT: f32 = 0.005;
 
@@ -56,6 +61,15 @@ impl ViewState {
     /// Shows the whole picture.
     pub fn fit(&mut self) {
         (self.zoom, self.offset) = (None, Vec2::ZERO);
+    }
+
+    /// The pixel of a picture under a place in the area where it is shown, from its top left corner.
+    pub fn pixel_at(&self, area: Rect, [width, height]: [u32; 2], place: Pos2) -> Option<[u32; 2]> {
+        let image = self.image_rect(area, vec2(width as f32, height as f32));
+        let share = (place - image.min) / image.size();
+        let inside = area.contains(place) && image.contains(place);
+        let pixel = |share: f32, side: u32| ((share * side as f32) as u32).min(side.saturating_sub(1));
+        inside.then(|| [pixel(share.x, width), pixel(share.y, height)])
     }
 
     fn image_rect(&self, area: Rect, size: Vec2) -> Rect {
@@ -100,6 +114,10 @@ pub fn viewport_ui(
     let image = state.image_rect(area, size);
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    if let Some(overlay) = viewed.overlay {
+        let covered = Rect::from_min_max(pos2(0.0, 0.0), pos2(overlay.covered[0], overlay.covered[1]));
+        painter.image(overlay.texture, image, covered, Color32::from_white_alpha(OVERLAY_ALPHA));
+    }
     if let Some((scene, camera)) = viewed.scene {
         let film = Film { width, height };
         let picker = PanelPicker { scene, camera, film, image };
@@ -112,8 +130,10 @@ pub fn viewport_ui(
     } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         state.grab = Some(Grab::Picture);
     }
-    if let Some(legend) = viewed.legend {
-        legend.ui(ui, area);
+    match (viewed.overlay, viewed.legend) {
+        (Some(overlay), _) => overlay.bar.ui(ui, area),
+        (None, Some(legend)) => legend.ui(ui, area),
+        (None, None) => {}
     }
     if matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
         busy_corner(ui, area, &busy_words(viewed));

@@ -228,13 +228,17 @@ fn details_ui(
             });
             ui.horizontal(|ui| {
                 if lamp.shape.is_aimed() {
-                    let hint = "Click in the picture what it is to light\nA, or Ctrl and click at once";
+                    let hint = "Click in the picture what it is to light\nA, or Ctrl (⌘) and click at once";
                     let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
                     if aim.clicked() {
                         state.aiming = !state.aiming;
                     }
                 }
-                if ui.button("Duplicate").on_hover_text("Ctrl+D").clicked() {
+                if ui
+                    .button("Duplicate")
+                    .on_hover_text(ui.ctx().format_shortcut(&super::shortcuts::DUPLICATE))
+                    .clicked()
+                {
                     actions.push(Action::DuplicateLamp);
                 }
                 if ui.button("Delete").on_hover_text("Del").clicked() {

@@ -1,0 +1,37 @@
+//! What a person attends to: where in the picture the pointer rests, and what the program takes of the machine.
+
+use eframe::egui::{Context, Rect};
+
+use super::App;
+use crate::platform::resident_bytes;
+
+/// How long the pointer must be still to count as resting, and between two questions about memory; seconds.
+const RESTS_SECS: f32 = 0.25;
+const MEMORY_EVERY_SECS: f64 = 2.0;
+
+impl App {
+    /// A bake that runs refines first what the pointer rests on.
+    pub(super) fn look_there(&mut self, ctx: &Context, area: Rect) {
+        if !self.session.bake.is_running() {
+            return;
+        }
+        let (place, still_secs) =
+            ctx.input(|input| (input.pointer.hover_pos(), input.pointer.time_since_last_movement()));
+        let size = self.session.shown.as_ref().map(|shown| [shown.header.width, shown.header.height]);
+        let Some(pixel) = place.zip(size).and_then(|(place, size)| self.view.pixel_at(area, size, place)) else {
+            self.session.focus.set(None);
+            return;
+        };
+        if still_secs >= RESTS_SECS {
+            self.session.focus.set(Some(pixel));
+        }
+    }
+
+    /// Asks the system now and then, while something is drawn anyway.
+    pub(super) fn ask_memory(&mut self, ctx: &Context) {
+        let now = ctx.input(|input| input.time);
+        if now - self.memory.1 > MEMORY_EVERY_SECS {
+            self.memory = (resident_bytes(), now);
+        }
+    }
+}
