@@ -382,6 +382,8 @@ impl Session {
         if let Some(stack) = self.opened.as_ref().and_then(|opened| opened.stack.clone()) {
             self.stop_baking();
             let BakeConfig { tolerance_db, seed, .. } = settings.config;
+            self.history.clear();
+            self.bake_began = Instant::now();
             let job = StackJob { stack, tolerance_db, seed, memory_bytes: MEMORY_BYTES };
             self.bake = BakeState::Preparing;
             self.baking = self.spawn("bake", move |post| task::bake_stack(job, post));
@@ -572,6 +574,8 @@ impl Session {
         self.stop_baking();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.stage = Stage::Ready;
+        self.history.clear();
+        self.begun = None;
         let path = self.opening.take();
         match loaded {
             Loaded::Scene { scene, report } => {
@@ -700,6 +704,7 @@ impl Session {
         self.bake = match result {
             Ok(Some(bake)) => {
                 let figures = bake.figures();
+                self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
                 notices.push(Notice::Said(format!("Baked at {:.1} dB", figures.error_db.total)));
                 self.error_db = Some(figures.error_db);
                 // The file will hold these, a little less exact than the blocks that came one by one.
