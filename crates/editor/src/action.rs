@@ -79,6 +79,8 @@ pub enum Action {
     UseDevice(DeviceWish),
     /// Show the whole picture.
     FitPicture,
+    /// Show a pixel of the picture on each pixel of the screen.
+    OneToOne,
     /// Show or hide the list of keyboard shortcuts.
     ToggleShortcuts,
     /// Close the window, whatever was not saved.

@@ -6,6 +6,7 @@ mod follow;
 mod heat;
 mod lamplight;
 mod lamps;
+mod probe;
 mod recovery;
 mod rest;
 mod sky;
@@ -39,6 +40,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
+use probe::Prober;
 use recovery::Recovery;
 
 /// Width of a picture that is baked without being asked for.
@@ -90,6 +92,7 @@ pub struct App {
     lights: LightsState,
     view: ViewState,
     follower: Follower,
+    prober: Prober,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -185,6 +188,7 @@ impl App {
             lights: LightsState::default(),
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
+            prober: Prober::default(),
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -219,6 +223,11 @@ impl App {
     /// How the bake panel is set.
     pub fn settings(&self) -> &BakeSettings {
         &self.settings
+    }
+
+    /// Key of the light that was chosen in the picture.
+    pub fn chosen_light(&self) -> Option<&str> {
+        self.lights.chosen.as_deref()
     }
 
     /// Number of pictures that were made since the window opened.
@@ -271,7 +280,7 @@ impl App {
         (self.export.width_px, self.export.region) = (None, None);
         self.watch_opened();
         self.lights = LightsState::default();
-        self.view.fit();
+        self.view = ViewState::default();
         self.follower.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
@@ -323,7 +332,8 @@ impl App {
             Action::Redo => self.redo(),
             Action::ResetLook => self.look = Look::default(),
             Action::UseDevice(wish) => self.follower.use_device(wish),
-            Action::FitPicture => self.view.fit(),
+            Action::FitPicture => self.view.zoom.fit(),
+            Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
         }
@@ -567,9 +577,10 @@ impl App {
     fn picture_ui(&mut self, ui: &mut Ui) {
         self.strips_ui(ui);
         let overlay = self.heat_overlay(ui.ctx());
-        self.look_there(ui.ctx(), ui.available_rect_before_wrap());
+        self.look_there(ui.ctx());
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
+        self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
         let viewed = Viewed {
             picture: self.follower.picture(),
             stage: &self.session.stage,
@@ -577,6 +588,7 @@ impl App {
             scene: scene.zip(shown_camera),
             legend: self.follower.legend(),
             overlay,
+            readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);

@@ -4,6 +4,7 @@ mod begun;
 pub mod estimate;
 pub mod lamps;
 mod seen;
+pub mod shares;
 mod task;
 pub mod worker;
 

@@ -1,14 +1,16 @@
-//! The picture: fit, zoom, pan, and spots of light that are dragged in it.
+//! The picture: which part of it is shown, spots and lamps that are dragged in it, and what is measured there.
 
 pub mod gizmo;
 pub mod handles;
 pub mod lamps;
+pub mod names;
+pub mod probe;
+pub mod zoom;
 
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Color32, CursorIcon, Key, PointerButton, Pos2, Rect, Response, RichText, Sense, TextureId, Ui, Vec2, pos2,
-    vec2,
+    self, Color32, CursorIcon, PointerButton, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
 };
 
 use crate::action::{Action, FileTask};
@@ -20,6 +22,8 @@ use crate::session::{BakeState, Stage};
 use crate::theme;
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
+use probe::{Grid, Probes, Readings};
+use zoom::Zoom;
 
 /// What is shown.
 pub struct Viewed<'a> {
@@ -35,62 +39,23 @@ pub struct Viewed<'a> {
     pub legend: Option<Legend>,
     /// A map of colors over it.
     pub overlay: Option<Overlay>,
+    /// What was measured in it.
+    pub readings: &'a Readings,
 }
 
 /// How it is looked at.
 #[derive(Clone, Debug, Default)]
 pub struct ViewState {
-    /// Points per pixel; none shows the whole picture.
-    zoom: Option<f32>,
-    /// Center of the picture from the center of the area, points.
-    offset: Vec2,
+    /// Which part is shown, and how large.
+    pub zoom: Zoom,
+    /// Where is measured.
+    pub probes: Probes,
     /// What the pointer holds.
     grab: Option<Grab>,
 }
 
-/// Room around a picture that fits, points.
-const MARGIN: f32 = 14.0;
-/// Zoom range in points per pixel.
-const ZOOM: std::ops::RangeInclusive<f32> = 0.05..=48.0;
 /// How much of a picture a map of colors hides, of 255.
 const OVERLAY_ALPHA: u8 = 200;
-/// Zoom per point of scrolling.
-const ZOOM_PER_POINT: f32 = 0.005;
-
-impl ViewState {
-    /// Shows the whole picture.
-    pub fn fit(&mut self) {
-        (self.zoom, self.offset) = (None, Vec2::ZERO);
-    }
-
-    /// The pixel of a picture under a place in the area where it is shown, from its top left corner.
-    pub fn pixel_at(&self, area: Rect, [width, height]: [u32; 2], place: Pos2) -> Option<[u32; 2]> {
-        let image = self.image_rect(area, vec2(width as f32, height as f32));
-        let share = (place - image.min) / image.size();
-        let inside = area.contains(place) && image.contains(place);
-        let pixel = |share: f32, side: u32| ((share * side as f32) as u32).min(side.saturating_sub(1));
-        inside.then(|| [pixel(share.x, width), pixel(share.y, height)])
-    }
-
-    fn image_rect(&self, area: Rect, size: Vec2) -> Rect {
-        let zoom = self.zoom.unwrap_or_else(|| fitting(area, size));
-        Rect::from_center_size(area.center() + self.offset, size * zoom)
-    }
-
-    /// Zooms so that what is under the pointer stays there.
-    fn zoom_at(&mut self, area: Rect, size: Vec2, pointer: Pos2, factor: f32) {
-        let old = self.zoom.unwrap_or_else(|| fitting(area, size));
-        let new = (old * factor).clamp(*ZOOM.start(), *ZOOM.end());
-        let from_center = pointer - area.center();
-        self.offset = from_center + (self.offset - from_center) * (new / old);
-        self.zoom = Some(new);
-    }
-}
-
-fn fitting(area: Rect, size: Vec2) -> f32 {
-    let room = (area.size() - Vec2::splat(2.0 * MARGIN)).max(Vec2::splat(1.0));
-    (room.x / size.x).min(room.y / size.y)
-}
 
 /// Draws picture and handles, or says in words what is going on.
 pub fn viewport_ui(
@@ -110,26 +75,33 @@ pub fn viewport_ui(
     let response = ui.allocate_rect(area, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
     let size = vec2(width as f32, height as f32);
-    navigate(ui, &response, state, area, size);
-    let image = state.image_rect(area, size);
+    zoom::navigate(ui, &response, (&mut state.zoom, &mut state.grab), size);
+    let image = state.zoom.image_rect(area, size);
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
     if let Some(overlay) = viewed.overlay {
         let covered = Rect::from_min_max(pos2(0.0, 0.0), pos2(overlay.covered[0], overlay.covered[1]));
         painter.image(overlay.texture, image, covered, Color32::from_white_alpha(OVERLAY_ALPHA));
     }
+    let mut is_free = true;
     if let Some((scene, camera)) = viewed.scene {
         let film = Film { width, height };
         let picker = PanelPicker { scene, camera, film, image };
         let sight = Sight { scene, camera, film, image };
-        lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
+        is_free = !lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
         if !lights.lamps.aiming && lights.lamps.drag.is_none() {
             drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
+            is_free &= !names::marks_ui(ui, &response, &sight, &mut lights.chosen);
+            names::surface_hint(ui, &response, &sight);
         }
         picker.paint(&painter, look, lights.spot.as_ref());
     } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
         state.grab = Some(Grab::Picture);
     }
+    zoom::paint_region(ui, &response, state.grab.as_ref());
+    let grid = Grid { image, size: [width, height] };
+    probe::follow(ui, &response, grid, &mut state.probes, is_free);
+    probe::readings_ui(ui, &response, grid, viewed.readings, &mut state.probes, lights);
     match (viewed.overlay, viewed.legend) {
         (Some(overlay), _) => overlay.bar.ui(ui, area),
         (None, Some(legend)) => legend.ui(ui, area),
@@ -137,29 +109,6 @@ pub fn viewport_ui(
     }
     if matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
         busy_corner(ui, area, &busy_words(viewed));
-    }
-}
-
-/// Zoom with the wheel, pan with the middle button or space; a double click shows the whole picture.
-fn navigate(ui: &Ui, response: &Response, state: &mut ViewState, area: Rect, size: Vec2) {
-    if let Some(pointer) = response.hover_pos() {
-        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
-        let factor = (scroll * ZOOM_PER_POINT).exp() * pinch;
-        if factor != 1.0 {
-            state.zoom_at(area, size, pointer, factor);
-        }
-    }
-    let with_space = ui.input(|input| input.key_down(Key::Space));
-    if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && with_space) {
-        state.grab = Some(Grab::Picture);
-    }
-    if state.grab == Some(Grab::Picture) && response.dragged() {
-        state.zoom = Some(state.zoom.unwrap_or_else(|| fitting(area, size)));
-        state.offset += response.drag_delta();
-        ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
-    }
-    if response.drag_stopped() {
-        state.grab = None;
     }
 }
 
@@ -186,7 +135,7 @@ fn drag_spots(
     if response.double_clicked() {
         match response.interact_pointer_pos().and_then(|at| picker.add(at, look)) {
             Some(added) => *chosen = Some(added),
-            None => state.fit(),
+            None => state.zoom.fit(),
         }
     }
     let idle = state.grab.is_none();
@@ -263,22 +212,4 @@ fn words_ui(ui: &mut Ui, area: Rect, viewed: &Viewed, actions: &mut Vec<Action>)
             }
         },
     );
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn zooming_keeps_what_is_under_the_pointer() {
-        let (area, size) = (Rect::from_min_size(pos2(10.0, 20.0), vec2(800.0, 600.0)), vec2(400.0, 200.0));
-        let mut state = ViewState::default();
-        let pointer = pos2(150.0, 300.0);
-        let before = (pointer - state.image_rect(area, size).min) / state.image_rect(area, size).size();
-        state.zoom_at(area, size, pointer, 2.5);
-        let after = (pointer - state.image_rect(area, size).min) / state.image_rect(area, size).size();
-        assert!((before - after).length() < 1e-4, "{before:?} {after:?}");
-        state.fit();
-        assert!(area.contains_rect(state.image_rect(area, size)));
-    }
 }

@@ -34,6 +34,7 @@ pub mod frame;
 pub mod gpu;
 mod layout;
 pub mod relight;
+pub mod rows;
 pub mod synthetic;
 
 pub use cpu::CpuRelighter;
@@ -41,3 +42,4 @@ pub use display::{DisplayParams, Tone, encode};
 pub use frame::{Frame, Radiance};
 pub use gpu::{DeviceChoice, Gpu, GpuRelighter};
 pub use relight::{Relight, RelightError, RelightStats};
+pub use rows::mean_row;

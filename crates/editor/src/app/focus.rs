@@ -1,6 +1,6 @@
 //! What a person attends to: where in the picture the pointer rests, and what the program takes of the machine.
 
-use eframe::egui::{Context, Rect};
+use eframe::egui::Context;
 
 use super::App;
 use crate::platform::resident_bytes;
@@ -11,19 +11,15 @@ const MEMORY_EVERY_SECS: f64 = 2.0;
 
 impl App {
     /// A bake that runs refines first what the pointer rests on.
-    pub(super) fn look_there(&mut self, ctx: &Context, area: Rect) {
+    pub(super) fn look_there(&mut self, ctx: &Context) {
         if !self.session.bake.is_running() {
             return;
         }
-        let (place, still_secs) =
-            ctx.input(|input| (input.pointer.hover_pos(), input.pointer.time_since_last_movement()));
-        let size = self.session.shown.as_ref().map(|shown| [shown.header.width, shown.header.height]);
-        let Some(pixel) = place.zip(size).and_then(|(place, size)| self.view.pixel_at(area, size, place)) else {
-            self.session.focus.set(None);
-            return;
-        };
-        if still_secs >= RESTS_SECS {
-            self.session.focus.set(Some(pixel));
+        let still_secs = ctx.input(|input| input.pointer.time_since_last_movement());
+        match self.view.probes.hover {
+            None => self.session.focus.set(None),
+            Some(pixel) if still_secs >= RESTS_SECS => self.session.focus.set(Some(pixel)),
+            Some(_) => {}
         }
     }
 

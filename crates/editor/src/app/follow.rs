@@ -87,6 +87,16 @@ impl Follower {
         self.lamplight.light()
     }
 
+    /// The lighting that is shown.
+    pub fn rig(&self) -> Option<&LightRig> {
+        self.asked.as_ref().map(|asked| &asked.rig)
+    }
+
+    /// The light of free lamps that is part of the picture of a bake.
+    pub fn shown_lamp_light(&self, shown: &Shown) -> Option<&LampLight> {
+        self.lamplight.light().filter(|light| is_as_large(light, shown))
+    }
+
     pub fn shown_ev(&self) -> f32 {
         self.shown.exposure_ev
     }
@@ -181,7 +191,7 @@ impl Follower {
         let has_blocks = |shown: &&Shown| shown.frame.groups.iter().any(|g| g.blocks.iter().any(Option::is_some));
         if let Some(shown) = session.shown.as_ref().filter(has_blocks) {
             let rig = self.lamplight.follow(session, &heard(&shown.header.basis, &look.lights, solo));
-            let light = self.lamplight.light().filter(|light| is_as_large(light, shown)).cloned();
+            let light = self.shown_lamp_light(shown).cloned();
             let layer = light.as_ref().map(|light| (light.serial, Arc::as_ptr(&light.direct).addr()));
             let asked = Asked { rig, display: showable(shown, look), layer };
             let gpu = self.gpu.as_ref().filter(|_| self.uses_gpu());

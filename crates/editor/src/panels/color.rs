@@ -123,7 +123,7 @@ fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
 }
 
 /// sRGB of a linear color, as bright as can be shown.
-fn swatch_color(linear: Vec3) -> Color32 {
+pub(crate) fn swatch_color(linear: Vec3) -> Color32 {
     let [r, g, b] = (linear / linear.max_element().max(1e-6)).to_array();
     egui::Rgba::from_rgb(r, g, b).into()
 }

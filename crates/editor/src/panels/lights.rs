@@ -22,6 +22,8 @@ pub struct LightsState {
     pub filter: String,
     /// Keys of the lights that alone are heard.
     pub solo: BTreeSet<String>,
+    /// Key of the light that was chosen in the picture; its row is marked.
+    pub chosen: Option<String>,
     /// Panel and spot that were touched last.
     pub spot: Option<(String, usize)>,
     /// The free lamps.
@@ -191,6 +193,10 @@ fn name_ui(
     } else if *setting != LightSetting::default() || look.lights.panels.contains_key(key) {
         text = text.strong();
     }
+    let is_chosen = state.chosen.as_deref() == Some(key);
+    if is_chosen {
+        text = text.color(theme::ACCENT);
+    }
     let width = (ui.available_width() * 0.38).max(60.0);
     let size = egui::vec2(width, ui.spacing().interact_size.y);
     let layout =
@@ -198,6 +204,9 @@ fn name_ui(
     let name = ui.allocate_ui_with_layout(size, layout, |ui| {
         ui.add(Label::new(text).truncate().sense(Sense::click()).selectable(false))
     });
+    if is_chosen && !name.response.rect.intersects(ui.clip_rect()) {
+        name.inner.scroll_to_me(None);
+    }
     let strength = match source.kind {
         SourceKind::Image => String::new(),
         kind => format!(", {} {} in the file", source.strength, kind.unit()),

@@ -25,6 +25,8 @@ pub const EXPORT: KeyboardShortcut = command(Key::E);
 const COPY: KeyboardShortcut = command(Key::C);
 const BAKE: KeyboardShortcut = command(Key::B);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
+const FIT_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Home);
+const ONE_TO_ONE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Num1);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
 /// Copies the chosen lamp.
@@ -56,6 +58,8 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&UNDO, Action::Undo);
     take(&REDO_TOO, Action::Redo);
     take(&FIT, Action::FitPicture);
+    take(&FIT_TOO, Action::FitPicture);
+    take(&ONE_TO_ONE, Action::OneToOne);
     take(&DELETE, Action::DeleteLamp);
     take(&DELETE_TOO, Action::DeleteLamp);
     take(&DUPLICATE, Action::DuplicateLamp);
@@ -102,9 +106,13 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (keys(&BAKE), "Start the bake"),
         (keys(&UNDO), "Undo"),
         (format!("{} or {}", keys(&REDO), keys(&REDO_TOO)), "Redo"),
-        (words("F"), "Show the whole picture"),
+        (words("F or Home"), "Show the whole picture"),
+        (words("1"), "Show it pixel by pixel"),
         (words("Wheel, pinch"), "Zoom at the pointer"),
+        (words("Z + drag"), "Zoom to a rectangle"),
         (words("Middle drag, Space + drag"), "Move the picture"),
+        (words("Click in the picture"), "Show which lights are there"),
+        (words("P"), "Pin a probe at the pointer"),
         (words("Drag on a panel in the picture"), "Place or move a spot of light"),
         (words("Double-click on a panel"), "Add a spot"),
         (words("Click on a lamp"), "Choose it, show its handles"),

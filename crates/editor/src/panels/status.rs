@@ -73,7 +73,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             }
             lamps_ui(ui, &status.lamps);
             if status.bake.is_running() {
-                let stop = ui.small_button("✖").on_hover_text("Stop the bake; what is done stays");
+                let stop = ui.small_button("Stop").on_hover_text("Stop the bake; what is done stays");
                 if stop.accessible_name("Stop the bake").clicked() {
                     actions.push(Action::CancelBake);
                 }

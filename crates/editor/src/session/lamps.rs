@@ -59,6 +59,8 @@ pub struct LampLight {
     pub direct: Arc<Radiance>,
     /// Coefficients of the columns of patches: what their light becomes on its further way; empty without patches.
     pub of_patches: Arc<Vec<[f32; 3]>>,
+    /// The same of each lamp for itself.
+    pub parts: Vec<LampPart>,
     /// Number of the order that it answers.
     pub serial: u64,
     /// Whether it does not get any smoother.
@@ -67,11 +69,42 @@ pub struct LampLight {
     pub problems: Vec<String>,
 }
 
+/// The light of one lamp in a picture.
+#[derive(Clone)]
+pub struct LampPart {
+    /// Name of the lamp.
+    pub key: String,
+    /// What of `light` and `of_patches` it brings.
+    weights: [Vec3; 2],
+    /// Its light when it is white, summed over passes.
+    light: Arc<Vec<[f32; 3]>>,
+    of_patches: Arc<Vec<[f32; 3]>>,
+}
+
+impl LampPart {
+    /// Its direct light at a pixel, nit; pixels are numbered row by row.
+    pub fn direct(&self, pixel: u32) -> Vec3 {
+        self.light.get(pixel as usize).map_or(Vec3::ZERO, |light| self.weights[0] * Vec3::from(*light))
+    }
+
+    /// Its coefficients of the columns of patches; empty without patches.
+    pub fn of_patches(&self) -> impl Iterator<Item = Vec3> {
+        self.of_patches.iter().map(|light| self.weights[1] * Vec3::from(*light))
+    }
+}
+
 impl LampLight {
     /// No light, and why.
     fn failed(film: Film, serial: u64, problem: String) -> LampLight {
         let direct = Arc::new(Radiance::new(film.width, film.height));
-        LampLight { direct, of_patches: Arc::default(), serial, is_done: true, problems: vec![problem] }
+        LampLight {
+            direct,
+            of_patches: Arc::default(),
+            parts: Vec::new(),
+            serial,
+            is_done: true,
+            problems: vec![problem],
+        }
     }
 }
 
@@ -225,12 +258,12 @@ struct Lit {
     /// White and at its full strength.
     prepared: PreparedLamps,
     /// Sum over the passes, nit; empty before the first one.
-    sum: Vec<[f32; 3]>,
+    sum: Arc<Vec<[f32; 3]>>,
     n_passes: u32,
     /// Passes that it takes.
     most_passes: u32,
     /// What it brings to the columns of patches.
-    of_patches: Option<Vec<[f32; 3]>>,
+    of_patches: Option<Arc<Vec<[f32; 3]>>>,
 }
 
 impl Lit {
@@ -241,6 +274,17 @@ impl Lit {
 
     fn is_done(&self) -> bool {
         self.n_passes >= self.most_passes
+    }
+
+    /// Its light as it shines.
+    fn part(&self) -> LampPart {
+        let weight = weight(&self.lamp);
+        LampPart {
+            key: self.lamp.key.clone(),
+            weights: [weight / self.n_passes as f32, weight],
+            light: self.sum.clone(),
+            of_patches: self.of_patches.clone().unwrap_or_default(),
+        }
     }
 }
 
@@ -277,7 +321,7 @@ impl Bench {
                 Ok((prepared, warnings)) => {
                     self.problems.extend(warnings);
                     let most_passes = if lamp.shape.has_surface() { SOFT_PASSES } else { self.n_samples as u32 };
-                    let (sum, n_passes, of_patches) = (Vec::new(), 0, None);
+                    let (sum, n_passes, of_patches) = (Arc::default(), 0, None);
                     self.lamps.push(Lit { lamp, prepared, sum, n_passes, most_passes, of_patches });
                 }
                 Err(error) => self.problems.push(error.to_string()),
@@ -311,14 +355,15 @@ impl Bench {
         }
         let Some(pass) = self.points[sample].direct(&view.scene, &lit.prepared, round, &stop) else { return };
         if lit.sum.is_empty() {
-            lit.sum = pass;
+            lit.sum = Arc::new(pass);
         } else {
-            let sums = lit.sum.as_flattened_mut().par_iter_mut().zip(pass.as_flattened());
+            // What was posted stays as it is: it is copied where somebody still looks at it.
+            let sums = Arc::make_mut(&mut lit.sum).as_flattened_mut().par_iter_mut().zip(pass.as_flattened());
             sums.for_each(|(sum, more)| *sum += more);
         }
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
             let irradiance = |position, normal| lit.prepared.irradiance(&view.scene, position, normal);
-            lit.of_patches = Some(patches.coefficients(&irradiance));
+            lit.of_patches = Some(Arc::new(patches.coefficients(&irradiance)));
         }
         lit.n_passes += 1;
     }
@@ -341,6 +386,7 @@ impl Bench {
         Some(LampLight {
             direct: Arc::new(self.direct()),
             of_patches: Arc::new(self.of_patches()),
+            parts: self.lamps.iter().map(Lit::part).collect(),
             serial: self.serial,
             is_done,
             problems: self.problems.clone(),
@@ -353,7 +399,7 @@ impl Bench {
         let mut sum = Radiance::new(width, height);
         for lit in &self.lamps {
             let weight = (weight(&lit.lamp) / lit.n_passes as f32).to_array();
-            let pixels = sum.pixels.par_iter_mut().zip(&lit.sum);
+            let pixels = sum.pixels.par_iter_mut().zip(lit.sum.par_iter());
             pixels.for_each(|(sum, light)| (0..3).for_each(|c| sum[c] += weight[c] * light[c]));
         }
         sum
@@ -364,7 +410,7 @@ impl Bench {
         let mut sum = vec![[0.0; 3]; n_columns];
         for lit in &self.lamps {
             let weight = weight(&lit.lamp).to_array();
-            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flatten()) {
+            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flat_map(|of_patches| of_patches.iter())) {
                 (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
             }
         }

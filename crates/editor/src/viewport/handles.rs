@@ -16,6 +16,8 @@ use crate::theme;
 pub enum Grab {
     /// The picture itself.
     Picture,
+    /// A corner of the region to be shown, points.
+    Region(Pos2),
     /// A spot of a panel.
     Spot {
         /// Key of the panel.

@@ -25,7 +25,8 @@ const FORESHORTENED: f32 = 20.0;
 const AXIS_COLORS: [Color32; 3] =
     [Color32::from_rgb(226, 92, 84), Color32::from_rgb(118, 186, 92), Color32::from_rgb(88, 146, 232)];
 
-/// Draws the handles and does what is done to them. `picture` is the response of the picture behind them.
+/// Draws the handles and does what is done to them. `picture` is the response of the picture behind them. Answers whether a
+/// click was about them.
 pub fn lamps_ui(
     ui: &mut Ui,
     picture: &Response,
@@ -33,7 +34,7 @@ pub fn lamps_ui(
     lamps: &mut [FreeLamp],
     state: &mut LampState,
     actions: &mut Vec<Action>,
-) {
+) -> bool {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let mut touched = aim_by_click(ui, picture, sight, lamps, state);
     cancel(ui, lamps, state);
@@ -58,6 +59,8 @@ pub fn lamps_ui(
         touched |= body_ui(ui, &painter, (sight, picture), center, &lamp, state, actions);
     }
     if picture.clicked() && !touched && !state.aiming {
+        // With handles on the screen a click beside them puts them away, and that is all.
+        touched |= lamps.iter().any(|lamp| state.is_chosen(&lamp.key));
         state.chosen = None;
     }
     if picture.secondary_clicked() {
@@ -67,6 +70,7 @@ pub fn lamps_ui(
         let px = state.menu_at.map(|at| film_px(sight, at));
         ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
     });
+    touched || state.aiming
 }
 
 /// Pixels of the film at a place on the screen.

@@ -1,0 +1,217 @@
+//! The camera in hand: the present view, its preview, bookmarks, and what is remembered of how it is moved.
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use clerestory_transport::camera::{Camera, Film};
+use eframe::egui::{self, Context, TextureHandle, TextureOptions, Ui};
+use eframe::{CreationContext, Storage};
+
+use super::App;
+use crate::panels::camera::{CameraEdit, CameraView, camera_ui};
+use crate::session::preview::{PreviewOrder, Previewer};
+use crate::session::{Session, Source, Wake};
+use crate::viewport::flight::{FlightView, Habits, flight_ui, pivot_m};
+use crate::viewport::orbit::Flight;
+
+const HABITS_KEY: &str = "navigation";
+const BOOKMARKS_KEY: &str = "bookmarks";
+/// Distance to what is looked at where nothing is, meters.
+const FAR_M: f32 = 3.0;
+
+/// The camera, baked or not.
+pub(super) struct CameraDesk {
+    /// The present view; none before a scene is open.
+    pub camera: Option<Camera>,
+    /// Whether it is in hand.
+    pub is_moving: bool,
+    pivot_m: f32,
+    habits: Habits,
+    /// By scene.
+    bookmarks: BTreeMap<String, Vec<Camera>>,
+    previewer: Previewer,
+    texture: Option<TextureHandle>,
+    ordered: Option<(Camera, Film)>,
+}
+
+impl CameraDesk {
+    /// With what is remembered.
+    pub fn start(cc: &CreationContext<'_>, wake: Wake) -> Result<CameraDesk> {
+        Ok(CameraDesk {
+            camera: None,
+            is_moving: false,
+            pivot_m: FAR_M,
+            habits: cc.storage.and_then(|s| eframe::get_value(s, HABITS_KEY)).unwrap_or_default(),
+            bookmarks: cc.storage.and_then(|s| eframe::get_value(s, BOOKMARKS_KEY)).unwrap_or_default(),
+            previewer: Previewer::start(wake)?,
+            texture: None,
+            ordered: None,
+        })
+    }
+
+    pub fn save(&self, storage: &mut dyn Storage) {
+        eframe::set_value(storage, HABITS_KEY, &self.habits);
+        eframe::set_value(storage, BOOKMARKS_KEY, &self.bookmarks);
+    }
+
+    /// Takes in the newest preview, and orders one where the view is new.
+    fn follow(&mut self, ctx: &Context, session: &Session, film: Film) {
+        let Some(camera) = &self.camera else { return };
+        if let Some(preview) = self.previewer.take().filter(|_| self.ordered.is_some()) {
+            match &mut self.texture {
+                Some(texture) => texture.set(preview.image, TextureOptions::LINEAR),
+                slot => *slot = Some(ctx.load_texture("preview", preview.image, TextureOptions::LINEAR)),
+            }
+        }
+        let is_ordered = self.ordered.as_ref().is_some_and(|(of, size)| (of, *size) == (camera, film));
+        if let Some(scene) = session.lamp_scene().filter(|_| !is_ordered) {
+            self.previewer.order(PreviewOrder { scene: scene.clone(), camera: camera.clone(), film });
+            self.ordered = Some((camera.clone(), film));
+        }
+    }
+
+    /// Puts the camera down where a view is baked.
+    pub fn put_down(&mut self) {
+        (self.is_moving, self.ordered, self.texture) = (false, None, None);
+    }
+}
+
+/// Under which name bookmarks of what is open are kept.
+fn scene_key(session: &Session) -> String {
+    let Some(opened) = &session.opened else { return String::new() };
+    opened.path.as_ref().map_or_else(|| Source::BuiltIn.name(), |path| path.display().to_string())
+}
+
+impl App {
+    /// The camera that the picture is seen from, or will be.
+    pub fn camera(&self) -> Option<&Camera> {
+        self.camera.camera.as_ref()
+    }
+
+    /// Whether the present view is the one that is shown.
+    fn is_baked_view(&self) -> bool {
+        let shown = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
+        shown.is_some() && shown == self.camera()
+    }
+
+    /// A view whose bake is shown is the present one.
+    pub(super) fn adopt_view(&mut self) {
+        let shown = self.session.shown.as_ref().and_then(|shown| shown.camera.clone());
+        if self.camera.camera.is_none() || !self.camera.is_moving {
+            self.camera.camera = shown.or_else(|| self.camera.camera.take());
+        }
+    }
+
+    pub(super) fn move_camera(&mut self) {
+        if self.camera.camera.is_none() || self.session.lamp_scene().is_none() {
+            return self.complain("the camera can be moved once a scene is open");
+        }
+        self.camera.is_moving = true;
+        // Keys and handles of lamps rest meanwhile.
+        (self.lights.lamps.chosen, self.lights.lamps.aiming) = (None, false);
+        self.view.probes.picked = None;
+    }
+
+    /// Back to the view that is shown.
+    pub(super) fn leave_camera(&mut self) {
+        self.camera.put_down();
+        self.adopt_view();
+    }
+
+    /// Looks from somewhere: at once where that is baked, else with the camera in hand.
+    pub(super) fn look_from(&mut self, camera: Camera) {
+        if let (Some(id), false) = (self.session.view_of(&camera), self.camera.is_moving) {
+            self.session.show_view(id);
+            self.camera.camera = Some(camera);
+            return;
+        }
+        if let Some((scene, camera)) = self.session.lamp_scene().zip(Some(&camera)) {
+            self.camera.pivot_m = pivot_m(scene, camera).unwrap_or(FAR_M);
+        }
+        if self.fixed_settings.is_none() {
+            self.settings.film = Film::of_width(self.settings.film.width, &camera);
+        }
+        self.camera.camera = Some(camera);
+        self.move_camera();
+    }
+
+    pub(super) fn show_view(&mut self, id: u64) {
+        self.session.show_view(id);
+        self.camera.put_down();
+        self.adopt_view();
+    }
+
+    /// The camera takes the name of its bookmark.
+    pub(super) fn name_view(&mut self, name: String) {
+        if let Some(camera) = &mut self.camera.camera {
+            camera.name = name;
+        }
+    }
+
+    pub(super) fn camera_panel_ui(&mut self, ui: &mut Ui) {
+        let is_baked = self.is_baked_view();
+        let views = self.session.views();
+        let view = CameraView {
+            cameras: self.session.cameras(),
+            views: &views,
+            film: self.settings.film,
+            is_moving: self.camera.is_moving,
+            is_baked,
+        };
+        let desk = &mut self.camera;
+        let bookmarks = desk.bookmarks.entry(scene_key(&self.session)).or_default();
+        let before = desk.camera.clone();
+        let edit = CameraEdit { camera: desk.camera.as_mut(), bookmarks, habits: &mut desk.habits };
+        camera_ui(ui, &view, edit, &mut self.actions);
+        desk.bookmarks.retain(|_, kept| !kept.is_empty());
+        if desk.camera != before {
+            self.rename_view(before);
+            self.move_camera();
+        }
+    }
+
+    /// A camera that was moved is no longer the one of its name.
+    fn rename_view(&mut self, before: Option<Camera>) {
+        let known = |camera: &Camera| self.session.cameras().contains(camera) || self.session.view_of(camera).is_some();
+        let key = scene_key(&self.session);
+        let is_kept = |camera: &Camera| self.camera.bookmarks.get(&key).is_some_and(|kept| kept.contains(camera));
+        if !before.as_ref().is_some_and(|camera| known(camera) || is_kept(camera)) {
+            return;
+        }
+        let is_taken = |name: &str| {
+            self.session.cameras().iter().any(|camera| camera.name == name)
+                || self.session.views().iter().any(|view| view.name == name)
+        };
+        let name = (1..).map(|n| format!("View {n}")).find(|name| !is_taken(name)).expect("numbers do not end");
+        self.name_view(name);
+    }
+
+    /// The picture while the camera is in hand.
+    pub(super) fn flight_ui(&mut self, ui: &mut Ui) {
+        let film = self.settings.film;
+        self.camera.follow(ui.ctx(), &self.session, film);
+        let is_baked = self.is_baked_view();
+        let baked = self.follower.picture().filter(|_| is_baked).map(|(texture, _)| texture);
+        let (Some(camera), Some(scene)) = (self.camera.camera.clone(), self.session.lamp_scene()) else { return };
+        let preview = self.camera.texture.as_ref().map(TextureHandle::id);
+        let view = FlightView {
+            scene,
+            picture: baked.or(preview),
+            is_baked,
+            film,
+            habits: self.camera.habits,
+            is_baking: self.session.bake.is_running(),
+        };
+        let before = camera.clone();
+        let mut flight = Flight { camera, pivot_m: self.camera.pivot_m };
+        egui::CentralPanel::no_frame().show(ui, |ui| {
+            flight_ui(ui, &view, &self.view.zoom, &mut flight, &mut self.actions);
+        });
+        self.camera.pivot_m = flight.pivot_m;
+        if flight.camera != before {
+            self.camera.camera = Some(flight.camera);
+            self.rename_view(Some(before));
+            ui.ctx().request_repaint();
+        }
+    }
+}

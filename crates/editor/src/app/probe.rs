@@ -1,0 +1,61 @@
+//! What the picture is made of where somebody looks: read again whenever the place or the picture changed.
+
+use clerestory_transport::light::{LightRig, luminance};
+
+use super::follow::Follower;
+use clerestory_transport::camera::{Camera, Film};
+
+use crate::session::lamps::LampLight;
+use crate::session::{Session, Shown, shares};
+use crate::viewport::probe::{Probes, Reading, Readings};
+
+/// Reads the picture.
+#[derive(Default)]
+pub(super) struct Prober {
+    /// Of which picture, and where.
+    read: (u64, Probes),
+    readings: Readings,
+    /// What the probes are in.
+    view: Option<(Film, Option<Camera>)>,
+}
+
+impl Prober {
+    /// Probes of another view mean nothing.
+    pub fn heed_view(&mut self, shown: Option<&Shown>, probes: &mut Probes) {
+        let is_it = |(film, camera): &(Film, Option<Camera>)| {
+            shown.is_some_and(|shown| (shown.film(), &shown.camera) == (*film, camera))
+        };
+        if self.view.as_ref().is_none_or(|view| !is_it(view)) {
+            *probes = Probes::default();
+            self.view = shown.map(|shown| (shown.film(), shown.camera.clone()));
+        }
+    }
+
+    /// What is measured at some places of the picture that is shown.
+    pub fn read(&mut self, session: &Session, follower: &Follower, probes: &Probes) -> &Readings {
+        let asked = (follower.n_pictures(), probes.clone());
+        if self.read != asked {
+            self.readings = match (&session.shown, follower.rig()) {
+                (Some(shown), Some(rig)) => readings(shown, rig, follower.shown_lamp_light(shown), probes),
+                _ => Readings::default(),
+            };
+            self.read = asked;
+        }
+        &self.readings
+    }
+}
+
+fn readings(shown: &Shown, rig: &LightRig, light: Option<&LampLight>, probes: &Probes) -> Readings {
+    let read = |px: [u32; 2]| {
+        let pixel = [px[1] * shown.header.width + px[0]];
+        let shares = shown.shares(rig, light, &pixel)?;
+        let lux = shown.irradiance_at(rig, &pixel).map(luminance);
+        Some((Reading { px, radiance: shares::sum(&shares), lux }, shares))
+    };
+    let plain = |px: [u32; 2]| read(px).map(|(reading, _)| reading);
+    Readings {
+        hover: probes.hover.and_then(plain),
+        picked: probes.picked.and_then(read),
+        pins: probes.pins.iter().filter_map(|px| plain(*px)).collect(),
+    }
+}

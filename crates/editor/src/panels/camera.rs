@@ -1,0 +1,243 @@
+//! Where the picture is seen from: baked views, cameras of the file, bookmarks, and the numbers of the view.
+
+use clerestory_transport::camera::{Camera, Film, Pose};
+use eframe::egui::{self, Button, ComboBox, DragValue, Grid, RichText, TextEdit, Ui};
+
+use super::bake::bytes;
+use crate::action::Action;
+use crate::session::views::ViewEntry;
+use crate::viewport::flight::Habits;
+use crate::viewport::orbit::Navigation;
+
+/// What the section shows.
+pub struct CameraView<'a> {
+    /// Cameras of the file.
+    pub cameras: &'a [Camera],
+    /// Views that are baked.
+    pub views: &'a [ViewEntry],
+    /// Shape of the picture.
+    pub film: Film,
+    /// Whether the camera is in hand.
+    pub is_moving: bool,
+    /// Whether the present view is baked.
+    pub is_baked: bool,
+}
+
+/// What the section sets.
+pub struct CameraEdit<'a> {
+    /// The present view; none without a scene.
+    pub camera: Option<&'a mut Camera>,
+    /// Views to come back to.
+    pub bookmarks: &'a mut Vec<Camera>,
+    /// How the camera is moved.
+    pub habits: &'a mut Habits,
+}
+
+/// Width of the film that a focal length is told for, millimeters.
+const FILM_MM: f32 = 36.0;
+/// Field of view, degrees.
+const FOV_DEG: std::ops::RangeInclusive<f32> = 1.0..=170.0;
+
+/// Draws it.
+pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut Vec<Action>) {
+    egui::CollapsingHeader::new(RichText::new("Camera").heading().strong()).default_open(true).show(ui, |ui| {
+        let Some(camera) = edit.camera else {
+            ui.label(RichText::new("The views of a scene stand here once one is open").weak());
+            return;
+        };
+        mode_ui(ui, view, actions);
+        choice_ui(ui, view, camera, edit.bookmarks, actions);
+        views_ui(ui, view.views, actions);
+        egui::CollapsingHeader::new("Numbers").id_salt("view numbers").show(ui, |ui| numbers_ui(ui, camera, view.film));
+        egui::CollapsingHeader::new("Navigation").id_salt("habits").show(ui, |ui| habits_ui(ui, edit.habits));
+    });
+}
+
+/// Takes the camera in hand, and bakes what it sees.
+fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        let toggle = Button::new("Move camera").selected(view.is_moving);
+        if ui.add(toggle).on_hover_text("Look for another view in a quick preview, C").clicked() {
+            actions.push(if view.is_moving { Action::LeaveCamera } else { Action::MoveCamera });
+        }
+        let bake = ui.add_enabled(!view.is_baked, Button::new("Bake this view"));
+        let hint = "A new view needs a bake of its own; looks and lights stay as they are";
+        if bake.on_hover_text(hint).on_disabled_hover_text("This view is baked").clicked() {
+            actions.push(Action::StartBake);
+        }
+    });
+}
+
+/// Cameras of the file and bookmarks.
+fn choice_ui(
+    ui: &mut Ui,
+    view: &CameraView,
+    camera: &Camera,
+    bookmarks: &mut Vec<Camera>,
+    actions: &mut Vec<Action>,
+) {
+    ui.horizontal(|ui| {
+        let is_known = view.cameras.iter().chain(bookmarks.iter()).any(|known| known == camera);
+        let name = if is_known { camera.name.as_str() } else { "Free view" };
+        let combo = ComboBox::from_id_salt("cameras").width(ui.available_width() - 78.0).truncate().selected_text(name);
+        let response = combo.show_ui(ui, |ui| {
+            let known = view.cameras.iter().map(|camera| (camera, "")).chain(bookmarks.iter().map(|b| (b, "☆ ")));
+            for (known, mark) in known {
+                if ui.selectable_label(known == camera, format!("{mark}{}", known.name)).clicked() {
+                    actions.push(Action::LookFrom(Box::new(known.clone())));
+                }
+            }
+        });
+        response.response.on_hover_text("Cameras of the file, and bookmarks").accessible_name("View");
+        if ui.button("Bookmark").on_hover_text("Keep this view for this scene").clicked() {
+            let names = (1..).map(|n| format!("Bookmark {n}"));
+            let mut free = names.filter(|name| !bookmarks.iter().any(|other| other.name == *name));
+            let name = free.next().expect("numbers do not end");
+            bookmarks.push(Camera { name, ..camera.clone() });
+        }
+    });
+    if let Some(idx) = bookmarks.iter().position(|other| other == camera) {
+        ui.horizontal(|ui| {
+            let mut name = bookmarks[idx].name.clone();
+            let edit = TextEdit::singleline(&mut name).desired_width(ui.available_width() - 78.0);
+            if ui.add(edit).accessible_name("Name of the bookmark").changed() && !name.is_empty() {
+                bookmarks[idx].name.clone_from(&name);
+                actions.push(Action::NameView(name));
+            }
+            if ui.button("Remove").on_hover_text("Give this bookmark up").clicked() {
+                bookmarks.remove(idx);
+            }
+        });
+    }
+}
+
+/// Views that are baked: a click shows one at once.
+fn views_ui(ui: &mut Ui, views: &[ViewEntry], actions: &mut Vec<Action>) {
+    if views.len() < 2 {
+        return;
+    }
+    let total: usize = views.iter().filter_map(|view| view.bytes).sum();
+    ui.add_space(2.0);
+    ui.label(RichText::new(format!("{} baked views, {} in memory", views.len(), bytes(total))).weak());
+    for view in views {
+        ui.horizontal(|ui| {
+            let size = format!("{} × {}", view.film.width, view.film.height);
+            let figures = match (view.is_baking, view.error_db) {
+                (true, _) => "baking".into(),
+                (_, Some(db)) => format!("{db:.1} dB"),
+                (_, None) => "stopped".into(),
+            };
+            let row = ui.selectable_label(view.is_shown, &view.name);
+            let hint = view.bytes.map_or(size.clone(), |n| format!("{size}, {} in memory", bytes(n)));
+            if row.on_hover_text(hint).accessible_name(format!("Show view {}", view.name)).clicked() {
+                actions.push(Action::ShowView(view.id));
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                let can_go = !view.is_shown && !view.is_baking;
+                let close = ui.add_enabled(can_go, Button::new("×").small());
+                if close.on_hover_text("Free its memory").accessible_name(format!("Forget view {}", view.name)).clicked()
+                {
+                    actions.push(Action::ForgetView(view.id));
+                }
+                ui.label(RichText::new(format!("{size}, {figures}")).weak());
+            });
+        });
+    }
+}
+
+/// Position, angles, lens and shift.
+fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
+    let before = Pose::of(camera);
+    let mut pose = before;
+    Grid::new("view numbers").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
+        ui.label("Position");
+        ui.horizontal(|ui| {
+            let axes = [("X", &mut pose.position.x), ("Y", &mut pose.position.y), ("Z", &mut pose.position.z)];
+            for (axis, meters) in axes {
+                let number = DragValue::new(meters).speed(0.02).max_decimals(2);
+                ui.add(number).on_hover_text(format!("{axis} in meters")).accessible_name(format!("Camera {axis}"));
+            }
+        });
+        ui.end_row();
+        let angles = [
+            ("Yaw", &mut pose.yaw_rad, "0° looks along −Z, 90° along +X", -360.0..=360.0),
+            ("Pitch", &mut pose.pitch_rad, "Above the horizon", -90.0..=90.0),
+            ("Roll", &mut pose.roll_rad, "Leaning to the left", -180.0..=180.0),
+        ];
+        for (name, radians, hint, range) in angles {
+            ui.label(name);
+            degrees_ui(ui, radians, range).on_hover_text(hint).accessible_name(name);
+            ui.end_row();
+        }
+        lens_ui(ui, camera, film);
+        ui.label("Shift");
+        ui.horizontal(|ui| {
+            for (axis, idx, hint) in [("Shift X", 0, "To the right"), ("Shift Y", 1, "Up")] {
+                let range = -Camera::MOST_SHIFT..=Camera::MOST_SHIFT;
+                let number = DragValue::new(&mut camera.shift[idx]).speed(0.002).range(range).max_decimals(3);
+                let hint = format!("{hint}, in {} of the picture", ["widths", "heights"][idx]);
+                ui.add(number).on_hover_text(hint).accessible_name(axis);
+            }
+        });
+        ui.end_row();
+    });
+    if pose != before {
+        *camera = camera.posed(&pose);
+    }
+    ui.horizontal(|ui| {
+        let hint = "Levels the camera and shifts the lens instead, so that vertical edges are vertical in the picture";
+        if ui.button("Straighten verticals").on_hover_text(hint).clicked() {
+            *camera = camera.upright();
+        }
+        let hint = "Copies this view as options of the command line";
+        if ui.button("Copy as options").on_hover_text(hint).clicked() {
+            ui.ctx().copy_text(option_words(camera));
+        }
+    });
+}
+
+fn degrees_ui(ui: &mut Ui, radians: &mut f32, range: std::ops::RangeInclusive<f32>) -> egui::Response {
+    let mut degrees = radians.to_degrees();
+    let response = ui.add(DragValue::new(&mut degrees).speed(0.2).range(range).max_decimals(2).suffix("°"));
+    if response.changed() {
+        *radians = degrees.to_radians();
+    }
+    response
+}
+
+/// The angle of view, and the focal length that makes it.
+fn lens_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
+    ui.label("Field of view");
+    degrees_ui(ui, &mut camera.yfov_rad, FOV_DEG).on_hover_text("From top to bottom").accessible_name("Field of view");
+    ui.end_row();
+    ui.label("Focal length");
+    let aspect = film.width as f32 / film.height as f32;
+    let mut focal_mm = 0.5 * FILM_MM / ((0.5 * camera.yfov_rad).tan() * aspect);
+    let number = DragValue::new(&mut focal_mm).speed(0.1).range(2.0..=2000.0).max_decimals(1).suffix(" mm");
+    let response = ui.add(number).on_hover_text("On film 36 mm wide").accessible_name("Focal length");
+    if response.changed() {
+        camera.yfov_rad = 2.0 * (0.5 * FILM_MM / (focal_mm * aspect)).atan();
+    }
+    ui.end_row();
+}
+
+/// How the camera is moved; remembered from one session to the next.
+fn habits_ui(ui: &mut Ui, habits: &mut Habits) {
+    for (navigation, name, hint) in Navigation::ALL {
+        ui.radio_value(&mut habits.navigation, navigation, name).on_hover_text(hint);
+    }
+    let hint = "W, A, S and D walk, E and Q go up and down, Shift runs";
+    ui.checkbox(&mut habits.walks, "Walk with W A S D").on_hover_text(hint);
+}
+
+/// The view as the command line takes it.
+pub fn option_words(camera: &Camera) -> String {
+    let Pose { position, yaw_rad, pitch_rad, roll_rad } = Pose::of(camera);
+    let angles = [yaw_rad, pitch_rad, camera.yfov_rad, roll_rad].map(f32::to_degrees);
+    let numbers: Vec<String> = position.to_array().into_iter().chain(angles).map(|n| format!("{n:.4}")).collect();
+    let view = format!("--view={}", numbers.join(","));
+    match camera.shift {
+        [0.0, 0.0] => view,
+        [x, y] => format!("{view} --shift={x:.5},{y:.5}"),
+    }
+}

@@ -1,0 +1,109 @@
+//! Orders to a thread of its own, and its answers: the newest counts, nobody waits for the window.
+
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use super::Wake;
+
+/// What lies in a mailbox.
+pub(super) struct Mail<O, A> {
+    pub order: Option<O>,
+    pub answer: Option<A>,
+    pub closed: bool,
+}
+
+/// Where orders and answers are left.
+pub(super) struct Mailbox<O, A> {
+    mail: Mutex<Mail<O, A>>,
+    posted: Condvar,
+    wake: Wake,
+}
+
+/// What to do without a new order.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Idle {
+    /// Wait for one.
+    Sleep,
+    /// Go on with what is at hand.
+    GoOn,
+}
+
+impl<O, A> Mailbox<O, A> {
+    pub fn lock(&self) -> MutexGuard<'_, Mail<O, A>> {
+        // Mail is replaced as a whole, so it is sound even after a panic elsewhere.
+        self.mail.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The next order; waits for one where there is nothing to go on with. `None` where nobody wants any more.
+    pub fn next(&self, idle: Idle) -> Option<Option<O>> {
+        let mut mail = self.lock();
+        loop {
+            if mail.closed {
+                return None;
+            }
+            if mail.order.is_some() || idle == Idle::GoOn {
+                return Some(mail.order.take());
+            }
+            mail = self.posted.wait(mail).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// Leaves an answer and has the window look at it.
+    pub fn answer(&self, answer: A) {
+        self.lock().answer = Some(answer);
+        (self.wake)(Duration::ZERO);
+    }
+
+    /// Whether the order at hand is stale: a newer one waits, or nobody wants any more.
+    pub fn is_stale(&self) -> bool {
+        let mail = self.lock();
+        mail.closed || mail.order.is_some()
+    }
+}
+
+/// A thread with a mailbox; it ends when this is dropped.
+pub(super) struct Clerk<O, A> {
+    mailbox: Arc<Mailbox<O, A>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl<O: Send + 'static, A: Send + 'static> Clerk<O, A> {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub fn start(name: &str, wake: Wake, work: impl FnOnce(&Mailbox<O, A>) + Send + 'static) -> std::io::Result<Self> {
+        let mail = Mutex::new(Mail { order: None, answer: None, closed: false });
+        let mailbox = Arc::new(Mailbox { mail, posted: Condvar::new(), wake });
+        let own = mailbox.clone();
+        let thread = std::thread::Builder::new().name(name.into()).spawn(move || work(&own))?;
+        Ok(Clerk { mailbox, thread: Some(thread) })
+    }
+}
+
+impl<O, A> Clerk<O, A> {
+    /// Leaves an order, made of the one that was not begun yet, if any.
+    pub fn order(&self, make: impl FnOnce(Option<O>) -> O) {
+        let mut mail = self.mailbox.lock();
+        let older = mail.order.take();
+        mail.order = Some(make(older));
+        self.mailbox.posted.notify_one();
+    }
+
+    /// The newest answer, once.
+    pub fn take(&self) -> Option<A> {
+        self.mailbox.lock().answer.take()
+    }
+}
+
+impl<O, A> Drop for Clerk<O, A> {
+    fn drop(&mut self) {
+        self.mailbox.lock().closed = true;
+        self.mailbox.posted.notify_one();
+        if let Some(thread) = self.thread.take() {
+            // A worker that panicked has said so on its own; there is nothing left to do here.
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! What each light brings to some pixels of the picture: rows of the matrix times the coefficients of its columns.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use clerestory_nystrom::BlockLowRank;
+use clerestory_relight::mean_row;
+use clerestory_relight::rows::place;
+use clerestory_transport::light::{LightRig, luminance};
+use clerestory_transport::sky::Backdrop;
+use glam::Vec3;
+
+use super::Shown;
+use super::lamps::{LampLight, LampPart};
+
+/// What a light brings to some pixels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Share {
+    /// Key of the light.
+    pub key: String,
+    /// Its part of the mean radiance, nit per channel.
+    pub radiance: Vec3,
+}
+
+impl Share {
+    /// Luminance in cd/m².
+    pub fn luminance(&self) -> f32 {
+        luminance(self.radiance)
+    }
+}
+
+/// The mean radiance that some shares make together, nit per channel.
+pub fn sum(shares: &[Share]) -> Vec3 {
+    shares.iter().map(|share| share.radiance).sum()
+}
+
+impl Shown {
+    /// What each light brings to the mean over some pixels under a rig and the light of its free lamps, the brightest first;
+    /// `None` where these pixels are not baked yet. Together they are the picture, unlit surfaces included.
+    pub fn shares(&self, rig: &LightRig, light: Option<&LampLight>, pixels: &[u32]) -> Option<Vec<Share>> {
+        let basis = &self.header.basis;
+        let row: Vec<[f32; 3]> = mean_row(&self.lit_groups(rig, pixels), pixels)?.into_iter().flatten().collect();
+        let coefficients: Vec<[f32; 3]> = self.header.coefficients(rig).into_iter().flatten().collect();
+        let brought = |column: usize, x: Vec3| Vec3::from(row[column]) * x;
+        let mut shares: Vec<Share> = basis
+            .sources
+            .iter()
+            .map(|source| {
+                let columns = source.columns.clone().map(|column| column as usize);
+                let radiance = columns.map(|column| brought(column, Vec3::from(coefficients[column]))).sum();
+                Share { key: source.key.clone(), radiance }
+            })
+            .collect();
+        let first_patch = basis.patch_columns().map_or(row.len(), |columns| columns.start as usize);
+        shares.extend(light.into_iter().flat_map(|light| &light.parts).map(|part| {
+            let direct: Vec3 = pixels.iter().map(|pixel| part.direct(*pixel)).sum::<Vec3>() / pixels.len() as f32;
+            let columns = first_patch..row.len();
+            let indirect: Vec3 = columns.zip(LampPart::of_patches(part)).map(|(column, x)| brought(column, x)).sum();
+            Share { key: part.key.clone(), radiance: direct + indirect }
+        }));
+        shares.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
+        Some(shares)
+    }
+
+    /// Mean irradiance over some pixels under a rig, lux per channel, without free lamps; `None` where it is not baked.
+    pub fn irradiance_at(&self, rig: &LightRig, pixels: &[u32]) -> Option<Vec3> {
+        let set = self.pixel_irradiance()?;
+        let row = mean_row(&self.irradiance[set], pixels)?;
+        let coefficients = self.header.irradiance_coefficients(set, rig);
+        let terms = row.iter().flatten().zip(coefficients.iter().flatten());
+        Some(terms.map(|(row, x)| Vec3::from(*row) * Vec3::from(*x)).sum())
+    }
+
+    /// The matrices of the picture as they are lit: where some pixels see the sky, its map stands in their blocks.
+    fn lit_groups(&self, rig: &LightRig, pixels: &[u32]) -> Vec<Cow<'_, BlockLowRank>> {
+        let mut groups: Vec<Cow<BlockLowRank>> = self.frame.groups.iter().map(Cow::Borrowed).collect();
+        if let Some(backdrop) = Backdrop::new(&self.header, rig) {
+            let group = groups[backdrop.group].to_mut();
+            let mut blocks: Vec<usize> =
+                pixels.iter().filter_map(|pixel| Some(place(&group.partition, *pixel)?.0)).collect();
+            blocks.sort_unstable();
+            blocks.dedup();
+            let mut bundles = Vec::new();
+            for block_idx in blocks {
+                group.partition.bundles(block_idx, &mut bundles);
+                if let Some(block) = &mut group.blocks[block_idx] {
+                    *block = Arc::new(backdrop.lit(block, &bundles));
+                }
+            }
+        }
+        groups
+    }
+}

@@ -1,0 +1,155 @@
+//! The camera in hand: a quick picture of what it would see, and the gestures that move it.
+
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::prepared::PreparedScene;
+use eframe::egui::{
+    self, Button, Color32, CursorIcon, Key, PointerButton, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
+};
+
+use super::gizmo::surface_along;
+use super::orbit::{Flight, Navigation};
+use super::zoom::Zoom;
+use crate::action::Action;
+use crate::theme;
+
+/// Share of the scene's diameter that one walks in a second.
+const WALK_PER_SEC: f32 = 0.12;
+/// How much faster with Shift.
+const RUN: f32 = 3.0;
+/// Zoom of a pinch or of Ctrl and the wheel is that of the camera's distance.
+const KEYS: [(Key, [f32; 3]); 6] = [
+    (Key::D, [1.0, 0.0, 0.0]),
+    (Key::A, [-1.0, 0.0, 0.0]),
+    (Key::E, [0.0, 1.0, 0.0]),
+    (Key::Q, [0.0, -1.0, 0.0]),
+    (Key::W, [0.0, 0.0, 1.0]),
+    (Key::S, [0.0, 0.0, -1.0]),
+];
+
+/// How the camera is moved; remembered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Habits {
+    /// Whose gestures.
+    pub navigation: Navigation,
+    /// Whether W, A, S and D walk.
+    pub walks: bool,
+}
+
+/// What is shown of a camera in hand.
+pub struct FlightView<'a> {
+    /// The scene.
+    pub scene: &'a PreparedScene,
+    /// What the camera sees: the quick picture, or the baked one where it is of this camera.
+    pub picture: Option<TextureId>,
+    /// Whether it is the baked one.
+    pub is_baked: bool,
+    /// Shape of the picture to bake.
+    pub film: Film,
+    /// How it is moved.
+    pub habits: Habits,
+    /// Whether a bake runs.
+    pub is_baking: bool,
+}
+
+/// Draws it and moves the camera.
+pub fn flight_ui(ui: &mut Ui, view: &FlightView, zoom: &Zoom, flight: &mut Flight, actions: &mut Vec<Action>) {
+    let area = ui.available_rect_before_wrap();
+    let response = ui.allocate_rect(area, Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "View of the camera"));
+    let size = vec2(view.film.width as f32, view.film.height as f32);
+    let image = zoom.image_rect(area, size);
+    let painter = ui.painter_at(area);
+    painter.rect_filled(area, 0.0, theme::SURROUND);
+    if let Some(picture) = view.picture {
+        painter.image(picture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    }
+    painter.rect_stroke(image, 0.0, egui::Stroke::new(2.0, theme::ACCENT), egui::StrokeKind::Outside);
+    drags(ui, &response, view, flight, image.height());
+    scrolls(ui, &response, view, flight, image.height());
+    if view.habits.walks {
+        walk(ui, view.scene, flight);
+    }
+    if !ui.text_edit_focused() && ui.input(|input| input.key_pressed(Key::Escape)) {
+        actions.push(Action::LeaveCamera);
+    }
+    banner_ui(ui, area, view, actions);
+}
+
+fn drags(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight, height: f32) {
+    if response.drag_started() {
+        flight.pivot_m = pivot_m(view.scene, &flight.camera).unwrap_or(flight.pivot_m);
+    }
+    let keys = ui.input(|input| input.modifiers);
+    for button in [PointerButton::Primary, PointerButton::Middle, PointerButton::Secondary] {
+        let turn = view.habits.navigation.of_drag(button, keys);
+        if let Some(turn) = turn.filter(|_| response.dragged_by(button) && response.drag_delta() != egui::Vec2::ZERO) {
+            flight.moved(turn, response.drag_delta(), height);
+            ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+        }
+    }
+}
+
+fn scrolls(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight, height: f32) {
+    if !response.hovered() {
+        return;
+    }
+    let (scroll, pinch, keys) =
+        ui.input(|input| (input.smooth_scroll_delta(), input.zoom_delta(), input.modifiers));
+    if scroll != egui::Vec2::ZERO {
+        flight.moved(view.habits.navigation.of_scroll(keys), scroll, height);
+    }
+    if pinch != 1.0 {
+        flight.dolly(1.0 / pinch);
+    }
+}
+
+fn walk(ui: &Ui, scene: &PreparedScene, flight: &mut Flight) {
+    if ui.text_edit_focused() {
+        return;
+    }
+    let (held, dt, runs) = ui.input(|input| {
+        let held = KEYS.iter().filter(|(key, _)| input.key_down(*key) && !input.modifiers.command);
+        let sum = held.fold([0.0f32; 3], |sum, (_, step)| [sum[0] + step[0], sum[1] + step[1], sum[2] + step[2]]);
+        (sum, input.stable_dt.min(0.1), input.modifiers.shift)
+    });
+    if held != [0.0; 3] {
+        let step = WALK_PER_SEC * scene.diameter() * dt * if runs { RUN } else { 1.0 };
+        flight.walk(held.map(|way| way * step));
+        ui.ctx().request_repaint();
+    }
+}
+
+/// Distance along the axis to what is in the middle of the view.
+pub fn pivot_m(scene: &PreparedScene, camera: &Camera) -> Option<f32> {
+    let forward = -camera.world_from_camera.z_axis.truncate();
+    let surface = surface_along(scene, camera.position(), forward)?;
+    Some(surface.position.distance(camera.position())).filter(|distance| *distance > 1e-3)
+}
+
+/// Says plainly what is seen, and what to do about it.
+fn banner_ui(ui: &mut Ui, area: Rect, view: &FlightView, actions: &mut Vec<Action>) {
+    let words = match (view.is_baked, view.is_baking) {
+        (true, _) => "Camera: drag to turn, Shift + drag to move, wheel to come nearer",
+        (false, true) => "Preview of a new view. A bake is running; baking this view ends it",
+        (false, false) => "Preview of a new view. Its light needs a new bake",
+    };
+    let place = Rect::from_center_size(area.center_top() + vec2(0.0, 30.0), vec2(area.width().min(640.0), 40.0));
+    let builder = egui::UiBuilder::new().max_rect(place).layout(egui::Layout::top_down(egui::Align::Center));
+    ui.scope_builder(builder, |ui| {
+        egui::Frame::window(ui.style()).inner_margin(egui::Margin::symmetric(12, 6)).show(ui, |ui| {
+            ui.horizontal(|ui| {
+                ui.label(RichText::new(words).strong());
+                if !view.is_baked {
+                    let bake = Button::new(RichText::new("Bake this view").color(theme::ON_ACCENT)).fill(theme::ACCENT);
+                    if ui.add(bake).on_hover_text("Looks and lights stay as they are").clicked() {
+                        actions.push(Action::StartBake);
+                    }
+                }
+                let back = if view.is_baked { "Done" } else { "Back" };
+                if ui.button(back).on_hover_text("Esc, to the baked picture").clicked() {
+                    actions.push(Action::LeaveCamera);
+                }
+            });
+        });
+    });
+}

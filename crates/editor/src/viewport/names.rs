@@ -1,0 +1,88 @@
+//! Lights of the file in the picture: marks where its lamps hang, and the name of what shines under the pointer.
+
+use clerestory_transport::basis::{LightSource, SourceKind};
+use clerestory_transport::bvh::Ray;
+use clerestory_transport::emitters::{Emitter, Lighting};
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sampler::Sampler;
+use eframe::egui::{self, Color32, CursorIcon, Id, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2};
+use glam::Vec3;
+
+use super::gizmo::Sight;
+use super::lamps::hint;
+use crate::theme;
+
+/// Half a side of what is taken hold of, points.
+const REACH: f32 = 7.0;
+/// Radius of a mark, points.
+const RADIUS: f32 = 4.0;
+/// Share of the light of a lamp behind glass that must come through for its mark to be seen.
+const SEEN: f32 = 0.05;
+
+/// Draws a mark where each lamp of the file is seen while the pointer is in the picture; a click on one chooses it.
+/// Answers whether one is under the pointer.
+pub fn marks_ui(ui: &Ui, picture: &Response, sight: &Sight, chosen: &mut Option<String>) -> bool {
+    let painter = ui.painter_at(picture.rect.intersect(sight.image));
+    let is_near = ui.input(|input| input.pointer.hover_pos()).is_some_and(|at| picture.rect.contains(at));
+    let mut touched = false;
+    for (source, position) in lamps(sight.scene) {
+        let is_chosen = chosen.as_deref() == Some(&source.key);
+        if !is_near && !is_chosen {
+            continue;
+        }
+        let seen = sight.seen_at(position).filter(|at| painter.clip_rect().contains(*at));
+        let Some(at) = seen.filter(|_| is_seen(sight, position)) else { continue };
+        let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
+        let response = ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click());
+        response.widget_info(|| {
+            egui::WidgetInfo::labeled(egui::Role::Button, true, format!("{} in the picture", source.key))
+        });
+        let strength = if response.hovered() || is_chosen { 1.0 } else { 0.55 };
+        let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
+        painter.circle_stroke(at, RADIUS, Stroke::new(3.0, Color32::from_black_alpha(110)));
+        painter.circle_stroke(at, RADIUS, Stroke::new(1.4, color.gamma_multiply(strength)));
+        if response.hovered() {
+            ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
+            hint(ui, picture.rect, &format!("{}, click to choose it", source.key));
+        }
+        if response.clicked() {
+            *chosen = Some(source.key.clone());
+        }
+        touched |= response.hovered() || response.clicked();
+    }
+    touched
+}
+
+/// Says the name of the shining surface under the pointer. Panels say more, elsewhere.
+pub fn surface_hint(ui: &Ui, picture: &Response, sight: &Sight) {
+    let pointer = picture.hover_pos().filter(|at| sight.image.contains(*at));
+    let Some(source) = pointer.and_then(|at| shining_at(sight, at)) else { return };
+    if !matches!(source.kind, SourceKind::Panel { .. } | SourceKind::Constant) {
+        hint(ui, picture.rect, &format!("{}, click to see what lights this", source.key));
+    }
+}
+
+/// The light whose surface is seen at a place on the screen.
+pub fn shining_at<'a>(sight: &Sight<'a>, at: Pos2) -> Option<&'a LightSource> {
+    let ray = Ray { origin: sight.camera.position(), direction: sight.direction(at), t_min: 0.0, t_max: f32::INFINITY };
+    let hit = sight.scene.closest(&ray, &mut Sampler::new(0, 0, 0))?;
+    let lighting = &sight.scene.lighting;
+    let source = lighting.triangle_source[hit.triangle as usize];
+    (source != Lighting::NONE).then(|| &lighting.basis.sources[source as usize])
+}
+
+/// Lamps of the file that hang somewhere.
+fn lamps(scene: &PreparedScene) -> impl Iterator<Item = (&LightSource, Vec3)> {
+    let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
+    lights.filter_map(|(source, emitter)| match (emitter, source.kind) {
+        (Emitter::Punctual(light), SourceKind::Point | SourceKind::Spot) => Some((source, light.position)),
+        _ => None,
+    })
+}
+
+/// Whether nothing hides a point. Lamps often hang a hair behind the surface of their own housing.
+fn is_seen(sight: &Sight, point: Vec3) -> bool {
+    let eye = sight.camera.position();
+    let near = point + (eye - point).clamp_length_max(0.15);
+    sight.scene.transmittance(eye, near).max_element() > SEEN
+}

@@ -1,0 +1,203 @@
+//! A camera that is moved by hand: around a point, across the view, nearer, and on foot. Mathematics without a window.
+
+use clerestory_transport::camera::{Camera, Pose};
+use eframe::egui::{Modifiers, PointerButton, Vec2 as Travel};
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// What a gesture does to the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Turn {
+    /// Around the point that it looks at.
+    Orbit,
+    /// Across the view.
+    Pan,
+    /// Nearer or farther.
+    Dolly,
+}
+
+/// Whose habits the gestures follow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Navigation {
+    /// The middle button turns, with Shift it moves, with Ctrl and with the wheel it comes nearer.
+    #[default]
+    Blender,
+    /// With Alt the left button turns, the middle one moves, the right one comes nearer.
+    AltMouse,
+    /// Two fingers turn, with Shift they move, with Ctrl or apart they come nearer.
+    Trackpad,
+}
+
+impl Navigation {
+    /// All of them, with their names and what they mean.
+    pub const ALL: [(Navigation, &'static str, &'static str); 3] = [
+        (Navigation::Blender, "Blender", "Middle drag turns, with Shift it moves; the wheel comes nearer"),
+        (Navigation::AltMouse, "Alt + mouse", "Alt + left drag turns, Alt + middle drag moves, Alt + right drag comes nearer"),
+        (Navigation::Trackpad, "Trackpad", "Two fingers turn, with Shift they move; a pinch comes nearer"),
+    ];
+
+    /// What a drag with a button means. Without keys the left one turns in all of them, so that nobody needs a middle one.
+    pub fn of_drag(self, button: PointerButton, keys: Modifiers) -> Option<Turn> {
+        match (self, button) {
+            (Navigation::AltMouse, PointerButton::Middle) if keys.alt => Some(Turn::Pan),
+            (Navigation::AltMouse, PointerButton::Secondary) if keys.alt => Some(Turn::Dolly),
+            (_, PointerButton::Middle) if keys.command => Some(Turn::Dolly),
+            (_, PointerButton::Primary | PointerButton::Middle) if keys.shift => Some(Turn::Pan),
+            (_, PointerButton::Primary | PointerButton::Middle) => Some(Turn::Orbit),
+            _ => None,
+        }
+    }
+
+    /// What scrolling means.
+    pub fn of_scroll(self, keys: Modifiers) -> Turn {
+        match self {
+            Navigation::Trackpad if keys.shift => Turn::Pan,
+            Navigation::Trackpad => Turn::Orbit,
+            _ => Turn::Dolly,
+        }
+    }
+}
+
+/// Radians per point of a drag.
+const TURN_PER_POINT: f32 = 0.006;
+/// Nearer, per point.
+const DOLLY_PER_POINT: f32 = 0.005;
+/// Steepest pitch, radians: at the pole left and right would change sides.
+const STEEPEST: f32 = 1.55;
+/// Distance to what is looked at below which one goes on through it, meters.
+const NEAREST_M: f32 = 0.5;
+
+/// A camera, and how far the point is that it turns around.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flight {
+    /// Where it is.
+    pub camera: Camera,
+    /// Meters along its axis.
+    pub pivot_m: f32,
+}
+
+impl Flight {
+    /// Unit direction of the axis.
+    pub fn forward(&self) -> Vec3 {
+        -self.camera.world_from_camera.z_axis.truncate()
+    }
+
+    fn pivot(&self) -> Vec3 {
+        self.camera.position() + self.forward() * self.pivot_m
+    }
+
+    /// Moves by a drag or by scrolling over so many points, in a picture so many points high.
+    pub fn moved(&mut self, turn: Turn, travel: Travel, height: f32) {
+        match turn {
+            Turn::Orbit => self.orbit(travel),
+            Turn::Pan => self.pan(travel, height),
+            Turn::Dolly => self.dolly((-DOLLY_PER_POINT * travel.y).exp()),
+        }
+    }
+
+    fn orbit(&mut self, travel: Travel) {
+        let (pivot, pose) = (self.pivot(), Pose::of(&self.camera));
+        let (yaw_rad, pitch) =
+            (pose.yaw_rad - TURN_PER_POINT * travel.x, pose.pitch_rad - TURN_PER_POINT * travel.y);
+        // A camera that already looks more steeply may come back, not go on.
+        let most = STEEPEST.max(pose.pitch_rad.abs());
+        let turned = self.camera.posed(&Pose { yaw_rad, pitch_rad: pitch.clamp(-most, most), ..pose });
+        let forward = -turned.world_from_camera.z_axis.truncate();
+        self.camera = turned;
+        self.stand_at(pivot - forward * self.pivot_m);
+    }
+
+    fn pan(&mut self, travel: Travel, height: f32) {
+        let meters_per_point = 2.0 * self.pivot_m * (0.5 * self.camera.yfov_rad).tan() / height.max(1.0);
+        let [right, up] = [self.camera.world_from_camera.x_axis, self.camera.world_from_camera.y_axis];
+        let step = (up.truncate() * travel.y - right.truncate() * travel.x) * meters_per_point;
+        self.stand_at(self.camera.position() + step);
+    }
+
+    /// Comes nearer by a factor of the distance below 1, goes away by one above.
+    pub fn dolly(&mut self, factor: f32) {
+        let step = self.pivot_m.max(NEAREST_M) * (1.0 - factor);
+        self.stand_at(self.camera.position() + self.forward() * step);
+        self.pivot_m = (self.pivot_m - step).max(NEAREST_M);
+    }
+
+    /// Goes right, up and ahead by so many meters, up being that of the world.
+    pub fn walk(&mut self, [right, up, ahead]: [f32; 3]) {
+        let axis = self.camera.world_from_camera.x_axis.truncate();
+        self.stand_at(self.camera.position() + axis * right + Vec3::Y * up + self.forward() * ahead);
+    }
+
+    fn stand_at(&mut self, position: Vec3) {
+        if position.is_finite() {
+            self.camera.world_from_camera.w_axis = position.extend(1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::camera::Film;
+    use eframe::egui::vec2;
+
+    use super::*;
+
+    const FILM: Film = Film { width: 160, height: 120 };
+
+    fn flight() -> Flight {
+        let camera = Camera::look_at("c", Vec3::new(1.0, 1.5, 4.0), Vec3::new(0.0, 1.0, 0.0), 0.9, 4.0 / 3.0);
+        Flight { camera, pivot_m: 4.0 }
+    }
+
+    #[test]
+    fn what_is_turned_around_stays_in_the_middle_at_its_distance() {
+        let mut flight = flight();
+        let pivot = flight.pivot();
+        flight.moved(Turn::Orbit, vec2(90.0, -40.0), 600.0);
+        assert!((flight.camera.position().distance(pivot) - 4.0).abs() < 1e-4);
+        let seen = flight.camera.project(FILM, pivot).unwrap();
+        assert!((seen - glam::Vec2::new(80.0, 60.0)).length() < 1e-2, "{seen}");
+        // Drawn to the right, the camera goes to the left around it; it never goes over the pole.
+        assert!(Pose::of(&flight.camera).yaw_rad < Pose::of(&super::tests::flight().camera).yaw_rad);
+        flight.moved(Turn::Orbit, vec2(0.0, -9000.0), 600.0);
+        assert!((Pose::of(&flight.camera).pitch_rad - STEEPEST).abs() < 1e-3);
+    }
+
+    #[test]
+    fn what_is_moved_across_stays_under_the_pointer() {
+        let mut flight = flight();
+        let pivot = flight.pivot();
+        let before = flight.camera.project(FILM, pivot).unwrap();
+        flight.moved(Turn::Pan, vec2(12.0, 7.0), FILM.height as f32);
+        let after = flight.camera.project(FILM, pivot).unwrap();
+        assert!((after - before - glam::Vec2::new(12.0, 7.0)).length() < 1e-2, "{before} {after}");
+    }
+
+    #[test]
+    fn coming_nearer_halves_the_distance_and_goes_on_through() {
+        let mut flight = flight();
+        let pivot = flight.pivot();
+        flight.dolly(0.5);
+        assert!((flight.camera.position().distance(pivot) - 2.0).abs() < 1e-4 && (flight.pivot_m - 2.0).abs() < 1e-4);
+        for _ in 0..40 {
+            flight.dolly(0.5);
+        }
+        assert!((pivot - flight.camera.position()).dot(flight.forward()) < 0.0, "it has passed");
+        assert_eq!(flight.pivot_m, NEAREST_M);
+    }
+
+    #[test]
+    fn each_habit_has_its_gestures() {
+        let (none, alt, shift) = (Modifiers::NONE, Modifiers::ALT, Modifiers::SHIFT);
+        let blender = Navigation::Blender;
+        assert_eq!(blender.of_drag(PointerButton::Middle, none), Some(Turn::Orbit));
+        assert_eq!(blender.of_drag(PointerButton::Middle, shift), Some(Turn::Pan));
+        assert_eq!(blender.of_drag(PointerButton::Middle, Modifiers::COMMAND), Some(Turn::Dolly));
+        assert_eq!(blender.of_drag(PointerButton::Secondary, none), None);
+        let maya = Navigation::AltMouse;
+        let all = [PointerButton::Primary, PointerButton::Middle, PointerButton::Secondary];
+        assert_eq!(all.map(|button| maya.of_drag(button, alt)), [Turn::Orbit, Turn::Pan, Turn::Dolly].map(Some));
+        assert_eq!(Navigation::Trackpad.of_scroll(none), Turn::Orbit);
+        assert_eq!(Navigation::Trackpad.of_scroll(shift), Turn::Pan);
+        assert_eq!(blender.of_scroll(none), Turn::Dolly);
+    }
+}

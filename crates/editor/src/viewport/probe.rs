@@ -1,0 +1,302 @@
+//! What is measured in the picture: under the pointer, at pinned probes, and light by light where somebody clicked.
+
+use clerestory_transport::light::luminance;
+use eframe::egui::{
+    self, Align2, Area, Color32, FontId, Frame, Id, Key, Order, Pos2, Rect, Response, RichText, Sense, Stroke, Ui,
+    Vec2, pos2, vec2,
+};
+use glam::Vec3;
+
+use crate::legend::number_words;
+use crate::panels::color::swatch_color;
+use crate::panels::lights::LightsState;
+use crate::session::shares::{Share, sum};
+use crate::theme;
+
+/// Where is measured: pixels of the picture, counted from its top left corner.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Probes {
+    /// Under the pointer.
+    pub hover: Option<[u32; 2]>,
+    /// Where the light is told apart.
+    pub picked: Option<[u32; 2]>,
+    /// Where it stays.
+    pub pins: Vec<[u32; 2]>,
+}
+
+impl Probes {
+    /// Keeps a probe at a pixel.
+    fn pin(&mut self, px: [u32; 2]) {
+        if !self.pins.contains(&px) {
+            self.pins.push(px);
+        }
+    }
+}
+
+/// What is measured at a pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reading {
+    /// Where.
+    pub px: [u32; 2],
+    /// Mean radiance, nit per channel.
+    pub radiance: Vec3,
+    /// Illuminance of what is seen there, lux; where it is baked, and without free lamps.
+    pub lux: Option<f32>,
+}
+
+/// Everything that is measured.
+#[derive(Clone, Debug, Default)]
+pub struct Readings {
+    /// Under the pointer.
+    pub hover: Option<Reading>,
+    /// Light by light, the brightest first.
+    pub picked: Option<(Reading, Vec<Share>)>,
+    /// At the pins.
+    pub pins: Vec<Reading>,
+}
+
+/// Lights that are told by name in a breakdown; the others are told as a sum.
+const MOST_ROWS: usize = 8;
+/// Width of the breakdown, points.
+const WIDTH: f32 = 268.0;
+/// Room between a pixel and its breakdown, points.
+const BESIDE: f32 = 18.0;
+
+impl Reading {
+    /// Luminance and illuminance, with their units.
+    pub fn words(&self) -> String {
+        let luminance = format!("{} cd/m²", number_words(luminance(self.radiance)));
+        match self.lux {
+            Some(lux) => format!("{luminance}, {} lx", number_words(lux)),
+            None => luminance,
+        }
+    }
+}
+
+/// Which pixel is where: the picture on the screen, and its size in pixels.
+#[derive(Clone, Copy)]
+pub struct Grid {
+    /// Where it is drawn, points.
+    pub image: Rect,
+    /// Pixels across and down.
+    pub size: [u32; 2],
+}
+
+impl Grid {
+    /// The pixel at a place on the screen.
+    pub fn pixel(&self, at: Pos2) -> Option<[u32; 2]> {
+        let place = (at - self.image.min) / self.image.size() * vec2(self.size[0] as f32, self.size[1] as f32);
+        let is_inside = place.min_elem() >= 0.0 && place.x < self.size[0] as f32 && place.y < self.size[1] as f32;
+        is_inside.then_some([place.x as u32, place.y as u32])
+    }
+
+    /// The middle of a pixel on the screen.
+    fn middle(&self, [x, y]: [u32; 2]) -> Pos2 {
+        let place = vec2((x as f32 + 0.5) / self.size[0] as f32, (y as f32 + 0.5) / self.size[1] as f32);
+        self.image.min + place * self.image.size()
+    }
+}
+
+/// Follows the pointer: what it is over, a click that asks what lights it, P that pins a probe.
+///
+/// `is_free` tells whether a click means the picture and nothing on it.
+pub fn follow(ui: &Ui, picture: &Response, grid: Grid, probes: &mut Probes, is_free: bool) {
+    let hover = picture.hover_pos().and_then(|at| grid.pixel(at));
+    if hover != probes.hover {
+        // What is there is read before the next frame.
+        probes.hover = hover;
+        ui.ctx().request_repaint();
+    }
+    let keys =
+        |key: Key| !ui.text_edit_focused() && ui.input(|input| input.modifiers.is_none() && input.key_pressed(key));
+    if let Some(px) = hover.filter(|_| keys(Key::P)) {
+        probes.pin(px);
+        ui.ctx().request_repaint();
+    }
+    if picture.clicked() && is_free {
+        probes.picked = picture.interact_pointer_pos().and_then(|at| grid.pixel(at));
+        ui.ctx().request_repaint();
+    }
+    if picture.double_clicked() || keys(Key::Escape) {
+        probes.picked = None;
+    }
+}
+
+/// Draws what was measured.
+pub fn readings_ui(
+    ui: &mut Ui,
+    picture: &Response,
+    grid: Grid,
+    readings: &Readings,
+    probes: &mut Probes,
+    lights: &mut LightsState,
+) {
+    for (idx, reading) in readings.pins.iter().enumerate() {
+        pin_ui(ui, picture, grid, (idx, reading), probes);
+    }
+    if let Some(reading) = &readings.hover {
+        let [x, y] = reading.px;
+        let words = format!("{x}, {y}   {}", reading.words());
+        let at = picture.rect.center_bottom() + vec2(0.0, -10.0);
+        chip(ui, (at, Align2::CENTER_BOTTOM), Id::unique("under the pointer"), &words);
+    }
+    if let Some((reading, shares)) = readings.picked.as_ref().filter(|(at, _)| Some(at.px) == probes.picked) {
+        breakdown_ui(ui, picture, grid, (reading, shares), probes, lights);
+    }
+}
+
+/// Words on a dark ground, which screen readers find.
+fn chip(ui: &Ui, (at, anchor): (Pos2, Align2), id: Id, words: &str) -> Response {
+    let galley = ui.painter().layout_no_wrap(words.to_owned(), FontId::proportional(12.5), Color32::from_gray(232));
+    let place = anchor.anchor_size(at, galley.size() + vec2(14.0, 8.0));
+    let response = ui.interact(place, id, Sense::hover());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Label, true, words));
+    ui.painter().rect_filled(place, 4.0, Color32::from_black_alpha(185));
+    ui.painter().galley(place.min + vec2(7.0, 4.0), galley, Color32::WHITE);
+    response
+}
+
+/// A probe that stays, with what it reads; a click takes it away.
+fn pin_ui(ui: &Ui, picture: &Response, grid: Grid, (idx, reading): (usize, &Reading), probes: &mut Probes) {
+    let at = grid.middle(reading.px);
+    if !picture.rect.contains(at) {
+        return;
+    }
+    let handle = ui.interact(Rect::from_center_size(at, Vec2::splat(16.0)), Id::unique(("probe", idx)), Sense::click());
+    let words = format!("Probe {}, {}", idx + 1, reading.words());
+    handle.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
+    let color = if handle.hovered() { theme::ACCENT } else { Color32::WHITE };
+    for (width, color) in [(3.5, Color32::from_black_alpha(150)), (1.3, color)] {
+        for arm in [vec2(1.0, 0.0), vec2(0.0, 1.0)] {
+            for side in [-1.0, 1.0] {
+                ui.painter().line_segment([at + arm * side * 3.0, at + arm * side * 8.0], Stroke::new(width, color));
+            }
+        }
+    }
+    chip(ui, (at + vec2(11.0, -4.0), Align2::LEFT_BOTTOM), Id::unique(("probe words", idx)), &reading.words());
+    if handle.on_hover_text("Click to take the probe away").clicked() {
+        probes.pins.retain(|px| *px != reading.px);
+    }
+}
+
+/// Who lights a pixel, and by how much.
+fn breakdown_ui(
+    ui: &mut Ui,
+    picture: &Response,
+    grid: Grid,
+    (reading, shares): (&Reading, &[Share]),
+    probes: &mut Probes,
+    lights: &mut LightsState,
+) {
+    let at = grid.middle(reading.px);
+    let painter = ui.painter_at(picture.rect);
+    for (width, color) in [(3.5, Color32::from_black_alpha(150)), (1.5, theme::ACCENT)] {
+        painter.circle_stroke(at, 6.0, Stroke::new(width, color));
+    }
+    // To the left where there is no room to the right.
+    let is_left = at.x + BESIDE + WIDTH + 30.0 > picture.rect.right();
+    let (pivot, x) = if is_left { (Align2::RIGHT_TOP, -BESIDE) } else { (Align2::LEFT_TOP, BESIDE) };
+    let area = Area::new(Id::unique("light here")).order(Order::Middle).constrain_to(picture.rect).pivot(pivot);
+    let area = area.fixed_pos(pos2(at.x + x, at.y - 24.0));
+    area.show(ui.ctx(), |ui| {
+        Frame::window(ui.style()).inner_margin(10.0).show(ui, |ui| {
+            ui.set_width(WIDTH);
+            heading_ui(ui, reading, probes);
+            let total = sum(shares);
+            let lit = shares.iter().filter(|share| share.luminance() > 1e-4 * luminance(total).max(1e-9));
+            let lit: Vec<&Share> = lit.collect();
+            for share in lit.iter().take(MOST_ROWS) {
+                share_ui(ui, share, luminance(total), lights);
+            }
+            if lit.is_empty() {
+                ui.label(RichText::new("No light reaches this").weak());
+            }
+            if lit.len() > MOST_ROWS {
+                let rest: f32 = lit[MOST_ROWS..].iter().map(|share| share.luminance()).sum();
+                let words = format!("{} more, {}", lit.len() - MOST_ROWS, percent(rest, luminance(total)));
+                ui.label(RichText::new(words).weak());
+            }
+        });
+    });
+}
+
+fn heading_ui(ui: &mut Ui, reading: &Reading, probes: &mut Probes) {
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Light here").strong());
+        ui.label(RichText::new(reading.words()).weak());
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if ui.small_button("×").on_hover_text("Esc").clicked() {
+                probes.picked = None;
+            }
+            if ui.small_button("Pin").on_hover_text("Keep a probe here, P at the pointer").clicked() {
+                probes.pin(reading.px);
+            }
+        });
+    });
+    ui.separator();
+}
+
+/// A row: color, name, share and luminance over a bar as long as the share. A click chooses the light.
+fn share_ui(ui: &mut Ui, share: &Share, total: f32, lights: &mut LightsState) {
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
+    let luminance = share.luminance();
+    let words = format!("{} {} {} cd/m²", share.key, percent(luminance, total), number_words(luminance));
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
+    let visuals = ui.style().interact(&response);
+    let ink = visuals.fg_stroke.color;
+    let painter = ui.painter_at(rect);
+    let is_chosen = lights.chosen.as_deref() == Some(&share.key);
+    if response.hovered() || is_chosen {
+        painter.rect_filled(rect, 3.0, visuals.weak_bg_fill);
+    }
+    let bar = Rect::from_min_size(rect.min, vec2(rect.width() * (luminance / total).clamp(0.0, 1.0), rect.height()));
+    painter.rect_filled(bar, 3.0, theme::ACCENT.gamma_multiply(0.22));
+    let swatch = Rect::from_center_size(rect.left_center() + vec2(10.0, 0.0), Vec2::splat(11.0));
+    painter.rect_filled(swatch, 2.0, swatch_color(share.radiance));
+    let font = FontId::proportional(12.5);
+    let value = format!("{} cd/m²", number_words(luminance));
+    let place = painter.text(rect.right_center() + vec2(-6.0, 0.0), Align2::RIGHT_CENTER, value, font.clone(), ink);
+    let left = place.left().min(rect.right() - 92.0);
+    let share_words = percent(luminance, total);
+    painter.text(pos2(left - 8.0, rect.center().y), Align2::RIGHT_CENTER, share_words, font.clone(), ink);
+    let name = rect.with_max_x(left - 52.0);
+    ui.painter_at(name).text(rect.left_center() + vec2(22.0, 0.0), Align2::LEFT_CENTER, &share.key, font, ink);
+    if response.on_hover_text(format!("{}\nClick to choose it in the list", share.key)).clicked() {
+        choose(lights, &share.key);
+    }
+}
+
+/// Makes a light the chosen one, a free lamp with its handles.
+pub fn choose(lights: &mut LightsState, key: &str) {
+    lights.chosen = Some(key.to_owned());
+    lights.lamps.chosen = Some(key.to_owned());
+}
+
+/// A part of a whole for people: no more digits than tell something.
+fn percent(part: f32, total: f32) -> String {
+    match 100.0 * part / total.max(1e-9) {
+        share if share < 0.95 => format!("{share:.1} %"),
+        share => format!("{share:.0} %"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_is_found_again_where_it_is_drawn() {
+        let grid = Grid { image: Rect::from_min_size(pos2(20.0, -40.0), vec2(300.0, 150.0)), size: [64, 32] };
+        for px in [[0, 0], [63, 31], [17, 4]] {
+            assert_eq!(grid.pixel(grid.middle(px)), Some(px));
+        }
+        assert_eq!(grid.pixel(pos2(19.9, 0.0)), None);
+        assert_eq!(grid.pixel(pos2(320.1, 0.0)), None);
+    }
+
+    #[test]
+    fn shares_have_no_more_digits_than_tell_something() {
+        let words = [(1.0, 1.0), (0.25, 1.0), (0.004, 1.0), (0.0, 0.0)].map(|(part, total)| percent(part, total));
+        assert_eq!(words, ["100 %", "25 %", "0.4 %", "0.0 %"]);
+    }
+}

@@ -1,0 +1,172 @@
+//! Which part of the picture is shown, and how large: fit, zoom at the pointer, a region, one to one.
+
+use eframe::egui::{CursorIcon, Key, PointerButton, Pos2, Rect, Response, Stroke, StrokeKind, Ui, Vec2};
+
+use super::handles::Grab;
+use crate::theme;
+
+/// Part and size of the picture.
+#[derive(Clone, Debug, Default)]
+pub struct Zoom {
+    /// Points per pixel; none shows the whole picture.
+    scale: Option<f32>,
+    /// Center of the picture from the center of the area, points.
+    offset: Vec2,
+}
+
+/// Room around a picture that fits, points.
+const MARGIN: f32 = 14.0;
+/// Range of the scale.
+const SCALE: std::ops::RangeInclusive<f32> = 0.05..=48.0;
+/// Zoom per point of scrolling.
+const ZOOM_PER_POINT: f32 = 0.005;
+/// Smallest side of a region that is zoomed to, points: less is a click.
+const LEAST_REGION: f32 = 6.0;
+
+impl Zoom {
+    /// Shows the whole picture.
+    pub fn fit(&mut self) {
+        *self = Zoom::default();
+    }
+
+    /// Shows a pixel of the picture on each pixel of a screen with so many of them per point; what is in the middle stays.
+    pub fn one_to_one(&mut self, pixels_per_point: f32) {
+        let scale = 1.0 / pixels_per_point;
+        self.offset *= scale / self.scale.unwrap_or(scale);
+        self.scale = Some(scale);
+    }
+
+    /// Where a picture of some size in pixels is drawn.
+    pub fn image_rect(&self, area: Rect, size: Vec2) -> Rect {
+        let scale = self.scale.unwrap_or_else(|| fitting(area, size));
+        Rect::from_center_size(area.center() + self.offset, size * scale)
+    }
+
+    /// Zooms so that what is under the pointer stays there.
+    fn zoom_at(&mut self, area: Rect, size: Vec2, pointer: Pos2, factor: f32) {
+        let old = self.scale.unwrap_or_else(|| fitting(area, size));
+        let new = (old * factor).clamp(*SCALE.start(), *SCALE.end());
+        let from_center = pointer - area.center();
+        self.offset = from_center + (self.offset - from_center) * (new / old);
+        self.scale = Some(new);
+    }
+
+    /// Fills the area with what lies in a rectangle of it.
+    fn show_region(&mut self, area: Rect, size: Vec2, region: Rect) {
+        if region.width().min(region.height()) < LEAST_REGION {
+            return;
+        }
+        let factor = (area.width() / region.width()).min(area.height() / region.height());
+        let old = self.scale.unwrap_or_else(|| fitting(area, size));
+        let new = (old * factor).clamp(*SCALE.start(), *SCALE.end());
+        self.offset = (self.offset - (region.center() - area.center())) * (new / old);
+        self.scale = Some(new);
+    }
+
+    fn pan(&mut self, area: Rect, size: Vec2, by: Vec2) {
+        self.scale = Some(self.scale.unwrap_or_else(|| fitting(area, size)));
+        self.offset += by;
+    }
+}
+
+fn fitting(area: Rect, size: Vec2) -> f32 {
+    let room = (area.size() - Vec2::splat(2.0 * MARGIN)).max(Vec2::splat(1.0));
+    (room.x / size.x).min(room.y / size.y)
+}
+
+/// Zoom with the wheel, or to a rectangle that is dragged with Z; pan with the middle button or space.
+pub(super) fn navigate(ui: &Ui, response: &Response, (zoom, grab): (&mut Zoom, &mut Option<Grab>), size: Vec2) {
+    let area = response.rect;
+    if let Some(pointer) = response.hover_pos() {
+        let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+        let factor = (scroll * ZOOM_PER_POINT).exp() * pinch;
+        if factor != 1.0 {
+            zoom.zoom_at(area, size, pointer, factor);
+        }
+    }
+    let types = ui.text_edit_focused();
+    let held = |key: Key| !types && ui.input(|input| input.key_down(key) && input.modifiers.is_none());
+    if response.drag_started_by(PointerButton::Middle) || (response.drag_started() && held(Key::Space)) {
+        *grab = Some(Grab::Picture);
+    } else if response.drag_started_by(PointerButton::Primary) && held(Key::Z) {
+        let press = ui.input(|input| input.pointer.press_origin());
+        *grab = press.map(Grab::Region);
+    }
+    if held(Key::Z) && response.hovered() {
+        ui.ctx().set_cursor_icon(CursorIcon::ZoomIn);
+    }
+    if *grab == Some(Grab::Picture) && response.dragged() {
+        zoom.pan(area, size, response.drag_delta());
+        ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
+    }
+    if response.drag_stopped() {
+        if let (Some(Grab::Region(from)), Some(to)) = (&*grab, response.interact_pointer_pos()) {
+            zoom.show_region(area, size, Rect::from_two_pos(*from, to).intersect(area));
+        }
+        *grab = None;
+    }
+}
+
+/// Draws the rectangle that is being dragged.
+pub(super) fn paint_region(ui: &Ui, response: &Response, grab: Option<&Grab>) {
+    if let (Some(Grab::Region(from)), Some(to)) = (grab, response.interact_pointer_pos()) {
+        let region = Rect::from_two_pos(*from, to).intersect(response.rect);
+        let stroke = Stroke::new(1.5, theme::ACCENT);
+        ui.painter().rect(region, 0.0, theme::ACCENT.gamma_multiply(0.08), stroke, StrokeKind::Inside);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use eframe::egui::{pos2, vec2};
+
+    use super::*;
+
+    const AREA: Rect = Rect { min: pos2(10.0, 20.0), max: pos2(810.0, 620.0) };
+
+    /// The place of a point of the screen in the picture, 0…1.
+    fn within(zoom: &Zoom, size: Vec2, at: Pos2) -> Vec2 {
+        let image = zoom.image_rect(AREA, size);
+        (at - image.min) / image.size()
+    }
+
+    #[test]
+    fn zooming_keeps_what_is_under_the_pointer() {
+        let size = vec2(400.0, 200.0);
+        let mut zoom = Zoom::default();
+        let pointer = pos2(150.0, 300.0);
+        let before = within(&zoom, size, pointer);
+        zoom.zoom_at(AREA, size, pointer, 2.5);
+        let after = within(&zoom, size, pointer);
+        assert!((before - after).length() < 1e-4, "{before:?} {after:?}");
+        zoom.fit();
+        assert!(AREA.contains_rect(zoom.image_rect(AREA, size)));
+    }
+
+    #[test]
+    fn a_region_fills_the_area_and_its_middle_comes_to_the_middle() {
+        let size = vec2(400.0, 200.0);
+        let mut zoom = Zoom::default();
+        zoom.pan(AREA, size, vec2(13.0, -7.0));
+        let region = Rect::from_min_size(pos2(200.0, 250.0), vec2(160.0, 60.0));
+        let (corner, middle) = (within(&zoom, size, region.left_top()), within(&zoom, size, region.center()));
+        zoom.show_region(AREA, size, region);
+        assert!((within(&zoom, size, AREA.center()) - middle).length() < 1e-4);
+        // Wider than high, as the area is not: it fills the width.
+        assert!((within(&zoom, size, pos2(AREA.left(), AREA.center().y)).x - corner.x).abs() < 1e-4);
+        let before = zoom.image_rect(AREA, size);
+        zoom.show_region(AREA, size, Rect::from_min_size(pos2(200.0, 250.0), vec2(3.0, 60.0)));
+        assert_eq!(zoom.image_rect(AREA, size), before, "a click with the key held is no region");
+    }
+
+    #[test]
+    fn one_to_one_is_a_pixel_on_each_pixel_of_the_screen() {
+        let size = vec2(400.0, 200.0);
+        let mut zoom = Zoom::default();
+        zoom.zoom_at(AREA, size, pos2(150.0, 300.0), 3.0);
+        let middle = within(&zoom, size, AREA.center());
+        zoom.one_to_one(2.0);
+        assert!((zoom.image_rect(AREA, size).size() - size / 2.0).length() < 1e-3);
+        assert!((within(&zoom, size, AREA.center()) - middle).length() < 1e-4);
+    }
+}

@@ -1,0 +1,153 @@
+//! The picture as something to look into: who lights what, probes, regions; and the camera, its views and their bakes.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+mod desk;
+
+use clerestory::session::shares::sum;
+use clerestory_relight::{CpuRelighter, Radiance, Relight};
+use clerestory_transport::lamps::LampShape;
+use clerestory_transport::light::{LightRig, LightSetting};
+use eframe::egui::{Key, Pos2, vec2};
+use egui_kittest::kittest::{NodeT, Queryable};
+use glam::Vec3;
+
+use desk::{Window, baked, click, drag, on_screen, wait};
+
+/// A click that is no drag.
+fn click_at(window: &mut Window, at: Pos2) {
+    window.hover_at(at);
+    window.run_steps(2);
+    window.drag_at(at);
+    window.run_steps(2);
+    window.drop_at(at);
+    window.run_steps(4);
+}
+
+/// A place on the back wall that no panel hides.
+const WALL: Vec3 = Vec3::new(-0.6, -0.4, -1.0);
+
+#[test]
+fn what_the_lights_bring_to_a_pixel_is_the_pixel() {
+    let window = baked();
+    let shown = window.state().session().shown.as_ref().unwrap();
+    let mut rig = LightRig::default();
+    let setting = LightSetting { intensity: 0.3, color: Some([0.2, 1.0, 0.1]), ..LightSetting::default() };
+    rig.lights.insert("lamp".into(), setting);
+    let mut picture = Radiance::default();
+    let coefficients = shown.coefficients(&rig, None);
+    CpuRelighter::new(&shown.frame).unwrap().relight(&coefficients, &mut picture).unwrap();
+    for pixel in [0u32, 77, 1500, 64 * 48 - 1] {
+        let shares = shown.shares(&rig, None, &[pixel]).unwrap();
+        let (sum, seen) = (sum(&shares), Vec3::from(picture.pixels[pixel as usize]));
+        assert!((sum - seen).length() < 1e-3 * seen.length().max(1e-3), "{pixel}: {sum} {seen}");
+        assert!(shares[0].luminance() >= shares[1].luminance(), "the brightest comes first");
+    }
+    // A square of pixels is the mean of its pixels, and a muted light brings nothing.
+    let mean = sum(&shown.shares(&rig, None, &[70, 71]).unwrap());
+    let each = (Vec3::from(picture.pixels[70]) + Vec3::from(picture.pixels[71])) / 2.0;
+    assert!((mean - each).length() < 1e-3 * each.length());
+    rig.lights.entry("lamp".into()).or_default().muted = true;
+    let shares = shown.shares(&rig, None, &[1500]).unwrap();
+    assert_eq!(shares.iter().find(|share| share.key == "lamp").unwrap().radiance, Vec3::ZERO);
+    assert_eq!(shown.shares(&rig, None, &[64 * 48]), None, "there is no such pixel");
+}
+
+#[test]
+fn a_click_tells_who_lights_a_place_and_chooses_a_light() {
+    let mut window = baked();
+    assert!(window.query_by_label("Light here").is_none());
+    let at = on_screen(&window, WALL);
+    click_at(&mut window, at);
+    window.get_by_label("Light here");
+    let rows: Vec<String> =
+        window.query_all_by_label_contains(" %").map(|row| row.accesskit_node().label().unwrap()).collect();
+    assert_eq!(rows.len(), 2, "{rows:?}");
+    let key = rows[0].split(' ').next().unwrap().to_owned();
+    click(&mut window, &rows[0]);
+    assert_eq!(window.state().chosen_light(), Some(key.as_str()));
+
+    // It follows the lights.
+    let n_before = window.state().n_pictures();
+    click(&mut window, &format!("Mute {key}"));
+    wait(&mut window, |app| app.n_pictures() > n_before && app.is_settled());
+    let rows: Vec<String> =
+        window.query_all_by_label_contains(" %").map(|row| row.accesskit_node().label().unwrap()).collect();
+    assert!(rows.len() == 1 && rows[0].contains("100 %") && !rows[0].starts_with(&key), "{rows:?}");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("Light here").is_none());
+}
+
+#[test]
+fn free_lamps_have_their_share() {
+    let mut window = baked();
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    wait(&mut window, |app| app.is_settled());
+    assert!(matches!(window.state().look().lights.lamps[0].shape, LampShape::Point));
+    // The first click puts the handles away, the second asks.
+    let at = on_screen(&window, WALL);
+    click_at(&mut window, at);
+    assert!(window.query_by_label("Light here").is_none());
+    std::thread::sleep(std::time::Duration::from_millis(400));
+    click_at(&mut window, at);
+    let row = window
+        .query_all_by_label_contains("Point lamp 1 ")
+        .filter(|row| row.accesskit_node().label().unwrap().contains('%'));
+    assert_eq!(row.count(), 1);
+}
+
+#[test]
+fn a_probe_follows_the_pointer_and_can_be_pinned() {
+    let mut window = baked();
+    let at = on_screen(&window, WALL);
+    window.hover_at(at);
+    window.run_steps(4);
+    let under = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
+    window.key_press(Key::P);
+    window.run_steps(4);
+    let value = under.split("   ").nth(1).unwrap();
+    let pinned = window.get_by_label(&format!("Probe 1, {value}")).rect().center();
+    // The pin stays where it is and reads what the lights make of it.
+    window.hover_at(on_screen(&window, Vec3::new(0.5, -0.4, -1.0)));
+    let n_before = window.state().n_pictures();
+    click(&mut window, "Mute panel");
+    wait(&mut window, |app| app.n_pictures() > n_before && app.is_settled());
+    let pin = window.get_by_label_contains("Probe 1, ");
+    assert!(pin.accesskit_node().label().unwrap() != format!("Probe 1, {value}") && pin.rect().center() == pinned);
+    click_at(&mut window, pinned);
+    assert!(window.query_by_label_contains("Probe 1, ").is_none());
+}
+
+#[test]
+fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
+    let mut window = baked();
+    let under = |window: &mut Window, at: Pos2| {
+        window.hover_at(at);
+        window.run_steps(4);
+        let words = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
+        words.split("   ").next().unwrap().to_owned()
+    };
+    let area = window.get_by_label("Picture").rect();
+    let from = area.center() + vec2(40.0, 20.0);
+    let (middle, corner) = (from + vec2(50.0, 35.0), area.center() - vec2(200.0, 150.0));
+    let (at_middle, at_corner) = (under(&mut window, middle), under(&mut window, corner));
+    let look = window.state().look().clone();
+    window.key_down(Key::Z);
+    drag(&mut window, from, from + vec2(100.0, 70.0));
+    window.key_up(Key::Z);
+    window.run_steps(2);
+    assert_eq!(*window.state().look(), look, "a region moves no light");
+    assert_eq!(under(&mut window, area.center()), at_middle);
+    window.key_press(Key::Home);
+    window.run_steps(2);
+    assert_eq!(under(&mut window, corner), at_corner);
+    // One to one the 64 × 48 pixels are a stamp in the middle.
+    window.key_press(Key::Num1);
+    window.run_steps(2);
+    window.hover_at(area.center() + vec2(33.0, 0.0));
+    window.run_steps(4);
+    assert!(window.query_by_label_contains("cd/m²").is_none());
+    assert_eq!(under(&mut window, area.center() + vec2(-31.5, -23.5)), "0, 0");
+}

@@ -1,0 +1,76 @@
+//! A quick picture of the surfaces alone, for somebody who looks for a view: one ray per pixel, no light but that of the eye.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::bvh::Ray;
+use crate::camera::{Camera, Film};
+use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
+
+/// What a surface shows that is seen edge on, of what it shows from the front.
+const EDGE: f32 = 0.3;
+/// How much a surface that looks up is brighter than one that looks down.
+const FROM_ABOVE: f32 = 0.12;
+/// What lies beyond all surfaces.
+const BEYOND: Vec3 = Vec3::new(0.05, 0.055, 0.065);
+/// Surfaces that shine, whatever their color.
+const SHINING: Vec3 = Vec3::new(1.0, 0.96, 0.88);
+
+/// Colors of a film between 0 and 1, linear Rec. 709, row-major; `None` when `stop` asked to.
+pub fn draft(
+    scene: &PreparedScene,
+    camera: &Camera,
+    film: Film,
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<[f32; 3]>> {
+    let stopped = AtomicBool::new(false);
+    let mut pixels = vec![[0.0; 3]; film.n_pixels()];
+    pixels.par_chunks_mut(film.width as usize).enumerate().for_each(|(y, row)| {
+        if stopped.load(Ordering::Relaxed) || stop() {
+            stopped.store(true, Ordering::Relaxed);
+            return;
+        }
+        for (x, pixel) in row.iter_mut().enumerate() {
+            let direction = camera.direction(film, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+            *pixel = color(scene, camera.position(), direction).to_array();
+        }
+    });
+    (!stopped.into_inner()).then_some(pixels)
+}
+
+fn color(scene: &PreparedScene, origin: Vec3, direction: Vec3) -> Vec3 {
+    let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+    // Surfaces with alpha are there by chance, the same one for all pixels, so that nothing flickers.
+    let Some(hit) = scene.closest(&ray, &mut Sampler::new(0, 0, 0)) else { return BEYOND };
+    if scene.emitted(&hit, -direction).is_some_and(|(_, radiance)| radiance.max_element() > 0.0) {
+        return SHINING;
+    }
+    let normal = scene.smooth_normal(&hit, direction);
+    let facing = normal.dot(-direction).clamp(0.0, 1.0);
+    let shade = EDGE + (1.0 - EDGE - FROM_ABOVE) * facing + FROM_ABOVE * (0.5 + 0.5 * normal.y);
+    (scene.base_color(&hit) * shade).clamp(Vec3::ZERO, Vec3::ONE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import;
+
+    #[test]
+    fn a_draft_shows_walls_and_stops_when_asked() {
+        let bytes = include_bytes!("../../editor/tests/room.gltf");
+        let scene = import::load_bytes("room.gltf", bytes).unwrap().scene;
+        let scene = PreparedScene::new(scene, &[]).unwrap().0;
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 16, height: 12 });
+        let pixels = draft(&scene, &camera, film, &|| false).unwrap();
+        assert!(pixels.iter().all(|rgb| Vec3::from(*rgb) != BEYOND && Vec3::from(*rgb).max_element() > 0.05));
+        assert!(draft(&scene, &camera, film, &|| true).is_none());
+        // From outside, looking away, there is nothing.
+        let away = Camera::look_at("away", Vec3::new(0.0, 50.0, 0.0), Vec3::new(0.0, 100.0, 0.0), 1.0, 1.0);
+        let pixels = draft(&scene, &away, film, &|| false).unwrap();
+        assert!(pixels.iter().all(|rgb| Vec3::from(*rgb) == BEYOND));
+    }
+}
