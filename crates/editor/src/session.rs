@@ -751,7 +751,9 @@ impl Session {
     fn count(&mut self) {
         self.figures = self.shown.as_ref().map(|shown| shown.bake().figures());
         (self.figures_at, self.n_counts) = (Instant::now(), self.n_counts + 1);
-        if let (true, Some(figures)) = (self.bake.is_running(), &self.figures) {
+        // Before the first block there is no error to speak of.
+        let counted = self.figures.as_ref().filter(|figures| figures.max_rank > 0 && self.bake.is_running());
+        if let Some(figures) = counted {
             self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
         }
     }

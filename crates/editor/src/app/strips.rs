@@ -13,8 +13,7 @@ use crate::session::Source;
 /// Seconds between two looks at the file, while something is drawn anyway.
 const LOOK_EVERY_SECS: f64 = 1.0;
 
-const WELCOME: &str = "Drag the lamps and spots in the picture, or the sliders on the left, and see their light. \
-                       Drop a glTF file here, or use Open…, to light your own room";
+const WELCOME: &str = "Drag lamps in the picture, or sliders on the left. Drop a glTF file here to light your own room";
 
 /// When a file was written last, and its length.
 type Stamp = (Option<SystemTime>, u64);
