@@ -32,7 +32,7 @@ use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::heat::HeatMap;
-use crate::panels::lights::{LightsState, lights_ui};
+use crate::panels::lights::{LightsState, lights_ui, solo_banner_ui};
 use crate::panels::shortcuts::{shortcuts_ui, take_keys};
 use crate::panels::status::{MessageTone, Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
@@ -50,6 +50,7 @@ const MANY_CORES: usize = 8;
 /// Recent files that are remembered.
 const MAX_RECENT: usize = 8;
 const RECENT_KEY: &str = "recent";
+const LIGHTS_KEY: &str = "lights";
 const EXPORT_KEY: &str = "export";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
@@ -170,6 +171,8 @@ impl App {
         }
         let recent = cc.storage.and_then(|storage| eframe::get_value(storage, RECENT_KEY)).unwrap_or_default();
         let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
+        let layout = cc.storage.and_then(|storage| eframe::get_value(storage, LIGHTS_KEY)).unwrap_or_default();
+        let lights = LightsState::new(layout);
         let ctx = cc.egui_ctx.clone();
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
@@ -185,7 +188,7 @@ impl App {
             settings: start.settings.clone().unwrap_or_else(default_settings),
             fixed_settings: start.settings,
             stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
-            lights: LightsState::default(),
+            lights,
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
             prober: Prober::default(),
@@ -279,7 +282,7 @@ impl App {
         }
         (self.export.width_px, self.export.region) = (None, None);
         self.watch_opened();
-        self.lights = LightsState::default();
+        self.lights = LightsState::new(self.lights.layout);
         self.view = ViewState::default();
         self.follower.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
@@ -492,7 +495,7 @@ impl App {
 
     fn side_panels_ui(&mut self, ui: &mut Ui) {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
-        Panel::left("lights").frame(frame).default_size(372.0).size_range(300.0..=620.0).show(ui, |ui| {
+        Panel::left("lights").frame(frame).default_size(404.0).size_range(320.0..=900.0).show(ui, |ui| {
             if let Some(basis) = self.session.basis().cloned() {
                 let choice = self.lamp_choice();
                 lights_ui(ui, &basis, &mut self.look, &mut self.lights, &choice, &mut self.actions);
@@ -591,7 +594,9 @@ impl App {
             readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
+            let area = ui.available_rect_before_wrap();
             viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);
+            solo_banner_ui(ui, area, &self.look, &mut self.lights.solo);
         });
     }
 }
@@ -642,6 +647,7 @@ impl eframe::App for App {
 
     fn save(&mut self, storage: &mut dyn Storage) {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
+        eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
         eframe::set_value(storage, EXPORT_KEY, &self.export);
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);

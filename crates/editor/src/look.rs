@@ -2,12 +2,14 @@
 
 mod damage;
 pub mod display;
+pub mod groups;
 pub mod lamps;
 mod parse;
 mod place;
 pub mod sky;
 mod write;
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 
@@ -29,6 +31,8 @@ const MAX_BYTES: u64 = 16 << 20;
 pub struct Look {
     /// Settings by lamp, and spots by panel.
     pub lights: LightRig,
+    /// What lights and groups are called, by their keys; what it leaves out is called by its key.
+    pub names: BTreeMap<String, String>,
     /// How radiance becomes a picture.
     pub display: Display,
 }
@@ -53,6 +57,11 @@ impl Look {
     /// Readable JSON with what differs from the scene.
     pub fn to_json(&self) -> String {
         write::json(self)
+    }
+
+    /// What a light is called.
+    pub fn name_of<'a>(&'a self, key: &'a str) -> &'a str {
+        self.names.get(key).map_or(key, String::as_str)
     }
 
     /// A sentence for each light that it sets without effect on a scene.
@@ -134,7 +143,7 @@ fn read_text(path: &Path) -> Result<String> {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::light::{LightSetting, PanelSpot};
+    use clerestory_transport::light::{LightGroup, LightSetting, PanelSpot};
 
     use super::*;
 
@@ -145,6 +154,9 @@ mod tests {
         let spot = PanelSpot { position: [0.5, -0.25], radius: 0.2, color: None, intensity: 1.5 };
         look.lights.panels.insert("Ceiling".into(), vec![spot, PanelSpot { color: Some([0.3; 3]), ..spot }]);
         look.lights.panels.insert("Dark".into(), vec![]);
+        let lights = ["Ceiling".to_owned(), "Dark".to_owned()].into();
+        look.lights.groups.insert("kind:Panels".into(), LightGroup { lights, intensity: 0.5, muted: true });
+        look.names.insert("Dark".into(), "Wall, \"left\"".into());
         look
     }
 
@@ -173,13 +185,15 @@ mod tests {
             "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "metering": "auto", "tone": "agx", "white_kelvin": 3000,
             "white_duv": 0, "dither": false, "false_color": {"quantity": "luminance", "spacing": "log", "range": [1, 1000]}},
             "lamps": [{"key": "Lamp 1", "type": "spot", "position": [0, 2.4, 0], "aim": [0, 0, 0], "inner_deg": 20, "outer_deg": 30,
-            "strength": 800, "unit": "lm", "intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}]}"#;
+            "strength": 800, "unit": "lm", "intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}],
+            "groups": {"Desks": {"lights": ["KEY", "Lamp 1"], "intensity": 0.5, "muted": false}}, "names": {"KEY": "Desk lamp"}}"#;
         let (look, warnings) = Look::from_json(json).unwrap();
         assert!(warnings.is_empty(), "{warnings:?}");
         assert_eq!(look.lights.lights["KEY"].kelvin, Some(3000.0));
         assert_eq!(look.lights.panels["KEY"][0].radius, 0.2);
         assert_eq!(look.display.exposure_ev, Some(0.0));
         assert_eq!(look.lights.lamps[0].strength, 800.0);
+        assert_eq!((look.lights.groups["Desks"].intensity, look.names["KEY"].as_str()), (0.5, "Desk lamp"));
     }
 
     #[test]
@@ -276,6 +290,9 @@ mod tests {
             (r#"{"clerestory": 1, "panels": {"P": [{"radius": 1}]}}"#, "`panels.P[0].position`"),
             (r#"{"clerestory": 1, "panels": {"P": [{"position": [0, 0], "radius": -1}]}}"#, "`panels.P[0].radius`"),
             (r#"{"clerestory": 1, "display": {"exposure_ev": 1e9}}"#, "`display.exposure_ev`"),
+            (r#"{"clerestory": 1, "groups": {"G": {"intensity": 2}}}"#, "`groups.G.lights`"),
+            (r#"{"clerestory": 1, "groups": {"G": {"lights": "a"}}}"#, "`groups.G.lights`"),
+            (r#"{"clerestory": 1, "names": {"G": 3}}"#, "`names.G`"),
             (r#"{"clerestory": 1, "lights": {"L": {"intensity": NaN}}}"#, "not JSON"),
             (r#"{"asset": {"version": "2.0"}}"#, "no look"),
         ];

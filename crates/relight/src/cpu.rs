@@ -2,7 +2,8 @@
 //!
 //! A row of tiles is one run of the output, so rows of tiles go to threads and nothing is shared. Every group keeps its
 //! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, columns
-//! that did not change are not projected again, and a block whose `z` did not move is not expanded. The answer depends on frame
+//! that did not change are not projected again, and a block whose `z` did not move is not expanded. Factors are read from a
+//! copy that is one stream per row of tiles. The answer depends on frame
 //! and coefficients alone, not on what was asked before nor on the number of threads.
 //!
 //! For a display, blocks are left as they are, too, while no pixel of theirs would change by half a step of it: what the largest entries of their factors
@@ -11,19 +12,23 @@
 mod expand;
 mod kernel;
 mod left;
+mod prefetch;
 mod project;
+mod quad;
+mod row;
+mod store;
 
 use std::sync::Arc;
 
+use clerestory_nystrom::SparseEntry;
 use rayon::prelude::*;
 
 use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_dark, is_same_layer};
-use expand::{Place, Scratch, expand_block};
 use kernel::Kernel;
-use left::Left;
-use project::{Partials, Planes};
+use project::Planes;
+use row::TileRow;
 
 /// Relights with all cores.
 #[derive(Debug)]
@@ -36,31 +41,6 @@ pub struct CpuRelighter {
     /// Added to every picture.
     layer: Option<Arc<Radiance>>,
     stats: RelightStats,
-}
-
-/// What is kept of one row of tiles, per group.
-#[derive(Debug)]
-struct TileRow(Vec<GroupRow>);
-
-/// What is kept of one row of tiles of one group.
-#[derive(Clone, Debug)]
-struct GroupRow {
-    /// Pixels of this row of tiles, row by row over the whole width; empty before the group was first lit.
-    radiance: Vec<[f32; 3]>,
-    tiles: Vec<Tile>,
-}
-
-/// What is kept of one tile of one group.
-#[derive(Clone, Debug, Default)]
-struct Tile {
-    /// What it was expanded from; none where it must be expanded.
-    z: Option<Vec<f32>>,
-    /// What `z` is the sum of, under the coefficients that are cached.
-    partials: Partials,
-    /// Left factors of its block; none before it was first expanded.
-    left: Option<Left>,
-    /// Most by which any channel of its radiance misses the coefficients that are cached, nit.
-    behind: f32,
 }
 
 /// One group's part in one relight.
@@ -88,9 +68,7 @@ impl CpuRelighter {
     fn with_kernel(frame: &Frame, kernel: Kernel) -> Result<Self, RelightError> {
         frame.check()?;
         let partition = frame.partition();
-        let tiles = vec![Tile::default(); partition.tiles_x() as usize];
-        let group_row = GroupRow { radiance: Vec::new(), tiles };
-        let tile_row = || TileRow(vec![group_row.clone(); frame.groups.len()]);
+        let tile_row = || TileRow::new(frame.groups.len(), partition.tiles_x() as usize);
         Ok(Self {
             frame: frame.clone(),
             kernel,
@@ -134,8 +112,10 @@ impl CpuRelighter {
         self.stats = (self.rows.par_iter_mut(), out.pixels.par_chunks_mut(row_len))
             .into_par_iter()
             .enumerate()
+            // Row by row, so that a thread that was held up keeps the others waiting for one row at most.
+            .with_max_len(1)
             .map(|(row_idx, (row, pixels))| {
-                let stats = relight_row(&step, row_idx, row, &inputs, pixels);
+                let stats = row.relight(&step, row_idx, &inputs, pixels);
                 if let Some(layer) = layer {
                     add(&layer.pixels[row_idx * row_len..][..pixels.len()], pixels);
                 }
@@ -173,8 +153,7 @@ impl Relight for CpuRelighter {
         self.frame.take_blocks(frame, changed)?;
         let tiles_x = frame.partition().tiles_x() as usize;
         for &(group, block) in changed {
-            let tile = &mut self.rows[block / tiles_x].0[group].tiles[block % tiles_x];
-            *tile = Tile::default();
+            self.rows[block / tiles_x].0[group].replace(block % tiles_x);
         }
         Ok(())
     }
@@ -204,99 +183,10 @@ struct Step<'a> {
     tolerance: f32,
 }
 
-/// Brings every lit group of a row of tiles up to date and sums them into `pixels`.
-fn relight_row(
-    step: &Step,
-    row_idx: usize,
-    row: &mut TileRow,
-    inputs: &[GroupInput],
-    pixels: &mut [[f32; 3]],
-) -> RelightStats {
-    let mut stats = RelightStats::default();
-    let mut scratch = Scratch::default();
-    let mut n_lit = 0;
-    for (group, (group_row, input)) in row.0.iter_mut().zip(inputs).enumerate() {
-        if input.state == GroupState::Dark {
-            stats.n_skipped += group_row.tiles.len();
-            continue;
-        }
-        group_row.radiance.resize(pixels.len(), [0.0; 3]);
-        stats = stats.merged(step.relight_group((group, row_idx), group_row, input, &mut scratch));
-        if n_lit == 0 {
-            pixels.copy_from_slice(&group_row.radiance);
-        } else {
-            add(&group_row.radiance, pixels);
-        }
-        n_lit += 1;
-    }
-    if n_lit == 0 {
-        pixels.fill([0.0; 3]);
-    }
-    stats
-}
-
 impl Step<'_> {
-    /// Projects and expands the blocks of one group in one row of tiles, where something moved that is seen.
-    fn relight_group(
-        &self,
-        (group, row_idx): (usize, usize),
-        row: &mut GroupRow,
-        input: &GroupInput,
-        scratch: &mut Scratch,
-    ) -> RelightStats {
-        let mut stats = RelightStats::default();
-        let partition = &self.frame.groups[group].partition;
-        let mut z_new = Vec::new();
-        for (tile_idx, tile) in row.tiles.iter_mut().enumerate() {
-            let is_near = tile.behind <= self.tolerance;
-            if tile.z.is_some() && input.state == GroupState::Unchanged && is_near {
-                stats.skip(tile.behind);
-                continue;
-            }
-
-            // The same `z` expands to the same pixels, and nearly the same to nearly the same, unless sparse entries carry
-            // another coefficient past it.
-            let block_idx = row_idx * partition.tiles_x() as usize + tile_idx;
-            let factors = self.frame.block(group, block_idx).map(|block| &**block);
-            stats.n_bytes += tile.partials.project(self.kernel, factors, &input.planes, &mut z_new);
-            if let Some(behind) = tile.behind_of(&z_new)
-                && behind <= self.tolerance
-                && !input.planes.moves_sparse(factors)
-            {
-                tile.behind = behind;
-                stats.skip(behind);
-                continue;
-            }
-
-            let [x, _, width, height] = partition.rect(block_idx);
-            let stride = self.frame.width as usize;
-            let place = Place { x: x as usize, width: width as usize, height: height as usize, stride };
-            if let Some(factors) = factors.filter(|f| f.rank > 0 && tile.left.is_none()) {
-                tile.left = Some(Left::new(factors));
-            }
-            let block = (factors, tile.left.as_ref());
-            let n_bytes = expand_block(self.kernel, block, &z_new, &input.planes, place, scratch, &mut row.radiance);
-            stats.n_bytes += n_bytes;
-            if n_bytes > 0 {
-                stats.n_expanded += 1;
-            } else {
-                stats.n_skipped += 1;
-            }
-            tile.behind = 0.0;
-            std::mem::swap(tile.z.get_or_insert_default(), &mut z_new);
-        }
-        stats
-    }
-}
-
-impl Tile {
-    /// Most by which its radiance misses what it would be under another `z`, nit; none where it has no radiance.
-    fn behind_of(&self, z: &[f32]) -> Option<f32> {
-        match (&self.z, &self.left) {
-            (Some(shown), _) if shown == z => Some(0.0),
-            (Some(shown), Some(left)) => Some(left.most_change(shown, z)),
-            _ => None,
-        }
+    /// Entries of a block that no low rank holds.
+    fn sparse(&self, group: usize, block: usize) -> &[SparseEntry] {
+        self.frame.block(group, block).map_or(&[], |factors| &factors.sparse)
     }
 }
 
@@ -308,5 +198,7 @@ fn add(from: &[[f32; 3]], to: &mut [[f32; 3]]) {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod truth_tests;
 #[cfg(test)]
 pub(crate) mod unseen_tests;

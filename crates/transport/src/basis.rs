@@ -11,6 +11,7 @@ use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::light::{LightRig, LightSetting, PanelSpot, luminance};
+use crate::origin::LightOrigin;
 use crate::scene::PunctualKind;
 use crate::sky::SkyLight;
 
@@ -115,6 +116,9 @@ pub struct LightSource {
     pub color: Vec3,
     /// Strength in the file, in the unit of the kind.
     pub strength: f32,
+    /// Where it comes from.
+    #[serde(default)]
+    pub origin: LightOrigin,
 }
 
 /// Why an entry of a rig changes nothing.
@@ -210,7 +214,7 @@ impl LightBasis {
         let mut coefficients = vec![[0.0; 3]; self.n_cols()];
         for source in &self.sources {
             let columns = &mut coefficients[source.columns.start as usize..source.columns.end as usize];
-            let setting = rig.lights.get(&source.key).copied().unwrap_or_default();
+            let setting = rig.setting(&source.key);
             match (source.kind, rig.panels.get(&source.key)) {
                 (SourceKind::Constant, _) => columns.fill([1.0; 3]),
                 (SourceKind::Dome { divisions }, _) => self.project_dome(rig, setting, divisions, columns),
@@ -267,7 +271,10 @@ impl LightBasis {
         });
         let taken = rig.lamps.iter().filter(|lamp| self.source(&lamp.key).is_some());
         let taken = taken.map(|lamp| (lamp.key.as_str(), Unheeded::Taken));
-        let mut unheeded: Vec<_> = lights.chain(panels).chain(taken).collect();
+        let is_light = |key: &&String| self.source(key).is_some() || rig.lamps.iter().any(|lamp| lamp.key == **key);
+        let members = rig.groups.values().flat_map(|group| &group.lights).filter(|key| !is_light(key));
+        let members = members.map(|key| (key.as_str(), Unheeded::Unknown));
+        let mut unheeded: Vec<_> = lights.chain(panels).chain(taken).chain(members).collect();
         unheeded.sort();
         unheeded.dedup();
         unheeded
@@ -337,7 +344,14 @@ mod tests {
     use super::*;
 
     fn source(key: &str, kind: SourceKind, n: u32) -> LightSource {
-        LightSource { key: key.into(), kind, columns: 0..n, color: Vec3::new(1.0, 0.5, 0.25), strength: 8.0 }
+        LightSource {
+            key: key.into(),
+            kind,
+            columns: 0..n,
+            color: Vec3::new(1.0, 0.5, 0.25),
+            strength: 8.0,
+            origin: LightOrigin::default(),
+        }
     }
 
     fn panel(resolution: u32) -> SourceKind {

@@ -15,8 +15,9 @@ pub(crate) use self::surface::SurfacePoint;
 
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};
 use crate::lamps::Lamp;
+use crate::origin::LightOrigin;
 use crate::photometry::PhotometricProfile;
-use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene};
+use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene, SceneNode};
 use crate::sensors::parallelogram;
 use crate::sky::{Dome, DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};
 
@@ -263,18 +264,26 @@ fn share_of(radiance: Vec3, brightest: Vec3) -> Vec3 {
     Vec3::select(emits, share, Vec3::splat(share.max_element()))
 }
 
-fn surface_source(scene: &Scene, key: String, triangles: &[u32]) -> (LightSource, Emitter) {
+fn surface_source(scene: &Scene, key: String, node: &SceneNode, triangles: &[u32]) -> (LightSource, Emitter) {
     let (color, strength) = file_emission(scene, triangles);
     let emitter = SurfaceEmitter::new(scene, triangles, color * strength);
-    (LightSource { key, kind: SourceKind::Emitter, columns: 0..1, color, strength }, Emitter::Surface(emitter))
+    let origin = LightOrigin::of_surface(scene, node, triangles, emitter.center());
+    (LightSource { key, kind: SourceKind::Emitter, columns: 0..1, color, strength, origin }, Emitter::Surface(emitter))
 }
 
-fn panel_source(scene: &Scene, key: String, panel: PanelEmitter) -> (LightSource, Emitter) {
+fn panel_source(
+    scene: &Scene,
+    key: String,
+    node: &SceneNode,
+    triangles: &[u32],
+    panel: PanelEmitter,
+) -> (LightSource, Emitter) {
+    let origin = LightOrigin::of_surface(scene, node, triangles, panel.center());
     let (color, strength) = file_emission(scene, &[panel.triangle]);
     let size_m = [panel.u_edge.length(), panel.v_edge.length()];
     let kind = SourceKind::Panel { resolution: panel.resolution, size_m };
     let columns = 0..panel.resolution * panel.resolution;
-    (LightSource { key, kind, columns, color, strength }, Emitter::Panel(panel))
+    (LightSource { key, kind, columns, color, strength, origin }, Emitter::Panel(panel))
 }
 
 /// Reads the rectangle that two triangles form; (0, 0) is the corner at UV (0, 0), else the first vertex, and u runs along
@@ -356,13 +365,14 @@ fn add_sky_and_constant(scene: &Scene, sky: Option<&SkyRequest>, found: &mut Fou
             columns: 0..1,
             color: Vec3::ONE,
             strength: 1.0,
+            origin: LightOrigin::default(),
         };
         found.push((source, Emitter::Sky));
     }
     if scene.mesh.triangle_material.iter().any(|&m| scene.materials[m as usize].unlit) {
         let kind = SourceKind::Constant;
-        let source =
-            LightSource { key: keys.key(Some("unlit"), 0), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
+        let (key, origin) = (keys.key(Some("unlit"), 0), LightOrigin::default());
+        let source = LightSource { key, kind, columns: 0..1, color: Vec3::ONE, strength: 1.0, origin };
         found.push((source, Emitter::Constant));
     }
 }
@@ -378,10 +388,12 @@ fn add_sky(sky: &SkyRequest, keys: &mut KeyMaker, found: &mut Found) {
         }
     };
     let key = keys.key(Some("sky"), 0);
-    found.push((LightSource { key, kind, columns: 0..n_columns, color, strength }, emitter));
+    let origin = LightOrigin::default();
+    found.push((LightSource { key, kind, columns: 0..n_columns, color, strength, origin }, emitter));
     if let Some((sun, direction)) = light.sun.zip(light.sun_direction()) {
         let (kind, strength) = (SourceKind::Sun { direction }, sun.illuminance_lx * light.intensity);
-        let source = LightSource { key: keys.key(Some("sun"), 0), kind, columns: 0..1, color: sun.color, strength };
+        let (key, origin) = (keys.key(Some("sun"), 0), LightOrigin::default());
+        let source = LightSource { key, kind, columns: 0..1, color: sun.color, strength, origin };
         found.push((source, Emitter::Sun(SunEmitter { direction })));
     }
 }

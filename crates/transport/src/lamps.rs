@@ -19,6 +19,7 @@ pub use self::light::Lamp;
 pub(crate) use self::light::Lit;
 pub use self::prepared::{LampError, PreparedLamps};
 pub(crate) use self::prepared::{PreparedLamp, lattice};
+pub(crate) use self::units::lumen_per_candela;
 
 /// A lamp of a look. It shines from `position` towards `aim`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

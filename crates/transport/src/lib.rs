@@ -20,6 +20,7 @@ mod laws;
 pub mod light;
 pub mod matrix;
 mod nodes;
+pub mod origin;
 pub mod patches;
 pub mod path;
 pub mod photometry;

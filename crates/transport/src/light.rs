@@ -1,6 +1,6 @@
 //! What a designer sets: per lamp, and per spot on a panel.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -23,6 +23,22 @@ pub struct LightRig {
     /// Lamps that the scene does not have.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub lamps: Vec<FreeLamp>,
+    /// Masters that turn many lights at once, by name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub groups: BTreeMap<String, LightGroup>,
+}
+
+/// Lights that are turned together, on top of what each of them is set to. Where a light is in several groups all count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightGroup {
+    /// Keys of its lights, of the scene and free ones.
+    pub lights: BTreeSet<String>,
+    /// Multiplies the intensity of each.
+    #[serde(default = "one")]
+    pub intensity: f32,
+    /// All of them are dark.
+    #[serde(default)]
+    pub muted: bool,
 }
 
 /// One lamp, relative to what the file says.
@@ -64,6 +80,44 @@ fn one() -> f32 {
 impl Default for LightSetting {
     fn default() -> Self {
         LightSetting { intensity: 1.0, color: None, kelvin: None, muted: false }
+    }
+}
+
+impl LightRig {
+    /// What a light is set to by itself: that of a free lamp if one has this key.
+    pub fn own_setting(&self, key: &str) -> LightSetting {
+        let lamp = self.lamps.iter().find(|lamp| lamp.key == key);
+        lamp.map(|lamp| lamp.setting).or_else(|| self.lights.get(key).copied()).unwrap_or_default()
+    }
+
+    /// Sets a light by itself. What equals the scene leaves no trace.
+    pub fn set(&mut self, key: &str, setting: LightSetting) {
+        if let Some(lamp) = self.lamps.iter_mut().find(|lamp| lamp.key == key) {
+            lamp.setting = setting;
+        } else if setting == LightSetting::default() {
+            self.lights.remove(key);
+        } else {
+            self.lights.insert(key.to_owned(), setting);
+        }
+    }
+
+    /// What a light is set to by itself and by its groups.
+    pub fn setting(&self, key: &str) -> LightSetting {
+        self.in_groups(key, self.own_setting(key))
+    }
+
+    /// The free lamps, set by themselves and by their groups.
+    pub fn lit_lamps(&self) -> Vec<FreeLamp> {
+        let lit = |lamp: &FreeLamp| FreeLamp { setting: self.in_groups(&lamp.key, lamp.setting), ..lamp.clone() };
+        self.lamps.iter().map(lit).collect()
+    }
+
+    fn in_groups(&self, key: &str, mut setting: LightSetting) -> LightSetting {
+        for group in self.groups.values().filter(|group| group.lights.contains(key)) {
+            setting.intensity *= group.intensity;
+            setting.muted |= group.muted;
+        }
+        setting
     }
 }
 
@@ -154,6 +208,25 @@ mod tests {
         assert!(warm.x > warm.z && cool.z > cool.x);
         let day = planckian_tint(6500.0);
         assert!((day - Vec3::ONE).abs().max_element() < 0.06, "{day}");
+    }
+
+    #[test]
+    fn groups_turn_their_lights_on_top_of_what_each_is_set_to() {
+        let group = |lights: &[&str], intensity, muted| LightGroup {
+            lights: lights.iter().map(|key| (*key).to_owned()).collect(),
+            intensity,
+            muted,
+        };
+        let mut rig = LightRig::default();
+        rig.set("a", LightSetting { intensity: 3.0, ..LightSetting::default() });
+        rig.groups.insert("both".into(), group(&["a", "b"], 0.5, false));
+        rig.groups.insert("one".into(), group(&["a"], 4.0, false));
+        assert_eq!((rig.setting("a").intensity, rig.setting("b").intensity), (6.0, 0.5));
+        assert_eq!((rig.setting("c"), rig.own_setting("a").intensity), (LightSetting::default(), 3.0));
+        rig.groups.insert("dark".into(), group(&["b"], 1.0, true));
+        assert!(rig.setting("b").muted && !rig.setting("a").muted);
+        rig.set("a", LightSetting::default());
+        assert!(rig.lights.is_empty(), "what equals the scene leaves no trace");
     }
 
     #[test]

@@ -44,7 +44,7 @@ pub struct Scene {
 }
 
 /// A node of the file that carries a mesh, a lamp or a camera.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneNode {
     /// Index of the node in the file.
     pub index: u32,
@@ -52,6 +52,12 @@ pub struct SceneNode {
     pub name: Option<String>,
     /// Side in texels of the panel that the node's extras ask for: `{"clerestory": {"panel": 32}}`.
     pub panel: Option<u32>,
+    /// Names of the nodes above it, the outermost first; `node:INDEX` of those without a name.
+    pub parents: Vec<String>,
+    /// Name of its mesh, the same for all nodes that show it: unnamed ones are `mesh:INDEX`.
+    pub mesh: Option<String>,
+    /// Name of the lamp of the file that it is an instance of: unnamed ones are `lamp:INDEX`.
+    pub lamp: Option<String>,
 }
 
 impl SceneNode {

@@ -60,7 +60,7 @@ impl Lamplight {
         }
         self.take();
         let Some(view) = &self.view else { return rig.clone() };
-        let shining: Vec<FreeLamp> = rig.lamps.iter().filter(|lamp| !lamp.setting.muted).cloned().collect();
+        let shining: Vec<FreeLamp> = rig.lit_lamps().into_iter().filter(|lamp| !lamp.setting.muted).collect();
         let is_new = match &self.ordered {
             Some(ordered) => ordered.shining != shining,
             None => !shining.is_empty(),
@@ -128,5 +128,5 @@ fn is_seen_alike(a: &LampView, b: &LampView) -> bool {
 
 /// Whether two lightings are the same in what is baked.
 fn is_same_but_for_lamps(a: &LightRig, b: &LightRig) -> bool {
-    (&a.lights, &a.panels, &a.sky) == (&b.lights, &b.panels, &b.sky)
+    (&a.lights, &a.panels, &a.sky, &a.groups) == (&b.lights, &b.panels, &b.sky, &b.groups)
 }

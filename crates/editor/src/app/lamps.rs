@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::App;
 use crate::action::FileTask;
-
+use crate::look::groups;
 use crate::panels::lamps::{LampChoice, kind_words, new_strength};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
@@ -137,7 +137,11 @@ impl App {
             let beside = copy.position + right * (BESIDE * copy.position.distance(camera.position()));
             move_to(&mut copy, beside, AimWhileMoving::GoesAlong);
         }
-        self.as_one_step(|app| app.push_lamp(copy));
+        let of = lamp.key;
+        self.as_one_step(|app| {
+            groups::join(&mut app.look.lights, &of, &copy.key);
+            app.push_lamp(copy);
+        });
     }
 
     pub(super) fn delete_lamp(&mut self) {
@@ -146,6 +150,8 @@ impl App {
         self.as_one_step(|app| {
             let lamp = app.look.lights.lamps.remove(idx);
             app.lights.solo.remove(&lamp.key);
+            groups::leave(&mut app.look.lights, &lamp.key);
+            app.look.names.remove(&lamp.key);
             app.say(format!("Deleted {}", lamp.key));
         });
     }
@@ -174,6 +180,7 @@ impl App {
             return;
         };
         self.as_one_step(|app| {
+            groups::join(&mut app.look.lights, key, &lamp.key);
             app.look.lights.lights.entry(key.to_owned()).or_default().muted = true;
             app.push_lamp(lamp);
         });

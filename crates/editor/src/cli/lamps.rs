@@ -34,7 +34,7 @@ pub(super) fn install(view: &mut View, look: &Look, path: Option<&Path>, console
     if look.lights.lamps.is_empty() {
         return Ok(());
     }
-    let lamps = prepared(&look.lights.lamps, path, console)?;
+    let lamps = prepared(&look.lights.lit_lamps(), path, console)?;
     let scene = Arc::get_mut(&mut view.scene).context("the scene is in use")?;
     lamps.install(scene).context("the look cannot light the scene")
 }
@@ -57,7 +57,7 @@ impl LampLight {
         (path, scene): (Option<&Path>, Option<&Path>),
         console: &mut Console,
     ) -> Result<Vec<LampLight>> {
-        let lamps = &look.lights.lamps;
+        let lamps = &look.lights.lit_lamps();
         if lamps.is_empty() {
             return Ok(Vec::new());
         }

@@ -91,6 +91,7 @@ impl LayerSet {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::basis::LightSource;
+    use clerestory_transport::origin::LightOrigin;
     use glam::Vec3;
 
     use super::*;
@@ -98,7 +99,14 @@ mod tests {
     fn basis() -> LightBasis {
         let source = |key: &str, kind, n_columns| {
             let columns = 0..n_columns;
-            LightSource { key: key.into(), kind, columns, color: Vec3::ONE, strength: 1.0 }
+            LightSource {
+                key: key.into(),
+                kind,
+                columns,
+                color: Vec3::ONE,
+                strength: 1.0,
+                origin: LightOrigin::default(),
+            }
         };
         LightBasis::new(vec![
             source("desk", SourceKind::Point, 1),

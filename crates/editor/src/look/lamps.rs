@@ -203,6 +203,7 @@ fn degrees(rad: f32) -> f64 {
 mod tests {
     use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
     use clerestory_transport::light::LightSetting;
+    use clerestory_transport::origin::LightOrigin;
 
     use super::*;
     use crate::look::Look;
@@ -303,6 +304,7 @@ mod tests {
             columns: 0..1,
             color: Vec3::ONE,
             strength: 1.0,
+            origin: LightOrigin::default(),
         };
         let mut look = Look::default();
         look.lights.lamps = all();

@@ -59,24 +59,26 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
-    reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "lamps", "display"]);
+    reader.report_unknown(document, &["clerestory", "lights", "panels", "sky", "lamps", "groups", "names", "display"]);
     let lights = LightRig {
         lights: reader.entries(document, "lights", |reader, value| reader.setting(value))?,
         panels: reader.entries(document, "panels", |reader, value| reader.spots(value))?,
         sky: reader.optional(document, "sky", |reader, value| reader.sky(value))?,
         lamps: reader.optional(document, "lamps", |reader, value| reader.lamps(value))?.unwrap_or_default(),
+        groups: reader.entries(document, "groups", |reader, value| reader.group(value))?,
     };
+    let names = reader.entries(document, "names", |reader, value| reader.text(value))?;
     let display = match document.get("display") {
         Some(value) => reader.part("display", |reader| reader.display(value))?.unwrap_or_default(),
         None => Display::default(),
     };
-    Ok((Look { lights, display }, warnings))
+    Ok((Look { lights, names, display }, warnings))
 }
 
 /// Refuses what a newer program wrote, and what is no look at all.
 fn check_version(document: &Map<String, Value>, reader: &mut Reader) -> Result<()> {
     let Some(version) = document.get("clerestory") else {
-        let known = ["lights", "panels", "sky", "lamps", "display"];
+        let known = ["lights", "panels", "sky", "lamps", "groups", "names", "display"];
         if !document.is_empty() && !known.iter().any(|key| document.contains_key(*key)) {
             bail!("it is no look: it has none of `clerestory`, `{}`", known.join("`, `"));
         }

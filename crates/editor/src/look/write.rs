@@ -26,6 +26,8 @@ pub(super) fn json(look: &Look) -> String {
     if !lamps.is_empty() {
         members.push(format!("  \"lamps\": [\n{}\n  ]", lamps.join(",\n")));
     }
+    members.extend(super::groups::member_of(&look.lights.groups));
+    members.extend(super::groups::names_member(&look.names));
     let display = super::display::members(&look.display);
     if !display.is_empty() {
         members.push(format!("  \"display\": {{ {} }}", display.join(", ")));

@@ -2,7 +2,7 @@
 
 use clerestory_transport::light::planckian_tint;
 use eframe::egui::{
-    self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind,
+    self, Color32, ColorImage, DragValue, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind,
     TextureOptions, Ui,
     ecolor::{Hsva, HsvaGamma},
     pos2, vec2,
@@ -21,6 +21,10 @@ pub struct Tint {
 /// Color temperatures with a name.
 const KELVINS: [(&str, f32); 5] =
     [("Candle", 1900.0), ("Warm", 2700.0), ("White", 4000.0), ("Daylight", 6500.0), ("Shade", 8000.0)];
+/// What a light has at first when it is given one.
+const NEW_KELVIN: f32 = 3000.0;
+/// Those that a look may have.
+const KELVIN_RANGE: std::ops::RangeInclusive<f32> = 500.0..=100_000.0;
 const PICKER_WIDTH: f32 = 252.0;
 const N: usize = 32;
 
@@ -81,7 +85,7 @@ fn mode_ui(ui: &mut Ui, tint: &mut Tint, shown: Vec3, kelvin_choice: KelvinChoic
         }
         let offered = kelvin_choice != KelvinChoice::Hidden;
         if offered && ui.selectable_label(tint.kelvin.is_some(), "Kelvin").clicked() && tint.kelvin.is_none() {
-            tint.kelvin = Some(3000.0);
+            tint.kelvin = Some(NEW_KELVIN);
         }
     });
     ui.add_space(4.0);
@@ -95,7 +99,7 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
         .suffix(" K")
         .trailing_fill(false);
     if ui.add(slider).accessible_name(format!("{label} kelvin")).changed() {
-        tint.kelvin = Some(kelvin.clamp(500.0, 100_000.0));
+        tint.kelvin = Some(kelvin.clamp(*KELVIN_RANGE.start(), *KELVIN_RANGE.end()));
     }
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
@@ -106,6 +110,26 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
             }
         }
     });
+}
+
+/// The color temperature as a number, to drag and to type; a light without one takes it on once it is changed. Answers
+/// whether it was.
+pub fn kelvin_field_ui(ui: &mut Ui, label: &str, tint: &mut Tint, is_mixed: bool) -> bool {
+    let mut kelvin = tint.kelvin.unwrap_or(NEW_KELVIN);
+    let has_one = tint.kelvin.is_some();
+    let number = DragValue::new(&mut kelvin).range(KELVIN_RANGE).speed(15.0).suffix(" K");
+    let number = number.custom_formatter(|kelvin, _| match (is_mixed, has_one) {
+        (true, _) => "mixed".into(),
+        (false, true) => format!("{kelvin:.0}"),
+        (false, false) => "–".into(),
+    });
+    let number = number.custom_parser(|text| text.trim().trim_end_matches(['K', 'k', ' ']).parse().ok());
+    let field = ui.add_sized([66.0, 22.0], number).on_hover_text("Color temperature, kelvin");
+    let is_set = field.accessible_name(format!("{label} color temperature")).changed();
+    if is_set {
+        *tint = Tint { color: None, kelvin: Some(kelvin) };
+    }
+    is_set
 }
 
 fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {

@@ -1,17 +1,14 @@
 //! Free lamps in the list of lights: a row each, and what the chosen one is like.
 
-use std::collections::BTreeSet;
-
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-use clerestory_transport::light::{LightRig, luminance};
-use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Sense, TextEdit, Ui};
+use clerestory_transport::light::luminance;
+use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Ui};
 use glam::Vec3;
 
-use super::color::{KelvinChoice, Tint, tint_ui};
-use super::lights::{intensity_ui, mute_and_solo_ui};
+use super::lights::listed::Listed;
+use super::lights::names::{Renaming, name_field_ui};
 use crate::action::{Action, FileTask};
-
-use crate::theme;
+use crate::look::Look;
 use crate::viewport::gizmo::{AimWhileMoving, Drag, move_to};
 
 /// What is remembered of free lamps and no look holds.
@@ -29,8 +26,8 @@ pub struct LampState {
     pub dragged_to: Option<Pos2>,
     /// Where the menu of the picture was opened.
     pub menu_at: Option<Pos2>,
-    /// A name that is being typed, of which lamp.
-    naming: Option<(String, String)>,
+    /// A name that is being typed.
+    naming: Renaming,
 }
 
 impl LampState {
@@ -117,33 +114,6 @@ pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &
     state.aiming |= aims;
 }
 
-/// Draws the rows of the lamps whose names hold `filter`. Answers how many.
-pub fn lamps_ui(
-    ui: &mut Ui,
-    rig: &mut LightRig,
-    (state, solo): (&mut LampState, &mut BTreeSet<String>),
-    (taken, filter): (&dyn Fn(&str) -> bool, &str),
-    actions: &mut Vec<Action>,
-) -> usize {
-    let mut n_listed = 0;
-    for idx in 0..rig.lamps.len() {
-        if !rig.lamps[idx].key.to_lowercase().contains(filter) {
-            continue;
-        }
-        n_listed += 1;
-        let key = rig.lamps[idx].key.clone();
-        ui.push_id(("lamp", key.as_str()), |ui| {
-            row_ui(ui, &mut rig.lamps[idx], state, solo, actions);
-            if state.is_chosen(&key) {
-                let others: BTreeSet<String> = rig.lamps.iter().map(|lamp| lamp.key.clone()).collect();
-                let is_taken = |name: &str| taken(name) || others.contains(name);
-                details_ui(ui, &mut rig.lamps[idx], state, solo, &is_taken, actions);
-            }
-        });
-    }
-    n_listed
-}
-
 /// Says why lamps cannot be placed, and what helps.
 pub fn missing_ui(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
     match choice {
@@ -160,123 +130,54 @@ pub fn missing_ui(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
     }
 }
 
-fn row_ui(
+/// Everything about a lamp in numbers. None of `lights` may be called the same.
+pub(super) fn details_ui(
     ui: &mut Ui,
-    lamp: &mut FreeLamp,
+    key: &str,
+    look: &mut Look,
     state: &mut LampState,
-    solo: &mut BTreeSet<String>,
+    lights: &[Listed],
     actions: &mut Vec<Action>,
 ) {
-    let key = lamp.key.clone();
-    ui.horizontal(|ui| {
-        ui.spacing_mut().item_spacing.x = 5.0;
-        mute_and_solo_ui(ui, &key, &mut lamp.setting, solo);
-        let is_dark = lamp.setting.muted || (!solo.is_empty() && !solo.contains(&key));
-        let mut text = RichText::new(&key);
-        if is_dark {
-            text = text.weak();
-        }
-        if state.is_chosen(&key) {
-            text = text.color(theme::ACCENT);
-        }
-        let size = egui::vec2((ui.available_width() * 0.38).max(60.0), ui.spacing().interact_size.y);
-        let layout =
-            egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true).with_main_align(egui::Align::Min);
-        let name = ui.allocate_ui_with_layout(size, layout, |ui| {
-            ui.add(Label::new(text).truncate().sense(Sense::click()).selectable(false))
-        });
-        let words =
-            format!("{key}\n{}, {} {}\nRight-click for more", kind_words(&lamp.shape), lamp.strength, lamp.unit.name());
-        let name = name.inner.on_hover_text(words);
-        if name.clicked() {
-            state.chosen = if state.is_chosen(&key) { None } else { Some(key.clone()) };
-        }
-        name.context_menu(|ui| {
-            lamp_menu(ui, lamp, state, actions);
-            if ui.button("Solo this alone").clicked() {
-                *solo = BTreeSet::from([key.clone()]);
-            }
-        });
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.spacing_mut().item_spacing.x = 6.0;
-            let mut tint = Tint { color: lamp.setting.color, kelvin: lamp.setting.kelvin };
-            if tint_ui(ui, &key, &mut tint, Vec3::ONE, KelvinChoice::OfferedOnWhite) {
-                (lamp.setting.color, lamp.setting.kelvin) = (tint.color, tint.kelvin);
-            }
-            intensity_ui(ui, &key, &mut lamp.setting.intensity);
-        });
-    });
-}
-
-/// Everything about a lamp in numbers.
-fn details_ui(
-    ui: &mut Ui,
-    lamp: &mut FreeLamp,
-    state: &mut LampState,
-    solo: &mut BTreeSet<String>,
-    is_taken: &dyn Fn(&str) -> bool,
-    actions: &mut Vec<Action>,
-) {
+    let Some(idx) = look.lights.lamps.iter().position(|lamp| lamp.key == key) else { return };
     ui.horizontal(|ui| {
         ui.add_space(50.0);
         ui.vertical(|ui| {
             Grid::new("lamp").num_columns(2).spacing([10.0, 4.0]).show(ui, |ui| {
-                name_ui(ui, lamp, state, solo, is_taken);
+                ui.label(RichText::new("Name").weak());
+                ui.scope(|ui| {
+                    ui.set_max_width(150.0);
+                    name_field_ui(ui, (key, key), look, &mut state.naming, lights);
+                });
+                ui.end_row();
+                let lamp = &mut look.lights.lamps[idx];
                 strength_ui(ui, lamp);
                 shape_ui(ui, lamp);
                 place_ui(ui, lamp, state);
             });
-            ui.horizontal(|ui| {
-                if lamp.shape.is_aimed() {
-                    let hint = "Click in the picture what it is to light\nA, or Ctrl (⌘) and click at once";
-                    let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
-                    if aim.clicked() {
-                        state.aiming = !state.aiming;
-                    }
-                }
-                if ui
-                    .button("Duplicate")
-                    .on_hover_text(ui.ctx().format_shortcut(&super::shortcuts::DUPLICATE))
-                    .clicked()
-                {
-                    actions.push(Action::DuplicateLamp);
-                }
-                if ui.button("Delete").on_hover_text("Del").clicked() {
-                    actions.push(Action::DeleteLamp);
-                }
-            });
+            buttons_ui(ui, &look.lights.lamps[idx], state, actions);
             ui.add_space(4.0);
         });
     });
 }
 
-/// The name; one that another light has is not taken.
-fn name_ui(
-    ui: &mut Ui,
-    lamp: &mut FreeLamp,
-    state: &mut LampState,
-    solo: &mut BTreeSet<String>,
-    is_taken: &dyn Fn(&str) -> bool,
-) {
-    let label = ui.label(RichText::new("Name").weak());
-    let typed = state.naming.take().filter(|(key, _)| *key == lamp.key).map_or(lamp.key.clone(), |(_, typed)| typed);
-    let mut name = typed;
-    let edit = ui.add(TextEdit::singleline(&mut name).desired_width(150.0)).labelled_by(label.id);
-    let edit = edit.accessible_name(format!("Name of {}", lamp.key));
-    let new = name.trim().to_owned();
-    let is_free = !new.is_empty() && (new == lamp.key || !is_taken(&new));
-    if edit.has_focus() && !is_free {
-        edit.show_tooltip_text("Another light has this name");
-    }
-    if edit.lost_focus() && is_free && new != lamp.key {
-        if solo.remove(&lamp.key) {
-            solo.insert(new.clone());
+fn buttons_ui(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        if lamp.shape.is_aimed() {
+            let command = ui.ctx().format_modifiers(egui::Modifiers::COMMAND);
+            let hint = format!("Click in the picture what it is to light\nA, or {command} and click at once");
+            let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
+            if aim.clicked() {
+                state.aiming = !state.aiming;
+            }
         }
-        (lamp.key, state.chosen) = (new.clone(), Some(new));
-    } else if edit.has_focus() {
-        state.naming = Some((lamp.key.clone(), name));
-    }
-    ui.end_row();
+        if ui.button("Duplicate").on_hover_text(ui.ctx().format_shortcut(&super::shortcuts::DUPLICATE)).clicked() {
+            actions.push(Action::DuplicateLamp);
+        }
+        if ui.button("Delete").on_hover_text("Del").clicked() {
+            actions.push(Action::DeleteLamp);
+        }
+    });
 }
 
 fn strength_ui(ui: &mut Ui, lamp: &mut FreeLamp) {

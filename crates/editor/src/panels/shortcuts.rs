@@ -96,6 +96,7 @@ pub fn shortcuts_ui(ctx: &Context, open: &mut bool) {
 fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
     let keys = |shortcut: &KeyboardShortcut| ctx.format_shortcut(shortcut);
     let words = |words: &str| words.to_string();
+    let command = ctx.format_modifiers(Modifiers::COMMAND);
     vec![
         (keys(&OPEN), "Open a scene or a bake"),
         (keys(&OPEN_LOOK), "Open a look"),
@@ -126,9 +127,13 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         ),
         (keys(&DUPLICATE), "Duplicate the lamp"),
         (words("Del"), "Delete the lamp"),
+        (format!("Click on a name, with Shift, with {command}"), "Select a light, all up to there, one more"),
+        (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),
+        (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
+        (words("F2"), "Rename the selected light"),
         (words("Double-click on a name"), "Reset the light"),
         (words("Right-click on a name"), "More about the light"),
-        (words("Shift while dragging a number"), "Finer steps"),
+        (words("Shift while dragging a fader or a number"), "Finer steps"),
         (words("F1 or ?"), "This list"),
     ]
 }

@@ -56,6 +56,7 @@ pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Win
 }
 
 /// The room, baked, with its first picture.
+#[allow(dead_code, reason = "not every test of the window is about this room")]
 pub fn baked() -> Window {
     let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
@@ -100,6 +101,7 @@ pub fn click(window: &mut Window, label: &str) {
 }
 
 /// Where a point of the room is on the screen.
+#[allow(dead_code, reason = "not every test of the window is about the picture")]
 pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {
     let area: Rect = window.get_by_label("Picture").rect();
     let shown = window.state().session().shown.as_ref().unwrap();

@@ -1,10 +1,13 @@
 //! Expand: `radiance = left · z + sparse · x` over the pixels of one block.
 
-use clerestory_nystrom::BlockFactors;
+use clerestory_nystrom::SparseEntry;
+use half::f16;
 
 use super::kernel::{Kernel, PATTERN};
-use super::left::{Left, RUN};
-use super::project::{LANES, Planes};
+use super::left::RUN;
+use super::prefetch::prefetch;
+use super::project::Planes;
+use super::quad::{QUAD, Quad};
 
 /// Where a tile lies in its row of tiles, in pixels.
 #[derive(Clone, Copy)]
@@ -16,59 +19,74 @@ pub(super) struct Place {
     pub stride: usize,
 }
 
+/// What becomes of what a pixel was before.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Write {
+    Set,
+    Add,
+}
+
+/// One block as expand reads it; without components and sparse entries it is black.
+pub(super) struct Source<'a> {
+    /// Begins with the block's runs × rank × [`RUN`].
+    pub left: &'a [f16],
+    pub rank: usize,
+    pub z: &'a [Quad],
+    pub sparse: &'a [SparseEntry],
+    pub planes: &'a Planes,
+}
+
 /// Room that blocks use one after the other.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// Rank × [`PATTERN`]: `z` of one component as rows meet it.
-    patterns: Vec<f32>,
+    /// One per component: `z` as rows meet it.
+    patterns: Vec<[f32; PATTERN]>,
     /// Rows of the block, rounded up to whole runs.
     rows: Vec<f32>,
 }
 
-/// Writes the pixels of one block into its row of tiles; returns the bytes of factors read. A missing block is black.
-/// `left` are the left factors of the block, where it has any.
-pub(super) fn expand_block(
-    kernel: Kernel,
-    (factors, left): (Option<&BlockFactors>, Option<&Left>),
-    z: &[f32],
-    planes: &Planes,
-    place: Place,
-    scratch: &mut Scratch,
-    row: &mut [[f32; 3]],
-) -> u64 {
-    let lit = left.filter(|_| z.iter().any(|v| *v != 0.0));
-    if let Some(left) = lit {
-        scratch.expand(kernel, left, z);
-    }
-    for y in 0..place.height {
-        let first = y * place.stride + place.x;
-        let pixels = &mut row[first..first + place.width];
-        match lit {
-            Some(_) => {
-                pixels.as_flattened_mut().copy_from_slice(&scratch.rows[3 * y * place.width..][..3 * place.width])
-            }
-            None => pixels.fill([0.0; 3]),
+impl Scratch {
+    /// Writes the pixels of one block into its row of tiles; returns the bytes of factors read.
+    pub(super) fn expand(
+        &mut self,
+        kernel: Kernel,
+        source: &Source,
+        (place, write): (Place, Write),
+        row: &mut [[f32; 3]],
+    ) -> u64 {
+        let n_rows = 3 * place.width * place.height;
+        let is_lit = source.z.iter().any(|z| *z != Quad::default());
+        if !is_lit && source.sparse.is_empty() && write == Write::Add {
+            return 0;
         }
+        // The pixels of the next tile are written next, and memory reads a line before it is written.
+        let ends = (0..place.height).map(|y| y * place.stride + place.x + place.width);
+        ends.filter_map(|end| row.get(end..end + place.width)).for_each(prefetch);
+        self.rows.resize(n_rows.next_multiple_of(RUN), 0.0);
+        if is_lit {
+            let pattern = |k: usize| pattern(source.z[k / QUAD].rgb(k % QUAD));
+            self.patterns.clear();
+            self.patterns.extend((0..source.rank).map(pattern));
+            kernel.expand(source.left, &self.patterns, &mut self.rows);
+        } else {
+            self.rows.fill(0.0);
+        }
+        for entry in source.sparse {
+            self.rows[entry.row as usize] += entry.value * source.planes.at(entry.row as usize % 3, entry.col as usize);
+        }
+
+        for (y, from) in self.rows[..n_rows].chunks_exact(3 * place.width).enumerate() {
+            let to = row[y * place.stride + place.x..][..place.width].as_flattened_mut();
+            match write {
+                Write::Set => to.copy_from_slice(from),
+                Write::Add => to.iter_mut().zip(from).for_each(|(to, from)| *to += from),
+            }
+        }
+        let n_left = if is_lit { n_rows * source.rank } else { 0 };
+        (2 * n_left + size_of_val(source.sparse)) as u64
     }
-    for entry in factors.map_or(&[][..], |f| &f.sparse) {
-        let (pixel, channel) = (entry.row as usize / 3, entry.row as usize % 3);
-        let at = pixel / place.width * place.stride + place.x + pixel % place.width;
-        row[at][channel] += entry.value * planes.at(channel, entry.col as usize);
-    }
-    let n_sparse = factors.map_or(0, |f| f.sparse.len());
-    (2 * lit.map_or(0, |left| left.n_rows * left.rank) + 12 * n_sparse) as u64
 }
 
-impl Scratch {
-    /// `rows = left · z`.
-    fn expand(&mut self, kernel: Kernel, left: &Left, z: &[f32]) {
-        let stride = left.rank.next_multiple_of(LANES);
-        self.patterns.clear();
-        for k in 0..left.rank {
-            let rgb = [z[k], z[stride + k], z[2 * stride + k]];
-            self.patterns.extend_from_slice(&std::array::from_fn::<f32, PATTERN, _>(|row| rgb[row % 3]));
-        }
-        self.rows.resize(left.n_rows.next_multiple_of(RUN), 0.0);
-        kernel.expand(&left.halves, &self.patterns, &mut self.rows);
-    }
+fn pattern(rgb: [f32; 3]) -> [f32; PATTERN] {
+    std::array::from_fn(|row| rgb[row % 3])
 }

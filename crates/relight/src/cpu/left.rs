@@ -7,48 +7,37 @@
 use clerestory_nystrom::BlockFactors;
 use half::f16;
 
-use super::project::LANES;
+use super::quad::{QUAD, Quad};
 
 /// Rows of a run: sixteen pixels.
 pub(super) const RUN: usize = 48;
 
-/// The left factors of a block.
-#[derive(Clone, Debug)]
-pub(super) struct Left {
-    /// Runs × rank × [`RUN`]; the last run ends in zeros.
-    pub halves: Vec<f16>,
-    /// Rows of the block.
-    pub n_rows: usize,
-    /// Components.
-    pub rank: usize,
-    /// Of each component the largest magnitude per channel.
-    largest: Vec<[f32; 3]>,
+/// Appends the left factor of a block, runs × rank × [`RUN`] (the last run ends in zeros), and of each of its quads the largest
+/// magnitudes per channel.
+pub(super) fn append(factors: &BlockFactors, left: &mut Vec<f16>, largest: &mut Vec<Quad>) {
+    let (rank, n_rows) = (factors.rank as usize, factors.n_rows as usize);
+    let first = left.len();
+    left.resize(first + n_rows.next_multiple_of(RUN) * rank, f16::ZERO);
+    let left = &mut left[first..];
+    let mut most = vec![[[0.0; 3]; QUAD]; rank.div_ceil(QUAD)];
+    for (row, components) in factors.left.chunks_exact(rank.max(1)).enumerate() {
+        let first = row / RUN * RUN * rank + row % RUN;
+        for (k, (half, most)) in components.iter().zip(most.as_flattened_mut()).enumerate() {
+            left[first + k * RUN] = *half;
+            let most: &mut f32 = &mut most[row % 3];
+            *most = most.max(half.to_f32().abs());
+        }
+    }
+    largest.extend(most.into_iter().map(Quad::from_rgb));
 }
 
-impl Left {
-    pub(super) fn new(factors: &BlockFactors) -> Self {
-        let (rank, n_rows) = (factors.rank as usize, factors.n_rows as usize);
-        let mut halves = vec![f16::ZERO; n_rows.div_ceil(RUN) * RUN * rank];
-        let mut largest = vec![[0.0; 3]; rank];
-        for (row, components) in factors.left.chunks_exact(rank.max(1)).enumerate() {
-            let first = row / RUN * RUN * rank + row % RUN;
-            for (k, (half, largest)) in components.iter().zip(&mut largest).enumerate() {
-                halves[first + k * RUN] = *half;
-                let largest: &mut f32 = &mut largest[row % 3];
-                *largest = largest.max(half.to_f32().abs());
-            }
+/// Most by which any channel of any pixel of a block changes from one `z` to another.
+pub(super) fn most_change(largest: &[Quad], from: &[Quad], to: &[Quad]) -> f32 {
+    let mut most = Quad::default();
+    for ((from, to), largest) in from.iter().zip(to).zip(largest) {
+        for (most, ((from, to), largest)) in most.0.iter_mut().zip(from.0.iter().zip(&to.0).zip(&largest.0)) {
+            *most += largest * (from - to).abs();
         }
-        Self { halves, n_rows, rank, largest }
     }
-
-    /// Most by which any channel of any pixel of the block changes from one `z` to another; each is 3 × rank rounded up to
-    /// whole lanes.
-    pub(super) fn most_change(&self, from: &[f32], to: &[f32]) -> f32 {
-        let stride = self.rank.next_multiple_of(LANES);
-        let of_channel = |channel: usize| {
-            let z = from[channel * stride..].iter().zip(&to[channel * stride..]);
-            z.zip(&self.largest).map(|((from, to), largest)| largest[channel] * (from - to).abs()).sum::<f32>()
-        };
-        (0..3).map(of_channel).fold(0.0, f32::max)
-    }
+    most.0.chunks_exact(QUAD).map(|channel| channel.iter().sum::<f32>()).fold(0.0, f32::max)
 }

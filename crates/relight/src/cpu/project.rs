@@ -3,29 +3,33 @@
 //! Columns come in segments. What each segment adds is kept, so that a change of one light reads the columns of its own
 //! segment alone, and `z` is always the sum over all segments in their order: the same number whichever way a slider took.
 
-use clerestory_nystrom::BlockFactors;
+use clerestory_nystrom::SparseEntry;
 
 use super::kernel::Kernel;
+use super::store::Store;
 
-/// Columns that are looked at together; one vector register of f32.
-pub(super) const LANES: usize = 8;
+/// Columns that are looked at together; one register of f32 where those are widest.
+pub(super) const LANES: usize = 16;
 
-/// Columns whose sum is kept. A row of a right factor spans two cache lines over them, and fewer would be fetched anyway.
-pub(super) const SEGMENT: usize = 64;
+/// Columns whose sum is kept. Fewer would make one light cheaper to project, but the sums of all segments are read for it, too, and
+/// a new picture writes them all: of 1024 columns they take an eighth of what the factors take.
+pub(super) const SEGMENT: usize = 128;
 
 /// The coefficients of one group, channel by channel, padded with zeros to whole lanes.
 pub(super) struct Planes {
     /// 3 × `stride`.
-    pub x: Vec<f32>,
+    x: Vec<f32>,
     /// Columns rounded up to whole lanes.
-    pub stride: usize,
-    /// Of each segment the first columns of those lanes that hold any coefficient; the rest add exact zeros.
-    active: Vec<Vec<usize>>,
-    /// Segments to project again where their sums are kept.
-    changed: Vec<usize>,
+    stride: usize,
+    /// Of each segment one bit for each of those lanes that hold any coefficient; the rest add exact zeros.
+    lit: Vec<u8>,
+    /// Of each segment whether any coefficient is another than before.
+    changed: Vec<bool>,
     /// Columns whose coefficient is another than before; all where there was none.
     changed_cols: Vec<bool>,
 }
+
+const _: () = assert!(SEGMENT / LANES == 8, "a byte holds the lanes of a segment");
 
 impl Planes {
     /// `before` are the coefficients that the kept sums stand for.
@@ -37,14 +41,15 @@ impl Planes {
                 x[channel * stride + col] = rgb[channel];
             }
         }
-        let lit = |col: &usize| !super::is_dark(&coefficients[*col..coefficients.len().min(col + LANES)]);
-        let lanes = |start| (start..stride.min(start + SEGMENT)).step_by(LANES).filter(lit).collect();
-        let active: Vec<Vec<usize>> = (0..stride).step_by(SEGMENT).map(lanes).collect();
+        let bits = |cols: &[[f32; 3]]| {
+            let lanes = cols.chunks(LANES).enumerate().filter(|(_, cols)| !super::is_dark(cols));
+            lanes.fold(0u8, |bits, (lanes, _)| bits | 1 << lanes)
+        };
+        let lit: Vec<u8> = coefficients.chunks(SEGMENT).map(bits).collect();
         let is_other = |(col, rgb): (usize, &[f32; 3])| before.is_none_or(|before| before[col] != *rgb);
         let changed_cols: Vec<bool> = coefficients.iter().enumerate().map(is_other).collect();
-        let segments = changed_cols.chunks(SEGMENT).enumerate();
-        let changed = segments.filter(|(_, cols)| cols.contains(&true)).map(|(segment, _)| segment).collect();
-        Self { x, stride, active, changed, changed_cols }
+        let changed = changed_cols.chunks(SEGMENT).map(|cols| cols.contains(&true)).collect();
+        Self { x, stride, lit, changed, changed_cols }
     }
 
     /// Coefficient of a column in a channel.
@@ -52,66 +57,71 @@ impl Planes {
         self.x[channel * self.stride + col]
     }
 
-    /// First columns of the lanes of a segment that hold any coefficient.
-    pub(super) fn active(&self, segment: usize) -> &[usize] {
-        &self.active[segment]
+    /// What the columns of a segment meet.
+    fn segment(&self, segment: usize) -> Cols<'_> {
+        let (first, last) = (segment * SEGMENT, self.stride.min((segment + 1) * SEGMENT));
+        let x = std::array::from_fn(|channel| self.x[channel * self.stride..][first..last].as_chunks().0);
+        Cols { x, lit: Lit(self.lit[segment]) }
     }
 
-    /// Whether any of the block's sparse entries carries a coefficient that is another than before.
-    pub(super) fn moves_sparse(&self, factors: Option<&BlockFactors>) -> bool {
-        factors.is_some_and(|f| f.sparse.iter().any(|entry| self.changed_cols[entry.col as usize]))
+    /// Whether any of a block's sparse entries carries a coefficient that is another than before.
+    pub(super) fn moves(&self, sparse: &[SparseEntry]) -> bool {
+        sparse.iter().any(|entry| self.changed_cols[entry.col as usize])
+    }
+
+    /// Columns of a segment that are read.
+    fn n_lit_cols(&self, segment: usize) -> usize {
+        let n_cols = self.changed_cols.len() - segment * SEGMENT;
+        Lit(self.lit[segment]).map(|lanes| LANES.min(n_cols - lanes * LANES)).sum()
     }
 }
 
-/// What the segments of a block's columns add to `z`, kept from one relight to the next.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Partials {
-    /// Segments × 3 × rank rounded up to whole lanes, without `scale`; empty where nothing is kept.
-    sums: Vec<f32>,
+/// Coefficients of one segment.
+pub(super) struct Cols<'a> {
+    /// Red, green and blue, in whole lanes.
+    pub x: [&'a [[f32; LANES]]; 3],
+    /// Lanes that hold any.
+    pub lit: Lit,
 }
 
-impl Partials {
-    /// Fills `z` with 3 × rank (rank rounded up to whole lanes, padded with zeros), channel by channel; returns the bytes
-    /// of factors read. A missing block has rank 0.
-    pub(super) fn project(
-        &mut self,
-        kernel: Kernel,
-        factors: Option<&BlockFactors>,
-        planes: &Planes,
-        z: &mut Vec<f32>,
-    ) -> u64 {
-        z.clear();
-        let Some(factors) = factors else { return 0 };
-        let (rank, n_segments) = (factors.rank as usize, planes.active.len());
-        let stride = rank.next_multiple_of(LANES);
-        z.resize(3 * stride, 0.0);
-        if rank == 0 || n_segments == 0 {
-            return 0;
-        }
-        let all: Vec<usize>;
-        let segments = if self.sums.len() == n_segments * 3 * stride && n_segments > 1 {
-            &planes.changed
-        } else {
-            self.sums.clear();
-            self.sums.resize(n_segments * 3 * stride, 0.0);
-            all = (0..n_segments).collect();
-            &all
-        };
-        let sums = &mut self.sums;
-        kernel.project(&factors.right, factors.n_cols as usize, planes, segments, |component, segment, values| {
-            for channel in 0..3 {
-                sums[(3 * segment + channel) * stride + component] = values[channel];
-            }
-        });
+/// Numbers of the bits that are set.
+#[derive(Clone, Copy)]
+pub(super) struct Lit(u8);
 
-        // In the order of the segments, whatever was projected just now.
-        for sums in sums.chunks_exact(3 * stride) {
-            z.iter_mut().zip(sums).for_each(|(z, sum)| *z += sum);
-        }
-        for z in z.chunks_exact_mut(stride) {
-            z.iter_mut().zip(&factors.scale).for_each(|(z, scale)| *z *= scale);
-        }
-        let n_lanes: usize = segments.iter().map(|segment| planes.active(*segment).len()).sum();
-        (rank * n_lanes * LANES.min(factors.n_cols as usize) * 2) as u64
+impl Lit {
+    /// Whether none is.
+    pub(super) fn is_empty(self) -> bool {
+        self.0 == 0
     }
+}
+
+impl Iterator for Lit {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let next = (self.0 != 0).then_some(self.0.trailing_zeros() as usize);
+        self.0 &= self.0.wrapping_sub(1);
+        next
+    }
+}
+
+/// Projects the segments of a row of tiles that changed, and all of tiles that have no sums yet; returns the bytes of factors read.
+pub(super) fn project(store: &mut Store, kernel: Kernel, planes: &Planes) -> u64 {
+    let Store { tiles, right, widths, sums, .. } = store;
+    let n_components: usize = tiles.iter().map(|tile| tile.rank).sum();
+    let n_quads = tiles.last().map_or(0, |tile| tile.quads().end);
+    let (mut first, mut n_bytes) = (0, 0);
+    for (segment, width) in widths.iter().enumerate() {
+        let cols = planes.segment(segment);
+        for tile in tiles.iter().filter(|tile| planes.changed[segment] || !tile.is_summed) {
+            let at = first + tile.first * width;
+            let sums = &mut sums[segment * n_quads..][tile.quads()];
+            kernel.project(&right[at..], (tile.rank, *width), &cols, sums);
+            n_bytes += 2 * tile.rank * planes.n_lit_cols(segment);
+        }
+        first += n_components * width;
+    }
+    tiles.iter_mut().for_each(|tile| tile.is_summed = true);
+    n_bytes as u64
 }

@@ -8,7 +8,7 @@ fn relit(relighter: &mut CpuRelighter, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
     out.pixels
 }
 
-fn assert_near(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
+pub(super) fn assert_near(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
     let largest = b.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
     for (i, (a, b)) in a.as_flattened().iter().zip(b.as_flattened()).enumerate() {
         assert!((a - b).abs() <= tolerance * largest, "entry {i}: {a} against {b}, largest {largest}");
@@ -16,7 +16,7 @@ fn assert_near(a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) {
 }
 
 /// The definition, entry by entry of the dense matrix, in f64.
-fn dense(frame: &Frame, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
+pub(super) fn dense(frame: &Frame, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
     let mut out = vec![[0f64; 3]; frame.width as usize * frame.height as usize];
     let mut bundles = Vec::new();
     for (low_rank, x) in frame.groups.iter().zip(x) {
@@ -41,22 +41,13 @@ fn dense(frame: &Frame, x: &[Vec<[f32; 3]>]) -> Vec<[f32; 3]> {
     out.iter().map(|p| p.map(|v| v as f32)).collect()
 }
 
-/// All that run here.
-fn kernels() -> Vec<Kernel> {
-    match Kernel::detect() {
-        #[cfg(target_arch = "x86_64")]
-        Kernel::Avx512 => vec![Kernel::Plain, Kernel::Avx2, Kernel::Avx512],
-        detected => vec![Kernel::Plain, detected],
-    }
-}
-
 #[test]
 fn all_kernels_equal_the_dense_matrix() {
     let low = Recipe { tile: 16, rank: Ranks::Fixed(1), seed: 4, ..Recipe::default() };
     for recipe in [low, Recipe::default(), Recipe { tile: 5, n_cols: vec![3, 8, 33], seed: 2, ..Recipe::default() }] {
         let (frame, x) = (recipe.frame(), recipe.coefficients(3));
         let expected = dense(&frame, &x);
-        for kernel in kernels() {
+        for kernel in Kernel::all() {
             let mut relighter = CpuRelighter::with_kernel(&frame, kernel).unwrap();
             assert_near(&relit(&mut relighter, &x), &expected, 2e-6);
         }
@@ -140,7 +131,7 @@ fn one_light_of_many_reads_its_own_segment_of_columns() {
     assert_eq!(relighter.stats().n_bytes, left_bytes + n_blocks * 5 * 1000 * 2);
     x[0][700] = [3.0; 3];
     relit(&mut relighter, &x);
-    assert_eq!(relighter.stats().n_bytes, left_bytes + n_blocks * 5 * 64 * 2);
+    assert_eq!(relighter.stats().n_bytes, left_bytes + n_blocks * 5 * 128 * 2);
 }
 
 #[test]

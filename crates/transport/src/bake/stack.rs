@@ -20,6 +20,7 @@ use crate::camera::Film;
 use crate::fingerprint::digest;
 use crate::import::stack::{ImageStack, StackError};
 use crate::matrix::{PEAK_QUANTILE, scale_of_peaks};
+use crate::origin::LightOrigin;
 use crate::skips::{Skips, Spared};
 use band::Band;
 
@@ -141,6 +142,7 @@ impl StackJob {
             columns: column..column + 1,
             color: Vec3::ONE,
             strength: 1.0,
+            origin: LightOrigin::default(),
         };
         let keys = images.iter().map(|image| image.key.as_str());
         let words: Vec<u8> = digests.iter().flat_map(|digest| digest.to_le_bytes()).collect();

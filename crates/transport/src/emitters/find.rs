@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{Emitter, LightingError, PANEL_RESOLUTION, PanelRequest, panel_emitter, panel_source, surface_source};
 use crate::basis::{KeyMaker, LightSource};
+use crate::origin::LightOrigin;
 use crate::scene::{PunctualLight, Scene, SceneNode};
 
 pub(super) type Found = Vec<(LightSource, Emitter)>;
@@ -60,18 +61,19 @@ pub(super) fn find_lights(
         found.push(match kind {
             CandidateKind::Lamp(light) => {
                 let (color, strength) = (light.color, light.intensity);
-                let source = LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength };
+                let origin = LightOrigin::of_lamp(scene, light);
+                let source = LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength, origin };
                 (source, Emitter::Punctual(light.clone()))
             }
             CandidateKind::Surface { node, triangles } => {
                 match asked.or(node.panel).map(|m| panel_emitter(scene, &triangles, m)) {
-                    Some(Ok(panel)) => panel_source(scene, key, panel),
+                    Some(Ok(panel)) => panel_source(scene, key, node, &triangles, panel),
                     Some(Err(reason)) if asked.is_some() => return Err(LightingError::NotAQuad { node: key, reason }),
                     Some(Err(reason)) => {
                         warnings.push(format!("node `{key}` asks to be a panel but {reason}; it is one luminaire"));
-                        surface_source(scene, key, &triangles)
+                        surface_source(scene, key, node, &triangles)
                     }
-                    None => surface_source(scene, key, &triangles),
+                    None => surface_source(scene, key, node, &triangles),
                 }
             }
         });
@@ -140,7 +142,7 @@ mod tests {
             triangle_material.extend([material; 2]);
             triangle_node.extend([node; 2]);
             let name = (node < 3).then(|| "P".to_owned());
-            scene.nodes.push(SceneNode { index: node, name, panel: None });
+            scene.nodes.push(SceneNode { index: node, name, ..SceneNode::default() });
         }
         scene
     }

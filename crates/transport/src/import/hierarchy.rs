@@ -15,6 +15,8 @@ pub(super) struct PlacedNode {
     pub index: usize,
     /// Neither it nor a node above it is hidden by KHR_node_visibility; a hidden node still carries its camera.
     pub visible: bool,
+    /// Index in the file of the node above it.
+    pub parent: Option<usize>,
     pub world_from_node: DMat4,
 }
 
@@ -22,9 +24,9 @@ pub(super) struct PlacedNode {
 pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
     let mut visited = vec![false; document.nodes.len()];
     let mut placed = Vec::new();
-    let mut pending: Vec<(usize, DMat4, bool)> =
-        roots(document, notes).into_iter().rev().map(|root| (root, DMat4::IDENTITY, true)).collect();
-    while let Some((index, world_from_parent, parent_visible)) = pending.pop() {
+    let mut pending: Vec<(usize, Option<usize>, DMat4, bool)> =
+        roots(document, notes).into_iter().rev().map(|root| (root, None, DMat4::IDENTITY, true)).collect();
+    while let Some((index, parent, world_from_parent, parent_visible)) = pending.pop() {
         let Some(node) = document.nodes.get(index) else {
             notes.warn(format!("node {index} does not exist: it is left out"));
             continue;
@@ -41,8 +43,9 @@ pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
             continue;
         }
         let visible = parent_visible && is_visible(node);
-        placed.push(PlacedNode { index, visible, world_from_node });
-        pending.extend(node.children.iter().flatten().rev().map(|child| (child.value(), world_from_node, visible)));
+        placed.push(PlacedNode { index, visible, parent, world_from_node });
+        let children = node.children.iter().flatten().rev();
+        pending.extend(children.map(|child| (child.value(), Some(index), world_from_node, visible)));
     }
     placed.sort_by_key(|node| node.index);
     placed

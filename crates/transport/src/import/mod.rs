@@ -21,6 +21,7 @@ mod lamps;
 mod material;
 mod merge;
 mod meshopt;
+mod names;
 mod profiles;
 mod report;
 mod sensors;
@@ -39,6 +40,7 @@ use document::{Document, called};
 use gltf::json::extensions::scene::khr_lights_punctual::Light;
 use gltf::json::{Node, Root};
 use hierarchy::PlacedNode;
+use names::Names;
 use profiles::Profiles;
 use report::Notes;
 use sensors::Sensors;
@@ -242,7 +244,8 @@ fn add_nodes(
     notes: &mut Notes,
 ) -> (Vec<Option<u32>>, Vec<usize>) {
     let (mut indices, mut ranged) = (Vec::with_capacity(placed.len()), Vec::new());
-    for &PlacedNode { index, visible, world_from_node } in placed {
+    let names = Names::new(document, placed);
+    for &PlacedNode { index, visible, world_from_node, .. } in placed {
         let node = &document.nodes[index];
         let extensions = node.extensions.as_ref().filter(|_| visible);
         let light = extensions.and_then(|all| Some(all.khr_lights_punctual.as_ref()?.light));
@@ -259,7 +262,15 @@ fn add_nodes(
         let node_idx = scene.nodes.len() as u32;
         let name = node.name.clone().filter(|name| !name.is_empty());
         let panel = panel_side(node, index, notes);
-        scene.nodes.push(SceneNode { index: index as u32, name, panel });
+        let mesh = node.mesh.filter(|_| visible);
+        scene.nodes.push(SceneNode {
+            index: index as u32,
+            name,
+            panel,
+            parents: names.above(index),
+            mesh: mesh.and_then(|mesh| names.mesh(mesh.value())),
+            lamp: light.and_then(|light| names.lamp(light.value())),
+        });
         let plain = light.and_then(|light| lamps::lamp(document, light, world_from_node, node_idx, notes));
         if plain.is_some() && light.and_then(|light| document.get(light)?.range).is_some() {
             ranged.push(scene.punctual.len());

@@ -6,6 +6,7 @@ use super::light::Form;
 use super::{LampError, PreparedLamps};
 use crate::basis::{ColumnGroup, ColumnKind, LightSource, SourceKind};
 use crate::emitters::Emitter;
+use crate::origin::LightOrigin;
 use crate::prepared::PreparedScene;
 use crate::scene::PunctualKind;
 
@@ -34,7 +35,8 @@ impl PreparedLamps {
             let (key, columns) = (prepared.key.clone(), column..column + 1);
             let strength = prepared.emission.max_element();
             let color = if strength > 0.0 { prepared.emission / strength } else { Vec3::ONE };
-            basis.sources.push(LightSource { key, kind, columns, color, strength });
+            let origin = LightOrigin::default();
+            basis.sources.push(LightSource { key, kind, columns, color, strength, origin });
             lighting.emitters.push(Emitter::Lamp(prepared.lamp.clone()));
         }
         let last = first + self.lamps().len() as u32;

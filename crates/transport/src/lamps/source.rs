@@ -47,6 +47,7 @@ mod tests {
     use super::*;
     use crate::basis::SourceKind;
     use crate::lamps::PreparedLamps;
+    use crate::origin::LightOrigin;
 
     fn light(kind: PunctualKind) -> PunctualLight {
         PunctualLight {
@@ -73,7 +74,14 @@ mod tests {
         {
             let light = light(kind);
             let (color, strength, columns) = (light.color, light.intensity, 0..1);
-            let source = LightSource { key: "l".into(), kind: SourceKind::from(kind), columns, color, strength };
+            let source = LightSource {
+                key: "l".into(),
+                kind: SourceKind::from(kind),
+                columns,
+                color,
+                strength,
+                origin: LightOrigin::default(),
+            };
             for setting in settings {
                 let lamp = FreeLamp::from_source("l again", &source, &light, setting).expect("no distribution");
                 let (lamps, warnings) = PreparedLamps::new(&[lamp], None).expect("a lamp that makes sense");
@@ -88,7 +96,14 @@ mod tests {
     fn a_measured_distribution_stays_where_it_is() {
         let light = PunctualLight { profile: Some(0), ..light(PunctualKind::Point) };
         let kind = SourceKind::Point;
-        let source = LightSource { key: "l".into(), kind, columns: 0..1, color: Vec3::ONE, strength: 1.0 };
+        let source = LightSource {
+            key: "l".into(),
+            kind,
+            columns: 0..1,
+            color: Vec3::ONE,
+            strength: 1.0,
+            origin: LightOrigin::default(),
+        };
         assert!(FreeLamp::from_source("m", &source, &light, LightSetting::default()).is_none());
     }
 }

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use super::body::Body;
 use super::{FreeLamp, LampError, LampShape, LampUnit};
 use crate::photometry::PhotometricProfile;
+use crate::scene::PunctualKind;
 
 /// Strength of a lamp in the unit that light is computed with: candela along the axis (of a profile: its largest), lux of
 /// parallel light, nit of a body. `area_m2` is what the look gives a body, which may be less than the body has.
@@ -21,11 +22,11 @@ pub(super) fn native_strength(
         }
         (_, Some((body, area)), _) => of_body(lamp.unit, strength, area, f64::from(body.area()), 1.0),
         (_, None, profile) => {
-            let lumen_per_candela = match (&lamp.shape, profile) {
-                (LampShape::Spot { inner_rad, outer_rad }, _) => spot_lumen_per_candela(*inner_rad, *outer_rad),
-                (_, Some(profile)) => f64::from(profile.flux_lm()) / f64::from(profile.max_candela()),
-                _ => 4.0 * PI,
+            let kind = match lamp.shape {
+                LampShape::Spot { inner_rad, outer_rad } => PunctualKind::Spot { inner_rad, outer_rad },
+                _ => PunctualKind::Point,
             };
+            let lumen_per_candela = lumen_per_candela(kind, profile);
             match lamp.unit {
                 LampUnit::Candela => Some(strength),
                 LampUnit::Lumen => Some(strength / lumen_per_candela),
@@ -59,6 +60,15 @@ fn of_body(unit: LampUnit, strength: f64, asked: f64, area: f64, faces: f64) -> 
         LampUnit::Lumen => Some(strength / (PI * area)),
         LampUnit::Candela => Some(strength * faces / area),
         LampUnit::Lux => None,
+    }
+}
+
+/// Luminous flux of a lamp without size whose largest intensity is 1 cd: that of its profile, if it has one.
+pub(crate) fn lumen_per_candela(kind: PunctualKind, profile: Option<&PhotometricProfile>) -> f64 {
+    match (kind, profile) {
+        (_, Some(profile)) => f64::from(profile.flux_lm()) / f64::from(profile.max_candela()),
+        (PunctualKind::Spot { inner_rad, outer_rad }, None) => spot_lumen_per_candela(inner_rad, outer_rad),
+        (PunctualKind::Point | PunctualKind::Directional, None) => 4.0 * PI,
     }
 }
 

@@ -83,7 +83,7 @@ impl Stage {
 
     fn node(&mut self, name: &str, panel: Option<u32>) -> u32 {
         let index = self.scene.nodes.len() as u32;
-        self.scene.nodes.push(SceneNode { index, name: Some(name.into()), panel });
+        self.scene.nodes.push(SceneNode { index, name: Some(name.into()), panel, ..SceneNode::default() });
         index
     }
 }

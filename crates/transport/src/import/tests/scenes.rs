@@ -32,6 +32,22 @@ fn lamps_shine_along_minus_z_of_their_node() {
 }
 
 #[test]
+fn nodes_know_what_stands_above_them_and_what_they_are_instances_of() {
+    let mut fixture = Fixture::triangle();
+    fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point", "name": "Bulb"}]}});
+    let lit = json!({"name": "left", "extensions": {"KHR_lights_punctual": {"light": 0}}});
+    fixture.root["nodes"] = json!([{"name": "Hall", "children": [1]}, {"children": [2, 3]}, lit, {"mesh": 0}]);
+    let nodes = fixture.load().scene.nodes;
+    let [lamp, mesh] = nodes.as_slice() else { panic!("two nodes carry something: {nodes:?}") };
+    assert_eq!(
+        (lamp.parents.as_slice(), &mesh.parents),
+        (&["Hall".to_owned(), "node:1".to_owned()][..], &lamp.parents)
+    );
+    assert_eq!((lamp.lamp.as_deref(), lamp.mesh.as_deref()), (Some("Bulb"), None));
+    assert_eq!((mesh.lamp.as_deref(), mesh.mesh.as_deref()), (None, Some("mesh:0")));
+}
+
+#[test]
 fn panels_come_from_extras() {
     let panel = |asked| Fixture::triangle().node(json!({"extras": {"clerestory": {"panel": asked}}})).load();
     assert_eq!(panel(json!(32)).scene.nodes[0].panel, Some(32));

@@ -1,0 +1,153 @@
+//! The editor of what is selected: one light or many, changed relatively or set to one value.
+
+use clerestory_transport::light::LightSetting;
+use eframe::egui::{Align, Button, DragValue, Layout, RichText, Ui};
+
+use super::fader::{STEP_EV, stepped};
+use super::listed::{LightOf, Listed};
+use super::mix::Mix;
+use super::row;
+use super::scale::{Measure, Shown, number_ui};
+use crate::panels::color::{KelvinChoice, Tint, kelvin_field_ui, tint_ui};
+
+/// Stops that a change may be.
+const MOST_EV: f64 = 20.0;
+/// Width of the words in front of the fields.
+const WORDS: f32 = 72.0;
+
+/// Indices of the selected lights, in the order of the list.
+fn selected(mix: &Mix) -> Vec<usize> {
+    (0..mix.lights.len()).filter(|idx| mix.state.selection.has(&mix.lights[*idx].key)).collect()
+}
+
+/// Draws the editor, if anything is selected.
+pub(super) fn editor_ui(ui: &mut Ui, mix: &mut Mix) {
+    let selected = selected(mix);
+    if selected.is_empty() {
+        return;
+    }
+    let keys = mix.keys(&selected);
+    ui.add_space(2.0);
+    heading_ui(ui, mix, &selected, &keys);
+    ui.horizontal(|ui| {
+        words_ui(ui, "Change by");
+        offset_ui(ui, mix, &keys);
+    });
+    ui.horizontal(|ui| {
+        words_ui(ui, "Set to");
+        absolute_ui(ui, mix, &selected);
+        color_ui(ui, mix, &selected);
+    });
+    ui.add_space(2.0);
+}
+
+fn words_ui(ui: &mut Ui, words: &str) {
+    ui.allocate_ui_with_layout([WORDS, row::HEIGHT - 2.0].into(), Layout::left_to_right(Align::Center), |ui| {
+        ui.set_min_width(WORDS);
+        ui.label(RichText::new(words).weak());
+    });
+}
+
+fn heading_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
+    ui.horizontal(|ui| {
+        row::letters_ui(ui, mix, "selected lights", keys);
+        let title = match selected {
+            [one] => mix.lights[*one].name.clone(),
+            many => format!("{} lights selected", many.len()),
+        };
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let close = ui.add(Button::new("×").small()).on_hover_text("Select nothing");
+            if close.accessible_name("Select nothing").clicked() {
+                mix.state.selection.clear();
+                mix.state.choose_lamp(None);
+            }
+            let reset = ui.small_button("Reset").on_hover_text("As in the file");
+            if reset.accessible_name("Reset selected lights").clicked() {
+                keys.iter().for_each(|key| mix.reset(key));
+            }
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                ui.add(eframe::egui::Label::new(RichText::new(title).strong()).truncate());
+            });
+        });
+    });
+}
+
+/// All of some lights so many stops brighter: their ratios stay.
+pub(super) fn offset(mix: &mut Mix, keys: &[String], stops: f32) {
+    for key in keys {
+        let setting = mix.look.lights.own_setting(key);
+        mix.look.lights.set(key, LightSetting { intensity: stepped(setting.intensity, stops), ..setting });
+    }
+}
+
+fn offset_ui(ui: &mut Ui, mix: &mut Mix, keys: &[String]) {
+    let tip = "Their ratios stay; a light that is off stays off";
+    if ui.button("−⅓").on_hover_text("A third of a stop darker, [").accessible_name("Darker by ⅓ EV").clicked() {
+        offset(mix, keys, -STEP_EV);
+    }
+    let id = ui.scope_id().with("offset");
+    let mut stops: f64 = ui.data(|data| data.get_temp(id)).unwrap_or(0.0);
+    let before = stops;
+    let number = DragValue::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).suffix(" EV");
+    let number = number.update_while_editing(false).custom_formatter(|stops, _| format!("{stops:+.2}"));
+    let field = ui.add_sized([76.0, 22.0], number).on_hover_text(tip).accessible_name("Change selected lights by EV");
+    if field.changed() {
+        offset(mix, keys, (stops - before) as f32);
+    }
+    // The next change begins at 0 again.
+    let kept = if field.dragged() || field.has_focus() { stops } else { 0.0 };
+    ui.data_mut(|data| data.insert_temp(id, kept));
+    if ui.button("+⅓").on_hover_text("A third of a stop brighter, ]").accessible_name("Brighter by ⅓ EV").clicked()
+    {
+        offset(mix, keys, STEP_EV);
+    }
+}
+
+/// The number that all of them get.
+fn absolute_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize]) {
+    let settings: Vec<LightSetting> = selected.iter().map(|idx| mix.setting(&mix.lights[*idx])).collect();
+    let lights = || selected.iter().map(|idx| &mix.lights[*idx]).zip(&settings);
+    let mut measures: Vec<Measure> = lights().map(|(light, setting)| mix.measure(light, setting)).collect();
+    // Lights that are counted in several units have only factors in common.
+    if measures.iter().any(|measure| measure.unit() != measures[0].unit()) {
+        measures.fill(mix.state.layout.scale.of_group());
+    }
+    let numbers: Vec<f64> = measures.iter().zip(&settings).map(|(m, setting)| m.number(setting.intensity)).collect();
+    let is_mixed = numbers.iter().any(|number| (number - numbers[0]).abs() > 1e-4 * numbers[0].abs());
+    let shown = if is_mixed { Shown::Mixed } else { Shown::WithUnit };
+    let mut intensity = settings[0].intensity;
+    let field = number_ui(ui, "Selected lights", (measures[0], shown), &mut intensity, 76.0);
+    if field.on_hover_text(format!("All of them, in {}", measures[0].unit())).changed() {
+        let number = measures[0].number(intensity);
+        for ((idx, measure), setting) in selected.iter().zip(&measures).zip(&settings) {
+            let setting = LightSetting { intensity: measure.intensity(number), ..*setting };
+            mix.look.lights.set(&mix.lights[*idx].key, setting);
+        }
+    }
+}
+
+/// The color and the color temperature that all of them get.
+fn color_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize]) {
+    let lights: Vec<&Listed> = selected.iter().map(|idx| &mix.lights[*idx]).collect();
+    let tint_of = |light: &Listed| {
+        let setting = mix.setting(light);
+        Tint { color: setting.color, kelvin: setting.kelvin }
+    };
+    let first = tint_of(lights[0]);
+    let is_mixed = lights.iter().any(|light| tint_of(light) != first || light.own_color() != lights[0].own_color());
+    let is_free = lights.iter().all(|light| matches!(light.light, LightOf::Look(..)));
+    let choice = if is_free { KelvinChoice::OfferedOnWhite } else { KelvinChoice::Offered };
+    let mut tint = first;
+    let mut is_set = tint_ui(ui, "Selected lights", &mut tint, lights[0].own_color(), choice);
+    let kelvins = lights.iter().any(|light| tint_of(light).kelvin != first.kelvin);
+    is_set |= kelvin_field_ui(ui, "Selected lights", &mut tint, kelvins);
+    if is_mixed {
+        ui.label(RichText::new("mixed").weak().small()).on_hover_text("Their colors differ");
+    }
+    if is_set {
+        for light in lights {
+            let setting = LightSetting { color: tint.color, kelvin: tint.kelvin, ..mix.setting(light) };
+            mix.look.lights.set(&light.key, setting);
+        }
+    }
+}

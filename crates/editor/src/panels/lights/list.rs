@@ -1,0 +1,64 @@
+//! The lights in a list, a row each, and the masters that it does not show.
+
+use clerestory_transport::light::LightRig;
+use eframe::egui::{RichText, ScrollArea, Ui};
+
+use super::groups::{Item, own_name};
+use super::mix::Mix;
+use super::{group_row, row};
+
+/// Lists from this long draw only the rows that are seen.
+const LONG_FROM: usize = 300;
+/// How far the lights of a group are set in, points.
+const INDENT: f32 = 12.0;
+
+/// Draws the list.
+pub(super) fn list_ui(ui: &mut Ui, mix: &mut Mix) {
+    let is_long = mix.lights.len() > LONG_FROM;
+    ScrollArea::vertical().id_salt("lights").auto_shrink([false, false]).show(ui, |ui| {
+        for item in mix.items {
+            match item {
+                Item::Light(idx) => light_ui(ui, mix, *idx, 0.0, is_long),
+                Item::Group(group) => {
+                    if group_row::group_row_ui(ui, mix, group) {
+                        for idx in &group.lights {
+                            light_ui(ui, mix, *idx, INDENT, is_long);
+                        }
+                    }
+                }
+            }
+        }
+        ui.add_space(8.0);
+        other_masters_ui(ui, mix);
+        if mix.look.lights != LightRig::default() && ui.button("Reset all lights").clicked() {
+            mix.look.lights = LightRig::default();
+        }
+    });
+}
+
+fn light_ui(ui: &mut Ui, mix: &mut Mix, idx: usize, indent: f32, is_long: bool) {
+    let light = &mix.lights[idx];
+    let is_wanted = mix.state.scroll_to.as_deref() == Some(&light.key);
+    if is_wanted || !row::passes_over(ui, is_long) {
+        row::row_ui(ui, mix, light, indent);
+    }
+}
+
+/// Masters of groups that are not in the list as it is sorted now still turn their lights: they are named here.
+fn other_masters_ui(ui: &mut Ui, mix: &mut Mix) {
+    let is_shown = |key: &String| mix.items.iter().any(|item| matches!(item, Item::Group(group) if group.key == *key));
+    let others: Vec<String> = mix.look.lights.groups.keys().filter(|key| !is_shown(key)).cloned().collect();
+    for key in others {
+        let group = &mix.look.lights.groups[&key];
+        let does = if group.muted { "mutes".to_owned() } else { format!("turns by {:.2}×", group.intensity) };
+        let name = mix.look.names.get(&key).map_or_else(|| own_name(&key), String::as_str).to_owned();
+        let words = format!("{name} {does} {} lights", group.lights.len());
+        let tip = "The master of a group that this order of the list does not show";
+        ui.horizontal(|ui| {
+            ui.label(RichText::new(words).weak()).on_hover_text(tip);
+            if ui.small_button("Reset").accessible_name(format!("Reset master {name}")).clicked() {
+                mix.look.lights.groups.remove(&key);
+            }
+        });
+    }
+}

@@ -1,0 +1,69 @@
+//! What rows, strips and cells of the panel read and write.
+
+use clerestory_transport::light::LightSetting;
+use eframe::egui::Ui;
+
+use super::LightsState;
+use super::groups::Item;
+use super::listed::Listed;
+use super::scale::Measure;
+use crate::action::Action;
+use crate::look::Look;
+
+/// The lights of a frame, and the look that they are set in.
+pub(super) struct Mix<'a> {
+    /// All of them.
+    pub lights: &'a [Listed<'a>],
+    /// Those that are shown, sorted.
+    pub items: &'a [Item],
+    /// Keys as they are shown, from the first to the last.
+    pub order: &'a [String],
+    pub look: &'a mut Look,
+    pub state: &'a mut LightsState,
+    pub actions: &'a mut Vec<Action>,
+}
+
+impl Mix<'_> {
+    /// What a light is set to by itself.
+    pub fn setting(&self, light: &Listed) -> LightSetting {
+        self.look.lights.own_setting(&light.key)
+    }
+
+    /// Whether a light is dark: muted, in a muted group, or not soloed while others are.
+    pub fn is_dark(&self, key: &str) -> bool {
+        let solo = &self.state.solo;
+        if solo.is_empty() { self.look.lights.setting(key).muted } else { !solo.contains(key) }
+    }
+
+    /// Whether something of a light is not as in the file. Free lamps are in no file.
+    pub fn differs(&self, light: &Listed) -> bool {
+        let lights = &self.look.lights;
+        lights.lights.contains_key(&light.key) || lights.panels.contains_key(&light.key)
+    }
+
+    /// How a light's intensity is told.
+    pub fn measure(&self, light: &Listed, setting: &LightSetting) -> Measure {
+        let layout = &self.state.layout;
+        layout.scale.measure(light, setting, layout.efficacy)
+    }
+
+    /// Everything about a light as in the file, or as it was added.
+    pub fn reset(&mut self, key: &str) {
+        self.look.lights.set(key, LightSetting::default());
+        self.look.lights.panels.remove(key);
+    }
+
+    /// Keys of some lights.
+    pub fn keys(&self, lights: &[usize]) -> Vec<String> {
+        lights.iter().map(|idx| self.lights[*idx].key.clone()).collect()
+    }
+
+    /// A click on the name of a light. What is selected alone is also the chosen lamp of the picture, if it is one.
+    pub fn click(&mut self, ui: &Ui, key: &str) {
+        let modifiers = ui.input(|input| input.modifiers);
+        self.state.selection.click(key, modifiers, self.order);
+        let is_lamp = self.look.lights.lamps.iter().any(|lamp| lamp.key == key);
+        let is_chosen = is_lamp && self.state.selection.has(key);
+        self.state.choose_lamp(is_chosen.then(|| key.to_owned()));
+    }
+}

@@ -1,0 +1,271 @@
+//! A light in the list: a row with name, mute, solo, fader, number and color.
+
+use clerestory_transport::basis::SourceKind;
+use clerestory_transport::light::LightSetting;
+use eframe::egui::{
+    self, Align, Button, Color32, Label, Layout, Rect, Response, RichText, Sense, Shape, Ui, pos2, vec2,
+};
+
+use super::fader::{More, fader_ui};
+use super::listed::{LightOf, Listed};
+use super::mix::Mix;
+use super::names::renaming_ui;
+use super::scale::{Scale, Shown, number_ui};
+use super::solo;
+use crate::action::Action;
+use crate::panels::color::{Tint, tint_ui};
+use crate::panels::lamps::{details_ui, lamp_menu};
+use crate::panels::spots::spots_ui;
+use crate::theme;
+
+/// Height of a row in points.
+pub(super) const HEIGHT: f32 = 24.0;
+/// Width of a number with its unit.
+pub(super) const NUMBER: f32 = 62.0;
+/// Width of a name, of what is left of a row.
+pub(super) const NAME: f32 = 0.36;
+/// Width of the mark in front of what differs from the file.
+const MARK: f32 = 8.0;
+/// Texels a side of a panel that is chosen in the window.
+const PANEL_RESOLUTIONS: [u32; 3] = [8, 16, 32];
+
+/// Draws the row of a light and what unfolds below it.
+pub(super) fn row_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, indent: f32) {
+    let key = light.key.as_str();
+    ui.push_id(("light", key), |ui| {
+        let background = ui.painter().add(Shape::Noop);
+        let row = ui.horizontal(|ui| {
+            ui.spacing_mut().item_spacing.x = 5.0;
+            ui.add_space(indent);
+            let tip = "Differs from the file";
+            mark_ui(ui, mix.differs(light), tip);
+            letters_ui(ui, mix, &light.name, &[key.to_owned()]);
+            name_ui(ui, mix, light);
+            level_ui(ui, mix, light);
+        });
+        let rect = row.response.rect;
+        if mix.state.selection.has(key) {
+            let fill = ui.visuals().selection.bg_fill.gamma_multiply(0.55);
+            ui.painter().set(background, Shape::rect_filled(rect.expand2(vec2(2.0, 1.0)), 3.0, fill));
+        }
+        if mix.state.scroll_to.as_deref() == Some(key) {
+            mix.state.scroll_to = None;
+            ui.scroll_to_rect(rect, Some(Align::Center));
+        }
+        below_ui(ui, mix, light);
+    });
+}
+
+/// A dot where something is not as in the file.
+pub(super) fn mark_ui(ui: &mut Ui, is_on: bool, tip: &str) {
+    let (rect, response) = ui.allocate_exact_size(vec2(MARK, HEIGHT - 2.0), Sense::hover());
+    if is_on {
+        ui.painter().circle_filled(pos2(rect.left() + 3.0, rect.center().y), 2.6, theme::ACCENT);
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, tip));
+        response.on_hover_text(tip);
+    }
+}
+
+/// Solo and mute of one light or of many.
+pub(super) fn letters_ui(ui: &mut Ui, mix: &mut Mix, name: &str, keys: &[String]) {
+    let is_solo = !keys.is_empty() && keys.iter().all(|key| mix.state.solo.contains(key));
+    let letter = letter_ui(ui, "S", is_solo, theme::ACCENT).on_hover_text("Solo");
+    if letter.accessible_name(format!("Solo {name}")).clicked() {
+        solo::toggle(&mut mix.state.solo, keys);
+    }
+    let is_muted = !keys.is_empty() && keys.iter().all(|key| mix.look.lights.own_setting(key).muted);
+    let letter = letter_ui(ui, "M", is_muted, theme::ALERT).on_hover_text("Mute");
+    if letter.accessible_name(format!("Mute {name}")).clicked() {
+        solo::toggle_mute(&mut mix.look.lights, keys);
+    }
+}
+
+/// A small square button with a letter that lights up.
+pub(super) fn letter_ui(ui: &mut Ui, letter: &str, is_on: bool, on_color: Color32) -> Response {
+    let text = RichText::new(letter).small().strong();
+    let text = if is_on { text.color(theme::ON_ACCENT) } else { text.weak() };
+    let mut button = Button::new(text).min_size(vec2(21.0, 21.0)).corner_radius(3);
+    if is_on {
+        button = button.fill(on_color);
+    }
+    ui.scope(|ui| {
+        ui.spacing_mut().button_padding = vec2(5.0, 2.0);
+        ui.add(button)
+    })
+    .inner
+}
+
+/// A label of a width that is clicked.
+pub(super) fn name_label_ui(ui: &mut Ui, text: RichText, width: f32) -> Response {
+    let size = vec2(width, ui.spacing().interact_size.y);
+    let layout = Layout::left_to_right(Align::Center).with_main_justify(true).with_main_align(Align::Min);
+    ui.allocate_ui_with_layout(size, layout, |ui| {
+        ui.add(Label::new(text).truncate().sense(Sense::click()).selectable(false))
+    })
+    .inner
+}
+
+/// The text of a light's name: weak where it is dark.
+pub(super) fn name_text(mix: &Mix, light: &Listed) -> RichText {
+    let text = RichText::new(&light.name);
+    if mix.is_dark(&light.key) {
+        text.weak()
+    } else if mix.state.lamps.is_chosen(&light.key) {
+        text.color(theme::ACCENT)
+    } else if mix.differs(light) {
+        text.strong()
+    } else {
+        text
+    }
+}
+
+fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+    let width = (ui.available_width() * NAME).max(60.0);
+    let of = (light.key.as_str(), light.key.as_str());
+    let is_named = ui
+        .allocate_ui(vec2(width, HEIGHT), |ui| renaming_ui(ui, of, mix.look, &mut mix.state.renaming, mix.lights))
+        .inner;
+    if is_named {
+        return;
+    }
+    let name = name_label_ui(ui, name_text(mix, light), width);
+    light_response(ui, mix, light, name);
+}
+
+/// What a name does wherever it stands: it is clicked, double-clicked, has a menu, and tells of its light.
+pub(super) fn light_response(ui: &Ui, mix: &mut Mix, light: &Listed, name: Response) {
+    let name = name.on_hover_ui(|ui| _ = ui.label(about(mix, light)));
+    if name.has_focus() {
+        ui.painter().rect_stroke(name.rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);
+    }
+    if name.double_clicked() {
+        mix.reset(&light.key);
+        mix.state.selection.set(&light.key);
+    } else if name.clicked() {
+        mix.click(ui, &light.key);
+    }
+    name.context_menu(|ui| menu_ui(ui, mix, light));
+}
+
+/// Name, kind, what the file and what the look give it, and how to go on.
+fn about(mix: &Mix, light: &Listed) -> String {
+    let setting = mix.setting(light);
+    let all = mix.look.lights.setting(&light.key);
+    let mut words = vec![light.name.clone()];
+    if light.name != light.key {
+        words.push(format!("In the file: {}", light.key));
+    }
+    words.push(light.kind_words());
+    if let LightOf::Scene(source) = &light.light
+        && source.kind != SourceKind::Image
+    {
+        words.push(format!("{} {} in the file", source.strength, source.kind.unit()));
+    }
+    let scales = [Scale::Lumen, Scale::Candela, Scale::Lux, Scale::Nit, Scale::Watt];
+    let efficacy = mix.state.layout.efficacy;
+    let measures = scales.map(|scale| (scale, scale.measure(light, &all, efficacy)));
+    let amounts: Vec<String> = measures
+        .into_iter()
+        .filter(|(scale, measure)| measure.unit() == scale.name())
+        .map(|(_, measure)| measure.words(all.intensity))
+        .collect();
+    if !amounts.is_empty() {
+        words.push(format!("Now {}", amounts.join(", ")));
+    }
+    if all.intensity != setting.intensity && setting.intensity > 0.0 {
+        words.push(format!("Its groups turn it by {:.2}×", all.intensity / setting.intensity));
+    }
+    words.push("Double-click to reset, right-click for more".into());
+    words.join("\n")
+}
+
+fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+    let key = &light.key;
+    if ui.button("Reset").on_hover_text("As in the file").clicked() {
+        mix.reset(key);
+        ui.close();
+    }
+    if ui.button("Solo this alone").clicked() {
+        mix.state.solo = [key.clone()].into();
+        ui.close();
+    }
+    if ui.button("Rename…").clicked() {
+        mix.state.renaming = Some((key.clone(), light.name.clone()));
+        ui.close();
+    }
+    match &light.light {
+        LightOf::Look(lamp, _) => lamp_menu(ui, lamp, &mut mix.state.lamps, mix.actions),
+        LightOf::Scene(source) => {
+            let is_punctual = matches!(source.kind, SourceKind::Point | SourceKind::Spot | SourceKind::Directional);
+            let hint = "Mutes it, and puts a free lamp of the same light in its place";
+            if is_punctual && ui.button("Make movable").on_hover_text(hint).clicked() {
+                mix.actions.push(Action::MakeMovable(key.clone()));
+                ui.close();
+            }
+            if source.kind == SourceKind::Emitter {
+                ui.menu_button("Make it a panel", |ui| panel_menu(ui, key, mix.actions));
+            }
+        }
+    }
+}
+
+fn panel_menu(ui: &mut Ui, key: &str, actions: &mut Vec<Action>) {
+    for resolution in PANEL_RESOLUTIONS {
+        if ui.button(format!("{resolution} × {resolution} texels")).clicked() {
+            actions.push(Action::ChoosePanel { node: key.to_string(), resolution });
+            ui.close();
+        }
+    }
+    ui.label(RichText::new("Spots of light can be moved on it\nThe scene is baked again").weak().small());
+}
+
+/// Color, number and fader, from the right so that they line up.
+fn level_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+    ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+        ui.spacing_mut().item_spacing.x = 6.0;
+        color_ui(ui, mix, light);
+        let mut setting = mix.setting(light);
+        let measure = mix.measure(light, &setting);
+        number_ui(ui, &light.name, (measure, Shown::WithUnit), &mut setting.intensity, NUMBER);
+        let size = vec2((ui.available_width() - 2.0).max(36.0), HEIGHT - 2.0);
+        fader_ui(ui, &format!("{} intensity", light.name), (size, More::Right), &mut setting.intensity);
+        if setting != mix.setting(light) {
+            mix.look.lights.set(&light.key, setting);
+        }
+    });
+}
+
+/// The swatch of a light.
+pub(super) fn color_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+    let setting = mix.setting(light);
+    let mut tint = Tint { color: setting.color, kelvin: setting.kelvin };
+    if tint_ui(ui, &light.name, &mut tint, light.own_color(), light.kelvin_choice()) {
+        let (color, kelvin) = (tint.color, tint.kelvin);
+        mix.look.lights.set(&light.key, LightSetting { color, kelvin, ..setting });
+    }
+}
+
+/// What unfolds below a row: the spots of a panel, everything about the chosen lamp.
+fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+    match &light.light {
+        LightOf::Scene(source) => {
+            if let SourceKind::Panel { size_m, .. } = source.kind {
+                spots_ui(ui, source, size_m, &mut mix.look.lights.panels, &mut mix.state.spot);
+            }
+        }
+        LightOf::Look(lamp, _) if mix.state.lamps.is_chosen(&lamp.key) => {
+            details_ui(ui, &lamp.key, mix.look, &mut mix.state.lamps, mix.lights, mix.actions);
+        }
+        LightOf::Look(..) => {}
+    }
+}
+
+/// Whether a row that begins at the cursor would be seen; if not, only its place is kept.
+pub(super) fn passes_over(ui: &mut Ui, is_long: bool) -> bool {
+    let rect = Rect::from_min_size(ui.cursor().min, vec2(ui.available_width(), HEIGHT));
+    let passes = is_long && !ui.is_rect_visible(rect);
+    if passes {
+        ui.allocate_space(rect.size());
+    }
+    passes
+}

@@ -1,0 +1,261 @@
+//! In what the numbers of intensities are told: times the file, stops, or photometric units.
+
+use clerestory_transport::lamps::LampUnit;
+use clerestory_transport::light::LightSetting;
+use eframe::egui::{DragValue, Response, Ui};
+use serde::{Deserialize, Serialize};
+
+use super::listed::Listed;
+
+/// What a designer counts in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Scale {
+    /// Times what the file says.
+    #[default]
+    Factor,
+    /// Stops above what the file says.
+    Stops,
+    /// Luminous flux.
+    Lumen,
+    /// Luminous intensity.
+    Candela,
+    /// Illuminance of parallel light.
+    Lux,
+    /// Luminance.
+    Nit,
+    /// Power at a luminous efficacy.
+    Watt,
+}
+
+/// Power of ideal white light by glTF's and Blender's count, lumen per watt.
+pub(super) const IDEAL_EFFICACY: f32 = clerestory_transport::lamp_units::LUMENS_PER_WATT;
+/// Upper end of factors in numbers.
+const FACTOR_MAX: f64 = 1e6;
+/// Stops at which a light counts as off.
+const OFF_EV: f64 = -20.0;
+
+impl Scale {
+    /// All of them, in the order of the menu.
+    pub const ALL: [Scale; 7] =
+        [Scale::Factor, Scale::Stops, Scale::Lumen, Scale::Candela, Scale::Lux, Scale::Nit, Scale::Watt];
+
+    /// As it stands behind a number.
+    pub fn name(self) -> &'static str {
+        match self {
+            Scale::Factor => "×",
+            Scale::Stops => "EV",
+            Scale::Lumen => "lm",
+            Scale::Candela => "cd",
+            Scale::Lux => "lx",
+            Scale::Nit => "nit",
+            Scale::Watt => "W",
+        }
+    }
+
+    /// For the menu.
+    pub fn words(self) -> &'static str {
+        match self {
+            Scale::Factor => "× the file",
+            Scale::Stops => "EV, stops above the file",
+            Scale::Lumen => "lm, luminous flux",
+            Scale::Candela => "cd, luminous intensity",
+            Scale::Lux => "lx, of parallel light",
+            Scale::Nit => "nit, luminance",
+            Scale::Watt => "W, electrical power",
+        }
+    }
+
+    fn unit(self) -> Option<LampUnit> {
+        match self {
+            Scale::Lumen | Scale::Watt => Some(LampUnit::Lumen),
+            Scale::Candela => Some(LampUnit::Candela),
+            Scale::Lux => Some(LampUnit::Lux),
+            Scale::Nit => Some(LampUnit::Nit),
+            Scale::Factor | Scale::Stops => None,
+        }
+    }
+
+    /// How a light is counted on this scale. Where that does not follow from its kind, it is counted as its file does, else in
+    /// factors.
+    pub(super) fn measure(self, light: &Listed, setting: &LightSetting, efficacy: f32) -> Measure {
+        let Some(unit) = self.unit() else { return self.of_group() };
+        let one = LightSetting { intensity: 1.0, ..*setting };
+        let amount = |unit| light.amount(&one, unit).filter(|at_one| *at_one > 0.0).map(f64::from);
+        if let Some(at_one) = amount(unit) {
+            let efficacy = if self == Scale::Watt { f64::from(efficacy) } else { 1.0 };
+            return Measure::Amount { at_one: at_one / efficacy, unit: self.name() };
+        }
+        let own = light.own_unit().and_then(|unit| Some((amount(unit)?, unit.name())));
+        own.map_or(Measure::Factor, |(at_one, unit)| Measure::Amount { at_one, unit })
+    }
+
+    /// How a group is counted: it has no units of its own.
+    pub fn of_group(self) -> Measure {
+        if self == Scale::Stops { Measure::Stops } else { Measure::Factor }
+    }
+}
+
+/// How the intensity of one light becomes a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Measure {
+    /// The number is the factor.
+    Factor,
+    /// The number is its logarithm to base 2.
+    Stops,
+    /// The number is an amount of light.
+    Amount {
+        /// Amount at intensity 1.
+        at_one: f64,
+        /// Its unit.
+        unit: &'static str,
+    },
+}
+
+impl Measure {
+    /// The number of an intensity.
+    pub fn number(self, intensity: f32) -> f64 {
+        match self {
+            Measure::Factor => f64::from(intensity),
+            Measure::Stops => f64::from(intensity).log2().max(OFF_EV),
+            Measure::Amount { at_one, .. } => at_one * f64::from(intensity),
+        }
+    }
+
+    /// The intensity of a number.
+    pub fn intensity(self, number: f64) -> f32 {
+        let factor = match self {
+            Measure::Factor => number,
+            Measure::Stops if number <= OFF_EV => 0.0,
+            Measure::Stops => number.exp2(),
+            Measure::Amount { at_one, .. } => number / at_one,
+        };
+        factor.clamp(0.0, FACTOR_MAX) as f32
+    }
+
+    /// What stands behind the number.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Measure::Factor => Scale::Factor.name(),
+            Measure::Stops => Scale::Stops.name(),
+            Measure::Amount { unit, .. } => unit,
+        }
+    }
+
+    /// Digits of a number, without its unit.
+    pub fn digits(self, number: f64) -> String {
+        match self {
+            Measure::Stops if number <= OFF_EV => "off".into(),
+            Measure::Stops => format!("{number:+.2}"),
+            Measure::Factor | Measure::Amount { .. } => digits(number),
+        }
+    }
+
+    /// Number and unit of an intensity.
+    pub fn words(self, intensity: f32) -> String {
+        let space = if self == Measure::Factor { "" } else { " " };
+        format!("{}{space}{}", self.digits(self.number(intensity)), self.unit())
+    }
+}
+
+/// As many digits as are told apart, in a width that does not change under a fader that is dragged.
+pub(super) fn digits(number: f64) -> String {
+    match number {
+        n if n < 9.995 => format!("{n:.2}"),
+        n if n < 99.95 => format!("{n:.1}"),
+        n if n < 99_999.5 => format!("{n:.0}"),
+        n => format!("{:.0}k", n / 1000.0),
+    }
+}
+
+/// A number that was typed: a comma may stand for the point, `k` for thousands, and a unit behind it is passed over.
+fn typed(text: &str) -> Option<f64> {
+    let text = text.trim().replace(',', ".");
+    if text == "off" {
+        return Some(OFF_EV);
+    }
+    let number = text.trim_end_matches(|c: char| !c.is_ascii_digit() && c != '.');
+    let factor = if text[number.len()..].trim_start().starts_with('k') { 1000.0 } else { 1.0 };
+    number.trim().parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| number * factor)
+}
+
+/// How a number is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Shown {
+    /// With its unit behind it.
+    WithUnit,
+    /// Its unit stands elsewhere.
+    Bare,
+    /// The lights have several; a word stands in its place.
+    Mixed,
+}
+
+/// The number of an intensity, to drag (with Shift finely) and to type. Answers whether it was changed.
+pub(super) fn number_ui(
+    ui: &mut Ui,
+    label: &str,
+    (measure, shown): (Measure, Shown),
+    intensity: &mut f32,
+    width: f32,
+) -> Response {
+    let mut number = measure.number(*intensity);
+    let range = match measure {
+        Measure::Stops => OFF_EV..=FACTOR_MAX.log2(),
+        Measure::Factor | Measure::Amount { .. } => 0.0..=measure.number(FACTOR_MAX as f32),
+    };
+    let speed = if measure == Measure::Stops { 0.02 } else { (0.01 * number).max(measure.number(0.002)) };
+    let suffix = match (shown, measure) {
+        (Shown::WithUnit, Measure::Factor) => "×".to_owned(),
+        (Shown::WithUnit, _) => format!(" {}", measure.unit()),
+        (Shown::Bare | Shown::Mixed, _) => String::new(),
+    };
+    let drag = DragValue::new(&mut number).range(range).speed(speed).suffix(suffix).custom_parser(typed);
+    let drag = drag.custom_formatter(|number, _| match shown {
+        Shown::Mixed => "mixed".into(),
+        Shown::WithUnit | Shown::Bare => measure.digits(number),
+    });
+    let response = ui.add_sized([width, 22.0], drag).accessible_name(format!("{label} {}", unit_words(measure)));
+    if response.changed() {
+        *intensity = measure.intensity(number);
+    }
+    response
+}
+
+/// What the number is, for who does not see it.
+fn unit_words(measure: Measure) -> &'static str {
+    match measure {
+        Measure::Factor => "factor",
+        Measure::Stops => "stops",
+        Measure::Amount { unit, .. } => unit,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_any_size_have_three_digits_or_their_whole_part() {
+        assert_eq!(
+            [0.0, 1.0, 9.99, 9.999, 12.34, 99.96, 5000.0, 250_000.0].map(digits),
+            ["0.00", "1.00", "9.99", "10.0", "12.3", "100", "5000", "250k"]
+        );
+    }
+
+    #[test]
+    fn a_number_and_its_intensity_are_told_from_each_other() {
+        let lumen = Measure::Amount { at_one: 800.0, unit: "lm" };
+        for measure in [Measure::Factor, Measure::Stops, lumen] {
+            for intensity in [0.0, 0.125, 1.0, 3.7] {
+                assert!((measure.intensity(measure.number(intensity)) - intensity).abs() < 1e-5, "{measure:?}");
+            }
+        }
+        assert_eq!([Measure::Stops.words(0.0), Measure::Stops.words(2.0)], ["off EV", "+1.00 EV"]);
+        assert_eq!([lumen.words(0.5), Measure::Factor.words(0.5)], ["400 lm", "0.50×"]);
+    }
+
+    #[test]
+    fn what_is_typed_may_carry_its_unit() {
+        let expected = [Some(1.5), Some(1.5), Some(250_000.0), Some(-1.0), Some(OFF_EV), None, None];
+        assert_eq!(["1.5", " 1,5 lm", "250k", "-1 EV", "off", "mixed", ""].map(typed), expected);
+    }
+}

@@ -1,0 +1,144 @@
+//! Solo: while any light is soloed, all others are dark. It is not in the look, and a banner over the picture says so.
+
+use std::collections::BTreeSet;
+
+use clerestory_transport::basis::LightBasis;
+use clerestory_transport::light::{LightRig, LightSetting};
+use eframe::egui::{self, Align2, Area, Button, Frame, Id, Order, Rect, RichText, Ui, vec2};
+
+use crate::look::Look;
+use crate::theme;
+
+/// Names that the banner tells; more are counted.
+const MOST_NAMES: usize = 3;
+
+/// The lights as they are seen: while any is soloed, all others are dark. Solo wins over mute, of a group as well.
+pub fn heard(basis: &LightBasis, rig: &LightRig, solo: &BTreeSet<String>) -> LightRig {
+    let mut rig = rig.clone();
+    let is_solo = |key: &str| solo.contains(key);
+    if basis.sources.iter().any(|source| is_solo(&source.key)) || rig.lamps.iter().any(|lamp| is_solo(&lamp.key)) {
+        for source in basis.sources.iter().filter(|source| !is_solo(&source.key)) {
+            rig.lights.entry(source.key.clone()).or_default().muted = true;
+        }
+        for key in solo {
+            if let Some(setting) = rig.lights.get_mut(key) {
+                setting.muted = false;
+            }
+        }
+        for lamp in &mut rig.lamps {
+            lamp.setting.muted = !is_solo(&lamp.key);
+        }
+        for group in rig.groups.values_mut() {
+            group.muted = false;
+        }
+    }
+    rig
+}
+
+/// What one press of a button for many lights does: all of them soloed, or none if all were.
+pub(super) fn toggle(solo: &mut BTreeSet<String>, keys: &[String]) {
+    let is_all = keys.iter().all(|key| solo.contains(key));
+    for key in keys {
+        if is_all {
+            solo.remove(key)
+        } else {
+            solo.insert(key.clone())
+        };
+    }
+}
+
+/// Mutes all of some lights, or none if all were.
+pub(super) fn toggle_mute(rig: &mut LightRig, keys: &[String]) {
+    let is_all = keys.iter().all(|key| rig.own_setting(key).muted);
+    for key in keys {
+        rig.set(key, LightSetting { muted: !is_all, ..rig.own_setting(key) });
+    }
+}
+
+/// The banner at the top of the picture while a solo is on, with a button that clears it.
+pub fn solo_banner_ui(ui: &Ui, picture: Rect, look: &Look, solo: &mut BTreeSet<String>) {
+    if solo.is_empty() {
+        return;
+    }
+    let area = Area::new(Id::unique("solo banner")).order(Order::Middle).pivot(Align2::CENTER_TOP);
+    area.fixed_pos(picture.center_top() + vec2(0.0, 10.0)).constrain_to(picture).show(ui.ctx(), |ui| {
+        let frame = Frame::popup(ui.style()).fill(theme::ACCENT).inner_margin(egui::Margin::symmetric(12, 5));
+        frame.show(ui, |ui| {
+            ui.horizontal(|ui| {
+                let text = RichText::new(words(look, solo)).color(theme::ON_ACCENT).strong();
+                ui.add(egui::Label::new(text).wrap_mode(egui::TextWrapMode::Extend));
+                let clear =
+                    Button::new(RichText::new("Clear solo").color(theme::ACCENT)).fill(theme::ON_ACCENT).small();
+                if ui.add(clear).on_hover_text("All lights shine again").clicked() {
+                    solo.clear();
+                }
+            });
+        });
+    });
+}
+
+fn words(look: &Look, solo: &BTreeSet<String>) -> String {
+    let names: Vec<&str> = solo.iter().take(MOST_NAMES).map(|key| look.name_of(key)).collect();
+    let more = solo.len() - names.len();
+    let names = names.join(", ");
+    if more > 0 { format!("Solo: {names} and {more} more") } else { format!("Solo: {names}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::basis::{LightSource, SourceKind};
+    use clerestory_transport::light::LightGroup;
+    use clerestory_transport::origin::LightOrigin;
+    use glam::Vec3;
+
+    use super::*;
+
+    fn basis() -> LightBasis {
+        let source = |key: &str, kind| LightSource {
+            key: key.into(),
+            kind,
+            columns: 0..1,
+            color: Vec3::ONE,
+            strength: 1.0,
+            origin: LightOrigin::default(),
+        };
+        LightBasis::new(vec![
+            source("a", SourceKind::Point),
+            source("b", SourceKind::Emitter),
+            source("unlit", SourceKind::Constant),
+        ])
+    }
+
+    #[test]
+    fn solo_darkens_all_other_lights_and_wins_over_mute() {
+        let mut rig = LightRig::default();
+        rig.set("a", LightSetting { muted: true, ..LightSetting::default() });
+        let group = LightGroup { lights: ["a".to_owned()].into(), intensity: 0.5, muted: true };
+        rig.groups.insert("group".into(), group);
+        let solo = BTreeSet::from(["a".to_string()]);
+        let coefficients = basis().project(&heard(&basis(), &rig, &solo));
+        assert_eq!(coefficients, [[0.5; 3], [0.0; 3], [1.0; 3]]);
+        assert_eq!(heard(&basis(), &rig, &BTreeSet::new()), rig);
+    }
+
+    #[test]
+    fn a_solo_that_this_scene_does_not_know_darkens_nothing() {
+        let rig = LightRig::default();
+        assert_eq!(heard(&basis(), &rig, &BTreeSet::from(["elsewhere".to_string()])), rig);
+    }
+
+    #[test]
+    fn many_lights_are_soloed_and_muted_at_once() {
+        let keys = ["a", "b"].map(str::to_owned);
+        let mut solo = BTreeSet::from(["a".to_owned()]);
+        toggle(&mut solo, &keys);
+        assert_eq!(solo.len(), 2);
+        toggle(&mut solo, &keys);
+        assert!(solo.is_empty());
+        let mut rig = LightRig::default();
+        toggle_mute(&mut rig, &keys);
+        assert!(rig.setting("a").muted && rig.setting("b").muted);
+        toggle_mute(&mut rig, &keys);
+        assert_eq!(rig, LightRig::default());
+    }
+}

@@ -1,0 +1,245 @@
+//! The panel of lights in the window: groups and masters, names, many lights at once, solo, units, board and table.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+mod desk;
+
+use clerestory::app::App;
+use clerestory::look::Look;
+use clerestory::session::{BakeState, Source};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2};
+use egui_kittest::kittest::{NodeT, Queryable};
+use serde_json::{Value, json};
+
+use desk::{Window, click, drag, open, room, wait};
+
+/// The room with three more lamps below a node: instances of one lamp.
+fn lit_room() -> Vec<u8> {
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    let lights = gltf["extensions"]["KHR_lights_punctual"]["lights"].as_array_mut().unwrap();
+    lights.push(json!({"type": "point", "name": "Bulb", "intensity": 2}));
+    let light = lights.len() - 1;
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    let first = nodes.len();
+    for (idx, name) in ["left", "middle", "right"].into_iter().enumerate() {
+        nodes.push(json!({"name": name, "translation": [0.4 * idx as f32 - 0.4, 0.3, -0.6],
+            "extensions": {"KHR_lights_punctual": {"light": light}}}));
+    }
+    nodes.push(json!({"name": "Table", "children": [first, first + 1, first + 2]}));
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(first + 3));
+    serde_json::to_vec(&gltf).unwrap()
+}
+
+/// That room, baked, with its first picture.
+fn lit() -> Window {
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: lit_room() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window
+}
+
+fn intensity(window: &Window, key: &str) -> f32 {
+    window.state().look().lights.own_setting(key).intensity
+}
+
+/// A click with keys held.
+fn click_with(window: &mut Window, at: Pos2, button: PointerButton, modifiers: Modifiers) {
+    window.hover_at(at);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        window.event(Event::PointerButton { pos: at, button, pressed, modifiers });
+        window.run_steps(1);
+    }
+    window.run_steps(3);
+}
+
+/// Where the name of a light stands in the list.
+fn name(window: &Window, name: &str) -> Pos2 {
+    let mute = window.get_by_label(&format!("Mute {name}")).rect();
+    pos2(mute.right() + 20.0, mute.center().y)
+}
+
+/// Clicks the names of lights, the first alone and the others with Ctrl.
+fn select(window: &mut Window, names: &[&str]) {
+    for (idx, of) in names.iter().enumerate() {
+        let modifiers = if idx == 0 { Modifiers::NONE } else { Modifiers::COMMAND };
+        window.event(Event::ModifiersChanged(modifiers));
+        let at = name(window, of);
+        click_with(window, at, PointerButton::Primary, modifiers);
+        window.event(Event::ModifiersChanged(Modifiers::NONE));
+    }
+}
+
+/// Chooses from the menu of a name.
+fn from_menu(window: &mut Window, of: Pos2, item: &str) {
+    click_with(window, of, PointerButton::Secondary, Modifiers::NONE);
+    click(window, item);
+}
+
+#[test]
+fn lights_below_one_node_are_a_group_with_a_master() {
+    let mut window = lit();
+    let ev = window.state().shown_ev();
+    let fader = window.get_by_label("Group Table intensity").rect();
+    let from = pos2(fader.left() + 0.6 * fader.width(), fader.center().y);
+    drag(&mut window, from, pos2(fader.right() - 6.0, fader.center().y));
+    let group = window.state().look().lights.groups["place:Table"].clone();
+    assert!(group.intensity > 4.0, "{}", group.intensity);
+    assert_eq!(group.lights.iter().map(String::as_str).collect::<Vec<_>>(), ["left", "middle", "right"]);
+    assert_eq!(intensity(&window, "left"), 1.0, "its lights keep what they are set to");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.2);
+
+    // The master counts however the list is sorted, and the list says so.
+    click(&mut window, "Group lights by");
+    click(&mut window, "Instance");
+    window.get_by_label("Group Bulb intensity");
+    assert_eq!(window.query_all_by_label_contains("Table turns by").count(), 1);
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default(), "one drag is one step");
+
+    click(&mut window, "Mute group Bulb");
+    assert!(window.state().look().lights.setting("left").muted);
+    click(&mut window, "Mute group Bulb");
+    assert_eq!(*window.state().look(), Look::default(), "what changes nothing leaves no trace");
+    click(&mut window, "Collapse Bulb");
+    assert!(window.query_by_label("Mute left").is_none());
+    click(&mut window, "Expand Bulb");
+    window.get_by_label("Mute left");
+}
+
+#[test]
+fn many_lights_are_changed_by_stops_and_set_to_one_value() {
+    let mut window = lit();
+    select(&mut window, &["left", "right"]);
+    click(&mut window, "Brighter by ⅓ EV");
+    let third = 2f32.powf(1.0 / 3.0);
+    assert!((intensity(&window, "left") - third).abs() < 1e-4);
+    assert_eq!(intensity(&window, "middle"), 1.0);
+
+    // With another light the values are mixed, and an offset keeps their ratio.
+    select(&mut window, &["left", "right", "middle"]);
+    window.key_press(Key::CloseBracket);
+    window.run_steps(3);
+    assert!((intensity(&window, "left") / intensity(&window, "middle") - third).abs() < 1e-4);
+    assert!(window.get_by_label("Selected lights factor").accesskit_node().value().unwrap().contains("mixed"));
+
+    window.get_by_label("Selected lights factor").click();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Selected lights factor").type_text("0.5");
+    window.run_steps(2);
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+    for key in ["left", "middle", "right"] {
+        assert_eq!(intensity(&window, key), 0.5, "{key}");
+    }
+    assert_eq!(intensity(&window, "lamp"), 1.0);
+
+    click(&mut window, "Mute selected lights");
+    assert!(window.state().look().lights.setting("middle").muted);
+    click(&mut window, "Reset selected lights");
+    assert_eq!(*window.state().look(), Look::default());
+    click(&mut window, "Undo");
+    assert!(window.state().look().lights.setting("middle").muted, "all of them are one step");
+}
+
+#[test]
+fn shift_selects_all_up_to_there_and_a_light_has_another_name() {
+    let mut window = lit();
+    select(&mut window, &["left"]);
+    window.event(Event::ModifiersChanged(Modifiers::SHIFT));
+    let at = name(&window, "right");
+    click_with(&mut window, at, PointerButton::Primary, Modifiers::SHIFT);
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
+    window.get_by_label("3 lights selected");
+    click(&mut window, "Select nothing");
+    assert!(window.query_by_label("3 lights selected").is_none());
+
+    let at = name(&window, "left");
+    from_menu(&mut window, at, "Rename…");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Name of left").type_text("Desk lamp");
+    window.run_steps(2);
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+    assert_eq!(window.state().look().names["left"], "Desk lamp");
+    click(&mut window, "Mute Desk lamp");
+    assert!(window.state().look().lights.lights["left"].muted, "the key stays");
+}
+
+#[test]
+fn several_solos_show_a_banner_that_clears_them() {
+    let mut window = lit();
+    let ev = window.state().shown_ev();
+    assert!(window.query_by_label("Clear solo").is_none());
+    click(&mut window, "Solo left");
+    click(&mut window, "Solo right");
+    window.get_by_label("Solo: left, right");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() > 1e-2);
+    click(&mut window, "Clear solo");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() < 1e-3);
+    click(&mut window, "Solo group Table");
+    window.get_by_label("Solo: left, middle, right");
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn faders_take_keys_and_fine_drags_and_go_back() {
+    let mut window = lit();
+    window.get_by_label("left intensity").focus();
+    window.run_steps(2);
+    window.key_press(Key::ArrowRight);
+    window.run_steps(2);
+    assert!((intensity(&window, "left") - 2f32.powf(1.0 / 3.0)).abs() < 1e-3, "{}", intensity(&window, "left"));
+    window.key_press(Key::ArrowLeft);
+    window.run_steps(2);
+    assert_eq!(*window.state().look(), Look::default());
+
+    // With Shift a drag goes a tenth of the way.
+    let fader = window.get_by_label("left intensity").rect();
+    let from = pos2(fader.left() + 0.4 * fader.width(), fader.center().y);
+    window.event(Event::ModifiersChanged(Modifiers::SHIFT));
+    drag(&mut window, from, from + eframe::egui::vec2(0.3 * fader.width(), 0.0));
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
+    let stops = intensity(&window, "left").log2();
+    assert!(stops > 0.1 && stops < 0.8, "{stops}");
+    let at = name(&window, "left");
+    from_menu(&mut window, at, "Reset");
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn intensities_are_told_in_the_unit_that_is_chosen() {
+    let mut window = lit();
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "cd, luminous intensity");
+    let value = |window: &Window, label: &str| window.get_by_label(label).accesskit_node().value().unwrap();
+    assert!(value(&window, "left cd").starts_with("2.00"), "{}", value(&window, "left cd"));
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "lm, luminous flux");
+    // 4π lumen all around are 1 candela.
+    assert!(value(&window, "left lm").starts_with("25.1"), "{}", value(&window, "left lm"));
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "EV, stops above the file");
+    assert!(value(&window, "left stops").starts_with("+0.00"), "{}", value(&window, "left stops"));
+}
+
+#[test]
+fn board_and_table_edit_the_same_look() {
+    let mut window = lit();
+    click(&mut window, "Board");
+    let fader = window.get_by_label("Group Table intensity").rect();
+    assert!(fader.height() > 2.0 * fader.width(), "it stands: {fader:?}");
+    let top = pos2(fader.center().x, fader.top() + 8.0);
+    drag(&mut window, pos2(fader.center().x, fader.center().y), top);
+    assert!(window.state().look().lights.groups["place:Table"].intensity > 8.0);
+    click(&mut window, "Undo");
+
+    click(&mut window, "Table");
+    click(&mut window, "Sort by lm");
+    click(&mut window, "Mute middle");
+    assert!(window.state().look().lights.lights["middle"].muted);
+    assert!(window.query_all_by_label("0.00, 0.30, -0.60").count() == 1, "where it stands");
+    click(&mut window, "List");
+    window.get_by_label("Group Table intensity");
+    wait(&mut window, App::is_settled);
+}

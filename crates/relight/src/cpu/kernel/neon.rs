@@ -1,0 +1,80 @@
+//! Four lanes at a time.
+#![expect(unsafe_code, reason = "f16 conversion and FMA behind run-time detection; `plain` is the safe twin")]
+
+use std::arch::aarch64::*;
+
+use super::*;
+
+/// All rows of the factor against all channels, twelve sums at a time.
+#[target_feature(enable = "neon")]
+pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
+    let x = cols.x;
+    // Loops, not closures: sums whose address is taken would live in memory.
+    let mut sums = [[vdupq_n_f32(0.0); QUAD]; 3];
+    for lanes in cols.lit {
+        for quarter in 0..LANES / 4 {
+            let x = [
+                load_quarter(&x[0][lanes], quarter),
+                load_quarter(&x[1][lanes], quarter),
+                load_quarter(&x[2][lanes], quarter),
+            ];
+            for component in 0..N {
+                let right = load_f16(&rows[component][lanes].as_chunks().0[quarter]);
+                for channel in 0..3 {
+                    sums[channel][component] = vfmaq_f32(sums[channel][component], right, x[channel]);
+                }
+            }
+        }
+    }
+    let mut quad = Quad::default();
+    for (sums, out) in sums.into_iter().zip(quad.0.as_chunks_mut::<QUAD>().0) {
+        *out = [vaddvq_f32(sums[0]), vaddvq_f32(sums[1]), vaddvq_f32(sums[2]), vaddvq_f32(sums[3])];
+    }
+    quad
+}
+
+/// A run at a time, in twelve registers.
+#[target_feature(enable = "neon")]
+pub(super) fn expand(left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+    let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
+    for (left, out) in runs {
+        let mut sums = [vdupq_n_f32(0.0); RUN / 4];
+        for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
+            let z = z.as_chunks().0;
+            let z = [load(&z[0]), load(&z[1]), load(&z[2])];
+            for (i, left) in left.as_chunks().0.iter().enumerate() {
+                sums[i] = vfmaq_f32(sums[i], load_f16(left), z[i % 3]);
+            }
+        }
+        for (sum, out) in sums.into_iter().zip(out.as_chunks_mut().0) {
+            store(out, sum);
+        }
+    }
+}
+
+#[inline]
+#[target_feature(enable = "neon")]
+fn load_f16(from: &[f16; 4]) -> float32x4_t {
+    // SAFETY: `from` holds 4 × 2 bytes, which is what the load takes.
+    vcvt_f32_f16(vreinterpret_f16_u16(unsafe { vld1_u16(from.as_ptr().cast()) }))
+}
+
+#[inline]
+#[target_feature(enable = "neon")]
+fn load_quarter(from: &[f32; LANES], quarter: usize) -> float32x4_t {
+    load(&from.as_chunks().0[quarter])
+}
+
+#[inline]
+#[target_feature(enable = "neon")]
+fn load(from: &[f32; 4]) -> float32x4_t {
+    // SAFETY: `from` holds 4 × 4 bytes, which is what the load takes.
+    unsafe { vld1q_f32(from.as_ptr()) }
+}
+
+#[inline]
+#[target_feature(enable = "neon")]
+fn store(to: &mut [f32; 4], value: float32x4_t) {
+    // SAFETY: `to` holds 4 × 4 bytes, which is what the store writes.
+    unsafe { vst1q_f32(to.as_mut_ptr(), value) }
+}
