@@ -42,7 +42,7 @@ fn maps_of_rank_error_and_samples_lie_over_the_picture() {
     {
         click(&mut window, "Heat map");
         // The list lies over the figures, which have a row of that name.
-        window.get_all_by_label(name).last().unwrap().click();
+        window.get_all_by_label(name).next().unwrap().click();
         window.run_steps(3);
         window.get_by_label_contains(scale);
     }
