@@ -62,12 +62,13 @@ fn sensors_on_a_wall_read_candela_times_cosine_over_squared_distance() {
     let mean = lux.iter().sum::<f64>() / 45.0;
     let grid = &read["grids"][0];
     assert_eq!((&grid["size"], &grid["points"]), (&json!([9, 5]), &json!(45)));
-    let figures = [("average_lux", mean), ("minimum_lux", least), ("maximum_lux", most), ("uniformity", least / mean)];
+    let shares = [("uniformity", least / mean), ("diversity", least / most)];
+    let figures = [("average_lux", mean), ("minimum_lux", least), ("maximum_lux", most)].into_iter().chain(shares);
     for (name, known) in figures {
         assert!((grid[name].as_f64().unwrap() - known).abs() < 3e-3 * known, "{name} of {grid} is not {known}");
     }
     let said = desk.run("sensors @wall.transport").stdout;
-    assert!(said.starts_with("wall: average 0.") && said.contains("U0"), "{said}");
+    assert!(said.starts_with("wall: average 0.") && said.contains("U0") && said.contains(" fc"), "{said}");
 }
 
 #[test]

@@ -65,6 +65,18 @@ pub enum Action {
     DuplicateLamp,
     /// Take the chosen lamp away.
     DeleteLamp,
+    /// Look for the lights that come closest to the wishes.
+    Solve,
+    /// Take over the lights that were found.
+    AcceptSolution,
+    /// Leave the lights as they were.
+    DiscardSolution,
+    /// Wish for a picture to be matched.
+    MatchPicture(PathBuf),
+    /// Bake again with the light that arrives at each pixel.
+    BakeIlluminance,
+    /// Write the table of lamps.
+    SaveSchedule(PathBuf),
     /// Let the next click say what the chosen lamp is to light, or no longer.
     AimLamp,
     /// Take a file as the scene of the bake that was opened.
@@ -106,6 +118,10 @@ pub enum FileTask {
     OpenProfile,
     /// The scene of a bake.
     FindScene,
+    /// A picture to match.
+    OpenTarget,
+    /// A place for the table of lamps.
+    SaveSchedule,
 }
 
 impl FileTask {
@@ -120,6 +136,8 @@ impl FileTask {
             FileTask::SaveBake => "Save the bake",
             FileTask::OpenProfile => "Open the profile of a lamp",
             FileTask::FindScene => "Choose the scene of this bake",
+            FileTask::OpenTarget => "Open a picture to match",
+            FileTask::SaveSchedule => "Save the schedule of lamps",
         }
     }
 
@@ -133,6 +151,8 @@ impl FileTask {
             FileTask::SaveBake => ("Bakes", &["transport"]),
             FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
             FileTask::FindScene => ("glTF scenes", &["glb", "gltf"]),
+            FileTask::OpenTarget => ("Pictures", &["exr", "hdr", "png", "jpg", "jpeg"]),
+            FileTask::SaveSchedule => ("Tables", &["csv"]),
         }
     }
 
@@ -143,7 +163,7 @@ impl FileTask {
 
     /// Whether a file is written.
     pub fn writes(self) -> bool {
-        matches!(self, FileTask::SaveLook | FileTask::Export | FileTask::SaveBake)
+        matches!(self, FileTask::SaveLook | FileTask::Export | FileTask::SaveBake | FileTask::SaveSchedule)
     }
 
     /// What happens once a file is chosen.
@@ -159,6 +179,8 @@ impl FileTask {
             FileTask::SaveBake => Action::SaveBake(path),
             FileTask::OpenProfile => Action::AddProfile(path),
             FileTask::FindScene => Action::UseScene(path),
+            FileTask::OpenTarget => Action::MatchPicture(path),
+            FileTask::SaveSchedule => Action::SaveSchedule(path),
         }
     }
 }

@@ -10,6 +10,7 @@ mod probe;
 mod recovery;
 mod rest;
 mod sky;
+mod solving;
 mod strips;
 
 use std::collections::BTreeSet;
@@ -42,6 +43,7 @@ use crate::viewport::{ViewState, Viewed, viewport_ui};
 use follow::Follower;
 use probe::Prober;
 use recovery::Recovery;
+use solving::Solving;
 
 /// Width of a picture that is baked without being asked for.
 const DEFAULT_WIDTH_PX: u32 = 640;
@@ -94,6 +96,7 @@ pub struct App {
     view: ViewState,
     follower: Follower,
     prober: Prober,
+    solving: Solving,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -190,7 +193,8 @@ impl App {
             stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
             lights,
             view: ViewState::default(),
-            follower: Follower::new(cc.wgpu_render_state.as_ref(), wake)?,
+            follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
+            solving: Solving::new(wake),
             prober: Prober::default(),
             actions: Vec::new(),
             question: None,
@@ -285,6 +289,7 @@ impl App {
         self.lights = LightsState::new(self.lights.layout);
         self.view = ViewState::default();
         self.follower.forget();
+        self.solving.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             self.settings.camera_idx = 0;
@@ -330,6 +335,12 @@ impl App {
             Action::DuplicateLamp => self.duplicate_lamp(),
             Action::DeleteLamp => self.delete_lamp(),
             Action::AimLamp => self.aim_lamp(),
+            Action::Solve => self.solve(),
+            Action::AcceptSolution => self.accept_solution(),
+            Action::DiscardSolution => self.discard_solution(),
+            Action::MatchPicture(path) => self.match_picture(&path),
+            Action::BakeIlluminance => self.bake_illuminance(),
+            Action::SaveSchedule(path) => self.save_schedule(&path),
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
@@ -362,7 +373,8 @@ impl App {
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
         let suggestion = match task {
             FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
-            FileTask::OpenProfile | FileTask::FindScene => String::new(),
+            FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget => String::new(),
+            FileTask::SaveSchedule => format!("{stem}.csv"),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
             FileTask::SaveBake => format!("{stem}.transport"),
@@ -514,6 +526,8 @@ impl App {
                 };
                 display_ui(ui, &mut self.look.display, &view);
                 ui.add_space(10.0);
+                self.solving_ui(ui);
+                ui.add_space(10.0);
                 self.bake_panel_ui(ui);
             });
         });
@@ -540,6 +554,7 @@ impl App {
             camera_idx: 0,
             film: Film { width: shown.header.width, height: shown.header.height },
             config: shown.header.config.clone(),
+            illuminance: shown.pixel_irradiance().is_some(),
         });
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
         bake_ui(ui, of_file.as_mut().unwrap_or(own), &mut self.heat_map, &view, &mut self.actions);
@@ -621,7 +636,9 @@ impl eframe::App for App {
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
         self.set_title(ctx);
-        if let Err(words) = self.follower.follow(ctx, &mut self.session, &self.look, &self.lights.solo) {
+        self.follow_solving();
+        let look = self.solving.previewed(&self.look);
+        if let Err(words) = self.follower.follow(ctx, &mut self.session, &look, &self.lights.solo) {
             self.complain(words);
         }
     }
@@ -635,8 +652,9 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         self.dialogs_ui(&ctx);
         // The worker starts on the new picture while this frame is still being painted.
+        let look = self.solving.previewed(&self.look);
         if (self.look != before || self.lights.solo != solo_before)
-            && let Err(words) = self.follower.follow(&ctx, &mut self.session, &self.look, &self.lights.solo)
+            && let Err(words) = self.follower.follow(&ctx, &mut self.session, &look, &self.lights.solo)
         {
             self.complain(words);
         }
@@ -675,5 +693,6 @@ fn default_settings() -> BakeSettings {
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
     let quality = QUALITIES[if n_cores >= MANY_CORES { 2 } else { 1 }];
     let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
-    BakeSettings { camera_idx: 0, film: Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 }, config }
+    let film = Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 };
+    BakeSettings { camera_idx: 0, film, config, illuminance: false }
 }

@@ -10,8 +10,10 @@ mod interrupt;
 mod lamps;
 pub(crate) mod picture;
 pub(crate) mod relight;
+mod schedule;
 mod sensors;
 mod sheet;
+mod solve;
 mod trace;
 mod usage;
 pub(crate) mod view;
@@ -77,6 +79,8 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Render(args) => (relight::render(args, console)?, args.answer.json),
         Command::Trace(args) => (trace::trace(args, console)?, args.answer.json),
         Command::Sensors(args) => (sensors::sensors(args, console)?, args.answer.json),
+        Command::Schedule(args) => (schedule::run(args, console)?, args.answer.json),
+        Command::Solve(args) => (solve::run(args, console)?, args.answer.json),
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
         Command::Cache(args) => (cache::cache(args)?, args.answer.json),
         Command::Info(args) => (info::info(&args.file, console)?, args.answer.json),

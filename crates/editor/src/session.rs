@@ -1,5 +1,6 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
+pub mod aside;
 mod begun;
 pub mod estimate;
 pub mod lamps;
@@ -30,6 +31,7 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
+use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 use eframe::egui::ColorImage;
 
 use self::begun::Begun;
@@ -61,6 +63,8 @@ pub struct BakeSettings {
     pub film: Film,
     /// How exactly.
     pub config: BakeConfig,
+    /// Whether the light that arrives at the pixels and at the sensors of the file is baked as well.
+    pub illuminance: bool,
 }
 
 /// A scene, a stack or a bake that is open.
@@ -393,11 +397,12 @@ impl Session {
         let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
             return;
         };
-        let Some(job) = self.job(settings) else {
-            self.bake = BakeState::Failed(
-                "the scene has no camera and no surfaces to look at; open a scene with meshes".into(),
-            );
-            return;
+        let job = match self.job(settings) {
+            Ok(job) => job,
+            Err(why) => {
+                self.bake = BakeState::Failed(why);
+                return;
+            }
         };
         self.begun = Some(Begun::new(scene, settings.clone()));
         self.begin(BakeJob { passes, ..job }, None);
@@ -406,19 +411,22 @@ impl Session {
     /// Goes on with a bake that was stopped, where that can be.
     pub fn resume_bake(&mut self, settings: &BakeSettings) {
         if self.n_resumable(settings) > 0
-            && let Some(job) = self.job(settings)
+            && let Ok(job) = self.job(settings)
         {
             let half_done = self.half_done();
             self.begin(job, half_done);
         }
     }
 
-    /// What would be baked with some settings.
-    fn job(&self, settings: &BakeSettings) -> Option<BakeJob> {
-        let scene = self.opened.as_ref()?.scene.clone()?;
-        let camera = scene.scene.cameras.get(settings.camera_idx)?.clone();
+    /// What would be baked with some settings, or why nothing can be.
+    fn job(&self, settings: &BakeSettings) -> Result<BakeJob, String> {
+        const NO_CAMERA: &str = "the scene has no camera and no surfaces to look at; open a scene with meshes";
+        let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone()).ok_or("no scene is open; open one")?;
+        let camera = scene.scene.cameras.get(settings.camera_idx).cloned().ok_or(NO_CAMERA)?;
+        let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
+        let irradiance = IrradianceRequest { of_file, ..IrradianceRequest::default() }.rows(&scene).map_err(words)?;
         let (film, config, passes) = (settings.film, settings.config.clone(), Passes::Progressive);
-        Some(BakeJob { scene, camera, film, config, passes, irradiance: Vec::new() })
+        Ok(BakeJob { scene, camera, film, config, passes, irradiance })
     }
 
     fn begin(&mut self, job: BakeJob, half_done: Option<HalfDone>) {
@@ -645,7 +653,7 @@ impl Session {
                 self.pass_blocks.1 += 1;
                 self.block_done(block_idx, &factors);
             }
-            // The window asks for no irradiance.
+            // It is shown once all of it is there.
             BakeEvent::IrradianceDone { .. } => {}
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {

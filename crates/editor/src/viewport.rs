@@ -3,6 +3,7 @@
 pub mod gizmo;
 pub mod handles;
 pub mod lamps;
+pub mod marking;
 pub mod names;
 pub mod probe;
 pub mod zoom;
@@ -22,6 +23,7 @@ use crate::session::{BakeState, Stage};
 use crate::theme;
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
+use marking::{Marking, marking_ui};
 use probe::{Grid, Probes, Readings};
 use zoom::Zoom;
 
@@ -52,6 +54,8 @@ pub struct ViewState {
     pub probes: Probes,
     /// What the pointer holds.
     grab: Option<Grab>,
+    /// What is marked, and how.
+    pub marking: Marking,
 }
 
 /// How much of a picture a map of colors hides, of 255.
@@ -83,8 +87,11 @@ pub fn viewport_ui(
         let covered = Rect::from_min_max(pos2(0.0, 0.0), pos2(overlay.covered[0], overlay.covered[1]));
         painter.image(overlay.texture, image, covered, Color32::from_white_alpha(OVERLAY_ALPHA));
     }
-    let mut is_free = true;
-    if let Some((scene, camera)) = viewed.scene {
+    let marks = state.grab.is_none() && marking_ui(ui, &response, image, Film { width, height }, &mut state.marking);
+    let mut is_free = !marks;
+    if marks {
+        // The pointer marks: lamps, spots and probes wait.
+    } else if let Some((scene, camera)) = viewed.scene {
         let film = Film { width, height };
         let picker = PanelPicker { scene, camera, film, image };
         let sight = Sight { scene, camera, film, image };

@@ -32,7 +32,7 @@ fn wait(window: &mut Window, until: impl Fn(&Window) -> bool) {
 fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
     let state = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
     let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
-    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
+    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config, illuminance: false };
     let room = Source::Bytes { name: "room.gltf".into(), bytes: include_bytes!("room.gltf").to_vec() };
     let start = Start::alone(room, Some(settings));
     let renderer = WgpuTestRenderer::from_render_state(state.clone());

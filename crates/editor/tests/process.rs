@@ -309,3 +309,75 @@ fn a_scene_never_makes_the_program_read_elsewhere() {
         assert!(said.contains("does not lie beside the glTF file"), "{uri}: {said}");
     }
 }
+
+/// What a command answers with `--json`.
+fn answer(folder: &Path, line: &str) -> serde_json::Value {
+    serde_json::from_slice(&succeeds(folder, &format!("{line} --json")).stdout).unwrap()
+}
+
+#[test]
+fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    succeeds(folder.path(), "bake room.gltf --size 32x24 --spp 16 --irradiance --work-plane 0.5:0.4 -o room.transport");
+    let lux = |look: &str| {
+        answer(folder.path(), &format!("sensors room.transport {look}"))["grids"][0]["average_lux"].as_f64().unwrap()
+    };
+    let wanted = 3.0 * lux("");
+    let wishes = format!(
+        r#"{{"wishes": [{{"name": "plane", "sensors": "work plane 0.5 m", "lux": {wanted}}}], "factor": [0, 50]}}"#
+    );
+    std::fs::write(path("wishes.json"), wishes).unwrap();
+    let solved = answer(folder.path(), "solve room.transport --wishes wishes.json -o solved.look");
+    assert_eq!(solved["wishes"][0]["met"], true, "{solved}");
+    assert_eq!(solved["wishes"][0]["unit"], "lx", "{solved}");
+    let reached = lux("--look solved.look");
+    assert!((reached / wanted - 1.0).abs() < 0.02, "{reached} lx of {wanted}");
+    // The picture of that look, matched from the scene's own light, gives the look back.
+    succeeds(folder.path(), "relight room.transport --look solved.look -o wanted.exr");
+    let matched = answer(folder.path(), "solve room.transport --match wanted.exr -o matched.look");
+    let found = matched["lights"][0]["after"].as_f64().unwrap();
+    assert!((found - 3.0).abs() < 0.1, "{matched}");
+    let named = r#"{"wishes": [{"surface": "room", "times": 2}]}"#;
+    std::fs::write(path("named.json"), named).unwrap();
+    let solved = answer(folder.path(), "solve room.transport --wishes named.json --scene room.gltf -o named.look");
+    assert!((solved["lights"][0]["after"].as_f64().unwrap() - 2.0).abs() < 0.01, "{solved}");
+    for (json, words) in [
+        (r#"{"wishes": []}"#, "nothing to solve for"),
+        (r#"{"wishes": [{"lux": 5, "times": 2}]}"#, "give one of `lux`"),
+        (r#"{"wishes": [{"surface": "room", "times": 2}]}"#, "--scene"),
+        (r#"{"wishes": [{"rect": [90, 90, 99, 99], "lux": 2}]}"#, "holds no pixel"),
+        (r#"{"wishes": [{"sensors": "desk", "lux": 2}]}"#, "work plane 0.5 m"),
+        (r#"{"wishes": [{"lux": 2, "wieght": 2}]}"#, "wieght"),
+        (r#"{"wishes": [{"lux": -2}]}"#, "`lux` must be"),
+    ] {
+        std::fs::write(path("bad.json"), json).unwrap();
+        let output = run(folder.path(), "solve room.transport --wishes bad.json -o bad.look");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{json}: {said}");
+        assert!(said.contains(words) && !path("bad.look").exists(), "{json}: {said}");
+    }
+}
+
+#[test]
+fn a_schedule_counts_what_shines_and_measures_the_floor() {
+    let folder = desk();
+    let told = answer(folder.path(), "schedule room.gltf --efficacy 50 -o lamps.csv");
+    // 3 cd all around, over a floor of 2 m × 2 m.
+    let lumen = 12.0 * std::f64::consts::PI;
+    let near = |name: &str, known: f64| {
+        let found = told[name].as_f64().unwrap();
+        assert!((found / known - 1.0).abs() < 1e-4, "{name}: {found} is not {known}");
+    };
+    near("lumen", lumen);
+    near("watt", lumen / 50.0);
+    near("floor_m2", 4.0);
+    near("watt_per_m2", lumen / 200.0);
+    let table = std::fs::read_to_string(folder.path().join("lamps.csv")).unwrap();
+    assert!(
+        table.lines().nth(1).unwrap().starts_with("lamp,lamp,Point lamp,1,yes,37.7,0.8,0.300,0.600,-0.200,"),
+        "{table}"
+    );
+    let refused = run(folder.path(), "schedule room.gltf -o room.gltf");
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("would overwrite"));
+}

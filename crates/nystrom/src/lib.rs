@@ -49,6 +49,7 @@
 //! # Ok::<(), CompressError>(())
 //! ```
 
+pub mod bounded;
 pub mod codec;
 pub mod compress;
 mod cosine;
@@ -82,6 +83,7 @@ mod sums;
 mod unpacked;
 mod vector;
 
+pub use bounded::{BoundedError, BoundedLeastSquares};
 pub use codec::{CodecError, decode_block, encode_block};
 pub use compress::{
     BlockSamples, ColumnGroup, CompressConfig, CompressError, SamplePlan, Tolerance, compress, compress_block,

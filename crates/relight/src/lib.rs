@@ -42,4 +42,4 @@ pub use display::{DisplayParams, Tone, encode};
 pub use frame::{Frame, Radiance};
 pub use gpu::{DeviceChoice, Gpu, GpuRelighter};
 pub use relight::{Relight, RelightError, RelightStats};
-pub use rows::mean_row;
+pub use rows::{mean_row, weighed_row};

@@ -10,21 +10,29 @@ use clerestory_nystrom::{BlockFactors, BlockLowRank, Partition};
 ///
 /// `None` without pixels, for pixels outside, and where a block of any group is not there.
 pub fn mean_row<G: Borrow<BlockLowRank>>(groups: &[G], pixels: &[u32]) -> Option<Vec<Vec<[f32; 3]>>> {
-    let partition = &groups.first()?.borrow().partition;
-    let mut blocks: BTreeMap<usize, Vec<u32>> = BTreeMap::new();
-    for &pixel in pixels {
-        let (block, within) = place(partition, pixel)?;
-        blocks.entry(block).or_default().push(within);
-    }
     let weight = 1.0 / pixels.len().max(1) as f32;
-    let mean_of = |group: &BlockLowRank| {
+    weighed_row(groups, pixels.iter().map(|pixel| (*pixel, weight)))
+}
+
+/// The sum of the matrix' rows of some pixels, each times its weight; see [`mean_row`].
+pub fn weighed_row<G: Borrow<BlockLowRank>>(
+    groups: &[G],
+    pixels: impl IntoIterator<Item = (u32, f32)>,
+) -> Option<Vec<Vec<[f32; 3]>>> {
+    let partition = &groups.first()?.borrow().partition;
+    let mut blocks: BTreeMap<usize, Vec<(u32, f32)>> = BTreeMap::new();
+    for (pixel, weight) in pixels {
+        let (block, within) = place(partition, pixel)?;
+        blocks.entry(block).or_default().push((within, weight));
+    }
+    let sum_of = |group: &BlockLowRank| {
         let mut row = vec![[0.0; 3]; group.n_cols as usize];
         for (block, within) in &blocks {
-            add_rows(group.blocks.get(*block)?.as_ref()?, within, weight, &mut row);
+            add_rows(group.blocks.get(*block)?.as_ref()?, within, &mut row);
         }
         Some(row)
     };
-    (!pixels.is_empty()).then(|| groups.iter().map(|group| mean_of(group.borrow())).collect()).flatten()
+    (!blocks.is_empty()).then(|| groups.iter().map(|group| sum_of(group.borrow())).collect()).flatten()
 }
 
 /// The block that a pixel lies in, and its number there.
@@ -39,24 +47,25 @@ pub fn place(partition: &Partition, pixel: u32) -> Option<(usize, u32)> {
 }
 
 /// Adds the weighted rows of some pixels of a block: left factors are summed first, so that right ones are read once.
-fn add_rows(block: &BlockFactors, pixels: &[u32], weight: f32, out: &mut [[f32; 3]]) {
+fn add_rows(block: &BlockFactors, pixels: &[(u32, f32)], out: &mut [[f32; 3]]) {
     let (rank, n_cols) = (block.rank as usize, block.n_cols as usize);
     let mut left = vec![[0.0f32; 3]; rank];
-    for channel in 0..3 {
-        for pixel in pixels {
-            let row = &block.left[(3 * *pixel as usize + channel) * rank..][..rank];
-            left.iter_mut().zip(row).for_each(|(sum, value)| sum[channel] += value.to_f32());
+    let mut weights = vec![0.0f32; block.n_rows as usize / 3];
+    for &(pixel, weight) in pixels {
+        weights[pixel as usize] += weight;
+        for channel in 0..3 {
+            let row = &block.left[(3 * pixel as usize + channel) * rank..][..rank];
+            left.iter_mut().zip(row).for_each(|(sum, value)| sum[channel] += weight * value.to_f32());
         }
     }
     for (r, sum) in left.iter().enumerate() {
-        let sum = sum.map(|value| value * block.scale[r] * weight);
+        let sum = sum.map(|value| value * block.scale[r]);
         for (out, right) in out.iter_mut().zip(&block.right[r * n_cols..][..n_cols]) {
             (0..3).for_each(|channel| out[channel] += sum[channel] * right.to_f32());
         }
     }
-    for entry in block.sparse.iter().filter(|entry| pixels.contains(&(entry.row / 3))) {
-        let times = pixels.iter().filter(|pixel| **pixel == entry.row / 3).count();
-        out[entry.col as usize][entry.row as usize % 3] += weight * times as f32 * entry.value;
+    for entry in &block.sparse {
+        out[entry.col as usize][entry.row as usize % 3] += weights[entry.row as usize / 3] * entry.value;
     }
 }
 

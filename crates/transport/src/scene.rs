@@ -62,12 +62,12 @@ pub struct SceneNode {
 
 impl SceneNode {
     /// The name by which a node is asked for: its own, or `node:INDEX`.
-    pub(crate) fn key(&self) -> String {
+    pub fn key(&self) -> String {
         self.name.clone().unwrap_or_else(|| self.index_key())
     }
 
     /// Whether a node is meant, by its name or by its index.
-    pub(crate) fn is_named(&self, name: &str) -> bool {
+    pub fn is_named(&self, name: &str) -> bool {
         self.name.as_deref() == Some(name) || name == self.index_key()
     }
 

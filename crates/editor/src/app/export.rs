@@ -17,7 +17,7 @@ impl App {
 
     /// What is seen is what is written, a solo included.
     fn seen_look(&self) -> Look {
-        let mut seen = self.look.clone();
+        let mut seen = self.shown_look().into_owned();
         if let Some(basis) = self.session.basis() {
             seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
         }

@@ -60,7 +60,7 @@ impl App {
     }
 
     /// What an edit that no pointer makes is: one step of undo.
-    fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
+    pub(super) fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
         self.undoer.add_undo(&self.look);
         edit(self);
         self.undoer.add_undo(&self.look);

@@ -48,6 +48,9 @@ const RENDER_EXAMPLE: &str = "Example: clerestory render room.glb --look evening
     or: clerestory render room.glb --ies Downlight=maker/downlight.ies -o measured.png";
 const TRACE_EXAMPLE: &str = "Example: clerestory trace room.glb --look evening.look -o reference.exr --spp 1024\n         \
     or: clerestory trace room.glb --ies Downlight=maker/downlight.ldt -o measured.exr";
+const SCHEDULE_EXAMPLE: &str = "Example: clerestory schedule room.glb --look evening.look --efficacy 110 -o lamps.csv";
+const SOLVE_EXAMPLE: &str = "Example: clerestory solve room.transport --wishes table.json -o table.look\n         \
+    or: clerestory solve room.transport --match photo.png --colors 0.5 -o photo.look";
 const COMPARE_EXAMPLE: &str = "Example: clerestory compare evening.exr reference.exr --json";
 const CACHE_EXAMPLE: &str = "Example: clerestory cache --clear";
 const INFO_EXAMPLE: &str = "Example: clerestory info room.transport --json";
@@ -72,6 +75,12 @@ pub enum Command {
     /// Say how many lux arrive at the sensors of a baked scene: average, minimum, maximum, uniformity.
     #[command(after_help = SENSORS_EXAMPLE)]
     Sensors(SensorsArgs),
+    /// Write a table of all lamps: lumen, watt, place, aim, color, and W/m² of floor.
+    #[command(after_help = SCHEDULE_EXAMPLE)]
+    Schedule(ScheduleArgs),
+    /// Find the lights that come closest to wishes (lux, cd/m², a picture to match) and write them as a look.
+    #[command(after_help = SOLVE_EXAMPLE)]
+    Solve(SolveArgs),
     /// Hold picture A against the reference B.
     #[command(after_help = COMPARE_EXAMPLE)]
     Compare(CompareArgs),
@@ -268,6 +277,71 @@ pub struct SensorsArgs {
     pub answer: OutputArgs,
 }
 
+/// `clerestory schedule`.
+#[derive(Debug, Args)]
+pub struct ScheduleArgs {
+    /// Scene, or transport file of an earlier bake.
+    pub file: PathBuf,
+    /// Look that says how the lamps are set [default: as the scene says].
+    #[arg(long, value_name = "FILE.look")]
+    pub look: Option<PathBuf>,
+    /// Luminous efficacy of the lamps: their watts are lumen over this.
+    #[arg(long, value_name = "LM/W", default_value_t = 100.0, value_parser = parse_positive)]
+    pub efficacy: f64,
+    /// Floor area in m² [default: that of the scene's floor; none for a transport file].
+    #[arg(long = "floor-area", value_name = "M2", value_parser = parse_positive)]
+    pub floor_m2: Option<f64>,
+    /// Table to write.
+    #[arg(short, long, value_name = "OUT.csv")]
+    pub output: PathBuf,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
+/// `clerestory solve`.
+#[derive(Debug, Args)]
+pub struct SolveArgs {
+    /// Transport file of an earlier bake.
+    pub transport: PathBuf,
+    /// Wishes, as docs/cli.md describes them.
+    #[arg(long, value_name = "FILE.json", required_unless_present = "picture")]
+    pub wishes: Option<PathBuf>,
+    /// Picture to match, of any size: linear .exr or .hdr in nit, or .png or .jpg, whose exposure is found.
+    #[arg(long = "match", value_name = "PICTURE")]
+    pub picture: Option<PathBuf>,
+    /// Exposure of the picture to match: nit times 2^EV are its numbers.
+    #[arg(long, value_name = "EV", requires = "picture", allow_negative_numbers = true)]
+    pub exposure: Option<f64>,
+    /// Scene that was baked: for surfaces by name, means over areas of surface, and lamps of the look.
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
+    /// Look to start from [default: as the scene says].
+    #[arg(long, value_name = "FILE.look")]
+    pub look: Option<PathBuf>,
+    /// Light that may change, by its key; may be repeated [default: all that are not muted].
+    #[arg(long = "light", value_name = "KEY")]
+    pub lights: Vec<String>,
+    /// Least and largest intensity, times the file [default: 0:100].
+    #[arg(long, value_name = "MIN:MAX", value_parser = parse_factor)]
+    pub factor: Option<[f64; 2]>,
+    /// Let colors change, too, up to a saturation of 0 (white) to 1 (any color).
+    #[arg(long, value_name = "SATURATION")]
+    pub colors: Option<f64>,
+    /// How much the rest of the picture counts, beside 1 for a wish [default: 0.001].
+    #[arg(long, value_name = "WEIGHT")]
+    pub keep: Option<f64>,
+    /// How much a light that stays as it is counts [default: 0.001].
+    #[arg(long, value_name = "STRENGTH")]
+    pub pull: Option<f64>,
+    /// Look to write.
+    #[arg(short, long, value_name = "OUT.look")]
+    pub output: PathBuf,
+    /// How to answer.
+    #[command(flatten)]
+    pub answer: OutputArgs,
+}
+
 /// How to light and what to write.
 #[derive(Clone, Debug, Args)]
 pub struct RelightOptions {
@@ -453,6 +527,18 @@ fn parse_work_plane(text: &str) -> Result<WorkPlane, String> {
     let meters = |text: &str| text.parse::<f32>().ok().filter(|m| (0.0..=1e4).contains(m)).ok_or(problem);
     let spacing_m = spacing.map(|text| meters(text).and_then(|m| if m >= 1e-3 { Ok(m) } else { Err(problem) }));
     Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()? })
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|x| (1e-3..=1e9).contains(x));
+    number.ok_or_else(|| "write a number above 0".into())
+}
+
+fn parse_factor(text: &str) -> Result<[f64; 2], String> {
+    let problem = || "write MIN:MAX such as 0:10".to_string();
+    let (least, most) = text.split_once(':').ok_or_else(problem)?;
+    let number = |text: &str| text.parse::<f64>().ok().filter(|x| (0.0..=1e6).contains(x)).ok_or_else(problem);
+    Ok([number(least)?, number(most)?])
 }
 
 fn parse_patches(text: &str) -> Result<SkyForm, String> {

@@ -117,7 +117,7 @@ fn direct(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[PreparedL
 }
 
 /// The scene of a bake and its camera.
-fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> Result<(PreparedScene, Camera)> {
+pub(super) fn open(header: &BakeHeader, path: &Path, console: &mut Console) -> Result<(PreparedScene, Camera)> {
     let scene = load_scene(path, header.skips, console)?.scene;
     let cameras = scene.cameras.iter().filter(|camera| camera.name == header.camera);
     let camera = header.view.iter().chain(cameras).find(|camera| header.is_of(&scene, camera)).cloned();

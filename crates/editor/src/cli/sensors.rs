@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive;
 use clerestory_transport::bake::Bake;
-use clerestory_transport::light::{LightRig, luminance};
+use clerestory_transport::light::LightRig;
 use clerestory_transport::sensors::SensorGrid;
 use glam::Vec3;
 use serde::Serialize;
@@ -14,9 +14,10 @@ use serde_json::json;
 
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
-use super::relight::irradiance_of;
 use super::view::{load_look, spare_look, warn_of_unknown_lights};
+use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
 use crate::output::{PendingFile, spare_inputs};
+use crate::table::text_cell;
 
 /// What the sensors of a grid say.
 struct Readings<'a> {
@@ -38,6 +39,8 @@ struct Summary {
     maximum_lux: f64,
     /// U0, minimum over average; `None` in the dark.
     uniformity: Option<f64>,
+    /// Ud, minimum over maximum; `None` in the dark.
+    diversity: Option<f64>,
 }
 
 pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answer> {
@@ -78,18 +81,7 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
 }
 
 fn readings<'a>(bake: &'a Bake, rig: &LightRig) -> Result<Vec<Readings<'a>>> {
-    let read = |(set, grid): (usize, &'a SensorGrid)| {
-        let irradiance = irradiance_of(bake, set, rig)?;
-        // Ranks that are left out may take a dark point a little below nothing.
-        let lux = |rgb: &[f32; 3]| luminance(Vec3::from(*rgb)).max(0.0);
-        let points = (0..).zip(&irradiance.pixels).filter_map(|(number, rgb)| Some((grid.point(number)?, lux(rgb))));
-        let points: Vec<(Vec3, f32)> = points.collect();
-        if points.iter().any(|(_, lux)| !lux.is_finite()) {
-            bail!("some sensors of `{}` read no finite number; check the intensities of the look", grid.name);
-        }
-        Ok(Readings { grid, points })
-    };
-    bake.grids().map(read).collect()
+    bake.grids().map(|(set, grid)| Ok(Readings { grid, points: of_grid(bake, (set, grid), rig)? })).collect()
 }
 
 impl Readings<'_> {
@@ -98,13 +90,17 @@ impl Readings<'_> {
     }
 
     fn summary(&self) -> Summary {
-        let lux = || self.points.iter().map(|(_, lux)| f64::from(*lux));
-        let average_lux = lux().sum::<f64>() / self.len().max(1) as f64;
-        let (minimum_lux, maximum_lux) = (lux().fold(f64::INFINITY, f64::min), lux().fold(0.0, f64::max));
-        let minimum_lux = if minimum_lux.is_finite() { minimum_lux } else { 0.0 };
-        let uniformity = (average_lux > 0.0).then(|| minimum_lux / average_lux);
-        let (name, size, points) = (self.grid.name.clone(), self.grid.size, self.len());
-        Summary { name, size, points, average_lux, minimum_lux, maximum_lux, uniformity }
+        let figures = LuxFigures::of(self.points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)));
+        Summary {
+            name: self.grid.name.clone(),
+            size: self.grid.size,
+            points: figures.points,
+            average_lux: figures.average,
+            minimum_lux: figures.minimum,
+            maximum_lux: figures.maximum,
+            uniformity: figures.uniformity(),
+            diversity: figures.diversity(),
+        }
     }
 }
 
@@ -112,23 +108,16 @@ impl Summary {
     fn words(&self) -> String {
         let [across, down] = self.size;
         format!(
-            "{}: average {} lx, minimum {} lx, maximum {} lx, uniformity U0 {} ({} of {across}×{down} points)",
+            "{}: average {} lx ({} fc), minimum {} lx, maximum {} lx, uniformity U0 {}, Ud {} ({} of {across}×{down} points)",
             self.name,
             lux_words(self.average_lux),
+            lux_words(self.average_lux / FOOT_CANDLE_LX),
             lux_words(self.minimum_lux),
             lux_words(self.maximum_lux),
-            self.uniformity.map_or("undefined".into(), |uniformity| format!("{uniformity:.2}")),
+            share_words(self.uniformity),
+            share_words(self.diversity),
             self.points,
         )
-    }
-}
-
-/// Three digits or more.
-fn lux_words(lux: f64) -> String {
-    match lux {
-        lux if lux >= 100.0 => format!("{lux:.0}"),
-        lux if lux >= 1.0 => format!("{lux:.1}"),
-        lux => format!("{lux:.3}"),
     }
 }
 
@@ -136,11 +125,7 @@ fn lux_words(lux: f64) -> String {
 fn write_table(writer: &mut impl Write, all: &[Readings]) -> Result<()> {
     writeln!(writer, "grid,x,y,z,lux")?;
     for Readings { grid, points } in all {
-        let name = if grid.name.contains([',', '"', '\n', '\r']) {
-            format!("\"{}\"", grid.name.replace('"', "\"\""))
-        } else {
-            grid.name.clone()
-        };
+        let name = text_cell(&grid.name);
         for (point, lux) in points {
             writeln!(writer, "{name},{},{},{},{lux}", point.x, point.y, point.z)?;
         }

@@ -124,6 +124,11 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
         ui.label("");
         patches_ui(ui, &mut settings.config.patches);
         ui.end_row();
+        ui.label("");
+        let hint = "Also bakes the light that arrives at each pixel, and at sensors of the file, in lux: for Measure, wishes for \
+                    lux, and false color";
+        ui.checkbox(&mut settings.illuminance, "Illuminance").on_hover_text(hint);
+        ui.end_row();
         if let Some(units) = view.units {
             ui.label("");
             units_ui(ui, units, actions);

@@ -26,6 +26,7 @@ use super::lamps::{LampChoice, LampState, add_button, missing_ui};
 use crate::action::Action;
 use crate::look::Look;
 use groups::{GroupBy, Item, arranged};
+pub(crate) use listed::source_words;
 use listed::{Listed, Profiles, listed};
 use mix::Mix;
 use names::Renaming;

@@ -61,8 +61,9 @@ impl Session {
         if !is_due || self.forecasting.task.is_some() || self.forecasting.answer != Forecast::Trying {
             return;
         }
-        if let Some(job) = self.job(settings) {
-            self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, &post));
+        match self.job(settings) {
+            Ok(job) => self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, &post)),
+            Err(why) => self.forecasting.answer = Forecast::Failed(why),
         }
     }
 

@@ -48,7 +48,7 @@ pub fn quick() -> BakeConfig {
 
 /// Opened and baked as asked, with a folder of the user's for unsaved looks and finished bakes.
 pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
-    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config };
+    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config, illuminance: false };
     let unsaved = home.map(|home| home.join("unsaved"));
     let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
     let start = Start { unsaved, cache, ..Start::alone(source, Some(settings)) };

@@ -161,9 +161,20 @@ fn standard_spacing(sides: Vec2) -> f32 {
     (0.2 * 5f32.powf(side.log10())).min(10.0)
 }
 
-/// Height of the floor: the lowest level of surfaces that face up with at least half the area of the largest level.
+/// Height of the floor.
 fn floor_height(mesh: &Mesh) -> Option<f32> {
-    // Area and area times height of each centimeter.
+    floor(mesh).map(|(_, height)| height)
+}
+
+/// Area of the floor in m², as far as it is one level.
+pub fn floor_area_m2(scene: &Scene) -> Option<f32> {
+    floor(&scene.mesh).map(|(area, _)| area)
+}
+
+/// Area in m² and height in meters of the floor: the lowest level of surfaces that face up with at least half the area of the
+/// largest level.
+fn floor(mesh: &Mesh) -> Option<(f32, f32)> {
+    // Twice the area, and that times the height, of each centimeter.
     let mut levels: BTreeMap<i64, (f64, f64)> = BTreeMap::new();
     for triangle in 0..mesh.triangles.len() as u32 {
         let normal = mesh.area_normal(triangle);
@@ -176,7 +187,7 @@ fn floor_height(mesh: &Mesh) -> Option<f32> {
     }
     let largest = levels.values().map(|(area, _)| *area).fold(0.0, f64::max);
     let floor = levels.values().find(|(area, _)| *area >= 0.5 * largest);
-    floor.map(|(area, moment)| (moment / area) as f32)
+    floor.map(|(area, moment)| ((0.5 * area) as f32, (moment / area) as f32))
 }
 
 #[cfg(test)]
@@ -191,5 +202,13 @@ mod tests {
             assert!((asked - spacing).abs() < 1e-4, "{asked} m for {sides:?}");
         }
         assert_eq!(standard_spacing(Vec2::splat(5000.0)), 10.0);
+    }
+
+    #[test]
+    fn the_floor_of_a_room_is_as_large_as_it_is() {
+        let room = include_str!("../../../editor/tests/room.gltf");
+        let scene = crate::import::load_bytes("room", room.as_bytes()).expect("a scene").scene;
+        // Two meters a side.
+        assert!(floor_area_m2(&scene).is_some_and(|area| (area - 4.0).abs() < 1e-4));
     }
 }

@@ -128,7 +128,8 @@ impl Listed<'_> {
     }
 }
 
-fn source_words(kind: SourceKind) -> String {
+/// What a light of the scene is, for people.
+pub(crate) fn source_words(kind: SourceKind) -> String {
     match kind {
         SourceKind::Point => "Point lamp".into(),
         SourceKind::Spot => "Spot lamp".into(),

@@ -1,0 +1,360 @@
+//! What is marked in the picture, measured there, and wished for: threads beside the window, and what is done with their answers.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use clerestory_transport::basis::SourceKind;
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::light::LightRig;
+use clerestory_transport::prepared::PreparedScene;
+use eframe::egui::Ui;
+
+use super::App;
+use crate::illuminance::{LuxFigures, of_grid, of_marks};
+use crate::look::Look;
+use crate::marks::{Marks, Seen};
+use crate::output::PendingFile;
+use crate::panels::lights::heard;
+use crate::panels::measure::{MeasureView, ScheduleState, measure_ui};
+use crate::panels::solve::{SolveState, SolveView, solve_ui};
+use crate::schedule::Schedule;
+use crate::session::aside::Aside;
+use crate::session::{Session, Wake};
+use crate::solve::{LampColumn, Place, Scene, Solution, parse, solve};
+
+/// Marks, measurements and wishes.
+pub(super) struct Solving {
+    wake: Wake,
+    pub state: SolveState,
+    schedule: ScheduleState,
+    /// What the pixels see, of which scene, camera and film.
+    seen: Option<(View, Arc<Seen>)>,
+    looking: Aside<(View, Seen)>,
+    /// Figures of what is marked and of the grids, and what they are of.
+    measured: Option<(Measured, Figures)>,
+    measuring: Aside<(Measured, Result<Figures, String>)>,
+    problem: Option<String>,
+    surface: Option<String>,
+    solving: Aside<Result<Solution, String>>,
+    /// The lights as they were when solving began.
+    solved_from: LightRig,
+}
+
+/// What the picture is of.
+#[derive(Clone)]
+struct View {
+    scene: Arc<PreparedScene>,
+    camera: Camera,
+    film: Film,
+}
+
+/// What figures are of.
+#[derive(Clone, PartialEq)]
+struct Measured {
+    /// Address of the header of the bake.
+    bake: usize,
+    n_sets: usize,
+    rig: LightRig,
+    marks: Option<Marks>,
+    by_area: bool,
+}
+
+#[derive(Clone, Default)]
+struct Figures {
+    marked: Option<LuxFigures>,
+    grids: Vec<(String, LuxFigures)>,
+}
+
+impl View {
+    fn is_same(&self, other: &View) -> bool {
+        Arc::ptr_eq(&self.scene, &other.scene) && (&self.camera, self.film) == (&other.camera, other.film)
+    }
+
+    fn of(session: &Session) -> Option<View> {
+        let shown = session.shown.as_ref()?;
+        Some(View { scene: session.lamp_scene()?.clone(), camera: shown.camera.clone()?, film: shown.film() })
+    }
+}
+
+impl Solving {
+    pub fn new(wake: Wake) -> Solving {
+        Solving {
+            wake,
+            state: SolveState::default(),
+            schedule: ScheduleState::default(),
+            seen: None,
+            looking: Aside::default(),
+            measured: None,
+            measuring: Aside::default(),
+            problem: None,
+            surface: None,
+            solving: Aside::default(),
+            solved_from: LightRig::default(),
+        }
+    }
+
+    /// Another scene: nothing of the old one counts.
+    pub fn forget(&mut self) {
+        let wake = self.wake.clone();
+        let schedule = self.schedule;
+        *self = Solving { schedule, ..Solving::new(wake) };
+    }
+
+    /// The look as the picture shows it: under a solution that waits, where that is previewed.
+    pub fn previewed<'a>(&self, look: &'a Look) -> Cow<'a, Look> {
+        match &self.state.solution {
+            Some(solution) if self.state.is_previewed => {
+                Cow::Owned(Look { lights: solution.rig.clone(), ..look.clone() })
+            }
+            _ => Cow::Borrowed(look),
+        }
+    }
+
+    /// What the pixels of this view see, as far as it is known.
+    fn seen(&self, view: Option<&View>) -> Option<Arc<Seen>> {
+        let view = view?;
+        self.seen.as_ref().filter(|(of, _)| of.is_same(view)).map(|(_, seen)| seen.clone())
+    }
+}
+
+impl App {
+    /// The look as the picture shows it.
+    pub(super) fn shown_look(&self) -> Cow<'_, Look> {
+        self.solving.previewed(&self.look)
+    }
+
+    /// Whether something is measured or solved beside the window.
+    pub fn is_solving(&self) -> bool {
+        self.solving.solving.is_busy() || self.solving.measuring.is_busy() || self.solving.looking.is_busy()
+    }
+
+    /// What waits to be taken over.
+    pub fn solution(&self) -> Option<&Solution> {
+        self.solving.state.solution.as_ref()
+    }
+
+    /// Illuminance of what is marked, once it was measured.
+    pub fn marked_lux(&self) -> Option<LuxFigures> {
+        self.solving.measured.as_ref().and_then(|(_, figures)| figures.marked)
+    }
+
+    /// Takes answers in and asks for what is new; every frame.
+    pub(super) fn follow_solving(&mut self) {
+        let view = View::of(&self.session);
+        self.take_seen(view.as_ref());
+        self.take_solution();
+        self.measure(view.as_ref());
+        if self.solving.state.solution.is_some() && self.look.lights != self.solving.solved_from {
+            self.solving.state.solution = None;
+            self.say("The lights have changed since; solve again");
+        }
+        let film = self.session.shown.as_ref().map(crate::session::Shown::film);
+        let marking = &mut self.view.marking;
+        if marking.marks.as_ref().is_some_and(|marks| Some(marks.film) != film) {
+            marking.marks = None;
+        }
+    }
+
+    fn take_seen(&mut self, view: Option<&View>) {
+        match self.solving.looking.take() {
+            Some(Ok((view, seen))) => self.solving.seen = Some((view, Arc::new(seen))),
+            Some(Err(words)) => self.complain(format!("The surfaces could not be told apart: {words}")),
+            None => {}
+        }
+        let Some(view) = view else { return };
+        let is_wanted = self.view.marking.picked.is_some() || self.view.marking.marks().is_some();
+        let Some(seen) = self.solving.seen(Some(view)) else {
+            if is_wanted {
+                let view = view.clone();
+                let started = self.solving.looking.start("surfaces", &self.solving.wake, move || {
+                    let seen = Seen::new(&view.scene, &view.camera, view.film);
+                    (view, seen)
+                });
+                if let Err(words) = started {
+                    self.complain(words);
+                }
+            }
+            return;
+        };
+        if let Some(picked) = self.view.marking.picked.take() {
+            let kin = self.view.marking.kin;
+            self.solving.surface = seen.name(&view.scene, picked.pixel, kin).filter(|name| !name.is_empty());
+            self.view.marking.join(seen.like(picked.pixel, kin), picked.join);
+        }
+    }
+
+    /// Measures what is marked under the lights as they are seen.
+    fn measure(&mut self, view: Option<&View>) {
+        match self.solving.measuring.take() {
+            Some(Ok((of, Ok(figures)))) => (self.solving.measured, self.solving.problem) = (Some((of, figures)), None),
+            Some(Ok((of, Err(words)))) => {
+                (self.solving.measured, self.solving.problem) = (Some((of, Figures::default())), Some(words));
+            }
+            Some(Err(words)) => self.solving.problem = Some(words),
+            None => {}
+        }
+        let Some(shown) = &self.session.shown else { return };
+        let has_pixels = shown.pixel_irradiance().is_some();
+        let seen = self.solving.seen(view);
+        let of = Measured {
+            bake: Arc::as_ptr(&shown.header).addr(),
+            n_sets: shown.irradiance.len(),
+            rig: heard(&shown.header.basis, &self.shown_look().lights, &self.lights.solo),
+            marks: self.view.marking.marks().filter(|_| has_pixels).cloned(),
+            by_area: seen.is_some(),
+        };
+        if self.solving.measured.as_ref().is_some_and(|(known, _)| *known == of) || self.solving.measuring.is_busy() {
+            return;
+        }
+        if of.marks.is_none() && shown.irradiance.len() <= usize::from(has_pixels) {
+            self.solving.measured = None;
+            return;
+        }
+        let bake = shown.bake();
+        let started = self.solving.measuring.start("measure", &self.solving.wake, move || {
+            let figures = || -> anyhow::Result<Figures> {
+                let marked =
+                    of.marks.as_ref().map(|marks| of_marks(&bake, &of.rig, marks, seen.as_deref())).transpose()?;
+                let grid = |(set, grid)| -> anyhow::Result<(String, LuxFigures)> {
+                    let points = of_grid(&bake, (set, grid), &of.rig)?;
+                    Ok((grid.name.clone(), LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)))))
+                };
+                Ok(Figures { marked, grids: bake.grids().map(grid).collect::<anyhow::Result<_>>()? })
+            };
+            let figures = figures().map_err(|error| format!("{error:#}"));
+            (of, figures)
+        });
+        if let Err(words) = started {
+            self.complain(words);
+        }
+    }
+
+    /// Looks for the lights that come closest, beside the window.
+    pub(super) fn solve(&mut self) {
+        let Some(shown) = &self.session.shown else { return };
+        let request = self.solving.state.request(&self.free_lights());
+        let rig = self.look.lights.clone();
+        let parts = self.follower.lamp_light().map(|light| light.parts.clone()).unwrap_or_default();
+        let lamp = |part: crate::session::lamps::LampPart| LampColumn {
+            key: part.key.clone(),
+            of_patches: part.of_patches().collect(),
+            direct: Arc::new(move |pixel| part.direct(pixel)),
+        };
+        let lamps = parts.into_iter().map(lamp).collect();
+        let seen = self.solving.seen(View::of(&self.session).as_ref());
+        let scene = Scene { bake: shown.bake(), rig: rig.clone(), lamps, seen };
+        (self.solving.state.solution, self.solving.state.problem) = (None, None);
+        self.solving.solved_from = rig;
+        let started = self
+            .solving
+            .solving
+            .start("solve", &self.solving.wake, move || solve(&scene, &request).map_err(|error| format!("{error:#}")));
+        if let Err(words) = started {
+            self.complain(words);
+        }
+    }
+
+    fn take_solution(&mut self) {
+        match self.solving.solving.take() {
+            Some(Ok(Ok(solution))) => {
+                self.say(format!("Solved, residual {:.2} %", 100.0 * solution.misfit));
+                self.solving.state.solution = Some(solution);
+            }
+            Some(Ok(Err(words)) | Err(words)) => self.solving.state.problem = Some(words),
+            None => {}
+        }
+    }
+
+    /// Takes a solution over: one step of undo.
+    pub(super) fn accept_solution(&mut self) {
+        let Some(solution) = self.solving.state.solution.take() else { return };
+        self.solving.solved_from = solution.rig.clone();
+        self.as_one_step(|app| app.look.lights = solution.rig);
+        self.say("The lights are as solved");
+    }
+
+    pub(super) fn discard_solution(&mut self) {
+        self.solving.state.solution = None;
+    }
+
+    /// A wish for a picture to be matched.
+    pub(super) fn match_picture(&mut self, path: &std::path::Path) {
+        match parse::picture(path, None) {
+            Ok(target) => {
+                let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+                self.solving.state.push(&name, Place::Whole, target);
+            }
+            Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
+    /// Bakes again with the light that arrives at each pixel.
+    pub(super) fn bake_illuminance(&mut self) {
+        self.settings.illuminance = true;
+        self.start_bake();
+    }
+
+    /// Writes the table of lamps.
+    pub(super) fn save_schedule(&mut self, path: &std::path::Path) {
+        let Some(basis) = self.session.basis() else { return };
+        let ScheduleState { efficacy_lm_w, floor_m2 } = self.solving.schedule;
+        let marked = self.marked_lux().and_then(|figures| figures.area_m2);
+        let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { marked };
+        let scene = self.session.lamp_scene().map(|scene| &**scene);
+        let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
+        match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer))) {
+            Ok(()) => self.say(format!("Saved {}", path.display())),
+            Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
+    /// Keys of all lights that shine.
+    fn free_lights(&self) -> Vec<String> {
+        let rig = &self.look.lights;
+        let is_muted = |key: &str| rig.setting(key).muted;
+        let sources = self.session.basis().into_iter().flat_map(|basis| &basis.sources);
+        let sources = sources.filter(|source| source.kind != SourceKind::Constant && !is_muted(&source.key));
+        let known = self.follower.lamp_light().map(|light| &light.parts[..]).unwrap_or_default();
+        let lamps = rig.lamps.iter().filter(|lamp| {
+            !is_muted(&lamp.key)
+                && rig.setting(&lamp.key).intensity > 0.0
+                && known.iter().any(|part| part.key == lamp.key)
+        });
+        sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key.clone())).collect()
+    }
+
+    /// The sections of the right panel.
+    pub(super) fn solving_ui(&mut self, ui: &mut Ui) {
+        let shown = self.session.shown.as_ref();
+        let has_illuminance = shown.is_some_and(|shown| shown.pixel_irradiance().is_some());
+        let can_bake = self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some());
+        let has_scene = self.session.lamp_scene().is_some();
+        let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
+        let surface = self.solving.surface.clone();
+        let problem = self.solving.problem.clone();
+        let view = MeasureView {
+            marked: figures.marked.filter(|_| self.view.marking.marks().is_some()),
+            grids: &figures.grids,
+            has_illuminance,
+            can_bake,
+            has_lamps: self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted),
+            surface: surface.as_deref(),
+            problem: problem.as_deref(),
+            has_scene,
+        };
+        measure_ui(ui, &mut self.view.marking, &mut self.solving.schedule, &view, &mut self.actions);
+        ui.add_space(6.0);
+        let grids = shown
+            .map_or_else(Vec::new, |shown| shown.bake().grids().map(|(set, grid)| (set, grid.name.clone())).collect());
+        let view = SolveView {
+            lights: self.free_lights(),
+            is_busy: self.solving.solving.is_busy(),
+            has_illuminance,
+            grids,
+            can_bake,
+            has_scene,
+            marked: surface.as_deref(),
+        };
+        solve_ui(ui, &mut self.solving.state, &mut self.view.marking, &view, &mut self.actions);
+    }
+}

@@ -1,0 +1,62 @@
+//! `clerestory schedule`: a table of all lamps.
+
+use anyhow::{Context, Result, ensure};
+use clerestory_transport::archive;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sensors::floor_area_m2;
+use clerestory_transport::skips::Skips;
+use serde_json::json;
+
+use super::args::ScheduleArgs;
+use super::console::{Answer, Console};
+use super::view::{load_look, load_scene, spare_look, warn_of_unknown_lights};
+use crate::legend::number_words;
+use crate::output::{PendingFile, spare_inputs};
+use crate::schedule::Schedule;
+
+pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> {
+    let look = load_look(args.look.as_deref(), console)?;
+    spare_inputs(&args.output, [("input", args.file.as_path())])?;
+    spare_look(&args.output, args.look.as_deref(), &look)?;
+    let place = PendingFile::create(&args.output)?;
+    let is_bake = args.file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("transport"));
+    let (basis, scene) = if is_bake {
+        let bake =
+            archive::read(&args.file).with_context(|| format!("cannot read the transport {}", args.file.display()))?;
+        ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());
+        (bake.header.basis.clone(), None)
+    } else {
+        let imported = load_scene(&args.file, Skips::default(), console)?;
+        let (scene, warnings) = PreparedScene::new(imported.scene, &[])
+            .with_context(|| format!("cannot prepare the scene {}", args.file.display()))?;
+        console.warn_all(warnings);
+        (scene.lighting.basis.clone(), Some(scene))
+    };
+    warn_of_unknown_lights(&basis, &look, console);
+    let floor = args.floor_m2.or_else(|| scene.as_ref().and_then(|scene| floor_area_m2(&scene.scene)).map(f64::from));
+    let schedule = Schedule::new(&basis, scene.as_ref(), &look, args.efficacy, floor);
+    let untold = schedule.luminaires.iter().filter(|lamp| lamp.is_on && lamp.lumen.is_none());
+    let untold: Vec<String> =
+        untold.map(|lamp| format!("`{}` tells no lumen and counts in no total", lamp.key)).collect();
+    console.warn_all(untold);
+    place.commit(|writer| schedule.write(writer))?;
+    let number = |x: f64| number_words(x as f32);
+    let density = schedule.watt_per_m2().map_or(String::new(), |density| {
+        format!(", {} W/m² of {} m² of floor", number(density), number(schedule.floor_m2.unwrap_or(0.0)))
+    });
+    let output = args.output.display().to_string();
+    let n_on = schedule.luminaires.iter().filter(|lamp| lamp.is_on).count();
+    let words = format!(
+        "{output}: {n_on} of {} lamps on, {} lm, {} W at {} lm/W{density}",
+        schedule.luminaires.len(),
+        number(schedule.lumen()),
+        number(schedule.watt()),
+        number(schedule.efficacy_lm_w),
+    );
+    let json = json!({
+        "output": output, "luminaires": schedule.luminaires, "lumen": schedule.lumen(), "watt": schedule.watt(),
+        "efficacy_lm_w": schedule.efficacy_lm_w, "floor_m2": schedule.floor_m2, "watt_per_m2": schedule.watt_per_m2(),
+        "warnings": console.warnings(),
+    });
+    Ok(Answer { json, words })
+}

@@ -1,0 +1,93 @@
+//! `clerestory solve`: the lights that come closest to wishes, as a look.
+
+use std::io::Write;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, ensure};
+use clerestory_transport::archive;
+use clerestory_transport::bake::Bake;
+use clerestory_transport::camera::Film;
+use clerestory_transport::prepared::PreparedScene;
+use glam::Vec3;
+use serde_json::json;
+
+use super::args::SolveArgs;
+use super::bake::merge;
+use super::console::{Answer, Console};
+use super::lamps::{LampLight, open};
+use super::view::{load_look, spare_look, warn_of_unknown_lights};
+use crate::look::Look;
+use crate::marks::Seen;
+use crate::output::{PendingFile, spare_inputs};
+use crate::solve::parse::{self, Surroundings};
+use crate::solve::{Freedom, LampColumn, Place, Request, Scene, Wish, solve};
+
+pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
+    let mut look = load_look(args.look.as_deref(), console)?;
+    let inputs =
+        [("transport", Some(&args.transport)), ("wishes", args.wishes.as_ref()), ("picture", args.picture.as_ref())];
+    spare_inputs(&args.output, inputs.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))))?;
+    spare_look(&args.output, None, &look)?;
+    let place = PendingFile::create(&args.output)?;
+    let bake = archive::read(&args.transport)
+        .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    warn_of_unknown_lights(&bake.header.basis, &look, console);
+    let lamps = lamps(args, &bake, &look, console)?;
+    let scene = args.scene.as_deref().map(|path| open(&bake.header, path, console)).transpose()?;
+    let film = Film { width: bake.header.width, height: bake.header.height };
+    let scene = scene.map(|(scene, camera)| {
+        let seen = Arc::new(Seen::new(&scene, &camera, film));
+        (scene, seen)
+    });
+    let request = request(args, &bake, scene.as_ref())?;
+    let seen = scene.map(|(_, seen)| seen);
+    let solved = solve(&Scene { bake, rig: look.lights.clone(), lamps, seen }, &request)?;
+    console.warn_all(&solved.notes);
+    look.lights = solved.rig.clone();
+    place.commit(|writer| Ok(writer.write_all(look.to_json().as_bytes())?))?;
+    let output = args.output.display().to_string();
+    let mut json = json!({ "output": output, "warnings": console.warnings() });
+    merge(&mut json, solved.json());
+    Ok(Answer { json, words: format!("{}\n{output}", solved.words()) })
+}
+
+/// The wishes of the file and of the command line.
+fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<Seen>)>) -> Result<Request> {
+    let surroundings = Surroundings { bake, seen: scene.map(|(scene, seen)| (scene, seen.as_ref())) };
+    let mut request = match &args.wishes {
+        Some(path) => parse::read(path, &surroundings)?,
+        None => Request::default(),
+    };
+    if let Some(path) = &args.picture {
+        let target = parse::picture(path, args.exposure)?;
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        request.wishes.push(Wish { name, place: Place::Whole, target, weight: 1.0 });
+    }
+    if !args.lights.is_empty() {
+        request.lights = Some(args.lights.clone());
+    }
+    request.bounds = args.factor.unwrap_or(request.bounds);
+    request.freedom = args.colors.map_or(request.freedom, |most_saturation| Freedom::Color { most_saturation });
+    request.keep = args.keep.unwrap_or(request.keep);
+    request.pull = args.pull.unwrap_or(request.pull);
+    parse::check(&request)?;
+    ensure!(
+        !request.wishes.is_empty(),
+        "there is nothing to solve for; name a file with --wishes, or a picture with --match"
+    );
+    Ok(request)
+}
+
+/// The light of the look's lamps, where the scene is named.
+fn lamps(args: &SolveArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<Vec<LampColumn>> {
+    let Some(scene) = args.scene.as_deref() else { return Ok(Vec::new()) };
+    let lights = LampLight::of(bake, look, (args.look.as_deref(), Some(scene)), console)?;
+    let column = |light: LampLight| LampColumn {
+        key: light.key,
+        of_patches: light.of_patches.into_iter().map(Vec3::from).collect(),
+        direct: Arc::new(move |pixel| {
+            light.direct.pixels.get(pixel as usize).map_or(Vec3::ZERO, |rgb| Vec3::from(*rgb))
+        }),
+    };
+    Ok(lights.into_iter().map(column).collect())
+}

@@ -1,0 +1,243 @@
+//! Illuminance of a surface in the figures of lighting standards: average, minimum, maximum and uniformity, in lux and foot-candles.
+
+use anyhow::{Result, bail};
+use clerestory_relight::display::luminance;
+use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
+use clerestory_transport::bake::Bake;
+use clerestory_transport::light::LightRig;
+use clerestory_transport::sensors::SensorGrid;
+use glam::Vec3;
+
+use crate::cli::relight::irradiance_of;
+use crate::marks::{Marks, Seen, weighed};
+
+/// Lux of a foot-candle, a lumen per square foot.
+pub const FOOT_CANDLE_LX: f64 = 10.763_910_416_709_722;
+
+/// Illuminance of some points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LuxFigures {
+    /// Points that count.
+    pub points: usize,
+    /// Mean in lux.
+    pub average: f64,
+    /// Least in lux.
+    pub minimum: f64,
+    /// Largest in lux.
+    pub maximum: f64,
+    /// Area of surface in m², where it is known.
+    pub area_m2: Option<f64>,
+}
+
+impl LuxFigures {
+    /// Of values in lux, each with its weight; the weights need not sum to anything. Dark without values.
+    pub fn of(values: impl IntoIterator<Item = (f64, f64)>) -> LuxFigures {
+        let (mut points, mut sum, mut weights) = (0, 0.0, 0.0);
+        let (mut minimum, mut maximum) = (f64::INFINITY, 0.0f64);
+        for (lux, weight) in values {
+            // Ranks that are left out may take a dark point a little below nothing.
+            let lux = lux.max(0.0);
+            points += 1;
+            sum += weight * lux;
+            weights += weight;
+            (minimum, maximum) = (minimum.min(lux), maximum.max(lux));
+        }
+        let average = if weights > 0.0 { sum / weights } else { 0.0 };
+        let minimum = if points > 0 { minimum } else { 0.0 };
+        LuxFigures { points, average, minimum, maximum, area_m2: None }
+    }
+
+    /// U0, minimum over average; `None` in the dark.
+    pub fn uniformity(&self) -> Option<f64> {
+        (self.average > 0.0).then(|| self.minimum / self.average)
+    }
+
+    /// Ud, minimum over maximum; `None` in the dark.
+    pub fn diversity(&self) -> Option<f64> {
+        (self.maximum > 0.0).then(|| self.minimum / self.maximum)
+    }
+}
+
+/// Illuminance with three digits or more, without a unit.
+pub fn lux_words(lux: f64) -> String {
+    match lux {
+        lux if lux >= 100.0 => format!("{lux:.0}"),
+        lux if lux >= 1.0 => format!("{lux:.1}"),
+        lux => format!("{lux:.3}"),
+    }
+}
+
+/// A share with two digits.
+pub fn share_words(share: Option<f64>) -> String {
+    share.map_or("undefined".into(), |share| format!("{share:.2}"))
+}
+
+/// Measured points of a grid, meters, and their illuminance in lux.
+///
+/// # Errors
+/// If the light is too strong for finite numbers.
+pub fn of_grid(bake: &Bake, (set, grid): (usize, &SensorGrid), rig: &LightRig) -> Result<Vec<(Vec3, f32)>> {
+    let irradiance = irradiance_of(bake, set, rig)?;
+    let lux = |rgb: &[f32; 3]| luminance(*rgb).max(0.0);
+    let points = (0..).zip(&irradiance.pixels).filter_map(|(number, rgb)| Some((grid.point(number)?, lux(rgb))));
+    let points: Vec<(Vec3, f32)> = points.collect();
+    if points.iter().any(|(_, lux)| !lux.is_finite()) {
+        bail!("some sensors of `{}` read no finite number; check the intensities of the look", grid.name);
+    }
+    Ok(points)
+}
+
+/// Illuminance of the marked pixels, by area where it is known what they see.
+///
+/// # Errors
+/// If the bake holds no irradiance of its pixels.
+pub fn of_marks(bake: &Bake, rig: &LightRig, marks: &Marks, seen: Option<&Seen>) -> Result<LuxFigures> {
+    let Some(set) = bake.pixel_irradiance() else {
+        bail!(
+            "the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance"
+        );
+    };
+    // Blocks without a mark are left out of the work.
+    let mut groups = bake.irradiance[set].clone();
+    let mut bundles = Vec::new();
+    for block in 0..groups.first().map_or(0, |group| group.blocks.len()) {
+        groups[0].partition.bundles(block, &mut bundles);
+        if !bundles.iter().any(|pixel| marks.holds(*pixel)) {
+            groups.iter_mut().for_each(|group| group.blocks[block] = None);
+        }
+    }
+    let frame = Frame { width: marks.film.width, height: marks.film.height, groups };
+    let mut picture = Radiance::default();
+    CpuRelighter::new(&frame)?.relight(&bake.header.irradiance_coefficients(set, rig), &mut picture)?;
+    let values = weighed(marks.pixels(), seen).into_iter();
+    let values =
+        values.map(|(pixel, weight)| (f64::from(luminance(picture.pixels[pixel as usize])), f64::from(weight)));
+    let area = seen.map(|seen| marks.pixels().iter().map(|pixel| f64::from(seen.area_m2(*pixel))).sum());
+    Ok(LuxFigures { area_m2: area, ..LuxFigures::of(values) })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+    use clerestory_transport::camera::{Camera, Film};
+    use clerestory_transport::emitters::SkyRequest;
+    use clerestory_transport::irradiance::IrradianceRows;
+    use clerestory_transport::prepared::PreparedScene;
+    use clerestory_transport::scene::{Material, Mesh, PunctualKind, PunctualLight, Scene, SceneNode};
+    use clerestory_transport::sky::SkyForm;
+
+    use super::*;
+    use crate::marks::Kin;
+
+    #[test]
+    fn figures_are_those_of_the_standards() {
+        let told = LuxFigures::of([(100.0, 1.0), (500.0, 2.0), (300.0, 1.0)]);
+        assert_eq!((told.points, told.average, told.minimum, told.maximum), (3, 350.0, 100.0, 500.0));
+        assert!((told.uniformity().unwrap() - 100.0 / 350.0).abs() < 1e-12 && told.diversity() == Some(0.2));
+        let dark = LuxFigures::of([(-1e-3, 1.0)]);
+        assert_eq!((dark.average, dark.uniformity(), dark.diversity()), (0.0, None, None));
+        assert_eq!(LuxFigures::of([]).minimum, 0.0);
+    }
+
+    const FILM: Film = Film { width: 120, height: 90 };
+    /// A pixel that sees the middle of the floor.
+    const MIDDLE: u32 = 120 * 45 + 60;
+    const CANDELA: f32 = 50.0;
+    const HEIGHT: f32 = 2.0;
+
+    /// A floor of 4 m × 4 m with nothing on it, seen from a corner of the sky, and a lamp above its middle.
+    fn floor(sky: Option<&SkyRequest>) -> (Bake, Seen) {
+        let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
+        let mesh = Mesh {
+            positions: vec![corner(-2.0, 2.0), corner(2.0, 2.0), corner(2.0, -2.0), corner(-2.0, -2.0)],
+            normals: vec![Vec3::Y; 4],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            triangle_material: vec![0; 2],
+            triangle_node: vec![0; 2],
+            ..Mesh::default()
+        };
+        let node = |name: &str| SceneNode { name: Some(name.into()), ..SceneNode::default() };
+        let lamp = PunctualLight {
+            node: 1,
+            kind: PunctualKind::Point,
+            position: Vec3::Y * HEIGHT,
+            direction: Vec3::NEG_Y,
+            across: [Vec3::X, Vec3::Z],
+            profile: None,
+            color: Vec3::ONE,
+            intensity: CANDELA,
+        };
+        let camera = Camera::look_at("above", Vec3::new(3.0, 5.0, 4.0), Vec3::ZERO, 0.9, 4.0 / 3.0);
+        let scene = Scene {
+            mesh,
+            materials: vec![Material { metallic: 0.0, ..Material::default() }],
+            nodes: vec![node("floor"), node("lamp")],
+            cameras: vec![camera.clone()],
+            punctual: if sky.is_none() { vec![lamp] } else { Vec::new() },
+            ..Scene::default()
+        };
+        let scene = Arc::new(PreparedScene::with_sky(scene, &[], sky).unwrap().0);
+        let config = BakeConfig { spp: 8, tolerance_db: 60.0, ..BakeConfig::default() };
+        let irradiance = vec![IrradianceRows::Pixels];
+        let (passes, of) = (Passes::FinalOnly, (scene.clone(), camera.clone()));
+        let job = BakeJob { scene: of.0, camera: of.1, film: FILM, config, passes, irradiance };
+        let bake = job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap();
+        let seen = Seen::new(&scene, &camera, FILM);
+        (bake, seen)
+    }
+
+    /// Pixels whose whole square sees the floor.
+    fn inner(marks: &Marks) -> Marks {
+        let width = FILM.width;
+        let mut rim = Marks::new(FILM);
+        for &pixel in marks.pixels() {
+            let (x, y) = ((pixel % width) as f32, (pixel / width) as f32);
+            let near = [[x - 1.0, y - 1.0], [x + 2.0, y + 2.0]];
+            if Marks::rect(FILM, near).pixels().iter().any(|pixel| !marks.holds(*pixel)) {
+                rim.add(&Marks::rect(FILM, [[x, y], [x + 1.0, y + 1.0]]));
+            }
+        }
+        let mut inner = marks.clone();
+        inner.remove(&rim);
+        inner
+    }
+
+    #[test]
+    fn a_lamp_over_a_floor_gives_candela_times_cosine_over_squared_distance() {
+        let (bake, seen) = floor(None);
+        let floor = seen.like(MIDDLE, Kin::Node);
+        let told = of_marks(&bake, &LightRig::default(), &floor, Some(&seen)).unwrap();
+        assert!((told.area_m2.unwrap() / 16.0 - 1.0).abs() < 0.02, "{told:?}");
+        // I cosθ / d², the mean over the square by its middles.
+        let lux = |x: f32, z: f32| f64::from(CANDELA * HEIGHT / (x * x + z * z + HEIGHT * HEIGHT).powf(1.5));
+        let at = |i: i32| (i as f32 + 0.5) * 0.02;
+        let mean = (-100..100).flat_map(|i| (-100..100).map(move |j| lux(at(i), at(j)))).sum::<f64>() / 40_000.0;
+        let inside = of_marks(&bake, &LightRig::default(), &inner(&floor), Some(&seen)).unwrap();
+        let most = lux(0.0, 0.0);
+        assert!((inside.maximum / most - 1.0).abs() < 0.03, "{} is not {most}", inside.maximum);
+        // The rim is darker than the rest, and left out.
+        assert!(inside.average > mean && inside.average < 1.1 * mean, "{} for {mean}", inside.average);
+        assert!(inside.minimum > lux(2.0, 2.0) && inside.minimum < 1.3 * lux(2.0, 2.0), "{inside:?}");
+        assert!(told.average < mean, "the rim is half in the dark: {} for {mean}", told.average);
+    }
+
+    #[test]
+    fn a_uniform_sky_over_a_floor_gives_pi_times_its_radiance_everywhere() {
+        let mut sky = crate::look::sky::typed("uniform").unwrap();
+        crate::look::sky::load(&mut sky, std::path::Path::new("")).unwrap();
+        let light = sky.light(None).unwrap();
+        let (bake, seen) = floor(Some(&SkyRequest { light, form: SkyForm::Patches(1) }));
+        let floor = inner(&seen.like(MIDDLE, Kin::Node));
+        let told = of_marks(&bake, &LightRig::default(), &floor, Some(&seen)).unwrap();
+        let known = std::f64::consts::PI;
+        assert!((told.average / known - 1.0).abs() < 0.02, "{told:?}");
+        assert!(told.uniformity().unwrap() > 0.8 && told.diversity().unwrap() > 0.7, "{told:?}");
+    }
+
+    #[test]
+    fn a_foot_candle_is_a_lumen_per_square_foot() {
+        assert!((FOOT_CANDLE_LX * 0.3048f64.powi(2) - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,188 @@
+//! Measure: what is marked in the picture, and how much light arrives there.
+
+use eframe::egui::{Button, CollapsingHeader, DragValue, Grid, RichText, Ui};
+
+use crate::action::{Action, FileTask};
+use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, share_words};
+use crate::legend::number_words;
+use crate::marks::Kin;
+use crate::viewport::marking::{Marking, Tool};
+
+/// What there is to say about the light that arrives.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MeasureView<'a> {
+    /// Illuminance of what is marked.
+    pub marked: Option<LuxFigures>,
+    /// Of each sensor grid of the bake, with its name.
+    pub grids: &'a [(String, LuxFigures)],
+    /// Whether the light that arrives at the pixels was baked.
+    pub has_illuminance: bool,
+    /// Whether a bake with it can be started here.
+    pub can_bake: bool,
+    /// Whether free lamps shine, which these figures do not count.
+    pub has_lamps: bool,
+    /// What the pixel that was clicked on last shows.
+    pub surface: Option<&'a str>,
+    /// Why something could not be measured, in words.
+    pub problem: Option<&'a str>,
+    /// Whether surfaces can be told apart.
+    pub has_scene: bool,
+}
+
+/// What is set for the schedule of luminaires.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScheduleState {
+    /// Lumen per watt of every lamp that tells no watts.
+    pub efficacy_lm_w: f64,
+    /// Floor area in m²; 0 is the area that is marked.
+    pub floor_m2: f64,
+}
+
+impl Default for ScheduleState {
+    fn default() -> Self {
+        ScheduleState { efficacy_lm_w: 100.0, floor_m2: 0.0 }
+    }
+}
+
+/// Draws it.
+pub fn measure_ui(
+    ui: &mut Ui,
+    marking: &mut Marking,
+    schedule: &mut ScheduleState,
+    view: &MeasureView,
+    actions: &mut Vec<Action>,
+) {
+    let heading = RichText::new("Measure").heading().strong();
+    CollapsingHeader::new(heading).id_salt("measure").show(ui, |ui| {
+        tools_ui(ui, marking, view.has_scene);
+        if let (Some(surface), true) = (view.surface, marking.marks().is_some()) {
+            ui.label(RichText::new(surface).weak());
+        }
+        match (&view.marked, view.has_illuminance) {
+            (Some(figures), _) => figures_ui(ui, "marked", figures),
+            (None, false) => missing_ui(ui, view.can_bake, actions),
+            (None, true) if marking.marks().is_none() => {
+                ui.label(RichText::new("Mark a part of the picture to read its illuminance").weak());
+            }
+            (None, true) => {
+                ui.spinner();
+            }
+        }
+        if let Some(problem) = view.problem {
+            ui.colored_label(ui.visuals().error_fg_color, problem);
+        }
+        for (name, figures) in view.grids {
+            ui.add_space(4.0);
+            ui.label(RichText::new(name).strong()).on_hover_text("A sensor grid of the bake");
+            figures_ui(ui, name, figures);
+        }
+        if view.has_lamps && (view.marked.is_some() || !view.grids.is_empty()) {
+            ui.label(RichText::new("Free lamps do not count here").weak());
+        }
+        ui.add_space(6.0);
+        schedule_ui(ui, schedule, view, actions);
+    });
+}
+
+/// The tools that mark, and what they leave.
+pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
+    ui.horizontal(|ui| {
+        let tools = [
+            (Tool::Rectangle, "Rectangle", "Mark a rectangle of the picture, a click marks one pixel"),
+            (Tool::Brush, "Brush", "Paint over a part of the picture"),
+            (Tool::Surface, "Surface", "Mark the surface that is clicked on"),
+        ];
+        for (tool, name, hint) in tools {
+            let is_on = marking.tool == Some(tool);
+            let enabled = tool != Tool::Surface || has_scene;
+            let button = ui.add_enabled(enabled, Button::selectable(is_on, name)).on_hover_text(hint);
+            if button.on_disabled_hover_text("Needs the scene of this bake").clicked() {
+                marking.tool = (!is_on).then_some(tool);
+            }
+        }
+        if ui.add_enabled(marking.marks().is_some(), Button::new("Clear")).on_hover_text("Mark nothing").clicked() {
+            marking.marks = None;
+        }
+    });
+    match marking.tool {
+        Some(Tool::Surface) => {
+            ui.horizontal(|ui| {
+                ui.radio_value(&mut marking.kin, Kin::Node, "Same object").on_hover_text("The node that is clicked on");
+                ui.radio_value(&mut marking.kin, Kin::Material, "Same material")
+                    .on_hover_text("Everything of the material that is clicked on");
+            });
+        }
+        Some(Tool::Brush) => {
+            ui.horizontal(|ui| {
+                let label = ui.label("Radius");
+                let radius = DragValue::new(&mut marking.radius_px).range(0.0..=500.0).speed(0.2).suffix(" px");
+                let words = |px: f64, _| if px > 0.0 { format!("{px:.0}") } else { "fitting".into() };
+                ui.add(radius.custom_formatter(words))
+                    .labelled_by(label.id)
+                    .on_hover_text("Of the brush, in pixels of the picture");
+            });
+        }
+        _ => {}
+    }
+}
+
+fn figures_ui(ui: &mut Ui, salt: &str, figures: &LuxFigures) {
+    Grid::new(("lux", salt)).num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
+        let both = |lux: f64| format!("{} lx   {} fc", lux_words(lux), lux_words(lux / FOOT_CANDLE_LX));
+        let mut rows =
+            vec![("Average", both(figures.average), "Mean illuminance, by area of surface where the scene is known")];
+        if figures.points > 1 {
+            rows.push(("Minimum", both(figures.minimum), "Least illuminance"));
+            rows.push(("Maximum", both(figures.maximum), "Largest illuminance"));
+            rows.push(("U0", share_words(figures.uniformity()), "Uniformity, minimum over average"));
+            rows.push(("Ud", share_words(figures.diversity()), "Uniformity, minimum over maximum"));
+            rows.push(("Points", figures.points.to_string(), "Pixels or sensors that count"));
+        }
+        if let Some(area) = figures.area_m2 {
+            rows.push(("Area", format!("{} m²", number_words(area as f32)), "Of the surface, as far as it is seen"));
+        }
+        for (name, value, hint) in rows {
+            ui.label(RichText::new(name).weak()).on_hover_text(hint);
+            ui.label(value);
+            ui.end_row();
+        }
+    });
+}
+
+/// What to do where no illuminance was baked.
+pub fn missing_ui(ui: &mut Ui, can_bake: bool, actions: &mut Vec<Action>) {
+    ui.label(RichText::new("This bake holds no illuminance").weak());
+    let button = ui.add_enabled(can_bake, Button::new("Bake with illuminance"));
+    let button = button.on_hover_text("Bakes again, with the light that arrives at each pixel, in lux");
+    if button.on_disabled_hover_text("Open the scene, or bake it with --irradiance").clicked() {
+        actions.push(Action::BakeIlluminance);
+    }
+}
+
+fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, actions: &mut Vec<Action>) {
+    Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
+        let label = ui.label("Efficacy");
+        let efficacy = DragValue::new(&mut schedule.efficacy_lm_w).range(1.0..=400.0).speed(0.5).suffix(" lm/W");
+        ui.add(efficacy)
+            .labelled_by(label.id)
+            .on_hover_text("Lumen per watt: the watts of the schedule are lumen over this");
+        ui.end_row();
+        let label = ui.label("Floor area");
+        let marked = view.marked.and_then(|figures| figures.area_m2);
+        let floor = DragValue::new(&mut schedule.floor_m2).range(0.0..=1e6).speed(0.1).suffix(" m²");
+        let words = move |area: f64, _: std::ops::RangeInclusive<usize>| match marked {
+            _ if area > 0.0 => number_words(area as f32),
+            Some(marked) => format!("marked {}", number_words(marked as f32)),
+            None => "none".into(),
+        };
+        ui.add(floor.custom_formatter(words))
+            .labelled_by(label.id)
+            .on_hover_text("For W/m² in the schedule; at 0 it is the area of what is marked");
+        ui.end_row();
+    });
+    let save =
+        ui.button("Save schedule…").on_hover_text("A table of all lamps: lumen, watt, place, aim, color, and W/m²");
+    if save.clicked() {
+        actions.push(Action::Ask(FileTask::SaveSchedule));
+    }
+}

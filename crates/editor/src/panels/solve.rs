@@ -1,0 +1,351 @@
+//! Solve for light: wishes for parts of the picture, the lights that may change for them, and what came of it.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui};
+
+use super::measure::{missing_ui, tools_ui};
+use crate::action::{Action, FileTask};
+use crate::solve::{Exposure, Freedom, Place, Request, Solution, Target, Wish};
+use crate::theme;
+use crate::viewport::marking::Marking;
+
+/// What a new wish is about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// Illuminance.
+    #[default]
+    Lux,
+    /// Luminance.
+    Luminance,
+    /// A multiple of the present luminance.
+    Times,
+    /// No change.
+    Keep,
+}
+
+/// Kinds with their name, unit, a value to start with, and a hint.
+const KINDS: [(Kind, &str, &str, f64, &str); 4] = [
+    (Kind::Lux, "Illuminance", " lx", 500.0, "Mean of the light that arrives"),
+    (Kind::Luminance, "Luminance", " cd/m²", 100.0, "Mean of the light that is seen"),
+    (Kind::Times, "Times as bright", "×", 2.0, "Mean of the light that is seen, times what it is now"),
+    (Kind::Keep, "Keep", "", 0.0, "What is marked stays as it is"),
+];
+
+/// The wishes, what may change, and what came of it.
+#[derive(Clone, Debug)]
+pub struct SolveState {
+    /// Wishes, and the number that the next one gets in its name.
+    pub wishes: Vec<Wish>,
+    n_made: usize,
+    /// What the next wish is.
+    kind: Kind,
+    value: f64,
+    /// Keys of lights that may not change.
+    pub held: BTreeSet<String>,
+    /// Least and largest factor.
+    bounds: [f64; 2],
+    colors: bool,
+    saturation: f64,
+    keep: f64,
+    /// What was found, and waits to be taken over.
+    pub solution: Option<Solution>,
+    /// Whether the picture shows it meanwhile.
+    pub is_previewed: bool,
+    /// Why nothing was found, in words.
+    pub problem: Option<String>,
+}
+
+impl Default for SolveState {
+    fn default() -> Self {
+        let usual = Request::default();
+        SolveState {
+            wishes: Vec::new(),
+            n_made: 0,
+            kind: Kind::default(),
+            value: KINDS[0].3,
+            held: BTreeSet::new(),
+            bounds: usual.bounds,
+            colors: false,
+            saturation: 0.5,
+            keep: usual.keep,
+            solution: None,
+            is_previewed: true,
+            problem: None,
+        }
+    }
+}
+
+/// What the panel needs to know.
+pub struct SolveView<'a> {
+    /// Keys of all lights that are not muted.
+    pub lights: Vec<String>,
+    /// Whether a solution is being looked for.
+    pub is_busy: bool,
+    /// Whether the light that arrives at the pixels was baked.
+    pub has_illuminance: bool,
+    /// Sensor grids of the bake: number and name.
+    pub grids: Vec<(usize, String)>,
+    /// Whether a bake can be started here.
+    pub can_bake: bool,
+    /// Whether surfaces can be told apart.
+    pub has_scene: bool,
+    /// What is marked, for people.
+    pub marked: Option<&'a str>,
+}
+
+impl SolveState {
+    /// What is to be solved.
+    pub fn request(&self, lights: &[String]) -> Request {
+        let free = lights.iter().filter(|key| !self.held.contains(*key)).cloned().collect();
+        let freedom =
+            if self.colors { Freedom::Color { most_saturation: self.saturation } } else { Freedom::Intensity };
+        Request {
+            wishes: self.wishes.clone(),
+            lights: Some(free),
+            bounds: self.bounds,
+            freedom,
+            keep: self.keep,
+            ..Request::default()
+        }
+    }
+
+    /// One more wish; its name tells it from the others.
+    pub fn push(&mut self, name: &str, place: Place, target: Target) {
+        self.n_made += 1;
+        let is_taken = self.wishes.iter().any(|wish| wish.name == name);
+        let name =
+            if is_taken || name.is_empty() { format!("{name} {}", self.n_made).trim().to_owned() } else { name.into() };
+        self.wishes.push(Wish { name, place, target, weight: 1.0 });
+    }
+
+    fn target(&self) -> Target {
+        match self.kind {
+            Kind::Lux => Target::Illuminance(self.value),
+            Kind::Luminance => Target::Luminance(self.value),
+            Kind::Times => Target::Times(self.value),
+            Kind::Keep => Target::Keep,
+        }
+    }
+}
+
+/// Draws it.
+pub fn solve_ui(
+    ui: &mut Ui,
+    state: &mut SolveState,
+    marking: &mut Marking,
+    view: &SolveView,
+    actions: &mut Vec<Action>,
+) {
+    let heading = RichText::new("Solve for light").heading().strong();
+    CollapsingHeader::new(heading).id_salt("solve").show(ui, |ui| {
+        ui.label(RichText::new("Say what you want to see, and let the lights be found").weak());
+        tools_ui(ui, marking, view.has_scene);
+        new_wish_ui(ui, state, marking, view, actions);
+        wishes_ui(ui, state);
+        limits_ui(ui, state, view);
+        ui.add_space(4.0);
+        run_ui(ui, state, view, actions);
+        if let Some(problem) = &state.problem {
+            ui.colored_label(ui.visuals().error_fg_color, problem);
+        }
+        solution_ui(ui, state, actions);
+    });
+}
+
+fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &SolveView, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        let (_, name, unit, _, hint) = KINDS[KINDS.iter().position(|kind| kind.0 == state.kind).unwrap_or(0)];
+        let combo = egui::ComboBox::from_id_salt("wish kind").selected_text(name).width(128.0);
+        let before = state.kind;
+        let combo = combo.show_ui(ui, |ui| {
+            for (kind, name, _, _, hint) in KINDS {
+                ui.selectable_value(&mut state.kind, kind, name).on_hover_text(hint);
+            }
+        });
+        combo
+            .response
+            .on_hover_text(hint)
+            .widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, "Kind of wish"));
+        if state.kind != before {
+            state.value = KINDS[KINDS.iter().position(|kind| kind.0 == state.kind).unwrap_or(0)].3;
+        }
+        if state.kind != Kind::Keep {
+            let speed = (0.01 * state.value).max(0.01);
+            let value = DragValue::new(&mut state.value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            ui.add(value).on_hover_text(hint).accessible_name("Wanted");
+        }
+    });
+    let lacks_lux = state.kind == Kind::Lux && !view.has_illuminance;
+    if lacks_lux && view.grids.is_empty() {
+        missing_ui(ui, view.can_bake, actions);
+    }
+    ui.horizontal_wrapped(|ui| {
+        let can_add = marking.marks().is_some() && !lacks_lux;
+        let add = ui.add_enabled(can_add, Button::new("Add wish")).on_hover_text("For what is marked in the picture");
+        let why = if lacks_lux { "This bake holds no illuminance" } else { "Mark a part of the picture first" };
+        if add.on_disabled_hover_text(why).clicked()
+            && let Some(marks) = marking.marks()
+        {
+            let target = state.target();
+            state.push(view.marked.unwrap_or("Wish"), Place::Marks(Arc::new(marks.clone())), target);
+        }
+        for (set, name) in &view.grids {
+            let is_for_grid = matches!(state.kind, Kind::Lux | Kind::Times);
+            let hint = "For this sensor grid of the bake";
+            if ui.add_enabled(is_for_grid, Button::new(format!("Add for {name}"))).on_hover_text(hint).clicked() {
+                let target = state.target();
+                state.push(name, Place::Grid(*set), target);
+            }
+        }
+        let hint = "Lights that make the picture look like another one: EXR or HDR in cd/m², or PNG or JPEG";
+        if ui.button("Match picture…").on_hover_text(hint).clicked() {
+            actions.push(Action::Ask(FileTask::OpenTarget));
+        }
+    });
+}
+
+fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
+    let mut gone = None;
+    Grid::new("wishes").num_columns(4).spacing([8.0, 4.0]).show(ui, |ui| {
+        for (idx, wish) in state.wishes.iter_mut().enumerate() {
+            ui.push_id(idx, |ui| ui.add(egui::Label::new(&wish.name).truncate()));
+            let name = format!("{} wanted", wish.name);
+            let (value, unit) = match &mut wish.target {
+                Target::Illuminance(lux) => (Some(lux), " lx"),
+                Target::Luminance(nit) => (Some(nit), " cd/m²"),
+                Target::Times(times) => (Some(times), "×"),
+                Target::Keep => (None, "keep"),
+                Target::Picture(_, Exposure::Free) => (None, "match, any exposure"),
+                Target::Picture(..) => (None, "match"),
+            };
+            match value {
+                Some(value) => {
+                    let speed = (0.01 * *value).max(0.01);
+                    let drag = DragValue::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+                    ui.add(drag).accessible_name(name);
+                }
+                None => {
+                    ui.label(unit);
+                }
+            }
+            let weight = DragValue::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
+            ui.add(weight)
+                .on_hover_text("How much it counts beside the others")
+                .accessible_name(format!("{} weight", wish.name));
+            let remove = ui.button("×").on_hover_text("Remove this wish");
+            remove.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("Remove {}", wish.name)));
+            if remove.clicked() {
+                gone = Some(idx);
+            }
+            ui.end_row();
+        }
+    });
+    if let Some(gone) = gone {
+        state.wishes.remove(gone);
+    }
+}
+
+fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
+    let n_free = view.lights.iter().filter(|key| !state.held.contains(*key)).count();
+    let title = format!("Lights that may change ({n_free} of {})", view.lights.len());
+    CollapsingHeader::new(title).id_salt("free lights").show(ui, |ui| {
+        ui.horizontal(|ui| {
+            if ui.button("All").on_hover_text("All that are not muted").clicked() {
+                state.held.clear();
+            }
+            if ui.button("None").clicked() {
+                state.held = view.lights.iter().cloned().collect();
+            }
+        });
+        ScrollArea::vertical().id_salt("free list").max_height(160.0).show(ui, |ui| {
+            for key in &view.lights {
+                let mut is_free = !state.held.contains(key);
+                let check = ui.add(Checkbox::new(&mut is_free, key)).accessible_name(format!("{key} may change"));
+                match (check.changed(), is_free) {
+                    (true, true) => drop(state.held.remove(key)),
+                    (true, false) => drop(state.held.insert(key.clone())),
+                    _ => {}
+                }
+            }
+        });
+    });
+    Grid::new("limits").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
+        ui.label("Factor");
+        ui.horizontal(|ui| {
+            let [least, most] = &mut state.bounds;
+            let low = DragValue::new(least).range(0.0..=1e6).speed(0.01).suffix("×").max_decimals(3);
+            ui.add(low).on_hover_text("Least intensity, times the file").accessible_name("Least factor");
+            ui.label("to");
+            let high = DragValue::new(most).range(0.0..=1e6).speed(0.1).suffix("×").max_decimals(3);
+            ui.add(high).on_hover_text("Largest intensity, times the file").accessible_name("Largest factor");
+            *most = most.max(*least);
+        });
+        ui.end_row();
+        ui.label("Rest");
+        let keep = Slider::new(&mut state.keep, 1e-4..=1.0).logarithmic(true).show_value(false);
+        ui.add(keep)
+            .on_hover_text("How much the rest of the picture is kept: left hardly, right as much as a wish counts")
+            .accessible_name("Keep the rest");
+        ui.end_row();
+        ui.label("");
+        ui.horizontal(|ui| {
+            ui.checkbox(&mut state.colors, "Colors too")
+                .on_hover_text("Lets the colors of lamps change, but not of the sky");
+            if state.colors {
+                let saturation = DragValue::new(&mut state.saturation).range(0.0..=1.0).speed(0.005).fixed_decimals(2);
+                ui.add(saturation)
+                    .on_hover_text("Most saturation: 0 is white, 1 is any color")
+                    .accessible_name("Most saturation");
+            }
+        });
+        ui.end_row();
+    });
+}
+
+fn run_ui(ui: &mut Ui, state: &SolveState, view: &SolveView, actions: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        let solve = Button::new(RichText::new("Solve").color(theme::ON_ACCENT)).fill(theme::ACCENT);
+        let solve = ui.add_enabled(!state.wishes.is_empty() && !view.is_busy, solve);
+        let solve = solve.on_hover_text("Looks for the lights that come closest");
+        if solve.on_disabled_hover_text("Add a wish first").clicked() {
+            actions.push(Action::Solve);
+        }
+        if view.is_busy {
+            ui.spinner();
+            ui.label("Looking for the lights");
+        }
+    });
+}
+
+fn solution_ui(ui: &mut Ui, state: &mut SolveState, actions: &mut Vec<Action>) {
+    let Some(solution) = &state.solution else { return };
+    ui.add_space(4.0);
+    for outcome in &solution.outcomes {
+        let tone = if outcome.is_met { ui.visuals().text_color() } else { ui.visuals().warn_fg_color };
+        ui.label(RichText::new(outcome.words()).color(tone));
+    }
+    ui.label(RichText::new(format!("Residual {:.2} %", 100.0 * solution.misfit)).weak())
+        .on_hover_text("Root mean square of how far the wishes are missed");
+    let changed: Vec<_> = solution.changes.iter().filter(|change| change.is_change()).collect();
+    let title = format!("{} of {} lights change", changed.len(), solution.changes.len());
+    CollapsingHeader::new(title).id_salt("changes").show(ui, |ui| {
+        for change in changed {
+            ui.label(change.words());
+        }
+    });
+    for note in &solution.notes {
+        ui.label(RichText::new(note).weak());
+    }
+    ui.checkbox(&mut state.is_previewed, "Preview")
+        .on_hover_text("Show the picture under these lights before they are taken over");
+    ui.horizontal(|ui| {
+        if ui.button("Accept").on_hover_text("Take these lights over, one step of undo").clicked() {
+            actions.push(Action::AcceptSolution);
+        }
+        if ui.button("Discard").on_hover_text("Leave the lights as they were").clicked() {
+            actions.push(Action::DiscardSolution);
+        }
+    });
+}

@@ -1,0 +1,362 @@
+//! From wishes to equations, and from their answer to a lighting.
+
+use anyhow::{Context, Result};
+use clerestory_nystrom::BoundedLeastSquares;
+use clerestory_transport::camera::Film;
+use clerestory_transport::light::LightSetting;
+
+use super::lights::{Unknown, with};
+use super::report::{Change, Outcome, Solution};
+use super::rows::{Row, Rows, luminance};
+use super::{Exposure, Freedom, Place, Request, Scene, Target, Wish};
+
+mod matching;
+
+use matching::Matching;
+
+/// Cells of the picture, about.
+const CELLS: u32 = 2304;
+/// An intensity below this counts as this in what a change costs.
+const LEAST_INTENSITY: f64 = 0.1;
+/// A change of color costs so many times what a change of intensity does.
+const COLOR_PULL: f64 = 10.0;
+/// Share of the mean of the picture that counts as no light, so that the dark does not rule.
+const DARK: f64 = 0.05;
+/// Rounds in which lights that became too colorful are toned down.
+const MOST_ROUNDS: usize = 8;
+
+/// A wish about a mean.
+struct Mean<'a> {
+    wish: &'a Wish,
+    row: Row,
+    wanted: f64,
+    before: f64,
+}
+
+/// The unknowns of all lights in a row, and what holds for them.
+pub(super) struct Layout {
+    /// First unknown of each light, and their number at the end.
+    first: Vec<usize>,
+    start: Vec<f64>,
+    bounds: Vec<[f64; 2]>,
+}
+
+/// A square of the picture, and its mean.
+pub(super) struct Cell {
+    /// `[left, top, right, bottom]` in pixels.
+    pub rect: [f32; 4],
+    pub row: Row,
+}
+
+impl Layout {
+    fn new(unknowns: &[Unknown], [least, most]: [f64; 2]) -> Layout {
+        let (mut first, mut start, mut bounds) = (vec![0], Vec::new(), Vec::new());
+        for unknown in unknowns {
+            start.extend(unknown.present());
+            if unknown.is_colored {
+                let brightest = f64::from(unknown.color.max_element());
+                bounds.extend([[0.0, most * brightest]; 3]);
+            } else {
+                bounds.push([least, most]);
+            }
+            first.push(start.len());
+        }
+        Layout { first, start, bounds }
+    }
+
+    fn n(&self) -> usize {
+        self.start.len()
+    }
+
+    fn of<'x>(&self, light: usize, x: &'x [f64]) -> &'x [f64] {
+        &x[self.first[light]..self.first[light + 1]]
+    }
+
+    /// A channel of a row, as an equation's left side.
+    fn channel(&self, row: &Row, c: usize) -> Vec<(usize, f64)> {
+        let of = |(light, share): (usize, &[f64; 3])| {
+            let is_colored = self.first[light + 1] - self.first[light] == 3;
+            (self.first[light] + if is_colored { c } else { 0 }, share[c])
+        };
+        row.shares.iter().enumerate().map(of).collect()
+    }
+
+    /// The luminance of a row.
+    fn luminance(&self, row: &Row) -> Vec<(usize, f64)> {
+        let mut terms = Vec::new();
+        for (light, share) in row.shares.iter().enumerate() {
+            let first = self.first[light];
+            if self.first[light + 1] - first == 3 {
+                let alone = |c: usize| luminance(std::array::from_fn(|k| if k == c { share[c] } else { 0.0 }));
+                terms.extend((0..3).map(|c| (first + c, alone(c))));
+            } else {
+                terms.push((first, luminance(*share)));
+            }
+        }
+        terms
+    }
+
+    /// A row under some lights, RGB.
+    fn value(&self, row: &Row, x: &[f64]) -> [f64; 3] {
+        std::array::from_fn(|c| row.fixed[c] + self.channel(row, c).iter().map(|&(i, a)| a * x[i]).sum::<f64>())
+    }
+}
+
+pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: &Rows) -> Result<Solution> {
+    let layout = Layout::new(unknowns, request.bounds);
+    let means = request.wishes.iter().filter_map(|wish| mean(scene, wish, rows, &layout).transpose());
+    let means: Vec<Mean> = means.collect::<Result<_>>()?;
+    let cells = cells(scene, rows)?;
+    let mut base = BoundedLeastSquares::new(layout.n());
+    means.iter().for_each(|mean| add_mean(&mut base, mean, &layout));
+    keep_rest(&mut base, scene, request, &cells, &layout);
+    pull(&mut base, unknowns, request.pull, &layout);
+
+    let film = Film { width: scene.bake.header.width, height: scene.bake.header.height };
+    let mut matchings: Vec<Matching> =
+        request.wishes.iter().filter_map(|wish| Matching::new(wish, film, &cells, &layout)).collect();
+    let x = within_saturation(request.freedom, unknowns, layout.bounds.clone(), &layout, |bounds| {
+        matching::solve(&base, &mut matchings, &cells, &layout, bounds)
+    })?;
+
+    let settings: Vec<LightSetting> =
+        unknowns.iter().enumerate().map(|(light, unknown)| unknown.set_to(layout.of(light, &x))).collect();
+    let mut outcomes: Vec<Outcome> = Vec::new();
+    let mut matched = matchings.iter();
+    let mut told = means.iter().peekable();
+    for wish in &request.wishes {
+        if let Some(mean) = told.next_if(|mean| std::ptr::eq(mean.wish, wish)) {
+            outcomes.push(outcome(mean, &x, &layout, request.bounds));
+        } else if let Some(matching) = matched.next() {
+            outcomes.push(matching.outcome(wish, &cells, &layout, &x));
+        }
+    }
+    let changes = unknowns.iter().zip(&settings).enumerate().map(|(light, (unknown, setting))| {
+        let at_bound =
+            layout.of(light, &x).iter().zip(&layout.bounds[layout.first[light]..]).find_map(|(x, bounds)| {
+                let is_at = |bound: f64| (x - bound).abs() <= 1e-9 * bound.abs().max(1.0);
+                (!unknown.is_colored).then(|| bounds.iter().position(|bound| is_at(*bound))).flatten()
+            });
+        Change { key: unknown.key.clone(), before: unknown.own, after: *setting, at_bound }
+    });
+    Ok(Solution {
+        changes: changes.collect(),
+        misfit: misfit(&outcomes, &request.wishes),
+        rig: with(&scene.rig, unknowns, &settings),
+        outcomes,
+        notes: notes(scene, request, film),
+    })
+}
+
+/// A wish that is about a mean; `None` for those cell by cell.
+fn mean<'a>(scene: &Scene, wish: &'a Wish, rows: &Rows, layout: &Layout) -> Result<Option<Mean<'a>>> {
+    let everywhere: Vec<u32>;
+    let pixels = match &wish.place {
+        Place::Marks(marks) => marks.pixels(),
+        Place::Whole | Place::Grid(_) => {
+            everywhere = (0..scene.bake.header.width * scene.bake.header.height).collect();
+            &everywhere
+        }
+    };
+    anyhow::ensure!(!pixels.is_empty(), "the wish `{}` is about no pixel; mark a part of the picture", wish.name);
+    let row = match (&wish.target, &wish.place) {
+        (Target::Keep | Target::Picture(..), _) => return Ok(None),
+        (Target::Luminance(_), Place::Grid(_)) => {
+            anyhow::bail!("the wish `{}` is for cd/m² at a sensor grid, which tells lux; wish for lux there", wish.name)
+        }
+        (_, Place::Grid(set)) => rows.grid(*set),
+        (Target::Illuminance(_), _) => rows.irradiance(pixels),
+        (Target::Luminance(_) | Target::Times(_), _) => rows.radiance(pixels),
+    };
+    let row = row.with_context(|| format!("cannot solve for the wish `{}`", wish.name))?;
+    let before = luminance(layout.value(&row, &layout.start));
+    let wanted = match wish.target {
+        Target::Illuminance(wanted) | Target::Luminance(wanted) => wanted,
+        Target::Times(times) => times * before,
+        Target::Keep | Target::Picture(..) => before,
+    };
+    Ok(Some(Mean { wish, row, wanted, before }))
+}
+
+/// A wish counts by its miss over what is wanted.
+fn add_mean(problem: &mut BoundedLeastSquares, mean: &Mean, layout: &Layout) {
+    let size = mean.wanted.abs().max(0.01 * mean.before.abs()).max(1e-9);
+    let b = mean.wanted - luminance(mean.row.fixed);
+    problem.add(&layout.luminance(&mean.row), b, mean.wish.weight / (size * size));
+}
+
+/// The picture in squares, each with its row.
+fn cells(scene: &Scene, rows: &Rows) -> Result<Vec<Cell>> {
+    let (width, height) = (scene.bake.header.width, scene.bake.header.height);
+    let side = ((width * height) as f32 / CELLS as f32).sqrt().ceil().max(1.0) as u32;
+    let mut rects = Vec::new();
+    for top in (0..height).step_by(side as usize) {
+        rects.extend(
+            (0..width)
+                .step_by(side as usize)
+                .map(|left| [left, top, (left + side).min(width), (top + side).min(height)]),
+        );
+    }
+    let pixels = |[left, top, right, bottom]: &[u32; 4]| -> Vec<u32> {
+        (*top..*bottom).flat_map(|y| (*left..*right).map(move |x| y * width + x)).collect()
+    };
+    let rows = rows.radiances(&rects.iter().map(pixels).collect::<Vec<_>>())?;
+    Ok(rects.into_iter().zip(rows).map(|(rect, row)| Cell { rect: rect.map(|edge| edge as f32), row }).collect())
+}
+
+/// What no wish names is to stay as it is, and so is what a wish to keep names.
+fn keep_rest(problem: &mut BoundedLeastSquares, scene: &Scene, request: &Request, cells: &[Cell], layout: &Layout) {
+    let width = scene.bake.header.width;
+    let middle = |cell: &Cell| {
+        let [left, top, right, bottom] = cell.rect;
+        (0.5 * (top + bottom)) as u32 * width + (0.5 * (left + right)) as u32
+    };
+    let is_in = |wish: &Wish, cell: &Cell| match &wish.place {
+        Place::Marks(marks) => marks.holds(middle(cell)),
+        Place::Whole => true,
+        Place::Grid(_) => false,
+    };
+    let rest: Vec<&Cell> = cells.iter().filter(|cell| !request.wishes.iter().any(|wish| is_in(wish, cell))).collect();
+    add_kept(problem, &rest, request.keep, layout);
+    for wish in request.wishes.iter().filter(|wish| matches!(wish.target, Target::Keep)) {
+        let kept: Vec<&Cell> = cells.iter().filter(|cell| is_in(wish, cell)).collect();
+        add_kept(problem, &kept, wish.weight, layout);
+    }
+}
+
+fn add_kept(problem: &mut BoundedLeastSquares, cells: &[&Cell], weight: f64, layout: &Layout) {
+    let now: Vec<[f64; 3]> = cells.iter().map(|cell| layout.value(&cell.row, &layout.start)).collect();
+    let mean = now.iter().map(|rgb| luminance(*rgb)).sum::<f64>() / cells.len().max(1) as f64;
+    for (cell, now) in cells.iter().zip(&now) {
+        let size = luminance(*now) + DARK * mean;
+        if size <= 0.0 {
+            continue;
+        }
+        for c in 0..3 {
+            let weight = weight / (3.0 * cells.len() as f64 * size * size);
+            problem.add(&layout.channel(&cell.row, c), now[c] - cell.row.fixed[c], weight);
+        }
+    }
+}
+
+/// The pull to the present setting: a light that doubles costs `strength`², one that changes its color more.
+fn pull(problem: &mut BoundedLeastSquares, unknowns: &[Unknown], strength: f64, layout: &Layout) {
+    let square = strength * strength;
+    for light in 0..unknowns.len() {
+        let (first, start) = (layout.first[light], layout.of(light, &layout.start));
+        let least = LEAST_INTENSITY.max(LEAST_INTENSITY * start.iter().fold(0.0, |most: f64, x| most.max(*x)));
+        let per: Vec<f64> = start.iter().map(|x| 1.0 / x.max(least)).collect();
+        let &[r, g, b] = &per[..] else {
+            problem.add(&[(first, per[0])], start[0] * per[0], square);
+            continue;
+        };
+        let relative = [r, g, b];
+        let weights: [f64; 3] =
+            std::array::from_fn(|c| luminance(std::array::from_fn(|k| f64::from(u8::from(k == c)))));
+        let mean = |c: usize| weights[c] * relative[c];
+        let at = |row: [f64; 3]| -> Vec<(usize, f64)> { (0..3).map(|c| (first + c, row[c])).collect() };
+        let now = |row: [f64; 3]| (0..3).map(|c| row[c] * start[c]).sum::<f64>();
+        let row = std::array::from_fn(mean);
+        problem.add(&at(row), now(row), square);
+        for own in 0..3 {
+            let row = std::array::from_fn(|c| if c == own { relative[c] } else { 0.0 } - mean(c));
+            problem.add(&at(row), now(row), COLOR_PULL * COLOR_PULL * square);
+        }
+    }
+}
+
+/// Solves, tones lights down that became more colorful than allowed, and solves again with their colors as they are then: a
+/// limit of saturation is no bound of a single unknown.
+fn within_saturation(
+    freedom: Freedom,
+    unknowns: &[Unknown],
+    mut bounds: Vec<[f64; 2]>,
+    layout: &Layout,
+    mut solve: impl FnMut(&[[f64; 2]]) -> Result<Vec<f64>>,
+) -> Result<Vec<f64>> {
+    let mut x = solve(&bounds)?;
+    let Freedom::Color { most_saturation } = freedom else { return Ok(x) };
+    for _ in 0..MOST_ROUNDS {
+        let mut is_new = false;
+        for light in (0..unknowns.len()).filter(|light| unknowns[*light].is_colored) {
+            let first = layout.first[light];
+            let rgb: [f64; 3] = std::array::from_fn(|c| x[first + c]);
+            // A light that was more colorful from the start may stay so.
+            let own: [f64; 3] = std::array::from_fn(|c| layout.start[first + c]);
+            let most = most_saturation.max(saturation(own));
+            if saturation(rgb) > most + 1e-6 {
+                let toned = toned_down(rgb, most);
+                bounds[first..first + 3].iter_mut().zip(toned).for_each(|(bound, x)| *bound = [x, x]);
+                is_new = true;
+            }
+        }
+        if !is_new {
+            break;
+        }
+        x = solve(&bounds)?;
+    }
+    Ok(x)
+}
+
+/// One minus the least channel over the largest; 0 for black.
+fn saturation(rgb: [f64; 3]) -> f64 {
+    let (least, most) = (rgb.iter().fold(f64::INFINITY, |a, b| a.min(*b)), rgb.iter().fold(0.0f64, |a, b| a.max(*b)));
+    if most > 0.0 { 1.0 - least / most } else { 0.0 }
+}
+
+/// The color of a saturation on the way to white of the same luminance.
+fn toned_down(rgb: [f64; 3], wanted: f64) -> [f64; 3] {
+    let white = luminance(rgb);
+    let (least, most) = (rgb.iter().fold(f64::INFINITY, |a, b| a.min(*b)), rgb.iter().fold(0.0f64, |a, b| a.max(*b)));
+    // (least + t (white − least)) = (1 − wanted) (most + t (white − most))
+    let t = ((1.0 - wanted) * most - least) / ((white - least) - (1.0 - wanted) * (white - most));
+    rgb.map(|x| x + t.clamp(0.0, 1.0) * (white - x))
+}
+
+fn outcome(mean: &Mean, x: &[f64], layout: &Layout, bounds: [f64; 2]) -> Outcome {
+    let reached = luminance(layout.value(&mean.row, x));
+    let terms = layout.luminance(&mean.row);
+    let fixed = luminance(mean.row.fixed);
+    let extreme = |which: usize| {
+        let sum: f64 = terms.iter().map(|&(i, a)| a * layout.bounds[i][which]).sum();
+        fixed + if terms.is_empty() { 0.0 } else { sum }
+    };
+    let unit = if matches!(mean.wish.place, Place::Grid(_)) { "lx" } else { mean.wish.target.unit() };
+    let range = [extreme(0), extreme(1)];
+    Outcome::of_mean((&mean.wish.name, unit), [mean.wanted, mean.before, reached], range, bounds)
+}
+
+/// Root mean square of how far the wishes are missed, each over what is wanted and by its weight.
+fn misfit(outcomes: &[Outcome], wishes: &[Wish]) -> f64 {
+    let of = |outcome: &Outcome| wishes.iter().find(|wish| wish.name == outcome.name).map_or(1.0, |wish| wish.weight);
+    let (sum, weights) = outcomes.iter().fold((0.0, 0.0), |(sum, weights), outcome| {
+        let miss = outcome.miss();
+        (sum + of(outcome) * miss * miss, weights + of(outcome))
+    });
+    if weights > 0.0 { (sum / weights).sqrt() } else { 0.0 }
+}
+
+/// What a designer should know about the answer.
+fn notes(scene: &Scene, request: &Request, film: Film) -> Vec<String> {
+    let mut notes: Vec<String> = Vec::new();
+    let shines = |key: &str| !scene.rig.setting(key).muted;
+    let unknown_lamps =
+        scene.rig.lamps.iter().filter(|lamp| shines(&lamp.key) && !scene.lamps.iter().any(|l| l.key == lamp.key));
+    notes.extend(unknown_lamps.map(|lamp| format!("the light of {} is not known here: it counts as dark", lamp.key)));
+    let is_lux = |wish: &Wish| matches!(wish.target, Target::Illuminance(_)) || matches!(wish.place, Place::Grid(_));
+    if scene.lamps.iter().any(|lamp| shines(&lamp.key)) && request.wishes.iter().any(is_lux) {
+        notes.push("wishes for lux do not count the light of free lamps: it is not baked".into());
+    }
+    if !scene.lamps.is_empty() && scene.bake.header.patches.is_none() {
+        notes.push("free lamps count with their direct light only: the bake has no patches".into());
+    }
+    for wish in &request.wishes {
+        if let Target::Picture(picture, exposure) = &wish.target {
+            notes.extend(picture.remark(film));
+            if picture.was_encoded() && *exposure != Exposure::Free {
+                notes.push(format!("{} is display-encoded; its exposure is taken as given", picture.name));
+            }
+        }
+    }
+    notes
+}

@@ -1,0 +1,157 @@
+//! Matching a picture: cell by cell, whatever its exposure, and whatever in it is not in the scene.
+//!
+//! Cells are weighed by how well they fit, and solved again, until that changes little: iteratively reweighted least squares
+//! \[Holland1977\] with Cauchy's weights, whose scale is the median miss. Cells that no lights can match, such as a chair that is not in the
+//! scene, end with next to no weight. An exposure that is not known is the factor that suits the present answer best, found
+//! in the same rounds.
+
+use anyhow::{Context, Result};
+use clerestory_nystrom::BoundedLeastSquares;
+use clerestory_transport::camera::Film;
+
+use super::super::picture::Mean;
+use super::super::report::Outcome;
+use super::super::rows::luminance;
+use super::{Cell, DARK, Exposure, Layout, Target, Wish};
+
+/// Rounds of weighing and solving.
+const MOST_ROUNDS: usize = 24;
+/// Change of an unknown, of its size, that ends them.
+const SETTLED: f64 = 1e-4;
+/// Cauchy's weights halve at so many standard deviations: 95 % as good as least squares where misses are normal.
+const CAUCHY: f64 = 2.385;
+/// Standard deviation over median miss of normal misses.
+const SIGMA_PER_MEDIAN: f64 = 1.4826;
+/// Misses that count as none, over what is wanted: the noise of a bake is no reason to trust a cell less.
+const LEAST_SIGMA: f64 = 0.02;
+
+/// A picture to be matched by all cells.
+pub(super) struct Matching {
+    means: Vec<Mean>,
+    /// One over what a miss is measured by, in units of the picture.
+    per_size: Vec<f64>,
+    is_free: bool,
+    /// Nit per unit of the picture.
+    nit: f64,
+    /// By cell and channel.
+    trust: Vec<[f64; 3]>,
+    weight: f64,
+}
+
+impl Matching {
+    pub fn new(wish: &Wish, film: Film, cells: &[Cell], layout: &Layout) -> Option<Matching> {
+        let Target::Picture(picture, exposure) = &wish.target else { return None };
+        let means: Vec<Mean> = cells.iter().map(|cell| picture.mean(film, cell.rect)).collect();
+        let level = means.iter().map(|mean| luminance(mean.rgb)).sum::<f64>() / means.len().max(1) as f64;
+        let per_size = means.iter().map(|mean| 1.0 / (luminance(mean.rgb) + DARK * level).max(1e-12)).collect();
+        let now: Vec<f64> = cells.iter().map(|cell| luminance(layout.value(&cell.row, &layout.start))).collect();
+        let (nit, is_free) = match exposure {
+            Exposure::Ev(ev) => ((-ev).exp2(), false),
+            Exposure::Free => {
+                let wanted: Vec<f64> = means.iter().map(|mean| luminance(mean.rgb)).collect();
+                let ratio = median(now) / median(wanted).max(1e-12);
+                (if ratio > 0.0 && ratio.is_finite() { ratio } else { 1.0 }, true)
+            }
+        };
+        let trust = vec![[1.0; 3]; means.len()];
+        Some(Matching { means, per_size, is_free, nit, trust, weight: wish.weight })
+    }
+
+    fn add(&self, problem: &mut BoundedLeastSquares, cells: &[Cell], layout: &Layout) {
+        for (idx, cell) in cells.iter().enumerate() {
+            let per_size = self.per_size[idx] / self.nit;
+            for c in 0..3 {
+                let weight = self.weight * self.trust[idx][c] * per_size * per_size / (3 * cells.len()) as f64;
+                if weight > 0.0 {
+                    let b = self.nit * self.means[idx].rgb[c] - cell.row.fixed[c];
+                    problem.add(&layout.channel(&cell.row, c), b, weight);
+                }
+            }
+        }
+    }
+
+    /// How far a cell's channels are off, over its size.
+    fn misses(&self, idx: usize, value: [f64; 3]) -> [f64; 3] {
+        let Mean { rgb, is_clipped } = self.means[idx];
+        std::array::from_fn(|c| {
+            let miss = (value[c] / self.nit - rgb[c]) * self.per_size[idx];
+            // What was cut off may be as bright as it likes.
+            if is_clipped[c] { miss.min(0.0) } else { miss }
+        })
+    }
+
+    /// Finds the exposure and the weights that suit an answer.
+    fn reweigh(&mut self, cells: &[Cell], layout: &Layout, x: &[f64]) {
+        let values: Vec<[f64; 3]> = cells.iter().map(|cell| layout.value(&cell.row, x)).collect();
+        if self.is_free {
+            let (mut both, mut own) = (0.0, 0.0);
+            for (idx, value) in values.iter().enumerate() {
+                for c in 0..3 {
+                    let weight = self.trust[idx][c] * self.per_size[idx] * self.per_size[idx];
+                    both += weight * value[c] * self.means[idx].rgb[c];
+                    own += weight * value[c] * value[c];
+                }
+            }
+            if both > 0.0 && own > 0.0 {
+                self.nit = own / both;
+            }
+        }
+        let misses: Vec<[f64; 3]> = values.iter().enumerate().map(|(idx, value)| self.misses(idx, *value)).collect();
+        let sizes = misses.iter().flatten().map(|miss| miss.abs()).collect();
+        let scale = CAUCHY * (SIGMA_PER_MEDIAN * median(sizes)).max(LEAST_SIGMA);
+        for (idx, misses) in misses.iter().enumerate() {
+            for c in 0..3 {
+                let is_beyond = self.means[idx].is_clipped[c] && misses[c] >= 0.0;
+                self.trust[idx][c] = if is_beyond { 0.0 } else { 1.0 / (1.0 + (misses[c] / scale).powi(2)) };
+            }
+        }
+    }
+
+    /// Root mean square of the misses, those of what was trusted.
+    fn rms(&self, cells: &[Cell], layout: &Layout, x: &[f64]) -> f64 {
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for (idx, cell) in cells.iter().enumerate() {
+            let misses = self.misses(idx, layout.value(&cell.row, x));
+            for c in 0..3 {
+                sum += self.trust[idx][c] * misses[c] * misses[c];
+                weights += self.trust[idx][c];
+            }
+        }
+        if weights > 0.0 { (sum / weights).sqrt() } else { 0.0 }
+    }
+
+    pub fn outcome(&self, wish: &Wish, cells: &[Cell], layout: &Layout, x: &[f64]) -> Outcome {
+        let (before, reached) = (self.rms(cells, layout, &layout.start), self.rms(cells, layout, x));
+        let mean_trust = self.trust.iter().flatten().sum::<f64>() / (3 * self.trust.len()).max(1) as f64;
+        Outcome::of_picture(&wish.name, [before, reached].map(|rms| 100.0 * rms), -self.nit.log2(), mean_trust)
+    }
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Solves the equations and matches the pictures.
+pub(super) fn solve(
+    base: &BoundedLeastSquares,
+    matchings: &mut [Matching],
+    cells: &[Cell],
+    layout: &Layout,
+    bounds: &[[f64; 2]],
+) -> Result<Vec<f64>> {
+    let mut x = layout.start.clone();
+    for _ in 0..if matchings.is_empty() { 1 } else { MOST_ROUNDS } {
+        let mut problem = base.clone();
+        matchings.iter().for_each(|matching| matching.add(&mut problem, cells, layout));
+        let next = problem.solve(&layout.start, bounds).context("the wishes cannot be solved")?;
+        let largest = next.iter().fold(1e-3, |most: f64, x| most.max(*x));
+        let is_settled = x.iter().zip(&next).all(|(old, new)| (old - new).abs() <= SETTLED * largest);
+        x = next;
+        matchings.iter_mut().for_each(|matching| matching.reweigh(cells, layout, &x));
+        if is_settled {
+            break;
+        }
+    }
+    Ok(x)
+}

@@ -1,0 +1,182 @@
+//! Wishes from a file.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail, ensure};
+use clerestory_transport::bake::Bake;
+use clerestory_transport::camera::Film;
+use clerestory_transport::prepared::PreparedScene;
+use serde::Deserialize;
+
+use super::{Exposure, Freedom, Place, Request, Target, TargetPicture, Wish};
+use crate::marks::{Kin, Marks, Seen};
+
+/// Longest file of wishes.
+const MAX_BYTES: u64 = 1 << 20;
+
+/// A file of wishes.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    wishes: Vec<Entry>,
+    lights: Option<Vec<String>>,
+    factor: Option<[f64; 2]>,
+    /// Most saturation of colors that may change.
+    colors: Option<f64>,
+    pull: Option<f64>,
+    keep: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: Option<String>,
+    rect: Option<[f32; 4]>,
+    surface: Option<String>,
+    material: Option<String>,
+    sensors: Option<String>,
+    lux: Option<f64>,
+    cd_m2: Option<f64>,
+    times: Option<f64>,
+    #[serde(default)]
+    keep: bool,
+    #[serde(rename = "match")]
+    picture: Option<PathBuf>,
+    exposure: Option<f64>,
+    weight: Option<f64>,
+}
+
+/// What wishes are about.
+pub struct Surroundings<'a> {
+    /// The bake.
+    pub bake: &'a Bake,
+    /// Its scene and what its pixels see, for surfaces by name.
+    pub seen: Option<(&'a PreparedScene, &'a Seen)>,
+}
+
+/// Reads wishes, and pictures that they name beside the file.
+///
+/// # Errors
+/// Names the wish that is no wish, and what would be one.
+pub fn read(path: &Path, of: &Surroundings) -> Result<Request> {
+    let name = path.display();
+    let n_bytes = std::fs::metadata(path).with_context(|| format!("cannot read {name}: check the path"))?.len();
+    ensure!(n_bytes <= MAX_BYTES, "{name} is too large for a file of wishes");
+    let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {name}"))?;
+    request(&text, path.parent().unwrap_or(Path::new("")), of).with_context(|| format!("cannot use {name}"))
+}
+
+fn request(text: &str, folder: &Path, of: &Surroundings) -> Result<Request> {
+    let file: File = serde_json::from_str(text).context("it is no file of wishes; see the example in docs/cli.md")?;
+    let usual = Request::default();
+    let wishes = file.wishes.into_iter().enumerate();
+    let wishes = wishes.map(|(idx, entry)| wish(entry, idx, folder, of).with_context(|| format!("wish {}", idx + 1)));
+    let request = Request {
+        wishes: wishes.collect::<Result<_>>()?,
+        lights: file.lights,
+        bounds: file.factor.unwrap_or(usual.bounds),
+        freedom: file.colors.map_or(Freedom::Intensity, |most_saturation| Freedom::Color { most_saturation }),
+        pull: file.pull.unwrap_or(usual.pull),
+        keep: file.keep.unwrap_or(usual.keep),
+    };
+    check(&request)?;
+    Ok(request)
+}
+
+/// Refuses numbers that mean nothing.
+///
+/// # Errors
+/// Names what it has to be.
+pub fn check(request: &Request) -> Result<()> {
+    let [least, most] = request.bounds;
+    ensure!(least >= 0.0 && least <= most && most <= 1e6, "`factor` must be [least, most], from 0 to 1000000");
+    ensure!((1e-6..=10.0).contains(&request.pull), "`pull` must be 0.000001 to 10");
+    ensure!((0.0..=1e3).contains(&request.keep), "`keep` must be 0 to 1000");
+    if let Freedom::Color { most_saturation } = request.freedom {
+        ensure!((0.0..=1.0).contains(&most_saturation), "`colors` must be a saturation of 0 to 1");
+    }
+    Ok(())
+}
+
+fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wish> {
+    let number = |name: &str, value: f64| {
+        ensure!((0.0..=1e9).contains(&value), "`{name}` must be 0 to 1000000000");
+        Ok(value)
+    };
+    let mut targets = Vec::new();
+    targets.extend(entry.lux.map(|lux| number("lux", lux).map(Target::Illuminance)));
+    targets.extend(entry.cd_m2.map(|nit| number("cd_m2", nit).map(Target::Luminance)));
+    targets.extend(entry.times.map(|times| number("times", times).map(Target::Times)));
+    targets.extend(entry.keep.then_some(Ok(Target::Keep)));
+    targets.extend(entry.picture.as_ref().map(|path| picture(&folder.join(path), entry.exposure)));
+    let target = match targets.len() {
+        1 => targets.remove(0)?,
+        _ => bail!("give one of `lux`, `cd_m2`, `times`, `keep` and `match`"),
+    };
+    let (place, place_name) = place(&entry, of)?;
+    let is_match = matches!(target, Target::Picture(..));
+    ensure!(!is_match || matches!(place, Place::Whole), "a picture is matched as a whole; leave out the place");
+    ensure!(is_match || entry.exposure.is_none(), "`exposure` belongs to `match`");
+    let weight = number("weight", entry.weight.unwrap_or(1.0))?;
+    let name = match (entry.name, &target) {
+        (Some(name), _) => name,
+        (None, Target::Picture(picture, _)) => picture.name.clone(),
+        (None, _) => place_name.unwrap_or_else(|| format!("wish {}", idx + 1)),
+    };
+    Ok(Wish { name, place, target, weight })
+}
+
+/// A picture to match; how an encoded one was exposed is found, numbers of others are nit unless an exposure is given.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn picture(path: &Path, exposure_ev: Option<f64>) -> Result<Target> {
+    let picture = TargetPicture::read(path)?;
+    let exposure = match exposure_ev {
+        Some(ev) => {
+            ensure!((-60.0..=60.0).contains(&ev), "`exposure` must be -60 to 60 EV");
+            Exposure::Ev(ev)
+        }
+        None if picture.was_encoded() => Exposure::Free,
+        None => Exposure::Ev(0.0),
+    };
+    Ok(Target::Picture(Arc::new(picture), exposure))
+}
+
+fn place(entry: &Entry, of: &Surroundings) -> Result<(Place, Option<String>)> {
+    let header = &of.bake.header;
+    let film = Film { width: header.width, height: header.height };
+    let mut places = Vec::new();
+    if let Some([left, top, right, bottom]) = entry.rect {
+        let marks = Marks::rect(film, [[left, top], [right, bottom]]);
+        let size = format!("{} × {}", film.width, film.height);
+        ensure!(!marks.is_empty(), "`rect` [left, top, right, bottom] holds no pixel of the picture of {size}");
+        places.push((Place::Marks(Arc::new(marks)), None));
+    }
+    for (name, kin, what) in [(&entry.surface, Kin::Node, "node"), (&entry.material, Kin::Material, "material")] {
+        let Some(name) = name else { continue };
+        let Some((scene, seen)) = of.seen else {
+            bail!("surfaces by name need the scene that was baked; name it with --scene");
+        };
+        let marks = seen.named(scene, name, kin);
+        ensure!(!marks.is_empty(), "no {what} that the picture shows is called `{name}`");
+        places.push((Place::Marks(Arc::new(marks)), Some(name.clone())));
+    }
+    if let Some(name) = &entry.sensors {
+        let known: Vec<&str> = of.bake.grids().map(|(_, grid)| grid.name.as_str()).collect();
+        let found = of.bake.grids().find(|(_, grid)| grid.name == *name);
+        let Some((set, _)) = found else {
+            bail!(
+                "the bake has no sensors `{name}`; it has: {}",
+                if known.is_empty() { "none".into() } else { known.join(", ") }
+            );
+        };
+        places.push((Place::Grid(set), Some(name.clone())));
+    }
+    match places.len() {
+        0 => Ok((Place::Whole, None)),
+        1 => Ok(places.remove(0)),
+        _ => bail!("give one of `rect`, `surface`, `material` and `sensors`"),
+    }
+}

@@ -1,0 +1,135 @@
+//! Means over parts of the picture as linear functions of the lights.
+
+use anyhow::{Context, Result, bail};
+use clerestory_nystrom::BlockLowRank;
+use clerestory_relight::weighed_row;
+use rayon::prelude::*;
+
+use super::lights::{Unknown, unit_rig};
+use super::{LampColumn, Scene};
+use crate::marks::weighed;
+
+/// A mean, RGB: what stays, and what each unknown brings at 1.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    pub fixed: [f64; 3],
+    pub shares: Vec<[f64; 3]>,
+}
+
+/// Luminance of the channels.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+pub(super) fn luminance(rgb: [f64; 3]) -> f64 {
+    (0..3).map(|c| LUMINANCE[c] * rgb[c]).sum()
+}
+
+/// Sources of rows.
+pub(super) struct Rows<'a> {
+    scene: &'a Scene,
+    unknowns: &'a [Unknown],
+    /// The picture's matrices as they are lit.
+    groups: Vec<BlockLowRank>,
+    coefficients: Vec<[f32; 3]>,
+    /// For each set of irradiance.
+    of_irradiance: Vec<Vec<[f32; 3]>>,
+    /// The unknown that a column belongs to.
+    owners: Vec<Option<usize>>,
+    first_patch: usize,
+}
+
+impl<'a> Rows<'a> {
+    pub fn new(scene: &'a Scene, unknowns: &'a [Unknown]) -> Rows<'a> {
+        let header = &scene.bake.header;
+        let unit = unit_rig(&scene.rig, unknowns);
+        let flat = |groups: Vec<Vec<[f32; 3]>>| groups.into_iter().flatten().collect();
+        let mut owners = vec![None; header.basis.n_cols()];
+        for source in &header.basis.sources {
+            let owner = unknowns.iter().position(|unknown| unknown.key == source.key);
+            owners[source.columns.start as usize..source.columns.end as usize].fill(owner);
+        }
+        Rows {
+            scene,
+            unknowns,
+            groups: scene.bake.groups_under(&scene.rig),
+            coefficients: flat(header.coefficients(&unit)),
+            of_irradiance: (0..header.irradiance.len())
+                .map(|set| flat(header.irradiance_coefficients(set, &unit)))
+                .collect(),
+            first_patch: header.basis.patch_columns().map_or(owners.len(), |columns| columns.start as usize),
+            owners,
+        }
+    }
+
+    /// The mean radiance over some pixels, nit.
+    pub fn radiance(&self, pixels: &[u32]) -> Result<Row> {
+        let pixels = weighed(pixels, self.scene.seen.as_deref());
+        let sums = weighed_row(&self.groups, pixels.iter().copied());
+        let sums: Vec<[f32; 3]> = sums.context(NOT_BAKED)?.into_iter().flatten().collect();
+        let mut row = self.reduced(&sums, &self.coefficients);
+        for lamp in &self.scene.lamps {
+            self.add_lamp(&mut row, lamp, &pixels, &sums);
+        }
+        Ok(row)
+    }
+
+    /// The same for many parts of the picture.
+    pub fn radiances(&self, parts: &[Vec<u32>]) -> Result<Vec<Row>> {
+        parts.par_iter().map(|pixels| self.radiance(pixels)).collect()
+    }
+
+    /// The mean irradiance over some pixels, lux; free lamps do not count.
+    pub fn irradiance(&self, pixels: &[u32]) -> Result<Row> {
+        let Some(set) = self.scene.bake.pixel_irradiance() else {
+            bail!(
+                "the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance"
+            );
+        };
+        self.of_set(set, &weighed(pixels, self.scene.seen.as_deref()))
+    }
+
+    /// The mean irradiance over a sensor grid, lux; free lamps do not count.
+    pub fn grid(&self, set: usize) -> Result<Row> {
+        let points = self.scene.bake.grids().find(|(of_grid, _)| *of_grid == set).map(|(_, grid)| {
+            (0..grid.n_points() as u32).filter(|number| grid.point(*number).is_some()).collect::<Vec<u32>>()
+        });
+        self.of_set(set, &weighed(&points.context("the bake has no such sensor grid")?, None))
+    }
+
+    fn of_set(&self, set: usize, pixels: &[(u32, f32)]) -> Result<Row> {
+        let groups = self.scene.bake.irradiance.get(set).context(NOT_BAKED)?;
+        let sums = weighed_row(groups, pixels.iter().copied()).context(NOT_BAKED)?;
+        let sums: Vec<[f32; 3]> = sums.into_iter().flatten().collect();
+        Ok(self.reduced(&sums, &self.of_irradiance[set]))
+    }
+
+    /// Columns times their coefficients, summed by owner.
+    fn reduced(&self, sums: &[[f32; 3]], coefficients: &[[f32; 3]]) -> Row {
+        let mut row = Row { fixed: [0.0; 3], shares: vec![[0.0; 3]; self.unknowns.len()] };
+        for ((sum, x), owner) in sums.iter().zip(coefficients).zip(&self.owners) {
+            let to = owner.map_or(&mut row.fixed, |owner| &mut row.shares[owner]);
+            (0..3).for_each(|c| to[c] += f64::from(sum[c]) * f64::from(x[c]));
+        }
+        row
+    }
+
+    /// A free lamp is known as it shines: what it brings at 1 is that over what it is set to.
+    fn add_lamp(&self, row: &mut Row, lamp: &LampColumn, pixels: &[(u32, f32)], sums: &[[f32; 3]]) {
+        let mut light = glam::DVec3::ZERO;
+        for &(pixel, weight) in pixels {
+            light += (lamp.direct)(pixel).as_dvec3() * f64::from(weight);
+        }
+        for (sum, x) in sums[self.first_patch..].iter().zip(&lamp.of_patches) {
+            light += glam::Vec3::from(*sum).as_dvec3() * x.as_dvec3();
+        }
+        let owner = self.unknowns.iter().position(|unknown| unknown.key == lamp.key);
+        let (to, present) = match owner {
+            Some(owner) => (&mut row.shares[owner], self.unknowns[owner].present()),
+            None => (&mut row.fixed, vec![1.0]),
+        };
+        for c in 0..3 {
+            to[c] += light[c] / present.get(c).or(present.first()).copied().unwrap_or(1.0);
+        }
+    }
+}
+
+const NOT_BAKED: &str = "a part of the picture is not baked yet; wait for the bake, or open a finished one";

@@ -1,0 +1,188 @@
+use std::sync::Arc;
+
+use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::irradiance::IrradianceRows;
+use clerestory_transport::light::{LightRig, LightSetting};
+use clerestory_transport::prepared::PreparedScene;
+use serde_json::{Value, json};
+
+use super::*;
+use crate::cli::relight::{Relighter, seen_irradiance};
+use crate::marks::Marks;
+
+const FILM: Film = Film { width: 32, height: 24 };
+
+/// The closed room of the process tests with three lamps: left, right, and a dim one at the back.
+fn room() -> Bake {
+    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    for (name, x, z, light) in [("right", 0.8, 0.3, 0), ("back", 0.0, -0.8, 1)] {
+        let lamp =
+            json!({"name": name, "translation": [x, 0.5, z], "extensions": {"KHR_lights_punctual": {"light": light}}});
+        let nodes = gltf["nodes"].as_array_mut().unwrap();
+        nodes.push(lamp);
+        let number = nodes.len() - 1;
+        gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(number));
+    }
+    let lights = gltf["extensions"]["KHR_lights_punctual"]["lights"].as_array_mut().unwrap();
+    lights.push(json!({"type": "point", "intensity": 1.0, "color": [1.0, 0.8, 0.6]}));
+    let scene = import::load_bytes("room", &serde_json::to_vec(&gltf).unwrap()).unwrap().scene;
+    let camera = scene.cameras[0].clone();
+    let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+    let config = BakeConfig { spp: 16, tolerance_db: 60.0, ..BakeConfig::default() };
+    let irradiance = vec![IrradianceRows::Pixels];
+    let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::FinalOnly, irradiance };
+    job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
+}
+
+fn at(rig: LightRig) -> Scene {
+    Scene { bake: room(), rig, lamps: Vec::new(), seen: None }
+}
+
+fn wish(place: Place, target: Target) -> Wish {
+    Wish { name: "here".into(), place, target, weight: 1.0 }
+}
+
+fn corner() -> Place {
+    Place::Marks(Arc::new(Marks::rect(FILM, [[0.0, 0.0], [12.0, 12.0]])))
+}
+
+fn of(wishes: Vec<Wish>) -> Request {
+    Request { wishes, ..Request::default() }
+}
+
+/// Mean illuminance over the corner, relit.
+fn lux(bake: &Bake, rig: &LightRig) -> f64 {
+    let picture = seen_irradiance(bake, rig).unwrap();
+    mean(&picture.pixels, 12)
+}
+
+/// Mean luminance of the corner, relit.
+fn nit(bake: &Bake, rig: &LightRig) -> f64 {
+    let picture = Relighter::new(bake, rig, None).unwrap().relight(&bake.header.coefficients(rig)).unwrap();
+    mean(&picture.pixels, 12)
+}
+
+fn mean(pixels: &[[f32; 3]], side: usize) -> f64 {
+    let pixels = (0..side).flat_map(|y| (0..side).map(move |x| pixels[y * 32 + x]));
+    let sum: f64 = pixels.map(|rgb| rows::luminance(rgb.map(f64::from))).sum();
+    sum / (side * side) as f64
+}
+
+#[test]
+fn a_wish_for_lux_is_what_the_relit_picture_then_has() {
+    let scene = at(LightRig::default());
+    let before = lux(&scene.bake, &scene.rig);
+    for times in [0.25, 3.0] {
+        let wanted = times * before;
+        let solved = solve(&scene, &of(vec![wish(corner(), Target::Illuminance(wanted))])).unwrap();
+        let (told, relit) = (&solved.outcomes[0], lux(&scene.bake, &solved.rig));
+        assert!(
+            (told.before / before - 1.0).abs() < 1e-3 && (told.reached / relit - 1.0).abs() < 1e-3,
+            "{told:?} {relit}"
+        );
+        assert!(told.is_met && (relit / wanted - 1.0).abs() < 0.02, "{relit} of {wanted}");
+        assert!(solved.misfit < 0.02 && solved.changes.len() == 3);
+    }
+}
+
+#[test]
+fn wishes_for_luminance_and_for_times_as_bright_are_met_together() {
+    let scene = at(LightRig::default());
+    let right = Place::Marks(Arc::new(Marks::rect(FILM, [[20.0, 0.0], [32.0, 24.0]])));
+    let wanted = 1.5 * nit(&scene.bake, &scene.rig);
+    let wishes = vec![wish(corner(), Target::Luminance(wanted)), wish(right, Target::Times(1.2))];
+    let solved = solve(&scene, &of(wishes)).unwrap();
+    assert!((nit(&scene.bake, &solved.rig) / wanted - 1.0).abs() < 0.02);
+    assert!(solved.outcomes.iter().all(|outcome| outcome.is_met), "{}", solved.words());
+    assert!((solved.outcomes[1].wanted / solved.outcomes[1].before - 1.2).abs() < 1e-9);
+}
+
+#[test]
+fn what_cannot_be_is_told_with_what_can() {
+    let scene = at(LightRig::default());
+    let before = lux(&scene.bake, &scene.rig);
+    let request = Request { bounds: [0.0, 2.0], ..of(vec![wish(corner(), Target::Illuminance(50.0 * before))]) };
+    let solved = solve(&scene, &request).unwrap();
+    let told = &solved.outcomes[0];
+    assert!(!told.is_met && told.remark.as_ref().unwrap().contains("cannot be reached"), "{told:?}");
+    assert!((told.reached / (2.0 * before) - 1.0).abs() < 1e-3, "{told:?} against {before}");
+    assert!(solved.changes.iter().all(|change| change.at_bound == Some(1)));
+    // A light that stays sets the least there is.
+    let request = Request { lights: Some(vec!["back".into()]), ..of(vec![wish(corner(), Target::Illuminance(0.0))]) };
+    let solved = solve(&scene, &request).unwrap();
+    assert!(solved.outcomes[0].remark.as_ref().unwrap().contains("whatever these lights do"), "{:?}", solved.outcomes);
+    assert_eq!(solved.rig.lights.keys().collect::<Vec<_>>(), ["back"]);
+}
+
+#[test]
+fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
+    let scene = at(LightRig::default());
+    let mut secret = LightRig::default();
+    for (key, intensity) in [("lamp", 0.4), ("right", 1.6), ("back", 3.0)] {
+        secret.lights.insert(key.into(), LightSetting { intensity, ..LightSetting::default() });
+    }
+    let picture =
+        Relighter::new(&scene.bake, &secret, None).unwrap().relight(&scene.bake.header.coefficients(&secret)).unwrap();
+    // Twice as large, an eighth as bright, with something in front that is not in the scene.
+    let large = |y: usize, x: usize| {
+        let is_chair = (30..46).contains(&y) && (10..22).contains(&x);
+        if is_chair { [0.9, 0.0, 0.3] } else { picture.pixels[y / 2 * 32 + x / 2].map(|v| v / 8.0) }
+    };
+    let pixels = (0..48).flat_map(|y| (0..64).map(move |x| (y, x))).map(|(y, x)| large(y, x)).collect();
+    let target = Arc::new(TargetPicture::of("photo", [64, 48], pixels));
+    let ratio = |rig: &LightRig, a: &str, b: &str| rig.lights[a].intensity / rig.lights[b].intensity;
+    let solved =
+        solve(&scene, &of(vec![wish(Place::Whole, Target::Picture(target.clone(), Exposure::Ev(-3.0)))])).unwrap();
+    for (key, setting) in &secret.lights {
+        let found = solved.rig.lights[key].intensity;
+        assert!((found / setting.intensity - 1.0).abs() < 0.05, "{key}: {found} is not {}", setting.intensity);
+    }
+    // Without the exposure only what lights are to each other can be told.
+    let solved = solve(&scene, &of(vec![wish(Place::Whole, Target::Picture(target, Exposure::Free))])).unwrap();
+    for (a, b) in [("lamp", "right"), ("back", "right")] {
+        let (found, wanted) = (ratio(&solved.rig, a, b), ratio(&secret, a, b));
+        assert!((found / wanted - 1.0).abs() < 0.05, "{a} over {b}: {found} is not {wanted}");
+    }
+    assert!(solved.outcomes[0].reached < 5.0 && solved.outcomes[0].before > 10.0, "{:?}", solved.outcomes);
+}
+
+#[test]
+fn colors_are_found_and_stay_within_the_saturation() {
+    let scene = at(LightRig::default());
+    let mut secret = LightRig::default();
+    let blue = LightSetting { color: Some([0.3, 0.6, 1.0]), ..LightSetting::default() };
+    secret.lights.insert("right".into(), blue);
+    let picture =
+        Relighter::new(&scene.bake, &secret, None).unwrap().relight(&scene.bake.header.coefficients(&secret)).unwrap();
+    let target = Arc::new(TargetPicture::of("blue", [32, 24], picture.pixels));
+    let asked = |most_saturation| {
+        let wishes = vec![wish(Place::Whole, Target::Picture(target.clone(), Exposure::Ev(0.0)))];
+        let request = Request { freedom: Freedom::Color { most_saturation }, ..of(wishes) };
+        let rig = solve(&scene, &request).unwrap().rig;
+        let setting = rig.lights["right"];
+        setting.color.unwrap().map(|c| c * setting.intensity)
+    };
+    for (found, wanted) in asked(1.0).into_iter().zip([0.3, 0.6, 1.0]) {
+        assert!((found - wanted).abs() < 0.03, "{found} is not {wanted}");
+    }
+    let [r, _, b] = asked(0.4);
+    assert!((1.0 - r / b - 0.4).abs() < 0.02 && b > r, "{r} {b}");
+}
+
+#[test]
+fn muted_lights_stay_dark_and_the_present_setting_breaks_ties() {
+    let mut rig = LightRig::default();
+    rig.lights.insert("lamp".into(), LightSetting { muted: true, ..LightSetting::default() });
+    let scene = at(rig.clone());
+    let solved = solve(&scene, &of(vec![wish(corner(), Target::Times(1.0))])).unwrap();
+    assert_eq!(solved.changes.len(), 2);
+    assert!(solved.rig.lights["lamp"].muted && !solved.changes.iter().any(Change::is_change), "{}", solved.words());
+    let refused = |lights: &[&str]| {
+        let lights = Some(lights.iter().map(|key| (*key).to_owned()).collect());
+        solve(&scene, &Request { lights, ..of(vec![wish(corner(), Target::Times(1.0))]) }).unwrap_err().to_string()
+    };
+    assert!(refused(&["lamp"]).contains("muted") && refused(&["nobody"]).contains("no light is called"));
+    assert!(solve(&scene, &of(vec![])).unwrap_err().to_string().contains("add a wish"));
+}

@@ -1,0 +1,140 @@
+//! Marking, measuring and solving for light in the window, driven by its labels.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+mod desk;
+
+use clerestory::app::{App, Start};
+use clerestory::look::Look;
+use clerestory::session::{BakeSettings, BakeState, Source};
+use clerestory_transport::camera::Film;
+use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+use desk::{Window, baked, click, drag, quick, room, wait};
+
+/// The room, baked with the light that arrives.
+fn measured() -> Window {
+    let settings =
+        BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config: quick(), illuminance: true };
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+    let start = Start::alone(source, Some(settings));
+    let size = vec2(1440.0, 1400.0);
+    let mut window = Harness::builder().with_size(size).build_eframe(|cc| App::new(cc, start).unwrap());
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    window
+}
+
+/// A place in the picture, as shares of its width and height.
+fn place(window: &Window, x: f32, y: f32) -> Pos2 {
+    let area: Rect = window.get_by_label("Picture").rect();
+    let scale = ((area.width() - 28.0) / 64.0).min((area.height() - 28.0) / 48.0);
+    area.center() + vec2((x - 0.5) * 64.0, (y - 0.5) * 48.0) * scale
+}
+
+/// Marks a rectangle in the middle of the picture.
+fn mark(window: &mut Window) {
+    window.get_all_by_label("Rectangle").next().unwrap().click();
+    window.run_steps(3);
+    let (from, to) = (place(window, 0.3, 0.6), place(window, 0.7, 0.9));
+    drag(window, from, to);
+    wait(window, |app| app.marked_lux().is_some() && !app.is_solving());
+}
+
+#[test]
+fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
+    let mut window = measured();
+    click(&mut window, "Measure");
+    mark(&mut window);
+    let figures = window.state().marked_lux().unwrap();
+    assert!(figures.points > 100 && figures.average > 0.1 && figures.minimum <= figures.average, "{figures:?}");
+    assert!(figures.maximum >= figures.average && figures.area_m2.is_some_and(|area| area > 0.0 && area < 24.0));
+    assert_eq!(window.query_all_by_label_contains(" fc").count(), 3, "average, minimum and maximum");
+    // A light that goes out takes its lux along.
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| {
+        !app.is_solving() && app.marked_lux().is_some_and(|now| now.average < 0.99 * figures.average)
+    });
+    click(&mut window, "Clear");
+    wait(&mut window, |app| app.marked_lux().is_none());
+}
+
+#[test]
+fn a_wish_is_solved_previewed_and_one_step_of_undo() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    let before = window.state().marked_lux().unwrap().average;
+    let ev = window.state().shown_ev();
+    click(&mut window, "Kind of wish");
+    click(&mut window, "Times as bright");
+    click(&mut window, "Add wish");
+    click(&mut window, "Solve");
+    wait(&mut window, |app| app.solution().is_some());
+    let found = window.state().solution().unwrap().clone();
+    assert!(found.outcomes[0].is_met, "{}", found.words());
+    assert!(window.query_all_by_label_contains("wanted, was").count() == 1);
+    // The picture shows it, the look does not have it yet.
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.5);
+    assert_eq!(*window.state().look(), Look::default());
+    wait(&mut window, |app| {
+        !app.is_solving() && app.marked_lux().is_some_and(|now| (now.average / before - 2.0).abs() < 0.3)
+    });
+    click(&mut window, "Preview");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() < 1e-2);
+    click(&mut window, "Accept");
+    assert_eq!(window.state().look().lights, found.rig);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), Look::default(), "one step");
+}
+
+#[test]
+fn what_was_found_can_be_left_and_wishes_removed() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    click(&mut window, "Add wish");
+    click(&mut window, "Solve");
+    wait(&mut window, |app| app.solution().is_some());
+    click(&mut window, "Discard");
+    assert!(window.state().solution().is_none());
+    assert_eq!(*window.state().look(), Look::default());
+    click(&mut window, "Remove Wish");
+    assert!(window.query_by_label("Remove Wish").is_none());
+}
+
+#[test]
+fn a_surface_is_marked_by_a_click_and_the_pointer_then_marks_instead_of_panning() {
+    let mut window = measured();
+    click(&mut window, "Measure");
+    window.get_all_by_label("Surface").next().unwrap().click();
+    window.run_steps(3);
+    let at = place(&window, 0.5, 0.8);
+    window.hover_at(at);
+    window.run_steps(2);
+    window.drag_at(at);
+    window.run_steps(2);
+    window.drop_at(at);
+    window.run_steps(2);
+    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving());
+    assert!(window.query_by_label("room").is_some(), "the surface is named");
+    let whole = window.state().marked_lux().unwrap();
+    // All six walls but what the lamp and the panel hide: most of the picture.
+    assert!(whole.points > 2000, "{whole:?}");
+}
+
+#[test]
+fn without_illuminance_the_panel_says_so_and_offers_the_bake() {
+    let mut window = baked();
+    click(&mut window, "Measure");
+    assert!(window.query_by_label("This bake holds no illuminance").is_some());
+    click(&mut window, "Bake with illuminance");
+    assert!(window.state().settings().illuminance);
+    wait(&mut window, |app| {
+        app.session().bake == BakeState::Done
+            && app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_some())
+    });
+    assert!(window.query_by_label("This bake holds no illuminance").is_none());
+}
