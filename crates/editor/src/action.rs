@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clerestory_transport::camera::Camera;
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::lamps::LampShape;
 
@@ -91,6 +92,18 @@ pub enum Action {
     UseDevice(DeviceWish),
     /// Show the whole picture.
     FitPicture,
+    /// Put the camera down, back to the view that is shown.
+    LeaveCamera,
+    /// Take the camera in hand, or put it down.
+    ToggleCamera,
+    /// Look from a camera of the file or a bookmark.
+    LookFrom(Box<Camera>),
+    /// Give the present view a name.
+    NameView(String),
+    /// Show another view that is baked.
+    ShowView(u64),
+    /// Free the memory of a view that is baked.
+    ForgetView(u64),
     /// Show a pixel of the picture on each pixel of the screen.
     OneToOne,
     /// Show or hide the list of keyboard shortcuts.

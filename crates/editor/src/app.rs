@@ -1,5 +1,6 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
+mod camera;
 mod export;
 mod focus;
 mod follow;
@@ -40,6 +41,7 @@ use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
+use camera::CameraDesk;
 use follow::Follower;
 use probe::Prober;
 use recovery::Recovery;
@@ -96,6 +98,7 @@ pub struct App {
     view: ViewState,
     follower: Follower,
     prober: Prober,
+    camera: CameraDesk,
     solving: Solving,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
@@ -194,8 +197,9 @@ impl App {
             lights,
             view: ViewState::default(),
             follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
-            solving: Solving::new(wake),
+            solving: Solving::new(wake.clone()),
             prober: Prober::default(),
+            camera: CameraDesk::start(cc, wake)?,
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -288,6 +292,8 @@ impl App {
         self.watch_opened();
         self.lights = LightsState::new(self.lights.layout);
         self.view = ViewState::default();
+        self.camera.put_down();
+        self.camera.camera = self.session.cameras().get(self.settings.camera_idx).cloned();
         self.follower.forget();
         self.solving.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
@@ -308,7 +314,9 @@ impl App {
     fn start_bake(&mut self) {
         let is_stack = self.session.opened.as_ref().is_some_and(|opened| opened.stack.is_some());
         let settings = if is_stack { &self.stack_settings } else { &self.settings };
-        self.session.start_bake(settings, Passes::Progressive);
+        let camera = self.camera.camera.clone().filter(|_| !is_stack);
+        self.session.start_bake(settings, camera, Passes::Progressive);
+        self.camera.put_down();
     }
 
     fn apply(&mut self, ctx: &Context, action: Action) {
@@ -325,7 +333,10 @@ impl App {
             Action::StartBake => self.start_bake(),
             Action::Reload => self.reload(),
             Action::ResumeBake => self.session.resume_bake(&self.settings),
-            Action::CancelBake => self.session.cancel_bake(),
+            Action::CancelBake => {
+                self.session.cancel_bake();
+                self.adopt_view();
+            }
             Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
             Action::ChooseUnits(units) => self.session.choose_units(units),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
@@ -347,6 +358,13 @@ impl App {
             Action::ResetLook => self.look = Look::default(),
             Action::UseDevice(wish) => self.follower.use_device(wish),
             Action::FitPicture => self.view.zoom.fit(),
+            Action::LeaveCamera => self.leave_camera(),
+            Action::ToggleCamera if self.camera.is_moving => self.leave_camera(),
+            Action::ToggleCamera => self.move_camera(),
+            Action::LookFrom(camera) => self.look_from(*camera),
+            Action::NameView(name) => self.name_view(name),
+            Action::ShowView(id) => self.show_view(id),
+            Action::ForgetView(id) => self.session.forget_view(id),
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
@@ -526,6 +544,8 @@ impl App {
                 };
                 display_ui(ui, &mut self.look.display, &view);
                 ui.add_space(10.0);
+                self.camera_panel_ui(ui);
+                ui.add_space(10.0);
                 self.solving_ui(ui);
                 ui.add_space(10.0);
                 self.bake_panel_ui(ui);
@@ -536,8 +556,6 @@ impl App {
     fn bake_panel_ui(&mut self, ui: &mut Ui) {
         let opened = self.session.opened.as_ref();
         let view = BakeView {
-            cameras: self.session.cameras(),
-            baked_camera: self.session.shown.as_ref().map(|shown| shown.header.camera.as_str()),
             state: &self.session.bake,
             figures: self.session.figures.as_ref(),
             error_db: self.session.error_db,
@@ -594,6 +612,9 @@ impl App {
 
     fn picture_ui(&mut self, ui: &mut Ui) {
         self.strips_ui(ui);
+        if self.camera.is_moving && self.session.lamp_scene().is_some() {
+            return self.flight_ui(ui);
+        }
         let overlay = self.heat_overlay(ui.ctx());
         self.look_there(ui.ctx());
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
@@ -670,6 +691,7 @@ impl eframe::App for App {
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }
+        self.camera.save(storage);
     }
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {

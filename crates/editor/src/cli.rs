@@ -17,6 +17,7 @@ mod solve;
 mod trace;
 mod usage;
 pub(crate) mod view;
+mod viewpoint;
 
 use std::ffi::OsString;
 use std::io::Write;

@@ -102,6 +102,8 @@ fn images(folder: &Path, console: &mut Console) -> Result<Baked> {
 
 fn options() -> BakeOptions {
     let view = ViewArgs {
+        viewpoint: None,
+        shift: None,
         camera: None,
         size: None,
         spp: SPP,

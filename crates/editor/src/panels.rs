@@ -1,6 +1,7 @@
 //! The panels around the picture: free functions that edit the look in place and push requests.
 
 pub mod bake;
+pub mod camera;
 pub mod color;
 pub mod dialogs;
 pub mod display;

@@ -4,9 +4,12 @@ pub mod aside;
 mod begun;
 pub mod estimate;
 pub mod lamps;
+mod mailbox;
+pub mod preview;
 mod seen;
 pub mod shares;
 mod task;
+pub mod views;
 pub mod worker;
 
 use std::path::{Path, PathBuf};
@@ -45,6 +48,7 @@ use crate::picture::Changed;
 use seen::Seen;
 use task::{Fact, Post, Prepared, Task, words};
 pub use task::{Loaded, Source};
+use views::Views;
 
 /// Asks for a repaint after the given time; called from any thread.
 pub type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
@@ -253,6 +257,8 @@ pub struct Session {
     pub shown: Option<Shown>,
     /// A bake that replaces it once its preview is whole.
     incoming: Option<Shown>,
+    /// Other views than the one that is shown.
+    views: Views,
     /// What is new in `shown` since it was last asked for.
     changed: Changed,
     /// Blocks of each pass of the bake, and how many of the pass that runs are there.
@@ -293,6 +299,7 @@ impl Session {
             bake: BakeState::Idle,
             shown: None,
             incoming: None,
+            views: Views::default(),
             changed: Changed::default(),
             pass_blocks: (0, 0),
             error_db: None,
@@ -382,8 +389,8 @@ impl Session {
         of_stack().or_else(of_bake)
     }
 
-    /// Starts a bake of the open scene or stack, ending one that runs.
-    pub fn start_bake(&mut self, settings: &BakeSettings, passes: Passes) {
+    /// Starts a bake of the open scene or stack, ending one that runs; from a camera of its own, else from that of the settings.
+    pub fn start_bake(&mut self, settings: &BakeSettings, camera: Option<Camera>, passes: Passes) {
         if let Some(stack) = self.opened.as_ref().and_then(|opened| opened.stack.clone()) {
             self.stop_baking();
             let BakeConfig { tolerance_db, seed, .. } = settings.config;
@@ -397,21 +404,21 @@ impl Session {
         let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
             return;
         };
-        let job = match self.job(settings) {
+        let job = match self.job(settings, camera.clone()) {
             Ok(job) => job,
             Err(why) => {
                 self.bake = BakeState::Failed(why);
                 return;
             }
         };
-        self.begun = Some(Begun::new(scene, settings.clone()));
+        self.begun = Some(Begun::new(scene, settings.clone(), camera));
         self.begin(BakeJob { passes, ..job }, None);
     }
 
     /// Goes on with a bake that was stopped, where that can be.
     pub fn resume_bake(&mut self, settings: &BakeSettings) {
         if self.n_resumable(settings) > 0
-            && let Ok(job) = self.job(settings)
+            && let Ok(job) = self.job(settings, self.begun.as_ref().and_then(Begun::camera))
         {
             let half_done = self.half_done();
             self.begin(job, half_done);
@@ -419,10 +426,11 @@ impl Session {
     }
 
     /// What would be baked with some settings, or why nothing can be.
-    fn job(&self, settings: &BakeSettings) -> Result<BakeJob, String> {
+    fn job(&self, settings: &BakeSettings, camera: Option<Camera>) -> Result<BakeJob, String> {
         const NO_CAMERA: &str = "the scene has no camera and no surfaces to look at; open a scene with meshes";
         let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone()).ok_or("no scene is open; open one")?;
-        let camera = scene.scene.cameras.get(settings.camera_idx).cloned().ok_or(NO_CAMERA)?;
+        let of_scene = || scene.scene.cameras.get(settings.camera_idx).cloned();
+        let camera = camera.or_else(of_scene).ok_or(NO_CAMERA)?;
         let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
         let irradiance = IrradianceRequest { of_file, ..IrradianceRequest::default() }.rows(&scene).map_err(words)?;
         let (film, config, passes) = (settings.film, settings.config.clone(), Passes::Progressive);
@@ -431,6 +439,7 @@ impl Session {
 
     fn begin(&mut self, job: BakeJob, half_done: Option<HalfDone>) {
         self.stop_baking();
+        self.views.baking = Some(job.camera.clone());
         self.bake = BakeState::Preparing;
         self.history.clear();
         self.bake_began = Instant::now();
@@ -441,8 +450,9 @@ impl Session {
     /// Stops the bake; what was done stays.
     pub fn cancel_bake(&mut self) {
         if self.bake.is_running() {
+            let was_aside = self.is_aside();
             self.stop_baking();
-            self.bake = BakeState::Stopped;
+            self.bake = if was_aside { self.state_of_shown() } else { BakeState::Stopped };
         }
     }
 
@@ -466,7 +476,8 @@ impl Session {
         opened.of_bake = Some(match found {
             Ok(scene) => {
                 if let Some(shown) = &mut self.shown {
-                    shown.camera = Camera::named(&scene.scene.cameras, &shown.header.camera).cloned();
+                    let named = || Camera::named(&scene.scene.cameras, &shown.header.camera);
+                    shown.camera = shown.header.view.as_ref().or_else(named).cloned();
                 }
                 SceneOfBake::Found(Arc::from(scene))
             }
@@ -529,6 +540,7 @@ impl Session {
     fn stop_baking(&mut self) {
         self.others.extend(self.baking.take().map(Task::stopped));
         self.incoming = None;
+        self.drop_aside();
     }
 
     /// Takes in every fact that has arrived.
@@ -582,6 +594,7 @@ impl Session {
         };
         self.stop_baking();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
+        self.forget_views();
         self.stage = Stage::Ready;
         self.history.clear();
         self.begun = None;
@@ -626,6 +639,7 @@ impl Session {
                 }
                 self.stop_baking();
                 (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
+                self.forget_views();
                 notices.push(Notice::PreparedAgain);
             }
             (Ok(_), None) => {}
@@ -667,6 +681,9 @@ impl Session {
             }
             BakeEvent::PassDone { error_db, .. } => {
                 self.pass_blocks.1 = 0;
+                if self.is_aside() {
+                    return;
+                }
                 if let Some(incoming) = self.incoming.take() {
                     self.show(incoming);
                 }
@@ -678,21 +695,15 @@ impl Session {
 
     fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
         self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
-        let camera = Camera::named(self.cameras(), &header.camera).cloned();
+        let camera = self.camera_of(&header);
         let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
-        let started = Shown { header, camera, frame, irradiance: Vec::new(), packed: None };
-        // A picture of the same view stays until the new one is whole; another view starts from black.
-        let is_same_view = |shown: &Shown| {
-            let (a, b) = (&shown.header, &started.header);
-            (a.width, a.height, &a.camera, &a.basis.sources) == (b.width, b.height, &b.camera, &b.basis.sources)
-        };
-        if self.shown.as_ref().is_some_and(|shown| Arc::ptr_eq(&shown.header, &started.header)) {
-            // A bake that goes on: its blocks are in the picture already.
-        } else if self.shown.as_ref().is_some_and(is_same_view) {
-            self.incoming = Some(started);
-        } else {
-            self.show(started);
-        }
+        self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None });
+    }
+
+    /// The camera of the bake that runs, or of a bake of the scene that is open.
+    fn camera_of(&self, header: &BakeHeader) -> Option<Camera> {
+        let own = self.views.baking.as_ref().filter(|camera| camera.name == header.camera);
+        own.or(header.view.as_ref()).or_else(|| Camera::named(self.cameras(), &header.camera)).cloned()
     }
 
     fn block_done(&mut self, block_idx: usize, factors: &[Arc<clerestory_nystrom::BlockFactors>]) {
@@ -709,24 +720,27 @@ impl Session {
 
     fn bake_ended(&mut self, result: Result<Option<Bake>, String>, notices: &mut Vec<Notice>) {
         self.others.extend(self.baking.take());
-        self.incoming = None;
+        let mut aside = self.incoming.take().filter(|_| self.is_aside());
         self.bake = match result {
             Ok(Some(bake)) => {
                 let figures = bake.figures();
                 self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
                 notices.push(Notice::Said(format!("Baked at {:.1} dB", figures.error_db.total)));
-                self.error_db = Some(figures.error_db);
                 // The file will hold these, a little less exact than the blocks that came one by one.
-                if let Some(shown) = &mut self.shown {
+                if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {
                     (shown.header, shown.frame.groups) = (bake.header, bake.groups);
                     (shown.irradiance, shown.packed) = (bake.irradiance, bake.packed);
-                    self.changed = Changed::All;
+                }
+                match aside.take() {
+                    Some(shown) => self.keep_aside(shown, Some(figures.error_db)),
+                    None => (self.error_db, self.changed) = (Some(figures.error_db), Changed::All),
                 }
                 BakeState::Done
             }
             Ok(None) => BakeState::Stopped,
             Err(why) => BakeState::Failed(why),
         };
+        self.drop_aside();
         self.count();
     }
 
@@ -734,6 +748,7 @@ impl Session {
     fn bake_found(&mut self, bake: Bake, notices: &mut Vec<Notice>) {
         self.others.extend(self.baking.take());
         self.incoming = None;
+        self.drop_aside();
         self.show_finished(bake);
         let db = self.error_db.map_or(f32::NAN, |error| error.total);
         notices.push(Notice::Said(format!("Baked before: {db:.1} dB")));
@@ -742,9 +757,14 @@ impl Session {
     /// Shows a bake that was made before.
     fn show_finished(&mut self, bake: Bake) {
         let Bake { header, groups, irradiance, packed } = bake;
-        let camera = Camera::named(self.cameras(), &header.camera).cloned();
+        let camera = self.camera_of(&header);
         let frame = Frame { width: header.width, height: header.height, groups };
-        self.show(Shown { header, camera, frame, irradiance, packed });
+        let found = Shown { header, camera, frame, irradiance, packed };
+        self.begin_view(found);
+        // The same view as before: what was found takes its place.
+        if let Some(found) = self.incoming.take() {
+            self.show(found);
+        }
         self.bake = BakeState::Done;
         self.count();
         self.error_db = self.figures.as_ref().map(|figures| figures.error_db);

@@ -1,10 +1,12 @@
 //! The picture: which part of it is shown, spots and lamps that are dragged in it, and what is measured there.
 
+pub mod flight;
 pub mod gizmo;
 pub mod handles;
 pub mod lamps;
 pub mod marking;
 pub mod names;
+pub mod orbit;
 pub mod probe;
 pub mod zoom;
 

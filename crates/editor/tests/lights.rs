@@ -25,7 +25,7 @@ fn lit_room() -> Vec<u8> {
         nodes.push(json!({"name": name, "translation": [0.4 * idx as f32 - 0.4, 0.3, -0.6],
             "extensions": {"KHR_lights_punctual": {"light": light}}}));
     }
-    nodes.push(json!({"name": "Table", "children": [first, first + 1, first + 2]}));
+    nodes.push(json!({"name": "Counter", "children": [first, first + 1, first + 2]}));
     gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(first + 3));
     serde_json::to_vec(&gltf).unwrap()
 }
@@ -79,10 +79,10 @@ fn from_menu(window: &mut Window, of: Pos2, item: &str) {
 fn lights_below_one_node_are_a_group_with_a_master() {
     let mut window = lit();
     let ev = window.state().shown_ev();
-    let fader = window.get_by_label("Group Table intensity").rect();
+    let fader = window.get_by_label("Group Counter intensity").rect();
     let from = pos2(fader.left() + 0.6 * fader.width(), fader.center().y);
     drag(&mut window, from, pos2(fader.right() - 6.0, fader.center().y));
-    let group = window.state().look().lights.groups["place:Table"].clone();
+    let group = window.state().look().lights.groups["place:Counter"].clone();
     assert!(group.intensity > 4.0, "{}", group.intensity);
     assert_eq!(group.lights.iter().map(String::as_str).collect::<Vec<_>>(), ["left", "middle", "right"]);
     assert_eq!(intensity(&window, "left"), 1.0, "its lights keep what they are set to");
@@ -92,7 +92,7 @@ fn lights_below_one_node_are_a_group_with_a_master() {
     click(&mut window, "Group lights by");
     click(&mut window, "Instance");
     window.get_by_label("Group Bulb intensity");
-    assert_eq!(window.query_all_by_label_contains("Table turns by").count(), 1);
+    assert_eq!(window.query_all_by_label_contains("Counter turns by").count(), 1);
     click(&mut window, "Undo");
     assert_eq!(*window.state().look(), Look::default(), "one drag is one step");
 
@@ -177,7 +177,7 @@ fn several_solos_show_a_banner_that_clears_them() {
     wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() > 1e-2);
     click(&mut window, "Clear solo");
     wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() < 1e-3);
-    click(&mut window, "Solo group Table");
+    click(&mut window, "Solo group Counter");
     window.get_by_label("Solo: left, middle, right");
     assert_eq!(*window.state().look(), Look::default());
 }
@@ -227,11 +227,11 @@ fn intensities_are_told_in_the_unit_that_is_chosen() {
 fn board_and_table_edit_the_same_look() {
     let mut window = lit();
     click(&mut window, "Board");
-    let fader = window.get_by_label("Group Table intensity").rect();
+    let fader = window.get_by_label("Group Counter intensity").rect();
     assert!(fader.height() > 2.0 * fader.width(), "it stands: {fader:?}");
     let top = pos2(fader.center().x, fader.top() + 8.0);
     drag(&mut window, pos2(fader.center().x, fader.center().y), top);
-    assert!(window.state().look().lights.groups["place:Table"].intensity > 8.0);
+    assert!(window.state().look().lights.groups["place:Counter"].intensity > 8.0);
     click(&mut window, "Undo");
 
     click(&mut window, "Table");
@@ -240,6 +240,6 @@ fn board_and_table_edit_the_same_look() {
     assert!(window.state().look().lights.lights["middle"].muted);
     assert!(window.query_all_by_label("0.00, 0.30, -0.60").count() == 1, "where it stands");
     click(&mut window, "List");
-    window.get_by_label("Group Table intensity");
+    window.get_by_label("Group Counter intensity");
     wait(&mut window, App::is_settled);
 }

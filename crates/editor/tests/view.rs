@@ -4,8 +4,10 @@
 
 mod desk;
 
+use clerestory::session::BakeState;
 use clerestory::session::shares::sum;
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
+use clerestory_transport::camera::{Camera, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::{Key, Pos2, vec2};
@@ -150,4 +152,100 @@ fn a_region_is_zoomed_to_and_the_whole_picture_comes_back() {
     window.run_steps(4);
     assert!(window.query_by_label_contains("cd/m²").is_none());
     assert_eq!(under(&mut window, area.center() + vec2(-31.5, -23.5)), "0, 0");
+}
+
+/// The camera of the picture that is shown.
+fn shown_camera(window: &Window) -> Camera {
+    window.state().session().shown.as_ref().unwrap().camera.clone().unwrap()
+}
+
+/// Takes the camera in hand and turns it.
+fn turn_camera(window: &mut Window) {
+    window.key_press(Key::C);
+    window.run_steps(3);
+    let middle = window.get_by_label("View of the camera").rect().center();
+    drag(window, middle, middle + vec2(60.0, 15.0));
+}
+
+/// Bakes the view of the camera in hand.
+fn bake_view(window: &mut Window) {
+    click(window, "Bake this view");
+    wait(window, |app| app.session().bake == BakeState::Done && app.is_settled());
+}
+
+#[test]
+fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    click(&mut window, "Mute panel");
+    let look = window.state().look().clone();
+    turn_camera(&mut window);
+    assert!(window.query_by_label("Picture").is_none());
+    assert_eq!(window.query_all_by_label_contains("needs a new bake").count(), 1, "it is told plainly");
+    assert_eq!((window.state().session().bake.clone(), shown_camera(&window)), (BakeState::Done, first.clone()));
+    let turned = window.state().camera().unwrap().clone();
+    assert!(turned != first && turned.name == "View 1" && turned.position() != first.position());
+
+    bake_view(&mut window);
+    assert_eq!(shown_camera(&window), turned);
+    assert_eq!(*window.state().look(), look, "lights stay");
+    window.get_by_label("Picture");
+    assert_eq!(window.query_all_by_label_contains("2 baked views").count(), 1);
+
+    // Both switch at once, without a bake.
+    let n_before = window.state().n_pictures();
+    click(&mut window, &format!("Show view {}", first.name));
+    assert_eq!(shown_camera(&window), first);
+    assert_eq!(window.state().session().bake, BakeState::Done);
+    wait(&mut window, |app| app.n_pictures() > n_before && app.is_settled());
+    assert_eq!(window.state().camera(), Some(&first));
+    click(&mut window, "Forget view View 1");
+    assert_eq!(window.state().session().views().len(), 1);
+}
+
+#[test]
+fn another_view_can_be_looked_at_while_one_is_baked() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    turn_camera(&mut window);
+    let turned = window.state().camera().unwrap().clone();
+    click(&mut window, "Bake this view");
+    wait(&mut window, |app| app.session().views().len() == 2);
+    click(&mut window, &format!("Show view {}", first.name));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(shown_camera(&window), first, "a bake that ends elsewhere takes nothing away");
+    let views = window.state().session().views();
+    assert!(views.len() == 2 && views.iter().all(|view| view.error_db.is_some() && !view.is_baking), "{views:?}");
+    click(&mut window, "Show view View 1");
+    assert_eq!(shown_camera(&window), turned);
+    window.get_by_label("Save bake…");
+}
+
+#[test]
+fn the_camera_goes_back_to_the_baked_view() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    turn_camera(&mut window);
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    window.get_by_label("Picture");
+    assert_eq!(window.state().camera(), Some(&first));
+}
+
+#[test]
+fn verticals_are_straightened_and_bookmarks_are_kept() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    click(&mut window, "Bookmark");
+    let tilted = window.state().camera().unwrap().clone();
+    assert!(Pose::of(&tilted).pitch_rad.abs() > 0.02);
+    click(&mut window, "Numbers");
+    click(&mut window, "Straighten verticals");
+    let upright = window.state().camera().unwrap().clone();
+    assert!(Pose::of(&upright).pitch_rad.abs() < 1e-5 && upright.shift[1] != 0.0, "{upright:?}");
+    click(&mut window, "View");
+    click(&mut window, "Bookmark 1");
+    let back = window.state().camera().unwrap();
+    assert_eq!((back.world_from_camera, back.shift), (tilted.world_from_camera, [0.0; 2]));
+    window.get_by_label("Name of the bookmark");
 }

@@ -234,7 +234,7 @@ pub struct BakeHeader {
     pub fingerprint: String,
     /// Name of the camera.
     pub camera: String,
-    /// The camera itself, where the sky is shown behind the picture or free lamps may light it.
+    /// The camera itself, where the sky is shown behind the picture, free lamps may light it, or the scene has no such camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<Camera>,
     /// Pixels across.
@@ -426,6 +426,11 @@ impl BakeJob {
         self.run_from(header, &blocks, focus, on_event)
     }
 
+    /// Whether the camera is none of the scene's.
+    fn is_own_view(&self) -> bool {
+        !self.scene.scene.cameras.contains(&self.camera)
+    }
+
     /// Checks the job and measures the columns' scale.
     ///
     /// # Errors
@@ -439,7 +444,7 @@ impl BakeJob {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
             camera: self.camera.name.clone(),
-            view: self.scene.lighting.basis.sky.is_some().then(|| self.camera.clone()),
+            view: (self.scene.lighting.basis.sky.is_some() || self.is_own_view()).then(|| self.camera.clone()),
             width: self.film.width,
             height: self.film.height,
             tile: TILE,

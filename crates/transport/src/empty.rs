@@ -66,9 +66,11 @@ impl EmptyPixels {
 struct View {
     eye: DVec3,
     axes: [DVec3; 3],
-    /// Half the film in pixels, and pixels to a unit at distance 1.
+    /// Where the axis meets the film, and pixels to a unit at distance 1.
     center: DVec2,
     scale: DVec2,
+    /// Size in pixels.
+    film: DVec2,
 }
 
 impl View {
@@ -78,7 +80,9 @@ impl View {
         let matrix = camera.world_from_camera.as_dmat4();
         let axes = [matrix.x_axis, matrix.y_axis, matrix.z_axis].map(|axis| axis.truncate());
         let scale = DVec2::new(half.y / half_height, -half.y / half_height);
-        View { eye: matrix.w_axis.truncate(), axes, center: half, scale }
+        let shift = DVec2::new(f64::from(-camera.shift[0]), f64::from(camera.shift[1]));
+        let center = half + shift * half * 2.0;
+        View { eye: matrix.w_axis.truncate(), axes, center, scale, film: half * 2.0 }
     }
 
     /// Corners of the smallest rectangle of the film around a triangle; `None` behind the camera.
@@ -104,7 +108,7 @@ impl View {
             }
         }
         // A film whose far side is not finite holds everything.
-        let whole = [DVec2::ZERO, self.center * 2.0];
+        let whole = [DVec2::ZERO, self.film];
         (low.x <= high.x).then_some(if low.is_finite() && high.is_finite() { [low, high] } else { whole })
     }
 }

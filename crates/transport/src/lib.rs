@@ -6,6 +6,7 @@ pub mod bsdf;
 pub mod bvh;
 mod cache;
 pub mod camera;
+pub mod draft;
 pub mod emitters;
 mod empty;
 pub mod error_maps;

@@ -10,6 +10,7 @@ use eframe::{CreationContext, Storage};
 use super::App;
 use crate::panels::camera::{CameraEdit, CameraView, camera_ui};
 use crate::session::preview::{PreviewOrder, Previewer};
+use crate::session::views::sees_alike;
 use crate::session::{Session, Source, Wake};
 use crate::viewport::flight::{FlightView, Habits, flight_ui, pivot_m};
 use crate::viewport::orbit::Flight;
@@ -91,7 +92,7 @@ impl App {
     /// Whether the present view is the one that is shown.
     fn is_baked_view(&self) -> bool {
         let shown = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
-        shown.is_some() && shown == self.camera()
+        shown.zip(self.camera()).is_some_and(|(shown, camera)| sees_alike(shown, camera))
     }
 
     /// A view whose bake is shown is the present one.
@@ -149,14 +150,12 @@ impl App {
     }
 
     pub(super) fn camera_panel_ui(&mut self, ui: &mut Ui) {
-        let is_baked = self.is_baked_view();
         let views = self.session.views();
         let view = CameraView {
             cameras: self.session.cameras(),
             views: &views,
             film: self.settings.film,
             is_moving: self.camera.is_moving,
-            is_baked,
         };
         let desk = &mut self.camera;
         let bookmarks = desk.bookmarks.entry(scene_key(&self.session)).or_default();
@@ -188,9 +187,10 @@ impl App {
 
     /// The picture while the camera is in hand.
     pub(super) fn flight_ui(&mut self, ui: &mut Ui) {
-        let film = self.settings.film;
-        self.camera.follow(ui.ctx(), &self.session, film);
         let is_baked = self.is_baked_view();
+        let of_shown = self.session.shown.as_ref().filter(|_| is_baked).map(|shown| shown.film());
+        let film = of_shown.unwrap_or(self.settings.film);
+        self.camera.follow(ui.ctx(), &self.session, film);
         let baked = self.follower.picture().filter(|_| is_baked).map(|(texture, _)| texture);
         let (Some(camera), Some(scene)) = (self.camera.camera.clone(), self.session.lamp_scene()) else { return };
         let preview = self.camera.texture.as_ref().map(TextureHandle::id);

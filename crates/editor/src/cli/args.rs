@@ -13,6 +13,7 @@ use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
 
 use super::picture::{CutArgs, DepthArgs};
+use super::viewpoint::{Viewpoint, parse_shift, parse_view};
 
 /// Most pixels of a picture, 8192 × 8192.
 const MAX_PIXELS: u64 = 1 << 26;
@@ -106,6 +107,14 @@ pub struct ViewArgs {
     /// Camera by name, or by number counted from 0 [default: the first].
     #[arg(long, value_name = "NAME|N")]
     pub camera: Option<String>,
+    /// Look from anywhere instead: meters, then degrees; yaw 0 looks along -Z, 90 along +X [default FOV: 50, from top to bottom].
+    #[arg(long = "view", value_name = "X,Y,Z,YAW,PITCH[,FOV[,ROLL]]", value_parser = parse_view, allow_hyphen_values = true,
+        conflicts_with = "camera")]
+    pub viewpoint: Option<Viewpoint>,
+    /// Shift of the lens to the right and up, in widths and heights of the picture: a level camera that looks up by it keeps
+    /// vertical edges vertical.
+    #[arg(long, value_name = "X,Y", value_parser = parse_shift, allow_hyphen_values = true)]
+    pub shift: Option<[f32; 2]>,
     /// Size in pixels; the camera's vertical angle stays [default: 960 wide at the camera's aspect].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<Film>,
@@ -193,9 +202,11 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 20] = [
+const OF_SCENES: [&str; 22] = [
     "scene",
     "camera",
+    "viewpoint",
+    "shift",
     "size",
     "spp",
     "seconds",
@@ -621,6 +632,8 @@ mod tests {
             ["--work-plane", "nan"],
             ["--work-plane", "0.8:0"],
             ["--work-plane", "0.8:"],
+            ["--view", "0,1,2"],
+            ["--shift", "0"],
             ["--threads", "0"],
             ["--sky", ""],
             ["--method", "best"],
@@ -649,6 +662,8 @@ mod tests {
             "--spp 4",
             "--size 4x4",
             "--camera 0",
+            "--view 0,1,2,0,0",
+            "--shift 0,0.1",
             "--bounces 1",
             "--panel a=4",
             "--ies a=b",

@@ -110,7 +110,8 @@ pub(crate) fn prepare_view(
     }
     change_lamps(&mut scene, args, console)?;
     let camera = pick_camera(&scene.cameras, args.camera.as_deref()).with_context(|| format!("cannot see {name}"))?;
-    let camera = camera.clone();
+    let mut camera = args.viewpoint.map_or_else(|| camera.clone(), |viewpoint| viewpoint.camera(camera));
+    camera.shift = args.shift.unwrap_or(camera.shift);
     let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
     let (scene, warnings) = PreparedScene::with_skips(scene, &args.panels, sky, args.skips())
         .with_context(|| format!("cannot prepare the scene {name}"))?;

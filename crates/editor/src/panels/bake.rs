@@ -1,7 +1,7 @@
-//! Quality, size and camera of the bake, or the pictures that it is of; what it does, and what came of it.
+//! Quality and size of the bake, or the pictures that it is of; what it does, and what came of it.
 
 use clerestory_transport::bake::{BakeConfig, Indirect};
-use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::camera::Film;
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::patches::{DEFAULT_PATCHES, MOST_PATCHES};
@@ -39,10 +39,6 @@ const MAX_SIDE: u32 = 8192;
 
 /// What the panel shows.
 pub struct BakeView<'a> {
-    /// Cameras of the scene.
-    pub cameras: &'a [Camera],
-    /// Camera of the bake that is shown.
-    pub baked_camera: Option<&'a str>,
     /// Where the bake stands.
     pub state: &'a BakeState,
     /// Ranks and bytes of what is shown.
@@ -97,9 +93,6 @@ pub fn bake_ui(
 
 fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     egui::Grid::new("bake settings").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
-        let label = ui.label("Camera");
-        camera_ui(ui, settings, view, label.id);
-        ui.end_row();
         ui.label("Size");
         size_ui(ui, &mut settings.film);
         ui.end_row();
@@ -177,23 +170,6 @@ fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
     if ui.checkbox(&mut is_unitless, "Unitless lamps").on_hover_text(hint).changed() {
         let units = if is_unitless { LampUnits::Unitless } else { LampUnits::Photometric };
         actions.push(Action::ChooseUnits(units));
-    }
-}
-
-fn camera_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, label: egui::Id) {
-    let cameras = view.cameras;
-    let of_scene = cameras.get(settings.camera_idx).map(|camera| camera.name.as_str());
-    let name = of_scene.or(view.baked_camera).unwrap_or("none");
-    let before = settings.camera_idx;
-    let combo = egui::ComboBox::from_id_salt("camera").width(ui.available_width()).truncate().selected_text(name);
-    let combo = combo.show_ui(ui, |ui| {
-        for (idx, camera) in cameras.iter().enumerate() {
-            ui.selectable_value(&mut settings.camera_idx, idx, &camera.name);
-        }
-    });
-    combo.response.labelled_by(label);
-    if settings.camera_idx != before {
-        settings.film = Film::of_width(settings.film.width, &cameras[settings.camera_idx]);
     }
 }
 
@@ -354,8 +330,8 @@ fn decibels(db: Option<f32>) -> String {
     }
 }
 
-/// Bytes in words.
-pub fn bytes(n: usize) -> String {
+/// Memory for people.
+pub(super) fn bytes(n: usize) -> String {
     match n as f64 {
         n if n < 1e6 => format!("{:.0} kB", n / 1e3),
         n if n < 1e9 => format!("{:.1} MB", n / 1e6),

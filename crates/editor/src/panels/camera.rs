@@ -19,8 +19,6 @@ pub struct CameraView<'a> {
     pub film: Film,
     /// Whether the camera is in hand.
     pub is_moving: bool,
-    /// Whether the present view is baked.
-    pub is_baked: bool,
 }
 
 /// What the section sets.
@@ -53,62 +51,64 @@ pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut
     });
 }
 
-/// Takes the camera in hand, and bakes what it sees.
+/// Takes the camera in hand.
 fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
-        let toggle = Button::new("Move camera").selected(view.is_moving);
-        if ui.add(toggle).on_hover_text("Look for another view in a quick preview, C").clicked() {
-            actions.push(if view.is_moving { Action::LeaveCamera } else { Action::MoveCamera });
-        }
-        let bake = ui.add_enabled(!view.is_baked, Button::new("Bake this view"));
-        let hint = "A new view needs a bake of its own; looks and lights stay as they are";
-        if bake.on_hover_text(hint).on_disabled_hover_text("This view is baked").clicked() {
-            actions.push(Action::StartBake);
-        }
-    });
+    let toggle = Button::new("Move camera").selected(view.is_moving);
+    let hint = "Look for another view in a quick preview, C\nA new view needs a bake of its own; looks and lights stay";
+    if ui.add(toggle).on_hover_text(hint).clicked() {
+        actions.push(Action::ToggleCamera);
+    }
 }
 
 /// Cameras of the file and bookmarks.
-fn choice_ui(
-    ui: &mut Ui,
-    view: &CameraView,
-    camera: &Camera,
-    bookmarks: &mut Vec<Camera>,
-    actions: &mut Vec<Action>,
-) {
-    ui.horizontal(|ui| {
-        let is_known = view.cameras.iter().chain(bookmarks.iter()).any(|known| known == camera);
-        let name = if is_known { camera.name.as_str() } else { "Free view" };
-        let combo = ComboBox::from_id_salt("cameras").width(ui.available_width() - 78.0).truncate().selected_text(name);
-        let response = combo.show_ui(ui, |ui| {
-            let known = view.cameras.iter().map(|camera| (camera, "")).chain(bookmarks.iter().map(|b| (b, "☆ ")));
-            for (known, mark) in known {
-                if ui.selectable_label(known == camera, format!("{mark}{}", known.name)).clicked() {
-                    actions.push(Action::LookFrom(Box::new(known.clone())));
-                }
-            }
-        });
-        response.response.on_hover_text("Cameras of the file, and bookmarks").accessible_name("View");
+fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Vec<Camera>, actions: &mut Vec<Action>) {
+    row_ui(ui, |ui| {
         if ui.button("Bookmark").on_hover_text("Keep this view for this scene").clicked() {
             let names = (1..).map(|n| format!("Bookmark {n}"));
             let mut free = names.filter(|name| !bookmarks.iter().any(|other| other.name == *name));
             let name = free.next().expect("numbers do not end");
             bookmarks.push(Camera { name, ..camera.clone() });
         }
+        known_ui(ui, view.cameras, camera, bookmarks, actions);
     });
-    if let Some(idx) = bookmarks.iter().position(|other| other == camera) {
-        ui.horizontal(|ui| {
-            let mut name = bookmarks[idx].name.clone();
-            let edit = TextEdit::singleline(&mut name).desired_width(ui.available_width() - 78.0);
-            if ui.add(edit).accessible_name("Name of the bookmark").changed() && !name.is_empty() {
-                bookmarks[idx].name.clone_from(&name);
-                actions.push(Action::NameView(name));
+    let Some(idx) = bookmarks.iter().position(|other| other == camera) else { return };
+    row_ui(ui, |ui| {
+        let is_over = ui.button("Remove").on_hover_text("Give this bookmark up").clicked();
+        let mut name = bookmarks[idx].name.clone();
+        let edit = TextEdit::singleline(&mut name).desired_width(ui.available_width() - 12.0);
+        if ui.add(edit).accessible_name("Name of the bookmark").changed() && !name.is_empty() {
+            bookmarks[idx].name.clone_from(&name);
+            actions.push(Action::NameView(name));
+        }
+        if is_over {
+            bookmarks.remove(idx);
+        }
+    });
+}
+
+/// A row that is filled from the right, so that what comes last takes the room that is left.
+fn row_ui(ui: &mut Ui, content: impl FnOnce(&mut Ui)) {
+    let size = egui::vec2(ui.available_width(), ui.spacing().interact_size.y);
+    ui.allocate_ui_with_layout(size, egui::Layout::right_to_left(egui::Align::Center), content);
+}
+
+/// The views that there are to choose from.
+fn known_ui(ui: &mut Ui, cameras: &[Camera], camera: &Camera, bookmarks: &[Camera], actions: &mut Vec<Action>) {
+    let is_known = cameras.iter().chain(bookmarks).any(|known| known == camera);
+    let name = if is_known { camera.name.as_str() } else { "Free view" };
+    let width = (ui.available_width() - 4.0).max(40.0);
+    let combo = ComboBox::from_id_salt("cameras").width(width).truncate().selected_text(name);
+    let response = combo.show_ui(ui, |ui| {
+        for (idx, known) in cameras.iter().chain(bookmarks).enumerate() {
+            if idx > 0 && idx == cameras.len() {
+                ui.separator();
             }
-            if ui.button("Remove").on_hover_text("Give this bookmark up").clicked() {
-                bookmarks.remove(idx);
+            if ui.selectable_label(known == camera, &known.name).clicked() {
+                actions.push(Action::LookFrom(Box::new(known.clone())));
             }
-        });
-    }
+        }
+    });
+    response.response.on_hover_text("Cameras of the file, and bookmarks").accessible_name("View");
 }
 
 /// Views that are baked: a click shows one at once.
@@ -120,29 +120,30 @@ fn views_ui(ui: &mut Ui, views: &[ViewEntry], actions: &mut Vec<Action>) {
     ui.add_space(2.0);
     ui.label(RichText::new(format!("{} baked views, {} in memory", views.len(), bytes(total))).weak());
     for view in views {
-        ui.horizontal(|ui| {
-            let size = format!("{} × {}", view.film.width, view.film.height);
-            let figures = match (view.is_baking, view.error_db) {
-                (true, _) => "baking".into(),
-                (_, Some(db)) => format!("{db:.1} dB"),
-                (_, None) => "stopped".into(),
-            };
-            let row = ui.selectable_label(view.is_shown, &view.name);
-            let hint = view.bytes.map_or(size.clone(), |n| format!("{size}, {} in memory", bytes(n)));
-            if row.on_hover_text(hint).accessible_name(format!("Show view {}", view.name)).clicked() {
-                actions.push(Action::ShowView(view.id));
-            }
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                let can_go = !view.is_shown && !view.is_baking;
-                let close = ui.add_enabled(can_go, Button::new("×").small());
-                if close.on_hover_text("Free its memory").accessible_name(format!("Forget view {}", view.name)).clicked()
-                {
-                    actions.push(Action::ForgetView(view.id));
-                }
-                ui.label(RichText::new(format!("{size}, {figures}")).weak());
-            });
-        });
+        row_ui(ui, |ui| view_ui(ui, view, actions));
     }
+}
+
+fn view_ui(ui: &mut Ui, view: &ViewEntry, actions: &mut Vec<Action>) {
+    let can_go = !view.is_shown && !view.is_baking;
+    let close = ui.add_enabled(can_go, Button::new("×").small());
+    if close.on_hover_text("Free its memory").accessible_name(format!("Forget view {}", view.name)).clicked() {
+        actions.push(Action::ForgetView(view.id));
+    }
+    let figures = match (view.is_baking, view.error_db) {
+        (true, _) => "baking".into(),
+        (_, Some(db)) => format!("{db:.1} dB"),
+        (_, None) => "stopped".into(),
+    };
+    ui.label(RichText::new(figures).weak());
+    let size = format!("{} × {}", view.film.width, view.film.height);
+    let hint = view.bytes.map_or(size.clone(), |n| format!("{size}, {} in memory", bytes(n)));
+    ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
+        let row = ui.add(Button::selectable(view.is_shown, &view.name).truncate());
+        if row.on_hover_text(hint).accessible_name(format!("Show view {}", view.name)).clicked() {
+            actions.push(Action::ShowView(view.id));
+        }
+    });
 }
 
 /// Position, angles, lens and shift.

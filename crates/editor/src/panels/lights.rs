@@ -231,21 +231,16 @@ fn shown(items: Vec<Item>, lights: &[Listed], filter: &str) -> Vec<Item> {
     if part.is_empty() {
         return items;
     }
-    let found = items.into_iter().filter_map(|item| match item {
-        Item::Light(idx) => lights[idx].is_called(&part).then_some(Item::Light(idx)),
-        Item::Group(group) if group.name.to_lowercase().contains(&part) => Some(Item::Group(group)),
-        Item::Group(mut group) => {
-            group.lights.retain(|idx| lights[*idx].is_called(&part));
-            // Its master would turn lights that are not shown.
-            group.key.clear();
-            (!group.lights.is_empty()).then_some(Item::Group(group))
-        }
+    let is_called = |item: &Item| match item {
+        Item::Light(idx) => lights[*idx].is_called(&part),
+        Item::Group(group) => group.name.to_lowercase().contains(&part),
+    };
+    // Lights that are found in a group stand alone: its master would turn others that are not shown.
+    let found = items.into_iter().flat_map(|item| match item {
+        item if is_called(&item) => vec![item],
+        item => item.lights().iter().map(|idx| Item::Light(*idx)).filter(is_called).collect(),
     });
-    let split = found.flat_map(|item| match item {
-        Item::Group(group) if group.key.is_empty() => group.lights.into_iter().map(Item::Light).collect(),
-        item => vec![item],
-    });
-    split.collect()
+    found.collect()
 }
 
 /// What is to be shown must not lie in a folded group.

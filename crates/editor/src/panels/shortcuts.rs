@@ -27,6 +27,7 @@ const BAKE: KeyboardShortcut = command(Key::B);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
 const FIT_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Home);
 const ONE_TO_ONE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Num1);
+const CAMERA: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::C);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
 /// Copies the chosen lamp.
@@ -60,6 +61,7 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&FIT, Action::FitPicture);
     take(&FIT_TOO, Action::FitPicture);
     take(&ONE_TO_ONE, Action::OneToOne);
+    take(&CAMERA, Action::ToggleCamera);
     take(&DELETE, Action::DeleteLamp);
     take(&DELETE_TOO, Action::DeleteLamp);
     take(&DUPLICATE, Action::DuplicateLamp);
@@ -114,6 +116,8 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Middle drag, Space + drag"), "Move the picture"),
         (words("Click in the picture"), "Show which lights are there"),
         (words("P"), "Pin a probe at the pointer"),
+        (words("C, Esc"), "Take the camera in hand, put it down"),
+        (words("Drag with the camera in hand"), "Turn, with Shift move; the wheel comes nearer"),
         (words("Drag on a panel in the picture"), "Place or move a spot of light"),
         (words("Double-click on a panel"), "Add a spot"),
         (words("Click on a lamp"), "Choose it, show its handles"),

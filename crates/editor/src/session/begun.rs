@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clerestory_nystrom::BlockFactors;
 use clerestory_transport::bake::{BakeHeader, HalfDone};
+use clerestory_transport::camera::Camera;
 use clerestory_transport::prepared::PreparedScene;
 
 use super::{BakeSettings, BakeState, Session};
@@ -13,14 +14,20 @@ use super::{BakeSettings, BakeState, Session};
 pub(super) struct Begun {
     scene: Arc<PreparedScene>,
     settings: BakeSettings,
+    /// Where it is seen from, if not from a camera of the scene.
+    camera: Option<Camera>,
     header: Option<Arc<BakeHeader>>,
     last_pass: u32,
     blocks: BTreeMap<usize, Vec<Arc<BlockFactors>>>,
 }
 
 impl Begun {
-    pub fn new(scene: Arc<PreparedScene>, settings: BakeSettings) -> Begun {
-        Begun { scene, settings, header: None, last_pass: u32::MAX, blocks: BTreeMap::new() }
+    pub fn new(scene: Arc<PreparedScene>, settings: BakeSettings, camera: Option<Camera>) -> Begun {
+        Begun { scene, settings, camera, header: None, last_pass: u32::MAX, blocks: BTreeMap::new() }
+    }
+
+    pub fn camera(&self) -> Option<Camera> {
+        self.camera.clone()
     }
 
     pub fn started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {

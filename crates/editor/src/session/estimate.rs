@@ -61,7 +61,7 @@ impl Session {
         if !is_due || self.forecasting.task.is_some() || self.forecasting.answer != Forecast::Trying {
             return;
         }
-        match self.job(settings) {
+        match self.job(settings, None) {
             Ok(job) => self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, &post)),
             Err(why) => self.forecasting.answer = Forecast::Failed(why),
         }

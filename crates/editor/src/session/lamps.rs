@@ -3,8 +3,7 @@
 //! Light is linear, and so every lamp is traced white and kept for itself: a lamp that moves leaves the others alone, and
 //! color and intensity only weigh what is there. A pass of a lamp that has moved on is given up at once.
 
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clerestory_relight::Radiance;
@@ -18,6 +17,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Wake;
+use super::mailbox::{Clerk, Idle, Mailbox};
 use crate::crash;
 
 /// Passes after which a soft shadow is as smooth as it gets.
@@ -108,55 +108,6 @@ impl LampLight {
     }
 }
 
-#[derive(Default)]
-struct Mail {
-    order: Option<LampOrder>,
-    light: Option<LampLight>,
-    closed: bool,
-}
-
-#[derive(Default)]
-struct Mailbox {
-    mail: Mutex<Mail>,
-    posted: Condvar,
-}
-
-impl Mailbox {
-    fn lock(&self) -> std::sync::MutexGuard<'_, Mail> {
-        // Mail is replaced as a whole, so it is sound even after a panic elsewhere.
-        self.mail.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Whether the work at hand is stale. What makes the first picture of an order is only so in another view: a lamp that
-    /// keeps moving must be seen.
-    fn interrupts(&self, view: &Arc<LampView>, work: Work) -> bool {
-        let mail = self.lock();
-        let is_stale = |order: &LampOrder| work == Work::Refines || !Arc::ptr_eq(&order.view, view);
-        mail.closed || mail.order.as_ref().is_some_and(is_stale)
-    }
-
-    /// The next order; waits for one where there is nothing to go on with. `None` where nobody wants any more.
-    fn next(&self, idle: Idle) -> Option<Option<LampOrder>> {
-        let mut mail = self.lock();
-        loop {
-            if mail.closed {
-                return None;
-            }
-            if mail.order.is_some() || idle == Idle::GoOn {
-                return Some(mail.order.take());
-            }
-            mail = self.posted.wait(mail).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-}
-
-/// What to do without a new order.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Idle {
-    Sleep,
-    GoOn,
-}
-
 /// What a piece of work is for.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Work {
@@ -167,10 +118,9 @@ enum Work {
 }
 
 /// The worker; it ends when this is dropped.
-pub struct LampWorker {
-    mailbox: Arc<Mailbox>,
-    thread: Option<JoinHandle<()>>,
-}
+pub struct LampWorker(Clerk<LampOrder, LampLight>);
+
+type LampMailbox = Mailbox<LampOrder, LampLight>;
 
 impl LampWorker {
     /// Starts the thread.
@@ -178,36 +128,29 @@ impl LampWorker {
     /// # Errors
     /// If the system gives no thread.
     pub fn start(wake: Wake) -> std::io::Result<LampWorker> {
-        let mailbox = Arc::<Mailbox>::default();
-        let own = mailbox.clone();
-        let thread = std::thread::Builder::new().name("lamps".into()).spawn(move || work(&own, &wake))?;
-        Ok(LampWorker { mailbox, thread: Some(thread) })
+        Clerk::start("lamps", wake, work).map(LampWorker)
     }
 
     /// Leaves an order; what is being done for an older one is given up.
     pub fn order(&self, order: LampOrder) {
-        self.mailbox.lock().order = Some(order);
-        self.mailbox.posted.notify_one();
+        self.0.order(|_| order);
     }
 
     /// The newest light, once.
     pub fn take(&self) -> Option<LampLight> {
-        self.mailbox.lock().light.take()
+        self.0.take()
     }
 }
 
-impl Drop for LampWorker {
-    fn drop(&mut self) {
-        self.mailbox.lock().closed = true;
-        self.mailbox.posted.notify_one();
-        if let Some(thread) = self.thread.take() {
-            // A worker that panicked has said so on its own; there is nothing left to do here.
-            let _ = thread.join();
-        }
-    }
+/// Whether the work at hand is stale. What makes the first picture of an order is only so in another view: a lamp that
+/// keeps moving must be seen.
+fn is_interrupted(mailbox: &LampMailbox, view: &Arc<LampView>, work: Work) -> bool {
+    let mail = mailbox.lock();
+    let is_stale = |order: &LampOrder| work == Work::Refines || !Arc::ptr_eq(&order.view, view);
+    mail.closed || mail.order.as_ref().is_some_and(is_stale)
 }
 
-fn work(mailbox: &Mailbox, wake: &Wake) {
+fn work(mailbox: &LampMailbox) {
     let mut bench: Option<Bench> = None;
     loop {
         let idle = if bench.as_ref().is_some_and(|bench| !bench.is_done()) { Idle::GoOn } else { Idle::Sleep };
@@ -220,14 +163,13 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
             asked.map(|(film, serial)| LampLight::failed(film, serial, format!("the light of lamps failed: {words}")))
         });
         if let Some(light) = news {
-            mailbox.lock().light = Some(light);
-            wake(Duration::ZERO);
+            mailbox.answer(light);
         }
     }
 }
 
 /// Takes an order up and does a piece of the work; answers what is new.
-fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &Mailbox) -> Option<LampLight> {
+fn work_on(bench: &mut Option<Bench>, order: Option<LampOrder>, mailbox: &LampMailbox) -> Option<LampLight> {
     if let Some(order) = order {
         let kept = bench.take().filter(|bench| Arc::ptr_eq(&bench.view, &order.view));
         let new = bench.insert(kept.unwrap_or_else(|| Bench::new(order.view.clone())));
@@ -341,11 +283,11 @@ impl Bench {
     }
 
     /// One more pass of the lamp that has the fewest.
-    fn step(&mut self, mailbox: &Mailbox) {
+    fn step(&mut self, mailbox: &LampMailbox) {
         let Some(idx) = self.next() else { return };
         let work = if self.lamps[idx].n_passes == 0 { Work::Shows } else { Work::Refines };
         let (view, lit) = (self.view.clone(), &mut self.lamps[idx]);
-        let stop = || mailbox.interrupts(&view, work);
+        let stop = || is_interrupted(mailbox, &view, work);
         let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
         if sample >= self.points.len() {
             let config = VisibleConfig { samples: 1, seed: sample as u64 };

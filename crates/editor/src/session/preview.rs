@@ -10,6 +10,7 @@ use eframe::egui::{Color32, ColorImage};
 
 use super::Wake;
 use super::mailbox::{Clerk, Idle, Mailbox};
+use crate::crash;
 
 /// What to draw.
 #[derive(Clone)]
@@ -66,7 +67,9 @@ fn work(mailbox: &Mailbox<PreviewOrder, Preview>) {
             let is_done = nth + 1 == SIDES.len();
             // The coarse one is always shown: a camera that keeps moving must be seen.
             let stop = || is_done && mailbox.is_stale();
-            let Some(pixels) = draft(&order.scene, &order.camera, film, &stop) else { break };
+            // One that fails leaves a report; the picture before it stays.
+            let drawn = crash::guarded(|| draft(&order.scene, &order.camera, film, &stop));
+            let Ok(Some(pixels)) = drawn else { break };
             let size = [film.width as usize, film.height as usize];
             let image = ColorImage::new(size, pixels.into_iter().map(encoded).collect());
             mailbox.answer(Preview { image, camera: order.camera.clone(), is_done });

@@ -218,7 +218,7 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
 pub(super) fn scene_of(header: &BakeHeader, path: &Path) -> Result<Box<PreparedScene>> {
     anyhow::ensure!(path.is_file(), "{} is not there", path.display());
     let mut scene = import::load(path)?.scene;
-    let camera = Camera::named(&scene.cameras, &header.camera).cloned();
+    let camera = header.view.as_ref().or_else(|| Camera::named(&scene.cameras, &header.camera)).cloned();
     let is_it = |scene: &Scene| camera.as_ref().is_some_and(|camera| header.is_of(scene, camera));
     if !is_it(&scene) {
         assume_unitless(&mut scene);

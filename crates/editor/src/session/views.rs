@@ -1,5 +1,7 @@
 //! Views that were baked in this session: each keeps its matrix in memory, and any is shown again at once.
 
+use std::sync::Arc;
+
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 
@@ -100,7 +102,7 @@ impl Session {
 
     /// The number of the view of a camera, if it was baked.
     pub fn view_of(&self, camera: &Camera) -> Option<u64> {
-        let is_it = |shown: &&Shown| shown.camera.as_ref() == Some(camera);
+        let is_it = |shown: &&Shown| shown.camera.as_ref().is_some_and(|own| sees_alike(own, camera));
         let shown = self.shown.as_ref().filter(is_it).map(|_| self.views.shown);
         let kept = || self.views.kept.iter().find(|kept| is_it(&&kept.shown)).map(|kept| kept.id);
         shown.or_else(kept)
@@ -108,7 +110,8 @@ impl Session {
 
     /// Takes what is shown from the window: into the list if it is whole, to the side if it is being baked.
     fn put_away(&mut self) {
-        let is_target = self.bake.is_running() && self.views.aside.is_none();
+        // Before its first fact a bake has no view yet.
+        let is_target = matches!(self.bake, BakeState::Running { .. }) && self.views.aside.is_none();
         let Some(shown) = self.shown.take() else { return };
         let (id, error_db, figures) = (self.views.shown, self.error_db.take(), self.figures.take());
         if is_target && self.incoming.is_none() {
@@ -131,6 +134,10 @@ impl Session {
         if let Some(id) = self.views.kept.iter().find(|kept| same(&kept.shown)).map(|kept| kept.id) {
             // Nothing of it runs yet, and so what is shown is put into the list.
             self.set_aside_idle(|session| session.show_view(id));
+        }
+        if self.shown.as_ref().is_some_and(|shown| Arc::ptr_eq(&shown.header, &started.header)) {
+            // A bake that goes on: its blocks are in the picture already.
+            return;
         }
         if self.shown.as_ref().is_some_and(same) {
             self.incoming = Some(started);
@@ -173,10 +180,11 @@ impl Session {
     /// Another scene, or other columns: the views are of what is gone.
     pub(super) fn forget_views(&mut self) {
         self.views.kept.clear();
-        self.views.aside = None;
+        (self.views.aside, self.views.baking) = (None, None);
     }
 
-    fn state_of_shown(&self) -> BakeState {
+    /// How the bake of the view that is shown ended.
+    pub(super) fn state_of_shown(&self) -> BakeState {
         let is_done = self.shown.as_ref().is_some_and(|shown| shown.packed.is_some());
         if is_done { BakeState::Done } else { BakeState::Stopped }
     }
@@ -190,4 +198,9 @@ fn is_whole(shown: &Shown) -> bool {
 fn is_same_view(a: &Shown, b: &Shown) -> bool {
     (a.film(), &a.header.camera, &a.header.basis.sources) == (b.film(), &b.header.camera, &b.header.basis.sources)
         && a.camera == b.camera
+}
+
+/// Whether two cameras see the same, whatever they are called.
+pub fn sees_alike(a: &Camera, b: &Camera) -> bool {
+    (a.world_from_camera, a.yfov_rad, a.shift) == (b.world_from_camera, b.yfov_rad, b.shift)
 }

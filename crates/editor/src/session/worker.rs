@@ -1,14 +1,14 @@
 //! Relights on the CPU in the background: newest order wins, newest picture is shown, the window never waits.
 
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Instant;
 
 use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError, encode};
 use eframe::egui::Color32;
 use eframe::egui::ColorImage;
 
 use super::Wake;
+use super::mailbox::{Clerk, Idle, Mailbox};
 use crate::crash;
 use crate::look::Display;
 use crate::picture::Changed;
@@ -53,24 +53,11 @@ pub struct Relit {
     pub serial: u64,
 }
 
-#[derive(Default)]
-struct Mail {
-    order: Option<Order>,
-    result: Option<Result<Relit, String>>,
-    closed: bool,
-}
-
-#[derive(Default)]
-struct Mailbox {
-    mail: Mutex<Mail>,
-    posted: Condvar,
-}
+/// A picture, or in words why there is none.
+type Answer = Result<Relit, String>;
 
 /// The worker; it ends when this is dropped.
-pub struct Worker {
-    mailbox: Arc<Mailbox>,
-    thread: Option<JoinHandle<()>>,
-}
+pub struct Worker(Clerk<Order, Answer>);
 
 impl Worker {
     /// Starts the thread.
@@ -78,71 +65,37 @@ impl Worker {
     /// # Errors
     /// If the system gives no thread.
     pub fn start(wake: Wake) -> std::io::Result<Worker> {
-        let mailbox = Arc::<Mailbox>::default();
-        let own = mailbox.clone();
-        let thread = std::thread::Builder::new().name("relight".into()).spawn(move || work(&own, &wake))?;
-        Ok(Worker { mailbox, thread: Some(thread) })
+        Clerk::start("relight", wake, work).map(Worker)
     }
 
     /// Leaves an order; one that was not begun yet is replaced.
     pub fn order(&self, mut order: Order) {
-        let mut mail = self.mailbox.lock();
-        if let Some(older) = mail.order.take() {
-            let mut changed = older.changed;
-            changed.absorb(order.changed);
-            order.changed = changed;
-        }
-        mail.order = Some(order);
-        self.mailbox.posted.notify_one();
+        self.0.order(|older| {
+            if let Some(older) = older {
+                let mut changed = older.changed;
+                changed.absorb(order.changed);
+                order.changed = changed;
+            }
+            order
+        });
     }
 
     /// The newest picture, once, or in words why there is none.
-    pub fn take(&self) -> Option<Result<Relit, String>> {
-        self.mailbox.lock().result.take()
+    pub fn take(&self) -> Option<Answer> {
+        self.0.take()
     }
 }
 
-impl Drop for Worker {
-    fn drop(&mut self) {
-        self.mailbox.lock().closed = true;
-        self.mailbox.posted.notify_one();
-        if let Some(thread) = self.thread.take() {
-            // A worker that panicked has said so on its own; there is nothing left to do here.
-            let _ = thread.join();
-        }
-    }
-}
-
-impl Mailbox {
-    fn lock(&self) -> std::sync::MutexGuard<'_, Mail> {
-        // Mail is replaced as a whole, so it is sound even after a panic elsewhere.
-        self.mail.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn next(&self) -> Option<Order> {
-        let mut mail = self.lock();
-        loop {
-            if mail.closed {
-                return None;
-            }
-            if let Some(order) = mail.order.take() {
-                return Some(order);
-            }
-            mail = self.posted.wait(mail).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-}
-
-fn work(mailbox: &Mailbox, wake: &Wake) {
+fn work(mailbox: &Mailbox<Order, Answer>) {
     let mut bench = Bench::default();
-    while let Some(order) = mailbox.next() {
+    while let Some(order) = mailbox.next(Idle::Sleep) {
+        let Some(order) = order else { continue };
         let relit = crash::guarded(|| bench.relight(&order).map_err(|error| error.to_string()));
         let result = relit.unwrap_or_else(|words| Err(format!("relighting failed: {words}")));
         if result.is_err() {
             bench = Bench::default();
         }
-        mailbox.lock().result = Some(result);
-        wake(Duration::ZERO);
+        mailbox.answer(result);
     }
 }
 
@@ -209,6 +162,8 @@ fn metered(display: &Display, frame: &Frame, radiance: &Radiance) -> DisplayPara
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use clerestory_relight::synthetic::{Ranks, Recipe};
 
     use super::*;

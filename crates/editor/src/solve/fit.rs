@@ -232,9 +232,9 @@ fn add_kept(problem: &mut BoundedLeastSquares, cells: &[&Cell], weight: f64, lay
         if size <= 0.0 {
             continue;
         }
-        for c in 0..3 {
+        for (c, now) in now.iter().enumerate() {
             let weight = weight / (3.0 * cells.len() as f64 * size * size);
-            problem.add(&layout.channel(&cell.row, c), now[c] - cell.row.fixed[c], weight);
+            problem.add(&layout.channel(&cell.row, c), now - cell.row.fixed[c], weight);
         }
     }
 }

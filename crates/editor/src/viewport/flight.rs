@@ -93,8 +93,7 @@ fn scrolls(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight,
     if !response.hovered() {
         return;
     }
-    let (scroll, pinch, keys) =
-        ui.input(|input| (input.smooth_scroll_delta(), input.zoom_delta(), input.modifiers));
+    let (scroll, pinch, keys) = ui.input(|input| (input.smooth_scroll_delta(), input.zoom_delta(), input.modifiers));
     if scroll != egui::Vec2::ZERO {
         flight.moved(view.habits.navigation.of_scroll(keys), scroll, height);
     }

@@ -174,7 +174,7 @@ fn paint(ui: &Ui, area: Rect, image: Rect, marks: &Marks) {
     let mut start = 0;
     while start < pixels.len() {
         let mut end = start + 1;
-        while end < pixels.len() && pixels[end] == pixels[end - 1] + 1 && pixels[end] % film.width != 0 {
+        while end < pixels.len() && pixels[end] == pixels[end - 1] + 1 && !pixels[end].is_multiple_of(film.width) {
             end += 1;
         }
         let (x, y) = ((pixels[start] % film.width) as f32, (pixels[start] / film.width) as f32);

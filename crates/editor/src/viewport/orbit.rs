@@ -32,7 +32,11 @@ impl Navigation {
     /// All of them, with their names and what they mean.
     pub const ALL: [(Navigation, &'static str, &'static str); 3] = [
         (Navigation::Blender, "Blender", "Middle drag turns, with Shift it moves; the wheel comes nearer"),
-        (Navigation::AltMouse, "Alt + mouse", "Alt + left drag turns, Alt + middle drag moves, Alt + right drag comes nearer"),
+        (
+            Navigation::AltMouse,
+            "Alt + mouse",
+            "Alt + left drag turns, Alt + middle drag moves, Alt + right drag comes nearer",
+        ),
         (Navigation::Trackpad, "Trackpad", "Two fingers turn, with Shift they move; a pinch comes nearer"),
     ];
 
@@ -97,8 +101,7 @@ impl Flight {
 
     fn orbit(&mut self, travel: Travel) {
         let (pivot, pose) = (self.pivot(), Pose::of(&self.camera));
-        let (yaw_rad, pitch) =
-            (pose.yaw_rad - TURN_PER_POINT * travel.x, pose.pitch_rad - TURN_PER_POINT * travel.y);
+        let (yaw_rad, pitch) = (pose.yaw_rad - TURN_PER_POINT * travel.x, pose.pitch_rad - TURN_PER_POINT * travel.y);
         // A camera that already looks more steeply may come back, not go on.
         let most = STEEPEST.max(pose.pitch_rad.abs());
         let turned = self.camera.posed(&Pose { yaw_rad, pitch_rad: pitch.clamp(-most, most), ..pose });

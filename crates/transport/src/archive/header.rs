@@ -133,7 +133,7 @@ fn check(header: &BakeHeader) -> Result<(), &'static str> {
     if header.sky_reach.iter().any(|reach| !reach.is_finite() || *reach < 0.0) {
         return Err("its header has an impossible reach of the sky");
     }
-    if header.view.as_ref().is_some_and(|view| !view.world_from_camera.is_finite() || !view.yfov_rad.is_finite()) {
+    if header.view.as_ref().is_some_and(|view| !view.is_finite()) {
         return Err("its header has an impossible camera");
     }
     if basis.sky.as_ref().is_some_and(|sky| !sky.is_finite()) {

@@ -46,6 +46,7 @@ pub(super) fn camera(
         world_from_camera: rigid(world_from_node),
         yfov_rad,
         aspect,
+        shift: [0.0; 2],
     })
 }
 

@@ -109,7 +109,8 @@ fn no_pixel_is_called_empty_that_a_ray_of_it_finds_full() {
         // Some triangles lie around the camera, some far away, some partly behind it.
         let (center, eye) = (point(4.0), point(4.0));
         let corners = [point(1.5) + center, point(1.5) + center, point(8.0)];
-        let stage = Stage::new(Camera::look_at("any", eye, point(4.0), 1.2, 1.3));
+        let shift = [point(1.5).x, point(1.5).y];
+        let stage = Stage::new(Camera { shift, ..Camera::look_at("any", eye, point(4.0), 1.2, 1.3) });
         let scene = stage.surface("triangle", &corners, lambert(0.5, 0.0)).prepared();
         let Some(empty) = EmptyPixels::find(&scene.scene.mesh, &scene.scene.cameras[0], film) else { continue };
         n_empty += empty.count();

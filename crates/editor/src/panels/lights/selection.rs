@@ -1,4 +1,4 @@
-//! Which rows are selected: by a click, with Ctrl or ⌘ one more, with Shift all up to there.
+//! Which rows are selected: by a click, with the command key one more, with Shift all up to there.
 
 use std::collections::BTreeSet;
 

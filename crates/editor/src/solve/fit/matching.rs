@@ -86,10 +86,10 @@ impl Matching {
         if self.is_free {
             let (mut both, mut own) = (0.0, 0.0);
             for (idx, value) in values.iter().enumerate() {
-                for c in 0..3 {
+                for (c, value) in value.iter().enumerate() {
                     let weight = self.trust[idx][c] * self.per_size[idx] * self.per_size[idx];
-                    both += weight * value[c] * self.means[idx].rgb[c];
-                    own += weight * value[c] * value[c];
+                    both += weight * value * self.means[idx].rgb[c];
+                    own += weight * value * value;
                 }
             }
             if both > 0.0 && own > 0.0 {
@@ -100,9 +100,9 @@ impl Matching {
         let sizes = misses.iter().flatten().map(|miss| miss.abs()).collect();
         let scale = CAUCHY * (SIGMA_PER_MEDIAN * median(sizes)).max(LEAST_SIGMA);
         for (idx, misses) in misses.iter().enumerate() {
-            for c in 0..3 {
-                let is_beyond = self.means[idx].is_clipped[c] && misses[c] >= 0.0;
-                self.trust[idx][c] = if is_beyond { 0.0 } else { 1.0 / (1.0 + (misses[c] / scale).powi(2)) };
+            for (c, miss) in misses.iter().enumerate() {
+                let is_beyond = self.means[idx].is_clipped[c] && *miss >= 0.0;
+                self.trust[idx][c] = if is_beyond { 0.0 } else { 1.0 / (1.0 + (miss / scale).powi(2)) };
             }
         }
     }
@@ -112,9 +112,9 @@ impl Matching {
         let (mut sum, mut weights) = (0.0, 0.0);
         for (idx, cell) in cells.iter().enumerate() {
             let misses = self.misses(idx, layout.value(&cell.row, x));
-            for c in 0..3 {
-                sum += self.trust[idx][c] * misses[c] * misses[c];
-                weights += self.trust[idx][c];
+            for (trust, miss) in self.trust[idx].iter().zip(misses) {
+                sum += trust * miss * miss;
+                weights += trust;
             }
         }
         if weights > 0.0 { (sum / weights).sqrt() } else { 0.0 }
