@@ -31,6 +31,10 @@ pub enum Action {
     SaveBake(PathBuf),
     /// Bake with the settings of the bake panel.
     StartBake,
+    /// Open the file again that changed on disk, with the look as it is.
+    Reload,
+    /// Go on with the bake that was stopped.
+    ResumeBake,
     /// Stop the bake and keep what was done.
     CancelBake,
     /// Turn an emissive rectangle into a panel of texels and bake again.

@@ -2,7 +2,9 @@
 
 mod camera;
 mod export;
+mod focus;
 mod follow;
+mod heat;
 mod lamplight;
 mod lamps;
 mod looks;
@@ -11,6 +13,7 @@ mod recovery;
 mod rest;
 mod sky;
 mod solving;
+mod strips;
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -32,6 +35,7 @@ use crate::look::{Display, Look};
 use crate::panels::bake::{BakeView, QUALITIES, bake_ui};
 use crate::panels::dialogs::{FileDialogs, FileQuestion, UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
+use crate::panels::heat::HeatMap;
 use crate::panels::lights::{LightsState, lights_ui, solo_banner_ui};
 use crate::panels::looks::LooksState;
 use crate::panels::shortcuts::{shortcuts_ui, take_keys};
@@ -56,6 +60,8 @@ const MAX_RECENT: usize = 8;
 const RECENT_KEY: &str = "recent";
 const LIGHTS_KEY: &str = "lights";
 const EXPORT_KEY: &str = "export";
+/// Set once the welcome was read.
+const WELCOMED_KEY: &str = "welcomed";
 
 /// How the window starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,12 +76,14 @@ pub struct Start {
     pub cache: Option<BakeCache>,
     /// Where files are asked for.
     pub dialogs: FileDialogs,
+    /// Whether somebody who was never here before is welcomed.
+    pub welcome: bool,
 }
 
 impl Start {
     /// With nothing of the user's: no folders and no dialogs of the desktop.
     pub fn alone(source: Source, settings: Option<BakeSettings>) -> Start {
-        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly }
+        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly, welcome: false }
     }
 }
 
@@ -109,8 +117,16 @@ pub struct App {
     shortcuts: bool,
     /// How pictures are written.
     export: ExportOptions,
+    heat_map: HeatMap,
+    heat: Option<heat::Heat>,
     recovery: Recovery,
     message: (String, MessageTone),
+    watched: strips::Watched,
+    /// The scene that is being opened is the same one, changed.
+    keeps_look: bool,
+    is_new_here: bool,
+    /// Memory in use, and when it was asked for, seconds.
+    memory: (Option<u64>, f64),
     recent: Vec<PathBuf>,
     title: String,
 }
@@ -144,6 +160,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         unsaved: recovery::folder(),
         cache: BakeCache::of_user()?,
         dialogs: FileDialogs::Desktop,
+        welcome: true,
     };
     let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
     result.map_err(|error| anyhow!("{error}"))
@@ -165,6 +182,7 @@ impl App {
             cc.egui_ctx.set_theme(ThemePreference::Dark);
         }
         let recent = cc.storage.and_then(|storage| eframe::get_value(storage, RECENT_KEY)).unwrap_or_default();
+        let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
         let layout = cc.storage.and_then(|storage| eframe::get_value(storage, LIGHTS_KEY)).unwrap_or_default();
         let lights = LightsState::new(layout);
         let ctx = cc.egui_ctx.clone();
@@ -198,8 +216,14 @@ impl App {
             profile_at_px: None,
             shortcuts: false,
             export: cc.storage.and_then(|storage| eframe::get_value(storage, EXPORT_KEY)).unwrap_or_default(),
+            heat_map: HeatMap::default(),
+            heat: None,
             recovery,
             message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
+            watched: strips::Watched::default(),
+            keeps_look: false,
+            is_new_here: start.welcome && !was_welcomed,
+            memory: (None, f64::MIN),
             recent,
             title: String::new(),
         })
@@ -260,15 +284,20 @@ impl App {
             Notice::Developed(picture) => self.copied(ctx, picture),
             Notice::Failed(words) => {
                 self.leave_behind();
+                self.keeps_look = false;
                 self.complain(words);
             }
         }
     }
 
     fn scene_opened(&mut self) {
-        (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+        let keeps_look = std::mem::take(&mut self.keeps_look);
+        if !keeps_look {
+            (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+            self.undoer = Undoer::default();
+        }
         (self.export.width_px, self.export.region) = (None, None);
-        self.undoer = Undoer::default();
+        self.watch_opened();
         self.lights = LightsState::new(self.lights.layout);
         self.view = ViewState::default();
         self.camera.put_down();
@@ -283,6 +312,12 @@ impl App {
             self.settings.film = Film::of_width(DEFAULT_WIDTH_PX, camera);
         }
         self.take_up();
+        if let (true, Some(basis)) = (keeps_look, self.session.basis()) {
+            let lost = self.look.unheeded(basis);
+            if !lost.is_empty() {
+                self.complain(format!("Opened again: {}", lost.join(", ")));
+            }
+        }
         self.start_bake();
     }
 
@@ -306,6 +341,8 @@ impl App {
             Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.start_bake(),
+            Action::Reload => self.reload(),
+            Action::ResumeBake => self.session.resume_bake(&self.settings),
             Action::CancelBake => {
                 self.session.cancel_bake();
                 self.adopt_view();
@@ -545,6 +582,9 @@ impl App {
             pictures: self.session.pictures(),
             units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),
+            n_resumable: self.session.n_resumable(&self.settings),
+            forecast: self.session.forecast(),
+            history: &self.session.history,
         };
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = self.session.shown.as_ref().filter(|_| !view.can_bake).map(|shown| BakeSettings {
@@ -554,10 +594,11 @@ impl App {
             illuminance: shown.pixel_irradiance().is_some(),
         });
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
-        bake_ui(ui, of_file.as_mut().unwrap_or(own), &view, &mut self.actions);
+        bake_ui(ui, of_file.as_mut().unwrap_or(own), &mut self.heat_map, &view, &mut self.actions);
     }
 
     fn bars_ui(&mut self, ui: &mut Ui) {
+        self.ask_memory(ui.ctx());
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 7));
         Panel::top("toolbar").frame(frame).show(ui, |ui| {
             let state = ToolbarState {
@@ -581,15 +622,20 @@ impl App {
                 size: self.follower.picture().map(|(_, size)| size),
                 millis: self.follower.millis(),
                 lamps: self.lamp_note(),
+                error_db: self.session.error_db.map(|error| error.total),
+                memory_bytes: self.memory.0,
             };
             status_ui(ui, &status, &mut self.actions);
         });
     }
 
     fn picture_ui(&mut self, ui: &mut Ui) {
+        self.strips_ui(ui);
         if self.camera.is_moving && self.session.lamp_scene().is_some() {
             return self.flight_ui(ui);
         }
+        let overlay = self.heat_overlay(ui.ctx());
+        self.look_there(ui.ctx());
         let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
@@ -602,6 +648,7 @@ impl App {
             scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
             legend: self.follower.legend(),
             compared,
+            overlay,
             readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
@@ -626,6 +673,8 @@ impl eframe::App for App {
         for action in std::mem::take(&mut self.actions) {
             self.apply(ctx, action);
         }
+        self.session.foresee(&self.settings);
+        self.watch_file(ctx);
         self.feed_undoer(ctx);
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
@@ -664,6 +713,9 @@ impl eframe::App for App {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
         eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
         eframe::set_value(storage, EXPORT_KEY, &self.export);
+        if !self.is_new_here {
+            eframe::set_value(storage, WELCOMED_KEY, &true);
+        }
         self.camera.save(storage);
     }
 
@@ -686,7 +738,7 @@ fn hovered_files_ui(ctx: &Context) {
 /// Quality that suits the machine, until a scene says which size.
 fn default_settings() -> BakeSettings {
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let quality = QUALITIES[usize::from(n_cores >= MANY_CORES)];
+    let quality = QUALITIES[if n_cores >= MANY_CORES { 2 } else { 1 }];
     let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
     let film = Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 };
     BakeSettings { camera_idx: 0, film, config, illuminance: false }

@@ -42,11 +42,6 @@ impl Legend {
         })
     }
 
-    /// Values with a mark and their words, at most `most`.
-    fn marks(&self, most: usize) -> Vec<(f32, String)> {
-        self.scale.ticks(most).into_iter().map(|value| (self.scale.position(value), number_words(value))).collect()
-    }
-
     /// Sets the legend beside a picture of RGB bytes, on its right, so that nothing of it is covered.
     pub fn beside(&self, picture: &RgbImage) -> RgbImage {
         let scale = (picture.height() / ROWS_PER_SCALE).max(1);
@@ -55,7 +50,8 @@ impl Legend {
         let [unit_width, line] = letters.size(unit);
         let height = picture.height().max(LEAST_HEIGHT);
         let (top, bottom) = (2 * GAP * scale + line, height - GAP * scale - line / 2);
-        let marks = self.marks(((bottom - top) / line + 1) as usize);
+        let bar = ScaleBar { name: self.quantity.name(), unit, scale: self.scale };
+        let marks = bar.marks(((bottom - top) / line + 1) as usize);
         let longest = marks.iter().map(|(_, words)| letters.size(words)[0]).max().unwrap_or(0);
         let text = ((BAR + MARK + GAP / 2) * scale + longest).max(unit_width);
 
@@ -78,11 +74,34 @@ impl Legend {
 
     /// Draws it into the lower right corner of an area of the window.
     pub fn ui(&self, ui: &Ui, area: Rect) {
+        ScaleBar { name: self.quantity.name(), unit: self.quantity.unit(), scale: self.scale }.ui(ui, area);
+    }
+}
+
+/// A bar of colors with values, in the window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScaleBar {
+    /// What is shown.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Which value has which color.
+    pub scale: ColorScale,
+}
+
+impl ScaleBar {
+    /// Values with a mark and their words, at most `most`.
+    fn marks(&self, most: usize) -> Vec<(f32, String)> {
+        self.scale.ticks(most).into_iter().map(|value| (self.scale.position(value), number_words(value))).collect()
+    }
+
+    /// Draws it into the lower right corner of an area.
+    pub fn ui(&self, ui: &Ui, area: Rect) {
         let size = vec2(86.0, (area.height() - 40.0).clamp(60.0, 260.0));
         let place = Rect::from_min_size(area.right_bottom() - size - vec2(12.0, 12.0), size);
         let response = ui.interact(place, ui.scope_id().with("legend"), egui::Sense::hover());
-        let (low, high, unit) = (number_words(self.scale.low), number_words(self.scale.high), self.quantity.unit());
-        let words = format!("Scale of {} from {low} to {high} {unit}", self.quantity.name());
+        let (low, high, unit) = (number_words(self.scale.low), number_words(self.scale.high), self.unit);
+        let words = format!("Scale of {} from {low} to {high} {unit}", self.name.to_lowercase());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &words));
 
         let painter = ui.painter_at(area);

@@ -1,6 +1,8 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
 pub mod aside;
+mod begun;
+pub mod estimate;
 pub mod lamps;
 mod mailbox;
 pub mod preview;
@@ -19,8 +21,9 @@ use std::time::{Duration, Instant};
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::Frame;
 use clerestory_transport::archive;
+use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
-use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, PackedMatrices, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, PackedMatrices, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelRequest;
@@ -35,6 +38,8 @@ use clerestory_transport::scene::PunctualLight;
 use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 use eframe::egui::ColorImage;
 
+use self::begun::Begun;
+use self::estimate::Forecasting;
 use self::lamps::{LampLight, LampView};
 use crate::bake_cache::BakeCache;
 use crate::crash;
@@ -271,6 +276,14 @@ pub struct Session {
     figures_at: Instant,
     /// Grows with every picture that is whole: a preview, a finished pass, a bake from a file.
     pub n_whole: u64,
+    n_counts: u64,
+    /// Seconds since the bake began, and its error at that time in dB.
+    pub history: Vec<[f32; 2]>,
+    bake_began: Instant,
+    begun: Option<Begun>,
+    forecasting: Forecasting,
+    /// Where somebody looks while a bake runs.
+    pub focus: Arc<Focus>,
     /// Where finished bakes of scenes are found and kept.
     pub cache: Option<BakeCache>,
 }
@@ -303,6 +316,12 @@ impl Session {
             figures: None,
             figures_at: Instant::now(),
             n_whole: 0,
+            n_counts: 0,
+            history: Vec::new(),
+            bake_began: Instant::now(),
+            begun: None,
+            forecasting: Forecasting::default(),
+            focus: Arc::default(),
             cache: None,
         }
     }
@@ -399,6 +418,8 @@ impl Session {
         if let Some(stack) = self.opened.as_ref().and_then(|opened| opened.stack.clone()) {
             self.stop_baking();
             let BakeConfig { tolerance_db, seed, .. } = settings.config;
+            self.history.clear();
+            self.bake_began = Instant::now();
             let job = StackJob { stack, tolerance_db, seed, memory_bytes: MEMORY_BYTES };
             self.bake = BakeState::Preparing;
             self.baking = self.spawn("bake", move |post| task::bake_stack(job, post));
@@ -407,27 +428,47 @@ impl Session {
         let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
             return;
         };
-        let Some(camera) = camera.or_else(|| scene.scene.cameras.get(settings.camera_idx).cloned()) else {
-            self.bake = BakeState::Failed(
-                "the scene has no camera and no surfaces to look at; open a scene with meshes".into(),
-            );
-            return;
-        };
-        self.stop_baking();
-        self.views.baking = Some(camera.clone());
-        let config = settings.config.clone();
-        let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
-        let irradiance = match (IrradianceRequest { of_file, ..IrradianceRequest::default() }).rows(&scene) {
-            Ok(rows) => rows,
-            Err(error) => {
-                self.bake = BakeState::Failed(words(error));
+        let job = match self.job(settings, camera.clone()) {
+            Ok(job) => job,
+            Err(why) => {
+                self.bake = BakeState::Failed(why);
                 return;
             }
         };
-        let job = BakeJob { scene, camera, film: settings.film, config, passes, irradiance };
+        self.begun = Some(Begun::new(scene, settings.clone(), camera));
+        self.begin(BakeJob { passes, ..job }, None);
+    }
+
+    /// Goes on with a bake that was stopped, where that can be.
+    pub fn resume_bake(&mut self, settings: &BakeSettings) {
+        if self.n_resumable(settings) > 0
+            && let Ok(job) = self.job(settings, self.begun.as_ref().and_then(Begun::camera))
+        {
+            let half_done = self.half_done();
+            self.begin(job, half_done);
+        }
+    }
+
+    /// What would be baked with some settings, or why nothing can be.
+    fn job(&self, settings: &BakeSettings, camera: Option<Camera>) -> Result<BakeJob, String> {
+        const NO_CAMERA: &str = "the scene has no camera and no surfaces to look at; open a scene with meshes";
+        let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone()).ok_or("no scene is open; open one")?;
+        let of_scene = || scene.scene.cameras.get(settings.camera_idx).cloned();
+        let camera = camera.or_else(of_scene).ok_or(NO_CAMERA)?;
+        let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
+        let irradiance = IrradianceRequest { of_file, ..IrradianceRequest::default() }.rows(&scene).map_err(words)?;
+        let (film, config, passes) = (settings.film, settings.config.clone(), Passes::Progressive);
+        Ok(BakeJob { scene, camera, film, config, passes, irradiance })
+    }
+
+    fn begin(&mut self, job: BakeJob, half_done: Option<HalfDone>) {
+        self.stop_baking();
+        self.views.baking = Some(job.camera.clone());
         self.bake = BakeState::Preparing;
-        let cache = self.cache.clone();
-        self.baking = self.spawn("bake", move |post| task::bake(job, cache, post));
+        self.history.clear();
+        self.bake_began = Instant::now();
+        let (cache, focus) = (self.cache.clone(), self.focus.clone());
+        self.baking = self.spawn("bake", move |post| task::bake(job, half_done, cache, &focus, post));
     }
 
     /// Stops the bake; what was done stays.
@@ -585,6 +626,7 @@ impl Session {
             }
             Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
             Fact::Written(Err(words)) | Fact::Developed(Err(words)) => notices.push(Notice::Failed(words)),
+            Fact::Foreseen(answer) => self.foreseen(id, answer),
             Fact::Developed(Ok(picture)) => notices.push(Notice::Developed(picture)),
             // Facts of a task that was stopped no longer count.
             Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
@@ -610,6 +652,8 @@ impl Session {
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.forget_views();
         self.stage = Stage::Ready;
+        self.history.clear();
+        self.begun = None;
         let path = self.opening.take();
         let source = self.opening_source.take();
         match loaded {
@@ -674,10 +718,12 @@ impl Session {
     fn bake_event(&mut self, event: BakeEvent) {
         match event {
             BakeEvent::Started { header, n_blocks, n_passes } => {
+                self.begun.iter_mut().for_each(|begun| begun.started(header.clone(), n_passes));
                 self.pass_blocks = (n_blocks, 0);
                 self.bake_started(header, n_passes);
             }
-            BakeEvent::BlockDone { block_idx, factors, .. } => {
+            BakeEvent::BlockDone { pass, block_idx, factors } => {
+                self.begun.iter_mut().for_each(|begun| begun.block_done(pass, block_idx, &factors));
                 self.pass_blocks.1 += 1;
                 self.block_done(block_idx, &factors);
             }
@@ -739,6 +785,7 @@ impl Session {
         self.bake = match result {
             Ok(Some(bake)) => {
                 let figures = bake.figures();
+                self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
                 notices.push(Notice::Said(format!("Baked at {:.1} dB", figures.error_db.total)));
                 // The file will hold these, a little less exact than the blocks that came one by one.
                 if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {
@@ -796,7 +843,17 @@ impl Session {
     /// Counts ranks and bytes of what is there.
     fn count(&mut self) {
         self.figures = self.shown.as_ref().map(|shown| shown.bake().figures());
-        self.figures_at = Instant::now();
+        (self.figures_at, self.n_counts) = (Instant::now(), self.n_counts + 1);
+        // Before the first block there is no error to speak of.
+        let counted = self.figures.as_ref().filter(|figures| figures.max_rank > 0 && self.bake.is_running());
+        if let Some(figures) = counted {
+            self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
+        }
+    }
+
+    /// How often the blocks that are there were counted; what is made of them is as new as that.
+    pub fn n_counts(&self) -> u64 {
+        self.n_counts
     }
 
     /// Joins threads that have ended; one that ended without a last word has panicked.

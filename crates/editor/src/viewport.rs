@@ -20,6 +20,7 @@ use eframe::egui::{
 use crate::action::{Action, FileTask};
 use crate::legend::Legend;
 use crate::look::Look;
+use crate::panels::heat::Overlay;
 use crate::panels::lights::LightsState;
 use crate::session::{BakeState, Stage};
 use crate::theme;
@@ -44,6 +45,8 @@ pub struct Viewed<'a> {
     pub legend: Option<Legend>,
     /// What it is compared with.
     pub compared: Option<Compared>,
+    /// A map of colors over it.
+    pub overlay: Option<Overlay>,
     /// What was measured in it.
     pub readings: &'a Readings,
 }
@@ -62,6 +65,9 @@ pub struct ViewState {
     /// What is marked, and how.
     pub marking: Marking,
 }
+
+/// How much of a picture a map of colors hides, of 255.
+const OVERLAY_ALPHA: u8 = 200;
 
 /// Draws picture and handles, or says in words what is going on.
 pub fn viewport_ui(
@@ -86,6 +92,10 @@ pub fn viewport_ui(
     let image = state.zoom.image_rect(area, size);
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    if let Some(overlay) = viewed.overlay {
+        let covered = Rect::from_min_max(pos2(0.0, 0.0), pos2(overlay.covered[0], overlay.covered[1]));
+        painter.image(overlay.texture, image, covered, Color32::from_white_alpha(OVERLAY_ALPHA));
+    }
     let marks = state.grab.is_none() && marking_ui(ui, &response, image, Film { width, height }, &mut state.marking);
     let mut is_free = !marks;
     if marks {
@@ -115,8 +125,10 @@ pub fn viewport_ui(
     let grid = Grid { image, size: [width, height] };
     probe::follow(ui, &response, grid, &mut state.probes, is_free);
     probe::readings_ui(ui, &response, grid, viewed.readings, &mut state.probes, lights);
-    if let Some(legend) = viewed.legend {
-        legend.ui(ui, area);
+    match (viewed.overlay, viewed.legend) {
+        (Some(overlay), _) => overlay.bar.ui(ui, area),
+        (None, Some(legend)) => legend.ui(ui, area),
+        (None, None) => {}
     }
     if matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
         busy_corner(ui, area, &busy_words(viewed));

@@ -165,8 +165,24 @@ pub fn compress<M: SampledMatrix>(
     config: &CompressConfig,
     on_block: impl FnMut(u32, Vec<BlockFactors>) -> ControlFlow<()> + Send,
 ) -> Result<ControlFlow<()>, CompressError> {
+    compress_by(&|_| 0, matrix, partition, blocks, config, on_block)
+}
+
+/// The same in an order that may change while it runs: `order` is given the blocks that nobody has taken yet and says at which
+/// place among them the next one stands. The factors are the same in any order.
+///
+/// # Errors
+/// As [`compress`].
+pub fn compress_by<M: SampledMatrix>(
+    order: &(dyn Fn(&[u32]) -> usize + Sync),
+    matrix: &M,
+    partition: &Partition,
+    blocks: &[u32],
+    config: &CompressConfig,
+    on_block: impl FnMut(u32, Vec<BlockFactors>) -> ControlFlow<()> + Send,
+) -> Result<ControlFlow<()>, CompressError> {
     check(matrix, partition, blocks, config)?;
-    Run::new(matrix, partition, blocks, config, on_block).finish()
+    Run::new((matrix, partition), blocks, order, config, on_block).finish()
 }
 
 /// Compresses one block from the sums of its samples: one result per group of the config.

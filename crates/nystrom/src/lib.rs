@@ -87,6 +87,7 @@ pub use bounded::{BoundedError, BoundedLeastSquares};
 pub use codec::{CodecError, decode_block, encode_block};
 pub use compress::{
     BlockSamples, ColumnGroup, CompressConfig, CompressError, SamplePlan, Tolerance, compress, compress_block,
+    compress_by,
 };
 pub use factors::{BlockError, BlockFactors};
 pub use landmarks::{Landmarks, Selection};

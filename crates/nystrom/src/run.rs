@@ -4,7 +4,7 @@ use std::{
     ops::{ControlFlow, Range},
     sync::{
         Mutex, PoisonError,
-        atomic::{AtomicBool, AtomicUsize, Ordering},
+        atomic::{AtomicBool, Ordering},
     },
 };
 
@@ -23,8 +23,10 @@ pub(crate) struct Run<'a, M, F> {
     matrix: &'a M,
     partition: &'a Partition,
     blocks: &'a [u32],
+    /// At which place among blocks that nobody has taken the next one stands.
+    order: &'a (dyn Fn(&[u32]) -> usize + Sync),
     config: &'a CompressConfig,
-    next: AtomicUsize,
+    left: Mutex<Vec<u32>>,
     stopping: AtomicBool,
     sink: Mutex<Sink<F>>,
 }
@@ -51,14 +53,15 @@ where
     F: FnMut(u32, Vec<BlockFactors>) -> ControlFlow<()> + Send,
 {
     pub(crate) fn new(
-        matrix: &'a M,
-        partition: &'a Partition,
+        (matrix, partition): (&'a M, &'a Partition),
         blocks: &'a [u32],
+        order: &'a (dyn Fn(&[u32]) -> usize + Sync),
         config: &'a CompressConfig,
         on_block: F,
     ) -> Self {
         let sink = Mutex::new(Sink { on_block, error: None });
-        Self { matrix, partition, blocks, config, next: AtomicUsize::new(0), stopping: AtomicBool::new(false), sink }
+        let left = Mutex::new(blocks.to_vec());
+        Self { matrix, partition, blocks, order, config, left, stopping: AtomicBool::new(false), sink }
     }
 
     /// Works on all threads of the pool until every block is done or somebody says stop.
@@ -79,14 +82,23 @@ where
     fn work(&self) {
         let mut scratch = Scratch::default();
         while !self.stops() {
-            let place = self.next.fetch_add(1, Ordering::Relaxed);
-            let Some(&block) = self.blocks.get(place) else { return };
+            let Some(block) = self.next() else { return };
             match self.block(block, &mut scratch) {
                 Ok(None) => return,
                 Ok(Some(factors)) => self.deliver(block, factors),
-                Err(error) => self.fail(place, error),
+                Err(error) => self.fail(self.blocks.iter().position(|b| *b == block).unwrap_or(0), error),
             }
         }
+    }
+
+    /// Takes the next block.
+    fn next(&self) -> Option<u32> {
+        let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
+        if left.is_empty() {
+            return None;
+        }
+        let place = (self.order)(&left).min(left.len() - 1);
+        Some(left.remove(place))
     }
 
     fn stops(&self) -> bool {

@@ -24,6 +24,7 @@ use part::{Done, Part};
 pub use part::{PartState, part_state};
 use thiserror::Error;
 
+use crate::bake::focus::Focus;
 use crate::bake::stack::SurveyedStack;
 use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices};
 use crate::irradiance::first_block;
@@ -157,7 +158,9 @@ pub fn bake_to_file(
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
     let header = job.header()?;
-    keep(header, path, restart, on_event, |header, done, on_event| job.run_from(header, done, on_event))
+    keep(header, path, restart, on_event, |header, done, on_event| {
+        job.run_from(header, done, &Focus::default(), on_event)
+    })
 }
 
 /// The same for a measured stack.

@@ -4,6 +4,9 @@
 
 mod clock;
 pub mod estimate;
+#[cfg(test)]
+mod floor;
+pub mod focus;
 mod irradiance;
 mod key;
 mod method;
@@ -18,9 +21,10 @@ use std::time::Instant;
 use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{
     BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, PackedMatrix, Partition, SamplePlan,
-    Smoothing, Tolerance, compress,
+    Smoothing, Tolerance, compress_by,
 };
 use clock::Clock;
+use focus::Focus;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -376,6 +380,15 @@ pub struct Bake {
 /// For each matrix one part per group of columns.
 pub type PackedMatrices = Vec<Vec<PackedMatrix>>;
 
+/// What is there of a bake that was stopped in its last pass.
+#[derive(Clone, Debug)]
+pub struct HalfDone {
+    /// What it is of.
+    pub header: Arc<BakeHeader>,
+    /// Blocks of the last pass, numbered through all matrices, one factor per group of columns.
+    pub blocks: Vec<(usize, Vec<Arc<BlockFactors>>)>,
+}
+
 impl BakeEvent {
     /// The event of a block; matrix 0 is the picture.
     fn of_block(pass: u32, (matrix, block_idx): (usize, usize), factors: Vec<Arc<BlockFactors>>) -> BakeEvent {
@@ -392,8 +405,25 @@ impl BakeJob {
     /// # Errors
     /// See [`BakeError`].
     pub fn run(self, on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send) -> Result<Option<Bake>, BakeError> {
-        let header = Arc::new(self.header()?);
-        self.run_from(header, &[], on_event)
+        self.run_toward(&Focus::default(), None, on_event)
+    }
+
+    /// The same for somebody who looks at it: blocks where `focus` is come first, and what was done of the same job before is
+    /// taken as it is. The result is the same to the last byte.
+    ///
+    /// # Errors
+    /// See [`BakeError`].
+    pub fn run_toward(
+        self,
+        focus: &Focus,
+        begun: Option<HalfDone>,
+        on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+    ) -> Result<Option<Bake>, BakeError> {
+        let HalfDone { header, blocks } = match begun {
+            Some(begun) => begun,
+            None => HalfDone { header: Arc::new(self.header()?), blocks: Vec::new() },
+        };
+        self.run_from(header, &blocks, focus, on_event)
     }
 
     /// Whether the camera is none of the scene's.
@@ -492,6 +522,7 @@ impl BakeJob {
         self,
         header: Arc<BakeHeader>,
         done: &[(usize, Vec<Arc<BlockFactors>>)],
+        focus: &Focus,
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
         let plan = self.plan(Density::Full, &header);
@@ -504,8 +535,8 @@ impl BakeJob {
         let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
         let started = Instant::now();
         let deadline = self.passes.deadline().map(Deadline::new);
-        let mut run =
-            Run { job: &self, matrix: &matrix, header: &header, empty, matrices, last, bias: None, started, deadline };
+        let (job, matrix, run_header, bias) = (&self, &matrix, &header, None);
+        let mut run = Run { job, matrix, header: run_header, focus, empty, matrices, last, bias, started, deadline };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -622,6 +653,8 @@ struct Run<'a> {
     job: &'a BakeJob,
     matrix: &'a TransportMatrix<'a>,
     header: &'a Arc<BakeHeader>,
+    /// Which blocks come first.
+    focus: &'a Focus,
     empty: Option<Arc<EmptyPixels>>,
     /// Of the picture, then of each matrix of irradiance.
     matrices: Vec<Vec<BlockLowRank>>,
@@ -709,7 +742,7 @@ impl Run<'_> {
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
         let (job, header) = (self.job, self.header.clone());
-        let (partition, started) = (header.partition(), self.started);
+        let (partition, started, focus) = (header.partition(), self.started, self.focus);
         // The preview connects to fewer texels; the rest of the plan is the same.
         let (coarse_plan, mut coarse);
         let matrix = match samples {
@@ -754,9 +787,10 @@ impl Run<'_> {
             factors.extend(of_patches.take(block));
             self.deliver((0, block as usize), pass, factors, clock, on_event)
         };
+        let order = |left: &[u32]| focus.next(&partition, left);
         let flow = match &shared {
-            Some(shared) => compress(shared, &partition, blocks, &config, on_block)?,
-            None => compress(matrix, &partition, blocks, &config, on_block)?,
+            Some(shared) => compress_by(&order, shared, &partition, blocks, &config, on_block)?,
+            None => compress_by(&order, matrix, &partition, blocks, &config, on_block)?,
         };
         if flow.is_break() {
             return Ok(flow);

@@ -29,6 +29,17 @@ pub struct ErrorMaps {
     pub total: Layer,
 }
 
+/// What a map of blocks tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockMap {
+    /// Rank, summed over the groups of columns.
+    Rank,
+    /// Truncation and sampling together, root mean square in percent of the columns' peaks.
+    ErrorPercent,
+    /// Samples per pixel that were taken.
+    Samples,
+}
+
 /// How a layer is spread over the blocks, in dB.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Spread {
@@ -68,6 +79,23 @@ impl Bake {
             noise: layer(|error| error.noise),
             total: layer(|error| error.truncation.max(0.0) + error.sampling),
         }
+    }
+
+    /// One value per block of the picture, row by row from the top left; none where a block is not there.
+    pub fn block_map(&self, what: BlockMap) -> Layer {
+        let first = |block_idx: usize| self.groups.first()?.blocks.get(block_idx)?.as_ref();
+        let value = |block_idx: usize| {
+            let block = first(block_idx)?;
+            match what {
+                BlockMap::Rank => Some(self.rank(block_idx) as f32),
+                BlockMap::Samples => Some(block.n_samples as f32),
+                BlockMap::ErrorPercent => {
+                    let db = self.block_db(block_idx, |error| error.truncation.max(0.0) + error.sampling)?;
+                    Some(100.0 * 10f32.powf(-db / 20.0))
+                }
+            }
+        };
+        (0..self.header.partition().n_blocks()).map(value).collect()
     }
 
     fn block_db(&self, block_idx: usize, error: fn(&BlockError) -> f32) -> Option<f32> {

@@ -189,7 +189,7 @@ impl Bake {
     }
 
     /// Rank of a block, summed over the groups of columns.
-    fn rank(&self, block_idx: usize) -> u32 {
+    pub(crate) fn rank(&self, block_idx: usize) -> u32 {
         self.groups.iter().filter_map(|group| Some(group.blocks.get(block_idx)?.as_ref()?.rank)).sum()
     }
 

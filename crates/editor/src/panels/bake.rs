@@ -7,8 +7,11 @@ use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::patches::{DEFAULT_PATCHES, MOST_PATCHES};
 use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui, Widget};
 
+use super::heat::{HeatMap, heat_ui};
+use super::plot::error_plot_ui;
 use super::status::duration;
 use crate::action::{Action, FileTask};
+use crate::session::estimate::Forecast;
 use crate::session::{BakeSettings, BakeState};
 use crate::theme;
 
@@ -24,9 +27,10 @@ pub struct Quality {
 }
 
 /// What there is to choose from.
-pub const QUALITIES: [Quality; 3] = [
+pub const QUALITIES: [Quality; 4] = [
+    Quality { name: "Preview", spp: 16, tolerance_db: 26.0 },
     Quality { name: "Draft", spp: 64, tolerance_db: 32.0 },
-    Quality { name: "Standard", spp: 256, tolerance_db: 40.0 },
+    Quality { name: "Final", spp: 256, tolerance_db: 40.0 },
     Quality { name: "High", spp: 1024, tolerance_db: 46.0 },
 ];
 
@@ -49,19 +53,37 @@ pub struct BakeView<'a> {
     pub units: Option<LampUnits>,
     /// What was left behind on import, in words.
     pub report: &'a [String],
+    /// Blocks that are there of a bake that was stopped and can go on.
+    pub n_resumable: usize,
+    /// What the bake will take.
+    pub forecast: &'a Forecast,
+    /// Seconds since the bake began, and its error at that time in dB.
+    pub history: &'a [[f32; 2]],
 }
 
 /// Draws it.
-pub fn bake_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
+pub fn bake_ui(
+    ui: &mut Ui,
+    settings: &mut BakeSettings,
+    heat_map: &mut HeatMap,
+    view: &BakeView,
+    actions: &mut Vec<Action>,
+) {
     theme::section(ui, "Bake");
     ui.add_enabled_ui(view.can_bake, |ui| match view.pictures {
         Some(pictures) => pictures_ui(ui, &mut settings.config, pictures),
         None => settings_ui(ui, settings, view, actions),
     });
     ui.add_space(4.0);
+    forecast_ui(ui, view);
     progress_ui(ui, view, actions);
+    if !view.history.is_empty() {
+        ui.add_space(2.0);
+        error_plot_ui(ui, view.history, settings.config.tolerance_db);
+    }
     if let Some(figures) = view.figures {
         ui.add_space(2.0);
+        heat_ui(ui, heat_map);
         figures_ui(ui, figures, view.error_db, view.state, actions);
     }
     if !view.report.is_empty() {
@@ -176,6 +198,26 @@ fn quality_ui(ui: &mut Ui, config: &mut BakeConfig, label: egui::Id) {
     combo.response.labelled_by(label);
 }
 
+/// What the bake will take, while there is none with these settings.
+fn forecast_ui(ui: &mut Ui, view: &BakeView) {
+    if view.state.is_running() {
+        return;
+    }
+    let words = match view.forecast {
+        Forecast::None => return,
+        Forecast::Trying => "Estimating time and memory".into(),
+        Forecast::Failed(why) => why.clone(),
+        Forecast::Told(estimate) => format!(
+            "About {}, {} of memory, a file of {}",
+            duration(estimate.secs),
+            bytes(estimate.memory_bytes as usize),
+            bytes(estimate.file_bytes as usize)
+        ),
+    };
+    let hint = "A few blocks all over the picture were baked as the bake would, and counted for all";
+    ui.add(egui::Label::new(RichText::new(words).weak()).wrap()).on_hover_text(hint);
+}
+
 fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
     let width = egui::vec2(ui.available_width(), 28.0);
     if view.state.is_running() {
@@ -188,6 +230,17 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
         ui.add(ProgressBar::new(done).corner_radius(3).text(RichText::new(text).small()));
         if ui.add_sized(width, Button::new("Cancel")).on_hover_text("What is done stays").clicked() {
             actions.push(Action::CancelBake);
+        }
+        return;
+    }
+    if view.n_resumable > 0 {
+        let resume = Button::new(RichText::new("Resume bake").color(theme::ON_ACCENT)).fill(theme::ACCENT);
+        let hint = format!("{} blocks of the last pass are there already", view.n_resumable);
+        if ui.add_sized(width, resume).on_hover_text(hint).clicked() {
+            actions.push(Action::ResumeBake);
+        }
+        if ui.add_sized(width, Button::new("Start over")).clicked() {
+            actions.push(Action::StartBake);
         }
         return;
     }
@@ -291,9 +344,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_standard_quality_is_the_default_of_the_command_line() {
+    fn the_final_quality_is_the_default_of_the_command_line() {
         let config = BakeConfig::default();
-        assert_eq!((QUALITIES[1].spp, QUALITIES[1].tolerance_db), (config.spp, config.tolerance_db));
+        assert_eq!((QUALITIES[2].spp, QUALITIES[2].tolerance_db), (config.spp, config.tolerance_db));
     }
 
     #[test]

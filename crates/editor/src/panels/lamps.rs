@@ -164,13 +164,14 @@ pub(super) fn details_ui(
 fn buttons_ui(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         if lamp.shape.is_aimed() {
-            let hint = "Click in the picture what it is to light\nA, or Ctrl and click at once";
+            let command = ui.ctx().format_modifiers(egui::Modifiers::COMMAND);
+            let hint = format!("Click in the picture what it is to light\nA, or {command} and click at once");
             let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
             if aim.clicked() {
                 state.aiming = !state.aiming;
             }
         }
-        if ui.button("Duplicate").on_hover_text("Ctrl+D").clicked() {
+        if ui.button("Duplicate").on_hover_text(ui.ctx().format_shortcut(&super::shortcuts::DUPLICATE)).clicked() {
             actions.push(Action::DuplicateLamp);
         }
         if ui.button("Delete").on_hover_text("Del").clicked() {

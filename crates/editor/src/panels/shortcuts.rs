@@ -15,11 +15,14 @@ pub const UNDO: KeyboardShortcut = command(Key::Z);
 /// Does again what was taken back.
 pub const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
 const REDO_TOO: KeyboardShortcut = command(Key::Y);
-const OPEN: KeyboardShortcut = command(Key::O);
+/// Opens a scene or a bake.
+pub const OPEN: KeyboardShortcut = command(Key::O);
 const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::O);
-const SAVE: KeyboardShortcut = command(Key::S);
+/// Saves the look.
+pub const SAVE: KeyboardShortcut = command(Key::S);
 const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
-const EXPORT: KeyboardShortcut = command(Key::E);
+/// Writes the picture.
+pub const EXPORT: KeyboardShortcut = command(Key::E);
 const COPY: KeyboardShortcut = command(Key::C);
 const BAKE: KeyboardShortcut = command(Key::B);
 const PLAY: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::L);
@@ -29,7 +32,8 @@ const ONE_TO_ONE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key:
 const CAMERA: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::C);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
-const DUPLICATE: KeyboardShortcut = command(Key::D);
+/// Copies the chosen lamp.
+pub const DUPLICATE: KeyboardShortcut = command(Key::D);
 const AIM: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::A);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 const HELP_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Questionmark);
@@ -127,7 +131,10 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Drag the lamp, Alt + drag"), "Move it over surfaces, or freely"),
         (words("Shift while dragging a lamp"), "Finer steps"),
         (words("Esc while dragging a lamp"), "Put it back"),
-        (words("A, then click; Ctrl + click"), "Aim the lamp at what is clicked"),
+        (
+            format!("A, then click; {} + click", ctx.format_modifiers(Modifiers::COMMAND).trim_end_matches('+')),
+            "Aim the lamp at what is clicked",
+        ),
         (keys(&DUPLICATE), "Duplicate the lamp"),
         (words("Del"), "Delete the lamp"),
         (format!("Click on a name, with Shift, with {command}"), "Select a light, all up to there, one more"),

@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, ProgressBar, RichText, Ui};
 
+use super::bake::bytes;
 use crate::action::Action;
 use crate::picture::DeviceWish;
 use crate::session::BakeState;
@@ -24,6 +25,10 @@ pub struct Status<'a> {
     pub millis: Option<f32>,
     /// What there is to know about the light of free lamps.
     pub lamps: LampNote,
+    /// Error of what is shown, dB below the peaks of the lights.
+    pub error_db: Option<f32>,
+    /// Memory of the program, bytes.
+    pub memory_bytes: Option<u64>,
 }
 
 /// About the light of free lamps.
@@ -59,7 +64,20 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             if let Some([width, height]) = status.size {
                 ui.label(RichText::new(format!("{width} × {height}")).weak());
             }
+            if let Some(memory) = status.memory_bytes {
+                ui.label(RichText::new(bytes(memory as usize)).weak()).on_hover_text("Memory of the program");
+            }
+            if let Some(db) = status.error_db {
+                let hint = "Error of the bake, below the peaks of the lights: more is better";
+                ui.label(RichText::new(format!("{db:.1} dB")).weak()).on_hover_text(hint);
+            }
             lamps_ui(ui, &status.lamps);
+            if status.bake.is_running() {
+                let stop = ui.small_button("Stop").on_hover_text("Stop the bake; what is done stays");
+                if stop.accessible_name("Stop the bake").clicked() {
+                    actions.push(Action::CancelBake);
+                }
+            }
             if let BakeState::Running { done, pass, n_passes, pass_done, secs_left } = status.bake {
                 let text = match secs_left {
                     Some(secs) => format!("{} left", duration(*secs)),

@@ -6,6 +6,7 @@ use eframe::egui::{self, Button, ThemePreference, Ui};
 
 use super::shortcuts;
 use crate::action::{Action, FileTask};
+use egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT};
 
 /// What the toolbar needs to know.
 pub struct ToolbarState<'a> {
@@ -39,12 +40,15 @@ pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) 
                 actions.push(Action::ToggleShortcuts);
             }
             ui.menu_button("Theme", theme_menu);
+            ui.menu_button("Text size", size_menu);
         });
     });
 }
 
 fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
-    if ui.button("Open…").on_hover_text("Open a glTF scene or a finished bake, Ctrl+O").clicked() {
+    let keys = |keys: &egui::KeyboardShortcut| ui.ctx().format_shortcut(keys);
+    let [open, save, export] = [&shortcuts::OPEN, &shortcuts::SAVE, &shortcuts::EXPORT].map(keys);
+    if ui.button("Open…").on_hover_text(format!("Open a glTF scene or a finished bake, {open}")).clicked() {
         actions.push(Action::Ask(FileTask::OpenScene));
     }
     let hint = "Open a folder with a picture for each light, as a light stage takes them";
@@ -56,7 +60,7 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     if ui.button("Open look…").clicked() {
         actions.push(Action::Ask(FileTask::OpenLook));
     }
-    let response = ui.button("Save look…").on_hover_text("Ctrl+S");
+    let response = ui.button("Save look…").on_hover_text(save);
     if response.clicked() {
         actions.push(Action::SaveLookAgain);
     }
@@ -64,8 +68,8 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
         let dot = response.rect.right_top() + egui::vec2(-4.0, 4.0);
         ui.painter().circle_filled(dot, 2.5, crate::theme::ACCENT);
     }
-    let export = ui.add_enabled(state.has_picture, Button::new("Export…"));
-    if export.on_hover_text("Write the picture as PNG or linear EXR, Ctrl+E").clicked() {
+    let button = ui.add_enabled(state.has_picture, Button::new("Export…"));
+    if button.on_hover_text(format!("Write the picture as PNG or linear EXR, {export}")).clicked() {
         actions.push(Action::Ask(FileTask::Export));
     }
 }
@@ -85,6 +89,23 @@ fn recent_menu(ui: &mut Ui, recent: &[PathBuf], actions: &mut Vec<Action>) {
         actions.push(Action::OpenBuiltIn);
         ui.close();
     }
+}
+
+/// Sizes of everything in the window, of the size that the system asks for.
+const SIZES_PERCENT: [u16; 5] = [100, 125, 150, 175, 200];
+
+fn size_menu(ui: &mut Ui) {
+    let current = ui.ctx().zoom_factor();
+    for percent in SIZES_PERCENT {
+        let factor = f32::from(percent) / 100.0;
+        if ui.radio((current - factor).abs() < 1e-3, format!("{percent} %")).clicked() {
+            ui.ctx().set_zoom_factor(factor);
+            ui.close();
+        }
+    }
+    ui.separator();
+    let [larger, smaller] = [ZOOM_IN, ZOOM_OUT].map(|keys| ui.ctx().format_shortcut(&keys));
+    ui.weak(format!("{larger} and {smaller}"));
 }
 
 fn theme_menu(ui: &mut Ui) {

@@ -10,8 +10,10 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clerestory_transport::archive;
+use clerestory_transport::bake::estimate::BakeEstimate;
+use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::stack::StackJob;
-use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob};
+use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, HalfDone};
 use clerestory_transport::camera::Camera;
 use clerestory_transport::emitters::LightingError;
 use clerestory_transport::import::{self, stack::ImageStack};
@@ -107,6 +109,8 @@ pub(super) enum Fact {
     Frame(u32),
     /// A file was written, or why not.
     Written(Result<String, String>),
+    /// What a bake will take, or why it cannot be made.
+    Foreseen(Result<BakeEstimate, String>),
     /// A picture for the clipboard, or why there is none.
     Developed(Result<ColorImage, String>),
 }
@@ -124,14 +128,14 @@ impl Post {
         Post { id, sender, wake, stop: Arc::default() }
     }
 
-    /// Whether nobody wants its work any more.
-    pub fn is_stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+    /// Whether anybody still wants what it makes.
+    pub fn is_wanted(&self) -> bool {
+        !self.stop.load(Ordering::Relaxed)
     }
 
     /// Tells the window, which looks within `soon`; breaks if nobody wants to hear more.
     pub fn send(&self, fact: Fact, soon: Duration) -> ControlFlow<()> {
-        if self.sender.send((self.id, fact)).is_err() || self.stop.load(Ordering::Relaxed) {
+        if self.sender.send((self.id, fact)).is_err() || !self.is_wanted() {
             return ControlFlow::Break(());
         }
         (self.wake)(soon);
@@ -253,7 +257,7 @@ const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 /// Bakes on all cores but one, which stays with the window.
 ///
 /// One that is in the cache is not made again; one that is new is kept there.
-pub(super) fn bake(job: BakeJob, cache: Option<BakeCache>, post: Post) {
+pub(super) fn bake(job: BakeJob, begun: Option<HalfDone>, cache: Option<BakeCache>, focus: &Focus, post: Post) {
     let mut remarks = Vec::new();
     let cached = cache.map(|cache| (cache.place(&job), cache));
     match cached.as_ref().map(|(place, cache)| cache.find(place)) {
@@ -265,7 +269,7 @@ pub(super) fn bake(job: BakeJob, cache: Option<BakeCache>, post: Post) {
         Some(Found::Nothing) | None => {}
     }
     let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
-    let result = beside_the_window(|| job.run(|event| tell(&post, event)));
+    let result = beside_the_window(|| job.run_toward(focus, begun, |event| tell(&post, event)));
     let baked = result.as_ref().ok().cloned().flatten();
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
     if let (Some((place, cache)), Some(bake)) = (cached, baked)
@@ -290,7 +294,9 @@ fn tell(post: &Post, event: BakeEvent) -> ControlFlow<()> {
     post.send(Fact::Bake(event), soon)
 }
 
-fn beside_the_window(bake: impl FnOnce() -> Result<Option<Bake>, BakeError> + Send) -> Result<Option<Bake>, String> {
+pub(super) fn beside_the_window<T: Send>(
+    bake: impl FnOnce() -> Result<Option<T>, BakeError> + Send,
+) -> Result<Option<T>, String> {
     let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
     match rayon::ThreadPoolBuilder::new().num_threads((n_cores - 1).max(1)).build() {
         Ok(pool) => pool.install(bake).map_err(words),
@@ -325,7 +331,7 @@ pub(super) fn write_frames(sequence: &Sequence, subject: Subject, post: &Post) {
         // A stop is seen before the next frame.
         let _ = post.send(Fact::Frame(n), BLOCKS_WITHIN);
     };
-    let written = sequence.write(&mut stills, &header.basis, &|| post.is_stopped(), &mut on_frame);
+    let written = sequence.write(&mut stills, &header.basis, &|| !post.is_wanted(), &mut on_frame);
     let last = sequence.pattern.file(*sequence.frames.end());
     let words = |n: u32| match n == n_frames {
         true => format!("Saved {n} frames up to {}", last.display()),

@@ -1,5 +1,7 @@
 //! Views that were baked in this session: each keeps its matrix in memory, and any is shown again at once.
 
+use std::sync::Arc;
+
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 
@@ -132,6 +134,10 @@ impl Session {
         if let Some(id) = self.views.kept.iter().find(|kept| same(&kept.shown)).map(|kept| kept.id) {
             // Nothing of it runs yet, and so what is shown is put into the list.
             self.set_aside_idle(|session| session.show_view(id));
+        }
+        if self.shown.as_ref().is_some_and(|shown| Arc::ptr_eq(&shown.header, &started.header)) {
+            // A bake that goes on: its blocks are in the picture already.
+            return;
         }
         if self.shown.as_ref().is_some_and(same) {
             self.incoming = Some(started);

@@ -12,6 +12,7 @@ use clerestory_nystrom::{BlockLowRank, PackedMatrix, Partition};
 use serde::Serialize;
 
 use super::clock::Clock;
+use super::focus::Focus;
 use super::{Bake, BakeError, BakeEvent, BakeJob, Run};
 use crate::archive::header_len;
 use crate::matrix::CHANNELS;
@@ -121,17 +122,10 @@ impl BakeJob {
         let passes = self.pass_samples(true);
         let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
         let started = Instant::now();
-        let mut run = Run {
-            job: self,
-            matrix: &matrix,
-            header: &header,
-            empty,
-            matrices,
-            last,
-            bias: None,
-            started,
-            deadline: None,
-        };
+        let focus = Focus::default();
+        let (matrix, header) = (&matrix, &header);
+        let (bias, deadline) = (None, None);
+        let mut run = Run { job: self, matrix, header, focus: &focus, empty, matrices, last, bias, started, deadline };
         let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
         let all = self.config.samples_per_half();
         let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());
@@ -162,13 +156,13 @@ impl BakeJob {
             let Some(watch) = tried? else { return Ok(None) };
             secs += watch.secs_for(partition.n_blocks(), Scales::Everything);
         }
-        let (packing_secs, sizes) = sizes(&header, &run.matrices, &partitions);
+        let (packing_secs, sizes) = sizes(header, &run.matrices, &partitions);
         Ok(Some(BakeEstimate {
             secs: secs + packing_secs,
             preview_secs,
-            memory_bytes: sizes.memory(self.working_bytes(&header)),
+            memory_bytes: sizes.memory(self.working_bytes(header)),
             result_bytes: sizes.factors + sizes.packed,
-            file_bytes: sizes.packed + header_len(&header),
+            file_bytes: sizes.packed + header_len(header),
             n_blocks: partitions[0].n_blocks(),
             n_tried: run.matrices[0].first().map_or(0, n_there),
         }))

@@ -42,7 +42,51 @@ impl Focus {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+
     use super::*;
+    use crate::archive;
+    use crate::bake::floor::job;
+    use crate::bake::{Bake, BakeEvent, HalfDone};
+    use crate::camera::Film;
+
+    fn bytes(bake: &Bake) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.transport");
+        archive::write(bake, &path).unwrap();
+        std::fs::read(&path).unwrap()
+    }
+
+    #[test]
+    fn wherever_somebody_looks_and_whenever_it_stops_the_bytes_are_the_same() {
+        let job = job(Film { width: 64, height: 48 });
+        let whole = bytes(&job.clone().run(|_| ControlFlow::Continue(())).unwrap().unwrap());
+        let focus = Focus::default();
+        focus.set(Some([63, 47]));
+        let (mut begun, mut last) = (None, 0);
+        let stopped = job.clone().run_toward(&focus, None, |event| {
+            match event {
+                BakeEvent::Started { header, n_passes, .. } => {
+                    (begun, last) = (Some(HalfDone { header, blocks: Vec::new() }), n_passes - 1);
+                }
+                BakeEvent::BlockDone { pass, block_idx, factors } if pass == last => {
+                    begun.iter_mut().for_each(|begun| begun.blocks.push((block_idx, factors.clone())));
+                }
+                _ => {}
+            }
+            let n_done = begun.as_ref().map_or(0, |begun| begun.blocks.len());
+            if n_done > rayon::current_num_threads() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        assert!(stopped.unwrap().is_none());
+        let begun = begun.unwrap();
+        assert!(
+            begun.blocks.iter().any(|(block, _)| *block == 11),
+            "the corner was looked at: {:?}",
+            begun.blocks.len()
+        );
+        let resumed = job.run_toward(&Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
+        assert!(bytes(&resumed.unwrap().unwrap()) == whole);
+    }
 
     #[test]
     fn the_block_under_the_place_comes_first_and_without_one_the_order_stays() {

@@ -1,0 +1,117 @@
+//! The bake panel and the manners of the window: forecasts, maps of colors, going on, reloading, welcoming.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+#[expect(dead_code, reason = "not every test of the window drags")]
+mod desk;
+
+use clerestory::app::{App, Start};
+use clerestory::session::estimate::Forecast;
+use clerestory::session::{BakeSettings, BakeState, Source, Stage};
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::camera::Film;
+use eframe::egui::vec2;
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+use desk::{baked, click, open, open_with, quick, room, wait};
+
+fn source() -> Source {
+    Source::Bytes { name: "room.gltf".into(), bytes: room() }
+}
+
+#[test]
+fn what_a_bake_will_take_is_told_before_it_starts() {
+    let mut window = baked();
+    assert_eq!(*window.state().session().forecast(), Forecast::None, "it was baked with these settings");
+    let before = window.state().settings().config.tolerance_db;
+    window.get_by_label("Tolerance").set_value_accesskit(26.0);
+    wait(&mut window, |app| matches!(app.session().forecast(), Forecast::Told(_)));
+    let Forecast::Told(estimate) = window.state().session().forecast().clone() else { panic!() };
+    assert_eq!((estimate.n_blocks, estimate.n_tried), (12, 12));
+    assert!(estimate.secs > 0.0 && estimate.file_bytes > 1000, "{estimate:?}");
+    window.get_by_label_contains("of memory, a file of");
+    window.get_by_label("Tolerance").set_value_accesskit(f64::from(before));
+    wait(&mut window, |app| *app.session().forecast() == Forecast::None);
+}
+
+#[test]
+fn maps_of_rank_error_and_samples_lie_over_the_picture() {
+    let mut window = baked();
+    for (name, scale) in [("Rank", "Scale of rank from"), ("Error", "% of peak"), ("Samples", "Scale of samples from")]
+    {
+        click(&mut window, "Heat map");
+        // The list lies over the figures, which have a row of that name.
+        window.get_all_by_label(name).next().unwrap().click();
+        window.run_steps(3);
+        window.get_by_label_contains(scale);
+    }
+    click(&mut window, "Heat map");
+    click(&mut window, "Off");
+    assert!(window.query_by_label_contains("Scale of").is_none());
+}
+
+#[test]
+fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
+    let config = BakeConfig { spp: 256, tolerance_db: 60.0, ..BakeConfig::default() };
+    let mut window = open_with(source(), config, None);
+    wait(&mut window, |app| match app.session().bake {
+        BakeState::Running { pass, n_passes, pass_done, .. } => pass + 1 == n_passes && pass_done > 0.2,
+        _ => false,
+    });
+    click(&mut window, "Stop the bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
+    let settings = window.state().settings().clone();
+    let n_kept = window.state().session().n_resumable(&settings);
+    assert!(n_kept > 0 && n_kept < 12, "{n_kept} blocks of the last pass were there");
+    window.get_by_label("Start over");
+    click(&mut window, "Resume bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    let error_db = window.state().session().error_db.unwrap().total;
+    window.get_by_label(&format!("{error_db:.1} dB"));
+}
+
+#[test]
+fn a_file_that_changed_on_disk_is_offered_and_the_look_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    std::fs::write(&path, room()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    click(&mut window, "Mute lamp");
+    let look = window.state().look().clone();
+    let fingerprint = |app: &App| app.session().shown.as_ref().map(|shown| shown.header.fingerprint.clone());
+    let before = fingerprint(window.state());
+    assert!(window.query_by_label_contains("has changed on disk").is_none());
+
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    gltf["materials"][0]["pbrMetallicRoughness"] = serde_json::json!({ "baseColorFactor": [0.2, 0.3, 0.4, 1.0] });
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("room.gltf has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    click(&mut window, "Reload");
+    wait(&mut window, |app| fingerprint(app) != before && app.session().bake == BakeState::Done);
+    assert_eq!(*window.state().look(), look);
+    assert!(window.query_by_label_contains("has changed on disk").is_none());
+}
+
+#[test]
+fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
+    let film = Film { width: 64, height: 48 };
+    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false };
+    let start = Start { welcome: true, ..Start::alone(source(), Some(settings)) };
+    let mut window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap());
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    window.get_by_label_contains("Drop a glTF file here");
+    click(&mut window, "Got it");
+    assert!(window.query_by_label_contains("Drop a glTF file here").is_none());
+    click(&mut window, "Text size");
+    click(&mut window, "150 %");
+    assert!((window.ctx.zoom_factor() - 1.5).abs() < 1e-3);
+    window.get_by_label("Theme");
+}
