@@ -10,11 +10,18 @@ use clerestory::session::estimate::Forecast;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::vec2;
+use eframe::egui::{Role, vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{baked, click, open, open_with, quick, room, wait};
+use desk::{Window, baked, click, open, open_with, quick, room, wait};
+
+/// Clicks on something that may lie below what is seen of its panel.
+fn reach(window: &mut Window, label: &str) {
+    window.get_by_label(label).scroll_to_me();
+    window.run_steps(8);
+    click(window, label);
+}
 
 fn source() -> Source {
     Source::Bytes { name: "room.gltf".into(), bytes: room() }
@@ -40,13 +47,14 @@ fn maps_of_rank_error_and_samples_lie_over_the_picture() {
     let mut window = baked();
     for (name, scale) in [("Rank", "Scale of rank from"), ("Error", "% of peak"), ("Samples", "Scale of samples from")]
     {
-        click(&mut window, "Heat map");
-        // The list lies over the figures, which have a row of that name.
-        window.get_all_by_label(name).next().unwrap().click();
+        reach(&mut window, "Heat map");
+        // The figures have a row of that name, too.
+        let is_choice = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() != Role::Label;
+        window.get_all_by_label(name).find(is_choice).unwrap().click();
         window.run_steps(3);
         window.get_by_label_contains(scale);
     }
-    click(&mut window, "Heat map");
+    reach(&mut window, "Heat map");
     click(&mut window, "Off");
     assert!(window.query_by_label_contains("Scale of").is_none());
 }

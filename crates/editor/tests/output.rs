@@ -33,7 +33,7 @@ fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     click(&mut window, "Layers");
     click(&mut window, "By light");
     assert_eq!(window.state().export_options().layers, LayerSet::Lights);
-    assert!(window.get_by_label("Illuminance").accesskit_node().is_disabled(), "none was baked");
+    assert!(window.get_by_label("Illuminance layer").accesskit_node().is_disabled(), "none was baked");
     click(&mut window, "Region");
     window.get_by_label("Region left").set_value_accesskit(60.0);
     window.run_steps(3);

@@ -119,8 +119,9 @@ fn exr_rows(ui: &mut Ui, options: &mut ExportOptions, view: &ExportView) {
     combo.response.labelled_by(label.id).on_hover_text("They add up to the picture");
     ui.end_row();
     ui.label("");
-    let lux = ui.add_enabled_ui(view.has_illuminance, |ui| ui.checkbox(&mut options.irradiance, "Illuminance")).inner;
-    lux.on_hover_text("A layer with the light that arrives, in lux per channel")
+    let lux =
+        ui.add_enabled_ui(view.has_illuminance, |ui| ui.checkbox(&mut options.irradiance, "Illuminance layer")).inner;
+    lux.on_hover_text("The light that arrives, in lux per channel")
         .on_disabled_hover_text("This bake holds no illuminance");
     ui.end_row();
 }
