@@ -111,7 +111,7 @@ pub(super) fn fade_ui(ui: &mut Ui, state: &mut Fade, look: &mut Look, basis: Opt
             .custom_formatter(|share, _| format!("{:.0} %", 100.0 * share))
             .custom_parser(|text| text.trim_end_matches(['%', ' ']).parse::<f64>().ok().map(|percent| percent / 100.0));
         ui.add(slider)
-            .accessible_name("Cross-fade")
+            .accessible_name("Share of the second look")
             .on_hover_text("Share of the second look, %; light is mixed linearly");
         end_ui(ui, "Fade to", &mut state.ends[1], look);
         ui.label(RichText::new("Keep look keeps what you see").weak().small());
