@@ -127,7 +127,7 @@ fn two_looks_are_compared_and_the_divider_is_dragged() {
     assert!(window.query_by_label("Compare divider").is_none());
     assert!(window.get_by_label("Picture").rect().width() < 0.6 * picture.width());
     click(&mut window, "Compare");
-    assert_eq!(window.get_by_label("Picture").rect(), picture);
+    assert_eq!(window.get_by_label("Picture").rect().width(), picture.width());
 }
 
 #[test]
