@@ -107,8 +107,8 @@ pub fn viewport_ui(
         is_free = !lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
         if !lights.lamps.aiming && lights.lamps.drag.is_none() {
             drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
-            is_free &= !names::marks_ui(ui, &response, &sight, &mut lights.chosen);
-            names::surface_hint(ui, &response, &sight);
+            is_free &= !names::marks_ui(ui, &response, &sight, look, &mut lights.chosen);
+            names::surface_hint(ui, &response, &sight, look);
         }
         picker.paint(&painter, look, lights.spot.as_ref());
     } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
@@ -124,7 +124,7 @@ pub fn viewport_ui(
     zoom::paint_region(ui, &response, state.grab.as_ref());
     let grid = Grid { image, size: [width, height] };
     probe::follow(ui, &response, grid, &mut state.probes, is_free);
-    probe::readings_ui(ui, &response, grid, viewed.readings, &mut state.probes, lights);
+    probe::readings_ui(ui, &response, grid, viewed.readings, &mut state.probes, (look, lights));
     match (viewed.overlay, viewed.legend) {
         (Some(overlay), _) => overlay.bar.ui(ui, area),
         (None, Some(legend)) => legend.ui(ui, area),

@@ -10,6 +10,7 @@ use glam::Vec3;
 
 use super::gizmo::Sight;
 use super::lamps::hint;
+use crate::look::Look;
 use crate::theme;
 
 /// Half a side of what is taken hold of, points.
@@ -21,11 +22,12 @@ const SEEN: f32 = 0.05;
 
 /// Draws a mark where each lamp of the file is seen while the pointer is in the picture; a click on one chooses it.
 /// Answers whether one is under the pointer.
-pub fn marks_ui(ui: &Ui, picture: &Response, sight: &Sight, chosen: &mut Option<String>) -> bool {
+pub fn marks_ui(ui: &Ui, picture: &Response, sight: &Sight, look: &Look, chosen: &mut Option<String>) -> bool {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let is_near = ui.input(|input| input.pointer.hover_pos()).is_some_and(|at| picture.rect.contains(at));
     let mut touched = false;
     for (source, position) in lamps(sight.scene) {
+        let name = look.name_of(&source.key);
         let is_chosen = chosen.as_deref() == Some(&source.key);
         if !is_near && !is_chosen {
             continue;
@@ -34,16 +36,14 @@ pub fn marks_ui(ui: &Ui, picture: &Response, sight: &Sight, chosen: &mut Option<
         let Some(at) = seen.filter(|_| is_seen(sight, position)) else { continue };
         let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
         let response = ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click());
-        response.widget_info(|| {
-            egui::WidgetInfo::labeled(egui::Role::Button, true, format!("{} in the picture", source.key))
-        });
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("{name} in the picture")));
         let strength = if response.hovered() || is_chosen { 1.0 } else { 0.55 };
         let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
         painter.circle_stroke(at, RADIUS, Stroke::new(3.0, Color32::from_black_alpha(110)));
         painter.circle_stroke(at, RADIUS, Stroke::new(1.4, color.gamma_multiply(strength)));
         if response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
-            hint(ui, picture.rect, &format!("{}, click to choose it", source.key));
+            hint(ui, picture.rect, &format!("{name}, click to choose it"));
         }
         if response.clicked() {
             *chosen = Some(source.key.clone());
@@ -54,11 +54,11 @@ pub fn marks_ui(ui: &Ui, picture: &Response, sight: &Sight, chosen: &mut Option<
 }
 
 /// Says the name of the shining surface under the pointer. Panels say more, elsewhere.
-pub fn surface_hint(ui: &Ui, picture: &Response, sight: &Sight) {
+pub fn surface_hint(ui: &Ui, picture: &Response, sight: &Sight, look: &Look) {
     let pointer = picture.hover_pos().filter(|at| sight.image.contains(*at));
     let Some(source) = pointer.and_then(|at| shining_at(sight, at)) else { return };
     if !matches!(source.kind, SourceKind::Panel { .. } | SourceKind::Constant) {
-        hint(ui, picture.rect, &format!("{}, click to see what lights this", source.key));
+        hint(ui, picture.rect, &format!("{}, click to see what lights this", look.name_of(&source.key)));
     }
 }
 

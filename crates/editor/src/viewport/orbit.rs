@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 /// What a gesture does to the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
+    /// On the spot, so that what was under the pointer stays there.
+    Look,
     /// Around the point that it looks at.
     Orbit,
     /// Across the view.
@@ -40,14 +42,17 @@ impl Navigation {
         (Navigation::Trackpad, "Trackpad", "Two fingers turn, with Shift they move; a pinch comes nearer"),
     ];
 
-    /// What a drag with a button means. Without keys the left one turns in all of them, so that nobody needs a middle one.
+    /// What a drag with a button means. Without keys the left one looks around in all of them: inside a room there is often no
+    /// place to stand behind what is turned around.
     pub fn of_drag(self, button: PointerButton, keys: Modifiers) -> Option<Turn> {
         match (self, button) {
             (Navigation::AltMouse, PointerButton::Middle) if keys.alt => Some(Turn::Pan),
             (Navigation::AltMouse, PointerButton::Secondary) if keys.alt => Some(Turn::Dolly),
             (_, PointerButton::Middle) if keys.command => Some(Turn::Dolly),
             (_, PointerButton::Primary | PointerButton::Middle) if keys.shift => Some(Turn::Pan),
-            (_, PointerButton::Primary | PointerButton::Middle) => Some(Turn::Orbit),
+            (Navigation::AltMouse, PointerButton::Primary) if keys.alt => Some(Turn::Orbit),
+            (_, PointerButton::Primary) => Some(Turn::Look),
+            (_, PointerButton::Middle) => Some(Turn::Orbit),
             _ => None,
         }
     }
@@ -93,21 +98,31 @@ impl Flight {
     /// Moves by a drag or by scrolling over so many points, in a picture so many points high.
     pub fn moved(&mut self, turn: Turn, travel: Travel, height: f32) {
         match turn {
+            Turn::Look => self.look(travel, height),
             Turn::Orbit => self.orbit(travel),
             Turn::Pan => self.pan(travel, height),
             Turn::Dolly => self.dolly((-DOLLY_PER_POINT * travel.y).exp()),
         }
     }
 
+    fn look(&mut self, travel: Travel, height: f32) {
+        let rad_per_point = 2.0 * (0.5 * self.camera.yfov_rad).tan() / height.max(1.0);
+        self.turn([-travel.x * rad_per_point, travel.y * rad_per_point]);
+    }
+
     fn orbit(&mut self, travel: Travel) {
-        let (pivot, pose) = (self.pivot(), Pose::of(&self.camera));
-        let (yaw_rad, pitch) = (pose.yaw_rad - TURN_PER_POINT * travel.x, pose.pitch_rad - TURN_PER_POINT * travel.y);
+        let pivot = self.pivot();
+        self.turn([travel.x * TURN_PER_POINT, -travel.y * TURN_PER_POINT]);
+        self.stand_at(pivot - self.forward() * self.pivot_m);
+    }
+
+    /// Turns on the spot by radians.
+    fn turn(&mut self, [right_rad, up_rad]: [f32; 2]) {
+        let pose = Pose::of(&self.camera);
+        let (yaw_rad, pitch) = (pose.yaw_rad + right_rad, pose.pitch_rad + up_rad);
         // A camera that already looks more steeply may come back, not go on.
         let most = STEEPEST.max(pose.pitch_rad.abs());
-        let turned = self.camera.posed(&Pose { yaw_rad, pitch_rad: pitch.clamp(-most, most), ..pose });
-        let forward = -turned.world_from_camera.z_axis.truncate();
-        self.camera = turned;
-        self.stand_at(pivot - forward * self.pivot_m);
+        self.camera = self.camera.posed(&Pose { yaw_rad, pitch_rad: pitch.clamp(-most, most), ..pose });
     }
 
     fn pan(&mut self, travel: Travel, height: f32) {
@@ -160,7 +175,9 @@ mod tests {
         let seen = flight.camera.project(FILM, pivot).unwrap();
         assert!((seen - glam::Vec2::new(80.0, 60.0)).length() < 1e-2, "{seen}");
         // Drawn to the right, the camera goes to the left around it; it never goes over the pole.
-        assert!(Pose::of(&flight.camera).yaw_rad < Pose::of(&super::tests::flight().camera).yaw_rad);
+        let before = super::tests::flight().camera;
+        let way = flight.camera.position() - before.position();
+        assert!(way.dot(before.world_from_camera.x_axis.truncate()) < 0.0, "{way}");
         flight.moved(Turn::Orbit, vec2(0.0, -9000.0), 600.0);
         assert!((Pose::of(&flight.camera).pitch_rad - STEEPEST).abs() < 1e-3);
     }
@@ -189,12 +206,24 @@ mod tests {
     }
 
     #[test]
+    fn who_looks_around_stays_and_what_is_under_the_pointer_follows_it() {
+        let mut flight = flight();
+        let (eye, thing) = (flight.camera.position(), Vec3::new(0.1, 1.1, 0.0));
+        let before = flight.camera.project(FILM, thing).unwrap();
+        flight.moved(Turn::Look, vec2(6.0, 4.0), FILM.height as f32);
+        let after = flight.camera.project(FILM, thing).unwrap();
+        assert_eq!(flight.camera.position(), eye);
+        assert!((after - before - glam::Vec2::new(6.0, 4.0)).length() < 0.5, "{before} {after}");
+    }
+
+    #[test]
     fn each_habit_has_its_gestures() {
         let (none, alt, shift) = (Modifiers::NONE, Modifiers::ALT, Modifiers::SHIFT);
         let blender = Navigation::Blender;
         assert_eq!(blender.of_drag(PointerButton::Middle, none), Some(Turn::Orbit));
         assert_eq!(blender.of_drag(PointerButton::Middle, shift), Some(Turn::Pan));
         assert_eq!(blender.of_drag(PointerButton::Middle, Modifiers::COMMAND), Some(Turn::Dolly));
+        assert_eq!(blender.of_drag(PointerButton::Primary, none), Some(Turn::Look));
         assert_eq!(blender.of_drag(PointerButton::Secondary, none), None);
         let maya = Navigation::AltMouse;
         let all = [PointerButton::Primary, PointerButton::Middle, PointerButton::Secondary];

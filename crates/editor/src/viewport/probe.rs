@@ -8,6 +8,7 @@ use eframe::egui::{
 use glam::Vec3;
 
 use crate::legend::number_words;
+use crate::look::Look;
 use crate::panels::color::swatch_color;
 use crate::panels::lights::LightsState;
 use crate::session::shares::{Share, sum};
@@ -129,7 +130,7 @@ pub fn readings_ui(
     grid: Grid,
     readings: &Readings,
     probes: &mut Probes,
-    lights: &mut LightsState,
+    (look, lights): (&Look, &mut LightsState),
 ) {
     for (idx, reading) in readings.pins.iter().enumerate() {
         pin_ui(ui, picture, grid, (idx, reading), probes);
@@ -141,7 +142,7 @@ pub fn readings_ui(
         chip(ui, (at, Align2::CENTER_BOTTOM), Id::unique("under the pointer"), &words);
     }
     if let Some((reading, shares)) = readings.picked.as_ref().filter(|(at, _)| Some(at.px) == probes.picked) {
-        breakdown_ui(ui, picture, grid, (reading, shares), probes, lights);
+        breakdown_ui(ui, picture, grid, (reading, shares), probes, (look, lights));
     }
 }
 
@@ -186,7 +187,7 @@ fn breakdown_ui(
     grid: Grid,
     (reading, shares): (&Reading, &[Share]),
     probes: &mut Probes,
-    lights: &mut LightsState,
+    (look, lights): (&Look, &mut LightsState),
 ) {
     let at = grid.middle(reading.px);
     let painter = ui.painter_at(picture.rect);
@@ -206,7 +207,7 @@ fn breakdown_ui(
             let lit = shares.iter().filter(|share| share.luminance() > 1e-4 * luminance(total).max(1e-9));
             let lit: Vec<&Share> = lit.collect();
             for share in lit.iter().take(MOST_ROWS) {
-                share_ui(ui, share, luminance(total), lights);
+                share_ui(ui, share, luminance(total), look.name_of(&share.key), lights);
             }
             if lit.is_empty() {
                 ui.label(RichText::new("No light reaches this").weak());
@@ -237,10 +238,10 @@ fn heading_ui(ui: &mut Ui, reading: &Reading, probes: &mut Probes) {
 }
 
 /// A row: color, name, share and luminance over a bar as long as the share. A click chooses the light.
-fn share_ui(ui: &mut Ui, share: &Share, total: f32, lights: &mut LightsState) {
+fn share_ui(ui: &mut Ui, share: &Share, total: f32, name: &str, lights: &mut LightsState) {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
     let luminance = share.luminance();
-    let words = format!("{} {} {} cd/m²", share.key, percent(luminance, total), number_words(luminance));
+    let words = format!("{name} {} {} cd/m²", percent(luminance, total), number_words(luminance));
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
     let visuals = ui.style().interact(&response);
     let ink = visuals.fg_stroke.color;
@@ -259,9 +260,9 @@ fn share_ui(ui: &mut Ui, share: &Share, total: f32, lights: &mut LightsState) {
     let left = place.left().min(rect.right() - 92.0);
     let share_words = percent(luminance, total);
     painter.text(pos2(left - 8.0, rect.center().y), Align2::RIGHT_CENTER, share_words, font.clone(), ink);
-    let name = rect.with_max_x(left - 52.0);
-    ui.painter_at(name).text(rect.left_center() + vec2(22.0, 0.0), Align2::LEFT_CENTER, &share.key, font, ink);
-    if response.on_hover_text(format!("{}\nClick to choose it in the list", share.key)).clicked() {
+    let room = rect.with_max_x(left - 52.0);
+    ui.painter_at(room).text(rect.left_center() + vec2(22.0, 0.0), Align2::LEFT_CENTER, name, font, ink);
+    if response.on_hover_text(format!("{name}\nClick to choose it in the list")).clicked() {
         choose(lights, &share.key);
     }
 }
