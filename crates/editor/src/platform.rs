@@ -39,9 +39,10 @@ mod tests {
     #[test]
     fn what_is_in_use_grows_with_what_is_touched() {
         let Some(before) = resident_bytes() else { return };
-        let touched = vec![1u8; 64 << 20];
+        // Neither optimized away nor outweighed by what other tests let go meanwhile.
+        let touched = std::hint::black_box(vec![1u8; 512 << 20]);
         let after = resident_bytes().expect("it was told before");
-        assert!(after > before + (48 << 20), "{before} {after}");
+        assert!(after > before + (128 << 20), "{before} {after}");
         drop(touched);
     }
 }

@@ -127,7 +127,7 @@ fn two_looks_are_compared_and_the_divider_is_dragged() {
     assert!(window.query_by_label("Compare divider").is_none());
     assert!(window.get_by_label("Picture").rect().width() < 0.6 * picture.width());
     click(&mut window, "Compare");
-    assert_eq!(window.get_by_label("Picture").rect(), picture);
+    assert_eq!(window.get_by_label("Picture").rect().width(), picture.width());
 }
 
 #[test]
@@ -136,9 +136,7 @@ fn a_cross_fade_lights_the_scene_and_is_one_step_of_undo() {
     click(&mut window, "Look Look");
     click(&mut window, "Cross-fade");
     let before = window.state().look().clone();
-    let slider =
-        window.get_all_by_label("Cross-fade").map(|node| node.rect()).max_by(|a, b| a.width().total_cmp(&b.width()));
-    let slider = slider.unwrap();
+    let slider = window.get_by_label("Share of the second look").rect();
     drag(&mut window, slider.left_center() + eframe::egui::vec2(5.0, 0.0), slider.center());
     let level = window.state().look().lights.lights["lamp"].intensity;
     assert!(level > 0.05 && level < 0.95, "{level}");
@@ -161,9 +159,7 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     wait(&mut window, |app| app.is_settled());
     let (look, ev_dark) = (window.state().look().clone(), window.state().shown_ev());
     // The start of the ruler is the first look, which is brighter than the present one.
-    let track =
-        window.get_all_by_label("Timeline").map(|node| node.rect()).max_by(|a, b| a.width().total_cmp(&b.width()));
-    let track = track.unwrap();
+    let track = window.get_by_label("Timeline ruler").rect();
     drag(
         &mut window,
         track.left_top() + eframe::egui::vec2(60.0, 8.0),

@@ -1,7 +1,8 @@
 //! Two looks of one picture: side by side, or with a divider that is dragged over it.
 
 use eframe::egui::{
-    self, Align2, Color32, CornerRadius, CursorIcon, FontId, Key, Pos2, Rect, Sense, Stroke, TextureId, Ui, pos2, vec2,
+    self, Align2, Color32, CornerRadius, CursorIcon, FontId, Key, Pos2, Rect, Sense, Shape, Stroke, TextureId, Ui,
+    pos2, vec2,
 };
 
 use crate::theme;
@@ -85,8 +86,12 @@ pub fn wipe_ui(ui: &Ui, compared: &Compared, area: Rect, image: Rect, offset: &m
     painter.vline(x, seen.y_range(), Stroke::new(3.5, Color32::from_black_alpha(110)));
     painter.vline(x, seen.y_range(), Stroke::new(1.5, color));
     painter.circle(pos2(x, seen.center().y), 9.0, Color32::from_black_alpha(150), Stroke::new(1.5, color));
-    let font = FontId::proportional(12.0);
-    painter.text(pos2(x, seen.center().y), Align2::CENTER_CENTER, "↔", font, color);
+    for side in [-1.0, 1.0] {
+        let tip = pos2(x + 6.0 * side, seen.center().y);
+        let back = vec2(-4.0 * side, 0.0);
+        let corners = vec![tip, tip + back + vec2(0.0, 3.5), tip + back - vec2(0.0, 3.5)];
+        painter.add(Shape::convex_polygon(corners, color, Stroke::NONE));
+    }
     name(ui, seen, &compared.names[0], Align2::LEFT_BOTTOM);
     name(ui, seen, &compared.names[1], Align2::RIGHT_BOTTOM);
 }

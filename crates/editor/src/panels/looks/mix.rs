@@ -80,9 +80,9 @@ impl Fade {
 /// The row of a comparison.
 pub(super) fn compare_ui(ui: &mut Ui, compare: &mut Compare, look: &Look) {
     ui.horizontal(|ui| {
-        ui.label("Compare");
+        ui.label("Left");
         side_ui(ui, "Left look", &mut compare.sides[0], look);
-        ui.label("with");
+        ui.label("Right");
         side_ui(ui, "Right look", &mut compare.sides[1], look);
         ui.add_space(8.0);
         ui.selectable_value(&mut compare.way, Way::Wipe, "Wipe").on_hover_text("Drag the divider over the picture");
@@ -104,15 +104,16 @@ fn side_ui(ui: &mut Ui, label: &str, side: &mut Side, look: &Look) {
 pub(super) fn fade_ui(ui: &mut Ui, state: &mut Fade, look: &mut Look, basis: Option<&LightBasis>) {
     let before = state.clone();
     ui.horizontal(|ui| {
-        ui.label("Cross-fade");
+        ui.label("From");
         end_ui(ui, "Fade from", &mut state.ends[0], look);
         ui.spacing_mut().slider_width = (ui.available_width() - 420.0).clamp(120.0, 420.0);
         let slider = Slider::new(&mut state.share, 0.0..=1.0)
             .custom_formatter(|share, _| format!("{:.0} %", 100.0 * share))
             .custom_parser(|text| text.trim_end_matches(['%', ' ']).parse::<f64>().ok().map(|percent| percent / 100.0));
         ui.add(slider)
-            .accessible_name("Cross-fade")
+            .accessible_name("Share of the second look")
             .on_hover_text("Share of the second look, %; light is mixed linearly");
+        ui.label("to");
         end_ui(ui, "Fade to", &mut state.ends[1], look);
         ui.label(RichText::new("Keep look keeps what you see").weak().small());
     });

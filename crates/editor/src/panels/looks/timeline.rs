@@ -81,12 +81,12 @@ pub(super) fn timeline_ui(
 
 fn play_ui(ui: &mut Ui, look: &mut Look, player: &mut Player, view: &LooksView) {
     let has_keys = !look.timeline.keys.is_empty();
-    let words = if player.playing { "⏸" } else { "▶" };
+    let words = if player.playing { "Pause" } else { "Play" };
     let play = ui.add_enabled(has_keys, Button::new(words)).accessible_name("Play the timeline");
     if play.on_hover_text("Play at real time, L").clicked() {
         toggle(player, &look.timeline);
     }
-    let back = ui.add_enabled(player.playhead.is_some(), Button::new("⏹")).accessible_name("Back to the lights");
+    let back = ui.add_enabled(player.playhead.is_some(), Button::new("Stop")).accessible_name("Back to the lights");
     if back.on_hover_text("Stop, and show the lights as they are now").clicked() {
         player.stop();
     }
@@ -200,7 +200,7 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     let size = vec2(ui.available_width(), HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     let at = f64::from(player.playhead.unwrap_or(0.0));
-    response.widget_info(|| egui::WidgetInfo::slider(true, at, "Timeline"));
+    response.widget_info(|| egui::WidgetInfo::slider(true, at, "Timeline ruler"));
     // While something is dragged the ruler stays as it is.
     let secs = ui.data_mut(|data| {
         let kept = data.get_temp_mut_or::<f32>(response.id, LEAST_SECS);
