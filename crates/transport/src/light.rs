@@ -113,6 +113,17 @@ impl LightRig {
         self.lamps.iter().map(lit).collect()
     }
 
+    /// Takes the free lamps out, set by themselves and by their groups, for whoever makes lights of the scene of them: what
+    /// is left does not set them once more.
+    pub fn take_lamps(&mut self) -> Vec<FreeLamp> {
+        let lamps = self.lit_lamps();
+        self.lamps.clear();
+        for group in self.groups.values_mut() {
+            group.lights.retain(|key| lamps.iter().all(|lamp| lamp.key != *key));
+        }
+        lamps
+    }
+
     fn in_groups(&self, key: &str, mut setting: LightSetting) -> LightSetting {
         for group in self.groups.values().filter(|group| group.lights.contains(key)) {
             setting.intensity *= group.intensity;
@@ -199,6 +210,7 @@ pub fn luminance(rgb: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lamps::{LampShape, LampUnit};
 
     #[test]
     fn kelvin_is_warm_below_and_cool_above_daylight_at_luminance_one() {
@@ -224,6 +236,18 @@ mod tests {
         rig.groups.insert("one".into(), group(&["a"], 4.0, false));
         assert_eq!((rig.setting("a").intensity, rig.setting("b").intensity), (6.0, 0.5));
         assert_eq!((rig.setting("c"), rig.own_setting("a").intensity), (LightSetting::default(), 3.0));
+        let mut with_lamp = rig.clone();
+        with_lamp.lamps.push(FreeLamp {
+            key: "b".into(),
+            shape: LampShape::Point,
+            position: Vec3::ZERO,
+            aim: Vec3::NEG_Y,
+            strength: 1.0,
+            unit: LampUnit::Candela,
+            setting: LightSetting::default(),
+        });
+        assert_eq!(with_lamp.take_lamps()[0].setting.intensity, 0.5);
+        assert_eq!(with_lamp.setting("b").intensity, 1.0, "it was counted");
         rig.groups.insert("dark".into(), group(&["b"], 1.0, true));
         assert!(rig.setting("b").muted && !rig.setting("a").muted);
         rig.set("a", LightSetting::default());

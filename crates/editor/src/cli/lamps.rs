@@ -8,6 +8,7 @@ use clerestory_relight::Radiance;
 use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
+use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 
@@ -29,12 +30,12 @@ pub(super) fn prepared(lamps: &[FreeLamp], look: Option<&Path>, console: &mut Co
     Ok(lamps)
 }
 
-/// Makes the lamps of a look lights of a scene that nobody else has yet, in columns of their own.
-pub(super) fn install(view: &mut View, look: &Look, path: Option<&Path>, console: &mut Console) -> Result<()> {
-    if look.lights.lamps.is_empty() {
+/// Makes the lamps of a rig lights of a scene that nobody else has yet, in columns of their own; the rig has them no more.
+pub(super) fn install(view: &mut View, rig: &mut LightRig, path: Option<&Path>, console: &mut Console) -> Result<()> {
+    if rig.lamps.is_empty() {
         return Ok(());
     }
-    let lamps = prepared(&look.lights.lit_lamps(), path, console)?;
+    let lamps = prepared(&rig.take_lamps(), path, console)?;
     let scene = Arc::get_mut(&mut view.scene).context("the scene is in use")?;
     lamps.install(scene).context("the look cannot light the scene")
 }

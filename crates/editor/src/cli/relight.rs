@@ -55,8 +55,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     target.look = args.relight.choice.of(&target.document, Some(&view.scene.lighting.basis))?;
     warn_of_unknown_lights(&view.scene.lighting.basis, &target.look, console);
     // Nothing is kept of this bake, so that its lamps need not be movable.
-    lamps::install(&mut view, &target.look, args.relight.look.as_deref(), console)?;
-    target.look.lights.lamps.clear();
+    lamps::install(&mut view, &mut target.look.lights, args.relight.look.as_deref(), console)?;
     let asked = target.options.irradiance || target.look.shows_irradiance(target.format);
     let irradiance = if asked { vec![IrradianceRows::Pixels] } else { Vec::new() };
     let job = BakeJob { irradiance, ..job(view, &args.bake, Passes::FinalOnly) };

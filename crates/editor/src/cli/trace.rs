@@ -37,8 +37,9 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.view, sky.as_ref(), console))?;
     let look = args.choice.of(&document, Some(&view.scene.lighting.basis))?;
     warn_of_unknown_lights(&view.scene.lighting.basis, &look, console);
-    lamps::install(&mut view, &look, args.look.as_deref(), console)?;
-    let coefficients = view.scene.lighting.basis.project(&look.lights);
+    let mut rig = look.lights.clone();
+    lamps::install(&mut view, &mut rig, args.look.as_deref(), console)?;
+    let coefficients = view.scene.lighting.basis.project(&rig);
 
     let config = TraceConfig { spp: args.view.spp, bounces: args.view.bounces, seed: args.view.seed };
     let begun = Instant::now();
