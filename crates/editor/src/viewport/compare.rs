@@ -58,6 +58,9 @@ pub fn beside_ui(ui: &Ui, compared: &Compared, [left, right]: [Rect; 2], image: 
 /// Draws what is right of the divider, and the divider. `offset` is its way from the middle, in widths of the picture.
 pub fn wipe_ui(ui: &Ui, compared: &Compared, area: Rect, image: Rect, offset: &mut f32) {
     let seen = image.intersect(area);
+    if !seen.is_positive() {
+        return;
+    }
     let at = |offset: f32| (image.center().x + offset * image.width()).clamp(seen.left(), seen.right());
     let x = at(*offset);
     let handle = Rect::from_center_size(pos2(x, seen.center().y), vec2(REACH, seen.height()));
