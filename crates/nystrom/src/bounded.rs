@@ -5,7 +5,7 @@
 //! the answer; the active-set method of \[Lawson1974, ch. 23\], with upper bounds as well as lower ones \[Stark1995\], takes it
 //! from there and ends where the conditions of Karush, Kuhn and Tucker hold.
 //!
-//! **Decision.** The unknowns are scaled so that the diagonal is 1, and the diagonal then gets [`TIE`] on top, pulling to the
+//! **Decision.** The unknowns are scaled so that the diagonal is 1, and the diagonal then gets `TIE` on top, pulling to the
 //! start. Columns that are alike, or zero, therefore have one answer, the nearest to the start. **Refused:** an orthogonal
 //! decomposition of the rows themselves, which is exact for worse conditioned columns, but needs all rows at once.
 
