@@ -147,6 +147,12 @@ impl Look {
     }
 }
 
+/// The first of `stem 1`, `stem 2` … that is not taken.
+pub fn numbered_name(stem: &str, is_taken: impl Fn(&str) -> bool) -> String {
+    let mut names = (1..).map(|n| format!("{stem} {n}"));
+    names.find(|name| !is_taken(name)).expect("numbers do not end")
+}
+
 /// Text of a look; more than `MAX_BYTES` is none.
 fn read_text(path: &Path) -> Result<String> {
     let problem = || format!("cannot read the look {}: check the path", path.display());

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError};
-use eframe::egui::TextureId;
+use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode};
+use eframe::egui::{Color32, ColorImage, TextureId};
 use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
 
@@ -32,6 +32,13 @@ pub enum Changed {
     All,
     /// Group and block of each.
     Blocks(Vec<(usize, usize)>),
+}
+
+/// A picture as it is shown.
+pub fn color_image(radiance: &Radiance, display: &DisplayParams) -> ColorImage {
+    let bytes = encode(radiance, display);
+    let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
+    ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
 }
 
 impl Default for Changed {

@@ -29,7 +29,6 @@ use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::import::stack::ImageStack;
-use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::patches::Patches;
@@ -158,8 +157,7 @@ impl Shown {
 
     /// Which matrix of irradiance is that of the pixels, if there is one.
     pub fn pixel_irradiance(&self) -> Option<usize> {
-        let set = self.header.irradiance.iter().position(|set| set.rows == IrradianceRows::Pixels)?;
-        (set < self.irradiance.len()).then_some(set)
+        self.header.pixel_irradiance(self.irradiance.len())
     }
 
     /// The bake, as far as it is there.
@@ -744,10 +742,10 @@ impl Session {
                 if self.is_aside() {
                     return;
                 }
-                if let Some(incoming) = self.incoming.take() {
-                    self.show(incoming);
+                match self.incoming.take() {
+                    Some(incoming) => self.show(incoming),
+                    None => self.n_whole += 1,
                 }
-                self.n_whole += 1;
                 self.error_db = Some(error_db);
                 self.count();
             }
@@ -795,8 +793,8 @@ impl Session {
                 match aside.take() {
                     Some(shown) => self.keep_aside(shown, Some(figures.error_db)),
                     None => {
-                        (self.error_db, self.changed) = (Some(figures.error_db), Changed::All);
-                        self.n_whole += 1;
+                        self.error_db = Some(figures.error_db);
+                        self.is_another();
                     }
                 }
                 BakeState::Done
@@ -835,8 +833,13 @@ impl Session {
     }
 
     fn show(&mut self, shown: Shown) {
-        self.n_whole += 1;
         self.shown = Some(shown);
+        self.is_another();
+    }
+
+    /// Another matrix is shown: what was made of the one before no longer counts.
+    fn is_another(&mut self) {
+        self.n_whole += 1;
         self.changed = Changed::All;
     }
 

@@ -193,9 +193,10 @@ fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
     assert_eq!(window.query_all_by_label_contains("2 baked views").count(), 1);
 
     // Both switch at once, without a bake.
-    let n_before = window.state().n_pictures();
+    let (n_before, n_whole) = (window.state().n_pictures(), window.state().session().n_whole);
     click(&mut window, &format!("Show view {}", first.name));
     assert_eq!(shown_camera(&window), first);
+    assert!(window.state().session().n_whole > n_whole, "thumbnails are of the view that is shown");
     assert_eq!(window.state().session().bake, BakeState::Done);
     wait(&mut window, |app| app.n_pictures() > n_before && app.is_settled());
     assert_eq!(window.state().camera(), Some(&first));

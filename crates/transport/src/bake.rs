@@ -283,6 +283,11 @@ impl BakeHeader {
         Arc::new(Smoothing::new(partition.clone(), CHANNELS, runs))
     }
 
+    /// Which matrix of irradiance is that of the pixels, if it is one of the first `n_there`: those of a bake under way come last.
+    pub fn pixel_irradiance(&self, n_there: usize) -> Option<usize> {
+        self.irradiance.iter().take(n_there).position(|set| set.rows == IrradianceRows::Pixels)
+    }
+
     /// No blocks yet, one matrix per group of columns.
     pub fn empty_groups(&self) -> Vec<BlockLowRank> {
         self.empty_matrices().swap_remove(0)

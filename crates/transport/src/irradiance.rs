@@ -129,12 +129,14 @@ impl BakeHeader {
 impl Bake {
     /// The matrix of irradiance at the pixels, if it was baked.
     pub fn pixel_irradiance(&self) -> Option<usize> {
-        self.header.irradiance.iter().position(|set| set.rows == IrradianceRows::Pixels)
+        self.header.pixel_irradiance(self.irradiance.len())
     }
 
     /// Every sensor grid with the number of its matrix.
     pub fn grids(&self) -> impl Iterator<Item = (usize, &SensorGrid)> {
-        self.header.irradiance.iter().enumerate().filter_map(|(set, header)| match &header.rows {
+        self.header.irradiance.iter().take(self.irradiance.len()).enumerate().filter_map(|(set, header)| match &header
+            .rows
+        {
             IrradianceRows::Grid(grid) => Some((set, grid)),
             IrradianceRows::Pixels => None,
         })

@@ -8,6 +8,7 @@ use eframe::egui::{self, Context, TextureHandle, TextureOptions, Ui};
 use eframe::{CreationContext, Storage};
 
 use super::App;
+use crate::look::numbered_name;
 use crate::panels::camera::{CameraEdit, CameraView, camera_ui};
 use crate::session::preview::{PreviewOrder, Previewer};
 use crate::session::views::sees_alike;
@@ -181,8 +182,7 @@ impl App {
             self.session.cameras().iter().any(|camera| camera.name == name)
                 || self.session.views().iter().any(|view| view.name == name)
         };
-        let name = (1..).map(|n| format!("View {n}")).find(|name| !is_taken(name)).expect("numbers do not end");
-        self.name_view(name);
+        self.name_view(numbered_name("View", is_taken));
     }
 
     /// The picture while the camera is in hand.

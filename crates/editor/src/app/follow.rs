@@ -319,8 +319,7 @@ fn is_as_large(light: &LampLight, shown: &Shown) -> bool {
 
 /// The display of a look, without the false color of what was not baked.
 fn showable(shown: &Shown, look: &Look) -> Display {
-    let is_missing = look.display.quantity() == Some(Quantity::Illuminance) && shown.pixel_irradiance().is_none();
-    Display { false_color: look.display.false_color.filter(|_| !is_missing), ..look.display }
+    if shown.pixel_irradiance().is_some() { look.display } else { look.display.of_seen_light() }
 }
 
 /// Whether a picture metered anew would be another one.

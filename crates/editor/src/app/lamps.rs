@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 
 use super::App;
 use crate::action::FileTask;
-use crate::look::groups;
+use crate::look::{groups, numbered_name};
 use crate::panels::lamps::{LampChoice, kind_words, new_strength};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
@@ -117,8 +117,7 @@ impl App {
             self.look.lights.lamps.iter().any(|lamp| lamp.key == name)
                 || self.session.basis().is_some_and(|basis| basis.source(name).is_some())
         };
-        let mut numbered = (1..).map(|n| format!("{stem} {n}"));
-        numbered.find(|name| !is_taken(name)).expect("numbers do not end")
+        numbered_name(stem, is_taken)
     }
 
     fn chosen_lamp(&self) -> Option<usize> {

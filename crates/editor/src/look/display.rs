@@ -87,6 +87,12 @@ impl Display {
         self.false_color.map(|false_color| false_color.quantity)
     }
 
+    /// Without the false color of the light that arrives, which a picture of the light that is seen cannot show.
+    pub fn of_seen_light(self) -> Display {
+        let shown = self.false_color.filter(|false_color| false_color.quantity != Quantity::Illuminance);
+        Display { false_color: shown, ..self }
+    }
+
     /// Whether something of it depends on the picture.
     pub fn meters(&self) -> bool {
         self.exposure_ev.is_none() || self.false_color.is_some_and(|false_color| false_color.range.is_none())

@@ -5,6 +5,7 @@ use eframe::egui::{self, Button, ComboBox, DragValue, Grid, RichText, TextEdit, 
 
 use super::bake::bytes;
 use crate::action::Action;
+use crate::look::numbered_name;
 use crate::session::views::ViewEntry;
 use crate::viewport::flight::Habits;
 use crate::viewport::orbit::Navigation;
@@ -64,9 +65,7 @@ fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
 fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Vec<Camera>, actions: &mut Vec<Action>) {
     row_ui(ui, |ui| {
         if ui.button("Bookmark").on_hover_text("Keep this view for this scene").clicked() {
-            let names = (1..).map(|n| format!("Bookmark {n}"));
-            let mut free = names.filter(|name| !bookmarks.iter().any(|other| other.name == *name));
-            let name = free.next().expect("numbers do not end");
+            let name = numbered_name("Bookmark", |name| Camera::named(bookmarks, name).is_some());
             bookmarks.push(Camera { name, ..camera.clone() });
         }
         known_ui(ui, view.cameras, camera, bookmarks, actions);

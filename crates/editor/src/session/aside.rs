@@ -5,6 +5,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::Wake;
+use crate::crash;
 
 /// At most one running job with an answer.
 pub struct Aside<T> {
@@ -50,7 +51,7 @@ impl<T: Send + 'static> Aside<T> {
         let answer = match receiver.try_recv() {
             Ok(answer) => Ok(answer),
             Err(TryRecvError::Empty) => return None,
-            Err(TryRecvError::Disconnected) => Err("it ended unexpectedly; please report what you did".into()),
+            Err(TryRecvError::Disconnected) => Err(crash::words()),
         };
         self.join();
         Some(answer)

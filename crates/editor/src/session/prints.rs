@@ -7,11 +7,12 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Result;
-use clerestory_relight::encode;
-use eframe::egui::{Color32, ColorImage};
+use eframe::egui::ColorImage;
 
 use super::Wake;
-use crate::look::{Display, Look, Quantity};
+use crate::crash;
+use crate::look::{Look, Quantity};
+use crate::picture::color_image;
 use crate::stills::{Size, Stills, Subject};
 
 /// What a print is for. What is looked at comes before what stands below it.
@@ -139,10 +140,15 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
             let (_, own) = stills
                 .insert(kept.unwrap_or_else(|| (order.subject.clone(), Stills::new(order.subject.clone(), None))));
             let stop = || mailbox.closed.load(Ordering::Relaxed);
-            let image = match print(own, &order, &stop) {
+            let printed = crash::guarded(|| print(own, &order, &stop).map_err(|error| format!("{error:#}")));
+            let image = match printed.flatten() {
                 Ok(None) => return,
                 Ok(Some(image)) => Ok(image),
-                Err(error) => Err(format!("{error:#}")),
+                Err(words) => {
+                    // What failed half way is not used again.
+                    stills = None;
+                    Err(words)
+                }
             };
             mailbox.lock().prints.push(Print { slot, image });
             wake(Duration::ZERO);
@@ -157,8 +163,7 @@ fn print(stills: &mut Stills, order: &PrintOrder, stop: &(dyn Fn() -> bool + Syn
         _ => None,
     };
     // Where the light that arrives was not baked, what is seen is shown as it is.
-    let is_missing = arriving.is_none() && look.display.quantity() == Some(Quantity::Illuminance);
-    let display = Display { false_color: look.display.false_color.filter(|_| !is_missing), ..look.display };
+    let display = if arriving.is_some() { look.display } else { look.display.of_seen_light() };
     let picture = match arriving {
         Some(arriving) => arriving,
         None => match stills.picture(look, order.size, stop)? {
@@ -166,7 +171,5 @@ fn print(stills: &mut Stills, order: &PrintOrder, stop: &(dyn Fn() -> bool + Syn
             None => return Ok(None),
         },
     };
-    let bytes = encode(&picture, &display.metered(&picture));
-    let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
-    Ok(Some(ColorImage::new([picture.width as usize, picture.height as usize], pixels)))
+    Ok(Some(color_image(&picture, &display.metered(&picture))))
 }

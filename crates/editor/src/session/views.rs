@@ -92,7 +92,7 @@ impl Session {
                 self.bake = self.state_of_shown();
             }
         }
-        self.changed = crate::picture::Changed::All;
+        self.is_another();
     }
 
     /// Gives up a view that is not shown.

@@ -3,15 +3,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError, encode};
-use eframe::egui::Color32;
+use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError};
 use eframe::egui::ColorImage;
 
 use super::Wake;
 use super::mailbox::{Clerk, Idle, Mailbox};
 use crate::crash;
 use crate::look::Display;
-use crate::picture::Changed;
+use crate::picture::{Changed, color_image};
 
 /// What is wanted of an order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,11 +134,7 @@ impl Bench {
             display
         };
         self.shown = display;
-        let image = (order.wanted == Wanted::Picture).then(|| {
-            let bytes = encode(radiance, &display);
-            let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
-            ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
-        });
+        let image = (order.wanted == Wanted::Picture).then(|| color_image(radiance, &display));
         let millis = 1e3 * started.elapsed().as_secs_f32();
         Ok(Relit { image, display, millis, serial: order.serial })
     }
