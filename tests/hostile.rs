@@ -1,7 +1,6 @@
 //! Hostile files, made of valid ones from a seed. The same targets as those of `fuzz/`, which runs them for hours; here some
 //! thousand cases say that nothing has become worse. A failure names the case, which the seed gives again.
 
-use clerestory::look::Look;
 use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::archive;
 use clerestory_transport::light::LightRig;
@@ -12,6 +11,10 @@ use fuzz::{seeds, targets};
 #[expect(dead_code, reason = "the driver of fuzz/ uses more of it")]
 #[path = "../fuzz/src/lib.rs"]
 mod fuzz;
+
+/// Those of its targets that need the whole program, which it has only where it is asked for.
+#[path = "../fuzz/src/documents.rs"]
+mod documents;
 
 const SEED: u64 = 20_261_122;
 
@@ -77,12 +80,10 @@ fn relight(bytes: &[u8]) {
 
 #[test]
 fn hostile_looks_do_no_harm() {
-    survives("look", 3000, |bytes| {
-        let text = String::from_utf8_lossy(bytes);
-        let _ = Look::from_json(&text);
-        if let Ok((look, _)) = Look::recover(&text) {
-            let (_, warnings) = Look::from_json(&look.to_json()).expect("what is written can be read");
-            assert!(warnings.is_empty(), "{text}: {warnings:?}");
-        }
-    });
+    survives("look", 3000, documents::look);
+}
+
+#[test]
+fn hostile_wishes_do_no_harm() {
+    survives("wishes", 2000, documents::wishes);
 }

@@ -6,6 +6,8 @@
 mod architecture;
 /// Scenes whose radiance is known by hand: closed spheres and furnaces.
 mod energy;
+/// Numbers at the ends of what they can be.
+mod extremes;
 /// Files from strangers: mutated by the thousand, none brings the house down.
 mod hostile;
 /// Lux: of what is seen, and of sensor grids.

@@ -123,6 +123,10 @@ fn mend_archive(bytes: &mut [u8]) {
     {
         set_word(bytes, 12, end as u32);
     }
+    mend_header(bytes);
+    if bytes[8] == PACKED_VERSION {
+        return mend_packed(bytes);
+    }
     let mut at = blocks;
     while let Some(start) = find(bytes, b"CNBF", at) {
         at = start + 4;
@@ -141,6 +145,47 @@ fn mend_archive(bytes: &mut [u8]) {
             let end = end as usize;
             let sum = checksum(&bytes[start..end]);
             bytes[end..end + 8].copy_from_slice(&sum.to_le_bytes());
+        }
+    }
+}
+
+/// The checksum that the JSON of a header ends in: sixteen digits over all that stands before them.
+fn mend_header(bytes: &mut [u8]) {
+    const KEY: &[u8] = b",\"checksum\":\"";
+    let end = 16 + u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+    let Some(digits) = end.checked_sub(18).filter(|at| *at > 16 + KEY.len() && end <= bytes.len()) else { return };
+    if bytes[..digits].ends_with(KEY) {
+        let sum = format!("{:016x}", checksum(&bytes[..digits]));
+        bytes[digits..digits + 16].copy_from_slice(sum.as_bytes());
+    }
+}
+
+/// Version of files whose packed matrices follow the header without anything between.
+const PACKED_VERSION: u8 = 4;
+
+/// Packed matrices: step, a direction and tables with their lengths and a checksum over all of it, then blocks with theirs.
+fn mend_packed(bytes: &mut [u8]) {
+    let word = |bytes: &[u8], at: usize| -> Option<usize> {
+        Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
+    };
+    let mut at = 16 + word(bytes, 12).unwrap_or(0);
+    loop {
+        let start = at;
+        let Some(n_direction) = word(bytes, at + 4) else { return };
+        let tables = at.saturating_add(8).saturating_add(n_direction.saturating_mul(4));
+        let Some(n_tables) = word(bytes, tables.min(bytes.len())) else { return };
+        let end = tables + 4 + n_tables;
+        if end + 8 > bytes.len() {
+            return;
+        }
+        let sum = checksum(&bytes[start..end]);
+        bytes[end..end + 8].copy_from_slice(&sum.to_le_bytes());
+        at = end + 8;
+        // What is no length that fits is the step of the next matrix.
+        while let Some(end) = word(bytes, at).map(|len| at + 4 + len).filter(|end| end + 4 <= bytes.len()) {
+            let sum = bytes[at..end].iter().fold(0x811c_9dc5_u32, |sum, b| (sum ^ u32::from(*b)).wrapping_mul(0x0100_0193));
+            bytes[end..end + 4].copy_from_slice(&sum.to_le_bytes());
+            at = end + 4;
         }
     }
 }

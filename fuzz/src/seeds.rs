@@ -3,7 +3,7 @@
 use super::targets::glb;
 
 /// Names of the targets.
-pub const TARGETS: [&str; 6] = ["gltf", "meshopt", "photometry", "sky", "picture", "archive"];
+pub const TARGETS: [&str; 8] = ["gltf", "meshopt", "photometry", "sky", "picture", "archive", "look", "wishes"];
 
 const RICH_JSON: &[u8] = include_bytes!("../seeds/rich.json");
 const RICH_BIN: &[u8] = include_bytes!("../seeds/rich.bin");
@@ -32,7 +32,8 @@ pub fn of(target: &str) -> Vec<Vec<u8>> {
             include_bytes!("../../crates/transport/tests/data/v3.transport"),
             include_bytes!("../../crates/transport/tests/data/v4.transport"),
         ],
-        "look" => &[include_bytes!("../seeds/rich.look")],
+        "look" => &[include_bytes!("../seeds/rich.look"), include_bytes!("../seeds/kept.look")],
+        "wishes" => &[include_bytes!("../seeds/all.wishes")],
         _ => &[],
     };
     files.iter().map(|file| file.to_vec()).collect()

@@ -2,15 +2,33 @@
 
 /// Memory of this process that is in use now, bytes; `None` where the system is not asked.
 pub fn resident_bytes() -> Option<u64> {
+    status_bytes("self", "VmRSS:")
+}
+
+/// The most memory of this process that was ever in use at a time, bytes; `None` where the system is not asked.
+pub fn peak_bytes() -> Option<u64> {
+    status_bytes("self", "VmHWM:")
+}
+
+/// The same of another process that runs.
+pub fn peak_bytes_of(process: u32) -> Option<u64> {
+    status_bytes(&process.to_string(), "VmHWM:")
+}
+
+/// A line of what Linux says of a process.
+fn status_bytes(process: &str, name: &str) -> Option<u64> {
     #[cfg(target_os = "linux")]
     {
-        let status = std::fs::read_to_string("/proc/self/status").ok()?;
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+        let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix(name))?;
         let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
         Some(kilobytes * 1024)
     }
     #[cfg(not(target_os = "linux"))]
-    None
+    {
+        let _ = (process, name);
+        None
+    }
 }
 
 /// Whether a window can be hoped for. Only X11 and Wayland say beforehand.
@@ -44,5 +62,7 @@ mod tests {
         let after = resident_bytes().expect("it was told before");
         assert!(after > before + (128 << 20), "{before} {after}");
         drop(touched);
+        let peak = peak_bytes().expect("it was told before");
+        assert!(peak >= after, "{peak} is the most, not {after}");
     }
 }

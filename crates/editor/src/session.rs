@@ -588,6 +588,7 @@ impl Session {
 
     fn stop_baking(&mut self) {
         self.others.extend(self.baking.take().map(Task::stopped));
+        std::mem::take(&mut self.focus).leave();
         self.incoming = None;
         self.drop_aside();
     }
@@ -891,6 +892,7 @@ impl Drop for Session {
         self.stop_loading();
         self.stop_baking();
         self.cancel_frames();
+        self.forget_forecast();
         // Without a receiver nobody waits for room in the channel.
         self.receiver = None;
         self.others.drain(..).for_each(Task::join);

@@ -14,17 +14,22 @@ use std::time::{Duration, Instant};
 
 use cap::Cap;
 use clerestory::session::{BakeState, Source};
-use desk::{Dropped, Window, open_with, quick, room, wait};
+use desk::{Dropped, Window, open_by, quick, room, wait};
 use eframe::egui::accesskit::Role;
 use eframe::egui::{
     Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, TouchPhase, pos2, vec2,
 };
+use eframe::egui_wgpu::{RenderState, RendererOptions};
+use egui_kittest::Harness;
 use egui_kittest::kittest::{By, NodeT, Queryable};
+use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state, default_wgpu_setup};
 
 /// Inputs of an episode; after each the window is closed and opened again.
 const INPUTS: u32 = 150;
 /// Episodes without `CLERESTORY_SOAK_SECS`.
 const EPISODES: u32 = 5;
+/// Of so many episodes one has a graphics device, which is lost in the middle; the next one finds another.
+const WITH_DEVICE: u32 = 3;
 /// Episodes until caches, pools and fonts are what they stay.
 const WARM: u32 = 2;
 /// Growth of the process from then on that is no leak: a tenth, and caches.
@@ -170,6 +175,37 @@ fn files(folder: &Path) -> Vec<PathBuf> {
     ]
 }
 
+/// A graphics device, software as it may be.
+fn device() -> RenderState {
+    create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE)
+}
+
+/// A window with its first picture; with a device that multiplies, if one is given.
+fn opened(device: Option<&RenderState>, home: &Path) -> Window {
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+    let builder = match device {
+        Some(device) => Harness::builder().renderer(WgpuTestRenderer::from_render_state(device.clone())),
+        None => Harness::builder(),
+    };
+    let mut window = open_by(builder, source, quick(), Some(home));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0);
+    if device.is_some() {
+        // One of software is used only where it is asked for.
+        window.get_by_label_contains("Relight: CPU").click();
+        window.run_steps(3);
+        window.get_by_label("Graphics device").click();
+        for _ in 0..2000 {
+            window.step();
+            if window.query_by_label_contains("Relight: CPU").is_none() {
+                return window;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        panic!("the graphics device is not taken up");
+    }
+    window
+}
+
 #[test]
 fn a_monkey_breaks_nothing_and_leaves_no_memory_behind() {
     let home = tempfile::tempdir().unwrap();
@@ -178,16 +214,19 @@ fn a_monkey_breaks_nothing_and_leaves_no_memory_behind() {
     let number = |name| std::env::var(name).ok().and_then(|text| text.parse::<u64>().ok());
     let (secs, seed) = (number("CLERESTORY_SOAK_SECS"), number("CLERESTORY_SOAK_SEED").unwrap_or(1));
     let mut monkey = Monkey { state: seed, files: files(home.path()) };
-    let (started, mut warm_bytes, mut n_episodes) = (Instant::now(), 0.0, 0);
+    let (started, mut warm_bytes, mut n_episodes, mut n_lost) = (Instant::now(), 0.0, 0, 0);
     let goes_on = |n_episodes| match secs {
         Some(secs) => started.elapsed() < Duration::from_secs(secs) || n_episodes <= WARM,
         None => n_episodes < EPISODES,
     };
     while goes_on(n_episodes) {
-        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_with(source, quick(), Some(home.path()));
-        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0);
+        let device = (n_episodes % WITH_DEVICE == WITH_DEVICE - 1).then(device);
+        let mut window = opened(device.as_ref(), home.path());
         for input in 0..INPUTS {
+            if let Some(device) = device.as_ref().filter(|_| input == INPUTS / 2) {
+                device.device.destroy();
+                n_lost += 1;
+            }
             let acted = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| monkey.act(&mut window)));
             assert!(acted.is_ok(), "seed {seed}: it broke at input {input} of episode {n_episodes}");
         }
@@ -198,7 +237,7 @@ fn a_monkey_breaks_nothing_and_leaves_no_memory_behind() {
         }
     }
     let n_inputs = n_episodes * INPUTS;
-    println!("{n_inputs} inputs in {n_episodes} windows, {:.0} s", started.elapsed().as_secs_f32());
+    println!("{n_inputs} inputs in {n_episodes} windows, {n_lost} lost devices, {:.0} s", started.elapsed().as_secs_f32());
     let bytes = ALLOCATED.allocated() as f64;
     println!("{:.1} MB after {WARM} windows, {:.1} MB at the end", warm_bytes / 1e6, bytes / 1e6);
     assert!(bytes < warm_bytes * GROWTH + SLACK_BYTES, "memory grew from {warm_bytes} to {bytes} bytes");

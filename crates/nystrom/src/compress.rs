@@ -165,16 +165,25 @@ pub fn compress<M: SampledMatrix>(
     config: &CompressConfig,
     on_block: impl FnMut(u32, Vec<BlockFactors>) -> ControlFlow<()> + Send,
 ) -> Result<ControlFlow<()>, CompressError> {
-    compress_by(&|_| 0, matrix, partition, blocks, config, on_block)
+    compress_by(Guide { order: &|_| 0, goes_on: &|| true }, matrix, partition, blocks, config, on_block)
 }
 
-/// The same in an order that may change while it runs: `order` is given the blocks that nobody has taken yet and says at which
-/// place among them the next one stands. The factors are the same in any order.
+/// What somebody outside says while blocks are compressed.
+#[derive(Clone, Copy)]
+pub struct Guide<'a> {
+    /// Is given the blocks that nobody has taken yet and says at which place among them the next one stands. The factors are the
+    /// same in any order.
+    pub order: &'a (dyn Fn(&[u32]) -> usize + Sync),
+    /// Whether anybody wants the blocks; asked often, and never again after a no, which ends the run within blocks.
+    pub goes_on: &'a (dyn Fn() -> bool + Sync),
+}
+
+/// The same under somebody's guidance, which may change while it runs.
 ///
 /// # Errors
 /// As [`compress`].
 pub fn compress_by<M: SampledMatrix>(
-    order: &(dyn Fn(&[u32]) -> usize + Sync),
+    guide: Guide<'_>,
     matrix: &M,
     partition: &Partition,
     blocks: &[u32],
@@ -182,7 +191,7 @@ pub fn compress_by<M: SampledMatrix>(
     on_block: impl FnMut(u32, Vec<BlockFactors>) -> ControlFlow<()> + Send,
 ) -> Result<ControlFlow<()>, CompressError> {
     check(matrix, partition, blocks, config)?;
-    Run::new((matrix, partition), blocks, order, config, on_block).finish()
+    Run::new((matrix, partition), blocks, guide, config, on_block).finish()
 }
 
 /// Compresses one block from the sums of its samples: one result per group of the config.

@@ -86,7 +86,7 @@ mod vector;
 pub use bounded::{BoundedError, BoundedLeastSquares};
 pub use codec::{CodecError, decode_block, encode_block};
 pub use compress::{
-    BlockSamples, ColumnGroup, CompressConfig, CompressError, SamplePlan, Tolerance, compress, compress_block,
+    BlockSamples, ColumnGroup, CompressConfig, CompressError, Guide, SamplePlan, Tolerance, compress, compress_block,
     compress_by,
 };
 pub use factors::{BlockError, BlockFactors};

@@ -118,6 +118,11 @@ impl PackedMatrix {
         Self { tables, step, direction, blocks, layout }
     }
 
+    /// Of so many blocks, those that [`pack`](Self::pack) holds unpacked and packed at the same time.
+    pub fn n_telling(n_blocks: usize) -> usize {
+        n_blocks.div_ceil(n_blocks.div_ceil(N_TELLING).max(1))
+    }
+
     /// The factors of all blocks.
     ///
     /// # Errors

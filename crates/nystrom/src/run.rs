@@ -9,7 +9,7 @@ use std::{
 };
 
 use crate::{
-    compress::{BlockSamples, CompressConfig, CompressError, SamplePlan, compress_group},
+    compress::{BlockSamples, CompressConfig, CompressError, Guide, SamplePlan, compress_group},
     factors::BlockFactors,
     matrix::{Half, SampledMatrix, SparseEntry},
     means::Means,
@@ -23,8 +23,7 @@ pub(crate) struct Run<'a, M, F> {
     matrix: &'a M,
     partition: &'a Partition,
     blocks: &'a [u32],
-    /// At which place among blocks that nobody has taken the next one stands.
-    order: &'a (dyn Fn(&[u32]) -> usize + Sync),
+    guide: Guide<'a>,
     config: &'a CompressConfig,
     left: Mutex<Vec<u32>>,
     stopping: AtomicBool,
@@ -55,13 +54,13 @@ where
     pub(crate) fn new(
         (matrix, partition): (&'a M, &'a Partition),
         blocks: &'a [u32],
-        order: &'a (dyn Fn(&[u32]) -> usize + Sync),
+        guide: Guide<'a>,
         config: &'a CompressConfig,
         on_block: F,
     ) -> Self {
         let sink = Mutex::new(Sink { on_block, error: None });
         let left = Mutex::new(blocks.to_vec());
-        Self { matrix, partition, blocks, order, config, left, stopping: AtomicBool::new(false), sink }
+        Self { matrix, partition, blocks, guide, config, left, stopping: AtomicBool::new(false), sink }
     }
 
     /// Works on all threads of the pool until every block is done or somebody says stop.
@@ -97,12 +96,16 @@ where
         if left.is_empty() {
             return None;
         }
-        let place = (self.order)(&left).min(left.len() - 1);
+        let place = (self.guide.order)(&left).min(left.len() - 1);
         Some(left.remove(place))
     }
 
     fn stops(&self) -> bool {
-        self.stopping.load(Ordering::Relaxed)
+        let stops = self.stopping.load(Ordering::Relaxed) || !(self.guide.goes_on)();
+        if stops {
+            self.stopping.store(true, Ordering::Relaxed);
+        }
+        stops
     }
 
     fn deliver(&self, block: u32, factors: Vec<BlockFactors>) {
@@ -143,7 +146,7 @@ where
             }
             taken = target;
         }
-        self.compress(block, scratch).map(Some)
+        self.compress(block, scratch)
     }
 
     /// Adds samples, batch by batch. Where nobody looks at them any more, halves that are closed get none.
@@ -184,12 +187,15 @@ where
         Ok(())
     }
 
-    /// Compresses what was sampled.
-    fn compress(&self, block: u32, scratch: &mut Scratch) -> Result<Vec<BlockFactors>, CompressError> {
+    /// Compresses what was sampled; `None` if told to stop.
+    fn compress(&self, block: u32, scratch: &mut Scratch) -> Result<Option<Vec<BlockFactors>>, CompressError> {
         scratch.halves.iter_mut().for_each(Sums::join);
         let [(a, n_a), (b, n_b)] = scratch.halves.each_ref().map(|sums| sums.counted(&scratch.kept));
         let samples = self.samples([a, b], scratch.halves.each_ref().map(Sums::sparse), [n_a, n_b]);
-        let group = |group| compress_group(&samples, group, self.config, block, &mut scratch.means);
+        let group = |group| {
+            let wanted = !self.stops();
+            wanted.then(|| compress_group(&samples, group, self.config, block, &mut scratch.means)).transpose()
+        };
         self.config.groups.iter().map(group).collect()
     }
 

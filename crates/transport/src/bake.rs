@@ -20,7 +20,7 @@ use std::time::Instant;
 
 use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{
-    BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, PackedMatrix, Partition, SamplePlan,
+    BlockFactors, BlockLowRank, ColumnGroup, CompressConfig, CompressError, Guide, PackedMatrix, Partition, SamplePlan,
     Smoothing, Tolerance, compress_by,
 };
 use clock::Clock;
@@ -426,7 +426,10 @@ impl BakeJob {
     ) -> Result<Option<Bake>, BakeError> {
         let HalfDone { header, blocks } = match begun {
             Some(begun) => begun,
-            None => HalfDone { header: Arc::new(self.header()?), blocks: Vec::new() },
+            None => match self.header_toward(focus)? {
+                Some(header) => HalfDone { header: Arc::new(header), blocks: Vec::new() },
+                None => return Ok(None),
+            },
         };
         self.run_from(header, &blocks, focus, on_event)
     }
@@ -441,10 +444,15 @@ impl BakeJob {
     /// # Errors
     /// See [`BakeError`].
     pub fn header(&self) -> Result<BakeHeader, BakeError> {
+        Ok(self.header_toward(&Focus::default())?.expect("nobody else knows of this focus, so nobody leaves"))
+    }
+
+    /// The same for somebody who may leave: then there is none.
+    fn header_toward(&self, focus: &Focus) -> Result<Option<BakeHeader>, BakeError> {
         self.check()?;
         let (empty, dark) = (self.empty_pixels(), dark_sources(&self.scene, self.camera.position()));
         let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, &dark);
-        let (column_scale, sky_reach) = self.matrix(&plan, empty.clone()).measure_columns();
+        let (column_scale, sky_reach) = self.matrix(&plan, empty.clone(), focus).measure_columns();
         let mut header = BakeHeader {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
@@ -458,7 +466,7 @@ impl BakeJob {
             column_scale,
             sky_reach,
             sharing_bias: None,
-            irradiance: self.irradiance_headers(&dark)?,
+            irradiance: self.irradiance_headers(&dark, focus)?,
             patches: None,
             skips: self.scene.skips,
             spared: self.scene.spared(),
@@ -467,12 +475,12 @@ impl BakeJob {
         header.spared.dark_sources = dark;
         if self.scene.skips.has(Skip::WeakLight) {
             let plan = self.plan(Density::Full, &header);
-            let mut matrix = self.matrix(&plan, empty);
+            let mut matrix = self.matrix(&plan, empty, focus);
             matrix.set_column_scale(self.own_scale(&header.column_scale));
             header.spared.weak_connections = matrix.weak_connections();
         }
-        self.add_patches(&mut header);
-        Ok(header)
+        self.add_patches(&mut header, focus);
+        Ok((!focus.is_left()).then_some(header))
     }
 
     /// Pixels that see nothing, if there are any and they may be left out.
@@ -490,9 +498,15 @@ impl BakeJob {
         }
     }
 
-    fn matrix<'a>(&'a self, plan: &'a MatrixPlan, empty: Option<Arc<EmptyPixels>>) -> TransportMatrix<'a> {
+    fn matrix<'a>(
+        &'a self,
+        plan: &'a MatrixPlan,
+        empty: Option<Arc<EmptyPixels>>,
+        focus: &'a Focus,
+    ) -> TransportMatrix<'a> {
         let BakeConfig { bounces, seed, .. } = self.config;
-        TransportMatrix::new(&self.scene, plan, self.camera.clone(), self.film, bounces, seed).with_empty_pixels(empty)
+        let matrix = TransportMatrix::new(&self.scene, plan, self.camera.clone(), self.film, bounces, seed);
+        matrix.with_empty_pixels(empty).watched(focus)
     }
 
     fn check(&self) -> Result<(), BakeError> {
@@ -532,7 +546,7 @@ impl BakeJob {
     ) -> Result<Option<Bake>, BakeError> {
         let plan = self.plan(Density::Full, &header);
         let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
-        let mut matrix = self.matrix(&plan, empty.clone());
+        let mut matrix = self.matrix(&plan, empty.clone(), focus);
         matrix.set_column_scale(self.own_scale(&header.column_scale));
         let partition = header.partition();
         let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
@@ -581,7 +595,7 @@ impl BakeJob {
             Some(_) => Arc::new(BakeHeader { sharing_bias: run.bias, ..(*header).clone() }),
             None => header.clone(),
         };
-        Ok(Some(Bake::packing(header, &run.matrices)))
+        Ok(Bake::packing(header, run.matrices, focus))
     }
 
     /// Samples per half of each pass; `None` is the preview.
@@ -754,7 +768,7 @@ impl Run<'_> {
             Some(_) => self.matrix,
             None => {
                 coarse_plan = job.plan(Density::Quarter, &header);
-                coarse = job.matrix(&coarse_plan, self.empty.clone());
+                coarse = job.matrix(&coarse_plan, self.empty.clone(), focus);
                 coarse.set_column_scale(job.own_scale(&header.column_scale));
                 &coarse
             }
@@ -792,10 +806,10 @@ impl Run<'_> {
             factors.extend(of_patches.take(block));
             self.deliver((0, block as usize), pass, factors, clock, on_event)
         };
-        let order = |left: &[u32]| focus.next(&partition, left);
+        let guide = Guide { order: &|left| focus.next(&partition, left), goes_on: &|| !focus.is_left() };
         let flow = match &shared {
-            Some(shared) => compress_by(&order, shared, &partition, blocks, &config, on_block)?,
-            None => compress_by(&order, matrix, &partition, blocks, &config, on_block)?,
+            Some(shared) => compress_by(guide, shared, &partition, blocks, &config, on_block)?,
+            None => compress_by(guide, matrix, &partition, blocks, &config, on_block)?,
         };
         if flow.is_break() {
             return Ok(flow);

@@ -13,6 +13,7 @@ use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::bake::focus::Focus;
 use crate::camera::{Camera, Film};
 use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
@@ -71,6 +72,11 @@ impl<'a> TransportMatrix<'a> {
     /// Traces no rays for some pixels, which see nothing.
     pub(crate) fn with_empty_pixels(self, empty: Option<Arc<EmptyPixels>>) -> Self {
         TransportMatrix { empty, ..self }
+    }
+
+    /// For somebody who may leave.
+    pub(crate) fn watched(self, focus: &'a Focus) -> Self {
+        TransportMatrix { integrator: self.integrator.watched(focus), ..self }
     }
 
     /// Whether a pixel of the picture, not a point of a grid, is known to see nothing.

@@ -25,6 +25,7 @@ use glam::{Vec2, Vec3};
 
 use plates::{BATCH, Batch, Onlooker, Points};
 
+use crate::bake::focus::Focus;
 use crate::basis::SourceKind;
 use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
@@ -111,6 +112,8 @@ pub struct Integrator<'a, P> {
     /// Bodies of free lamps, by column.
     bodies: Vec<(u32, Body)>,
     far: f32,
+    /// Who wants to know, if that can change.
+    focus: Option<&'a Focus>,
 }
 
 /// Where the light of a column comes from.
@@ -208,7 +211,17 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
         let bounces = bounces.unwrap_or(u32::MAX);
-        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, bodies, far }
+        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, bodies, far, focus: None }
+    }
+
+    /// The same for somebody who may leave: from then on every ray meets nothing, so that all walks end.
+    pub(crate) fn watched(self, focus: &'a Focus) -> Self {
+        Integrator { focus: Some(focus), ..self }
+    }
+
+    /// Nearest surface along a ray, as long as somebody wants to know.
+    fn closest(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
+        if self.focus.is_some_and(Focus::is_left) { None } else { self.scene.closest(ray, sampler) }
     }
 
     /// Scattering events beyond the first at most.
@@ -332,7 +345,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.
     fn arrive(&self, walk: &mut Walk, sampler: &mut Sampler, deposit: &mut impl Deposit) -> Option<SurfaceHit> {
-        let hit = self.scene.closest(&walk.ray(), sampler);
+        let hit = self.closest(&walk.ray(), sampler);
         self.collect_bodies(walk, hit.as_ref().map_or(f32::INFINITY, |hit| hit.t), deposit);
         let Some(hit) = hit else {
             self.collect_beyond(walk, deposit);

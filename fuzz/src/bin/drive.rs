@@ -25,7 +25,9 @@ fn main() {
         "picture" => targets::picture,
         "archive" => targets::archive,
         #[cfg(feature = "look")]
-        "look" => look,
+        "look" => clerestory_fuzz::documents::look,
+        #[cfg(feature = "look")]
+        "wishes" => clerestory_fuzz::documents::wishes,
         _ => panic!("{}", usage()),
     };
     let files = seeds::of(name);
@@ -51,16 +53,6 @@ fn main() {
     let (ms, peak) = (slowest.as_millis(), peak_mib());
     println!("{name}: {n_cases} files in {secs} s, {n_found} found, slowest {ms} ms, memory at most {peak} MiB");
     assert!(n_found == 0, "{n_found} found");
-}
-
-#[cfg(feature = "look")]
-fn look(bytes: &[u8]) {
-    use clerestory::look::Look;
-    let text = String::from_utf8_lossy(bytes);
-    let _ = Look::from_json(&text);
-    if let Ok((look, _)) = Look::recover(&text) {
-        assert!(Look::from_json(&look.to_json()).is_ok_and(|(_, warnings)| warnings.is_empty()));
-    }
 }
 
 /// Most memory that this process ever had, MiB; 0 where the system does not tell.

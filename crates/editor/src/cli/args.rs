@@ -251,7 +251,8 @@ pub struct BakeArgs {
     /// Do not bake: try some blocks, and tell about how long it will take, how much memory, and how large the file will be.
     #[arg(long, conflicts_with_all = ["output", "seconds"])]
     pub estimate: bool,
-    /// Refuse a bake that would take more memory than this, before it starts; such as 8GB.
+    /// Take no more memory than this, such as 8GB: fewer threads bake if need be. A bake that takes more on a single thread is refused
+    /// before it starts.
     #[arg(long, value_name = "SIZE", value_parser = super::estimate::parse_bytes)]
     pub memory: Option<u64>,
     /// How to bake.

@@ -36,8 +36,7 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
         (Some(output), _) => output,
         (None, Some(scene)) => {
             let job = scene_job(scene, args, console)?;
-            let estimate = estimate::estimate(&job, args, console)?;
-            return Ok(estimate::told(&estimate, args, console));
+            return Ok(estimate::told(&estimate::forecast(&job, args, console)?, console));
         }
         (None, None) => bail!("name the file to write with -o"),
     };
@@ -68,11 +67,12 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
     let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
     reserve(output, &inputs)?;
     let job = scene_job(scene, args, console)?;
+    let mut options = args.options.clone();
     if let Some(limit_bytes) = args.memory {
-        estimate::keep_within(limit_bytes, &estimate::estimate(&job, args, console)?)?;
+        options.view.threads = Some(estimate::threads_within(limit_bytes, &job, args, console)?);
     }
     let kept = || kept_words(output, restart(&args.options));
-    run_with_progress(console, &args.options, &kept, |on_event| {
+    run_with_progress(console, &options, &kept, |on_event| {
         archive::bake_to_file(job, output, restart(&args.options), on_event)
     })
     .with_context(|| format!("cannot bake {} to {}", scene.display(), output.display()))

@@ -5,6 +5,7 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 use clerestory_transport::bake::BakeJob;
 use clerestory_transport::bake::estimate::BakeEstimate;
+use clerestory_transport::bake::focus::Focus;
 use indicatif::ProgressBar;
 use serde_json::json;
 
@@ -12,56 +13,115 @@ use super::args::BakeArgs;
 use super::console::{Answer, Console, bytes_words, duration_words};
 use super::interrupt::nothing_kept;
 use super::view::on_threads;
-use crate::platform::resident_bytes;
+use crate::platform::{peak_bytes, resident_bytes};
 
 /// How long blocks of a pass are tried.
 const BUDGET: Duration = Duration::from_secs(20);
 
-/// Tries some blocks of a bake.
-pub(super) fn estimate(job: &BakeJob, args: &BakeArgs, console: &mut Console) -> Result<BakeEstimate> {
-    let interrupt = console.interrupt.heeded()?;
-    let tried = interrupt.watched(&ProgressBar::hidden(), &nothing_kept, || {
-        on_threads(args.options.view.threads, || job.estimate(BUDGET, || !interrupt.came()))
-    });
-    let estimate = tried?.context("cannot estimate the bake")?;
-    estimate.ok_or_else(|| interrupt.stopped(nothing_kept()))
+/// What a bake will take, and what the program took before it was asked.
+pub(super) struct Forecast {
+    estimate: BakeEstimate,
+    n_threads: usize,
+    /// Memory that is held for the scene, bytes; `None` where the system does not tell.
+    held_bytes: Option<u64>,
+    /// Most memory so far: while the scene was read, or while blocks were tried.
+    peak_bytes: u64,
 }
 
-/// Refuses a bake that would take more memory than allowed; what the program holds already counts as well.
-pub(super) fn keep_within(limit_bytes: u64, estimate: &BakeEstimate) -> Result<()> {
-    let held = resident_bytes().unwrap_or(0);
-    let needed = held + estimate.memory_bytes;
-    if needed <= limit_bytes {
-        return Ok(());
+impl Forecast {
+    /// Most memory at a time, the scene and the reading of it included, bytes.
+    fn most_bytes(&self) -> u64 {
+        (self.held_bytes.unwrap_or(0) + self.estimate.memory_bytes).max(self.peak_bytes)
     }
-    bail!(
-        "the bake would take about {} of memory ({} of it for the scene), more than the {} that --memory allows; make the picture smaller \
-         (--size), give panels and sky fewer parts (--panel NODE=8, --sky-patches 145), take fewer threads (--threads), or allow more",
-        bytes_words(needed as f64),
-        bytes_words(held as f64),
-        bytes_words(limit_bytes as f64),
-    )
+
+    /// The most threads on which a bake keeps to a limit, all of those that it was estimated for or fewer; `None` if a single one
+    /// takes more.
+    fn threads_within(&self, limit_bytes: u64) -> Option<usize> {
+        let held = self.held_bytes.unwrap_or(0);
+        if held + self.estimate.memory_bytes <= limit_bytes {
+            return Some(self.n_threads);
+        }
+        let room = limit_bytes.checked_sub(held + self.estimate.least_memory_bytes)?;
+        Some((1 + (room / self.estimate.thread_bytes.max(1)) as usize).min(self.n_threads))
+    }
+}
+
+/// Tries some blocks of a bake, on as many threads as were asked for and a limit of memory leaves room for.
+pub(super) fn forecast(job: &BakeJob, args: &BakeArgs, console: &mut Console) -> Result<Forecast> {
+    let held_bytes = resident_bytes();
+    let room = args.memory.map(|limit| limit.saturating_sub(held_bytes.unwrap_or(0)) / job.thread_bytes().max(1));
+    let n_threads = asked_threads(args).min(room.unwrap_or(u64::MAX) as usize).max(1);
+    let interrupt = console.interrupt.heeded()?;
+    let tried = interrupt.watched(&ProgressBar::hidden(), &nothing_kept, || {
+        on_threads(u16::try_from(n_threads).ok(), || job.estimate(BUDGET, &Focus::default()))
+    });
+    let estimate = tried?.context("cannot estimate the bake")?.ok_or_else(|| interrupt.stopped(nothing_kept()))?;
+    Ok(Forecast { estimate, n_threads, held_bytes, peak_bytes: peak_bytes().unwrap_or(0) })
+}
+
+fn asked_threads(args: &BakeArgs) -> usize {
+    args.options.view.threads.map_or_else(rayon::current_num_threads, usize::from)
+}
+
+/// On how many threads a bake keeps within a limit of memory.
+///
+/// # Errors
+/// In words, if it does on none.
+pub(super) fn threads_within(limit_bytes: u64, job: &BakeJob, args: &BakeArgs, console: &mut Console) -> Result<u16> {
+    let words = |bytes: u64| bytes_words(bytes as f64);
+    let read_bytes = peak_bytes().unwrap_or(0);
+    if read_bytes > limit_bytes {
+        bail!(
+            "reading the scene alone took {} of memory, more than the {} that --memory allows; allow more, or make the scene smaller",
+            words(read_bytes),
+            words(limit_bytes),
+        );
+    }
+    let forecast = forecast(job, args, console)?;
+    let Some(n_threads) = forecast.threads_within(limit_bytes) else {
+        let held = forecast.held_bytes.unwrap_or(0);
+        bail!(
+            "the bake would take about {} of memory on a single thread ({} of it for the scene), more than the {} that --memory allows; make \
+             the picture smaller (--size), give panels and sky fewer parts (--panel NODE=8, --sky-patches 145), or allow more",
+            words(held + forecast.estimate.least_memory_bytes),
+            words(held),
+            words(limit_bytes),
+        )
+    };
+    let n_asked = asked_threads(args);
+    if n_threads < n_asked {
+        console.note(&format!(
+            "{n_threads} of {n_asked} threads bake, so that memory stays within the {} that --memory allows",
+            words(limit_bytes)
+        ));
+    }
+    Ok(u16::try_from(n_threads).unwrap_or(u16::MAX))
 }
 
 /// For people and programs.
-pub(super) fn told(estimate: &BakeEstimate, args: &BakeArgs, console: &Console) -> Answer {
-    let threads = args.options.view.threads.map_or_else(rayon::current_num_threads, usize::from);
-    let held = resident_bytes();
+pub(super) fn told(forecast: &Forecast, console: &Console) -> Answer {
+    let Forecast { estimate, n_threads, held_bytes, .. } = forecast;
     let words = format!(
-        "time        about {} on {threads} threads, the preview after {}\n\
-         memory      about {} while it bakes{}, {} afterwards\n\
+        "time        about {} on {n_threads} threads, the preview after {}\n\
+         memory      about {} at most{}, {} for the result\n\
          file        about {}\n\
          tried       {} of {} blocks",
         duration_words(f64::from(estimate.secs)),
         duration_words(f64::from(estimate.preview_secs)),
-        bytes_words(estimate.memory_bytes as f64),
-        held.map_or(String::new(), |held| format!(" beside {} for the scene", bytes_words(held as f64))),
+        bytes_words(forecast.most_bytes() as f64),
+        held_bytes.map_or(String::new(), |held| format!(", {} of it for the scene", bytes_words(held as f64))),
         bytes_words(estimate.result_bytes as f64),
         bytes_words(estimate.file_bytes as f64),
         estimate.n_tried,
         estimate.n_blocks,
     );
-    let mut json = json!({ "threads": threads, "scene_bytes": held, "warnings": console.warnings() });
+    let peak_bytes = forecast.most_bytes();
+    let mut json = json!({
+        "threads": n_threads,
+        "scene_bytes": held_bytes,
+        "peak_bytes": peak_bytes,
+        "warnings": console.warnings(),
+    });
     super::bake::merge(&mut json, json!(estimate));
     Answer { json, words }
 }
@@ -97,18 +157,22 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_is_kept_or_refused_in_words() {
+    fn a_limit_leaves_as_many_threads_as_fit() {
+        let gigabytes = |n: u64| n << 30;
         let estimate = BakeEstimate {
             secs: 1.0,
             preview_secs: 0.1,
-            memory_bytes: 3_000_000_000,
-            result_bytes: 1_000_000_000,
+            memory_bytes: gigabytes(9),
+            least_memory_bytes: gigabytes(2),
+            thread_bytes: gigabytes(1),
+            result_bytes: gigabytes(1),
             file_bytes: 1,
             n_blocks: 1,
             n_tried: 1,
         };
-        keep_within(1 << 40, &estimate).unwrap();
-        let said = keep_within(1 << 30, &estimate).unwrap_err().to_string();
-        assert!(said.contains("--memory allows") && said.contains("--size"), "{said}");
+        let forecast = Forecast { estimate, n_threads: 8, held_bytes: Some(gigabytes(1)), peak_bytes: gigabytes(1) };
+        let threads = [100, 10, 9, 6, 3, 2].map(|limit| forecast.threads_within(gigabytes(limit)));
+        assert_eq!(threads, [Some(8), Some(8), Some(7), Some(4), Some(1), None]);
+        assert_eq!(forecast.most_bytes(), gigabytes(10));
     }
 }

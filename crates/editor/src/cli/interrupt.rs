@@ -19,8 +19,9 @@ use crate::output::PendingFile;
 
 /// How often a signal is looked for.
 const POLL: Duration = Duration::from_millis(20);
-/// How long a command may take to end by itself; a block under way can take longer, and is lost either way.
-const GRACE: Duration = Duration::from_millis(500);
+/// How long a command may take to end by itself, so that it ends at once for a person; a block under way can take longer, and is
+/// lost either way.
+const GRACE: Duration = Duration::from_millis(120);
 /// Exit code of a process that a signal ended, less the signal, as shells count.
 const SIGNAL_BASE: u8 = 128;
 

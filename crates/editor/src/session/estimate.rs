@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use clerestory_transport::bake::BakeJob;
 use clerestory_transport::bake::estimate::BakeEstimate;
+use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::prepared::PreparedScene;
 
 use super::task::{Fact, Post, Task, beside_the_window};
@@ -34,6 +35,7 @@ pub(super) struct Forecasting {
     asked: Option<(Arc<PreparedScene>, BakeSettings)>,
     asked_at: Option<Instant>,
     task: Option<Task>,
+    focus: Arc<Focus>,
     answer: Forecast,
 }
 
@@ -62,13 +64,17 @@ impl Session {
             return;
         }
         match self.job(settings, None) {
-            Ok(job) => self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, &post)),
+            Ok(job) => {
+                let focus = self.forecasting.focus.clone();
+                self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, &focus, &post));
+            }
             Err(why) => self.forecasting.answer = Forecast::Failed(why),
         }
     }
 
-    fn forget_forecast(&mut self) {
+    pub(super) fn forget_forecast(&mut self) {
         let old = std::mem::take(&mut self.forecasting);
+        old.focus.leave();
         self.others.extend(old.task.map(Task::stopped));
     }
 
@@ -83,8 +89,8 @@ impl Session {
     }
 }
 
-fn estimate(job: &BakeJob, post: &Post) {
-    match beside_the_window(|| job.estimate(BUDGET, || post.is_wanted())) {
+fn estimate(job: &BakeJob, focus: &Focus, post: &Post) {
+    match beside_the_window(|| job.estimate(BUDGET, focus)) {
         Ok(None) => {}
         Ok(Some(estimate)) => {
             let _ = post.send(Fact::Foreseen(Ok(estimate)), Duration::ZERO);

@@ -67,7 +67,11 @@ pub fn read(path: &Path, of: &Surroundings) -> Result<Request> {
     request(&text, path.parent().unwrap_or(Path::new("")), of).with_context(|| format!("cannot use {name}"))
 }
 
-fn request(text: &str, folder: &Path, of: &Surroundings) -> Result<Request> {
+/// The same from text, with the folder of the pictures.
+///
+/// # Errors
+/// As [`read`].
+pub fn request(text: &str, folder: &Path, of: &Surroundings) -> Result<Request> {
     let file: File = serde_json::from_str(text).context("it is no file of wishes; see the example in docs/cli.md")?;
     let usual = Request::default();
     let wishes = file.wishes.into_iter().enumerate();

@@ -37,8 +37,10 @@ impl TargetPicture {
     /// If it cannot be read or is no picture.
     pub fn read(path: &Path) -> Result<TargetPicture> {
         let name = path.display();
-        let n_bytes = std::fs::metadata(path).with_context(|| format!("cannot read {name}: check the path"))?.len();
-        anyhow::ensure!(n_bytes <= MAX_BYTES, "{name} is too large; give a smaller picture");
+        let found = std::fs::metadata(path).with_context(|| format!("cannot read {name}: check the path"))?;
+        // A device has no length and no end.
+        anyhow::ensure!(found.is_file(), "{name} is no file; give a picture");
+        anyhow::ensure!(found.len() <= MAX_BYTES, "{name} is too large; give a smaller picture");
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {name}"))?;
         let picture = decode_picture(&bytes).map_err(|why| anyhow!("cannot use {name}: {why}"))?;
         let file_name = path.file_name().map_or_else(|| name.to_string(), |n| n.to_string_lossy().into_owned());

@@ -9,7 +9,7 @@ use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{DroppedFile, Pos2, Rect, Vec2, vec2};
-use egui_kittest::Harness;
+use egui_kittest::{Harness, HarnessBuilder};
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -48,11 +48,16 @@ pub fn quick() -> BakeConfig {
 
 /// Opened and baked as asked, with a folder of the user's for unsaved looks and finished bakes.
 pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
+    open_by(Harness::builder(), source, config, home)
+}
+
+/// The same in a window that is being built, with a graphics device of its own for one.
+pub fn open_by(builder: HarnessBuilder<App>, source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config, illuminance: false };
     let unsaved = home.map(|home| home.join("unsaved"));
     let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
     let start = Start { unsaved, cache, ..Start::alone(source, Some(settings)) };
-    Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
+    builder.with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap())
 }
 
 /// The room, baked, with its first picture.

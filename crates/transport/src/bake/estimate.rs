@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::clock::Clock;
 use super::focus::Focus;
-use super::{Bake, BakeError, BakeEvent, BakeJob, Run};
+use super::{Bake, BakeError, BakeEvent, BakeJob, Run, TILE};
 use crate::archive::header_len;
 use crate::matrix::CHANNELS;
 
@@ -23,6 +23,9 @@ const BLOCKS_PER_THREAD: usize = 3;
 /// Sums of the samples of a block that a thread holds at once, with what makes factors of them.
 const COPIES: u64 = 6;
 
+/// Coefficients of a block that are held while it is packed, first as they are and then rounded, over its factors in memory.
+const PACKING: f64 = 4.0;
+
 /// What a bake will take.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BakeEstimate {
@@ -30,8 +33,12 @@ pub struct BakeEstimate {
     pub secs: f32,
     /// Until the first whole picture, seconds; 0 if no preview is made.
     pub preview_secs: f32,
-    /// Most memory at a time beside the scene, bytes.
+    /// Most memory at a time beside the scene, bytes, on as many threads as estimated.
     pub memory_bytes: u64,
+    /// The same on a single thread, and what each further thread adds at most.
+    pub least_memory_bytes: u64,
+    /// See there.
+    pub thread_bytes: u64,
     /// Memory of the result, bytes.
     pub result_bytes: u64,
     /// The file, bytes.
@@ -99,33 +106,25 @@ enum Scales {
 
 impl BakeJob {
     /// Tries a few blocks on the threads of the current pool, for about as long as `budget` beside what is done once. `None` if
-    /// `go_on` said no.
+    /// nobody wants it any more.
     ///
     /// # Errors
     /// As [`BakeJob::run`].
-    pub fn estimate(
-        &self,
-        budget: Duration,
-        go_on: impl Fn() -> bool + Sync,
-    ) -> Result<Option<BakeEstimate>, BakeError> {
+    pub fn estimate(&self, budget: Duration, focus: &Focus) -> Result<Option<BakeEstimate>, BakeError> {
         let begun = Instant::now();
-        let header = Arc::new(self.header()?);
+        let Some(header) = self.header_toward(focus)?.map(Arc::new) else { return Ok(None) };
         let mut secs = begun.elapsed().as_secs_f32();
-        if !go_on() {
-            return Ok(None);
-        }
         let partitions = header.partitions();
         let plan = self.plan(super::Density::Full, &header);
         let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
-        let mut matrix = self.matrix(&plan, empty.clone());
+        let mut matrix = self.matrix(&plan, empty.clone(), focus);
         matrix.set_column_scale(self.own_scale(&header.column_scale));
         let passes = self.pass_samples(true);
         let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
         let started = Instant::now();
-        let focus = Focus::default();
         let (matrix, header) = (&matrix, &header);
         let (bias, deadline) = (None, None);
-        let mut run = Run { job: self, matrix, header, focus: &focus, empty, matrices, last, bias, started, deadline };
+        let mut run = Run { job: self, matrix, header, focus, empty, matrices, last, bias, started, deadline };
         let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
         let all = self.config.samples_per_half();
         let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());
@@ -138,7 +137,7 @@ impl BakeJob {
             run.matrices = header.empty_matrices();
             let (partition, scales) = (&partitions[0], if is_last { self.scales() } else { Scales::Blocks });
             let blocks = spread(partition.n_blocks(), n_tried);
-            let tried = try_blocks(budget, &go_on, |mut on_event| {
+            let tried = try_blocks(budget, focus, |mut on_event| {
                 run.pass(nth as u32, samples, &blocks, &mut clock, &mut on_event)
             });
             let Some(watch) = tried? else { return Ok(None) };
@@ -150,17 +149,21 @@ impl BakeJob {
         for set in 0..header.irradiance.len() {
             let partition = &partitions[1 + set];
             let blocks = spread(partition.n_blocks(), n_tried);
-            let tried = try_blocks(budget, &go_on, |mut on_event| {
+            let tried = try_blocks(budget, focus, |mut on_event| {
                 run.irradiance((last, all, set), &blocks, &mut clock, &mut on_event)
             });
             let Some(watch) = tried? else { return Ok(None) };
             secs += watch.secs_for(partition.n_blocks(), Scales::Everything);
         }
-        let (packing_secs, sizes) = sizes(header, &run.matrices, &partitions);
+        let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };
+        let thread_bytes = thread_bytes(header.basis.n_cols());
+        let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.nodes_bytes(header));
         Ok(Some(BakeEstimate {
             secs: secs + packing_secs,
             preview_secs,
-            memory_bytes: sizes.memory(self.working_bytes(header)),
+            memory_bytes: memory(rayon::current_num_threads() as u64),
+            least_memory_bytes: memory(1),
+            thread_bytes,
             result_bytes: sizes.factors + sizes.packed,
             file_bytes: sizes.packed + header_len(header),
             n_blocks: partitions[0].n_blocks(),
@@ -173,13 +176,20 @@ impl BakeJob {
         if self.config.patches > 0 { Scales::Everything } else { Scales::Blocks }
     }
 
-    /// Memory that the threads work in, and nodes of shared light.
-    fn working_bytes(&self, header: &super::BakeHeader) -> u64 {
-        let columns = header.basis.n_cols() as u64;
-        let block = u64::from(header.tile * header.tile) * CHANNELS as u64 * columns * size_of::<f32>() as u64;
-        let nodes = crate::nodes::Nodes::bytes_for(self.film, columns as usize) as u64;
-        rayon::current_num_threads() as u64 * COPIES * block + nodes
+    /// Memory that each thread of a bake works in, bytes, patches for free lamps aside.
+    pub fn thread_bytes(&self) -> u64 {
+        thread_bytes(self.scene.lighting.basis.n_cols())
     }
+
+    /// Memory of the nodes of shared light.
+    fn nodes_bytes(&self, header: &super::BakeHeader) -> u64 {
+        crate::nodes::Nodes::bytes_for(self.film, header.basis.n_cols()) as u64
+    }
+}
+
+/// Memory that a thread works in for some columns.
+fn thread_bytes(n_cols: usize) -> u64 {
+    COPIES * (TILE * TILE) as u64 * (CHANNELS * n_cols * size_of::<f32>()) as u64
 }
 
 /// Bytes of all blocks of all matrices.
@@ -189,12 +199,14 @@ struct Sizes {
     factors: u64,
     /// In the file.
     packed: u64,
+    /// While a group of columns is packed.
+    packing: u64,
 }
 
 impl Sizes {
-    /// At its most while blocks are sampled, or at the end, when the factors are there twice.
+    /// At its most while blocks are sampled, or at the end, while they are packed.
     fn memory(self, working: u64) -> u64 {
-        self.factors + working.max(self.factors + self.packed)
+        self.factors + working.max(self.packing).max(self.packed)
     }
 }
 
@@ -203,9 +215,14 @@ fn n_there(group: &BlockLowRank) -> usize {
 }
 
 /// Packs what was tried, counted for all blocks, and the seconds that packing all of them will take.
-fn sizes(header: &Arc<super::BakeHeader>, matrices: &[Vec<BlockLowRank>], partitions: &[Partition]) -> (f32, Sizes) {
+fn sizes(
+    header: &Arc<super::BakeHeader>,
+    matrices: &[Vec<BlockLowRank>],
+    partitions: &[Partition],
+    focus: &Focus,
+) -> Option<(f32, Sizes)> {
     let begun = Instant::now();
-    let bake = Bake::packing(header.clone(), matrices);
+    let bake = Bake::packing(header.clone(), matrices.to_vec(), focus)?;
     let packing_secs = begun.elapsed().as_secs_f32();
     let (mut sizes, mut most) = (Sizes::default(), 1.0f64);
     let packed = bake.packed.iter().flat_map(|matrices| matrices.iter());
@@ -216,27 +233,28 @@ fn sizes(header: &Arc<super::BakeHeader>, matrices: &[Vec<BlockLowRank>], partit
         sizes.factors += groups.iter().map(|group| all(group.n_bytes())).sum::<u64>();
         let whole = |group: &PackedMatrix| all(group.block_bytes()) + (group.n_bytes() - group.block_bytes()) as u64;
         sizes.packed += packed.iter().map(whole).sum::<u64>();
+        let telling = PackedMatrix::n_telling(partition.n_blocks()) as f64 / partition.n_blocks() as f64;
+        let scratch = |group: &BlockLowRank| (PACKING * telling * all(group.n_bytes()) as f64) as u64;
+        sizes.packing = groups.iter().map(scratch).fold(sizes.packing, u64::max);
         most = most.max(factor);
     }
-    (packing_secs * most as f32, sizes)
+    Some((packing_secs * most as f32, sizes))
 }
 
-/// Runs a pass until its blocks are done or the time is over; `None` if it was told to stop.
+/// Runs a pass until its blocks are done or the time is over; `None` if nobody wants it any more.
 fn try_blocks(
     budget: Duration,
-    go_on: &(impl Fn() -> bool + Sync),
+    focus: &Focus,
     run: impl FnOnce(&mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send)) -> Result<ControlFlow<()>, BakeError>,
 ) -> Result<Option<Watch>, BakeError> {
     let mut watch = Watch::new();
-    let mut told_to_stop = false;
     // Whether it broke off, the watch knows.
     let _ = run(&mut |event| {
         watch.hear(&event);
-        told_to_stop |= !go_on();
         let enough = watch.n_done >= rayon::current_num_threads() && watch.started.elapsed() > budget;
-        if told_to_stop || enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if focus.is_left() || enough { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
-    Ok((!told_to_stop).then_some(watch))
+    Ok((!focus.is_left()).then_some(watch))
 }
 
 #[cfg(test)]

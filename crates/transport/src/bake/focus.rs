@@ -1,19 +1,25 @@
 //! Where somebody looks while a bake runs: the blocks there come first. Which come first changes no byte of the result.
+//! Somebody who has left wants no result: walks that have not begun are not followed any more, and what is done of a block is
+//! dropped.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use clerestory_nystrom::Partition;
 
 /// Nobody looks anywhere in particular.
 const NOWHERE: u64 = u64::MAX;
 
-/// A place in the picture, set by one thread and read by others.
+/// A place in the picture and whether anybody is there, set by one thread and read by others.
 #[derive(Debug)]
-pub struct Focus(AtomicU64);
+pub struct Focus {
+    /// Pixel across and down.
+    place: AtomicU64,
+    left: AtomicBool,
+}
 
 impl Default for Focus {
     fn default() -> Focus {
-        Focus(AtomicU64::new(NOWHERE))
+        Focus { place: AtomicU64::new(NOWHERE), left: AtomicBool::new(false) }
     }
 }
 
@@ -21,12 +27,23 @@ impl Focus {
     /// Blocks near a pixel (from the top left) come first from now on, or none in particular.
     pub fn set(&self, pixel: Option<[u32; 2]>) {
         let packed = pixel.map_or(NOWHERE, |[x, y]| u64::from(x) << 32 | u64::from(y));
-        self.0.store(packed, Ordering::Relaxed);
+        self.place.store(packed, Ordering::Relaxed);
+    }
+
+    /// Ends the bake as soon as can be, in the middle of a block: nobody wants it any more, and nobody comes back.
+    pub fn leave(&self) {
+        self.left.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether nobody wants the bake any more.
+    #[inline]
+    pub fn is_left(&self) -> bool {
+        self.left.load(Ordering::Relaxed)
     }
 
     /// Where among some blocks the next one stands: the nearest to the pixel, else the first.
     pub(crate) fn next(&self, partition: &Partition, left: &[u32]) -> usize {
-        let packed = self.0.load(Ordering::Relaxed);
+        let packed = self.place.load(Ordering::Relaxed);
         if packed == NOWHERE {
             return 0;
         }

@@ -4,9 +4,10 @@
 
 use std::ops::ControlFlow;
 
-use clerestory_nystrom::{BlockFactors, compress};
+use clerestory_nystrom::{BlockFactors, Guide, compress_by};
 
 use super::clock::Clock;
+use super::focus::Focus;
 use super::patches::PatchBlocks;
 use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Run};
 use crate::irradiance::{IrradianceHeader, IrradianceRows};
@@ -15,7 +16,11 @@ use crate::sensors::{SensorError, SensorGrid};
 
 impl BakeJob {
     /// Checks the rows of irradiance and measures the scale of their columns.
-    pub(super) fn irradiance_headers(&self, dark: &[u32]) -> Result<Vec<IrradianceHeader>, BakeError> {
+    pub(super) fn irradiance_headers(
+        &self,
+        dark: &[u32],
+        focus: &Focus,
+    ) -> Result<Vec<IrradianceHeader>, BakeError> {
         let mut n_points = 0;
         for rows in &self.irradiance {
             if let IrradianceRows::Grid(grid) = rows {
@@ -28,7 +33,7 @@ impl BakeJob {
         }
         let header = |rows: &IrradianceRows| {
             let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, dark_for(rows, dark));
-            let (column_scale, sky_reach) = self.matrix(&plan, None).of_irradiance(rows).measure_columns();
+            let (column_scale, sky_reach) = self.matrix(&plan, None, focus).of_irradiance(rows).measure_columns();
             IrradianceHeader { rows: rows.clone(), column_scale, sky_reach }
         };
         Ok(self.irradiance.iter().map(header).collect())
@@ -61,17 +66,19 @@ impl Run<'_> {
         let (job, header, started) = (self.job, self.header.clone(), self.started);
         let IrradianceHeader { rows, column_scale, .. } = &header.irradiance[set];
         let plan = header.irradiance_plan(job, set);
-        let mut matrix = job.matrix(&plan, self.empty.clone()).of_irradiance(rows);
+        let mut matrix = job.matrix(&plan, self.empty.clone(), self.focus).of_irradiance(rows);
         matrix.set_column_scale(job.own_scale(column_scale));
         let partition = header.partitions().swap_remove(1 + set);
         clock.start_pass(pass + 1 + set as u32, started.elapsed().as_secs_f32());
         let mut config = job.compress_config(samples, job.config.tolerance_db, column_scale);
         config.smoothing = Some(header.smoothing(&partition));
+        let focus = self.focus;
+        let guide = Guide { order: &|_| 0, goes_on: &|| !focus.is_left() };
         let mut dark = PatchBlocks::dark(&header, &partition);
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
             factors.extend(dark.take(block));
             self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
         };
-        Ok(compress(&matrix, &partition, blocks, &config, on_block)?)
+        Ok(compress_by(guide, &matrix, &partition, blocks, &config, on_block)?)
     }
 }

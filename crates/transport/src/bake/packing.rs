@@ -5,6 +5,7 @@ use std::sync::Arc;
 use clerestory_nystrom::codec::CodecError;
 use clerestory_nystrom::{BlockLowRank, PackPlan, PackedMatrix};
 
+use super::focus::Focus;
 use super::patches::PATCH_TOLERANCE_DB;
 use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, mean_square};
 use crate::basis::{ColumnGroup, ColumnKind};
@@ -12,12 +13,17 @@ use crate::basis::{ColumnGroup, ColumnKind};
 impl Bake {
     /// A bake whose factors are what its file will hold: they differ from those of the blocks that were told of by the
     /// share of the tolerance that packing may use, and say so in their errors.
-    pub(crate) fn packing(header: Arc<BakeHeader>, matrices: &[Vec<BlockLowRank>]) -> Bake {
-        let pack = |(groups, plans): (&Vec<BlockLowRank>, Vec<PackPlan>)| {
-            groups.iter().zip(&plans).map(|(group, plan)| PackedMatrix::pack(group, plan)).collect()
+    /// `None` if nobody wants it any more.
+    pub(crate) fn packing(header: Arc<BakeHeader>, matrices: Vec<Vec<BlockLowRank>>, focus: &Focus) -> Option<Bake> {
+        // Each group is dropped as soon as it is packed: most factors are never there twice.
+        let pack = |(group, plan): (BlockLowRank, PackPlan)| {
+            (!focus.is_left()).then(|| PackedMatrix::pack(&group, &plan))
         };
-        let packed = matrices.iter().zip(header.pack_plans()).map(pack).collect();
-        Bake::unpacking(header, packed).expect("what was just packed can be unpacked")
+        let pack_all = |(groups, plans): (Vec<BlockLowRank>, Vec<PackPlan>)| {
+            groups.into_iter().zip(plans).map(pack).collect::<Option<Vec<_>>>()
+        };
+        let packed = matrices.into_iter().zip(header.pack_plans()).map(pack_all).collect::<Option<_>>()?;
+        Some(Bake::unpacking(header, packed).expect("what was just packed can be unpacked"))
     }
 
     /// A bake from the bytes of its factors.

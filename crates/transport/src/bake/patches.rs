@@ -6,8 +6,11 @@
 use std::collections::HashMap;
 use std::ops::ControlFlow;
 
-use clerestory_nystrom::{BlockFactors, ColumnGroup, CompressConfig, Partition, SamplePlan, Tolerance, compress};
+use clerestory_nystrom::{
+    BlockFactors, ColumnGroup, CompressConfig, Guide, Partition, SamplePlan, Tolerance, compress_by,
+};
 
+use super::focus::Focus;
 use super::{BRIGHT, BakeError, BakeEvent, BakeHeader, BakeJob, Run, mean_square};
 use crate::matrix::CHANNELS;
 use crate::patches::{PatchMatrix, Patches, Request, learn};
@@ -20,8 +23,8 @@ const FIRST_LOOK: u32 = 4;
 
 impl BakeJob {
     /// Learns patches, if they are asked for, and adds their columns.
-    pub(super) fn add_patches(&self, header: &mut BakeHeader) {
-        let Some(patches) = self.learn() else { return };
+    pub(super) fn add_patches(&self, header: &mut BakeHeader, focus: &Focus) {
+        let Some(patches) = self.learn(focus) else { return };
         let n_columns = patches.n_columns();
         header.basis = std::mem::take(&mut header.basis).with_patches(n_columns as u32);
         let scales = header.irradiance.iter_mut().map(|set| &mut set.column_scale);
@@ -31,11 +34,12 @@ impl BakeJob {
         (header.patches, header.view) = (Some(patches), Some(self.camera.clone()));
     }
 
-    fn learn(&self) -> Option<Patches> {
+    fn learn(&self, focus: &Focus) -> Option<Patches> {
         let super::BakeConfig { patches: n_patches, bounces, seed, .. } = self.config;
         // Without a second surface there is nothing to learn.
         let wanted = n_patches > 0 && bounces != Some(0);
-        wanted.then(|| learn(&self.scene, &self.camera, self.film, Request { n_patches, bounces, seed })).flatten()
+        let request = Request { n_patches, bounces, seed };
+        wanted.then(|| learn(&self.scene, &self.camera, self.film, request, focus)).flatten()
     }
 
     /// The part of a scale that belongs to the columns of the scene's lights.
@@ -86,7 +90,10 @@ impl Run<'_> {
         let job = self.job;
         let Some(patches) = &self.header.patches else { return Ok(ControlFlow::Continue(())) };
         // A bake that is taken up again learns the same once more: its file holds no more than relighting needs.
-        let again = if patches.table().is_none() { job.learn() } else { None };
+        let again = if patches.table().is_none() { job.learn(self.focus) } else { None };
+        if self.focus.is_left() {
+            return Ok(ControlFlow::Break(()));
+        }
         let Some(table) = again.as_ref().unwrap_or(patches).table() else {
             return Err(BakeError::Config {
                 what: "the scene has no patches any more; start over with --fresh".into(),
@@ -96,7 +103,7 @@ impl Run<'_> {
             return Err(BakeError::Config { what: "the scene has other patches now; start over with --fresh".into() });
         }
         let matrix = PatchMatrix {
-            integrator: Integrator::new(&job.scene, &NoLights, job.config.bounces),
+            integrator: Integrator::new(&job.scene, &NoLights, job.config.bounces).watched(self.focus),
             camera: job.camera.clone(),
             film: job.film,
             seed: job.config.seed,
@@ -108,7 +115,8 @@ impl Run<'_> {
             into.there.extend(factors.into_iter().map(|factors| (block, factors)));
             on_event(BakeEvent::Progress { pass, done, secs_left: None })
         };
-        Ok(compress(&matrix, &self.header.partition(), blocks, &config, on_block)?)
+        let guide = Guide { order: &|_| 0, goes_on: &|| !self.focus.is_left() };
+        Ok(compress_by(guide, &matrix, &self.header.partition(), blocks, &config, on_block)?)
     }
 }
 

@@ -12,6 +12,7 @@ use super::modes::Modes;
 use super::nearest::Nearest;
 use super::trials::{Trial, irradiance};
 use super::{Body, Patches};
+use crate::bake::focus::Focus;
 use crate::camera::{Camera, Film};
 use crate::light::luminance;
 use crate::path::{Integrator, NoLights, Onward};
@@ -69,11 +70,17 @@ struct Scouted {
     stretches: Vec<[Vec3; 2]>,
 }
 
-/// Finds the patches of a scene that a camera sees; `None` where no walk meets a second surface.
-pub(crate) fn learn(scene: &PreparedScene, camera: &Camera, film: Film, request: Request) -> Option<Patches> {
-    let integrator = Integrator::new(scene, &NoLights, request.bounces);
+/// Finds the patches of a scene that a camera sees; `None` where no walk meets a second surface, or nobody wants to know any more.
+pub(crate) fn learn(
+    scene: &PreparedScene,
+    camera: &Camera,
+    film: Film,
+    request: Request,
+    focus: &Focus,
+) -> Option<Patches> {
+    let integrator = Integrator::new(scene, &NoLights, request.bounces).watched(focus);
     let Scouted { met, stretches } = scout(&integrator, (camera, film), request);
-    if met.is_empty() {
+    if met.is_empty() || focus.is_left() {
         return None;
     }
     let low = met.iter().fold(Vec3::INFINITY, |low, met| low.min(met.position));
@@ -87,6 +94,9 @@ pub(crate) fn learn(scene: &PreparedScene, camera: &Camera, film: Film, request:
         .collect();
     let exchange = Exchange::find(&integrator, &nearest, &origins, (request.seed, EXCHANGE_STREAM));
     let pixels = pixel_rows(&integrator, (camera, film), &nearest, request.seed);
+    if focus.is_left() {
+        return None;
+    }
     let n_learned = (LEARNED_PER_PATCH * request.n_patches as f32) as usize;
     let n_learned = n_learned.clamp(LEARNED[0], LEARNED[1]);
     let trials: Vec<Trial> = (0..(n_learned + HELD_OUT) as u32)

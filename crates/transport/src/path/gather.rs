@@ -68,7 +68,7 @@ impl<P: LightPlan> Integrator<'_, P> {
     ) -> Option<(SurfaceHit, Vec3)> {
         let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         for _ in 0..PANES {
-            let hit = self.scene.closest(&ray, sampler)?;
+            let hit = self.closest(&ray, sampler)?;
             if self.scene.bsdf(&hit, -direction).base_albedo() != Vec3::ZERO {
                 return Some((hit, self.scene.smooth_normal(&hit, direction)));
             }

@@ -6,6 +6,8 @@
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists.
 
 mod bakes;
+mod budgets;
+mod cancel;
 mod cases;
 mod desk;
 mod kills;
@@ -35,9 +37,13 @@ struct Section {
     write: fn(&Desk) -> Result<String>,
 }
 
-/// Sections that are part of a page written by hand, `docs/NAME.md`.
-const OWN_PAGES: [Section; 2] =
-    [Section { name: "reliability", write: kills::write }, Section { name: "stability", write: stability::write }];
+/// Sections that are part of a page written by hand, `docs/PAGE.md`.
+const OWN_PAGES: [(&str, Section); 4] = [
+    ("reliability", Section { name: "reliability", write: kills::write }),
+    ("reliability", Section { name: "cancel", write: cancel::write }),
+    ("reliability", Section { name: "budgets", write: budgets::write }),
+    ("stability", Section { name: "stability", write: stability::write }),
+];
 
 /// In the order of the page.
 const SECTIONS: [Section; 9] = [
@@ -69,7 +75,7 @@ fn complain(words: &str) {
 }
 
 fn report(flags: &[String], names: &[String]) -> Result<()> {
-    let known = || SECTIONS.iter().chain(&OWN_PAGES).map(|section| section.name);
+    let known = || SECTIONS.iter().chain(OWN_PAGES.iter().map(|(_, section)| section)).map(|section| section.name);
     if let Some(flag) = flags.iter().find(|flag| *flag != "--quick") {
         anyhow::bail!("no option `{flag}`; there is --quick");
     }
@@ -81,8 +87,8 @@ fn report(flags: &[String], names: &[String]) -> Result<()> {
     let measured = |section: &Section| {
         (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))
     };
-    for section in OWN_PAGES.iter().filter(asked) {
-        let path = desk.root.join(format!("docs/{}.md", section.name));
+    for (page, section) in OWN_PAGES.iter().filter(|(_, section)| asked(&section)) {
+        let path = desk.root.join(format!("docs/{page}.md"));
         let text = measured(section)?;
         let page = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
         let page = page::replaced(&page, section.name, text.trim_end())

@@ -7,7 +7,7 @@ const LONG: Duration = Duration::from_secs(600);
 #[test]
 fn where_every_block_is_tried_sizes_are_those_of_the_bake() {
     let job = job(Film { width: 64, height: 48 });
-    let estimate = job.estimate(LONG, || true).unwrap().unwrap();
+    let estimate = job.estimate(LONG, &Focus::default()).unwrap().unwrap();
     assert_eq!((estimate.n_blocks, estimate.n_tried), (12, 12));
     let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -24,7 +24,7 @@ fn where_every_block_is_tried_sizes_are_those_of_the_bake() {
 fn a_part_of_the_blocks_stands_for_all_of_them() {
     let job = job(Film { width: 160, height: 160 });
     let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
-    let estimate = job.estimate(LONG, || true).unwrap().unwrap();
+    let estimate = job.estimate(LONG, &Focus::default()).unwrap().unwrap();
     assert_eq!((estimate.n_blocks, estimate.n_tried), (100, n_tried.min(100)));
     let bytes = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap().figures().file_bytes.unwrap() as f64;
     let header = estimate.file_bytes as f64 - bytes;
@@ -35,10 +35,10 @@ fn a_part_of_the_blocks_stands_for_all_of_them() {
 
 #[test]
 fn nobody_waits_for_an_estimate_that_is_not_wanted_any_more() {
-    assert_eq!(job(Film { width: 64, height: 48 }).estimate(LONG, || false).unwrap(), None);
-    let n_asked = std::sync::atomic::AtomicUsize::new(0);
-    let once = || n_asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) < 3;
-    assert_eq!(job(Film { width: 64, height: 48 }).estimate(LONG, once).unwrap(), None);
+    let (job, focus) = (job(Film { width: 64, height: 48 }), Focus::default());
+    assert!(job.estimate(LONG, &focus).unwrap().is_some());
+    focus.leave();
+    assert_eq!(job.estimate(LONG, &focus).unwrap(), None);
 }
 
 #[test]

@@ -12,6 +12,7 @@ use super::band::{Band, StackMatrix};
 use super::{READING, StackJob, SurveyedStack};
 use crate::archive::Listener;
 use crate::bake::clock::Clock;
+use crate::bake::focus::Focus;
 use crate::bake::{BRIGHT, Bake, BakeError, BakeEvent, BakeHeader, TILE, from_the_center, mean_square};
 use crate::figures::error_db;
 use crate::matrix::CHANNELS;
@@ -87,7 +88,7 @@ impl SurveyedStack {
         if on_event(BakeEvent::PassDone { pass: 0, error_db: error_db(&groups, None) }).is_break() {
             return Ok(None);
         }
-        Ok(Some(Bake::packing(header, &[groups])))
+        Ok(Bake::packing(header, vec![groups], &Focus::default()))
     }
 }
 

@@ -1,0 +1,210 @@
+//! Cancels: bakes that are given up in each of their stages, and how long their threads take to hear of it.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::sync::mpsc::{Sender, channel};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, ensure};
+use clerestory_transport::bake::focus::Focus;
+use clerestory_transport::bake::{BakeConfig, BakeEvent, BakeJob, Passes, TILE};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::irradiance::IrradianceRows;
+use clerestory_transport::prepared::PreparedScene;
+
+use super::desk::Desk;
+
+const FILM: Film = Film { width: 192, height: 144 };
+/// Patches for movable lamps.
+const PATCHES: u32 = 256;
+/// What a person takes for at once, seconds.
+const AT_ONCE_SECS: f64 = 0.2;
+
+/// What a bake is at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Columns,
+    Preview,
+    Blocks,
+    Irradiance,
+    Packing,
+}
+
+impl Stage {
+    const ALL: [Stage; 5] = [Stage::Columns, Stage::Preview, Stage::Blocks, Stage::Irradiance, Stage::Packing];
+
+    fn words(self) -> &'static str {
+        match self {
+            Stage::Columns => "brightness of columns, patches learned",
+            Stage::Preview => "preview",
+            Stage::Blocks => "patches traced, blocks",
+            Stage::Irradiance => "irradiance",
+            Stage::Packing => "packing",
+        }
+    }
+}
+
+/// Cancels bakes and tells how long that took.
+///
+/// # Errors
+/// If a scene cannot be read or baked.
+pub fn write(desk: &Desk) -> Result<String> {
+    let shared = ["conference", "bitterli-classroom"].map(|name| desk.shared(&format!("scenes/{name}.glb")));
+    let scenes = [Some(desk.root.join("assets/scenes/gallery.glb"))].into_iter().chain(shared).flatten();
+    let mut rows = String::new();
+    for path in scenes.take(desk.choose(1, 3)) {
+        rows += &of_scene(desk, &path)?;
+    }
+    Ok(format!(
+        "## Cancels\n\n\
+         A bake of {} × {} pixels with {PATCHES} patches and irradiance is cancelled at moments spread over each of its stages, and the\n\
+         time is taken until all its threads are free. What cannot be cancelled in the window goes on beside it, and its result is\n\
+         dropped: the window itself never waits. Asked for: {:.0} ms.\n\n\
+         {}\n\n\
+         | scene | stage | lasts, s | cancels | answer, ms, mean | slowest |\n|---|---|---|---|---|---|\n{rows}",
+        FILM.width,
+        FILM.height,
+        1e3 * AT_ONCE_SECS,
+        desk.provenance("cancel"),
+    ))
+}
+
+fn of_scene(desk: &Desk, path: &Path) -> Result<String> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    desk.say(&format!("cancels of {name}"));
+    let begun = Instant::now();
+    let scene = import::load(path)?.scene;
+    let read_secs = begun.elapsed().as_secs_f64();
+    let camera = scene.cameras.first().cloned().context("the scene has no camera")?;
+    let begun = Instant::now();
+    let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
+    let tree_secs = begun.elapsed().as_secs_f64();
+    let config = BakeConfig { spp: 16, patches: PATCHES, ..BakeConfig::default() };
+    let irradiance = vec![IrradianceRows::Pixels];
+    let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::PreviewAndFinal, irradiance };
+    let lengths = lengths(&job)?;
+    let mut rows = format!("| {name} | reading | {read_secs:.2} | goes on | | |\n| | trees | {tree_secs:.2} | goes on | | |\n");
+    let n_cancels = desk.choose(3, 12);
+    for (stage, secs) in Stage::ALL.into_iter().zip(lengths) {
+        let moments = (0..n_cancels).map(|nth| (nth as f64 + 0.5) / n_cancels as f64 * secs);
+        let answers = moments.map(|after| answer(&job, stage, after)).collect::<Result<Vec<_>>>()?;
+        // The stage of another run may have been over already.
+        let answers: Vec<f64> = answers.into_iter().flatten().collect();
+        let mean = answers.iter().sum::<f64>() / answers.len().max(1) as f64;
+        let slowest = answers.iter().copied().fold(0.0, f64::max);
+        let late = if slowest > AT_ONCE_SECS { " (late)" } else { "" };
+        let (n, mean, slowest) = (answers.len(), 1e3 * mean, 1e3 * slowest);
+        rows += &format!("| | {} | {secs:.2} | {n} | {mean:.0} | {slowest:.0}{late} |\n", stage.words());
+    }
+    let (n, slowest) = signals(desk, path, n_cancels)?;
+    rows += &format!("| | Ctrl-C to the command line, at any moment | | {n} | | {:.0} |\n", 1e3 * slowest);
+    Ok(rows)
+}
+
+/// Follows a bake from stage to stage.
+struct Follower {
+    /// Blocks of irradiance that are still to come.
+    n_irradiance: usize,
+    said: Sender<(Stage, Instant)>,
+}
+
+impl Follower {
+    fn new(said: Sender<(Stage, Instant)>) -> Result<Follower> {
+        said.send((Stage::Columns, Instant::now()))?;
+        Ok(Follower { n_irradiance: FILM.n_pixels().div_ceil((TILE * TILE) as usize), said })
+    }
+
+    fn hear(&mut self, event: &BakeEvent) {
+        let stage = match event {
+            BakeEvent::Started { .. } => Stage::Preview,
+            BakeEvent::PassDone { pass: 0, .. } => Stage::Blocks,
+            BakeEvent::PassDone { .. } => Stage::Irradiance,
+            BakeEvent::IrradianceDone { .. } => {
+                self.n_irradiance -= 1;
+                if self.n_irradiance > 0 {
+                    return;
+                }
+                Stage::Packing
+            }
+            _ => return,
+        };
+        // Who has heard enough does not listen any more.
+        let _ = self.said.send((stage, Instant::now()));
+    }
+}
+
+/// How long each stage takes, seconds.
+fn lengths(job: &BakeJob) -> Result<[f64; 5]> {
+    let (said, heard) = channel();
+    let mut follower = Follower::new(said)?;
+    let begun = Instant::now();
+    let baked = job.clone().run_toward(&Focus::default(), None, |event| {
+        follower.hear(&event);
+        ControlFlow::Continue(())
+    });
+    let ended = Instant::now();
+    ensure!(baked?.is_some(), "nobody stopped it");
+    drop(follower);
+    let mut starts: Vec<Instant> = heard.iter().map(|(_, at)| at).collect();
+    starts[0] = begun;
+    starts.push(ended);
+    let lengths: Vec<f64> = starts.windows(2).map(|pair| (pair[1] - pair[0]).as_secs_f64()).collect();
+    lengths.try_into().ok().context("a stage is missing")
+}
+
+/// Cancels some seconds after a stage began: seconds until nobody works any more, `None` if it had ended before.
+fn answer(job: &BakeJob, stage: Stage, after_secs: f64) -> Result<Option<f64>> {
+    let focus = Focus::default();
+    let (said, heard) = channel();
+    let mut follower = Follower::new(said)?;
+    let focus = &focus;
+    std::thread::scope(|scope| {
+        let canceller = scope.spawn(move || {
+            let reached = heard.iter().find(|(reached, _)| *reached == stage)?;
+            std::thread::sleep(Duration::from_secs_f64(after_secs).saturating_sub(reached.1.elapsed()));
+            focus.leave();
+            Some(Instant::now())
+        });
+        let baked = job.clone().run_toward(focus, None, |event| {
+            follower.hear(&event);
+            ControlFlow::Continue(())
+        });
+        let ended = Instant::now();
+        drop(follower);
+        let left = canceller.join().ok().flatten();
+        let was_left = baked?.is_none();
+        Ok(left.filter(|_| was_left).map(|left| ended.saturating_duration_since(left).as_secs_f64()))
+    })
+}
+
+/// Interrupts the command line at moments spread over a bake: how often it was still at work, and the slowest answer in seconds.
+fn signals(desk: &Desk, scene: &Path, n: usize) -> Result<(usize, f64)> {
+    let binary = std::env::current_exe()?.with_file_name(format!("clerestory{}", std::env::consts::EXE_SUFFIX));
+    let output = PathBuf::from(desk.file("interrupted.transport"));
+    let start = || {
+        let mut command = Command::new(&binary);
+        command.arg("bake").arg(scene).arg("-o").arg(&output).args(["--fresh", "--size", "192x144", "--spp", "16"]);
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().with_context(|| format!("cannot start {}", binary.display()))
+    };
+    let begun = Instant::now();
+    ensure!(start()?.wait()?.success(), "{} cannot be baked", scene.display());
+    let secs = begun.elapsed().as_secs_f64();
+    let (mut n_interrupted, mut slowest) = (0, 0.0f64);
+    for nth in 0..n {
+        let mut child = start()?;
+        std::thread::sleep(Duration::from_secs_f64((nth as f64 + 0.5) / n as f64 * secs));
+        if child.try_wait()?.is_some() {
+            continue;
+        }
+        let pid = child.id().to_string();
+        let asked = Instant::now();
+        ensure!(Command::new("kill").args(["-INT", &pid]).status()?.success(), "no signal can be sent");
+        child.wait()?;
+        (n_interrupted, slowest) = (n_interrupted + 1, slowest.max(asked.elapsed().as_secs_f64()));
+    }
+    Ok((n_interrupted, slowest))
+}
