@@ -18,12 +18,17 @@ mod documents;
 
 const SEED: u64 = 20_261_122;
 
+/// How many times as many cases as usual: `CLERESTORY_HOSTILE_TIMES`.
+fn times() -> u64 {
+    std::env::var("CLERESTORY_HOSTILE_TIMES").map_or(1, |times| times.parse().expect("a number of times"))
+}
+
 /// Feeds a target with so many mutations of its files.
 fn survives(name: &str, n_cases: u64, target: impl Fn(&[u8]) + std::panic::RefUnwindSafe) {
     let files = seeds::of(name);
     assert!(!files.is_empty());
     files.iter().for_each(|file| target(file));
-    for case in 0..n_cases {
+    for case in 0..n_cases * times() {
         let mut dice = Dice(SEED ^ (case << 20));
         let (one, other) = (dice.below(files.len()), dice.below(files.len()));
         let bytes = mutated(&files[one], &files[other], &mut dice);

@@ -166,6 +166,7 @@ fn read_text(path: &Path) -> Result<String> {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::light::{LightGroup, LightSetting, PanelSpot};
+    use clerestory_transport::sky::{SkySetting, SunSetting};
 
     use super::*;
 
@@ -189,6 +190,28 @@ mod tests {
             let (back, warnings) = Look::from_json(&json).unwrap();
             assert_eq!(back, look, "{json}");
             assert!(warnings.is_empty(), "{warnings:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_survive_saving_to_the_last_bit() {
+        let mut bits = 20_261_122_u64;
+        let mut draw = move || {
+            // The upper bits of a linear congruence are random enough here.
+            bits = bits.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            bits >> 11
+        };
+        let mut unit = || draw() as f64 / (1_u64 << 53) as f64;
+        for _ in 0..20_000 {
+            let mut look = Look::default();
+            let power = |share: f64| 10f64.powf(20.0 * share - 12.0) as f32;
+            let setting = LightSetting { intensity: power(unit()), ..LightSetting::default() };
+            look.lights.lights.insert("lamp".into(), setting);
+            let mut sun = SunSetting::by_angles(360.0 * unit(), 90.0 * unit() - 0.5);
+            sun.intensity = power(unit());
+            look.lights.sky = Some(SkySetting { sun: Some(sun), rotation_deg: 360.0 * unit() as f32, ..SkySetting::default() });
+            let (back, warnings) = Look::from_json(&look.to_json()).unwrap();
+            assert!(back == look && warnings.is_empty(), "{} {warnings:?}", look.to_json());
         }
     }
 

@@ -58,6 +58,38 @@ fn a_killed_bake_is_taken_up_and_ends_with_the_same_bytes() {
     assert!(!part.exists(), "the half-done file stays behind");
 }
 
+/// Greatest resident set of a command that succeeds, bytes, and what it says; 0 where the system does not tell.
+fn peak_of(folder: &Path, line: &str) -> (u64, String) {
+    let command = clerestory(folder).args(line.split_whitespace()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+    let (mut child, mut peak) = (command.unwrap(), 0);
+    while child.try_wait().unwrap().is_none() {
+        peak = clerestory::platform::peak_bytes_of(child.id()).unwrap_or(0).max(peak);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{line}: {said}");
+    (peak, said)
+}
+
+#[test]
+fn a_limit_of_memory_is_kept_by_fewer_threads_and_changes_no_byte() {
+    let folder = desk();
+    const MANY_COLUMNS: &str = "bake room.gltf --size 96x64 --spp 4 --sky uniform --sky-patches 2305 --threads 8 -o";
+    let (without, _) = peak_of(folder.path(), &format!("{MANY_COLUMNS} a.transport"));
+    let (within, said) = peak_of(folder.path(), &format!("{MANY_COLUMNS} b.transport --memory 160MB"));
+    assert!(said.contains("of 8 threads bake"), "{said}");
+    let [a, b] = ["a", "b"].map(|name| std::fs::read(folder.path().join(format!("{name}.transport"))).unwrap());
+    assert!(a == b, "fewer threads bake other bytes");
+    if without > 0 {
+        assert!(without > 160_000_000, "{without} bytes are within the limit anyway: make the bake larger");
+        assert!(within <= 160_000_000, "{within} bytes");
+    }
+    let refused = run(folder.path(), &format!("{MANY_COLUMNS} c.transport --memory 30MB"));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(1) && said.contains("on a single thread"), "{said}");
+}
+
 #[test]
 fn a_cut_off_part_file_does_no_harm_and_fresh_starts_over() {
     let folder = desk();

@@ -181,3 +181,16 @@ fn a_single_sample_says_nothing_of_its_noise() {
     // The quiet half stops the noisy one as soon as it has two samples of its own.
     assert_eq!((quiet.0[0].n_samples, quiet.1), (10, [8, 4]));
 }
+
+#[test]
+fn who_leaves_in_the_middle_of_a_block_is_not_sampled_for() {
+    let matrix = OneSided { noisy: Half::A, sampled: Default::default() };
+    let taken = || matrix.sampled.iter().map(|n| n.load(Ordering::Relaxed)).sum::<usize>();
+    let group = ColumnGroup { columns: 0..2, tolerance: Tolerance::Rank(2), preserved: Vec::new() };
+    let samples = SamplePlan { batch: 1, min: 1 << 12, max: 1 << 12 };
+    let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
+    let guide = Guide { order: &|_| 0, goes_on: &|| taken() < 8 };
+    let partition = Partition { width: 4, height: 4, tile: 4 };
+    let flow = compress_by(guide, &matrix, &partition, &[0], &config, |_, _| panic!("nobody wants the block"));
+    assert_eq!((flow, taken()), (Ok(ControlFlow::Break(())), 8));
+}

@@ -64,8 +64,9 @@ mod tests {
     use super::*;
     use crate::archive;
     use crate::bake::floor::job;
-    use crate::bake::{Bake, BakeEvent, HalfDone};
+    use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, HalfDone};
     use crate::camera::Film;
+    use crate::irradiance::IrradianceRows;
 
     fn bytes(bake: &Bake) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
@@ -103,6 +104,36 @@ mod tests {
         );
         let resumed = job.run_toward(&Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
         assert!(bytes(&resumed.unwrap().unwrap()) == whole);
+    }
+
+    #[test]
+    fn who_leaves_hears_of_no_block_any_more_whatever_the_stage() {
+        let job = BakeJob { config: BakeConfig { patches: 16, ..BakeConfig::default() }, ..job(Film { width: 64, height: 48 }) };
+        let job = BakeJob { irradiance: vec![IrradianceRows::Pixels], ..job };
+        let mut n_events = 0;
+        let count = |_| {
+            n_events += 1;
+            ControlFlow::Continue(())
+        };
+        assert!(job.clone().run(count).unwrap().is_some());
+        // Before the first event, and after some of each stage up to the last one.
+        for stays in (0..n_events).step_by(7).chain([n_events - 1]) {
+            let (focus, mut n_heard, mut n_after) = (Focus::default(), 0, 0);
+            if stays == 0 {
+                focus.leave();
+            }
+            let left = job.clone().run_toward(&focus, None, |event| {
+                n_after += usize::from(focus.is_left() && !matches!(event, BakeEvent::Progress { .. }));
+                n_heard += 1;
+                if n_heard == stays {
+                    focus.leave();
+                }
+                // Somebody who does not answer is not there either.
+                ControlFlow::Continue(())
+            });
+            assert!(left.unwrap().is_none(), "after {stays} of {n_events} events");
+            assert_eq!(n_after, 0, "after {stays} of {n_events} events");
+        }
     }
 
     #[test]
