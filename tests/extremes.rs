@@ -45,7 +45,11 @@ impl Room {
         let panel = Shape::quad(at(-0.4, 0.98, -0.4), Vec3::X * 0.8 * scale, Vec3::Z * 0.8 * scale);
         let candela = light * scale * scale;
         let file = SceneFile::default()
-            .surface("room", &Shape::room(Vec3::splat(scale)).moved(middle), SceneFile::lambert([0.7, 0.6, 0.5], [0.0; 3]))
+            .surface(
+                "room",
+                &Shape::room(Vec3::splat(scale)).moved(middle),
+                SceneFile::lambert([0.7, 0.6, 0.5], [0.0; 3]),
+            )
             .surface("block", &block, SceneFile::lambert([0.3, 0.5, 0.7], [0.0; 3]))
             .panel("panel", &panel, [3.0, 2.5, 2.0].map(|nit| nit * light), texels)
             .point_lamp("warm", at(-0.6, 0.3, 0.2), [1.0, 0.7, 0.4], 1.5 * candela)

@@ -183,7 +183,8 @@ fn mend_packed(bytes: &mut [u8]) {
         at = end + 8;
         // What is no length that fits is the step of the next matrix.
         while let Some(end) = word(bytes, at).map(|len| at + 4 + len).filter(|end| end + 4 <= bytes.len()) {
-            let sum = bytes[at..end].iter().fold(0x811c_9dc5_u32, |sum, b| (sum ^ u32::from(*b)).wrapping_mul(0x0100_0193));
+            let sum =
+                bytes[at..end].iter().fold(0x811c_9dc5_u32, |sum, b| (sum ^ u32::from(*b)).wrapping_mul(0x0100_0193));
             bytes[end..end + 4].copy_from_slice(&sum.to_le_bytes());
             at = end + 4;
         }

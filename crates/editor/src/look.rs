@@ -209,7 +209,8 @@ mod tests {
             look.lights.lights.insert("lamp".into(), setting);
             let mut sun = SunSetting::by_angles(360.0 * unit(), 90.0 * unit() - 0.5);
             sun.intensity = power(unit());
-            look.lights.sky = Some(SkySetting { sun: Some(sun), rotation_deg: 360.0 * unit() as f32, ..SkySetting::default() });
+            look.lights.sky =
+                Some(SkySetting { sun: Some(sun), rotation_deg: 360.0 * unit() as f32, ..SkySetting::default() });
             let (back, warnings) = Look::from_json(&look.to_json()).unwrap();
             assert!(back == look && warnings.is_empty(), "{} {warnings:?}", look.to_json());
         }

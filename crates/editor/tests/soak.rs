@@ -237,7 +237,10 @@ fn a_monkey_breaks_nothing_and_leaves_no_memory_behind() {
         }
     }
     let n_inputs = n_episodes * INPUTS;
-    println!("{n_inputs} inputs in {n_episodes} windows, {n_lost} lost devices, {:.0} s", started.elapsed().as_secs_f32());
+    println!(
+        "{n_inputs} inputs in {n_episodes} windows, {n_lost} lost devices, {:.0} s",
+        started.elapsed().as_secs_f32()
+    );
     let bytes = ALLOCATED.allocated() as f64;
     println!("{:.1} MB after {WARM} windows, {:.1} MB at the end", warm_bytes / 1e6, bytes / 1e6);
     assert!(bytes < warm_bytes * GROWTH + SLACK_BYTES, "memory grew from {warm_bytes} to {bytes} bytes");

@@ -9,8 +9,8 @@ use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{DroppedFile, Pos2, Rect, Vec2, vec2};
-use egui_kittest::{Harness, HarnessBuilder};
 use egui_kittest::kittest::Queryable;
+use egui_kittest::{Harness, HarnessBuilder};
 use glam::Vec3;
 use serde_json::{Value, json};
 

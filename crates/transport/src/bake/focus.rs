@@ -108,7 +108,10 @@ mod tests {
 
     #[test]
     fn who_leaves_hears_of_no_block_any_more_whatever_the_stage() {
-        let job = BakeJob { config: BakeConfig { patches: 16, ..BakeConfig::default() }, ..job(Film { width: 64, height: 48 }) };
+        let job = BakeJob {
+            config: BakeConfig { patches: 16, ..BakeConfig::default() },
+            ..job(Film { width: 64, height: 48 })
+        };
         let job = BakeJob { irradiance: vec![IrradianceRows::Pixels], ..job };
         let mut n_events = 0;
         let count = |_| {

@@ -16,11 +16,7 @@ use crate::sensors::{SensorError, SensorGrid};
 
 impl BakeJob {
     /// Checks the rows of irradiance and measures the scale of their columns.
-    pub(super) fn irradiance_headers(
-        &self,
-        dark: &[u32],
-        focus: &Focus,
-    ) -> Result<Vec<IrradianceHeader>, BakeError> {
+    pub(super) fn irradiance_headers(&self, dark: &[u32], focus: &Focus) -> Result<Vec<IrradianceHeader>, BakeError> {
         let mut n_points = 0;
         for rows in &self.irradiance {
             if let IrradianceRows::Grid(grid) = rows {

@@ -16,9 +16,8 @@ impl Bake {
     /// `None` if nobody wants it any more.
     pub(crate) fn packing(header: Arc<BakeHeader>, matrices: Vec<Vec<BlockLowRank>>, focus: &Focus) -> Option<Bake> {
         // Each group is dropped as soon as it is packed: most factors are never there twice.
-        let pack = |(group, plan): (BlockLowRank, PackPlan)| {
-            (!focus.is_left()).then(|| PackedMatrix::pack(&group, &plan))
-        };
+        let pack =
+            |(group, plan): (BlockLowRank, PackPlan)| (!focus.is_left()).then(|| PackedMatrix::pack(&group, &plan));
         let pack_all = |(groups, plans): (Vec<BlockLowRank>, Vec<PackPlan>)| {
             groups.into_iter().zip(plans).map(pack).collect::<Option<Vec<_>>>()
         };

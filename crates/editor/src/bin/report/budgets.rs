@@ -12,10 +12,10 @@ use super::desk::{Desk, load_words, number};
 const CASES: [(&str, &str, &[&str]); 7] = [
     ("scenes/conference.glb", "96x72", &[]),
     ("scenes/sponza-dabrovic.glb", "96x72", &[]),
-    ("assets/scenes/gallery.glb", "96x72", &[]),
+    ("assets/scenes/gallery.glb", "48x36", &[]),
     ("scenes/bitterli-staircase2.glb", "96x72", &[]),
     ("scenes/bitterli-classroom.glb", "96x72", &[]),
-    ("assets/scenes/diffuse.glb", "512x384", &[]),
+    ("assets/scenes/diffuse.glb", "320x240", &[]),
     ("scenes/conference.glb", "96x72", &["--patches", "256"]),
 ];
 /// How often the memory of a bake is asked for.

@@ -17,9 +17,9 @@ use clerestory_transport::prepared::PreparedScene;
 
 use super::desk::Desk;
 
-const FILM: Film = Film { width: 192, height: 144 };
+const FILM: Film = Film { width: 96, height: 72 };
 /// Patches for movable lamps.
-const PATCHES: u32 = 256;
+const PATCHES: u32 = 64;
 /// What a person takes for at once, seconds.
 const AT_ONCE_SECS: f64 = 0.2;
 
@@ -52,7 +52,7 @@ impl Stage {
 /// # Errors
 /// If a scene cannot be read or baked.
 pub fn write(desk: &Desk) -> Result<String> {
-    let shared = ["conference", "bitterli-classroom"].map(|name| desk.shared(&format!("scenes/{name}.glb")));
+    let shared = ["conference", "bitterli-staircase2"].map(|name| desk.shared(&format!("scenes/{name}.glb")));
     let scenes = [Some(desk.root.join("assets/scenes/gallery.glb"))].into_iter().chain(shared).flatten();
     let mut rows = String::new();
     for path in scenes.take(desk.choose(1, 3)) {
@@ -82,12 +82,13 @@ fn of_scene(desk: &Desk, path: &Path) -> Result<String> {
     let begun = Instant::now();
     let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
     let tree_secs = begun.elapsed().as_secs_f64();
-    let config = BakeConfig { spp: 16, patches: PATCHES, ..BakeConfig::default() };
+    let config = BakeConfig { spp: 8, patches: PATCHES, ..BakeConfig::default() };
     let irradiance = vec![IrradianceRows::Pixels];
     let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::PreviewAndFinal, irradiance };
     let lengths = lengths(&job)?;
-    let mut rows = format!("| {name} | reading | {read_secs:.2} | goes on | | |\n| | trees | {tree_secs:.2} | goes on | | |\n");
-    let n_cancels = desk.choose(3, 12);
+    let mut rows =
+        format!("| {name} | reading | {read_secs:.2} | goes on | | |\n| | trees | {tree_secs:.2} | goes on | | |\n");
+    let n_cancels = desk.choose(3, 6);
     for (stage, secs) in Stage::ALL.into_iter().zip(lengths) {
         let moments = (0..n_cancels).map(|nth| (nth as f64 + 0.5) / n_cancels as f64 * secs);
         let answers = moments.map(|after| answer(&job, stage, after)).collect::<Result<Vec<_>>>()?;
@@ -186,7 +187,7 @@ fn signals(desk: &Desk, scene: &Path, n: usize) -> Result<(usize, f64)> {
     let output = PathBuf::from(desk.file("interrupted.transport"));
     let start = || {
         let mut command = Command::new(&binary);
-        command.arg("bake").arg(scene).arg("-o").arg(&output).args(["--fresh", "--size", "192x144", "--spp", "16"]);
+        command.arg("bake").arg(scene).arg("-o").arg(&output).args(["--fresh", "--size", "96x72", "--spp", "8"]);
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         command.spawn().with_context(|| format!("cannot start {}", binary.display()))
     };
