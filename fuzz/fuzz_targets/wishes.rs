@@ -1,3 +1,7 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| clerestory_fuzz::documents::wishes(bytes));
+#[expect(dead_code, reason = "one of its targets")]
+#[path = "../src/documents.rs"]
+mod documents;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| documents::wishes(bytes));

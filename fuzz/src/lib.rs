@@ -3,8 +3,6 @@
 //! [`targets`] are what a fuzzer calls. [`mutate`] makes hostile files of small valid ones ([`seeds`]) from a seed, for
 //! machines without a fuzzer: `cargo test hostile` in the main workspace, and the binary `drive` here, for minutes.
 
-#[cfg(feature = "look")]
-pub mod documents;
 pub mod mutate;
 pub mod seeds;
 pub mod targets;

@@ -187,8 +187,10 @@ fn opened(device: Option<&RenderState>, home: &Path) -> Window {
         Some(device) => Harness::builder().renderer(WgpuTestRenderer::from_render_state(device.clone())),
         None => Harness::builder(),
     };
-    let mut window = open_by(builder, source, quick(), Some(home));
-    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0);
+    // Lights that were not saved would be asked for before a device can be chosen.
+    let home = device.is_none().then_some(home);
+    let mut window = open_by(builder, source, quick(), home);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
     if device.is_some() {
         // One of software is used only where it is asked for.
         window.get_by_label_contains("Relight: CPU").click();

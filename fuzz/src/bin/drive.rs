@@ -7,6 +7,10 @@ use std::time::{Duration, Instant};
 use clerestory_fuzz::mutate::{Dice, mutated};
 use clerestory_fuzz::{seeds, targets};
 
+#[cfg(feature = "look")]
+#[path = "../documents.rs"]
+mod documents;
+
 const SLOW: Duration = Duration::from_secs(2);
 
 fn main() {
@@ -25,9 +29,9 @@ fn main() {
         "picture" => targets::picture,
         "archive" => targets::archive,
         #[cfg(feature = "look")]
-        "look" => clerestory_fuzz::documents::look,
+        "look" => documents::look,
         #[cfg(feature = "look")]
-        "wishes" => clerestory_fuzz::documents::wishes,
+        "wishes" => documents::wishes,
         _ => panic!("{}", usage()),
     };
     let files = seeds::of(name);
