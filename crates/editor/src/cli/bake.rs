@@ -66,10 +66,10 @@ fn scene_job(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<Bak
 fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
     let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
     reserve(output, &inputs)?;
-    let job = scene_job(scene, args, console)?;
+    let mut job = scene_job(scene, args, console)?;
     let mut options = args.options.clone();
     if let Some(limit_bytes) = args.memory {
-        options.view.threads = Some(estimate::threads_within(limit_bytes, &job, args, console)?);
+        options.view.threads = Some(estimate::fit(limit_bytes, &mut job, args, console)?);
     }
     let kept = || kept_words(output, restart(&args.options));
     run_with_progress(console, &options, &kept, |on_event| {

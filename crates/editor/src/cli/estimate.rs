@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
-use clerestory_transport::bake::BakeJob;
+use anyhow::{Context, Result, anyhow, bail};
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
+use clerestory_transport::bake::{BakeJob, Indirect, Passes};
 use indicatif::ProgressBar;
 use serde_json::json;
 
@@ -29,9 +29,13 @@ pub(super) struct Forecast {
 }
 
 impl Forecast {
-    /// Most memory at a time, the scene and the reading of it included, bytes.
+    /// Most memory at a time, the scene and the reading of it included, bytes: what was taken while blocks were tried, and the
+    /// factors of those that were not.
     fn most_bytes(&self) -> u64 {
-        (self.held_bytes.unwrap_or(0) + self.estimate.memory_bytes).max(self.peak_bytes)
+        let estimate = &self.estimate;
+        let untried = 1.0 - estimate.n_tried as f64 / estimate.n_blocks.max(1) as f64;
+        let sampling = self.peak_bytes + (untried * estimate.result_bytes as f64) as u64;
+        sampling.max(self.held_bytes.unwrap_or(0) + estimate.ending_bytes)
     }
 
     /// The most threads on which a bake keeps to a limit, all of those that it was estimated for or fewer; `None` if a single one
@@ -63,39 +67,46 @@ fn asked_threads(args: &BakeArgs) -> usize {
     args.options.view.threads.map_or_else(rayon::current_num_threads, usize::from)
 }
 
-/// On how many threads a bake keeps within a limit of memory.
+/// Makes a bake keep within a limit of memory: without a preview if need be, and on the number of threads that is answered.
 ///
 /// # Errors
-/// In words, if it does on none.
-pub(super) fn threads_within(limit_bytes: u64, job: &BakeJob, args: &BakeArgs, console: &mut Console) -> Result<u16> {
-    let words = |bytes: u64| bytes_words(bytes as f64);
-    let read_bytes = peak_bytes().unwrap_or(0);
-    if read_bytes > limit_bytes {
+/// In words, if it cannot.
+pub(super) fn fit(limit_bytes: u64, job: &mut BakeJob, args: &BakeArgs, console: &mut Console) -> Result<u16> {
+    let (held, read) = (resident_bytes().unwrap_or(0), peak_bytes().unwrap_or(0));
+    if read > limit_bytes {
         bail!(
             "reading the scene alone took {} of memory, more than the {} that --memory allows; allow more, or make the scene smaller",
-            words(read_bytes),
-            words(limit_bytes),
+            bytes_words(read as f64),
+            bytes_words(limit_bytes as f64),
         );
+    }
+    if held + job.thread_bytes() > limit_bytes {
+        return Err(refusal(held + job.thread_bytes(), held, limit_bytes));
+    }
+    if job.config.indirect == Indirect::Traced && held + job.thread_bytes() + job.shared_bytes() > limit_bytes {
+        job.passes = Passes::FinalOnly;
     }
     let forecast = forecast(job, args, console)?;
     let Some(n_threads) = forecast.threads_within(limit_bytes) else {
-        let held = forecast.held_bytes.unwrap_or(0);
-        bail!(
-            "the bake would take about {} of memory on a single thread ({} of it for the scene), more than the {} that --memory allows; make \
-             the picture smaller (--size), give panels and sky fewer parts (--panel NODE=8, --sky-patches 145), or allow more",
-            words(held + forecast.estimate.least_memory_bytes),
-            words(held),
-            words(limit_bytes),
-        )
+        return Err(refusal(held + forecast.estimate.least_memory_bytes, held, limit_bytes));
     };
     let n_asked = asked_threads(args);
     if n_threads < n_asked {
-        console.note(&format!(
-            "{n_threads} of {n_asked} threads bake, so that memory stays within the {} that --memory allows",
-            words(limit_bytes)
-        ));
+        let limit = bytes_words(limit_bytes as f64);
+        console
+            .note(&format!("{n_threads} of {n_asked} threads bake, to stay within the {limit} that --memory allows"));
     }
     Ok(u16::try_from(n_threads).unwrap_or(u16::MAX))
+}
+
+fn refusal(needed_bytes: u64, held_bytes: u64, limit_bytes: u64) -> anyhow::Error {
+    anyhow!(
+        "the bake would take about {} of memory on a single thread ({} of it for the scene), more than the {} that --memory allows; make the \
+         picture smaller (--size), give panels and sky fewer parts (--panel NODE=8, --sky-patches 145), or allow more",
+        bytes_words(needed_bytes as f64),
+        bytes_words(held_bytes as f64),
+        bytes_words(limit_bytes as f64),
+    )
 }
 
 /// For people and programs.
@@ -165,14 +176,17 @@ mod tests {
             memory_bytes: gigabytes(9),
             least_memory_bytes: gigabytes(2),
             thread_bytes: gigabytes(1),
+            ending_bytes: gigabytes(2),
             result_bytes: gigabytes(1),
             file_bytes: 1,
             n_blocks: 1,
             n_tried: 1,
         };
-        let forecast = Forecast { estimate, n_threads: 8, held_bytes: Some(gigabytes(1)), peak_bytes: gigabytes(1) };
+        let forecast = Forecast { estimate, n_threads: 8, held_bytes: Some(gigabytes(1)), peak_bytes: gigabytes(7) };
         let threads = [100, 10, 9, 6, 3, 2].map(|limit| forecast.threads_within(gigabytes(limit)));
         assert_eq!(threads, [Some(8), Some(8), Some(7), Some(4), Some(1), None]);
-        assert_eq!(forecast.most_bytes(), gigabytes(10));
+        // Every block was tried: what that took is what it takes.
+        assert_eq!(forecast.most_bytes(), gigabytes(7));
+        assert_eq!(Forecast { peak_bytes: 0, ..forecast }.most_bytes(), gigabytes(3));
     }
 }

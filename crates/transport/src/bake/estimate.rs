@@ -13,9 +13,10 @@ use serde::Serialize;
 
 use super::clock::Clock;
 use super::focus::Focus;
-use super::{Bake, BakeError, BakeEvent, BakeJob, Run, TILE};
+use super::{Bake, BakeError, BakeEvent, BakeJob, Indirect, Passes, Run, TILE};
 use crate::archive::header_len;
 use crate::matrix::CHANNELS;
+use crate::nodes::Nodes;
 
 /// Blocks that are tried, and at least so many for each thread.
 const BLOCKS: usize = 48;
@@ -39,6 +40,8 @@ pub struct BakeEstimate {
     pub least_memory_bytes: u64,
     /// See there.
     pub thread_bytes: u64,
+    /// Of that what is taken at the end, when blocks are packed.
+    pub ending_bytes: u64,
     /// Memory of the result, bytes.
     pub result_bytes: u64,
     /// The file, bytes.
@@ -157,13 +160,14 @@ impl BakeJob {
         }
         let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };
         let thread_bytes = thread_bytes(header.basis.n_cols());
-        let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.nodes_bytes(header));
+        let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.shared_bytes());
         Ok(Some(BakeEstimate {
             secs: secs + packing_secs,
             preview_secs,
             memory_bytes: memory(rayon::current_num_threads() as u64),
             least_memory_bytes: memory(1),
             thread_bytes,
+            ending_bytes: sizes.memory(0),
             result_bytes: sizes.factors + sizes.packed,
             file_bytes: sizes.packed + header_len(header),
             n_blocks: partitions[0].n_blocks(),
@@ -181,9 +185,12 @@ impl BakeJob {
         thread_bytes(self.scene.lighting.basis.n_cols())
     }
 
-    /// Memory of the nodes of shared light.
-    fn nodes_bytes(&self, header: &super::BakeHeader) -> u64 {
-        crate::nodes::Nodes::bytes_for(self.film, header.basis.n_cols()) as u64
+    /// Memory of the light that pixels share, bytes, of the preview or of the bake; nothing where neither does.
+    pub fn shared_bytes(&self) -> u64 {
+        if self.passes == Passes::FinalOnly && self.config.indirect == Indirect::Traced {
+            return 0;
+        }
+        Nodes::bytes_for(self.film, self.scene.lighting.basis.n_cols()) as u64
     }
 }
 
