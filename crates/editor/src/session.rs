@@ -9,6 +9,7 @@ pub mod preview;
 pub mod prints;
 mod seen;
 pub mod shares;
+mod sheet;
 mod task;
 pub mod views;
 pub mod worker;
@@ -44,6 +45,7 @@ use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::export::ExportOptions;
 use crate::look::Look;
+use crate::look::snapshot::Snapshot;
 use crate::picture::Changed;
 use crate::sequence::Sequence;
 use crate::stills::Subject;
@@ -540,6 +542,13 @@ impl Session {
         let n_frames = sequence.n_frames();
         let task = self.spawn("frames", move |post| task::write_frames(&sequence, subject, &post));
         self.frames = task.map(|task| (task, (0, n_frames)));
+    }
+
+    /// Writes the pictures of looks on one sheet in the background.
+    pub fn save_sheet(&mut self, snapshots: Vec<Snapshot>, path: PathBuf) {
+        let Some(subject) = self.subject() else { return };
+        let task = self.spawn("sheet", move |post| sheet::write(&snapshots, subject, &path, &post));
+        self.others.extend(task);
     }
 
     /// Frames that are written, and how many there will be, while a sequence is under way.

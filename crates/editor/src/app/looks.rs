@@ -204,6 +204,20 @@ impl App {
         }
     }
 
+    /// Writes the pictures of all snapshots on one sheet.
+    pub(super) fn save_sheet(&mut self, path: PathBuf) {
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
+        let inputs = [("look", self.look_path.as_ref()), ("scene", opened.as_ref())];
+        let inputs = inputs.into_iter().filter_map(|(what, input)| Some((what, input?.as_path())));
+        match spare_inputs(&path, inputs) {
+            Ok(()) => {
+                self.say(format!("Writing {}", path.display()));
+                self.session.save_sheet(self.look.snapshots.clone(), path);
+            }
+            Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
     /// Writes the frames of the timeline.
     pub(super) fn export_frames(&mut self, path: &Path) {
         let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());

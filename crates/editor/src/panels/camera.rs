@@ -64,7 +64,7 @@ fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
 /// Cameras of the file and bookmarks.
 fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Vec<Camera>, actions: &mut Vec<Action>) {
     row_ui(ui, |ui| {
-        if ui.button("Bookmark").on_hover_text("Keep this view for this scene").clicked() {
+        if ui.button("Bookmark").on_hover_text("Keep this view in the look").clicked() {
             let name = numbered_name("Bookmark", |name| Camera::named(bookmarks, name).is_some());
             bookmarks.push(Camera { name, ..camera.clone() });
         }
