@@ -564,11 +564,8 @@ impl App {
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
                 };
                 display_ui(ui, &mut self.look.display, &view);
-                ui.add_space(10.0);
                 self.camera_panel_ui(ui);
-                ui.add_space(10.0);
                 self.solving_ui(ui);
-                ui.add_space(10.0);
                 self.bake_panel_ui(ui);
             });
         });

@@ -90,7 +90,7 @@ impl Prints {
     fn order(&mut self, session: &Session, wanted: BTreeMap<Slot, Look>) {
         self.ordered.retain(|slot, _| wanted.contains_key(slot));
         self.textures.retain(|slot, _| wanted.contains_key(slot));
-        if wanted.is_empty() || session.n_whole == 0 {
+        if wanted.is_empty() || !session.is_whole() {
             self.subject = None;
             return;
         }

@@ -366,7 +366,6 @@ impl App {
             has_scene,
         };
         measure_ui(ui, &mut self.view.marking, &mut self.solving.schedule, &view, &mut self.actions);
-        ui.add_space(6.0);
         let grids = shown
             .map_or_else(Vec::new, |shown| shown.bake().grids().map(|(set, grid)| (set, grid.name.clone())).collect());
         let view = SolveView {

@@ -7,6 +7,7 @@ use super::bake::bytes;
 use crate::action::Action;
 use crate::look::numbered_name;
 use crate::session::views::ViewEntry;
+use crate::theme::{self, Fold};
 use crate::viewport::flight::Habits;
 use crate::viewport::orbit::Navigation;
 
@@ -39,7 +40,7 @@ const FOV_DEG: std::ops::RangeInclusive<f32> = 1.0..=170.0;
 
 /// Draws it.
 pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut Vec<Action>) {
-    egui::CollapsingHeader::new(RichText::new("Camera").heading().strong()).default_open(true).show(ui, |ui| {
+    theme::folding(ui, "Camera", Fold::Open, |ui| {
         let Some(camera) = edit.camera else {
             ui.label(RichText::new("The views of a scene stand here once one is open").weak());
             return;
