@@ -70,9 +70,14 @@ impl App {
         let most = MOST_HEIGHT * ui.available_height();
         let frame = eframe::egui::Frame::NONE.inner_margin(eframe::egui::Margin::symmetric(0, 4));
         Panel::bottom("sky").frame(frame).show(ui, |ui| {
-            ScrollArea::vertical().id_salt("sky").max_height(most).auto_shrink([false, true]).show(ui, |ui| {
-                sky_ui(ui, &view, &mut self.look.lights, &mut self.daylight.state, &mut self.actions);
-            });
+            ScrollArea::vertical()
+                .id_salt("sky")
+                .max_height(most)
+                .min_scrolled_height(most)
+                .auto_shrink([false, true])
+                .show(ui, |ui| {
+                    sky_ui(ui, &view, &mut self.look.lights, &mut self.daylight.state, &mut self.actions);
+                });
         });
     }
 

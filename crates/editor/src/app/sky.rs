@@ -194,7 +194,8 @@ mod tests {
         let shown = court();
         let mut layer = SkyLayer::new(Arc::new(|_| {})).unwrap();
         let (mut last, lamps) = (0, Arc::new(Radiance { pixels: vec![[5.0; 3]; 48 * 36], ..Radiance::new(48, 36) }));
-        for (typed_sky, rotation_deg, intensity) in [("sun:200,50", 0.0, 1.0), ("sun:200,50", 90.0, 0.5), ("sun:90,8", 0.0, 2.0)]
+        for (typed_sky, rotation_deg, intensity) in
+            [("sun:200,50", 0.0, 1.0), ("sun:200,50", 90.0, 0.5), ("sun:90,8", 0.0, 2.0)]
         {
             let own = SkySetting { rotation_deg, intensity, ..sky(typed_sky) };
             let rig = LightRig { sky: Some(own), ..LightRig::default() };
@@ -205,7 +206,8 @@ mod tests {
             let mut coefficients = whole.clone();
             let over = layer.layer(&shown, &mut coefficients, Some(lamps.clone())).unwrap();
             let lit = Frame { groups: shown.bake().groups_under(&rig), ..shown.frame.clone() };
-            let (ours, known) = (picture(&shown.frame, &coefficients, Some(&over)), picture(&lit, &whole, Some(&lamps)));
+            let (ours, known) =
+                (picture(&shown.frame, &coefficients, Some(&over)), picture(&lit, &whole, Some(&lamps)));
             let brightest = known.pixels.as_flattened().iter().copied().fold(0.0, f32::max);
             for (ours, known) in ours.pixels.as_flattened().iter().zip(known.pixels.as_flattened()) {
                 assert!((ours - known).abs() <= 1e-4 * brightest.max(*known), "{ours} {known}");

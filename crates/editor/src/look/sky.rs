@@ -4,9 +4,7 @@ use std::path::Path;
 
 use anyhow::{Result, anyhow};
 use clerestory_transport::import::load_sky;
-use clerestory_transport::sky::{
-    DEFAULT_TURBIDITY, Environment, SkyError, SkySetting, SunPlace, SunSetting, SunTime,
-};
+use clerestory_transport::sky::{DEFAULT_TURBIDITY, Environment, SkyError, SkySetting, SunPlace, SunSetting, SunTime};
 use serde_json::{Map, Value};
 
 use super::parse::Reader;
@@ -126,7 +124,8 @@ fn date_of(text: &str) -> Option<(i32, u32, u32)> {
 /// Hours since midnight of `14:30`.
 fn hour_of(text: &str) -> Option<f64> {
     let (hours, minutes) = text.split_once(':').and_then(|(h, m)| h.parse::<u32>().ok().zip(m.parse::<u32>().ok()))?;
-    (minutes < 60 && hours <= 24 && hours * 60 + minutes <= 24 * 60).then(|| f64::from(hours) + f64::from(minutes) / 60.0)
+    (minutes < 60 && hours <= 24 && hours * 60 + minutes <= 24 * 60)
+        .then(|| f64::from(hours) + f64::from(minutes) / 60.0)
 }
 
 impl Reader<'_> {
@@ -216,7 +215,8 @@ impl Reader<'_> {
     }
 
     fn hour(&self, value: &Value) -> Result<f64> {
-        hour_of(&self.text(value)?).ok_or_else(|| anyhow!("`{}` must be a time such as 14:30, not {value}", self.name()))
+        hour_of(&self.text(value)?)
+            .ok_or_else(|| anyhow!("`{}` must be a time such as 14:30, not {value}", self.name()))
     }
 }
 

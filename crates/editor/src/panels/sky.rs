@@ -6,7 +6,7 @@ mod sun;
 use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::light::{LightRig, luminance};
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyLight, SkySetting, SunSetting, SunTime};
-use eframe::egui::{Button, CollapsingHeader, ComboBox, DragValue, Grid, RichText, Ui};
+use eframe::egui::{Button, CollapsingHeader, ComboBox, DragValue, Grid, RichText, TextStyle, Ui};
 use glam::Vec3;
 
 use crate::action::{Action, FileTask};
@@ -106,13 +106,7 @@ fn missing_ui(ui: &mut Ui, view: &SkyView, state: &mut SkyState, actions: &mut V
     bake_ui(ui, view, ("Bake with sky", "Under the sky of the look, else under sun and clear sky"), state, actions);
 }
 
-fn bake_ui(
-    ui: &mut Ui,
-    view: &SkyView,
-    (verb, hint): (&str, &str),
-    state: &mut SkyState,
-    actions: &mut Vec<Action>,
-) {
+fn bake_ui(ui: &mut Ui, view: &SkyView, (verb, hint): (&str, &str), state: &mut SkyState, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         let button = ui.add_enabled(view.can_bake, Button::new(verb)).on_hover_text(hint);
         let button = button.on_disabled_hover_text("Open the scene of this bake: it takes the scene to bake it anew");
@@ -126,7 +120,8 @@ fn bake_ui(
                 ui.selectable_value(&mut state.divisions, divisions, words(divisions));
             }
         });
-        let hint = "Patches of the sky above the horizon, 12°, 6° or 3° wide: more are sharper, and take longer to bake";
+        let hint =
+            "Patches of the sky above the horizon, 12°, 6° or 3° wide: more are sharper, and take longer to bake";
         combo.response.on_hover_text(hint).accessible_name("Patches of the sky");
     });
 }
@@ -145,7 +140,7 @@ fn kind_ui(ui: &mut Ui, view: &SkyView, (sky, light): (&mut SkySetting, &SkyLigh
     ui.horizontal(|ui| {
         let combo = ComboBox::from_id_salt("kind of sky").width(190.0).truncate().selected_text(text);
         let combo = combo.show_ui(ui, |ui| {
-            let mut choice = |ui: &mut Ui, of: Kind, words: &str, hint: &str| {
+            let choice = |ui: &mut Ui, of: Kind, words: &str, hint: &str| {
                 ui.selectable_label(kind == of, words).on_hover_text(hint).clicked() && kind != of
             };
             let own = SkySetting { rotation_deg: sky.rotation_deg, intensity: sky.intensity, ..SkySetting::default() };
@@ -217,7 +212,7 @@ fn lux_ui(ui: &mut Ui, basis: &LightBasis, rig: &LightRig, (key, light): (&str, 
     }
 }
 
-/// How the sun shines, where that is not as sharp as it could be, and a bake that makes it so.
+/// How the sun shines, and a bake that makes it sharp.
 fn columns_ui(
     ui: &mut Ui,
     view: &SkyView,
@@ -225,20 +220,22 @@ fn columns_ui(
     state: &mut SkyState,
     actions: &mut Vec<Action>,
 ) {
-    let is_soft = light.sun.is_some() && !view.basis.keeps_its_sun(light);
-    if is_soft {
-        let width = PATCH_DEG / divisions as f32;
-        let words = format!(
-            "This sun has no column of its own: it shines from its patch of the sky, {width:.0}° wide, with soft shadows. \
-             Bake it for sharp ones"
-        );
+    let width = PATCH_DEG / divisions as f32;
+    let soft = format!(
+        "This sun has no column of its own: it shines from its patch of the sky, {width:.0}° wide, with soft shadows. \
+         Bake it for sharp ones"
+    );
+    let words = match light.sun {
+        None => format!("Patches of the sky are {width:.0}° wide"),
+        Some(_) if view.basis.keeps_its_sun(light) => "This sun has its own column, and sharp shadows".into(),
+        Some(_) => soft.clone(),
+    };
+    // The room of the longest words, so that nothing moves under the pointer that drags the sun.
+    let font = TextStyle::Small.resolve(ui.style());
+    let longest = ui.painter().layout(soft, font, ui.visuals().weak_text_color(), ui.available_width());
+    ui.scope(|ui| {
+        ui.set_min_height(longest.rect.height());
         ui.label(RichText::new(words).weak().small());
-    }
-    if is_soft || state.divisions != divisions {
-        bake_ui(ui, view, ("Bake this sky", "The same scene with columns for this sun and these patches"), state, actions);
-    } else {
-        CollapsingHeader::new("Patches").id_salt("sky patches").show(ui, |ui| {
-            bake_ui(ui, view, ("Bake this sky", "The same scene with as many patches"), state, actions);
-        });
-    }
+    });
+    bake_ui(ui, view, ("Bake this sky", "The same scene with columns for this sun and these patches"), state, actions);
 }

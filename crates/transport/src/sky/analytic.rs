@@ -30,8 +30,7 @@ pub fn analytic_sky(sun: Vec3, turbidity: f32) -> Environment {
     let [width, height] = SIZE;
     let mut pixels = vec![[0.0; 3]; width * height];
     let (above, below) = pixels.split_at_mut(width * height / 2);
-    let around: Vec<Vec3> =
-        (0..width).map(|x| direction_at(Vec2::new((x as f32 + 0.5) / width as f32, 0.5))).collect();
+    let around: Vec<Vec3> = (0..width).map(|x| direction_at(Vec2::new((x as f32 + 0.5) / width as f32, 0.5))).collect();
     above.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
         // Half across the map lies +X, where a direction is its sine and its cosine.
         let up = direction_at(Vec2::new(0.5, y as f32 / (height - 1) as f32));

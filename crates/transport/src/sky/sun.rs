@@ -164,13 +164,8 @@ mod tests {
         assert!((at.elevation_deg - (90.0 - 50.111_62 - 0.016_33)).abs() < 0.01, "{at:?}");
         // [Meeus1998, example 25.a]: a declination of −7.785° at 0 h dynamical time, a minute before universal time. From
         // the pole the sun stands as high as its declination, less its parallax of 8.8 seconds of arc.
-        let pole = SunTime {
-            date: (1992, 10, 13),
-            hour: 0.0,
-            utc_offset_h: 0.0,
-            latitude_deg: 90.0,
-            longitude_deg: 0.0,
-        };
+        let pole =
+            SunTime { date: (1992, 10, 13), hour: 0.0, utc_offset_h: 0.0, latitude_deg: 90.0, longitude_deg: 0.0 };
         let declination = pole.position().elevation_deg + 8.8 / 3600.0;
         assert!((declination + 7.785).abs() < 0.01, "{declination}");
     }

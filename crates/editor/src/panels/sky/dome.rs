@@ -44,7 +44,7 @@ pub(super) fn dome_ui(ui: &mut Ui, sky: &mut SkySetting, light: &SkyLight, pictu
     if ui.is_rect_visible(rect) {
         paint(ui, disk, sky, light, picture);
     }
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, ui.is_enabled(), "Dome of the sky"));
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Canvas, ui.is_enabled(), "Dome of the sky"));
     response.on_hover_text(format!("{hint}\nSeen from above: −Z, an azimuth of 0°, is on top, +X on the right"));
 }
 
@@ -165,7 +165,8 @@ fn image(light: &SkyLight) -> ColorImage {
     let mean = luminance(light.map.level_irradiance()) / std::f32::consts::PI;
     let (scale, turn) = (MEAN / mean.max(f32::MIN_POSITIVE), light.turn());
     let pixel = |idx: usize| {
-        let at = vec2((idx % PIXELS) as f32 + 0.5, (idx / PIXELS) as f32 + 0.5) * (2.0 / PIXELS as f32) - Vec2::splat(1.0);
+        let at =
+            vec2((idx % PIXELS) as f32 + 0.5, (idx / PIXELS) as f32 + 0.5) * (2.0 / PIXELS as f32) - Vec2::splat(1.0);
         let from_zenith = at.length();
         let (sin, cos) = (from_zenith.min(1.0) * std::f32::consts::FRAC_PI_2).sin_cos();
         let side = at.normalized() * sin;

@@ -16,7 +16,17 @@ const NEW_TIME: SunTime =
     SunTime { date: (2026, 6, 21), hour: 10.0, utc_offset_h: 0.0, latitude_deg: 51.48, longitude_deg: 0.0 };
 
 const MONTHS: [&str; 12] = [
-    "January", "February", "March", "April", "May", "June", "July", "August", "September", "October", "November",
+    "January",
+    "February",
+    "March",
+    "April",
+    "May",
+    "June",
+    "July",
+    "August",
+    "September",
+    "October",
+    "November",
     "December",
 ];
 const WINDS: [&str; 8] = ["north", "northeast", "east", "southeast", "south", "southwest", "west", "northwest"];
@@ -161,9 +171,7 @@ fn date_ui(ui: &mut Ui, (year, month, day): &mut (i32, u32, u32)) {
 /// Minutes since midnight of `14:30`, or of hours.
 fn parsed_minutes(text: &str) -> Option<f64> {
     match text.split_once(':') {
-        Some((hours, minutes)) => {
-            Some(60.0 * hours.trim().parse::<f64>().ok()? + minutes.trim().parse::<f64>().ok()?)
-        }
+        Some((hours, minutes)) => Some(60.0 * hours.trim().parse::<f64>().ok()? + minutes.trim().parse::<f64>().ok()?),
         None => Some(60.0 * text.trim().parse::<f64>().ok()?),
     }
 }
