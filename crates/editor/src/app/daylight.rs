@@ -125,7 +125,7 @@ impl App {
             }
         }
         if let Some(light) = basis.sky_light(&self.look.lights) {
-            self.say("Preparing the scene under its sky");
+            self.say("Baking the scene under its sky");
             self.session.choose_sky(SkyRequest { light, form: SkyForm::Patches(divisions) });
         }
     }
