@@ -1,6 +1,6 @@
 //! The sky in the window: read from files beside it, baked, and played over a day.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::emitters::SkyRequest;
@@ -165,7 +165,7 @@ fn at_hour(sky: &SkySetting, hour: f64) -> Option<SkySetting> {
 }
 
 /// Reads a map, and makes of it what relighting needs.
-fn read_sky(path: &PathBuf) -> Read {
+fn read_sky(path: &Path) -> Read {
     let mut sky = SkySetting { file: Some(path.display().to_string()), ..SkySetting::default() };
     let odd = sky::load(&mut sky, Path::new("")).map_err(|error| format!("{error:#}"))?;
     // What is made of a map once is kept with it; of a large one that takes a while.
