@@ -9,11 +9,8 @@ pub mod preview;
 pub mod prints;
 mod seen;
 pub mod shares;
-<<<<<<< HEAD
 mod sheet;
-=======
 pub mod sky;
->>>>>>> main
 mod task;
 pub mod views;
 pub mod worker;
