@@ -121,6 +121,19 @@ impl BlockFactors {
         out
     }
 
+    /// Some of the columns, in the order given: what is left of each entry is the same.
+    #[must_use]
+    pub fn with_columns(&self, columns: &[u32]) -> Self {
+        let n_cols = self.n_cols as usize;
+        let rows = (0..self.rank as usize).map(|r| &self.right[r * n_cols..][..n_cols]);
+        let right = rows.flat_map(|row| columns.iter().map(|&col| row[col as usize])).collect();
+        let place = |entry: &SparseEntry| columns.iter().position(|&col| col == entry.col);
+        let moved = |entry: &SparseEntry| Some(SparseEntry { col: place(entry)? as u32, ..*entry });
+        let mut sparse: Vec<SparseEntry> = self.sparse.iter().filter_map(moved).collect();
+        sparse.sort_by_key(|entry| (entry.row, entry.col));
+        Self { n_cols: columns.len() as u32, right, sparse, ..self.clone() }
+    }
+
     /// Memory that factors and sparse entries take, in bytes.
     pub fn n_bytes(&self) -> usize {
         2 * (self.left.len() + self.right.len()) + 4 * self.scale.len() + size_of_val(self.sparse.as_slice())
@@ -160,6 +173,22 @@ mod tests {
                 let want: f32 = (0..3).map(|r| left[i / 15 * 3 + r] * right[r * 15 + i % 15]).sum();
                 assert!((got - want).abs() < 1e-2 * magnitude, "{magnitude}: {got} {want}");
                 assert_eq!(*got, factors.entry(i / 15, i % 15));
+            }
+        }
+    }
+
+    #[test]
+    fn columns_that_are_taken_out_keep_their_entries() {
+        let mut rng = Random::new([12, 0]);
+        let mut values = |n: usize| (0..n).map(|_| rng.normal()).collect::<Vec<f32>>();
+        let mut factors = BlockFactors::from_f32(&values(4 * 2), &values(2 * 5), 4, 5, 2);
+        let entry = |row, col| SparseEntry { row, col, value: 7.0 };
+        factors.sparse = vec![entry(1, 0), entry(1, 4), entry(2, 3)];
+        let some = factors.with_columns(&[4, 0, 2]);
+        assert_eq!((some.n_cols, some.sparse.len()), (3, 2));
+        for row in 0..4 {
+            for (at, col) in [4, 0, 2].into_iter().enumerate() {
+                assert_eq!(some.entry(row, at), factors.entry(row, col), "{row}, {col}");
             }
         }
     }

@@ -57,6 +57,8 @@ pub struct Skipped {
     pub idle_images: usize,
     /// Bytes of their texels, of those whose size was at hand.
     pub idle_image_bytes: u64,
+    /// Columns that were taken over from an earlier bake.
+    pub reused_columns: usize,
     /// What could have been skipped and was not, as asked.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub off: Vec<Skip>,
@@ -219,6 +221,7 @@ impl Bake {
             opaque_triangles: spared.opaque_triangles as usize,
             idle_images: spared.idle_images as usize,
             idle_image_bytes: spared.idle_bytes,
+            reused_columns: spared.reused_columns as usize,
             off: header.skips.off(),
             sky_patches: if header.skips.has(Skip::UnseenPatches) { unseen } else { 0 },
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
