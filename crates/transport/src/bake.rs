@@ -430,6 +430,8 @@ impl BakeJob {
         begun: Option<HalfDone>,
         on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
+        // Blocks that have other columns are of no use: they took some over from a bake that is gone.
+        let begun = begun.filter(|begun| begun.header.basis.sources == self.scene.lighting.basis.sources);
         let HalfDone { header, blocks } = match begun {
             Some(begun) => begun,
             None => HalfDone { header: Arc::new(self.header()?), blocks: Vec::new() },

@@ -26,6 +26,13 @@ pub struct Grounds {
 /// Before the hash of a lamp without strength in its file: its columns may never have been traced.
 const OFF: &str = "off-";
 
+impl Grounds {
+    /// A hash of all but the lights: bakes that share it may have columns in common.
+    pub fn common(&self) -> String {
+        hash_of([&self.surfaces[..], &self.view, &self.settings].concat().as_bytes())
+    }
+}
+
 impl BakeJob {
     /// What its columns will rest on.
     pub fn grounds(&self) -> Grounds {
