@@ -134,6 +134,17 @@ impl BlockFactors {
         Self { n_cols: columns.len() as u32, right, sparse, ..self.clone() }
     }
 
+    /// Columns whose entries are all zero.
+    pub fn n_dark_columns(&self) -> usize {
+        let n_cols = self.n_cols as usize;
+        let mut is_lit = vec![false; n_cols];
+        for row in self.right.chunks(n_cols.max(1)) {
+            is_lit.iter_mut().zip(row).for_each(|(lit, x)| *lit |= x.to_f32() != 0.0);
+        }
+        self.sparse.iter().for_each(|entry| is_lit[entry.col as usize] = true);
+        is_lit.into_iter().filter(|lit| !lit).count()
+    }
+
     /// Memory that factors and sparse entries take, in bytes.
     pub fn n_bytes(&self) -> usize {
         2 * (self.left.len() + self.right.len()) + 4 * self.scale.len() + size_of_val(self.sparse.as_slice())
@@ -185,7 +196,7 @@ mod tests {
         let entry = |row, col| SparseEntry { row, col, value: 7.0 };
         factors.sparse = vec![entry(1, 0), entry(1, 4), entry(2, 3)];
         let some = factors.with_columns(&[4, 0, 2]);
-        assert_eq!((some.n_cols, some.sparse.len()), (3, 2));
+        assert_eq!((some.n_cols, some.sparse.len(), some.n_dark_columns()), (3, 2, 0));
         for row in 0..4 {
             for (at, col) in [4, 0, 2].into_iter().enumerate() {
                 assert_eq!(some.entry(row, at), factors.entry(row, col), "{row}, {col}");
@@ -199,6 +210,9 @@ mod tests {
         factors.sparse = vec![SparseEntry { row: 1, col: 0, value: 10.0 }, SparseEntry { row: 1, col: 1, value: 20.0 }];
         assert_eq!(factors.dense(), [1.0, 0.5, 12.0, 21.0, 3.0, 1.5]);
         assert_eq!([factors.entry(0, 1), factors.entry(1, 1)], [0.5, 21.0]);
+        let half = BlockFactors::from_f32(&[1.0, 2.0], &[0.0, 3.0, 0.0], 2, 3, 1);
+        let entry = SparseEntry { row: 1, col: 2, value: 1.0 };
+        assert_eq!((half.n_dark_columns(), BlockFactors { sparse: vec![entry], ..half }.n_dark_columns()), (2, 1));
         assert_eq!(factors.n_bytes(), 2 * 5 + 4 + 24);
     }
 }

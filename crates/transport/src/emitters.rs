@@ -10,8 +10,8 @@ use thiserror::Error;
 
 pub(crate) use self::find::lamp_keys;
 use self::find::{Found, find_lights};
-pub use self::surface::SurfaceEmitter;
 pub(crate) use self::surface::ShiningTriangle;
+pub use self::surface::SurfaceEmitter;
 pub(crate) use self::surface::SurfacePoint;
 
 use crate::basis::{KeyMaker, LightBasis, LightSource, SourceKind};

@@ -31,6 +31,8 @@ pub struct ErrorDb {
 pub struct Skipped {
     /// Blocks, over all groups, that hold no light at all.
     pub dark_blocks: usize,
+    /// Columns that hold no light in a block, summed over the blocks.
+    pub dark_columns: usize,
     /// Blocks that reached the tolerance before all samples were taken.
     pub converged_blocks: usize,
     /// Share of the samples that were not taken.
@@ -224,6 +226,7 @@ impl Bake {
             reused_columns: spared.reused_columns as usize,
             off: header.skips.off(),
             sky_patches: if header.skips.has(Skip::UnseenPatches) { unseen } else { 0 },
+            dark_columns: factors().map(|block| block.n_dark_columns()).sum(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },

@@ -104,8 +104,7 @@ fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Cons
         archive::stack_to_file(surveyed, output, restart(&args.options), on_event)
     });
     console.warn_all(remarks);
-    let (bake, times) =
-        baked.with_context(|| format!("cannot bake {} to {}", folder.display(), output.display()))?;
+    let (bake, times) = baked.with_context(|| format!("cannot bake {} to {}", folder.display(), output.display()))?;
     Ok((bake, times, None))
 }
 
@@ -320,6 +319,7 @@ fn skipped_words(skipped: &Value) -> String {
         ("sky_patches", 1.0, "unseen patches of the sky"),
         ("empty_pixels", 1.0, "empty pixels"),
         ("idle_images", 1.0, "images"),
+        ("reused_columns", 1.0, "columns of an earlier bake"),
     ]
     .into_iter()
     .filter(|(name, ..)| number(name) > 0.0)

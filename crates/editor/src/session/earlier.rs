@@ -8,7 +8,8 @@ use super::{Session, Source};
 impl Session {
     /// Before what is open goes: its bakes stay, if the same file is opened again.
     pub(super) fn keep_earlier(&mut self, next: Option<&Source>) {
-        let is_same = self.opened.as_ref().and_then(|opened| opened.source.as_ref()).is_some_and(|old| Some(old) == next);
+        let is_same =
+            self.opened.as_ref().and_then(|opened| opened.source.as_ref()).is_some_and(|old| Some(old) == next);
         if !is_same {
             self.earlier.clear();
         }

@@ -70,14 +70,13 @@ fn of_light(prepared: &PreparedScene, source: usize) -> String {
         Emitter::Punctual(light) => {
             let profile = light.profile.and_then(|profile| scene.profiles.get(profile as usize));
             let profile = profile.map(|profile| hash_of(&profile.light_bytes()));
-            let white = PunctualLight { node: 0, profile: None, color: glam::Vec3::ONE, intensity: 1.0, ..light.clone() };
+            let white =
+                PunctualLight { node: 0, profile: None, color: glam::Vec3::ONE, intensity: 1.0, ..light.clone() };
             format!("{white:?} {profile:?}")
         }
         // Where the triangles lie, the surfaces tell. Another strength moves the last digits of the shares.
         Emitter::Surface(surface) => {
-            let triangle = |t: &ShiningTriangle| {
-                format!("{} {:.5} {}", t.triangle, t.white(), texture(t.triangle))
-            };
+            let triangle = |t: &ShiningTriangle| format!("{} {:.5} {}", t.triangle, t.white(), texture(t.triangle));
             surface.triangles.iter().map(triangle).collect::<Vec<_>>().join(" ")
         }
         Emitter::Panel(panel) => format!("{panel:?} {}", texture(panel.triangle)),

@@ -139,7 +139,8 @@ impl BakeJob {
         };
         let of_new = Arc::new(job.header()?);
         let header = Arc::new(reuse.header_with(Some(&of_new)));
-        let begun = begun.filter(|begun| begun.header.basis == header.basis).map_or_else(Vec::new, |begun| begun.blocks);
+        let begun =
+            begun.filter(|begun| begun.header.basis == header.basis).map_or_else(Vec::new, |begun| begun.blocks);
         let n_kept = reuse.parts.len();
         let of_new_alone = |(number, factors): (usize, Vec<Arc<BlockFactors>>)| {
             (number, factors[n_kept..n_kept + of_new.basis.groups.len()].to_vec())
@@ -238,12 +239,14 @@ impl Reuse {
         // Sources of the whole: what they were in the earlier bake, and what they are in the job.
         let kept = self.parts.iter().flat_map(|part| &part.sources).map(|&(old, of_job)| (Some(old), of_job));
         // A bake of the new lights alone has them in the order of the job.
-        let sources: Vec<(Option<usize>, usize)> = kept.chain(self.fresh.iter().map(|&of_job| (None, of_job))).collect();
+        let sources: Vec<(Option<usize>, usize)> =
+            kept.chain(self.fresh.iter().map(|&of_job| (None, of_job))).collect();
         let mut header = BakeHeader { basis: self.joined_basis(&sources, new), ..self.header.clone() };
         let gather = |old: &[f32], new: Option<&[f32]>| -> Vec<f32> {
             let starts = self.parts.iter().map(|part| earlier.basis.groups[part.group].columns.start);
             let columns = self.parts.iter().zip(starts);
-            let kept = columns.flat_map(|(part, start)| part.columns.iter().map(move |column| old[(start + column) as usize]));
+            let kept =
+                columns.flat_map(|(part, start)| part.columns.iter().map(move |column| old[(start + column) as usize]));
             let n_patches = header.patches.as_ref().map_or(0, |patches| patches.n_columns());
             kept.chain(new.into_iter().flatten().copied()).chain(old[old.len() - n_patches..].iter().copied()).collect()
         };
@@ -291,8 +294,7 @@ impl Reuse {
             ColumnGroup { kind, columns: next - len..next }
         };
         let groups = kept.chain(added).map(group).collect();
-        let basis =
-            LightBasis { sources, groups, sky: self.basis.sky.clone(), spots: self.basis.spots.clone() };
+        let basis = LightBasis { sources, groups, sky: self.basis.sky.clone(), spots: self.basis.spots.clone() };
         match &self.header.patches {
             Some(patches) => basis.with_patches(patches.n_columns() as u32),
             None => basis,
@@ -338,7 +340,8 @@ fn pairs((earlier, there): Lights, (sources, wanted): Lights) -> Vec<(usize, usi
     for by_name in [true, false] {
         for (new, source) in sources.iter().enumerate() {
             let fits = |&old: &usize| {
-                let alike = serves(&there[old], &wanted[new]) && earlier[old].kind.column_kind() == source.kind.column_kind();
+                let alike =
+                    serves(&there[old], &wanted[new]) && earlier[old].kind.column_kind() == source.kind.column_kind();
                 alike && !is_taken[old] && (!by_name || earlier[old].key == source.key)
             };
             if let Some(old) = (0..earlier.len().min(there.len())).find(fits).filter(|_| found[new].is_none()) {
@@ -353,7 +356,8 @@ fn pairs((earlier, there): Lights, (sources, wanted): Lights) -> Vec<(usize, usi
 /// What is left of each group of columns.
 fn parts(earlier: &LightBasis, pairs: &[(usize, usize)]) -> Vec<Part> {
     let part = |(nth, group): (usize, &ColumnGroup)| {
-        let within = earlier.sources.iter().enumerate().filter(|(_, source)| group.columns.contains(&source.columns.start));
+        let within =
+            earlier.sources.iter().enumerate().filter(|(_, source)| group.columns.contains(&source.columns.start));
         let kept = within.filter_map(|(old, _)| pairs.iter().find(|pair| pair.0 == old).copied());
         let sources: Vec<(usize, usize)> = kept.collect();
         let of_source = |&(old, _): &(usize, usize)| earlier.sources[old].columns.clone();
