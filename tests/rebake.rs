@@ -40,7 +40,8 @@ fn a_lamp_added_to_a_scene_is_all_that_is_traced() {
         desk.json(&format!("relight @{name}.transport -o @{name}.exr"));
     }
     let compared = desk.json("compare @room.exr @full.exr");
-    assert!(compared["mean_bias"].as_f64().unwrap().abs() < 0.02, "{compared}");
+    let bias = compared["mean_bias"].as_array().unwrap().iter().map(|bias| bias.as_f64().unwrap().abs());
+    assert!(bias.fold(0.0, f64::max) < 0.02, "{compared}");
     assert!(compared["psnr_db"].as_f64().unwrap() > 25.0, "{compared}");
 }
 
