@@ -162,7 +162,10 @@ fn what_a_file_says_of_strength_color_and_name_needs_no_rays() {
 #[test]
 fn a_lamp_that_is_gone_leaves_its_group_and_one_that_moved_is_traced_again() {
     let earlier = baked(job(scene(|_| {})));
-    let (again, n_traced) = rebaked(job(scene(|scene| drop(scene.punctual.remove(0)))), &earlier);
+    let gone = |scene: &mut Scene| {
+        scene.punctual.remove(0);
+    };
+    let (again, n_traced) = rebaked(job(scene(gone)), &earlier);
     assert!(n_traced == 0 && again.header.basis.source("left").is_none());
     assert_eq!(column(&again, 0, "panel"), column(&earlier, 0, "panel"));
     // Its group was packed again: that costs a share of the error, which it tells.
