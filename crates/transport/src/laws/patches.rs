@@ -93,24 +93,26 @@ fn difference(expected: &[f32], found: &[f32]) -> (f64, f64) {
 
 #[test]
 fn a_closed_room_of_even_light_is_as_bright_as_its_albedo_says() {
-    let albedo = 0.6;
-    let bake = baked(&Arc::new(furnace(albedo).prepared()), 32, 512);
-    // All surfaces receive 1 straight, a/(1 − a) from each other, and send a/π of what they receive.
-    let expected = albedo / PI * albedo / (1.0 - albedo);
-    let found = by_patches(&bake, &|_, _| Vec3::ONE);
-    let (off, share) = difference(&vec![expected; found.len()], &found);
-    assert!(off < 0.03 && (share - 1.0).abs() < 0.02, "off by {off:.3}, {share:.3} of the light");
+    // The brighter its walls, the more bounces count.
+    for albedo in [0.6, 0.9] {
+        let bake = baked(&Arc::new(furnace(albedo).prepared()), 32, 512);
+        // All surfaces receive 1 straight, a/(1 − a) from each other, and send a/π of what they receive.
+        let expected = albedo / PI * albedo / (1.0 - albedo);
+        let found = by_patches(&bake, &|_, _| Vec3::ONE);
+        let (off, share) = difference(&vec![expected; found.len()], &found);
+        assert!(off < 0.03 && (share - 1.0).abs() < 0.01, "albedo {albedo}: off by {off:.3}, {share:.3} of the light");
+    }
 }
 
 #[test]
 fn a_lamp_that_no_bake_knew_lights_a_room_as_one_of_its_file_does() {
     let scene = Arc::new(furnished().prepared());
     let bake = baked(&scene, 96, 1024);
-    // The columns of so few patches leave out some 10 % of a lamp's picture in the mean square, and a few in the sum.
+    // The columns of so few patches leave out some 10 % of a lamp's picture in the mean square.
     for place in [Vec3::new(0.3, 0.7, 0.2), Vec3::new(-1.2, -0.7, 0.3), Vec3::new(1.2, -0.2, -1.0)] {
         let expected = indirect(&furnished().lamp("moved", place, 1.0).prepared(), 512);
         let (off, share) = difference(&expected, &by_patches(&bake, &lit(&scene, place)));
-        assert!(off < 0.1 && (share - 1.0).abs() < 0.05, "{place}: off by {off:.3}, {share:.3} of the light");
+        assert!(off < 0.1 && (share - 1.0).abs() < 0.02, "{place}: off by {off:.3}, {share:.3} of the light");
     }
 }
 

@@ -77,14 +77,26 @@ impl Row {
 /// Rows of all patches.
 pub(super) struct Exchange {
     rows: Vec<Row>,
-    /// Bounces between patches that are followed at most.
-    most_sweeps: u32,
+    /// Bounces between patches that a path may have.
+    most_bounces: u32,
 }
 
-/// Sweeps at most.
+/// Bounces between patches that count.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Bounces {
+    /// Those that are followed one by one.
+    followed: u32,
+    /// All later ones, as a multiple of the last that was followed.
+    tail: f32,
+}
+
+/// Bounces that are followed at most.
 const MOST_SWEEPS: u32 = 24;
-/// Change of a sweep, as a share of all light, at which the rest is not worth another.
-const SETTLED: f64 = 2e-3;
+/// Share of all light from other patches that the last of the bounces followed brings: by then each bounce is as the one before,
+/// but weaker.
+const SETTLED: f64 = 0.01;
+/// A bounce brings at most this share of what the one before brought, as far as later ones are concerned.
+const MOST_LEFT: f64 = 0.98;
 /// Walks from each patch.
 const WALKS: u32 = 128;
 
@@ -128,37 +140,42 @@ impl Exchange {
         };
         let rows = origins.par_iter().enumerate().map(row).collect();
         // The first landing of a camera's walk is one scattering beyond the first.
-        let most_sweeps = integrator.bounces().saturating_sub(1).min(MOST_SWEEPS);
-        Exchange { rows, most_sweeps }
+        Exchange { rows, most_bounces: integrator.bounces().saturating_sub(1) }
     }
 
-    /// All light that patches receive, given what comes straight from lamps: rows of `direct` are patches. And how many
-    /// bounces between patches were followed.
-    pub fn solve(&self, direct: &[f32], tint: Tint) -> (Vec<f32>, u32) {
+    /// All light that patches receive, given what comes straight from lamps: rows of `direct` are patches. And which
+    /// bounces between patches that counts.
+    pub fn solve(&self, direct: &[f32], tint: Tint) -> (Vec<f32>, Bounces) {
         let len = direct.len() / self.rows.len().max(1);
         let first = sweep([direct, direct], len, |patch| &self.rows[patch].straight, tint);
-        let mut light = first.clone();
-        let total = |light: &[f32]| light.par_chunks(4096).map(sum_of_sizes).collect::<Vec<_>>().iter().sum::<f64>();
-        for nth in 0..self.most_sweeps {
+        let (mut light, mut bounces, mut last) = (first.clone(), Bounces::default(), 0.0);
+        while bounces.followed < self.most_bounces {
             let next = sweep([&first, &light], len, |patch| &self.rows[patch].known, tint);
-            let (before, after) = (total(&light), total(&next));
-            light = next;
-            if (after - before).abs() < SETTLED * after {
-                return (light, nth + 1);
+            let before = std::mem::replace(&mut light, next);
+            let change = distance(&light, &before);
+            bounces.followed += 1;
+            let is_last = bounces.followed == MOST_SWEEPS || change <= SETTLED * distance(&light, &first);
+            if is_last && bounces.followed < self.most_bounces {
+                bounces.tail = tail(change, last);
+                extrapolate(&mut light, &before, bounces.tail);
+                break;
             }
+            last = change;
         }
-        (light, self.most_sweeps)
+        (light, bounces)
     }
 
     /// What receivers take of light straight from lamps, by all ways, given what they take of all light of patches and of
-    /// such light alone: rows are patches, as in [`Exchange::solve`], of which this is the transpose after some sweeps.
-    pub fn solve_transposed(&self, [known, straight]: [&[f32]; 2], sweeps: u32, tint: Tint) -> Vec<f32> {
+    /// such light alone: rows are patches, as in [`Exchange::solve`], of which this is the transpose for the same bounces.
+    pub fn solve_transposed(&self, [known, straight]: [&[f32]; 2], bounces: Bounces, tint: Tint) -> Vec<f32> {
         let len = known.len() / self.rows.len().max(1);
         let (by_known, by_straight) = (self.transposed(|row| &row.known), self.transposed(|row| &row.straight));
-        let mut taken = known.to_vec();
-        for _ in 0..sweeps {
-            taken = sweep([known, &taken], len, |patch| &by_known[patch], tint);
+        let (mut taken, mut before) = (known.to_vec(), Vec::new());
+        for _ in 0..bounces.followed {
+            let next = sweep([known, &taken], len, |patch| &by_known[patch], tint);
+            before = std::mem::replace(&mut taken, next);
         }
+        extrapolate(&mut taken, &before, bounces.tail);
         let mut out = sweep([&taken, &taken], len, |patch| &by_straight[patch], tint);
         out.iter_mut().zip(straight).for_each(|(out, straight)| *out += straight);
         out
@@ -193,6 +210,20 @@ pub(super) fn taken(rows: &[Row], [all, straight]: [&[f32]; 2], len: usize, tint
     out
 }
 
-fn sum_of_sizes(light: &[f32]) -> f64 {
-    light.iter().map(|x| f64::from(x.abs())).sum()
+/// What all bounces after the last bring, as a multiple of it, given the sizes of the last two.
+fn tail(last: f64, one_before: f64) -> f32 {
+    let left = (last / one_before).min(MOST_LEFT);
+    if left.is_finite() { (left / (1.0 - left)) as f32 } else { 0.0 }
+}
+
+/// Adds what changed, so many times more.
+fn extrapolate(light: &mut [f32], before: &[f32], times: f32) {
+    light.par_iter_mut().zip(before).for_each(|(x, before)| *x += times * (*x - before));
+}
+
+/// Sum of the sizes of differences.
+fn distance(a: &[f32], b: &[f32]) -> f64 {
+    let part = |(a, b): (&[f32], &[f32])| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();
+    // Summed in order, so that threads do not change it.
+    a.par_chunks(4096).zip(b.par_chunks(4096)).map(part).collect::<Vec<_>>().iter().sum()
 }

@@ -36,7 +36,7 @@ impl Modes {
         mut of_lamps: Vec<f32>,
         [n_learned, n_lamps]: [usize; 2],
     ) -> Option<Modes> {
-        let (all, sweeps) = exchange.solve(&of_lamps, Tint::Gray);
+        let (all, bounces) = exchange.solve(&of_lamps, Tint::Gray);
         let mut pictures = taken(pixels, [&all, &of_lamps], n_lamps, Tint::Gray);
         drop(all);
         let scale = normalize(&mut pictures, n_lamps);
@@ -67,7 +67,7 @@ impl Modes {
         let n_patches = of_lamps.len() / n_lamps;
         let gathered = |of: fn(&Row) -> &Vec<Share>| gather(pixels, of, &inverse, n_columns, n_patches);
         let (known, straight) = (gathered(|row| &row.known), gathered(|row| &row.straight));
-        let mut shares = exchange.solve_transposed([&known, &straight], sweeps, Tint::Gray);
+        let mut shares = exchange.solve_transposed([&known, &straight], bounces, Tint::Gray);
         rounded(&mut shares, n_columns);
         let mut modes = Modes { n_columns, mixtures, shares, held_out_error: 0.0 };
         modes.held_out_error = modes.error_of(&held_out, (&of_lamps, &pictures, n_lamps), &columns);
