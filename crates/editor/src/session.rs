@@ -10,6 +10,7 @@ pub mod preview;
 pub mod prints;
 mod seen;
 pub mod shares;
+pub mod sky;
 mod task;
 pub mod views;
 pub mod worker;
@@ -27,7 +28,7 @@ use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, PackedMatrices, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::emitters::{PanelRequest, SkyRequest};
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::import::stack::ImageStack;
 use clerestory_transport::lamp_units::LampUnits;
@@ -120,6 +121,8 @@ pub struct Chosen {
     pub panels: Vec<PanelRequest>,
     /// How its lamps are counted.
     pub units: LampUnits,
+    /// The sky that lights it.
+    pub sky: Option<SkyRequest>,
 }
 
 /// The matrix that is shown.
@@ -391,6 +394,11 @@ impl Session {
     /// Counts the lamps of the open scene otherwise; the scene is prepared again in the background.
     pub fn choose_units(&mut self, units: LampUnits) {
         self.choose(|chosen| chosen.units = units);
+    }
+
+    /// Puts a sky over the open scene; it is prepared again in the background.
+    pub fn choose_sky(&mut self, sky: SkyRequest) {
+        self.choose(|chosen| chosen.sky = Some(sky));
     }
 
     fn choose(&mut self, change: impl FnOnce(&mut Chosen)) {

@@ -33,7 +33,7 @@ pub struct PanelRequest {
 }
 
 /// A sky that is to light a scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SkyRequest {
     /// The sky.
     pub light: SkyLight,

@@ -248,7 +248,7 @@ pub(super) fn prepare_again(
     if chosen.units == LampUnits::Unitless {
         assume_unitless(&mut scene);
     }
-    let (scene, warnings) = PreparedScene::new(scene, &chosen.panels)?;
+    let (scene, warnings) = PreparedScene::with_sky(scene, &chosen.panels, chosen.sky.as_ref())?;
     Ok(Prepared { scene: Box::new(scene), chosen, warnings })
 }
 
