@@ -46,6 +46,13 @@ pub enum Action {
     },
     /// Take the numbers of the scene's lamps in other units and bake again.
     ChooseUnits(LampUnits),
+    /// Bake again under the sky of the look, in patches with so many divisions; without one in the look under sun and clear sky.
+    BakeWithSky {
+        /// Divisions of each of Tregenza's patches.
+        divisions: u32,
+    },
+    /// Light the scene by a map of the sky.
+    UseSky(PathBuf),
     /// Add a free lamp where a pixel of the film sees a surface; in the middle of the view if none is named.
     AddLamp {
         /// What it is.
@@ -147,6 +154,8 @@ pub enum FileTask {
     FindScene,
     /// A picture to match.
     OpenTarget,
+    /// A map of the sky.
+    OpenSky,
     /// A place for the table of lamps.
     SaveSchedule,
 }
@@ -166,6 +175,7 @@ impl FileTask {
             FileTask::OpenProfile => "Open the profile of a lamp",
             FileTask::FindScene => "Choose the scene of this bake",
             FileTask::OpenTarget => "Open a picture to match",
+            FileTask::OpenSky => "Open a picture of the sky",
             FileTask::SaveSchedule => "Save the schedule of lamps",
         }
     }
@@ -181,6 +191,7 @@ impl FileTask {
             FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
             FileTask::FindScene | FileTask::ExportGltf => ("glTF scenes", &["glb", "gltf"]),
             FileTask::OpenTarget => ("Pictures", &["exr", "hdr", "png", "jpg", "jpeg"]),
+            FileTask::OpenSky => ("Pictures of all directions", SKY_EXTENSIONS),
             FileTask::SaveSchedule => ("Tables", &["csv"]),
         }
     }
@@ -219,15 +230,25 @@ impl FileTask {
             FileTask::OpenProfile => Action::AddProfile(path),
             FileTask::FindScene => Action::UseScene(path),
             FileTask::OpenTarget => Action::MatchPicture(path),
+            FileTask::OpenSky => Action::UseSky(path),
             FileTask::SaveSchedule => Action::SaveSchedule(path),
         }
     }
 }
 
-/// What to do with a file that was dropped on the window: looks are taken over, everything else is opened.
+/// Endings of maps of the sky.
+const SKY_EXTENSIONS: &[&str] = &["hdr", "exr"];
+
+/// What to do with a file that was dropped on the window: looks and skies are taken over, everything else is opened.
 pub fn dropped(path: PathBuf) -> Action {
-    let is_look = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("look"));
-    if is_look { Action::OpenLook(path) } else { Action::Open(path) }
+    let ends_in = |endings: &[&str]| {
+        path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
+    };
+    match () {
+        () if ends_in(&["look"]) => Action::OpenLook(path),
+        () if ends_in(SKY_EXTENSIONS) => Action::UseSky(path),
+        () => Action::Open(path),
+    }
 }
 
 #[cfg(test)]
@@ -242,8 +263,9 @@ mod tests {
     }
 
     #[test]
-    fn dropped_looks_are_taken_over_and_scenes_opened() {
+    fn dropped_looks_and_skies_are_taken_over_and_scenes_opened() {
         assert_eq!(dropped("warm.LOOK".into()), Action::OpenLook("warm.LOOK".into()));
+        assert_eq!(dropped("day.HDR".into()), Action::UseSky("day.HDR".into()));
         assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
         assert_eq!(dropped("stage".into()), Action::Open("stage".into()));
     }

@@ -105,7 +105,7 @@ impl Look {
     }
 
     /// Reads what can be read of a file, for somebody who can look at the rest; see [`Look::recover`]. A sky that cannot be
-    /// had is left out too, and so is a lamp without its profile; paths of profiles become absolute.
+    /// had is left out too, and so is a lamp without its profile; paths of both become absolute.
     ///
     /// # Errors
     /// If the file cannot be read or is no look at all.
@@ -129,19 +129,22 @@ impl Look {
                 }
                 None => {}
             }
+            rig.sky.iter_mut().for_each(|sky| sky::resolve(sky, folder));
             warnings.extend(lamps::resolve(&mut rig.lamps, folder));
         }
         Ok((look, warnings))
     }
 
-    /// Writes a file, whole or not at all. Profiles of lamps in its folder are named relative to it.
+    /// Writes a file, whole or not at all. Profiles of lamps and skies in its folder are named relative to it.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
         let mut look = self.clone();
         for rig in look.rigs_mut() {
-            rig.lamps = lamps::relative(&rig.lamps, path.parent().unwrap_or(Path::new("")));
+            let folder = path.parent().unwrap_or(Path::new(""));
+            rig.lamps = lamps::relative(&rig.lamps, folder);
+            rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
         write_whole(path, look.to_json().as_bytes())
     }
