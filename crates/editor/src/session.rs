@@ -2,6 +2,7 @@
 
 pub mod aside;
 mod begun;
+mod earlier;
 pub mod estimate;
 pub mod lamps;
 mod mailbox;
@@ -284,6 +285,8 @@ pub struct Session {
     pub history: Vec<[f32; 2]>,
     bake_began: Instant,
     begun: Option<Begun>,
+    /// Bakes of the scene as it was before it was read or prepared again.
+    earlier: Vec<Bake>,
     forecasting: Forecasting,
     /// Where somebody looks while a bake runs.
     pub focus: Arc<Focus>,
@@ -323,6 +326,7 @@ impl Session {
             history: Vec::new(),
             bake_began: Instant::now(),
             begun: None,
+            earlier: Vec::new(),
             forecasting: Forecasting::default(),
             focus: Arc::default(),
             cache: None,
@@ -483,7 +487,8 @@ impl Session {
         self.history.clear();
         self.bake_began = Instant::now();
         let (cache, focus) = (self.cache.clone(), self.focus.clone());
-        self.baking = self.spawn("bake", move |post| task::bake(job, half_done, cache, &focus, post));
+        let there = (half_done, self.earlier_bakes());
+        self.baking = self.spawn("bake", move |post| task::bake(job, there, cache, &focus, post));
     }
 
     /// Stops the bake; what was done stays.
@@ -670,14 +675,15 @@ impl Session {
                 return;
             }
         };
+        let path = self.opening.take();
+        let source = self.opening_source.take();
+        self.keep_earlier(source.as_ref());
         self.stop_baking();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.forget_views();
         self.stage = Stage::Ready;
         self.history.clear();
         self.begun = None;
-        let path = self.opening.take();
-        let source = self.opening_source.take();
         match loaded {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
@@ -719,6 +725,8 @@ impl Session {
                         opened.report.push(warning);
                     }
                 }
+                let source = opened.source.clone();
+                self.keep_earlier(source.as_ref());
                 self.stop_baking();
                 (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
                 self.forget_views();
@@ -808,7 +816,8 @@ impl Session {
             Ok(Some(bake)) => {
                 let figures = bake.figures();
                 self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
-                notices.push(Notice::Said(format!("Baked at {:.1} dB", figures.error_db.total)));
+                notices.push(Notice::Said(earlier::baked_words(&figures)));
+                self.forget_earlier(&bake.header);
                 // The file will hold these, a little less exact than the blocks that came one by one.
                 if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {
                     (shown.header, shown.frame.groups) = (bake.header, bake.groups);
