@@ -20,6 +20,8 @@ mod linearity;
 mod measured;
 /// glTF in, EXR out, through the command line.
 mod pipeline;
+/// Columns of an earlier bake, taken over.
+mod rebake;
 /// `trace` against pictures that another renderer made.
 mod references;
 /// The sky: turned, exchanged, in patches and sharp behind the picture.

@@ -46,6 +46,13 @@ pub enum Action {
     },
     /// Take the numbers of the scene's lamps in other units and bake again.
     ChooseUnits(LampUnits),
+    /// Bake again under the sky of the look, in patches with so many divisions; without one in the look under sun and clear sky.
+    BakeWithSky {
+        /// Divisions of each of Tregenza's patches.
+        divisions: u32,
+    },
+    /// Light the scene by a map of the sky.
+    UseSky(PathBuf),
     /// Add a free lamp where a pixel of the film sees a surface; in the middle of the view if none is named.
     AddLamp {
         /// What it is.
@@ -88,6 +95,8 @@ pub enum Action {
     PlayTimeline,
     /// Write the frames of the timeline.
     ExportFrames(PathBuf),
+    /// Write the pictures of all snapshots on one sheet.
+    SaveSheet(PathBuf),
     /// Stop writing frames; those that are there stay.
     CancelFrames,
     /// Take a file as the scene of the bake that was opened.
@@ -139,6 +148,8 @@ pub enum FileTask {
     ExportGltf,
     /// Names for the frames of the timeline.
     ExportFrames,
+    /// A place for the sheet of looks.
+    SaveSheet,
     /// A place for the bake.
     SaveBake,
     /// The distribution of a lamp.
@@ -147,6 +158,8 @@ pub enum FileTask {
     FindScene,
     /// A picture to match.
     OpenTarget,
+    /// A map of the sky.
+    OpenSky,
     /// A place for the table of lamps.
     SaveSchedule,
 }
@@ -162,10 +175,12 @@ impl FileTask {
             FileTask::Export => "Export the picture",
             FileTask::ExportFrames => "Export the frames",
             FileTask::ExportGltf => "Save the scene with its lights",
+            FileTask::SaveSheet => "Save a contact sheet of the looks",
             FileTask::SaveBake => "Save the bake",
             FileTask::OpenProfile => "Open the profile of a lamp",
             FileTask::FindScene => "Choose the scene of this bake",
             FileTask::OpenTarget => "Open a picture to match",
+            FileTask::OpenSky => "Open a picture of the sky",
             FileTask::SaveSchedule => "Save the schedule of lamps",
         }
     }
@@ -177,10 +192,12 @@ impl FileTask {
             FileTask::OpenPictures => ("Folders", &[]),
             FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
             FileTask::Export | FileTask::ExportFrames => ("Pictures", &["png", "exr"]),
+            FileTask::SaveSheet => ("Pictures", &["png"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
             FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
             FileTask::FindScene | FileTask::ExportGltf => ("glTF scenes", &["glb", "gltf"]),
             FileTask::OpenTarget => ("Pictures", &["exr", "hdr", "png", "jpg", "jpeg"]),
+            FileTask::OpenSky => ("Pictures of all directions", SKY_EXTENSIONS),
             FileTask::SaveSchedule => ("Tables", &["csv"]),
         }
     }
@@ -198,6 +215,7 @@ impl FileTask {
                 | FileTask::Export
                 | FileTask::ExportFrames
                 | FileTask::ExportGltf
+                | FileTask::SaveSheet
                 | FileTask::SaveBake
                 | FileTask::SaveSchedule
         )
@@ -215,19 +233,30 @@ impl FileTask {
             FileTask::Export => Action::ExportImage(path),
             FileTask::ExportFrames => Action::ExportFrames(path),
             FileTask::ExportGltf => Action::ExportGltf(path),
+            FileTask::SaveSheet => Action::SaveSheet(path),
             FileTask::SaveBake => Action::SaveBake(path),
             FileTask::OpenProfile => Action::AddProfile(path),
             FileTask::FindScene => Action::UseScene(path),
             FileTask::OpenTarget => Action::MatchPicture(path),
+            FileTask::OpenSky => Action::UseSky(path),
             FileTask::SaveSchedule => Action::SaveSchedule(path),
         }
     }
 }
 
-/// What to do with a file that was dropped on the window: looks are taken over, everything else is opened.
+/// Endings of maps of the sky.
+const SKY_EXTENSIONS: &[&str] = &["hdr", "exr"];
+
+/// What to do with a file that was dropped on the window: looks and skies are taken over, everything else is opened.
 pub fn dropped(path: PathBuf) -> Action {
-    let is_look = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("look"));
-    if is_look { Action::OpenLook(path) } else { Action::Open(path) }
+    let ends_in = |endings: &[&str]| {
+        path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
+    };
+    match () {
+        () if ends_in(&["look"]) => Action::OpenLook(path),
+        () if ends_in(SKY_EXTENSIONS) => Action::UseSky(path),
+        () => Action::Open(path),
+    }
 }
 
 #[cfg(test)]
@@ -242,8 +271,9 @@ mod tests {
     }
 
     #[test]
-    fn dropped_looks_are_taken_over_and_scenes_opened() {
+    fn dropped_looks_and_skies_are_taken_over_and_scenes_opened() {
         assert_eq!(dropped("warm.LOOK".into()), Action::OpenLook("warm.LOOK".into()));
+        assert_eq!(dropped("day.HDR".into()), Action::UseSky("day.HDR".into()));
         assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
         assert_eq!(dropped("stage".into()), Action::Open("stage".into()));
     }

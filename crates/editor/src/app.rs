@@ -1,6 +1,7 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
 mod camera;
+mod daylight;
 mod export;
 mod focus;
 mod follow;
@@ -45,6 +46,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use camera::CameraDesk;
+use daylight::Daylight;
 use follow::Follower;
 use looks::Prints;
 use probe::Prober;
@@ -105,6 +107,7 @@ pub struct App {
     prints: Prints,
     prober: Prober,
     camera: CameraDesk,
+    daylight: Daylight,
     solving: Solving,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
@@ -207,6 +210,7 @@ impl App {
             prints: Prints::new(wake.clone())?,
             solving: Solving::new(wake.clone()),
             prober: Prober::default(),
+            daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
             actions: Vec::new(),
             question: None,
@@ -306,6 +310,7 @@ impl App {
         self.prints.forget();
         self.looks = LooksState::default();
         self.solving.forget();
+        self.daylight.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             self.settings.camera_idx = 0;
@@ -349,6 +354,8 @@ impl App {
             }
             Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
             Action::ChooseUnits(units) => self.session.choose_units(units),
+            Action::BakeWithSky { divisions } => self.bake_with_sky(divisions),
+            Action::UseSky(path) => self.use_sky(&path),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
             Action::AskProfile { at_px } => self.ask_profile(at_px),
             Action::AddProfile(path) => self.add_profile(path),
@@ -359,12 +366,13 @@ impl App {
             Action::TakeLook(idx) => self.take_look(idx),
             Action::PlayTimeline => self.play_timeline(),
             Action::ExportFrames(path) => self.export_frames(&path),
+            Action::SaveSheet(path) => self.save_sheet(path),
             Action::ExportGltf(path) => self.export_gltf(path),
             Action::CancelFrames => self.session.cancel_frames(),
             Action::Solve => self.solve(),
             Action::AcceptSolution => self.accept_solution(),
             Action::DiscardSolution => self.discard_solution(),
-            Action::MatchPicture(path) => self.match_picture(&path),
+            Action::MatchPicture(path) => self.match_picture(path),
             Action::BakeIlluminance => self.bake_illuminance(),
             Action::SaveSchedule(path) => self.save_schedule(&path),
             Action::UseScene(path) => self.session.find_scene(path),
@@ -406,10 +414,11 @@ impl App {
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
         let suggestion = match task {
             FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
-            FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget => String::new(),
+            FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget | FileTask::OpenSky => String::new(),
             FileTask::SaveSchedule => format!("{stem}.csv"),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
+            FileTask::SaveSheet => format!("{stem}-looks.png"),
             FileTask::ExportFrames => format!("{stem}_####.png"),
             FileTask::ExportGltf => format!("{stem}-lit.glb"),
             FileTask::SaveBake => format!("{stem}.transport"),
@@ -464,6 +473,7 @@ impl App {
     }
 
     fn undo(&mut self) {
+        self.daylight.stop();
         if let Some(look) = self.undoer.undo(&self.look).cloned() {
             self.look = look;
         }
@@ -479,6 +489,9 @@ impl App {
     fn feed_undoer(&mut self, ctx: &Context) {
         let (now, is_down, came_up) =
             ctx.input(|input| (input.time, input.pointer.any_down(), input.pointer.any_released()));
+        if self.daylight.is_playing() {
+            return;
+        }
         if is_down {
             // What was done before is another step than what is done now.
             if ctx.input(|input| input.pointer.any_pressed()) {
@@ -546,6 +559,7 @@ impl App {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
         Panel::left("lights").frame(frame).default_size(404.0).size_range(320.0..=900.0).show(ui, |ui| {
             if let Some(basis) = self.session.basis().cloned() {
+                self.sky_ui(ui, &basis);
                 let choice = self.lamp_choice();
                 lights_ui(ui, &basis, &mut self.look, &mut self.lights, &choice, &mut self.actions);
             } else {
@@ -562,11 +576,8 @@ impl App {
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
                 };
                 display_ui(ui, &mut self.look.display, &view);
-                ui.add_space(10.0);
                 self.camera_panel_ui(ui);
-                ui.add_space(10.0);
                 self.solving_ui(ui);
-                ui.add_space(10.0);
                 self.bake_panel_ui(ui);
             });
         });
@@ -681,6 +692,7 @@ impl eframe::App for App {
         self.set_title(ctx);
         self.follow_solving();
         self.advance_timeline(ctx);
+        self.advance_daylight(ctx);
         self.follow(ctx);
         if let Err(words) = self.prints.follow(ctx, &self.session, &self.look, self.looks.compare.as_ref()) {
             self.complain(words);

@@ -1,7 +1,8 @@
 //! Finished bakes in the user's cache folder, found again by what they are of.
 //!
-//! A bake lies there as `KEY.transport`, the key telling scene, camera, settings and program apart. What was used longest ago
-//! goes first when the folder grows over its limit.
+//! A bake lies there as `GROUNDS-KEY-PROGRAM.transport`: surfaces, view and settings alone, then those with the lights, then the
+//! program that baked. Bakes of the same grounds have columns in common. What was used longest ago goes first when the folder
+//! grows over its limit.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -19,6 +20,8 @@ pub const FOLDER_VARIABLE: &str = "CLERESTORY_CACHE";
 pub const LIMIT_VARIABLE: &str = "CLERESTORY_CACHE_MB";
 
 const ENDING: &str = "transport";
+/// Bakes that are read to find one whose columns can be taken over.
+const MOST_RELATIVES: usize = 2;
 /// Ending of an entry that could not be read.
 const DAMAGED: &str = "damaged";
 
@@ -83,7 +86,20 @@ impl BakeCache {
 
     /// Where the bake of a job by this very program is kept: this reads the whole scene.
     pub fn place(&self, job: &BakeJob) -> Place {
-        Place(self.folder.join(format!("{}-{}.{ENDING}", job.key(), program())))
+        Place(self.folder.join(format!("{}-{}-{}.{ENDING}", job.grounds().common(), job.key(), program())))
+    }
+
+    /// The bakes that have columns in common with that of a place, those used last first, as many as are worth reading.
+    pub fn relatives(&self, Place(path): &Place) -> Vec<Found> {
+        let name = |path: &Path| path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        // The key between grounds and program has no such sign.
+        let ends = |name: &str| name.split_once('-').map(|(grounds, rest)| (grounds.to_owned(), after_key(rest)));
+        let wanted = ends(&name(path));
+        let mut entries = self.entries().unwrap_or_default();
+        entries.retain(|entry| entry.path != *path && ends(&name(&entry.path)) == wanted);
+        entries.sort_by_key(|entry| std::cmp::Reverse(entry.used_at));
+        entries.truncate(MOST_RELATIVES);
+        entries.into_iter().map(|entry| self.find(&Place(entry.path))).collect()
     }
 
     /// The bake of a place, if it was kept; then it counts as used now.
@@ -186,6 +202,11 @@ struct Entry {
     used_at: SystemTime,
 }
 
+/// What stands behind the key in the name of a bake: the program and the ending.
+fn after_key(rest: &str) -> String {
+    rest.split_once('-').map_or_else(String::new, |(_, program)| program.to_owned())
+}
+
 fn remove(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
@@ -255,6 +276,22 @@ mod tests {
         assert!(matches!(cache.find(&cache.place(&job(2))), Found::Nothing));
         assert_eq!(cache.clear().unwrap().bakes, 1);
         assert!(matches!(cache.find(&cache.place(&job(1))), Found::Nothing));
+    }
+
+    #[test]
+    fn relatives_differ_by_their_lights_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = BakeCache::new(folder.path().into(), 1 << 20);
+        let mut dimmed = job(1);
+        let mut scene = dimmed.scene.scene.clone();
+        scene.punctual[0].position.y -= 0.1;
+        dimmed.scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        for job in [job(1), job(2)] {
+            cache.keep(&cache.place(&job), &baked(&job)).unwrap();
+        }
+        let found = cache.relatives(&cache.place(&dimmed));
+        assert!(found.len() == 1 && is_hit(&found[0]), "{found:?}");
+        assert!(cache.relatives(&cache.place(&job(1))).is_empty(), "it is not its own");
     }
 
     #[test]

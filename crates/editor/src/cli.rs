@@ -12,6 +12,7 @@ mod lamps;
 pub mod looks;
 pub(crate) mod picture;
 pub(crate) mod relight;
+mod reuse;
 mod schedule;
 mod sensors;
 pub mod sequence;

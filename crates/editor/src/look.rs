@@ -1,5 +1,6 @@
 //! The one undoable document: how the lights are set and how the picture is shown. A `.look` file is this, as JSON.
 
+mod bookmarks;
 mod damage;
 pub mod display;
 pub mod fade;
@@ -19,6 +20,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use clerestory_transport::basis::{LightBasis, Unheeded};
+use clerestory_transport::camera::Camera;
 use clerestory_transport::light::LightRig;
 
 use crate::output::write_whole;
@@ -47,6 +49,8 @@ pub struct Look {
     pub on: Option<String>,
     /// Which of them is to be seen when.
     pub timeline: Timeline,
+    /// Views to come back to.
+    pub bookmarks: Vec<Camera>,
 }
 
 impl Look {
@@ -105,7 +109,7 @@ impl Look {
     }
 
     /// Reads what can be read of a file, for somebody who can look at the rest; see [`Look::recover`]. A sky that cannot be
-    /// had is left out too, and so is a lamp without its profile; paths of profiles become absolute.
+    /// had is left out too, and so is a lamp without its profile; paths of both become absolute.
     ///
     /// # Errors
     /// If the file cannot be read or is no look at all.
@@ -129,19 +133,22 @@ impl Look {
                 }
                 None => {}
             }
+            rig.sky.iter_mut().for_each(|sky| sky::resolve(sky, folder));
             warnings.extend(lamps::resolve(&mut rig.lamps, folder));
         }
         Ok((look, warnings))
     }
 
-    /// Writes a file, whole or not at all. Profiles of lamps in its folder are named relative to it.
+    /// Writes a file, whole or not at all. Profiles of lamps and skies in its folder are named relative to it.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<()> {
         let mut look = self.clone();
         for rig in look.rigs_mut() {
-            rig.lamps = lamps::relative(&rig.lamps, path.parent().unwrap_or(Path::new("")));
+            let folder = path.parent().unwrap_or(Path::new(""));
+            rig.lamps = lamps::relative(&rig.lamps, folder);
+            rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
         write_whole(path, look.to_json().as_bytes())
     }

@@ -13,6 +13,7 @@ pub mod looks;
 pub mod measure;
 pub mod plot;
 pub mod shortcuts;
+pub mod sky;
 pub mod solve;
 pub mod spots;
 pub mod status;

@@ -2,6 +2,7 @@
 
 pub mod aside;
 mod begun;
+mod earlier;
 pub mod estimate;
 pub mod lamps;
 mod mailbox;
@@ -9,6 +10,8 @@ pub mod preview;
 pub mod prints;
 mod seen;
 pub mod shares;
+mod sheet;
+pub mod sky;
 mod task;
 pub mod views;
 pub mod worker;
@@ -26,7 +29,7 @@ use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, PackedMatrices, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::emitters::{PanelRequest, SkyRequest};
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::import::stack::ImageStack;
 use clerestory_transport::lamp_units::LampUnits;
@@ -44,6 +47,7 @@ use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::export::ExportOptions;
 use crate::look::Look;
+use crate::look::snapshot::Snapshot;
 use crate::picture::Changed;
 use crate::sequence::Sequence;
 use crate::stills::Subject;
@@ -119,6 +123,8 @@ pub struct Chosen {
     pub panels: Vec<PanelRequest>,
     /// How its lamps are counted.
     pub units: LampUnits,
+    /// The sky that lights it.
+    pub sky: Option<SkyRequest>,
 }
 
 /// The matrix that is shown.
@@ -279,6 +285,8 @@ pub struct Session {
     pub history: Vec<[f32; 2]>,
     bake_began: Instant,
     begun: Option<Begun>,
+    /// Bakes of the scene as it was before it was read or prepared again.
+    earlier: Vec<Bake>,
     forecasting: Forecasting,
     /// Where somebody looks while a bake runs.
     pub focus: Arc<Focus>,
@@ -318,6 +326,7 @@ impl Session {
             history: Vec::new(),
             bake_began: Instant::now(),
             begun: None,
+            earlier: Vec::new(),
             forecasting: Forecasting::default(),
             focus: Arc::default(),
             cache: None,
@@ -358,6 +367,13 @@ impl Session {
         Some(Subject { bake: shown.bake(), view })
     }
 
+    /// Whether every part of what is shown is there: not so while a first picture comes in.
+    pub fn is_whole(&self) -> bool {
+        let is_coming = matches!(self.bake, BakeState::Preparing | BakeState::Running { pass: 0, .. });
+        let is_there = |shown: &Shown| shown.frame.groups.iter().all(|group| group.blocks.iter().all(Option::is_some));
+        self.shown.as_ref().is_some_and(|shown| !is_coming || is_there(shown))
+    }
+
     /// What is new in the matrix since the last call.
     pub fn take_changed(&mut self) -> Changed {
         std::mem::take(&mut self.changed)
@@ -387,6 +403,11 @@ impl Session {
     /// Counts the lamps of the open scene otherwise; the scene is prepared again in the background.
     pub fn choose_units(&mut self, units: LampUnits) {
         self.choose(|chosen| chosen.units = units);
+    }
+
+    /// Puts a sky over the open scene; it is prepared again in the background.
+    pub fn choose_sky(&mut self, sky: SkyRequest) {
+        self.choose(|chosen| chosen.sky = Some(sky));
     }
 
     fn choose(&mut self, change: impl FnOnce(&mut Chosen)) {
@@ -466,7 +487,8 @@ impl Session {
         self.history.clear();
         self.bake_began = Instant::now();
         let (cache, focus) = (self.cache.clone(), self.focus.clone());
-        self.baking = self.spawn("bake", move |post| task::bake(job, half_done, cache, &focus, post));
+        let there = (half_done, self.earlier_bakes());
+        self.baking = self.spawn("bake", move |post| task::bake(job, there, cache, &focus, post));
     }
 
     /// Stops the bake; what was done stays.
@@ -540,6 +562,13 @@ impl Session {
         let n_frames = sequence.n_frames();
         let task = self.spawn("frames", move |post| task::write_frames(&sequence, subject, &post));
         self.frames = task.map(|task| (task, (0, n_frames)));
+    }
+
+    /// Writes the pictures of looks on one sheet in the background.
+    pub fn save_sheet(&mut self, snapshots: Vec<Snapshot>, path: PathBuf) {
+        let Some(subject) = self.subject() else { return };
+        let task = self.spawn("sheet", move |post| sheet::write(&snapshots, subject, &path, &post));
+        self.others.extend(task);
     }
 
     /// Frames that are written, and how many there will be, while a sequence is under way.
@@ -647,14 +676,15 @@ impl Session {
                 return;
             }
         };
+        let path = self.opening.take();
+        let source = self.opening_source.take();
+        self.keep_earlier(source.as_ref());
         self.stop_baking();
         (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
         self.forget_views();
         self.stage = Stage::Ready;
         self.history.clear();
         self.begun = None;
-        let path = self.opening.take();
-        let source = self.opening_source.take();
         match loaded {
             Loaded::Scene { scene, report } => {
                 let lamps = scene.scene.punctual.clone();
@@ -696,6 +726,8 @@ impl Session {
                         opened.report.push(warning);
                     }
                 }
+                let source = opened.source.clone();
+                self.keep_earlier(source.as_ref());
                 self.stop_baking();
                 (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
                 self.forget_views();
@@ -785,7 +817,8 @@ impl Session {
             Ok(Some(bake)) => {
                 let figures = bake.figures();
                 self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
-                notices.push(Notice::Said(format!("Baked at {:.1} dB", figures.error_db.total)));
+                notices.push(Notice::Said(earlier::baked_words(&figures)));
+                self.forget_earlier(&bake.header);
                 // The file will hold these, a little less exact than the blocks that came one by one.
                 if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {
                     (shown.header, shown.frame.groups) = (bake.header, bake.groups);
@@ -924,5 +957,24 @@ mod tests {
         let bytes = include_bytes!("../tests/room.gltf").to_vec();
         session.open(Source::Bytes { name: "room.gltf".into(), bytes });
         wait(&mut session, |session| session.stage == Stage::Ready);
+    }
+
+    #[test]
+    fn a_first_picture_is_whole_once_every_block_is_there() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        assert!(!session.is_whole(), "nothing is shown");
+        let bytes = include_bytes!("../tests/room.gltf").to_vec();
+        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        wait(&mut session, |session| session.stage == Stage::Ready);
+        let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
+        let film = Film { width: 32, height: 24 };
+        let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false };
+        session.start_bake(&settings, None, Passes::Progressive);
+        wait(&mut session, |session| session.bake == BakeState::Done);
+        assert!(session.is_whole());
+        session.bake = BakeState::Preparing;
+        assert!(session.is_whole(), "a view that is there stays while another is baked");
+        session.shown.as_mut().expect("a picture is shown").frame.groups[0].blocks[0] = None;
+        assert!(!session.is_whole());
     }
 }

@@ -109,6 +109,38 @@ fn a_file_that_changed_on_disk_is_offered_and_the_look_stays() {
 }
 
 #[test]
+fn after_a_reload_only_a_new_lamp_is_traced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    std::fs::write(&path, room()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    let blocks = |app: &App| app.session().shown.as_ref().unwrap().frame.groups[0].blocks.clone();
+    let before = blocks(window.state());
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let mut lamp = gltf["nodes"][1].clone();
+    (lamp["name"], lamp["translation"]) = ("second".into(), serde_json::json!([-0.4, 0.1, -0.3]));
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    nodes.push(lamp);
+    let n_nodes = nodes.len();
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push((n_nodes - 1).into());
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("room.gltf has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    click(&mut window, "Reload");
+    let n_reused = |app: &App| app.session().figures.as_ref().map_or(0, |figures| figures.skipped.reused_columns);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && n_reused(app) == 17 && app.is_settled());
+    assert!(blocks(window.state()) == before, "what was there is the same to the last bit");
+    window.get_by_label("Mute second");
+    window.get_by_label("17 of 18 columns");
+}
+
+#[test]
 fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
     let film = Film { width: 64, height: 48 };
     let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false };

@@ -121,6 +121,30 @@ impl BlockFactors {
         out
     }
 
+    /// Some of the columns, in the order given: what is left of each entry is the same.
+    #[must_use]
+    pub fn with_columns(&self, columns: &[u32]) -> Self {
+        let n_cols = self.n_cols as usize;
+        let rows = (0..self.rank as usize).map(|r| &self.right[r * n_cols..][..n_cols]);
+        let right = rows.flat_map(|row| columns.iter().map(|&col| row[col as usize])).collect();
+        let place = |entry: &SparseEntry| columns.iter().position(|&col| col == entry.col);
+        let moved = |entry: &SparseEntry| Some(SparseEntry { col: place(entry)? as u32, ..*entry });
+        let mut sparse: Vec<SparseEntry> = self.sparse.iter().filter_map(moved).collect();
+        sparse.sort_by_key(|entry| (entry.row, entry.col));
+        Self { n_cols: columns.len() as u32, right, sparse, ..self.clone() }
+    }
+
+    /// Columns whose entries are all zero.
+    pub fn n_dark_columns(&self) -> usize {
+        let n_cols = self.n_cols as usize;
+        let mut is_lit = vec![false; n_cols];
+        for row in self.right.chunks(n_cols.max(1)) {
+            is_lit.iter_mut().zip(row).for_each(|(lit, x)| *lit |= x.to_f32() != 0.0);
+        }
+        self.sparse.iter().for_each(|entry| is_lit[entry.col as usize] = true);
+        is_lit.into_iter().filter(|lit| !lit).count()
+    }
+
     /// Memory that factors and sparse entries take, in bytes.
     pub fn n_bytes(&self) -> usize {
         2 * (self.left.len() + self.right.len()) + 4 * self.scale.len() + size_of_val(self.sparse.as_slice())
@@ -165,11 +189,30 @@ mod tests {
     }
 
     #[test]
+    fn columns_that_are_taken_out_keep_their_entries() {
+        let mut rng = Random::new([12, 0]);
+        let mut values = |n: usize| (0..n).map(|_| rng.normal()).collect::<Vec<f32>>();
+        let mut factors = BlockFactors::from_f32(&values(4 * 2), &values(2 * 5), 4, 5, 2);
+        let entry = |row, col| SparseEntry { row, col, value: 7.0 };
+        factors.sparse = vec![entry(1, 0), entry(1, 4), entry(2, 3)];
+        let some = factors.with_columns(&[4, 0, 2]);
+        assert_eq!((some.n_cols, some.sparse.len(), some.n_dark_columns()), (3, 2, 0));
+        for row in 0..4 {
+            for (at, col) in [4, 0, 2].into_iter().enumerate() {
+                assert_eq!(some.entry(row, at), factors.entry(row, col), "{row}, {col}");
+            }
+        }
+    }
+
+    #[test]
     fn sparse_entries_are_added_to_their_row_alone() {
         let mut factors = BlockFactors::from_f32(&[1.0, 2.0, 3.0], &[1.0, 0.5], 3, 2, 1);
         factors.sparse = vec![SparseEntry { row: 1, col: 0, value: 10.0 }, SparseEntry { row: 1, col: 1, value: 20.0 }];
         assert_eq!(factors.dense(), [1.0, 0.5, 12.0, 21.0, 3.0, 1.5]);
         assert_eq!([factors.entry(0, 1), factors.entry(1, 1)], [0.5, 21.0]);
+        let half = BlockFactors::from_f32(&[1.0, 2.0], &[0.0, 3.0, 0.0], 2, 3, 1);
+        let entry = SparseEntry { row: 1, col: 2, value: 1.0 };
+        assert_eq!((half.n_dark_columns(), BlockFactors { sparse: vec![entry], ..half }.n_dark_columns()), (2, 1));
         assert_eq!(factors.n_bytes(), 2 * 5 + 4 + 24);
     }
 }

@@ -29,6 +29,15 @@ impl BlockLowRank {
         Self { partition, bundle_len, n_cols, blocks }
     }
 
+    /// Some of the columns, in the order given; see [`BlockFactors::with_columns`].
+    #[must_use]
+    pub fn with_columns(&self, columns: &[u32]) -> Self {
+        let of_block =
+            |block: &Option<Arc<BlockFactors>>| block.as_ref().map(|block| Arc::new(block.with_columns(columns)));
+        let blocks = self.blocks.par_iter().map(of_block).collect();
+        Self { partition: self.partition.clone(), bundle_len: self.bundle_len, n_cols: columns.len() as u32, blocks }
+    }
+
     /// Number of rows.
     pub fn n_rows(&self) -> usize {
         self.partition.width as usize * self.partition.height as usize * self.bundle_len as usize

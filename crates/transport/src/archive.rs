@@ -25,6 +25,7 @@ pub use part::{PartState, part_state};
 use thiserror::Error;
 
 use crate::bake::focus::Focus;
+use crate::bake::reuse::Reuse;
 use crate::bake::stack::SurveyedStack;
 use crate::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, PackedMatrices};
 use crate::irradiance::first_block;
@@ -160,6 +161,29 @@ pub fn bake_to_file(
     let header = job.header()?;
     keep(header, path, restart, on_event, |header, done, on_event| {
         job.run_from(header, done, &Focus::default(), on_event)
+    })
+}
+
+/// The same with what can be taken over from an earlier bake: only the rest is traced, and kept half-done.
+///
+/// # Errors
+/// As [`bake_to_file`].
+pub fn rebake_to_file(
+    job: BakeJob,
+    reuse: &Reuse,
+    path: &Path,
+    restart: Restart,
+    on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
+) -> Result<Option<Bake>, BakeError> {
+    let Some(job) = reuse.rest_of(job) else {
+        let bake = reuse.join(None);
+        write(&bake, path)?;
+        return Ok(Some(bake));
+    };
+    let header = job.header()?;
+    keep(header, path, restart, on_event, |header, done, on_event| {
+        let new = job.run_from(header, done, &Focus::default(), on_event)?;
+        Ok(new.map(|new| reuse.join(Some(new))))
     })
 }
 

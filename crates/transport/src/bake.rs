@@ -7,11 +7,13 @@ pub mod estimate;
 #[cfg(test)]
 mod floor;
 pub mod focus;
+mod grounds;
 mod irradiance;
 mod key;
 mod method;
 mod packing;
 mod patches;
+pub mod reuse;
 pub mod stack;
 
 use std::ops::ControlFlow;
@@ -26,6 +28,7 @@ use clerestory_nystrom::{
 use clock::Clock;
 use focus::Focus;
 use glam::Vec3;
+pub use grounds::Grounds;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -267,6 +270,9 @@ pub struct BakeHeader {
     /// What of it was found before the first sample.
     #[serde(default, skip_serializing_if = "Spared::is_nothing")]
     pub spared: Spared,
+    /// What the columns rest on, so that a later bake can take them over; none of pictures, and of what a time ended.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grounds: Option<Grounds>,
 }
 
 impl BakeHeader {
@@ -424,6 +430,8 @@ impl BakeJob {
         begun: Option<HalfDone>,
         on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
+        // Blocks that have other columns are of no use: they took some over from a bake that is gone.
+        let begun = begun.filter(|begun| begun.header.basis.sources == self.scene.lighting.basis.sources);
         let HalfDone { header, blocks } = match begun {
             Some(begun) => begun,
             None => match self.header_toward(focus)? {
@@ -470,6 +478,7 @@ impl BakeJob {
             patches: None,
             skips: self.scene.skips,
             spared: self.scene.spared(),
+            grounds: self.passes.deadline().is_none().then(|| self.grounds()),
         };
         header.spared.empty_pixels = empty.as_ref().map_or(0, |empty| empty.count());
         header.spared.dark_sources = dark;

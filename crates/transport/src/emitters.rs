@@ -10,6 +10,7 @@ use thiserror::Error;
 
 pub(crate) use self::find::lamp_keys;
 use self::find::{Found, find_lights};
+pub(crate) use self::surface::ShiningTriangle;
 pub use self::surface::SurfaceEmitter;
 pub(crate) use self::surface::SurfacePoint;
 
@@ -32,7 +33,7 @@ pub struct PanelRequest {
 }
 
 /// A sky that is to light a scene.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SkyRequest {
     /// The sky.
     pub light: SkyLight,
@@ -235,6 +236,24 @@ impl Lighting {
             basis.sources.iter().map(|s| by_key.remove(&s.key).expect("keys are unique")).collect();
         let triangle_source = assign_triangles(scene, &emitters);
         Ok((Lighting { basis, emitters, triangle_source }, warnings))
+    }
+
+    /// Some of its lights alone, by their index in `basis.sources`, in order: all others are dark, and have no columns.
+    pub(crate) fn only(&self, sources: &[usize]) -> Lighting {
+        let mut basis = LightBasis::new(sources.iter().map(|&source| self.basis.sources[source].clone()).collect());
+        basis.sky.clone_from(&self.basis.sky);
+        basis.spots.clone_from(&self.basis.spots);
+        basis.spots.retain(|key, _| basis.sources.iter().any(|source| source.key == *key));
+        let emitters = sources.iter().map(|&source| self.emitters[source].clone()).collect();
+        let place = |source: &u32| {
+            let place = sources.iter().position(|&kept| kept == *source as usize);
+            place.map_or(Lighting::NONE, |place| place as u32)
+        };
+        let triangle_source = self.triangle_source.iter().map(|source| match *source {
+            Lighting::NONE => Lighting::NONE,
+            _ => place(source),
+        });
+        Lighting { basis, emitters, triangle_source: triangle_source.collect() }
     }
 
     /// The panels with their index in `basis.sources`.

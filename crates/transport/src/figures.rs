@@ -31,6 +31,8 @@ pub struct ErrorDb {
 pub struct Skipped {
     /// Blocks, over all groups, that hold no light at all.
     pub dark_blocks: usize,
+    /// Columns that hold no light in a block, summed over the blocks.
+    pub dark_columns: usize,
     /// Blocks that reached the tolerance before all samples were taken.
     pub converged_blocks: usize,
     /// Share of the samples that were not taken.
@@ -57,6 +59,8 @@ pub struct Skipped {
     pub idle_images: usize,
     /// Bytes of their texels, of those whose size was at hand.
     pub idle_image_bytes: u64,
+    /// Columns that were taken over from an earlier bake.
+    pub reused_columns: usize,
     /// What could have been skipped and was not, as asked.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub off: Vec<Skip>,
@@ -219,8 +223,10 @@ impl Bake {
             opaque_triangles: spared.opaque_triangles as usize,
             idle_images: spared.idle_images as usize,
             idle_image_bytes: spared.idle_bytes,
+            reused_columns: spared.reused_columns as usize,
             off: header.skips.off(),
             sky_patches: if header.skips.has(Skip::UnseenPatches) { unseen } else { 0 },
+            dark_columns: factors().map(|block| block.n_dark_columns()).sum(),
             dark_blocks: factors().filter(|b| b.rank == 0 && b.sparse.is_empty()).count(),
             converged_blocks: taken.iter().filter(|&&n| n < full).count(),
             samples_saved: if taken.is_empty() { 0.0 } else { (1.0 - share).max(0.0) as f32 },

@@ -1,8 +1,10 @@
 //! A hash of everything in a scene that light can meet, so that a half-done bake is only taken up by the same scene.
 
+use glam::Vec3;
+
 use crate::bake::BakeHeader;
 use crate::camera::Camera;
-use crate::scene::Scene;
+use crate::scene::{Material, Mesh, Scene};
 
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 
@@ -18,6 +20,28 @@ impl Fnv {
             self.0 ^= self.0 >> 29;
         }
     }
+
+    fn mesh(&mut self, mesh: &Mesh) {
+        self.bytes(bytemuck::cast_slice(&mesh.positions));
+        self.bytes(bytemuck::cast_slice(&mesh.normals));
+        self.bytes(bytemuck::cast_slice(&mesh.tangents));
+        self.bytes(bytemuck::cast_slice(&mesh.uvs[0]));
+        self.bytes(bytemuck::cast_slice(&mesh.uvs[1]));
+        self.bytes(bytemuck::cast_slice(&mesh.colors));
+        self.bytes(bytemuck::cast_slice(&mesh.triangles));
+        self.bytes(bytemuck::cast_slice(&mesh.triangle_material));
+    }
+
+    fn textures(&mut self, scene: &Scene) {
+        for texture in &scene.textures {
+            self.bytes(bytemuck::cast_slice(&texture.image.texels));
+            self.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());
+        }
+    }
+
+    fn digits(&self) -> String {
+        format!("{:016x}", self.0)
+    }
 }
 
 /// A hash of some bytes.
@@ -30,24 +54,33 @@ pub(crate) fn digest(bytes: &[u8]) -> u64 {
 /// Sixteen hexadecimal digits.
 pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
     let mut hash = Fnv(OFFSET);
-    let mesh = &scene.mesh;
-    hash.bytes(bytemuck::cast_slice(&mesh.positions));
-    hash.bytes(bytemuck::cast_slice(&mesh.normals));
-    hash.bytes(bytemuck::cast_slice(&mesh.tangents));
-    hash.bytes(bytemuck::cast_slice(&mesh.uvs[0]));
-    hash.bytes(bytemuck::cast_slice(&mesh.uvs[1]));
-    hash.bytes(bytemuck::cast_slice(&mesh.colors));
-    hash.bytes(bytemuck::cast_slice(&mesh.triangles));
-    hash.bytes(bytemuck::cast_slice(&mesh.triangle_material));
+    hash.mesh(&scene.mesh);
     hash.bytes(format!("{:?} {:?} {camera:?}", scene.materials, scene.punctual).as_bytes());
     for profile in &scene.profiles {
         hash.bytes(&profile.light_bytes());
     }
-    for texture in &scene.textures {
-        hash.bytes(bytemuck::cast_slice(&texture.image.texels));
-        hash.bytes(format!("{:?} {:?}", texture.wrap, texture.filter).as_bytes());
+    hash.textures(scene);
+    hash.digits()
+}
+
+/// The same of the surfaces alone and how they scatter: nothing of it tells whether, how strongly or in which color they shine.
+pub(crate) fn of_surfaces(scene: &Scene) -> String {
+    let mut hash = Fnv(OFFSET);
+    let mesh = &scene.mesh;
+    hash.bytes(format!("{} {} {}", mesh.positions.len(), mesh.triangles.len(), scene.textures.len()).as_bytes());
+    hash.mesh(mesh);
+    let dark = |material: &Material| Material {
+        name: String::new(),
+        emissive: Vec3::ZERO,
+        emissive_strength: 1.0,
+        emissive_texture: None,
+        ..material.clone()
+    };
+    for material in &scene.materials {
+        hash.bytes(format!("{:?}", dark(material)).as_bytes());
     }
-    format!("{:016x}", hash.0)
+    hash.textures(scene);
+    hash.digits()
 }
 
 impl BakeHeader {

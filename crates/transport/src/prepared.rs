@@ -1,5 +1,7 @@
 //! A scene made ready for rays: bounding volume hierarchies, lights, and surface lookups.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::bsdf::{self, Bsdf, FinishParams, Frame, SurfaceParams};
@@ -11,6 +13,7 @@ use crate::skips::{Skip, Skips, Spared};
 use crate::slabs::{Slabs, hidden};
 
 /// A scene with its lights, ready to be traced.
+#[derive(Clone)]
 pub struct PreparedScene {
     /// The scene.
     pub scene: Scene,
@@ -19,13 +22,13 @@ pub struct PreparedScene {
     /// Work that is left out.
     pub skips: Skips,
     /// Opaque triangles.
-    solid: Bvh,
+    solid: Arc<Bvh>,
     /// Triangles with alpha and clear panes, `None` where the scene has none: shadow rays may pass them.
-    sheer: Option<Bvh>,
+    sheer: Option<Arc<Bvh>>,
     /// Whether a material attenuates light inside (KHR_materials_volume).
     pub attenuates: bool,
     /// Solid panes that connections pass.
-    pub(crate) slabs: Slabs,
+    pub(crate) slabs: Arc<Slabs>,
 }
 
 /// What a ray met.
@@ -107,11 +110,11 @@ impl PreparedScene {
         let (solid, sheer): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
         let build = |ids: &[u32]| {
             let corners: Vec<[Vec3; 3]> = ids.iter().map(|&t| scene.mesh.corners(t)).collect();
-            Bvh::build(&corners, ids)
+            Arc::new(Bvh::build(&corners, ids))
         };
         let (solid, sheer) = (build(&solid), (!sheer.is_empty()).then(|| build(&sheer)));
         let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
-        let slabs = Slabs::find(&scene);
+        let slabs = Arc::new(Slabs::find(&scene));
         let prepared = PreparedScene { scene, lighting, skips, solid, sheer, attenuates, slabs };
         warnings.extend(hidden::warnings(&prepared));
         Ok((prepared, warnings))
@@ -374,7 +377,7 @@ impl PreparedScene {
 
     /// A distance from anything within to beyond everything, m.
     pub(crate) fn far(&self) -> f32 {
-        let bounds = [Some(&self.solid), self.sheer.as_ref()].into_iter().flatten().map(Bvh::bounds);
+        let bounds = [Some(&self.solid), self.sheer.as_ref()].into_iter().flatten().map(|tree| tree.bounds());
         let all = bounds.fold(Aabb::EMPTY, |a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) });
         let diagonal = (all.max - all.min).length();
         if diagonal.is_finite() { 4.0 * diagonal.max(1e-6) } else { 1.0 }

@@ -29,11 +29,13 @@ pub enum Skip {
     ConvergedBlocks,
     /// Images whose texels are multiplied by 0 everywhere, or that nothing visible uses.
     IdleTextures,
+    /// Columns that an earlier bake of the same surfaces, view and settings has.
+    Reuse,
 }
 
 impl Skip {
     /// All of them.
-    pub const ALL: [Skip; 9] = [
+    pub const ALL: [Skip; 10] = [
         Skip::EmptyPixels,
         Skip::Lobes,
         Skip::Alpha,
@@ -43,6 +45,7 @@ impl Skip {
         Skip::WeakLight,
         Skip::ConvergedBlocks,
         Skip::IdleTextures,
+        Skip::Reuse,
     ];
 
     /// Its name in files and on the command line.
@@ -57,6 +60,7 @@ impl Skip {
             Skip::WeakLight => "weak-light",
             Skip::ConvergedBlocks => "converged-blocks",
             Skip::IdleTextures => "idle-textures",
+            Skip::Reuse => "reuse",
         }
     }
 }
@@ -149,6 +153,8 @@ pub struct Spared {
     pub idle_images: u32,
     /// See `idle_images`.
     pub idle_bytes: u64,
+    /// Columns that were taken over from an earlier bake.
+    pub reused_columns: u32,
 }
 
 impl Spared {

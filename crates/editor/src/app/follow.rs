@@ -11,7 +11,7 @@ use eframe::egui_wgpu::RenderState;
 
 use super::lamplight::Lamplight;
 use super::rest::Rest;
-use super::sky::LitSky;
+use super::sky::SkyLayer;
 use crate::legend::Legend;
 use crate::look::{Display, Look, Quantity};
 use crate::panels::lights::heard;
@@ -27,6 +27,8 @@ struct Asked {
     display: Display,
     /// The light of free lamps, by its order and address.
     layer: Option<(u64, usize)>,
+    /// Number of the sky that is seen.
+    sky: u64,
 }
 
 /// Asks for pictures and keeps the newest.
@@ -39,7 +41,7 @@ pub(super) struct Follower {
     /// The worker metered another exposure or scale than the graphics device shows.
     metering_moved: bool,
     asked: Option<Asked>,
-    sky: LitSky,
+    sky: SkyLayer,
     lamplight: Lamplight,
     texture: Option<TextureHandle>,
     gpu_picture: Option<(TextureId, [u32; 2])>,
@@ -60,7 +62,7 @@ impl Follower {
             rest: Rest::default(),
             metering_moved: false,
             asked: None,
-            sky: LitSky::default(),
+            sky: SkyLayer::new(wake.clone())?,
             lamplight: Lamplight::new(wake)?,
             texture: None,
             gpu_picture: None,
@@ -79,7 +81,7 @@ impl Follower {
 
     /// Whether the last order was answered, and lamps that stand still are as smooth as they get.
     pub fn is_idle(&self) -> bool {
-        self.n_orders == self.last_answered && self.lamplight.is_idle()
+        self.n_orders == self.last_answered && self.lamplight.is_idle() && self.sky.is_idle()
     }
 
     /// The light of free lamps that is shown.
@@ -193,7 +195,11 @@ impl Follower {
             let rig = self.lamplight.follow(session, &heard(&shown.header.basis, &look.lights, solo));
             let light = self.shown_lamp_light(shown).cloned();
             let layer = light.as_ref().map(|light| (light.serial, Arc::as_ptr(&light.direct).addr()));
-            let asked = Asked { rig, display: showable(shown, look), layer };
+            let sky = self.sky.follow(shown, &rig).unwrap_or_else(|words| {
+                problem = Some(words);
+                u64::MAX
+            });
+            let asked = Asked { rig, display: showable(shown, look), layer, sky };
             let gpu = self.gpu.as_ref().filter(|_| self.uses_gpu());
             // What a lost device was last asked for never comes, so it is asked for again, and fails.
             let gpu_waits = gpu.is_some_and(|gpu| gpu.has_waiting() || gpu.is_lost());
@@ -201,7 +207,7 @@ impl Follower {
             if !changed.is_empty() || gpu_waits || self.asked.as_ref() != Some(&asked) {
                 // Light that is seen and light that arrives are two matrices.
                 let is_other = self.asked.as_ref().is_none_or(|old| old.irradiance(shown) != asked.irradiance(shown));
-                let mut changed = if is_other { Changed::All } else { changed };
+                let changed = if is_other { Changed::All } else { changed };
                 let (frame, coefficients, layer) = match asked.irradiance(shown) {
                     // Light that arrives: what free lamps add to it is not known.
                     Some(set) => (
@@ -210,8 +216,9 @@ impl Follower {
                         None,
                     ),
                     None => {
-                        let coefficients = shown.coefficients(&asked.rig, light.as_ref());
-                        (self.sky.light(shown, &asked.rig, &mut changed), coefficients, light.map(|light| light.direct))
+                        let mut coefficients = shown.coefficients(&asked.rig, light.as_ref());
+                        let layer = self.sky.layer(shown, &mut coefficients, light.map(|light| light.direct));
+                        (shown.frame.clone(), coefficients, layer)
                     }
                 };
                 problem = self.ask(ctx, frame, (&coefficients, layer.as_ref()), changed, &asked).err().or(problem);

@@ -204,13 +204,13 @@ pub struct BakeOptions {
     /// `row-id`, `aca-full` or `alg4:qr`; a name that does not exist lists them all.
     #[arg(long, value_name = "NAME", default_value_t, value_parser = parse_method)]
     pub method: Method,
-    /// Start over, even if an earlier bake of the same name was stopped half way.
+    /// Start over, even if an earlier bake of the same name was stopped half way or could be taken over.
     #[arg(long)]
     pub fresh: bool,
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 22] = [
+const OF_SCENES: [&str; 23] = [
     "scene",
     "camera",
     "viewpoint",
@@ -233,6 +233,7 @@ const OF_SCENES: [&str; 22] = [
     "work_planes",
     "estimate",
     "memory",
+    "reuse",
 ];
 
 /// `clerestory bake`.
@@ -251,6 +252,10 @@ pub struct BakeArgs {
     /// Do not bake: try some blocks, and tell about how long it will take, how much memory, and how large the file will be.
     #[arg(long, conflicts_with_all = ["output", "seconds"])]
     pub estimate: bool,
+    /// Earlier bake whose columns are taken over, where surfaces, view and settings are the same; only lights that are new or
+    /// have moved are traced [default: the output file, if it is there].
+    #[arg(long, value_name = "FILE.transport", conflicts_with_all = ["estimate", "fresh"])]
+    pub reuse: Option<PathBuf>,
     /// Take no more memory than this, such as 8GB: fewer threads bake if need be. A bake that takes more on a single thread is refused
     /// before it starts.
     #[arg(long, value_name = "SIZE", value_parser = super::estimate::parse_bytes)]

@@ -19,6 +19,7 @@ use serde_json::{Value, json};
 use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
 use super::console::{Answer, Console, advance, bytes_words, duration_words};
 use super::estimate;
+use super::reuse::Earlier;
 use super::view::{View, inputs_of, on_threads, open_view, requested_sky};
 use crate::output::{PendingFile, spare_inputs};
 
@@ -40,12 +41,16 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
         }
         (None, None) => bail!("name the file to write with -o"),
     };
-    let (bake, times) = match (&args.images, &args.scene) {
+    let (bake, times, earlier) = match (&args.images, &args.scene) {
         (Some(folder), _) => bake_images(folder, output, args, console)?,
         (None, Some(scene)) => bake_scene(scene, output, args, console)?,
         (None, None) => bail!("name a scene, or a folder of pictures with --images"),
     };
     let mut answer = baked(&bake, times, &args.options, console)?;
+    if let Some(earlier) = earlier {
+        answer.json["reuse"] = earlier.json();
+        answer.words += &earlier.words();
+    }
     answer.json["output"] = json!(output.display().to_string());
     answer.words = format!("{}: {}", output.display(), answer.words);
     Ok(answer)
@@ -63,7 +68,10 @@ fn scene_job(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<Bak
     Ok(BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) })
 }
 
-fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+/// A bake, what it took, and the earlier one that it looked at.
+type Baked = (Bake, BakeTimes, Option<Earlier>);
+
+fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<Baked> {
     let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
     reserve(output, &inputs)?;
     let mut job = scene_job(scene, args, console)?;
@@ -71,14 +79,19 @@ fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Consol
     if let Some(limit_bytes) = args.memory {
         options.view.threads = Some(estimate::fit(limit_bytes, &mut job, args, console)?);
     }
-    let kept = || kept_words(output, restart(&args.options));
-    run_with_progress(console, &options, &kept, |on_event| {
-        archive::bake_to_file(job, output, restart(&args.options), on_event)
+    let earlier = Earlier::find(&job, args, output, console)?;
+    let (kept, restart) = (|| kept_words(output, restart(&args.options)), restart(&args.options));
+    let (bake, times) = run_with_progress(console, &options, &kept, |on_event| {
+        match earlier.as_ref().and_then(|earlier| earlier.reuse.as_ref().ok()) {
+            Some(reuse) => archive::rebake_to_file(job, reuse, output, restart, on_event),
+            None => archive::bake_to_file(job, output, restart, on_event),
+        }
     })
-    .with_context(|| format!("cannot bake {} to {}", scene.display(), output.display()))
+    .with_context(|| format!("cannot bake {} to {}", scene.display(), output.display()))?;
+    Ok((bake, times, earlier))
 }
 
-fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<(Bake, BakeTimes)> {
+fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<Baked> {
     let stack = open_stack(folder, console)?;
     let inputs: Vec<_> = stack.images.iter().map(|image| ("picture", image.path.as_path())).collect();
     reserve(output, &inputs)?;
@@ -91,7 +104,8 @@ fn bake_images(folder: &Path, output: &Path, args: &BakeArgs, console: &mut Cons
         archive::stack_to_file(surveyed, output, restart(&args.options), on_event)
     });
     console.warn_all(remarks);
-    baked.with_context(|| format!("cannot bake {} to {}", folder.display(), output.display()))
+    let (bake, times) = baked.with_context(|| format!("cannot bake {} to {}", folder.display(), output.display()))?;
+    Ok((bake, times, None))
 }
 
 /// Opens a folder of pictures and says what else is in it.
@@ -305,6 +319,7 @@ fn skipped_words(skipped: &Value) -> String {
         ("sky_patches", 1.0, "unseen patches of the sky"),
         ("empty_pixels", 1.0, "empty pixels"),
         ("idle_images", 1.0, "images"),
+        ("reused_columns", 1.0, "columns of an earlier bake"),
     ]
     .into_iter()
     .filter(|(name, ..)| number(name) > 0.0)

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use anyhow::{Result, anyhow, bail};
+use anyhow::{Result, anyhow};
 use clerestory_transport::import::load_sky;
-use clerestory_transport::sky::{DEFAULT_TURBIDITY, SkyError, SkySetting, SunPlace, SunSetting, SunTime};
+use clerestory_transport::sky::{DEFAULT_TURBIDITY, Environment, SkyError, SkySetting, SunPlace, SunSetting, SunTime};
 use serde_json::{Map, Value};
 
 use super::parse::Reader;
@@ -31,17 +31,77 @@ pub fn load(sky: &mut SkySetting, folder: &Path) -> Result<Vec<String>> {
     Ok(warnings)
 }
 
-/// What `--sky` names: `uniform`, `sun:AZ,EL`, else a file.
+/// A sky that was edited: what shows it is made anew where that is another one. Its map is never read again.
 ///
 /// # Errors
-/// In words, if a sun has no angles.
+/// A sun on a day that does not exist.
+pub fn remade(before: &SkySetting, mut sky: SkySetting) -> Result<SkySetting, SkyError> {
+    let needs_no_file = sky.file.as_deref().is_none_or(|file| file == "uniform");
+    if needs_no_file && (&before.file, before.sun) != (&sky.file, sky.sun) {
+        sky.load(|_| Ok::<_, SkyError>(Environment::default()))?;
+    }
+    Ok(sky)
+}
+
+/// Names the file of a sky from the root, so that the look can be saved elsewhere.
+pub fn resolve(sky: &mut SkySetting, folder: &Path) {
+    if let Some(file) = sky.file.as_mut().filter(|file| *file != "uniform") {
+        let path = folder.join(&*file);
+        *file = std::path::absolute(&path).unwrap_or(path).display().to_string();
+    }
+}
+
+/// Names the file of a sky relative to `folder` where it lies in it, so that the folder can be moved.
+pub fn relative(sky: &mut SkySetting, folder: &Path) {
+    let folder = std::path::absolute(folder).unwrap_or_else(|_| folder.into());
+    if let Some(file) = &mut sky.file
+        && let Ok(within) = Path::new(&*file).strip_prefix(&folder)
+    {
+        *file = within.display().to_string();
+    }
+}
+
+/// What `--sky` names: `uniform`, `sun:AZ,EL`, a sun by date and place, else a file.
+///
+/// # Errors
+/// In words, if a sun has neither angles nor date and place.
 pub fn typed(text: &str) -> Result<SkySetting, String> {
-    let Some(angles) = text.strip_prefix("sun:") else {
+    let Some(place) = text.strip_prefix("sun:") else {
         return match text {
             "" => Err("write a file, uniform, or sun:AZIMUTH,ELEVATION".into()),
             file => Ok(SkySetting { file: Some(file.into()), ..SkySetting::default() }),
         };
     };
+    let sun = if place.split(',').count() > 2 { by_time(place)? } else { by_angles(place)? };
+    Ok(SkySetting { sun: Some(sun), ..SkySetting::default() })
+}
+
+/// A sun of `DATE,TIME,LATITUDE,LONGITUDE`, then the offset from universal time and the azimuth of north, which may be
+/// left out.
+fn by_time(text: &str) -> Result<SunSetting, String> {
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    let number = |idx: usize| parts.get(idx).map_or(Some(0.0), |part| part.parse::<f64>().ok());
+    let read = || {
+        let (date, hour) = (date_of(parts[0])?, hour_of(parts[1])?);
+        let time = SunTime {
+            date,
+            hour,
+            utc_offset_h: number(4)?,
+            latitude_deg: parts.get(3).and_then(|_| number(2))?,
+            longitude_deg: number(3)?,
+        };
+        let north_deg = number(5).filter(|degrees| AZIMUTH_DEG.contains(degrees) && parts.len() <= 6)?;
+        Some((time, north_deg))
+    };
+    let (time, north_deg) = read().ok_or(
+        "write sun:DATE,TIME,LATITUDE,LONGITUDE,UTC_OFFSET,NORTH such as sun:2026-06-21,14:30,48.14,11.58,2; \
+         UTC_OFFSET in hours and NORTH, its azimuth in the scene, may be left out",
+    )?;
+    time.check().map_err(|error| error.to_string())?;
+    Ok(SunSetting { place: SunPlace::Time { time, north_deg }, ..SunSetting::by_angles(0.0, 0.0) })
+}
+
+fn by_angles(angles: &str) -> Result<SunSetting, String> {
     let degrees = |text: &str, range: std::ops::RangeInclusive<f64>| {
         text.trim().parse::<f64>().ok().filter(|degrees| range.contains(degrees))
     };
@@ -51,7 +111,21 @@ pub fn typed(text: &str) -> Result<SkySetting, String> {
     let (azimuth_deg, elevation_deg) = angles.ok_or(
         "write sun:AZIMUTH,ELEVATION in degrees such as sun:135,40; azimuths −360 to 360 run from north (−Z) over east",
     )?;
-    Ok(SkySetting { sun: Some(SunSetting::by_angles(azimuth_deg, elevation_deg)), ..SkySetting::default() })
+    Ok(SunSetting::by_angles(azimuth_deg, elevation_deg))
+}
+
+/// Year, month and day of `2026-06-21`; they may not exist.
+fn date_of(text: &str) -> Option<(i32, u32, u32)> {
+    let parts: Vec<u32> = text.split('-').map_while(|part| part.parse().ok()).collect();
+    let &[year, month, day] = parts.as_slice() else { return None };
+    Some((i32::try_from(year).unwrap_or(i32::MAX), month, day))
+}
+
+/// Hours since midnight of `14:30`.
+fn hour_of(text: &str) -> Option<f64> {
+    let (hours, minutes) = text.split_once(':').and_then(|(h, m)| h.parse::<u32>().ok().zip(m.parse::<u32>().ok()))?;
+    (minutes < 60 && hours <= 24 && hours * 60 + minutes <= 24 * 60)
+        .then(|| f64::from(hours) + f64::from(minutes) / 60.0)
 }
 
 impl Reader<'_> {
@@ -136,21 +210,13 @@ impl Reader<'_> {
     }
 
     fn date(&self, value: &Value) -> Result<(i32, u32, u32)> {
-        let text = self.text(value)?;
-        let parts: Vec<u32> = text.split('-').map_while(|part| part.parse().ok()).collect();
-        let &[year, month, day] = parts.as_slice() else {
-            bail!("`{}` must be a date such as 2026-06-21, not {value}", self.name());
-        };
-        Ok((i32::try_from(year).unwrap_or(i32::MAX), month, day))
+        date_of(&self.text(value)?)
+            .ok_or_else(|| anyhow!("`{}` must be a date such as 2026-06-21, not {value}", self.name()))
     }
 
     fn hour(&self, value: &Value) -> Result<f64> {
-        let text = self.text(value)?;
-        let parts = text.split_once(':').and_then(|(h, m)| h.parse::<u32>().ok().zip(m.parse::<u32>().ok()));
-        match parts.filter(|(h, m)| *m < 60 && h * 60 + m <= 24 * 60) {
-            Some((hours, minutes)) => Ok(f64::from(hours) + f64::from(minutes) / 60.0),
-            None => bail!("`{}` must be a time such as 14:30, not {value}", self.name()),
-        }
+        hour_of(&self.text(value)?)
+            .ok_or_else(|| anyhow!("`{}` must be a time such as 14:30, not {value}", self.name()))
     }
 }
 
@@ -241,8 +307,46 @@ mod tests {
         assert_eq!(typed("day.exr").unwrap().file.as_deref(), Some("day.exr"));
         let sun = typed("sun:135, 40.5").unwrap().sun.unwrap();
         assert_eq!(sun.place, SunPlace::Angles { azimuth_deg: 135.0, elevation_deg: 40.5 });
+        let place = |text: &str| typed(text).unwrap().sun.unwrap().place;
+        let time =
+            SunTime { date: (2026, 6, 21), hour: 14.5, utc_offset_h: 2.0, latitude_deg: 48.0, longitude_deg: -11.5 };
+        let of = |time, north_deg| SunPlace::Time { time, north_deg };
+        assert_eq!(place("sun:2026-06-21,14:30,48,-11.5,2,15"), of(time, 15.0));
+        assert_eq!(place("sun:2026-06-21, 14:30, 48, -11.5"), of(SunTime { utc_offset_h: 0.0, ..time }, 0.0));
         for bad in ["", "sun:", "sun:1", "sun:a,b", "sun:0,91", "sun:nan,4"] {
             assert!(typed(bad).is_err(), "{bad}");
         }
+        for bad in ["2026-02-30,12:00,0,0", "2026-06-21,12:00,0", "2026-06-21,25:00,0,0", "2026-06-21,12:00,91,0"] {
+            assert!(typed(&format!("sun:{bad}")).is_err(), "{bad}");
+        }
+        assert!(typed("sun:2026-06-21,12:00,0,0,0,0,0").is_err());
+    }
+
+    #[test]
+    fn an_edited_sun_brings_its_sky_and_a_turned_one_keeps_it() {
+        let sun = SkySetting { sun: Some(SunSetting::by_angles(120.0, 30.0)), ..SkySetting::default() };
+        let shown = remade(&SkySetting::default(), sun).unwrap();
+        let turned = remade(&shown, SkySetting { rotation_deg: 20.0, ..shown.clone() }).unwrap();
+        let is_same = |a: &SkySetting, b: &SkySetting| match (&a.map, &b.map) {
+            (Some(a), Some(b)) => std::sync::Arc::ptr_eq(a, b),
+            _ => false,
+        };
+        assert!(is_same(&shown, &turned));
+        let later = SkySetting { sun: Some(SunSetting::by_angles(180.0, 50.0)), ..shown.clone() };
+        assert!(!is_same(&shown, &remade(&shown, later).unwrap()));
+        assert_eq!(remade(&shown, SkySetting { sun: None, ..shown.clone() }).unwrap(), SkySetting::default());
+    }
+
+    #[test]
+    fn files_are_named_from_the_root_and_within_a_folder() {
+        let mut sky = SkySetting { file: Some("skies/day.hdr".into()), ..SkySetting::default() };
+        let folder = std::env::temp_dir();
+        resolve(&mut sky, &folder);
+        assert_eq!(sky.file.as_deref(), Some(&*folder.join("skies/day.hdr").display().to_string()));
+        relative(&mut sky, &folder);
+        assert_eq!(sky.file.as_deref(), Some("skies/day.hdr"));
+        let mut uniform = SkySetting { file: Some("uniform".into()), ..SkySetting::default() };
+        resolve(&mut uniform, &folder);
+        assert_eq!(uniform.file.as_deref(), Some("uniform"));
     }
 }

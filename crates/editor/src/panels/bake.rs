@@ -13,7 +13,7 @@ use super::status::duration;
 use crate::action::{Action, FileTask};
 use crate::session::estimate::Forecast;
 use crate::session::{BakeSettings, BakeState};
-use crate::theme;
+use crate::theme::{self, Fold};
 
 /// A name for samples per pixel and tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +69,16 @@ pub fn bake_ui(
     view: &BakeView,
     actions: &mut Vec<Action>,
 ) {
-    theme::section(ui, "Bake");
+    theme::folding(ui, "Bake", Fold::Open, |ui| content_ui(ui, settings, heat_map, view, actions));
+}
+
+fn content_ui(
+    ui: &mut Ui,
+    settings: &mut BakeSettings,
+    heat_map: &mut HeatMap,
+    view: &BakeView,
+    actions: &mut Vec<Action>,
+) {
     ui.add_enabled_ui(view.can_bake, |ui| match view.pictures {
         Some(pictures) => pictures_ui(ui, &mut settings.config, pictures),
         None => settings_ui(ui, settings, view, actions),
@@ -296,8 +305,11 @@ fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &Ba
     let bias = error.and_then(|e| e.bias);
     let shared =
         bias.map(|db| ("Bias", decibels(Some(db)), "Off by shared light, measured on pixels that were traced"));
+    let n_reused = figures.skipped.reused_columns;
+    let hint = "Columns of an earlier bake with the same surfaces, view and settings; the others were traced";
+    let reused = (n_reused > 0).then(|| ("Taken over", format!("{n_reused} of {} columns", figures.columns), hint));
     egui::Grid::new("figures").num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
-        for (name, value, hint) in rows.into_iter().chain(shared) {
+        for (name, value, hint) in rows.into_iter().chain(shared).chain(reused) {
             ui.label(RichText::new(name).weak()).on_hover_text(hint);
             ui.label(value);
             ui.end_row();

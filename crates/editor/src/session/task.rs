@@ -12,6 +12,7 @@ use anyhow::{Context, Result};
 use clerestory_transport::archive;
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
+use clerestory_transport::bake::reuse::Reuse;
 use clerestory_transport::bake::stack::StackJob;
 use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, HalfDone};
 use clerestory_transport::camera::Camera;
@@ -247,7 +248,7 @@ pub(super) fn prepare_again(
     if chosen.units == LampUnits::Unitless {
         assume_unitless(&mut scene);
     }
-    let (scene, warnings) = PreparedScene::new(scene, &chosen.panels)?;
+    let (scene, warnings) = PreparedScene::with_sky(scene, &chosen.panels, chosen.sky.as_ref())?;
     Ok(Prepared { scene: Box::new(scene), chosen, warnings })
 }
 
@@ -256,8 +257,15 @@ const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 
 /// Bakes on all cores but one, which stays with the window.
 ///
-/// One that is in the cache is not made again; one that is new is kept there.
-pub(super) fn bake(job: BakeJob, begun: Option<HalfDone>, cache: Option<BakeCache>, focus: &Focus, post: Post) {
+/// One that is in the cache is not made again; one that is new is kept there. What an earlier one has in common with it is
+/// taken over.
+pub(super) fn bake(
+    job: BakeJob,
+    (begun, mut earlier): (Option<HalfDone>, Vec<Bake>),
+    cache: Option<BakeCache>,
+    focus: &Focus,
+    post: Post,
+) {
     let mut remarks = Vec::new();
     let cached = cache.map(|cache| (cache.place(&job), cache));
     match cached.as_ref().map(|(place, cache)| cache.find(place)) {
@@ -268,8 +276,19 @@ pub(super) fn bake(job: BakeJob, begun: Option<HalfDone>, cache: Option<BakeCach
         Some(Found::SetAside(words)) => remarks.push(words),
         Some(Found::Nothing) | None => {}
     }
+    for relative in cached.iter().flat_map(|(place, cache)| cache.relatives(place)) {
+        match relative {
+            Found::Hit(bake) => earlier.push(*bake),
+            Found::SetAside(words) => remarks.push(words),
+            Found::Nothing => {}
+        }
+    }
     let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
-    let result = beside_the_window(|| job.run_toward(focus, begun, |event| tell(&post, event)));
+    let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(Reuse::n_traced_columns);
+    let result = beside_the_window(|| match &reuse {
+        Some(reuse) => job.run_reusing(reuse, focus, begun, |event| tell(&post, event)),
+        None => job.run_toward(focus, begun, |event| tell(&post, event)),
+    });
     let baked = result.as_ref().ok().cloned().flatten();
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
     if let (Some((place, cache)), Some(bake)) = (cached, baked)

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use clerestory_transport::bake::Bake;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 
@@ -93,6 +94,12 @@ impl Session {
             }
         }
         self.is_another();
+    }
+
+    /// The whole bakes of all views.
+    pub(super) fn whole_bakes(&self) -> Vec<Bake> {
+        let kept = self.views.kept.iter().map(|kept| &kept.shown);
+        self.shown.iter().chain(kept).filter(|shown| shown.packed.is_some()).map(Shown::bake).collect()
     }
 
     /// Gives up a view that is not shown.

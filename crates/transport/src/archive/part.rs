@@ -216,11 +216,11 @@ fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
     let (column_scale, sky_reach) = (found.column_scale.clone(), found.sky_reach.clone());
     let same_rows = found.irradiance.iter().map(|set| &set.rows).eq(asked.irradiance.iter().map(|set| &set.rows));
     let irradiance = if same_rows { found.irradiance.clone() } else { asked.irradiance.clone() };
-    let spared = found.spared.clone();
+    let (spared, grounds) = (found.spared.clone(), found.grounds.clone());
     // Learned anew on another machine, patches may differ by rounding.
     let same_patches = found.config.patches == asked.config.patches && found.basis == asked.basis;
     let patches = if same_patches { found.patches.clone() } else { asked.patches.clone() };
-    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, patches, spared, ..asked.clone() };
+    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, patches, spared, grounds, ..asked.clone() };
     if *found == same_scale {
         return None;
     }

@@ -170,6 +170,7 @@ impl StackJob {
             patches: None,
             skips: Skips::default(),
             spared: Spared::default(),
+            grounds: None,
         }
     }
 

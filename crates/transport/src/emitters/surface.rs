@@ -40,6 +40,11 @@ pub struct ShiningTriangle {
 const FLAT: f32 = 1e-10;
 
 impl ShiningTriangle {
+    /// Its share of the white column's radiance, but for its texture.
+    pub(crate) fn white(&self) -> Vec3 {
+        self.white
+    }
+
     fn corners(&self) -> [Vec3; 3] {
         [self.corner, self.corner + self.edges[0], self.corner + self.edges[1]]
     }

@@ -5,9 +5,11 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::Environment;
+use super::environment::{direction_at, level_irradiance, row_sines};
 use crate::light::rgb_of_xyz;
 
 /// Haze of a clear day.
@@ -26,23 +28,22 @@ const EXTRATERRESTRIAL_LX: f64 = 133_800.0;
 pub fn analytic_sky(sun: Vec3, turbidity: f32) -> Environment {
     let model = Preetham::new(sun, f64::from(turbidity));
     let [width, height] = SIZE;
-    let sky = Environment::from_fn(width, height, |d| if d.y > 0.0 { model.radiance(d) } else { Vec3::ZERO });
+    let mut pixels = vec![[0.0; 3]; width * height];
+    let (above, below) = pixels.split_at_mut(width * height / 2);
+    let around: Vec<Vec3> = (0..width).map(|x| direction_at(Vec2::new((x as f32 + 0.5) / width as f32, 0.5))).collect();
+    above.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
+        // Half across the map lies +X, where a direction is its sine and its cosine.
+        let up = direction_at(Vec2::new(0.5, y as f32 / (height - 1) as f32));
+        let circle = model.circle(f64::from(up.y));
+        for (pixel, side) in row.iter_mut().zip(&around) {
+            *pixel = model.radiance(&circle, Vec3::new(side.x * up.x, up.y, side.z * up.x)).to_array();
+        }
+    });
+    let rows = above.chunks_exact(width).enumerate().map(|(y, row)| (row_sines(height, y), row));
     let direct = sun_tint(sun, turbidity) * sun_illuminance(sun, turbidity) * sun.y.max(0.0);
-    let ground = (irradiance(&sky) + direct) * (GROUND_ALBEDO / PI) as f32;
-    let pixels = sky.pixels().iter().enumerate();
-    let lower = |idx: usize| idx / width >= height / 2;
-    let pixels = pixels.map(|(idx, sky)| if lower(idx) { ground.to_array() } else { *sky }).collect();
+    let ground = (level_irradiance(rows) + direct) * (GROUND_ALBEDO / PI) as f32;
+    below.fill(ground.to_array());
     Environment::of_clean(width, height, pixels)
-}
-
-/// Irradiance of the upper half of a map on a horizontal surface.
-fn irradiance(map: &Environment) -> Vec3 {
-    let row = |(y, pixels): (usize, &[[f32; 3]])| {
-        let [low, high] = map.row_sines(y);
-        let weight = map.solid_angle(y) * (0.5 * (low + high)).max(0.0);
-        pixels.iter().fold(DVec3::ZERO, |sum, p| sum + Vec3::from(*p).as_dvec3()) * weight
-    };
-    map.pixels().chunks_exact(map.width()).enumerate().map(row).sum::<DVec3>().as_vec3()
 }
 
 /// Illuminance in lux by the sun on a surface that faces it: \[Navvab1984\] with the air mass of \[Kasten1989\].
@@ -130,21 +131,34 @@ impl Preetham {
         Preetham { sun: sun_up, perez, zenith }
     }
 
-    /// Linear Rec. 709 in nit; colors outside the gamut are clipped.
-    fn radiance(&self, d: Vec3) -> Vec3 {
-        let d = d.as_dvec3();
-        let gamma = d.dot(self.sun).clamp(-1.0, 1.0).acos();
+    /// What is the same along a circle of elevation: zenith values times the factors of the elevation alone.
+    fn circle(&self, sine: f64) -> [f64; 3] {
+        std::array::from_fn(|i| self.zenith[i] * of_elevation(&self.perez[i], sine))
+    }
+
+    /// Linear Rec. 709 in nit in a direction on a circle; colors outside the gamut are clipped.
+    fn radiance(&self, circle: &[f64; 3], d: Vec3) -> Vec3 {
+        let cosine = d.as_dvec3().dot(self.sun).clamp(-1.0, 1.0);
+        let gamma = cosine.acos();
         let [luminance, x, y]: [f64; 3] =
-            std::array::from_fn(|i| self.zenith[i] * perez_of(&self.perez[i], d.y, gamma));
+            std::array::from_fn(|i| circle[i] * around_the_sun(&self.perez[i], gamma, cosine));
         let luminance = luminance.max(0.0);
         let y = y.max(1e-3);
         rgb_of_xyz(DVec3::new(x / y, 1.0, (1.0 - x - y) / y) * luminance).max(DVec3::ZERO).as_vec3()
     }
 }
 
-/// Relative distribution at a sine of the elevation and an angle from the sun.
-fn perez_of([a, b, c, d, e]: &Perez, sine: f64, gamma: f64) -> f64 {
-    (1.0 + a * (b / sine.max(1e-3)).exp()) * (1.0 + c * (d * gamma).exp() + e * gamma.cos().powi(2))
+/// Relative distribution at a sine of the elevation and an angle from the sun. \[Preetham1999, eq. 3\]
+fn perez_of(perez: &Perez, sine: f64, gamma: f64) -> f64 {
+    of_elevation(perez, sine) * around_the_sun(perez, gamma, gamma.cos())
+}
+
+fn of_elevation([a, b, ..]: &Perez, sine: f64) -> f64 {
+    1.0 + a * (b / sine.max(1e-3)).exp()
+}
+
+fn around_the_sun([_, _, c, d, e]: &Perez, gamma: f64, cosine: f64) -> f64 {
+    1.0 + c * (d * gamma).exp() + e * cosine * cosine
 }
 
 #[cfg(test)]
@@ -180,7 +194,7 @@ mod tests {
         // Clear skies are measured at 10 to 25 klx without the sun, and the model is known to be bright around it; the
         // sun at 60° gives about 95 klx more.
         let map = analytic_sky(sun(60.0), 3.0);
-        let sky = luminance(irradiance(&map));
+        let sky = luminance(map.level_irradiance());
         assert!((8_000.0..35_000.0).contains(&sky), "{sky} lx");
         let direct = sun_illuminance(sun(60.0), 3.0);
         assert!((90_000.0..100_000.0).contains(&direct), "{direct} lx");

@@ -25,7 +25,7 @@ pub struct Backdrop {
     /// Group of the sky's columns.
     pub group: usize,
     /// Column within that group that holds the weights.
-    column: u32,
+    pub column: u32,
     camera: Camera,
     film: Film,
     light: SkyLight,
@@ -61,6 +61,24 @@ impl Backdrop {
         (self.turn, &self.light.map, self.light.sun) == (other.turn, &other.light.map, other.light.sun)
             && (self.group, self.column, &self.camera, self.film)
                 == (other.group, other.column, &other.camera, other.film)
+    }
+
+    /// What of each pixel of a block looks straight at the sky, 0…1 per channel; `pixels` are those of the block in order.
+    pub fn weights(&self, block: &BlockFactors, pixels: &[u32]) -> Vec<(u32, Vec3)> {
+        let mut weights: Vec<(u32, Vec3)> = Vec::new();
+        for entry in block.sparse.iter().filter(|entry| entry.col == self.column) {
+            let Some(&pixel) = pixels.get(entry.row as usize / 3) else { continue };
+            match weights.last_mut().filter(|(last, _)| *last == pixel) {
+                Some((_, weight)) => weight[entry.row as usize % 3] = entry.value,
+                None => weights.push((pixel, Vec3::AXES[entry.row as usize % 3] * entry.value)),
+            }
+        }
+        weights
+    }
+
+    /// The sky as pixels with these weights show it, nit at intensity 1.
+    pub fn light(&self, weights: &[(u32, Vec3)]) -> Vec<(u32, Vec3)> {
+        weights.par_iter().with_min_len(256).map(|(pixel, weight)| (*pixel, self.pixel(*pixel) * weight)).collect()
     }
 
     /// A block of the sky's group with weights turned into light; `pixels` are those of the block in order.

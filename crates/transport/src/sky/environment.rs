@@ -7,7 +7,8 @@
 use std::f32::consts::{PI, TAU};
 use std::sync::{Arc, OnceLock};
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::SkyError;
 use super::coarse::Coarse;
@@ -133,18 +134,22 @@ impl Environment {
     /// Means of [`Environment::radiance`] over the area of each pixel: bright neighbors reach in by an eighth.
     pub fn cell_means(&self) -> Vec<[f32; 3]> {
         let (w, h) = (self.width, self.height);
-        let mix = |before: [f32; 3], own: [f32; 3], after: [f32; 3]| -> [f32; 3] {
+        let mix = |before: &[f32; 3], own: &[f32; 3], after: &[f32; 3]| -> [f32; 3] {
             std::array::from_fn(|c| 0.125 * (before[c] + after[c]) + 0.75 * own[c])
         };
-        let at = |x: usize, y: usize| self.pixels[y * w + x];
-        let across = |x: usize, y: usize| mix(at((x + w - 1) % w, y), at(x, y), at((x + 1) % w, y));
-        let cell = |idx: usize| {
-            let (x, y) = (idx % w, idx / w);
+        let row = |y: usize| &self.pixels[y * w..(y + 1) * w];
+        let mut means = vec![[0.0; 3]; w * h];
+        means.par_chunks_exact_mut(w).enumerate().for_each(|(y, means)| {
             // The first and the last row are half as high, and have neighbors on one side.
             let (before, after) = (if y == 0 { 1 } else { y - 1 }, if y + 1 == h { h.max(2) - 2 } else { y + 1 });
-            mix(across(x, before.min(h - 1)), across(x, y), across(x, after))
-        };
-        (0..w * h).map(cell).collect()
+            let rows = row(before.min(h - 1)).iter().zip(row(y)).zip(row(after));
+            let down: Vec<[f32; 3]> = rows.map(|((before, own), after)| mix(before, own, after)).collect();
+            for (x, mean) in means.iter_mut().enumerate() {
+                let (left, right) = (if x == 0 { w - 1 } else { x - 1 }, if x + 1 == w { 0 } else { x + 1 });
+                *mean = mix(&down[left], &down[x], &down[right]);
+            }
+        });
+        means
     }
 
     /// As coarse as patches need it.
@@ -154,12 +159,12 @@ impl Environment {
 
     /// Sines of the elevations between which a row of pixels lies, the lower one first.
     pub fn row_sines(&self, row: usize) -> [f64; 2] {
-        if self.height == 1 {
-            return [-1.0, 1.0];
-        }
-        let last = (self.height - 1) as f64;
-        let sine = |edge: f64| ((edge / last).clamp(0.0, 1.0) * std::f64::consts::PI).cos();
-        [sine(row as f64 + 0.5), sine(row as f64 - 0.5)]
+        row_sines(self.height, row)
+    }
+
+    /// Irradiance in lux per channel on a level surface that sees all of the upper half.
+    pub fn level_irradiance(&self) -> Vec3 {
+        level_irradiance(self.coarse().rows.iter().map(|row| (row.sines, row.cells.as_slice())))
     }
 
     /// Solid angle of a pixel of a row.
@@ -167,6 +172,26 @@ impl Environment {
         let [low, high] = self.row_sines(row);
         (high - low) * std::f64::consts::TAU / self.width as f64
     }
+}
+
+/// Sines of the elevations between which a row of a map of a height lies, the lower one first.
+pub(super) fn row_sines(height: usize, row: usize) -> [f64; 2] {
+    if height == 1 {
+        return [-1.0, 1.0];
+    }
+    let last = (height - 1) as f64;
+    let sine = |edge: f64| ((edge / last).clamp(0.0, 1.0) * std::f64::consts::PI).cos();
+    [sine(row as f64 + 0.5), sine(row as f64 - 0.5)]
+}
+
+/// Irradiance on a level surface of rows, each with its sines and its pixels, all of one width.
+pub(super) fn level_irradiance<'a>(rows: impl Iterator<Item = ([f64; 2], &'a [[f32; 3]])>) -> Vec3 {
+    let row = |([low, high], pixels): ([f64; 2], &[[f32; 3]])| {
+        let [low, high] = [low, high].map(|sine| sine.max(0.0));
+        let mean = pixels.iter().fold(DVec3::ZERO, |sum, p| sum + Vec3::from(*p).as_dvec3()) / pixels.len() as f64;
+        mean * std::f64::consts::PI * (high * high - low * low)
+    };
+    rows.map(row).sum::<DVec3>().as_vec3()
 }
 
 /// Unit direction at (u, v) of a map.
@@ -217,6 +242,14 @@ mod tests {
         assert_eq!(n_cleaned, 3);
         assert_eq!(map.pixels(), [[1.0, 0.0, 0.5], [0.0; 3], [0.0, 2.0, 0.0], [0.25; 3]]);
         assert!(Environment::new(0, 2, vec![]).is_err() && Environment::new(usize::MAX, 2, vec![]).is_err());
+    }
+
+    #[test]
+    fn a_uniform_sky_gives_pi_times_its_radiance_on_a_level_surface() {
+        let expected = Vec3::new(1.0, 2.0, 3.0) * PI;
+        for map in [Environment::uniform(expected / PI), Environment::from_fn(40, 31, |_| expected / PI)] {
+            assert!((map.level_irradiance() - expected).abs().max_element() < 1e-4, "{}", map.level_irradiance());
+        }
     }
 
     #[test]

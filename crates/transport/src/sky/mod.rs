@@ -25,6 +25,8 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::light::luminance;
+
 pub use analytic::{DEFAULT_TURBIDITY, analytic_sky, sun_illuminance, sun_tint};
 pub use backdrop::Backdrop;
 pub use dome::{DOME_DIVISIONS, Dome, dome_columns};
@@ -33,7 +35,7 @@ pub use environment::Environment;
 pub use picks::{SkyPicks, Unseen};
 pub use sampler::MapSampler;
 pub use setting::{SkySetting, SunPlace, SunSetting};
-pub use sun::{SUN_RADIUS_RAD, SunPosition, SunTime, sun_direction, sun_solid_angle};
+pub use sun::{SUN_RADIUS_RAD, SunPosition, SunTime, n_days, sun_direction, sun_solid_angle};
 
 /// Why there is no sky.
 #[derive(Debug, Error)]
@@ -129,6 +131,12 @@ impl SkyLight {
     /// Unit vector towards its sun, as turned.
     pub fn sun_direction(&self) -> Option<Vec3> {
         self.sun.map(|sun| self.turn().world_from_sky(sun.direction))
+    }
+
+    /// Illuminance in lux on a level surface under a free sky: by the map, and by the sun.
+    pub fn level_lx(&self) -> [f32; 2] {
+        let of_sun = |sun: Sun| sun.illuminance_lx * luminance(sun.color) * sun.direction.y.max(0.0);
+        [luminance(self.map.level_irradiance()), self.sun.map_or(0.0, of_sun)].map(|lux| lux * self.intensity)
     }
 
     /// The same with a map that a file keeps: bounded in size and rounded as it is stored, so that a bake and its file

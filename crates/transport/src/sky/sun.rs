@@ -94,7 +94,8 @@ pub fn sun_direction(position: SunPosition) -> Vec3 {
     glam::DVec3::new(sin_azimuth * cos_elevation, sin_elevation, -cos_azimuth * cos_elevation).as_vec3()
 }
 
-fn n_days(year: i32, month: u32) -> u32 {
+/// Days of a month, 1…12.
+pub fn n_days(year: i32, month: u32) -> u32 {
     match month {
         2 if year % 4 == 0 && (year % 100 != 0 || year % 400 == 0) => 29,
         2 => 28,
@@ -146,6 +147,27 @@ mod tests {
         assert!((highest((2026, 12, 21), 45.0).elevation_deg - 21.56).abs() < 0.03);
         let down_under = highest((2026, 12, 21), -45.0);
         assert!(down_under.azimuth_deg < 1.0 || down_under.azimuth_deg > 359.0, "north at noon: {down_under:?}");
+    }
+
+    #[test]
+    fn the_sun_stands_where_the_literature_says() {
+        // [Reda2004, appendix A.5]: Golden, Colorado. Its table refracts by 0.0163°; the position has no refraction.
+        let golden = SunTime {
+            date: (2003, 10, 17),
+            hour: 12.0 + 30.5 / 60.0,
+            utc_offset_h: -7.0,
+            latitude_deg: 39.742_476,
+            longitude_deg: -105.1786,
+        };
+        let at = golden.position();
+        assert!((at.azimuth_deg - 194.340_24).abs() < 0.01, "{at:?}");
+        assert!((at.elevation_deg - (90.0 - 50.111_62 - 0.016_33)).abs() < 0.01, "{at:?}");
+        // [Meeus1998, example 25.a]: a declination of −7.785° at 0 h dynamical time, a minute before universal time. From
+        // the pole the sun stands as high as its declination, less its parallax of 8.8 seconds of arc.
+        let pole =
+            SunTime { date: (1992, 10, 13), hour: 0.0, utc_offset_h: 0.0, latitude_deg: 90.0, longitude_deg: 0.0 };
+        let declination = pole.position().elevation_deg + 8.8 / 3600.0;
+        assert!((declination + 7.785).abs() < 0.01, "{declination}");
     }
 
     #[test]

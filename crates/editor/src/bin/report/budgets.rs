@@ -56,8 +56,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         );
     }
     Ok(format!(
-        "## Budgets\n\n\
-         What `bake --estimate` says against what the bake takes, with 16 samples of a pixel: the greatest resident set of the process,\n\
+        "What `bake --estimate` says against what the bake takes, with 16 samples of a pixel: the greatest resident set of the process,\n\
          reading the scene included, and the seconds from the start of the bake. {}\n\n{}\n\n\
          | scene | picture | MB said | taken | off | s said | taken | off | file, off |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
         load_words(),

@@ -59,8 +59,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         rows += &of_scene(desk, &path)?;
     }
     Ok(format!(
-        "## Cancels\n\n\
-         A bake of {} × {} pixels with {PATCHES} patches and irradiance is cancelled at moments spread over each of its stages, and the\n\
+        "A bake of {} × {} pixels with {PATCHES} patches and irradiance is cancelled at moments spread over each of its stages, and the\n\
          time is taken until all its threads are free. What cannot be cancelled in the window goes on beside it, and its result is\n\
          dropped: the window itself never waits. Asked for: {:.0} ms.\n\n\
          {}\n\n\

@@ -1,0 +1,42 @@
+//! Bakes of a scene as it was, from which a bake of the scene as it is takes over what is still right.
+
+use clerestory_transport::bake::{Bake, BakeHeader};
+use clerestory_transport::figures::Figures;
+
+use super::{Session, Source};
+
+impl Session {
+    /// Before what is open goes: its bakes stay, if the same file is opened again.
+    pub(super) fn keep_earlier(&mut self, next: Option<&Source>) {
+        let is_same =
+            self.opened.as_ref().and_then(|opened| opened.source.as_ref()).is_some_and(|old| Some(old) == next);
+        if !is_same {
+            self.earlier.clear();
+        }
+        if is_same && self.shown.is_some() {
+            self.earlier = self.whole_bakes();
+        }
+    }
+
+    /// What a bake that is to start may take columns from.
+    pub(super) fn earlier_bakes(&self) -> Vec<Bake> {
+        let mut bakes = self.whole_bakes();
+        bakes.extend(self.earlier.iter().cloned());
+        bakes
+    }
+
+    /// A view was baked again: what there was of it before is of no use any more.
+    pub(super) fn forget_earlier(&mut self, header: &BakeHeader) {
+        let view = |header: &BakeHeader| header.grounds.as_ref().map(|grounds| grounds.view.clone());
+        self.earlier.retain(|bake| view(&bake.header) != view(header));
+    }
+}
+
+/// What a finished bake tells.
+pub(super) fn baked_words(figures: &Figures) -> String {
+    let baked = format!("Baked at {:.1} dB", figures.error_db.total);
+    match figures.skipped.reused_columns {
+        0 => baked,
+        n => format!("{baked}; {n} of {} columns taken over", figures.columns),
+    }
+}

@@ -1,0 +1,204 @@
+//! The sky in the window, driven by its labels: baked, turned, exchanged, moved by hand and by the clock.
+
+#![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
+
+mod desk;
+
+use clerestory::look::Look;
+use clerestory::session::{BakeState, Source};
+use clerestory_transport::sky::{SkySetting, SunPlace};
+use eframe::egui::{Event, Vec2, vec2};
+use egui_kittest::kittest::{NodeT, Queryable};
+
+use desk::{Dropped, Window, click, drag, open, wait};
+
+/// The room without ceiling, front and back, so that the sky is seen and lights it.
+fn court() -> Source {
+    let gltf = include_str!("room.gltf").replace("\"count\": 36", "\"count\": 18");
+    Source::Bytes { name: "court.gltf".into(), bytes: gltf.into() }
+}
+
+fn settle(window: &mut Window) {
+    wait(window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+}
+
+/// The court, baked with the sky that the button gives.
+fn under_the_sky() -> Window {
+    let mut window = open(court());
+    settle(&mut window);
+    click(&mut window, "Sky");
+    click(&mut window, "Bake with sky");
+    wait(&mut window, |app| app.session().basis().is_some_and(|basis| basis.sky.is_some()));
+    settle(&mut window);
+    window
+}
+
+fn sky(window: &Window) -> SkySetting {
+    window.state().look().lights.sky.clone().unwrap_or_default()
+}
+
+fn angles(window: &Window) -> (f64, f64) {
+    match sky(window).sun.unwrap().place {
+        SunPlace::Angles { azimuth_deg, elevation_deg } => (azimuth_deg, elevation_deg),
+        SunPlace::Time { .. } => panic!("the sun stands by time"),
+    }
+}
+
+/// The picture that the window shows, by way of the clipboard.
+fn copied(window: &mut Window) -> eframe::egui::ColorImage {
+    use eframe::egui::OutputCommand;
+    window.event(Event::Copy);
+    for _ in 0..2000 {
+        window.step();
+        let picture = window.output().platform_output.commands.iter().find_map(|command| match command {
+            OutputCommand::CopyImage(image) => Some(image.clone()),
+            _ => None,
+        });
+        if let Some(picture) = picture {
+            return picture;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    panic!("nothing was copied");
+}
+
+fn choose(window: &mut Window, combo: &str, item: &str) {
+    click(window, combo);
+    click(window, item);
+}
+
+#[test]
+fn a_scene_without_a_sky_gets_one_by_a_button_and_the_sun_keeps_its_column() {
+    let mut window = open(court());
+    settle(&mut window);
+    assert!(window.query_by_label("Dome of the sky").is_none());
+    click(&mut window, "Sky");
+    window.get_by_label_contains("this bake has none");
+    click(&mut window, "Bake with sky");
+    wait(&mut window, |app| app.session().basis().is_some_and(|basis| basis.sky.is_some()));
+    settle(&mut window);
+    assert_eq!(angles(&window), (135.0, 40.0));
+    let basis = window.state().session().basis().unwrap().clone();
+    assert!(basis.keeps_its_sun(&basis.sky_light(&window.state().look().lights).unwrap()));
+    window.get_by_label("Dome of the sky");
+    assert!(window.query_by_label_contains("no column of its own").is_none());
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default(), "the sky of the look is one step");
+}
+
+#[test]
+fn the_sun_is_dragged_on_the_dome_and_says_that_it_is_soft_there() {
+    let mut window = under_the_sky();
+    let before = copied(&mut window);
+    let dome = window.get_by_label("Dome of the sky").rect().center();
+    drag(&mut window, dome + vec2(40.0, 0.0), dome + vec2(0.0, 32.0));
+    let (azimuth, elevation) = angles(&window);
+    // Half of the way from the zenith to the horizon, on the side of +Z.
+    assert!((azimuth - 180.0).abs() < 0.1 && (elevation - 45.0).abs() < 0.1, "{azimuth} {elevation}");
+    window.get_by_label_contains("no column of its own");
+    window.get_by_label_contains("In the south, azimuth 180.0°, 45.0° high");
+    wait(&mut window, |app| app.is_settled());
+    assert_ne!(copied(&mut window).pixels, before.pixels, "another sun is another picture");
+    click(&mut window, "Undo");
+    assert_eq!(angles(&window), (135.0, 40.0), "a drag is one step");
+
+    click(&mut window, "Redo");
+    click(&mut window, "Bake this sky");
+    settle(&mut window);
+    wait(&mut window, |app| {
+        let light = |app: &clerestory::app::App| app.session().basis()?.sky_light(&app.look().lights);
+        app.session().basis().zip(light(app)).is_some_and(|(basis, light)| basis.keeps_its_sun(&light))
+    });
+}
+
+#[test]
+fn a_sky_without_a_sun_is_turned_by_hand_and_kept_in_looks() {
+    let folder = std::env::temp_dir().join(format!("clerestory-sky-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let map = image::Rgb32FImage::from_fn(16, 8, |x, _| image::Rgb([if x < 8 { 0.1 } else { 4.0 }; 3]));
+    image::DynamicImage::ImageRgb32F(map).save(folder.join("half.hdr")).unwrap();
+
+    let mut window = under_the_sky();
+    let file = std::sync::Arc::new(Dropped(folder.join("half.hdr")));
+    window.input_mut().dropped_files.push(file);
+    wait(&mut window, |app| app.look().lights.sky.as_ref().is_some_and(|sky| sky.file.is_some()) && app.is_settled());
+    assert_eq!(sky(&window).sun, None);
+    let before = copied(&mut window);
+    let dome = window.get_by_label("Dome of the sky").rect().center();
+    // A quarter clockwise as seen from above, in steps of the pointer along the circle.
+    let at = |share: f32| dome + 40.0 * Vec2::angled(share * std::f32::consts::FRAC_PI_2);
+    window.hover_at(at(0.0));
+    window.run_steps(2);
+    window.drag_at(at(0.0));
+    window.run_steps(2);
+    for step in 1..=6 {
+        window.hover_at(at(step as f32 / 6.0));
+        window.run_steps(2);
+    }
+    window.drop_at(at(1.0));
+    window.run_steps(3);
+    assert!((sky(&window).rotation_deg + 90.0).abs() < 2.0, "{}", sky(&window).rotation_deg);
+    wait(&mut window, |app| app.is_settled());
+    assert_ne!(copied(&mut window).pixels, before.pixels);
+
+    let path = folder.join("evening.look");
+    window.state().look().save(&path).unwrap();
+    let json = std::fs::read_to_string(&path).unwrap();
+    assert!(json.contains("\"half.hdr\""), "named within its folder: {json}");
+    let (back, warnings) = Look::load_readable(&path).unwrap();
+    assert_eq!((&back, warnings.len()), (window.state().look(), 0));
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
+    let mut window = under_the_sky();
+    click(&mut window, "By date and place");
+    let hour = |window: &Window| match sky(window).sun.unwrap().place {
+        SunPlace::Time { time, .. } => time.hour,
+        SunPlace::Angles { .. } => panic!("the sun stands by angle"),
+    };
+    let (at_ten, ev) = (sky(&window), window.state().shown_ev());
+    assert_eq!(hour(&window), 10.0);
+    click(&mut window, "Play the day");
+    wait(&mut window, |app| match app.look().lights.sky.as_ref().unwrap().sun.unwrap().place {
+        SunPlace::Time { time, .. } => time.hour > 20.0,
+        SunPlace::Angles { .. } => false,
+    });
+    click(&mut window, "Play the day");
+    let evening = hour(&window);
+    wait(&mut window, |app| app.is_settled());
+    assert_eq!(hour(&window), evening, "it stays where it was paused");
+    assert!(window.state().shown_ev() > ev + 0.5, "an evening is darker: {} {ev}", window.state().shown_ev());
+    assert!(sky(&window).map.unwrap() != at_ten.map.clone().unwrap(), "the sky goes with its sun");
+    click(&mut window, "Undo");
+    assert_eq!(sky(&window), at_ten);
+}
+
+#[test]
+fn kinds_of_sky_intensity_and_days_are_set_by_their_fields() {
+    let mut window = under_the_sky();
+    choose(&mut window, "Kind of sky", "Uniform");
+    assert_eq!((sky(&window).file.as_deref(), sky(&window).sun), (Some("uniform"), None));
+    let pi = window.get_by_label("3.1 lx").rect();
+    assert!(pi.width() > 0.0, "1 cd/m² from everywhere gives π lx");
+    let typed = |window: &mut Window, field: &str, text: &str| {
+        click(window, field);
+        window.run_steps(2);
+        window.event(Event::Text(text.into()));
+        window.key_press(eframe::egui::Key::Enter);
+        window.run_steps(3);
+    };
+    typed(&mut window, "Intensity of the sky in EV", "2");
+    assert_eq!(sky(&window).intensity, 4.0);
+    window.get_by_label("12.6 lx");
+    choose(&mut window, "Kind of sky", "As baked");
+    assert_eq!(sky(&window), SkySetting { intensity: 4.0, ..SkySetting::default() });
+    choose(&mut window, "Kind of sky", "Sun and clear sky");
+    click(&mut window, "By date and place");
+    typed(&mut window, "Day", "31");
+    choose(&mut window, "Month", "February");
+    let SunPlace::Time { time, .. } = sky(&window).sun.unwrap().place else { panic!("by angle") };
+    assert_eq!(time.date, (2026, 2, 28), "there is no 31st of February");
+    assert!(window.get_by_label("Time of day").accesskit_node().numeric_value() == Some(600.0));
+}

@@ -1,0 +1,95 @@
+//! What the columns of a bake rest on, so that a later bake can tell which of them are still right.
+
+use serde::{Deserialize, Serialize};
+
+use super::{BakeJob, TILE};
+use crate::emitters::{Emitter, Lighting, ShiningTriangle};
+use crate::fingerprint::{digest, of_surfaces};
+use crate::prepared::PreparedScene;
+use crate::scene::PunctualLight;
+use crate::skips::Skip;
+
+/// Hashes of all that decides the columns of a bake. A column rests on all surfaces, the view, the settings and its own light; on
+/// no other light, and not on how strong, how colored or how called its own one is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Grounds {
+    /// Of the surfaces and how they scatter.
+    pub surfaces: String,
+    /// Of the camera and the size of the picture.
+    pub view: String,
+    /// Of the settings, the skips, the rows of irradiance and the version of the program.
+    pub settings: String,
+    /// Of each source of the basis: where it shines from, and how its light is spread.
+    pub lights: Vec<String>,
+}
+
+/// Before the hash of a lamp without strength in its file: its columns may never have been traced.
+const OFF: &str = "off-";
+
+impl Grounds {
+    /// A hash of all but the lights: bakes that share it may have columns in common.
+    pub fn common(&self) -> String {
+        hash_of([&self.surfaces[..], &self.view, &self.settings].concat().as_bytes())
+    }
+}
+
+impl BakeJob {
+    /// What its columns will rest on.
+    pub fn grounds(&self) -> Grounds {
+        let skips: Vec<Skip> = self.scene.skips.off().into_iter().filter(|skip| *skip != Skip::Reuse).collect();
+        let settings = (env!("CARGO_PKG_VERSION"), &self.config, skips, &self.irradiance);
+        let settings = serde_json::to_vec(&settings).expect("settings always have a JSON form");
+        let view = format!("{:?} {} {} {TILE}", self.camera, self.film.width, self.film.height);
+        let n_lights = self.scene.lighting.emitters.len();
+        Grounds {
+            surfaces: of_surfaces(&self.scene.scene),
+            view: hash_of(view.as_bytes()),
+            settings: hash_of(&settings),
+            lights: (0..n_lights).map(|source| of_light(&self.scene, source)).collect(),
+        }
+    }
+}
+
+/// Whether columns of a light are right for another one, both as [`Grounds::lights`] has them.
+pub(super) fn serves(earlier: &str, wanted: &str) -> bool {
+    earlier == wanted || wanted.strip_prefix(OFF) == Some(earlier)
+}
+
+fn hash_of(bytes: &[u8]) -> String {
+    format!("{:016x}", digest(bytes))
+}
+
+fn of_light(prepared: &PreparedScene, source: usize) -> String {
+    let Lighting { basis, emitters, .. } = &prepared.lighting;
+    let scene = &prepared.scene;
+    let texture = |triangle: u32| {
+        let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
+        format!("{:?}", material.emissive_texture)
+    };
+    let words = match &emitters[source] {
+        Emitter::Punctual(light) => {
+            let profile = light.profile.and_then(|profile| scene.profiles.get(profile as usize));
+            let profile = profile.map(|profile| hash_of(&profile.light_bytes()));
+            let white =
+                PunctualLight { node: 0, profile: None, color: glam::Vec3::ONE, intensity: 1.0, ..light.clone() };
+            format!("{white:?} {profile:?}")
+        }
+        // Where the triangles lie, the surfaces tell. Another strength moves the last digits of the shares.
+        Emitter::Surface(surface) => {
+            let triangle = |t: &ShiningTriangle| format!("{} {:.5} {}", t.triangle, t.white(), texture(t.triangle));
+            surface.triangles.iter().map(triangle).collect::<Vec<_>>().join(" ")
+        }
+        Emitter::Panel(panel) => format!("{panel:?} {}", texture(panel.triangle)),
+        Emitter::Dome(_) => format!("{:?}", basis.sources[source].kind),
+        Emitter::Environment(_) => {
+            let sky = basis.sky.as_ref().map(|sky| (sky.rotation_deg, sky.map.fingerprint()));
+            format!("sky {sky:?}")
+        }
+        Emitter::Sun(sun) => format!("{sun:?}"),
+        Emitter::Lamp(lamp) => format!("{lamp:?}"),
+        Emitter::Sky => "uniform sky".into(),
+        Emitter::Constant => "unlit".into(),
+    };
+    let is_off = matches!(&emitters[source], Emitter::Punctual(light) if light.intensity == 0.0);
+    format!("{}{}", if is_off { OFF } else { "" }, hash_of(words.as_bytes()))
+}

@@ -1,0 +1,277 @@
+//! A bake that takes columns over from an earlier one is the bake of its scene.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use clerestory_nystrom::BlockFactors;
+use glam::Vec3;
+
+use super::stage::{Stage, lambert, pane, quad, room};
+use super::walks::assert_same_mean;
+use crate::archive::{self, Restart};
+use crate::bake::focus::Focus;
+use crate::bake::reuse::NothingKept;
+use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, HalfDone, Passes};
+use crate::basis::LightSource;
+use crate::camera::{Camera, Film};
+use crate::irradiance::IrradianceRows;
+use crate::light::LightRig;
+use crate::matrix::CHANNELS;
+use crate::prepared::PreparedScene;
+use crate::scene::Scene;
+use crate::skips::{Skip, Skips};
+
+const FILM: Film = Film { width: 48, height: 32 };
+
+/// A room with a panel, a shining quad and two lamps; `change` is what was done to the file.
+fn scene(change: impl FnOnce(&mut Scene)) -> Scene {
+    let camera = Camera::look_at("inside", Vec3::new(0.3, 0.1, 0.9), Vec3::new(-0.2, -0.3, -1.0), 1.1, 1.5);
+    let stage = Stage::new(camera)
+        .surface("walls", &room(Vec3::new(1.0, 0.8, 1.2)), lambert(0.6, 0.0))
+        .surface("table", &quad(Vec3::new(-0.4, -0.4, -0.4), Vec3::Z * 0.6, Vec3::X * 0.6), lambert(0.5, 0.0))
+        .surface("pane", &quad(Vec3::new(-0.9, -0.2, 0.0), Vec3::X * 0.5, Vec3::Y * 0.5), pane())
+        .surface("strip", &quad(Vec3::new(0.6, 0.6, -1.0), Vec3::X * 0.3, Vec3::Z * 0.3), lambert(0.1, 4.0))
+        .panel("panel", &quad(Vec3::new(-0.5, 0.75, -0.5), Vec3::X * 0.6, Vec3::Z * 0.6), 3.0, 4)
+        .lamp("left", Vec3::new(-0.6, 0.5, 0.2), 1.0)
+        .lamp("right", Vec3::new(0.7, 0.3, -0.6), 2.0);
+    let mut scene = stage.prepared().scene;
+    change(&mut scene);
+    scene
+}
+
+fn add_lamp(scene: &mut Scene) {
+    let mut node = scene.nodes[scene.punctual[0].node as usize].clone();
+    (node.index, node.name) = (scene.nodes.len() as u32, Some("new".into()));
+    let mut lamp = scene.punctual[0].clone();
+    (lamp.node, lamp.position, lamp.intensity) = (node.index, Vec3::new(0.1, -0.1, -0.9), 0.5);
+    scene.nodes.push(node);
+    scene.punctual.push(lamp);
+}
+
+fn job(scene: Scene) -> BakeJob {
+    job_with(scene, Skips::default())
+}
+
+fn job_with(scene: Scene, skips: Skips) -> BakeJob {
+    let scene = PreparedScene::with_skips(scene, &[], None, skips).expect("a stage has valid lights").0;
+    let camera = scene.scene.cameras[0].clone();
+    let config = BakeConfig { spp: 32, tolerance_db: 50.0, ..BakeConfig::default() };
+    let (passes, irradiance) = (Passes::FinalOnly, vec![IrradianceRows::Pixels]);
+    BakeJob { scene: Arc::new(scene), camera, film: FILM, config, passes, irradiance }
+}
+
+fn baked(job: BakeJob) -> Bake {
+    job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+}
+
+/// The bake of a job with what an earlier one has, and how many of its columns were traced.
+fn rebaked(job: BakeJob, earlier: &Bake) -> (Bake, usize) {
+    let reuse = job.reuse(earlier).expect("something is the same");
+    let n_traced = reuse.n_traced_columns();
+    assert_eq!(reuse.n_kept_columns() + n_traced, job.scene.lighting.basis.n_cols());
+    let bake = job.run_reusing(&reuse, &Focus::default(), None, |_| ControlFlow::Continue(()));
+    (bake.expect("the job is valid").expect("nobody stops it"), n_traced)
+}
+
+/// One column of a matrix, 0 being the picture, at unit light.
+fn column(bake: &Bake, matrix: usize, key: &str) -> Vec<f32> {
+    let LightSource { columns, .. } = bake.header.basis.source(key).expect("the light is there");
+    let (groups, scale) = match matrix {
+        0 => (&bake.groups, &bake.header.column_scale),
+        _ => (&bake.irradiance[matrix - 1], &bake.header.irradiance[matrix - 1].column_scale),
+    };
+    let place = bake.header.basis.groups.iter().position(|group| group.columns.contains(&columns.start));
+    let place = place.expect("every column has a group");
+    let start = bake.header.basis.groups[place].columns.start;
+    let unit: Vec<f32> = (0..groups[place].n_cols)
+        .map(|col| if columns.contains(&(start + col)) { 1.0 / scale[(start + col) as usize] } else { 0.0 })
+        .collect();
+    groups[place].apply(&unit)
+}
+
+/// Green light under the file's own lights, mean by mean over 8 × 8 pixels.
+fn means(bake: &Bake, key: Option<&str>) -> Vec<f64> {
+    let rows: Vec<f32> = match key {
+        Some(key) => column(bake, 0, key),
+        None => {
+            let mut sum = vec![0.0; CHANNELS * FILM.n_pixels()];
+            for (group, light) in bake.groups.iter().zip(bake.header.coefficients(&LightRig::default())) {
+                let green: Vec<f32> = light.iter().map(|rgb| rgb[1]).collect();
+                sum.iter_mut().zip(group.apply(&green)).for_each(|(sum, value)| *sum += value);
+            }
+            sum
+        }
+    };
+    let mut means = vec![0.0; FILM.n_pixels() / 64];
+    for (pixel, rgb) in rows.chunks_exact(CHANNELS).enumerate() {
+        let (x, y) = (pixel % FILM.width as usize / 8, pixel / FILM.width as usize / 8);
+        means[y * (FILM.width as usize / 8) + x] += f64::from(rgb[1]) / 64.0;
+    }
+    means
+}
+
+fn bytes_of(bake: &Bake) -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("there is room");
+    let path = folder.path().join("a.transport");
+    archive::write(bake, &path).expect("it can be written");
+    std::fs::read(path).expect("it was just written")
+}
+
+const OLD: [&str; 4] = ["strip", "left", "right", "panel"];
+
+#[test]
+fn a_new_lamp_is_traced_alone_and_the_other_columns_stay_to_the_last_bit() {
+    let earlier = baked(job(scene(|_| {})));
+    let (again, n_traced) = rebaked(job(scene(add_lamp)), &earlier);
+    assert_eq!(n_traced, 1);
+    assert_eq!(again.figures().skipped.reused_columns, 19);
+    for key in OLD {
+        assert!((0..2).all(|matrix| column(&again, matrix, key) == column(&earlier, matrix, key)), "{key}");
+    }
+    for (kept, before) in again.groups.iter().zip(&earlier.groups) {
+        assert!(kept.blocks == before.blocks, "its factors are the same");
+    }
+    let full = baked(job(scene(add_lamp)));
+    for key in [None, Some("new"), Some("left")] {
+        assert_same_mean(&means(&again, key), &means(&full, key), 3e-2, "a picture with columns of an earlier bake");
+    }
+    // It is a bake as any other: its file comes back, and serves the next one.
+    let read = archive::decode(&bytes_of(&again), std::path::Path::new("a.transport")).expect("it is whole");
+    assert!(read.header == again.header && bytes_of(&read) == bytes_of(&again));
+    let (third, n_traced) = rebaked(job(scene(add_lamp)), &read);
+    assert!(n_traced == 0 && column(&third, 0, "new") == column(&again, 0, "new"));
+}
+
+#[test]
+fn what_a_file_says_of_strength_color_and_name_needs_no_rays() {
+    let earlier = baked(job(scene(|_| {})));
+    let change = |scene: &mut Scene| {
+        (scene.punctual[0].intensity, scene.punctual[0].color) = (7.0, Vec3::new(1.0, 0.5, 0.2));
+        let (strip, left) = (3, scene.punctual[0].node as usize);
+        scene.materials[strip].emissive_strength = 11.7;
+        scene.materials[strip].emissive = Vec3::new(0.3, 0.9, 0.4);
+        scene.nodes[left].name = Some("renamed".into());
+    };
+    let (again, n_traced) = rebaked(job(scene(change)), &earlier);
+    assert_eq!(n_traced, 0);
+    assert_eq!(column(&again, 0, "renamed"), column(&earlier, 0, "left"));
+    let full = baked(job(scene(change)));
+    assert_same_mean(&means(&again, None), &means(&full, None), 3e-2, "a picture under other strengths");
+}
+
+#[test]
+fn a_lamp_that_is_gone_leaves_its_group_and_one_that_moved_is_traced_again() {
+    let earlier = baked(job(scene(|_| {})));
+    let gone = |scene: &mut Scene| {
+        scene.punctual.remove(0);
+    };
+    let (again, n_traced) = rebaked(job(scene(gone)), &earlier);
+    assert!(n_traced == 0 && again.header.basis.source("left").is_none());
+    assert_eq!(column(&again, 0, "panel"), column(&earlier, 0, "panel"));
+    // Its group was packed again: that costs a share of the error, which it tells.
+    let error = |bake: &Bake| bake.figures().error_db.total;
+    assert!(error(&again) > error(&earlier) - 1.0, "{} after {}", error(&again), error(&earlier));
+    let (a, b) = (column(&again, 0, "right"), column(&earlier, 0, "right"));
+    let square = |values: &mut dyn Iterator<Item = f32>| values.map(|x| f64::from(x).powi(2)).sum::<f64>();
+    let off = square(&mut a.iter().zip(&b).map(|(a, b)| a - b)) / square(&mut b.iter().copied());
+    assert!(off < 1e-3, "packed again, it is off by {off} of its square");
+
+    let moved = |scene: &mut Scene| scene.punctual[0].position.y -= 0.4;
+    let (again, n_traced) = rebaked(job(scene(moved)), &earlier);
+    assert_eq!(n_traced, 1);
+    let full = baked(job(scene(moved)));
+    for key in [None, Some("left"), Some("right")] {
+        assert_same_mean(&means(&again, key), &means(&full, key), 3e-2, "a picture with a lamp that moved");
+    }
+}
+
+#[test]
+fn what_every_column_sees_is_never_taken_over_when_it_has_changed() {
+    let earlier = baked(job(scene(|_| {})));
+    let why = |job: BakeJob| job.reuse(&earlier).err();
+    assert_eq!(why(job(scene(|_| {}))), None);
+    let table = 12;
+    assert_eq!(why(job(scene(|s| s.mesh.positions[3 * table].y -= 1e-4))), Some(NothingKept::Surfaces));
+    assert_eq!(why(job(scene(|s| s.materials[0].base_color.x += 0.01))), Some(NothingKept::Surfaces));
+    assert_eq!(why(job(scene(|s| s.materials[0].double_sided = true))), Some(NothingKept::Surfaces));
+    let plain = || job(scene(|_| {}));
+    let camera = Camera { yfov_rad: 1.2, ..plain().camera };
+    assert_eq!(why(BakeJob { camera, ..plain() }), Some(NothingKept::View));
+    assert_eq!(why(BakeJob { film: Film { width: 47, ..FILM }, ..plain() }), Some(NothingKept::View));
+    let config = BakeConfig { bounces: Some(2), ..plain().config };
+    assert_eq!(why(BakeJob { config, ..plain() }), Some(NothingKept::Settings));
+    assert_eq!(why(BakeJob { irradiance: Vec::new(), ..plain() }), Some(NothingKept::Settings));
+    assert_eq!(why(job_with(scene(|_| {}), Skips::default().without(Skip::Lobes))), Some(NothingKept::Settings));
+    assert_eq!(why(job_with(scene(|_| {}), Skips::default().without(Skip::Reuse))), Some(NothingKept::Off));
+    let others = |s: &mut Scene| {
+        s.punctual.clear();
+        s.materials[3].emissive = Vec3::ZERO;
+        s.materials[4].emissive = Vec3::ZERO;
+    };
+    assert_eq!(why(job(scene(others))), Some(NothingKept::Lights), "a uniform sky is none of them");
+    let unknown = Bake { packed: None, ..earlier.clone() };
+    assert_eq!(plain().reuse(&unknown).err(), Some(NothingKept::Unknown));
+}
+
+#[test]
+fn a_lamp_that_was_off_is_traced_once_it_is_on() {
+    let off = |scene: &mut Scene| scene.punctual[0].intensity = 0.0;
+    let earlier = baked(job(scene(off)));
+    assert!(column(&earlier, 0, "left").iter().all(|x| *x == 0.0), "nobody connected to it");
+    let (again, n_traced) = rebaked(job(scene(|_| {})), &earlier);
+    assert!(n_traced == 1 && column(&again, 0, "left").iter().any(|x| *x > 0.0));
+    // The other way round its columns are there.
+    assert_eq!(rebaked(job(scene(off)), &again).1, 0);
+}
+
+#[test]
+fn a_stopped_bake_of_what_is_new_goes_on_and_the_events_are_of_the_whole() {
+    let earlier = baked(job(scene(|_| {})));
+    let again = || job(scene(add_lamp));
+    let reuse = again().reuse(&earlier).expect("something is the same");
+    let (mut header, mut blocks) = (None, Vec::new());
+    let stopped = again().run_reusing(&reuse, &Focus::default(), None, |event| {
+        match event {
+            BakeEvent::Started { header: of_whole, .. } => header = Some(of_whole),
+            BakeEvent::BlockDone { block_idx, factors, .. } => blocks.push((block_idx, factors)),
+            _ => {}
+        }
+        if blocks.len() == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(stopped.expect("the job is valid").is_none());
+    let header = header.expect("it began");
+    let shape = |factors: &Vec<Arc<BlockFactors>>| factors.iter().map(|f| f.n_cols as usize).collect::<Vec<_>>();
+    let groups: Vec<usize> = header.basis.groups.iter().map(|group| group.columns.len()).collect();
+    assert!(blocks.iter().all(|(_, factors)| shape(factors) == groups));
+    let begun = HalfDone { header, blocks };
+    let (mut n_traced, mut n_told) = (0, 0);
+    let resumed = again().run_reusing(&reuse, &Focus::default(), Some(begun), |event| {
+        n_told += usize::from(matches!(event, BakeEvent::BlockDone { .. }));
+        n_traced += usize::from(matches!(event, BakeEvent::Progress { .. }));
+        ControlFlow::Continue(())
+    });
+    let resumed = resumed.expect("the job is valid").expect("nobody stops it");
+    assert_eq!(bytes_of(&resumed), bytes_of(&rebaked(again(), &earlier).0));
+    assert!(n_told == 6 && n_traced < 6 + 6, "{n_told} blocks, {n_traced} of both matrices traced");
+}
+
+#[test]
+fn a_file_is_baked_again_in_place_and_taken_up_where_it_stood() {
+    let folder = tempfile::tempdir().expect("there is room");
+    let path = folder.path().join("a.transport");
+    let go_on = |_: BakeEvent| ControlFlow::Continue(());
+    let earlier = archive::bake_to_file(job(scene(|_| {})), &path, Restart::Resume, go_on);
+    let earlier = earlier.expect("it can be written").expect("nobody stops it");
+    let again = || job(scene(add_lamp));
+    let reuse = again().reuse(&earlier).expect("something is the same");
+    let mut n_blocks = 0;
+    let stopped = archive::rebake_to_file(again(), &reuse, &path, Restart::Resume, |event| {
+        n_blocks += usize::from(matches!(event, BakeEvent::BlockDone { .. }));
+        if n_blocks == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(stopped.expect("it can be written").is_none() && archive::part_of(&path).exists());
+    assert_eq!(archive::read(&path).expect("it is whole").header, earlier.header, "it is there until the end");
+    archive::rebake_to_file(again(), &reuse, &path, Restart::Resume, go_on).expect("it can be written");
+    let expected = rebaked(again(), &earlier).0;
+    assert_eq!(std::fs::read(&path).expect("it was written"), bytes_of(&expected));
+}
