@@ -95,6 +95,8 @@ pub enum Action {
     PlayTimeline,
     /// Write the frames of the timeline.
     ExportFrames(PathBuf),
+    /// Write the pictures of all snapshots on one sheet.
+    SaveSheet(PathBuf),
     /// Stop writing frames; those that are there stay.
     CancelFrames,
     /// Take a file as the scene of the bake that was opened.
@@ -146,6 +148,8 @@ pub enum FileTask {
     ExportGltf,
     /// Names for the frames of the timeline.
     ExportFrames,
+    /// A place for the sheet of looks.
+    SaveSheet,
     /// A place for the bake.
     SaveBake,
     /// The distribution of a lamp.
@@ -171,6 +175,7 @@ impl FileTask {
             FileTask::Export => "Export the picture",
             FileTask::ExportFrames => "Export the frames",
             FileTask::ExportGltf => "Save the scene with its lights",
+            FileTask::SaveSheet => "Save a contact sheet of the looks",
             FileTask::SaveBake => "Save the bake",
             FileTask::OpenProfile => "Open the profile of a lamp",
             FileTask::FindScene => "Choose the scene of this bake",
@@ -187,6 +192,7 @@ impl FileTask {
             FileTask::OpenPictures => ("Folders", &[]),
             FileTask::OpenLook | FileTask::SaveLook => ("Looks", &["look"]),
             FileTask::Export | FileTask::ExportFrames => ("Pictures", &["png", "exr"]),
+            FileTask::SaveSheet => ("Pictures", &["png"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
             FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
             FileTask::FindScene | FileTask::ExportGltf => ("glTF scenes", &["glb", "gltf"]),
@@ -209,6 +215,7 @@ impl FileTask {
                 | FileTask::Export
                 | FileTask::ExportFrames
                 | FileTask::ExportGltf
+                | FileTask::SaveSheet
                 | FileTask::SaveBake
                 | FileTask::SaveSchedule
         )
@@ -226,6 +233,7 @@ impl FileTask {
             FileTask::Export => Action::ExportImage(path),
             FileTask::ExportFrames => Action::ExportFrames(path),
             FileTask::ExportGltf => Action::ExportGltf(path),
+            FileTask::SaveSheet => Action::SaveSheet(path),
             FileTask::SaveBake => Action::SaveBake(path),
             FileTask::OpenProfile => Action::AddProfile(path),
             FileTask::FindScene => Action::UseScene(path),

@@ -366,12 +366,13 @@ impl App {
             Action::TakeLook(idx) => self.take_look(idx),
             Action::PlayTimeline => self.play_timeline(),
             Action::ExportFrames(path) => self.export_frames(&path),
+            Action::SaveSheet(path) => self.save_sheet(path),
             Action::ExportGltf(path) => self.export_gltf(path),
             Action::CancelFrames => self.session.cancel_frames(),
             Action::Solve => self.solve(),
             Action::AcceptSolution => self.accept_solution(),
             Action::DiscardSolution => self.discard_solution(),
-            Action::MatchPicture(path) => self.match_picture(&path),
+            Action::MatchPicture(path) => self.match_picture(path),
             Action::BakeIlluminance => self.bake_illuminance(),
             Action::SaveSchedule(path) => self.save_schedule(&path),
             Action::UseScene(path) => self.session.find_scene(path),
@@ -417,6 +418,7 @@ impl App {
             FileTask::SaveSchedule => format!("{stem}.csv"),
             FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
             FileTask::Export => format!("{stem}.png"),
+            FileTask::SaveSheet => format!("{stem}-looks.png"),
             FileTask::ExportFrames => format!("{stem}_####.png"),
             FileTask::ExportGltf => format!("{stem}-lit.glb"),
             FileTask::SaveBake => format!("{stem}.transport"),
@@ -574,11 +576,8 @@ impl App {
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
                 };
                 display_ui(ui, &mut self.look.display, &view);
-                ui.add_space(10.0);
                 self.camera_panel_ui(ui);
-                ui.add_space(10.0);
                 self.solving_ui(ui);
-                ui.add_space(10.0);
                 self.bake_panel_ui(ui);
             });
         });

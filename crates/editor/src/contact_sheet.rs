@@ -1,9 +1,14 @@
 //! Several pictures on one sheet, each with its name under it.
 
+use std::io::Write;
+
+use anyhow::Result;
 use image::RgbImage;
 
+use crate::export::png_bytes;
 use crate::legend::{INK, PAPER};
 use crate::lettering::Lettering;
+use crate::output::PendingFile;
 
 /// A picture and its name.
 pub struct Print {
@@ -35,6 +40,18 @@ pub fn contact_sheet(prints: &[Print]) -> RgbImage {
         letters.write(&mut sheet, &name, [left, top + print.picture.height() + line / 4], INK);
     }
     sheet
+}
+
+/// Writes the sheet of the pictures as PNG; answers its width and height in pixels.
+///
+/// # Errors
+/// If the file cannot be written.
+pub fn write_sheet(prints: &[Print], place: PendingFile) -> Result<(u32, u32)> {
+    let sheet = contact_sheet(prints);
+    let size = sheet.dimensions();
+    let bytes = png_bytes(&sheet.into())?;
+    place.commit(|writer| Ok(writer.write_all(&bytes)?))?;
+    Ok(size)
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! The one undoable document: how the lights are set and how the picture is shown. A `.look` file is this, as JSON.
 
+mod bookmarks;
 mod damage;
 pub mod display;
 pub mod fade;
@@ -19,6 +20,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use clerestory_transport::basis::{LightBasis, Unheeded};
+use clerestory_transport::camera::Camera;
 use clerestory_transport::light::LightRig;
 
 use crate::output::write_whole;
@@ -47,6 +49,8 @@ pub struct Look {
     pub on: Option<String>,
     /// Which of them is to be seen when.
     pub timeline: Timeline,
+    /// Views to come back to.
+    pub bookmarks: Vec<Camera>,
 }
 
 impl Look {

@@ -10,6 +10,7 @@ pub mod preview;
 pub mod prints;
 mod seen;
 pub mod shares;
+mod sheet;
 pub mod sky;
 mod task;
 pub mod views;
@@ -46,6 +47,7 @@ use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::export::ExportOptions;
 use crate::look::Look;
+use crate::look::snapshot::Snapshot;
 use crate::picture::Changed;
 use crate::sequence::Sequence;
 use crate::stills::Subject;
@@ -365,6 +367,13 @@ impl Session {
         Some(Subject { bake: shown.bake(), view })
     }
 
+    /// Whether every part of what is shown is there: not so while a first picture comes in.
+    pub fn is_whole(&self) -> bool {
+        let is_coming = matches!(self.bake, BakeState::Preparing | BakeState::Running { pass: 0, .. });
+        let is_there = |shown: &Shown| shown.frame.groups.iter().all(|group| group.blocks.iter().all(Option::is_some));
+        self.shown.as_ref().is_some_and(|shown| !is_coming || is_there(shown))
+    }
+
     /// What is new in the matrix since the last call.
     pub fn take_changed(&mut self) -> Changed {
         std::mem::take(&mut self.changed)
@@ -553,6 +562,13 @@ impl Session {
         let n_frames = sequence.n_frames();
         let task = self.spawn("frames", move |post| task::write_frames(&sequence, subject, &post));
         self.frames = task.map(|task| (task, (0, n_frames)));
+    }
+
+    /// Writes the pictures of looks on one sheet in the background.
+    pub fn save_sheet(&mut self, snapshots: Vec<Snapshot>, path: PathBuf) {
+        let Some(subject) = self.subject() else { return };
+        let task = self.spawn("sheet", move |post| sheet::write(&snapshots, subject, &path, &post));
+        self.others.extend(task);
     }
 
     /// Frames that are written, and how many there will be, while a sequence is under way.
@@ -939,5 +955,24 @@ mod tests {
         let bytes = include_bytes!("../tests/room.gltf").to_vec();
         session.open(Source::Bytes { name: "room.gltf".into(), bytes });
         wait(&mut session, |session| session.stage == Stage::Ready);
+    }
+
+    #[test]
+    fn a_first_picture_is_whole_once_every_block_is_there() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        assert!(!session.is_whole(), "nothing is shown");
+        let bytes = include_bytes!("../tests/room.gltf").to_vec();
+        session.open(Source::Bytes { name: "room.gltf".into(), bytes });
+        wait(&mut session, |session| session.stage == Stage::Ready);
+        let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
+        let film = Film { width: 32, height: 24 };
+        let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false };
+        session.start_bake(&settings, None, Passes::Progressive);
+        wait(&mut session, |session| session.bake == BakeState::Done);
+        assert!(session.is_whole());
+        session.bake = BakeState::Preparing;
+        assert!(session.is_whole(), "a view that is there stays while another is baked");
+        session.shown.as_mut().expect("a picture is shown").frame.groups[0].blocks[0] = None;
+        assert!(!session.is_whole());
     }
 }

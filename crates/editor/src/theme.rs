@@ -28,6 +28,9 @@ pub fn apply(ctx: &egui::Context) {
         style.spacing.menu_margin = Margin::same(8);
         style.spacing.slider_rail_height = 4.0;
         style.animation_time = 0.08;
+        // What does not fit shows that it goes on.
+        style.spacing.scroll =
+            egui::style::ScrollStyle { dormant_background_opacity: 0.0, ..egui::style::ScrollStyle::thin() };
     });
 }
 
@@ -94,5 +97,26 @@ fn widgets(v: &mut Visuals) -> [&mut egui::style::WidgetVisuals; 5] {
 pub fn section(ui: &mut egui::Ui, title: &str) {
     ui.add_space(4.0);
     ui.label(egui::RichText::new(title).heading().strong());
+    ui.separator();
+}
+
+/// Whether a section is unfolded before anybody touched it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fold {
+    /// Its content is seen.
+    Open,
+    /// Its title alone is seen.
+    Closed,
+}
+
+/// A section of the right panel that can be folded away.
+pub fn folding(ui: &mut egui::Ui, title: &str, fold: Fold, content: impl FnOnce(&mut egui::Ui)) {
+    ui.add_space(2.0);
+    let heading = egui::RichText::new(title).heading().strong();
+    let header = egui::CollapsingHeader::new(heading).id_salt(title).default_open(fold == Fold::Open);
+    header.show_unindented(ui, |ui| {
+        ui.add_space(2.0);
+        content(ui);
+    });
     ui.separator();
 }

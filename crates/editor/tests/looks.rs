@@ -185,6 +185,25 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
 }
 
 #[test]
+fn a_sheet_shows_every_look_once() {
+    let mut window = two_looks();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sheet.png");
+    click(&mut window, "Contact sheet…");
+    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Save");
+    wait(&mut window, |_| path.exists());
+    let sheet = image::open(&path).unwrap().to_rgb8();
+    // Two pictures of 64 × 48 between gaps as high as a line of letters.
+    let gap = sheet.width() / 3 - 64 * 2 / 3;
+    let part = |nth: u32| image::imageops::crop_imm(&sheet, gap + nth * (64 + gap), gap, 64, 48).to_image();
+    let (bright, dark) = (part(0), part(1));
+    let n_other = bright.pixels().zip(dark.pixels()).filter(|(one, other)| one != other).count();
+    assert!(n_other > 64 * 48 / 2, "{n_other} pixels tell the looks apart on {:?}", sheet.dimensions());
+}
+
+#[test]
 fn the_scene_is_saved_with_its_lights() {
     let mut window = two_looks();
     let folder = tempfile::tempdir().unwrap();

@@ -106,6 +106,30 @@ fn what_was_found_can_be_left_and_wishes_removed() {
 }
 
 #[test]
+fn a_picture_to_match_becomes_a_wish_and_what_is_none_is_told() {
+    let mut window = measured();
+    let folder = tempfile::tempdir().unwrap();
+    click(&mut window, "Solve for light");
+    let mut ask_for = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        click(&mut window, "Match picture…");
+        window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+        window.run_steps(3);
+        click(&mut window, "Open");
+        wait(&mut window, |app| !app.is_solving());
+        window.run_steps(2);
+        let told = window.query_all_by_label_contains("torn.png").count();
+        (window.query_by_label(&format!("Remove {name}")).is_some(), told)
+    };
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_pixel(64, 48, image::Rgb([90; 3])).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    assert_eq!(ask_for("wanted.png", png.get_ref()), (true, 0));
+    let (is_wish, n_told) = ask_for("torn.png", &png.get_ref()[..40]);
+    assert!(!is_wish && n_told > 0, "{n_told} words about it");
+}
+
+#[test]
 fn a_surface_is_marked_by_a_click_and_the_pointer_then_marks_instead_of_panning() {
     let mut window = measured();
     click(&mut window, "Measure");

@@ -239,6 +239,12 @@ fn verticals_are_straightened_and_bookmarks_are_kept() {
     turn_camera(&mut window);
     click(&mut window, "Bookmark");
     let tilted = window.state().camera().unwrap().clone();
+    let kept = window.state().look().bookmarks.clone();
+    assert!(kept.len() == 1 && kept[0].world_from_camera == tilted.world_from_camera, "the look has it");
+    click(&mut window, "Undo");
+    assert!(window.state().look().bookmarks.is_empty(), "one step");
+    click(&mut window, "Redo");
+    assert_eq!(window.state().look().bookmarks, kept);
     assert!(Pose::of(&tilted).pitch_rad.abs() > 0.02);
     click(&mut window, "Numbers");
     click(&mut window, "Straighten verticals");

@@ -1,43 +1,18 @@
 // Expand: left · z + sparse · x, one thread per pixel of a block, added to the radiance or to that of the other groups. Twin
 // of src/cpu/expand.rs.
 
-struct Block {
-    rank: u32,
-    n_pixels: u32,
-    x: u32,
-    y: u32,
-    width: u32,
-    left: u32,
-    right: u32,
-    z: u32,
-    sparse: u32,
-    n_sparse: u32,
-}
-
-struct Group {
-    n_cols: u32,
-    frame_width: u32,
-    n_segments: u32,
-    // What expand does: 0 adds, 1 sets, 2 sets where z moved.
-    mode: u32,
-    // Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
-    unseen: f32,
-}
-
 struct SparseTerm {
     // Column, and the channel in the upper two bits.
     col_channel: u32,
     value: f32,
 }
 
-@group(0) @binding(0) var<uniform> group: Group;
 @group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
 // The frame, row by row; the fourth component stays 0.
 @group(0) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 // The groups that do not move, summed.
 @group(0) @binding(3) var<storage, read> settled: array<vec4<f32>>;
 
-@group(1) @binding(0) var<storage, read> blocks: array<Block>;
 // Pairs of f16 (two components of one row). Of a block: pair by pair, channel by channel, pixel by pixel, so that
 // neighboring threads read neighboring words.
 @group(1) @binding(1) var<storage, read> left: array<u32>;
@@ -47,7 +22,6 @@ struct SparseTerm {
 @group(1) @binding(3) var<storage, read> sparse_starts: array<u32>;
 @group(1) @binding(4) var<storage, read> sparse_terms: array<SparseTerm>;
 
-const THREADS: u32 = 64u;
 const ADD: u32 = 0u;
 const SET_MOVED: u32 = 2u;
 

@@ -1,32 +1,6 @@
 // Gather: z = scale · sum over segments, one workgroup per block; where the block would change by less than is seen, z stays
 // what it was expanded from. Twin of src/cpu/project.rs and src/cpu/left.rs.
 
-struct Block {
-    rank: u32,
-    n_pixels: u32,
-    x: u32,
-    y: u32,
-    width: u32,
-    left: u32,
-    right: u32,
-    z: u32,
-    sparse: u32,
-    n_sparse: u32,
-}
-
-struct Group {
-    n_cols: u32,
-    frame_width: u32,
-    n_segments: u32,
-    // What expand does: 0 adds, 1 sets, 2 sets where z moved.
-    mode: u32,
-    // Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
-    unseen: f32,
-}
-
-@group(0) @binding(0) var<uniform> group: Group;
-
-@group(1) @binding(0) var<storage, read> blocks: array<Block>;
 // One per component: the largest magnitude of its left factor per channel, and its scale; all 0 of the padding component
 // of an odd rank.
 @group(1) @binding(1) var<storage, read> components: array<vec4<f32>>;
@@ -34,7 +8,6 @@ struct Group {
 // What blocks are to be expanded from. The fourth component says whether that moved.
 @group(1) @binding(3) var<storage, read_write> z: array<vec4<f32>>;
 
-const THREADS: u32 = 64u;
 var<workgroup> behind: array<vec3<f32>, THREADS>;
 
 @compute @workgroup_size(THREADS)

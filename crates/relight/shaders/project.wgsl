@@ -1,42 +1,16 @@
 // Project: right · x over one segment of columns, one workgroup per component of a block and segment. Twin of
 // src/cpu/project.rs; gather.wgsl sums the segments.
 
-struct Block {
-    rank: u32,
-    n_pixels: u32,
-    x: u32,
-    y: u32,
-    width: u32,
-    left: u32,
-    right: u32,
-    z: u32,
-    sparse: u32,
-    n_sparse: u32,
-}
-
-struct Group {
-    n_cols: u32,
-    frame_width: u32,
-    n_segments: u32,
-    // What expand does: 0 adds, 1 sets, 2 sets where z moved.
-    mode: u32,
-    // Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
-    unseen: f32,
-}
-
-@group(0) @binding(0) var<uniform> group: Group;
 // One per column, padded with zeros to an even number.
 @group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
 // Segments whose coefficients changed.
 @group(0) @binding(2) var<storage, read> segments: array<u32>;
 
-@group(1) @binding(0) var<storage, read> blocks: array<Block>;
 // Pairs of f16, row by row; every row starts at a word.
 @group(1) @binding(1) var<storage, read> right: array<u32>;
 // Of a block segment by segment, component by component (an even number of them).
 @group(1) @binding(2) var<storage, read_write> partials: array<vec4<f32>>;
 
-const THREADS: u32 = 64u;
 var<workgroup> partial: array<vec3<f32>, THREADS>;
 
 @compute @workgroup_size(THREADS)

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::display::{DisplayParams, Dither, Spacing, Tone, WhitePoint};
 
-/// `Block` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`: one tile with content. Positions count elements of their buffer.
+/// `Block` in `blocks.wgsl`: one tile with content. Positions count elements of their buffer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Block {
@@ -20,7 +20,7 @@ pub(crate) struct Block {
     pub n_sparse: u32,
 }
 
-/// `Group` in `project.wgsl`, `gather.wgsl` and `expand.wgsl`.
+/// `Group` in `blocks.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub(crate) struct Group {
@@ -112,11 +112,18 @@ pub(crate) enum Layered {
 /// White balance that changes nothing.
 const IDENTITY: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
+/// Source of a stage that works on blocks.
+macro_rules! of_blocks {
+    ($name:literal) => {
+        concat!(include_str!("../shaders/blocks.wgsl"), include_str!(concat!("../shaders/", $name, ".wgsl")))
+    };
+}
+
 /// Name and source of each stage.
 pub(crate) const SHADERS: [(&str, &str); 4] = [
-    ("project", include_str!("../shaders/project.wgsl")),
-    ("gather", include_str!("../shaders/gather.wgsl")),
-    ("expand", include_str!("../shaders/expand.wgsl")),
+    ("project", of_blocks!("project")),
+    ("gather", of_blocks!("gather")),
+    ("expand", of_blocks!("expand")),
     ("display", include_str!("../shaders/display.wgsl")),
 ];
 

@@ -1,6 +1,4 @@
-//! The camera in hand: the present view, its preview, bookmarks, and what is remembered of how it is moved.
-
-use std::collections::BTreeMap;
+//! The camera in hand: the present view, its preview, bookmarks in the look, and what is remembered of how it is moved.
 
 use anyhow::Result;
 use clerestory_transport::camera::{Camera, Film};
@@ -12,12 +10,11 @@ use crate::look::numbered_name;
 use crate::panels::camera::{CameraEdit, CameraView, camera_ui};
 use crate::session::preview::{PreviewOrder, Previewer};
 use crate::session::views::sees_alike;
-use crate::session::{Session, Source, Wake};
+use crate::session::{Session, Wake};
 use crate::viewport::flight::{FlightView, Habits, flight_ui, pivot_m};
 use crate::viewport::orbit::Flight;
 
 const HABITS_KEY: &str = "navigation";
-const BOOKMARKS_KEY: &str = "bookmarks";
 /// Distance to what is looked at where nothing is, meters.
 const FAR_M: f32 = 3.0;
 
@@ -29,8 +26,6 @@ pub(super) struct CameraDesk {
     pub is_moving: bool,
     pivot_m: f32,
     habits: Habits,
-    /// By scene.
-    bookmarks: BTreeMap<String, Vec<Camera>>,
     previewer: Previewer,
     texture: Option<TextureHandle>,
     ordered: Option<(Camera, Film)>,
@@ -44,7 +39,6 @@ impl CameraDesk {
             is_moving: false,
             pivot_m: FAR_M,
             habits: cc.storage.and_then(|s| eframe::get_value(s, HABITS_KEY)).unwrap_or_default(),
-            bookmarks: cc.storage.and_then(|s| eframe::get_value(s, BOOKMARKS_KEY)).unwrap_or_default(),
             previewer: Previewer::start(wake)?,
             texture: None,
             ordered: None,
@@ -53,7 +47,6 @@ impl CameraDesk {
 
     pub fn save(&self, storage: &mut dyn Storage) {
         eframe::set_value(storage, HABITS_KEY, &self.habits);
-        eframe::set_value(storage, BOOKMARKS_KEY, &self.bookmarks);
     }
 
     /// Takes in the newest preview, and orders one where the view is new.
@@ -76,12 +69,6 @@ impl CameraDesk {
     pub fn put_down(&mut self) {
         (self.is_moving, self.ordered, self.texture) = (false, None, None);
     }
-}
-
-/// Under which name bookmarks of what is open are kept.
-fn scene_key(session: &Session) -> String {
-    let Some(opened) = &session.opened else { return String::new() };
-    opened.path.as_ref().map_or_else(|| Source::BuiltIn.name(), |path| path.display().to_string())
 }
 
 impl App {
@@ -159,11 +146,10 @@ impl App {
             is_moving: self.camera.is_moving,
         };
         let desk = &mut self.camera;
-        let bookmarks = desk.bookmarks.entry(scene_key(&self.session)).or_default();
         let before = desk.camera.clone();
+        let bookmarks = &mut self.look.bookmarks;
         let edit = CameraEdit { camera: desk.camera.as_mut(), bookmarks, habits: &mut desk.habits };
         camera_ui(ui, &view, edit, &mut self.actions);
-        desk.bookmarks.retain(|_, kept| !kept.is_empty());
         if desk.camera != before {
             self.rename_view(before);
             self.move_camera();
@@ -173,8 +159,7 @@ impl App {
     /// A camera that was moved is no longer the one of its name.
     fn rename_view(&mut self, before: Option<Camera>) {
         let known = |camera: &Camera| self.session.cameras().contains(camera) || self.session.view_of(camera).is_some();
-        let key = scene_key(&self.session);
-        let is_kept = |camera: &Camera| self.camera.bookmarks.get(&key).is_some_and(|kept| kept.contains(camera));
+        let is_kept = |camera: &Camera| self.look.bookmarks.contains(camera);
         if !before.as_ref().is_some_and(|camera| known(camera) || is_kept(camera)) {
             return;
         }

@@ -90,7 +90,7 @@ impl Prints {
     fn order(&mut self, session: &Session, wanted: BTreeMap<Slot, Look>) {
         self.ordered.retain(|slot, _| wanted.contains_key(slot));
         self.textures.retain(|slot, _| wanted.contains_key(slot));
-        if wanted.is_empty() || session.n_whole == 0 {
+        if wanted.is_empty() || !session.is_whole() {
             self.subject = None;
             return;
         }
@@ -200,6 +200,20 @@ impl App {
         let spared = spare_inputs(&path, opened.iter().map(|scene| ("opened scene", scene.as_path())));
         match spared {
             Ok(()) => self.session.export_gltf(seen, path),
+            Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
+    /// Writes the pictures of all snapshots on one sheet.
+    pub(super) fn save_sheet(&mut self, path: PathBuf) {
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
+        let inputs = [("look", self.look_path.as_ref()), ("scene", opened.as_ref())];
+        let inputs = inputs.into_iter().filter_map(|(what, input)| Some((what, input?.as_path())));
+        match spare_inputs(&path, inputs) {
+            Ok(()) => {
+                self.say(format!("Writing {}", path.display()));
+                self.session.save_sheet(self.look.snapshots.clone(), path);
+            }
             Err(error) => self.complain(format!("{error:#}")),
         }
     }

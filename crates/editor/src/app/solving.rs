@@ -20,7 +20,7 @@ use crate::panels::solve::{SolveState, SolveView, solve_ui};
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
 use crate::session::{Session, Wake};
-use crate::solve::{LampColumn, Place, Scene, Solution, parse, solve};
+use crate::solve::{LampColumn, Place, Scene, Solution, Target, parse, solve};
 
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
@@ -36,6 +36,8 @@ pub(super) struct Solving {
     problem: Option<String>,
     surface: Option<String>,
     solving: Aside<Result<Solution, String>>,
+    /// A picture to match, by the name of its file.
+    reading: Aside<(String, Result<Target, String>)>,
     /// The lights as they were when solving began.
     solved_from: LightRig,
 }
@@ -89,6 +91,7 @@ impl Solving {
             problem: None,
             surface: None,
             solving: Aside::default(),
+            reading: Aside::default(),
             solved_from: LightRig::default(),
         }
     }
@@ -125,7 +128,11 @@ impl App {
 
     /// Whether something is measured or solved beside the window.
     pub fn is_solving(&self) -> bool {
-        self.solving.solving.is_busy() || self.solving.measuring.is_busy() || self.solving.looking.is_busy()
+        let solving = &self.solving;
+        solving.solving.is_busy()
+            || solving.measuring.is_busy()
+            || solving.looking.is_busy()
+            || solving.reading.is_busy()
     }
 
     /// What waits to be taken over.
@@ -143,6 +150,7 @@ impl App {
         let view = View::of(&self.session);
         self.take_seen(view.as_ref());
         self.take_solution();
+        self.take_target();
         self.measure(view.as_ref());
         if self.solving.state.solution.is_some() && self.look.lights != self.solving.solved_from {
             self.solving.state.solution = None;
@@ -277,14 +285,29 @@ impl App {
         self.solving.state.solution = None;
     }
 
-    /// A wish for a picture to be matched.
-    pub(super) fn match_picture(&mut self, path: &std::path::Path) {
-        match parse::picture(path, None) {
-            Ok(target) => {
-                let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    /// A wish for a picture to be matched, read beside the window.
+    pub(super) fn match_picture(&mut self, path: std::path::PathBuf) {
+        if self.solving.reading.is_busy() {
+            return self.complain("another picture is still being read; try again in a moment");
+        }
+        self.say(format!("Reading {}", path.display()));
+        let started = self.solving.reading.start("target", &self.solving.wake, move || {
+            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            (name, parse::picture(&path, None).map_err(|error| format!("{error:#}")))
+        });
+        if let Err(words) = started {
+            self.complain(words);
+        }
+    }
+
+    fn take_target(&mut self) {
+        match self.solving.reading.take() {
+            Some(Ok((name, Ok(target)))) => {
+                self.say(format!("{name} is among the wishes"));
                 self.solving.state.push(&name, Place::Whole, target);
             }
-            Err(error) => self.complain(format!("{error:#}")),
+            Some(Ok((_, Err(words))) | Err(words)) => self.complain(words),
+            None => {}
         }
     }
 
@@ -343,7 +366,6 @@ impl App {
             has_scene,
         };
         measure_ui(ui, &mut self.view.marking, &mut self.solving.schedule, &view, &mut self.actions);
-        ui.add_space(6.0);
         let grids = shown
             .map_or_else(Vec::new, |shown| shown.bake().grids().map(|(set, grid)| (set, grid.name.clone())).collect());
         let view = SolveView {

@@ -1,6 +1,5 @@
 //! `clerestory relight --contact-sheet`: one bake under several looks, side by side on one sheet.
 
-use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
@@ -14,8 +13,8 @@ use super::lamps::LampLight;
 use super::picture::options;
 use super::relight::{Lit, irradiance_for};
 use super::view::{load_look, spare_look, warn_of_unknown_lights};
-use crate::contact_sheet::{Print, contact_sheet};
-use crate::export::{ExportOptions, ImageFormat, Picture, png_bytes};
+use crate::contact_sheet::{Print, write_sheet};
+use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::Look;
 use crate::output::PendingFile;
 
@@ -56,10 +55,7 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
         told.push(json!({ "name": name, "look": path.display().to_string(), "exposure_ev": shown.exposure_ev }));
         prints.push(Print { name, picture });
     }
-    let sheet = contact_sheet(&prints);
-    let (width, height) = sheet.dimensions();
-    let bytes = png_bytes(&sheet.into())?;
-    place.commit(|writer| Ok(writer.write_all(&bytes)?))?;
+    let (width, height) = write_sheet(&prints, place)?;
     let (secs, output) = (begun.elapsed().as_secs_f64(), output.display().to_string());
     let words = format!("{output}: {} looks on {width}×{height} in {}", prints.len(), duration_words(secs));
     let json = json!({

@@ -62,7 +62,10 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let mut reader = Reader { warnings: &mut warnings, path, steps, text, on_fault };
     let document = reader.object(&value)?;
     check_version(document, &mut reader)?;
-    reader.report_unknown(document, &[&["clerestory", "names", "looks", "on", "timeline"], &LIGHTING[..]].concat());
+    reader.report_unknown(
+        document,
+        &[&["clerestory", "names", "looks", "on", "timeline", "bookmarks"], &LIGHTING[..]].concat(),
+    );
     let (lights, display) = reader.lighting(document)?;
     let snapshots = reader.optional(document, "looks", |reader, value| reader.snapshots(value))?.unwrap_or_default();
     let kept: Vec<&str> = snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect();
@@ -71,7 +74,9 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let timeline = reader.optional(document, "timeline", |reader, value| reader.timeline(value, &kept))?;
     let timeline = timeline.unwrap_or_default();
     let names = reader.entries(document, "names", |reader, value| reader.text(value))?;
-    Ok((Look { lights, names, display, snapshots, on, timeline }, warnings))
+    let bookmarks =
+        reader.optional(document, "bookmarks", |reader, value| reader.bookmarks(value))?.unwrap_or_default();
+    Ok((Look { lights, names, display, snapshots, on, timeline, bookmarks }, warnings))
 }
 
 /// Refuses what a newer program wrote, and what is no look at all.

@@ -39,6 +39,8 @@ type Level = (f32, Option<f32>);
 
 /// A color with a channel below this share of its largest is meant to be a color: it is dimmed and not tinted.
 const SATURATED: f32 = 0.35;
+/// A shining surface with this much more blue than red (that of a black body of about 7000 K) stands for the sky in a window.
+const SKYLIGHT: f32 = 1.1;
 /// The spot that stands for a whole panel in an exhibition.
 const POOL: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 0.35, color: None, intensity: 1.0 };
 
@@ -133,8 +135,11 @@ fn setting((factor, kelvin): Level, own: Vec3) -> LightSetting {
     if factor == 0.0 {
         return LightSetting { muted: true, ..LightSetting::default() };
     }
-    let is_colored = own.min_element() < SATURATED * own.max_element();
-    LightSetting { intensity: factor, kelvin: kelvin.filter(|_| !is_colored), ..LightSetting::default() }
+    LightSetting { intensity: factor, kelvin: kelvin.filter(|_| !is_colored(own)), ..LightSetting::default() }
+}
+
+fn is_colored(color: Vec3) -> bool {
+    color.min_element() < SATURATED * color.max_element()
 }
 
 /// What a light is in its scene; unlit surfaces are none.
@@ -143,6 +148,7 @@ fn part(source: &LightSource) -> Option<Part> {
         SourceKind::Sky | SourceKind::Dome { .. } => Part::Sky,
         SourceKind::Sun { .. } | SourceKind::Directional => Part::Sun,
         SourceKind::Spot => Part::Accent,
+        SourceKind::Emitter if source.color.z > SKYLIGHT * source.color.x && !is_colored(source.color) => Part::Sky,
         SourceKind::Constant => return None,
         _ => Part::General,
     })
@@ -188,6 +194,21 @@ mod tests {
         let lamp = Preset::ALL.map(|(preset, ..)| light(&basis, preset, "lamp"));
         assert!(lamp[0] == 0.0 && lamp[1] > lamp[2] && lamp[2] > 0.0, "{lamp:?}");
         assert!(light(&basis, Preset::Exhibition, "spot") > 4.0 * light(&basis, Preset::Exhibition, "lamp"));
+    }
+
+    #[test]
+    fn a_shining_pane_as_blue_as_the_sky_is_a_window() {
+        let pane = |color| LightSource { color, ..source("pane", SourceKind::Emitter) };
+        let at_night = |color: Vec3| {
+            let basis = LightBasis::new(vec![pane(color), source("lamp", SourceKind::Emitter)]);
+            (light(&basis, Preset::Night, "pane") / light(&basis, Preset::Day, "pane"), basis)
+        };
+        let (window, basis) = at_night(Vec3::new(0.9, 1.0, 1.2));
+        assert!(window < 0.01, "{window}");
+        assert_eq!(light(&basis, Preset::Day, "lamp"), 0.0, "daylight does without lamps");
+        for color in [Vec3::ONE, Vec3::new(0.1, 0.2, 1.0)] {
+            assert!(at_night(color).0 > 0.1, "a lamp stays a lamp, also a blue one");
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ use super::status::duration;
 use crate::action::{Action, FileTask};
 use crate::session::estimate::Forecast;
 use crate::session::{BakeSettings, BakeState};
-use crate::theme;
+use crate::theme::{self, Fold};
 
 /// A name for samples per pixel and tolerance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +69,16 @@ pub fn bake_ui(
     view: &BakeView,
     actions: &mut Vec<Action>,
 ) {
-    theme::section(ui, "Bake");
+    theme::folding(ui, "Bake", Fold::Open, |ui| content_ui(ui, settings, heat_map, view, actions));
+}
+
+fn content_ui(
+    ui: &mut Ui,
+    settings: &mut BakeSettings,
+    heat_map: &mut HeatMap,
+    view: &BakeView,
+    actions: &mut Vec<Action>,
+) {
     ui.add_enabled_ui(view.can_bake, |ui| match view.pictures {
         Some(pictures) => pictures_ui(ui, &mut settings.config, pictures),
         None => settings_ui(ui, settings, view, actions),

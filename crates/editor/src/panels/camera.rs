@@ -7,6 +7,7 @@ use super::bake::bytes;
 use crate::action::Action;
 use crate::look::numbered_name;
 use crate::session::views::ViewEntry;
+use crate::theme::{self, Fold};
 use crate::viewport::flight::Habits;
 use crate::viewport::orbit::Navigation;
 
@@ -39,7 +40,7 @@ const FOV_DEG: std::ops::RangeInclusive<f32> = 1.0..=170.0;
 
 /// Draws it.
 pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut Vec<Action>) {
-    egui::CollapsingHeader::new(RichText::new("Camera").heading().strong()).default_open(true).show(ui, |ui| {
+    theme::folding(ui, "Camera", Fold::Open, |ui| {
         let Some(camera) = edit.camera else {
             ui.label(RichText::new("The views of a scene stand here once one is open").weak());
             return;
@@ -64,7 +65,7 @@ fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
 /// Cameras of the file and bookmarks.
 fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Vec<Camera>, actions: &mut Vec<Action>) {
     row_ui(ui, |ui| {
-        if ui.button("Bookmark").on_hover_text("Keep this view for this scene").clicked() {
+        if ui.button("Bookmark").on_hover_text("Keep this view in the look").clicked() {
             let name = numbered_name("Bookmark", |name| Camera::named(bookmarks, name).is_some());
             bookmarks.push(Camera { name, ..camera.clone() });
         }

@@ -6,7 +6,7 @@ use eframe::egui::{self, DragValue, Slider, SliderClamping, Ui};
 use crate::legend::Legend;
 use crate::look::display::{DISPLAY_KELVIN, PERCENT_DEFAULT, WHITE_DUV, WHITE_KELVIN};
 use crate::look::{Display, FalseColor, Quantity};
-use crate::theme;
+use crate::theme::{self, Fold};
 
 /// What the panel is told beside the look.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,10 @@ const EV_SPAN: f32 = 6.0;
 
 /// Draws it.
 pub fn display_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
-    theme::section(ui, "Display");
+    theme::folding(ui, "Display", Fold::Open, |ui| content_ui(ui, display, view));
+}
+
+fn content_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     egui::Grid::new("display").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
         exposure_rows(ui, display, view);
         let label = ui.label("Tone curve");

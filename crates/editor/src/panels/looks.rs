@@ -104,6 +104,10 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
         } else {
             ui.separator();
             tools_ui(ui, look, state);
+            let sheet = ui.add_enabled(view.can_export, Button::new("Contact sheet…"));
+            if sheet.on_hover_text("Write the pictures of all looks, with their names, as one PNG").clicked() {
+                actions.push(Action::Ask(FileTask::SaveSheet));
+            }
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let save = ui.add_enabled(view.is_scene, Button::new("Save as glTF…"));

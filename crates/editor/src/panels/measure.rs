@@ -1,11 +1,12 @@
 //! Measure: what is marked in the picture, and how much light arrives there.
 
-use eframe::egui::{Button, CollapsingHeader, DragValue, Grid, RichText, Ui};
+use eframe::egui::{Button, DragValue, Grid, RichText, Ui};
 
 use crate::action::{Action, FileTask};
 use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, share_words};
 use crate::legend::number_words;
 use crate::marks::Kin;
+use crate::theme::{self, Fold};
 use crate::viewport::marking::{Marking, Tool};
 
 /// What there is to say about the light that arrives.
@@ -52,8 +53,7 @@ pub fn measure_ui(
     view: &MeasureView,
     actions: &mut Vec<Action>,
 ) {
-    let heading = RichText::new("Measure").heading().strong();
-    CollapsingHeader::new(heading).id_salt("measure").show(ui, |ui| {
+    theme::folding(ui, "Measure", Fold::Closed, |ui| {
         tools_ui(ui, marking, view.has_scene);
         if let (Some(surface), true) = (view.surface, marking.marks().is_some()) {
             ui.label(RichText::new(surface).weak());

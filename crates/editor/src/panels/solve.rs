@@ -8,7 +8,7 @@ use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, Ri
 use super::measure::{missing_ui, tools_ui};
 use crate::action::{Action, FileTask};
 use crate::solve::{Exposure, Freedom, Place, Request, Solution, Target, Wish};
-use crate::theme;
+use crate::theme::{self, Fold};
 use crate::viewport::marking::Marking;
 
 /// What a new wish is about.
@@ -138,8 +138,7 @@ pub fn solve_ui(
     view: &SolveView,
     actions: &mut Vec<Action>,
 ) {
-    let heading = RichText::new("Solve for light").heading().strong();
-    CollapsingHeader::new(heading).id_salt("solve").show(ui, |ui| {
+    theme::folding(ui, "Solve for light", Fold::Closed, |ui| {
         ui.label(RichText::new("Say what you want to see, and let the lights be found").weak());
         tools_ui(ui, marking, view.has_scene);
         new_wish_ui(ui, state, marking, view, actions);

@@ -121,16 +121,16 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
 
     let settings: Vec<LightSetting> =
         unknowns.iter().enumerate().map(|(light, unknown)| unknown.set_to(layout.of(light, &x))).collect();
-    let mut outcomes: Vec<Outcome> = Vec::new();
-    let mut matched = matchings.iter();
-    let mut told = means.iter().peekable();
-    for wish in &request.wishes {
-        if let Some(mean) = told.next_if(|mean| std::ptr::eq(mean.wish, wish)) {
-            outcomes.push(outcome(mean, &x, &layout, request.bounds));
-        } else if let Some(matching) = matched.next() {
-            outcomes.push(matching.outcome(wish, &cells, &layout, &x));
-        }
-    }
+    // Light that is kept is no wish to be missed.
+    let (mut told, mut matched) = (means.iter(), matchings.iter());
+    let outcome_of = |wish: &Wish| match wish.target {
+        Target::Keep => None,
+        Target::Picture(..) => matched.next().map(|matching| matching.outcome(wish, &cells, &layout, &x)),
+        _ => told.next().map(|mean| outcome(mean, &x, &layout, request.bounds)),
+    };
+    let outcomes: Vec<Outcome> = request.wishes.iter().filter_map(outcome_of).collect();
+    let missable = request.wishes.iter().filter(|wish| !matches!(wish.target, Target::Keep));
+    let weights: Vec<f64> = missable.map(|wish| wish.weight).collect();
     let changes = unknowns.iter().zip(&settings).enumerate().map(|(light, (unknown, setting))| {
         let at_bound =
             layout.of(light, &x).iter().zip(&layout.bounds[layout.first[light]..]).find_map(|(x, bounds)| {
@@ -141,7 +141,7 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
     });
     Ok(Solution {
         changes: changes.collect(),
-        misfit: misfit(&outcomes, &request.wishes),
+        misfit: misfit(&outcomes, &weights),
         rig: with(&scene.rig, unknowns, &settings),
         outcomes,
         notes: notes(scene, request, film),
@@ -327,12 +327,9 @@ fn outcome(mean: &Mean, x: &[f64], layout: &Layout, bounds: [f64; 2]) -> Outcome
 }
 
 /// Root mean square of how far the wishes are missed, each over what is wanted and by its weight.
-fn misfit(outcomes: &[Outcome], wishes: &[Wish]) -> f64 {
-    let of = |outcome: &Outcome| wishes.iter().find(|wish| wish.name == outcome.name).map_or(1.0, |wish| wish.weight);
-    let (sum, weights) = outcomes.iter().fold((0.0, 0.0), |(sum, weights), outcome| {
-        let miss = outcome.miss();
-        (sum + of(outcome) * miss * miss, weights + of(outcome))
-    });
+fn misfit(outcomes: &[Outcome], weights: &[f64]) -> f64 {
+    let squares = outcomes.iter().zip(weights).map(|(outcome, weight)| weight * outcome.miss().powi(2));
+    let (sum, weights) = (squares.sum::<f64>(), weights.iter().sum::<f64>());
     if weights > 0.0 { (sum / weights).sqrt() } else { 0.0 }
 }
 

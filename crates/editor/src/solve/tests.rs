@@ -149,6 +149,30 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
 }
 
 #[test]
+fn what_is_kept_has_no_outcome_and_wishes_of_one_name_have_their_own_weights() {
+    let scene = at(LightRig::default());
+    let picture = Relighter::new(&scene.bake, &scene.rig, None)
+        .unwrap()
+        .relight(&scene.bake.header.coefficients(&scene.rig))
+        .unwrap();
+    let target = Arc::new(TargetPicture::of("photo", [32, 24], picture.pixels));
+    let matched = Wish { name: "photo".into(), ..wish(Place::Whole, Target::Picture(target, Exposure::Ev(0.0))) };
+    let solved = solve(&scene, &of(vec![wish(corner(), Target::Keep), matched])).unwrap();
+    let names: Vec<&str> = solved.outcomes.iter().map(|outcome| outcome.name.as_str()).collect();
+    assert_eq!(names, ["photo"]);
+    // Two wishes for the same place, of which one cannot be: the weightier one rules, and the misfit is by its weight.
+    let twice = |weights: [f64; 2]| {
+        let wishes = [1.0, 3.0].into_iter().zip(weights);
+        let wishes = wishes.map(|(times, weight)| Wish { weight, ..wish(corner(), Target::Times(times)) });
+        solve(&scene, &of(wishes.collect())).unwrap()
+    };
+    let (low, high) = (twice([1e4, 1.0]), twice([1.0, 1e4]));
+    assert!(low.outcomes[0].is_met && !low.outcomes[1].is_met, "{}", low.words());
+    assert!(high.outcomes[1].is_met && !high.outcomes[0].is_met, "{}", high.words());
+    assert!(low.misfit < 0.02 && high.misfit < 0.03, "{} {}", low.misfit, high.misfit);
+}
+
+#[test]
 fn colors_are_found_and_stay_within_the_saturation() {
     let scene = at(LightRig::default());
     let mut secret = LightRig::default();

@@ -1,4 +1,4 @@
-//! Procedural images: terrazzo, oak, leather grain, plaster relief; and what the pictures on the walls are drawn with.
+//! Procedural images: planks, rug, oak, leather grain, plaster relief; and what the pictures on the walls are drawn with.
 
 use glam::{Vec2, Vec3, vec2, vec3};
 use image::codecs::jpeg::JpegEncoder;
@@ -91,41 +91,38 @@ pub fn smoothstep(from: f32, to: f32, x: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Polished terrazzo: a tile of 2 m × 2 m with stone chips of one to four centimeters and brass-thin joints.
-pub fn terrazzo() -> EncodedImage {
-    let stones = [hex(0xe9e4da), hex(0xc9b79c), hex(0x8f8b86), hex(0xb08968), hex(0x6f7673), hex(0xf4f1ea)];
-    draw("terrazzo", (1024, 1024), Codec::Jpeg(82), |p| {
-        let ground = hex(0xb9b2a8) * (0.94 + 0.10 * fractal(p, (4, 4), 5, 11));
-        let mut color = ground;
-        for (n_cells, seed) in [(96, 5), (46, 3)] {
-            if let Some(chip) = chip(p, n_cells, seed) {
-                let stone = stones[(chip * 997.0) as usize % stones.len()];
-                let stone = ground.lerp(stone, 0.62);
-                color = stone * (0.94 + 0.1 * fractal(p, (32, 32), 3, 17));
-            }
-        }
-        let joint = p.x.min(p.y).min(1.0 - p.x).min(1.0 - p.y) < 0.0012;
-        if joint { hex(0x7d7468) } else { color }
+/// A floor of oak planks, 0.2 m wide and 1.2 m long, that run along v: a tile of 2.4 m × 2.4 m.
+pub fn planks() -> EncodedImage {
+    const N_COLUMNS: f32 = 12.0;
+    const GAP: f32 = 0.008;
+    draw("oak planks", (1024, 1024), Codec::Jpeg(84), |p| {
+        let column = (p.x * N_COLUMNS).floor();
+        let along = (p.y + random(column as i32, 0, 91)).fract() * 2.0;
+        let tone = random(column as i32, along as i32, 92);
+        // Each plank shows another part of the tree.
+        let q = vec2(p.y + 7.0 * tone, p.x + 3.0 * tone);
+        let warp = fractal(q, (3, 12), 3, 93);
+        let rings = (fractal(vec2(q.x, q.y + 0.03 * warp), (1, 20), 3, 94) * 9.0).fract();
+        let grain = smoothstep(0.0, 0.75, rings) * (1.0 - smoothstep(0.85, 1.0, rings));
+        let pores = smoothstep(0.6, 0.8, fractal(q, (8, 220), 2, 95));
+        let color = hex(0xa47b52).lerp(hex(0xbb9468), grain) * (0.84 + 0.2 * tone + 0.1 * (warp - 0.5));
+        let across = (p.x * N_COLUMNS).fract();
+        let gap = across.min(1.0 - across) < GAP || along.fract().min(1.0 - along.fract()) < GAP / 6.0;
+        if gap { hex(0x5a4128) } else { color * (1.0 - 0.16 * pores) }
     })
 }
 
-/// The random number of the stone chip at a point, if a chip lies there: a Voronoi cell shrunk from its edges.
-fn chip(p: Vec2, n_cells: i32, seed: u32) -> Option<f32> {
-    let q = p * n_cells as f32;
-    let cell = q.floor();
-    let (mut nearest, mut second, mut id) = (f32::MAX, f32::MAX, 0.0);
-    for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
-        let (x, y) = (cell.x as i32 + dx, cell.y as i32 + dy);
-        let (wrapped_x, wrapped_y) = (x.rem_euclid(n_cells), y.rem_euclid(n_cells));
-        let jitter = vec2(random(wrapped_x, wrapped_y, seed), random(wrapped_x, wrapped_y, seed + 50));
-        let distance = (vec2(x as f32, y as f32) + jitter).distance(q);
-        if distance < nearest {
-            (second, nearest, id) = (nearest, distance, random(wrapped_x, wrapped_y, seed + 99));
-        } else {
-            second = second.min(distance);
-        }
-    }
-    (id > 0.45 && second - nearest > 0.22).then_some(id)
+/// A rug of undyed wool with two bands of rust and fine ribs across.
+pub fn rug() -> EncodedImage {
+    draw("rug", (512, 512), Codec::Jpeg(84), |p| {
+        let edge = (p.x.min(1.0 - p.x) * 2.3).min(p.y.min(1.0 - p.y) * 3.2);
+        let tone = match edge {
+            e if (0.10..0.16).contains(&e) || (0.20..0.22).contains(&e) => hex(0xa4552f),
+            _ => hex(0xd2c6b1),
+        };
+        let rib = 0.94 + 0.06 * (p.y * 256.0 * std::f32::consts::PI).sin().abs();
+        tone * rib * (0.90 + 0.16 * fractal(p, (40, 56), 3, 97))
+    })
 }
 
 /// Oak, oiled: a tile of 1 m along the grain (u) × 1 m across.

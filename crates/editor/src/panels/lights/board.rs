@@ -1,6 +1,6 @@
 //! The lights as a mixer: a strip each with a vertical fader, and a master in front of each group.
 
-use eframe::egui::{Align, Frame, Label, Layout, Margin, RichText, ScrollArea, Sense, Ui, vec2};
+use eframe::egui::{Align, Button, Frame, Label, Layout, Margin, RichText, ScrollArea, Sense, Ui, vec2};
 
 use super::fader::{More, fader_ui};
 use super::group_row;
@@ -90,7 +90,7 @@ fn light_strip_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, height: f32) {
 }
 
 fn group_strip_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, height: f32) {
-    let fill = ui.visuals().widgets.inactive.weak_bg_fill;
+    let fill = ui.visuals().widgets.inactive.weak_bg_fill.gamma_multiply(0.5);
     ui.push_id(("group strip", group.key.as_str()), |ui| {
         strip_ui(ui, fill, |ui| {
             let name = name_ui(ui, RichText::new(&group.name).strong().color(theme::ACCENT));
@@ -112,7 +112,9 @@ fn group_strip_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, height: f32) {
             });
             let is_open = !mix.state.collapsed.contains(&group.key);
             let words = if is_open { "Collapse" } else { "Expand" };
-            let button = ui.small_button(format!("{} lights", group.lights.len())).on_hover_text(words);
+            let height = ui.spacing().interact_size.y;
+            let button = Button::new(RichText::new(format!("{} lights", group.lights.len())).small());
+            let button = ui.add(button.min_size(vec2(0.0, height))).on_hover_text(words);
             if button.accessible_name(format!("{words} {}", group.name)).clicked() {
                 group_row::fold(mix, group, !is_open);
             }

@@ -1,12 +1,12 @@
-//! Bench, reading table with books, vase and glass ball, and the plant.
+//! Bench on its rug, reading table with books, vase and glass ball, and the plant.
 
 use glam::{Quat, Vec3, vec3};
 
 use super::Stage;
 use crate::material::{Material, Sides};
 use crate::mesh::Mesh;
-use crate::shapes::{block, cylinder, lathe, leaf, rounded_block, sphere};
-use crate::textures::random;
+use crate::shapes::{block, cylinder, lathe, leaf, picture, rounded_block, sphere};
+use crate::textures::{self, random};
 
 /// Where the reading table stands and how high its top is, in meters.
 pub const TABLE: Vec3 = vec3(-1.75, 0.0, -1.3);
@@ -15,11 +15,26 @@ pub const TABLE_TOP_M: f32 = 0.75;
 pub const BENCH: Vec3 = vec3(0.75, 0.0, -0.7);
 
 pub fn build(stage: &mut Stage) {
+    rug(stage);
     bench(stage);
     table(stage);
     books(stage);
     glassware(stage);
     plant(stage);
+}
+
+/// A woven rug below the bench.
+fn rug(stage: &mut Stage) {
+    const HALF_M: Vec3 = vec3(1.15, 0.0, 1.6);
+    const THICK_M: f32 = 0.012;
+    let weave = stage.document.texture(textures::rug());
+    let weave = Material { texture: Some(weave), ..Material::plain("wool", Vec3::ONE, 0.95) };
+    let weave = stage.document.material(weave);
+    let top =
+        picture(vec3(-HALF_M.x, THICK_M, HALF_M.z), vec3(2.0 * HALF_M.x, 0.0, 0.0), vec3(0.0, 0.0, -2.0 * HALF_M.z));
+    let edge = block(-HALF_M, vec3(HALF_M.x, THICK_M - 0.001, HALF_M.z));
+    let mesh = stage.document.mesh("rug", &[(top, weave), (edge, stage.materials.stone)]);
+    stage.place("rug", mesh, BENCH, Quat::IDENTITY);
 }
 
 fn bench(stage: &mut Stage) {

@@ -27,7 +27,7 @@ pub fn build(stage: &mut Stage) {
 
 /// Three panes of sky behind the mullions.
 fn daylight(stage: &mut Stage) {
-    let sky = stage.document.material(Material::emitter("sky", 2000.0, 7500.0));
+    let sky = stage.document.material(Material::emitter("sky", 700.0, 7500.0));
     let width = (OPENING_Z.1 - OPENING_Z.0) / 3.0;
     let height = OPENING_Y.1 - OPENING_Y.0;
     let pane = picture(Vec3::ZERO, vec3(0.0, 0.0, -width), vec3(0.0, height, 0.0));
@@ -42,7 +42,7 @@ fn daylight(stage: &mut Stage) {
 fn ceiling_panel(stage: &mut Stage) {
     const HALF_M: f32 = 0.8;
     const RIM_M: f32 = 0.03;
-    let light = stage.document.material(Material::emitter("panel light", 1500.0, 4500.0));
+    let light = stage.document.material(Material::emitter("panel light", 400.0, 4000.0));
     let (outer, thick) = (HALF_M + RIM_M, 0.06);
     let bar = |low: (f32, f32), high: (f32, f32)| block(vec3(low.0, -0.004, low.1), vec3(high.0, thick, high.1));
     let rod = |x: f32, z: f32| cylinder(0.005, HIGH.y - 3.34 - thick, 8).at(x, thick, z);
@@ -54,7 +54,7 @@ fn ceiling_panel(stage: &mut Stage) {
         block(vec3(-HALF_M, 0.01, -HALF_M), vec3(HALF_M, thick, HALF_M)),
     ]);
     let rods = Mesh::join([rod(-0.7, -0.7), rod(0.7, -0.7), rod(-0.7, 0.7), rod(0.7, 0.7)]);
-    let mesh = stage.document.mesh("panel housing", &[(housing, stage.materials.white), (rods, stage.materials.black)]);
+    let mesh = stage.document.mesh("panel housing", &[(Mesh::join([housing, rods]), stage.materials.black)]);
     let place = vec3(0.35, 3.34, -1.5);
     stage.place("panel housing", mesh, place, Quat::IDENTITY);
     let face = picture(vec3(-HALF_M, 0.0, -HALF_M), vec3(2.0 * HALF_M, 0.0, 0.0), vec3(0.0, 0.0, 2.0 * HALF_M));
@@ -66,7 +66,7 @@ fn ceiling_panel(stage: &mut Stage) {
 /// Opal globes on brass stems above the reading table.
 fn pendants(stage: &mut Stage) {
     const RADIUS_M: f32 = 0.12;
-    let opal = stage.document.material(Material::emitter("opal glass", 4500.0, 2900.0));
+    let opal = stage.document.material(Material::emitter("opal glass", 2200.0, 2900.0));
     let globe = sphere(RADIUS_M, 32);
     let cap = lathe(&[(0.0, 0.09), (0.055, 0.09), (0.075, 0.097), (0.05, 0.14), (0.012, 0.15), (0.0, 0.15)], 32);
     let stem = cylinder(0.006, 1.75, 12).at(0.0, 0.13, 0.0);
@@ -94,7 +94,7 @@ fn track(stage: &mut Stage) {
     let stem = cylinder(0.008, 3.67 - HEIGHT_M, 12);
     let stem = stage.document.mesh("spot stem", &[(stem, stage.materials.black)]);
     let picture = |z: f32| (vec3(X, HEIGHT_M, z), vec3(HIGH.x, 1.62, z));
-    let knot = (vec3(X, HEIGHT_M, -1.75), KNOT);
+    let knot = (vec3(X, HEIGHT_M, -0.6), KNOT);
     let aims = [picture(HUNG_Z[0]), picture(HUNG_Z[1]), picture(HUNG_Z[2]), knot];
     for (i, (place, target)) in (1..).zip(aims) {
         let rotation = facing(target - place);
@@ -102,7 +102,7 @@ fn track(stage: &mut Stage) {
         stage.place(&format!("spot {i} stem"), stem, place + back, Quat::IDENTITY);
         // glTF wants colors of at most 1: the strongest channel goes into the intensity.
         let (warm, strongest) = (tint(3500.0), tint(3500.0).max_element());
-        let spot = Spot { color: warm / strongest, candela: 3000.0 * strongest, inner_rad: 0.16, outer_rad: 0.40 };
+        let spot = Spot { color: warm / strongest, candela: 3000.0 * strongest, inner_rad: 0.14, outer_rad: 0.36 };
         let (mesh, spot) = (Some(can), Some(spot));
         let name = format!("spot {i}");
         stage.document.node(Node { name, translation: place, rotation, mesh, spot, ..Node::default() });
@@ -111,7 +111,7 @@ fn track(stage: &mut Stage) {
 
 /// A slim profile above the large picture that shines down the wall.
 fn wall_washer(stage: &mut Stage) {
-    let light = stage.document.material(Material::emitter("washer light", 9000.0, 3500.0));
+    let light = stage.document.material(Material::emitter("washer light", 11000.0, 3200.0));
     let half = LARGE_SIZE_M.0 / 2.0;
     let face = picture(vec3(-half, 0.0, -0.02), vec3(2.0 * half, 0.0, 0.0), vec3(0.0, 0.0, 0.04));
     let housing = block(vec3(-half - 0.02, 0.004, -0.028), vec3(half + 0.02, 0.05, 0.028));
@@ -137,7 +137,7 @@ fn cove(stage: &mut Stage) {
 
 /// A strip under the bench.
 fn bench_light(stage: &mut Stage) {
-    let light = stage.document.material(Material::emitter("bench light", 1500.0, 2700.0));
+    let light = stage.document.material(Material::emitter("bench light", 700.0, 2700.0));
     let strip = quad(vec3(-0.06, 0.285, -0.85), vec3(0.12, 0.0, 0.0), vec3(0.0, 0.0, 1.7));
     let mesh = stage.document.mesh("bench light", &[(strip, light)]);
     stage.place("bench light", mesh, BENCH, Quat::IDENTITY);

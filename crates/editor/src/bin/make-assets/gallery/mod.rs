@@ -52,12 +52,14 @@ struct Materials {
     oak: MaterialId,
     black: MaterialId,
     brass: MaterialId,
-    terrazzo: MaterialId,
+    floor: MaterialId,
+    accent: MaterialId,
     leather: MaterialId,
-    chrome: MaterialId,
+    bronze: MaterialId,
     solid_glass: MaterialId,
     pane: MaterialId,
     stone: MaterialId,
+    glaze: MaterialId,
 }
 
 impl Materials {
@@ -65,29 +67,35 @@ impl Materials {
         let plaster_relief = document.texture(textures::plaster_relief());
         let leather_relief = document.texture(textures::leather_relief());
         let oak = document.texture(textures::oak());
-        let terrazzo = document.texture(textures::terrazzo());
+        let planks = document.texture(textures::planks());
         let plaster = Material {
             normal: Some((plaster_relief, 0.6)),
             ..Material::plain("plaster", vec3(0.79, 0.775, 0.745), 0.75)
+        };
+        let accent = Material {
+            normal: Some((plaster_relief, 0.6)),
+            ..Material::plain("petrol plaster", vec3(0.052, 0.105, 0.112), 0.7)
         };
         let leather = Material {
             normal: Some((leather_relief, 0.5)),
             ..Material::plain("cognac leather", vec3(0.36, 0.125, 0.042), 0.42)
         };
         let oak = Material { texture: Some(oak), ..Material::plain("oiled oak", Vec3::ONE, 0.42) };
-        let terrazzo = Material { texture: Some(terrazzo), ..Material::plain("polished terrazzo", Vec3::ONE, 0.16) };
+        let floor = Material { texture: Some(planks), ..Material::plain("oak planks", Vec3::ONE, 0.33) };
         Materials {
             plaster: document.material(plaster),
             white: document.material(Material::plain("white lacquer", Vec3::splat(0.78), 0.4)),
             oak: document.material(oak),
             black: document.material(Material::plain("black steel", vec3(0.022, 0.022, 0.024), 0.35)),
             brass: document.material(Material::metal("brass", vec3(0.86, 0.62, 0.30), 0.25)),
-            terrazzo: document.material(terrazzo),
+            floor: document.material(floor),
+            accent: document.material(accent),
             leather: document.material(leather),
-            chrome: document.material(Material::metal("chrome", vec3(0.72, 0.72, 0.73), 0.08)),
+            bronze: document.material(Material::metal("satin bronze", vec3(0.78, 0.47, 0.25), 0.3)),
             solid_glass: document.material(Material::glass("glass", Glass::Solid, vec3(0.97, 0.99, 0.98))),
             pane: document.material(Material::glass("glass pane", Glass::Pane, vec3(0.95, 0.98, 0.97))),
             stone: document.material(Material::plain("dark clay", vec3(0.13, 0.115, 0.105), 0.7)),
+            glaze: document.material(Material::plain("bone glaze", vec3(0.70, 0.66, 0.58), 0.35)),
         }
     }
 }

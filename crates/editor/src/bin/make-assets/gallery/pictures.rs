@@ -14,7 +14,7 @@ use crate::shapes::{block, picture, quad};
 /// Heights of the pictures' centers in meters.
 const EYE_M: f32 = 1.6;
 /// Where the three pictures of the picture wall hang along z.
-pub const HUNG_Z: [f32; 3] = [-2.9, -0.8, 1.3];
+pub const HUNG_Z: [f32; 3] = [-3.2, -1.45, 0.3];
 /// Center and size of the large picture on the back wall.
 pub const LARGE: Vec3 = vec3(0.25, 1.72, LOW.z);
 pub const LARGE_SIZE_M: (f32, f32) = (2.4, 1.6);
@@ -42,7 +42,7 @@ pub fn build(stage: &mut Stage) {
     let entrance = Quat::from_rotation_y(PI);
     hang(stage, "picture drift", art::drift(), &square(black), vec3(-1.2, EYE_M, HIGH.z), entrance);
     let tall = Framing { size_m: (0.75, 1.0), margin_m: 0.08, frame: oak };
-    hang(stage, "picture fields", art::fields(), &tall, vec3(LOW.x, 1.5, 3.2), Quat::from_rotation_y(FRAC_PI_2));
+    hang(stage, "picture fields", art::fields(), &tall, vec3(LOW.x, 1.5, 3.6), Quat::from_rotation_y(FRAC_PI_2));
 }
 
 /// A picture whose back lies at the origin and that faces +z, moved to its place on a wall.

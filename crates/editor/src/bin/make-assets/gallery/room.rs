@@ -1,4 +1,4 @@
-//! Shell of the gallery: floor, walls with the window reveal, ceiling with beams, door, glass screen.
+//! Shell of the gallery: floor, walls with the window reveal, slats, ceiling with beams, door, glass screen.
 
 use glam::{Quat, Vec3, vec3};
 
@@ -12,13 +12,14 @@ pub const OPENING_Z: (f32, f32) = (-3.6, 1.8);
 pub const OPENING_Y: (f32, f32) = (2.62, 3.5);
 pub const REVEAL_M: f32 = 0.3;
 
-/// Meters that a tile of the plaster's and of the terrazzo's texture covers.
+/// Meters that a tile of the plaster's and of the floor's texture covers.
 const PLASTER_TILE_M: f32 = 1.5;
-const TERRAZZO_TILE_M: f32 = 2.0;
+const FLOOR_TILE_M: f32 = 2.4;
 
 pub fn build(stage: &mut Stage) {
     shell(stage);
     beams(stage);
+    slats(stage);
     mullions(stage);
     door(stage);
     screen(stage);
@@ -27,18 +28,18 @@ pub fn build(stage: &mut Stage) {
 fn shell(stage: &mut Stage) {
     let size = HIGH - LOW;
     let (across, up, along) = (vec3(size.x, 0.0, 0.0), vec3(0.0, size.y, 0.0), vec3(0.0, 0.0, size.z));
-    let floor = quad(vec3(LOW.x, LOW.y, HIGH.z), across, -along).tiled(1.0 / TERRAZZO_TILE_M);
+    let floor = quad(vec3(LOW.x, LOW.y, HIGH.z), across, -along).tiled(1.0 / FLOOR_TILE_M);
     let ceiling = quad(vec3(LOW.x, HIGH.y, LOW.z), across, along);
     let walls = Mesh::join([
-        quad(LOW, across, up),
         quad(vec3(HIGH.x, LOW.y, HIGH.z), -across, up),
         quad(vec3(HIGH.x, LOW.y, LOW.z), along, up),
         window_wall(),
     ]);
     let walls = walls.tiled(1.0 / PLASTER_TILE_M);
+    let back = quad(LOW, across, up).tiled(1.0 / PLASTER_TILE_M);
     let matte = stage.document.material(Material::plain("ceiling paint", vec3(0.82, 0.815, 0.8), 0.9));
     let m = &stage.materials;
-    let parts = [(floor, m.terrazzo), (walls, m.plaster), (ceiling, matte), (skirting(), m.white)];
+    let parts = [(floor, m.floor), (walls, m.plaster), (back, m.accent), (ceiling, matte), (skirting(), m.white)];
     let mesh = stage.document.mesh("shell", &parts);
     stage.place("shell", mesh, Vec3::ZERO, Quat::IDENTITY);
 }
@@ -77,11 +78,29 @@ fn skirting() -> Mesh {
 
 fn beams(stage: &mut Stage) {
     let beam = block(vec3(LOW.x - 0.02, 3.7, -0.07), vec3(HIGH.x + 0.02, HIGH.y + 0.02, 0.07));
-    let mesh = stage.document.mesh("beam", &[(beam, stage.materials.oak)]);
+    let mesh = stage.document.mesh("beam", &[(beam, stage.materials.white)]);
     for i in 0_u8..6 {
         let z = -3.75 + 1.5 * f32::from(i);
         stage.place(&format!("beam {}", i + 1), mesh, vec3(0.0, 0.0, z), Quat::IDENTITY);
     }
+}
+
+/// Upright oak slats before the lower part of the window wall, closed by a cap.
+fn slats(stage: &mut Stage) {
+    const PITCH_M: f32 = 0.12;
+    const WIDTH_M: f32 = 0.07;
+    const DEPTH_M: f32 = 0.035;
+    let (from, top) = (-3.1, 2.3);
+    let n_slats = 50_u8;
+    let slat = |i: u8| {
+        let z = from + PITCH_M * f32::from(i);
+        block(vec3(LOW.x - 0.01, 0.0, z), vec3(LOW.x + DEPTH_M, top, z + WIDTH_M))
+    };
+    let end = from + PITCH_M * f32::from(n_slats - 1) + WIDTH_M;
+    let cap = block(vec3(LOW.x - 0.01, top, from), vec3(LOW.x + DEPTH_M + 0.01, top + 0.03, end));
+    let mesh = Mesh::join((0..n_slats).map(slat).chain([cap]));
+    let mesh = stage.document.mesh("slat wall", &[(mesh, stage.materials.oak)]);
+    stage.place("slat wall", mesh, Vec3::ZERO, Quat::IDENTITY);
 }
 
 /// Frame and two mullions before the panes, and the sill.
