@@ -10,15 +10,15 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, anyhow, bail};
 use clerestory::app::{App, Start};
 use clerestory::session::{BakeSettings, BakeState, Source};
-use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::Film;
-use eframe::egui::{Pos2, vec2};
+use eframe::egui::{Key, Pos2, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
-const FILM: Film = Film { width: 704, height: 396 };
+const FILM: Film = Film { width: 640, height: 360 };
 const SPP: u32 = 64;
 /// Of JPEG: letters stay clean, and a picture stays below 400 kB.
 const QUALITY: u8 = 92;
@@ -34,7 +34,7 @@ fn main() -> Result<()> {
         Some(spp) => spp.context("the samples per pixel are a number")?,
         None => SPP,
     };
-    let config = BakeConfig { spp, ..BakeConfig::default() };
+    let config = BakeConfig { spp, indirect: Indirect::Shared, ..BakeConfig::default() };
     let settings = BakeSettings { camera_idx: 0, film: FILM, config, illuminance: false };
     let start = Start::alone(Source::BuiltIn, Some(settings));
     let mut window: Window = Harness::builder()
@@ -42,8 +42,10 @@ fn main() -> Result<()> {
         .build_eframe(|cc| App::new(cc, start).expect("the system gives threads"));
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled())?;
 
+    click(&mut window, "Keep look")?;
     click(&mut window, "Presets")?;
     click(&mut window, "All four")?;
+    click(&mut window, "Look Look")?;
     rest(&mut window)?;
     shoot(&mut window, &folder.join("editor.jpg"))?;
 
@@ -51,14 +53,15 @@ fn main() -> Result<()> {
     click_at(&mut window, middle);
     rest(&mut window)?;
     shoot(&mut window, &folder.join("light-here.jpg"))?;
-    click_at(&mut window, middle);
+    window.key_press(Key::Escape);
 
-    click(&mut window, "Look Night")?;
+    click(&mut window, "Look Dusk")?;
     click(&mut window, "Board")?;
     rest(&mut window)?;
     shoot(&mut window, &folder.join("board.jpg"))?;
 
     click(&mut window, "List")?;
+    click(&mut window, "Look Look")?;
     click(&mut window, "Compare")?;
     rest(&mut window)?;
     shoot(&mut window, &folder.join("compare.jpg"))
@@ -104,6 +107,9 @@ fn click_at(window: &mut Window, at: Pos2) {
 }
 
 fn shoot(window: &mut Window, path: &Path) -> Result<()> {
+    // The pointer is out of the way.
+    window.hover_at(pos2(720.0, 880.0));
+    window.run_steps(4);
     let image = window.render().map_err(|words| anyhow!("the window cannot be drawn: {words}"))?;
     let (width, height) = image.dimensions();
     let rgb: Vec<u8> = image.pixels().flat_map(|pixel| [pixel.0[0], pixel.0[1], pixel.0[2]]).collect();

@@ -55,6 +55,8 @@ use solving::Solving;
 
 /// Width of a picture that is baked without being asked for.
 const DEFAULT_WIDTH_PX: u32 = 640;
+/// Points that picture and right panel keep when the lights take room.
+const PICTURE_LEAST: f32 = 660.0;
 /// Cores from which the standard quality is what a bake starts with.
 const MANY_CORES: usize = 8;
 /// Recent files that are remembered.
@@ -557,7 +559,10 @@ impl App {
 
     fn side_panels_ui(&mut self, ui: &mut Ui) {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
-        Panel::left("lights").frame(frame).default_size(404.0).size_range(320.0..=900.0).show(ui, |ui| {
+        // Where there is little room, what the panels need least is left to the picture.
+        let most = (ui.available_width() - PICTURE_LEAST).clamp(320.0, 900.0);
+        let (left, right) = (320.0..=most, 240.0..=(0.25 * ui.available_width()).clamp(240.0, 460.0));
+        Panel::left("lights").frame(frame).default_size(most.min(404.0)).size_range(left).show(ui, |ui| {
             if let Some(basis) = self.session.basis().cloned() {
                 self.sky_ui(ui, &basis);
                 let choice = self.lamp_choice();
@@ -567,7 +572,7 @@ impl App {
             }
             ui.take_available_space();
         });
-        Panel::right("bake").frame(frame).default_size(280.0).size_range(240.0..=460.0).show(ui, |ui| {
+        Panel::right("bake").frame(frame).default_size(280.0).size_range(right).show(ui, |ui| {
             egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| {
                 let view = DisplayView {
                     shown_ev: self.follower.shown_ev(),

@@ -111,7 +111,7 @@ fn two_looks_are_compared_and_the_divider_is_dragged() {
     let mut window = two_looks();
     click(&mut window, "Compare");
     window.get_by_label("Left look");
-    // The first side is the look that is on, which the printer makes at full size.
+    // The first side is a look that is not on, which the printer makes at full size.
     wait(&mut window, |app| app.is_settled());
     window.run_steps(4);
     let divider = window.get_by_label("Compare divider").rect();

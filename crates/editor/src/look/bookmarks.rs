@@ -6,7 +6,7 @@ use glam::{Mat3, Mat4, Vec4};
 use serde_json::Value;
 
 use super::parse::Reader;
-use super::write::member;
+use super::write::{member, value};
 
 /// Bookmarks of one document.
 const MAX_BOOKMARKS: usize = 500;
@@ -17,7 +17,7 @@ const TURN_SLACK: f32 = 1e-3;
 pub(super) fn json(bookmarks: &[Camera]) -> Option<String> {
     let line = |camera: &Camera| {
         let mut members = vec![
-            member("name", &camera.name),
+            format!("\"name\": {}", value(&camera.name)),
             member("matrix", &camera.world_from_camera.to_cols_array()),
             member("yfov", &camera.yfov_rad),
             member("aspect", &camera.aspect),
@@ -98,7 +98,7 @@ mod tests {
         let stretched = Camera { world_from_camera: Mat4::from_scale(Vec3::splat(2.0)), ..view() };
         let stretched = Look { bookmarks: vec![stretched], ..Look::default() }.to_json();
         let cases = [
-            (stretched, "`bookmarks[0].matrix` must turn and move only"),
+            (stretched.clone(), "`bookmarks[0].matrix` must turn and move only"),
             (json.replace("0.7", "7"), "`bookmarks[0].yfov`"),
             (json.replace("\"yfov\"", "\"lens\""), "`bookmarks[0].yfov` is missing"),
             (json.replace("0.125", "9"), "`bookmarks[0].shift`"),
@@ -106,7 +106,8 @@ mod tests {
         for (json, words) in cases {
             let error = format!("{:#}", Look::from_json(&json).unwrap_err());
             assert!(error.contains(words), "{error}");
-            assert!(Look::recover(&json).unwrap().0.bookmarks.is_empty(), "{words}");
+            assert!(Look::recover(&json).is_ok(), "{words}");
         }
+        assert!(Look::recover(&stretched).unwrap().0.bookmarks.is_empty(), "what is no view is left out");
     }
 }

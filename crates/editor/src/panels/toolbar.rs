@@ -22,27 +22,47 @@ pub struct ToolbarState<'a> {
     pub recent: &'a [PathBuf],
 }
 
+/// Width in points that all buttons have room in.
+const WIDE: f32 = 980.0;
+
 /// Draws it.
 pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
-        file_buttons(ui, state, actions);
-        ui.separator();
-        let mut button = |ui: &mut Ui, enabled: bool, label: &str, keys: &egui::KeyboardShortcut, action: Action| {
-            let hint = ui.ctx().format_shortcut(keys);
-            if ui.add_enabled(enabled, Button::new(label)).on_hover_text(hint).clicked() {
-                actions.push(action);
-            }
-        };
-        button(ui, state.can_undo, "Undo", &shortcuts::UNDO, Action::Undo);
-        button(ui, state.can_redo, "Redo", &shortcuts::REDO, Action::Redo);
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if ui.button("Shortcuts").on_hover_text("F1").clicked() {
-                actions.push(Action::ToggleShortcuts);
-            }
-            ui.menu_button("Theme", theme_menu);
-            ui.menu_button("Text size", size_menu);
+    // Large letters or a small window: in several rows.
+    if ui.available_width() < WIDE {
+        ui.horizontal_wrapped(|ui| {
+            look_buttons(ui, state, actions);
+            window_buttons(ui, actions);
         });
+        return;
+    }
+    ui.horizontal(|ui| {
+        look_buttons(ui, state, actions);
+        let layout = egui::Layout::right_to_left(egui::Align::Center);
+        ui.with_layout(layout, |ui| window_buttons(ui, actions));
     });
+}
+
+/// Files, undo and redo.
+fn look_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
+    file_buttons(ui, state, actions);
+    ui.separator();
+    let mut button = |ui: &mut Ui, enabled: bool, label: &str, keys: &egui::KeyboardShortcut, action: Action| {
+        let hint = ui.ctx().format_shortcut(keys);
+        if ui.add_enabled(enabled, Button::new(label)).on_hover_text(hint).clicked() {
+            actions.push(action);
+        }
+    };
+    button(ui, state.can_undo, "Undo", &shortcuts::UNDO, Action::Undo);
+    button(ui, state.can_redo, "Redo", &shortcuts::REDO, Action::Redo);
+}
+
+/// What is about the window.
+fn window_buttons(ui: &mut Ui, actions: &mut Vec<Action>) {
+    if ui.button("Shortcuts").on_hover_text("F1").clicked() {
+        actions.push(Action::ToggleShortcuts);
+    }
+    ui.menu_button("Theme", theme_menu);
+    ui.menu_button("Text size", size_menu);
 }
 
 fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {

@@ -5,6 +5,7 @@ use eframe::egui::{ComboBox, RichText, Slider, Ui};
 
 use crate::look::Look;
 use crate::look::fade::fade;
+use crate::look::snapshot::Mark;
 use crate::viewport::compare::Way;
 
 /// What is seen on a side of a comparison.
@@ -36,10 +37,11 @@ pub struct Compare {
 }
 
 impl Compare {
-    /// The present look against the snapshot that it came from, else the first one.
+    /// The present look against the snapshot that it came from where it was changed since, else against another one.
     pub(super) fn start(look: &Look) -> Option<Compare> {
-        let first = || look.snapshots.first().map(|snapshot| &snapshot.name);
-        let other = look.on.as_ref().or_else(first)?.clone();
+        let find = |wanted: &dyn Fn(Mark) -> bool| look.snapshots.iter().find(|snapshot| wanted(look.mark(snapshot)));
+        let other = find(&|mark| mark == Mark::Changed).or_else(|| find(&|mark| mark != Mark::On));
+        let other = other.or(look.snapshots.first())?.name.clone();
         Some(Compare { sides: [Side::Snapshot(other), Side::Present], way: Way::Wipe })
     }
 
@@ -136,4 +138,22 @@ fn end_ui(ui: &mut Ui, label: &str, end: &mut String, look: &Look) {
         }
     });
     response.response.accessible_name(label);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_look_is_compared_with_what_differs_from_it() {
+        let left = |look: &Look| Compare::start(look).map(|compare| compare.sides[0].words().to_owned());
+        let mut look = Look::default();
+        assert_eq!(left(&look), None);
+        look.keep("First");
+        assert_eq!(left(&look).as_deref(), Some("First"), "there is no other");
+        look.keep("Second");
+        assert_eq!(left(&look).as_deref(), Some("First"), "not with itself");
+        look.display.exposure_ev = Some(1.0);
+        assert_eq!(left(&look).as_deref(), Some("Second"), "with what it was before the change");
+    }
 }
