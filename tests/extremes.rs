@@ -98,7 +98,7 @@ fn extremes_of_scale_and_place_change_no_more_than_rounding_does() {
     }
     let noise = off(&EVERYDAY.picture_of(8), 1.0, &everyday);
     println!("with other random numbers: off by {noise:.1e}");
-    // Ten kilometers from the origin a number of 32 bits tells a millimeter: all walks are others, and some end too early.
+    // Ten kilometers from the origin a number of 32 bits tells a millimeter: all walks are others.
     for (meters, most) in [(1e2, 0.005), (1e3, 0.015), (1e4, 0.15)] {
         let far = Room { middle: Vec3::new(meters, -meters, meters), ..EVERYDAY }.picture();
         let (off, mean) = (off(&far, 1.0, &everyday), mean(&far.pixels) / mean(&everyday.pixels) - 1.0);
