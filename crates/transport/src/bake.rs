@@ -478,7 +478,7 @@ impl BakeJob {
             patches: None,
             skips: self.scene.skips,
             spared: self.scene.spared(),
-            grounds: self.passes.deadline().is_none().then(|| self.grounds()),
+            grounds: Some(self.grounds()),
         };
         header.spared.empty_pixels = empty.as_ref().map_or(0, |empty| empty.count());
         header.spared.dark_sources = dark;
@@ -600,9 +600,13 @@ impl BakeJob {
                 return Ok(None);
             }
         }
-        let header = match run.bias {
-            Some(_) => Arc::new(BakeHeader { sharing_bias: run.bias, ..(*header).clone() }),
-            None => header.clone(),
+        let has_struck = run.deadline.as_ref().is_some_and(|deadline| deadline.has_struck);
+        let header = if has_struck || run.bias.is_some() {
+            // What a time ended is nothing that a later bake could build on.
+            let grounds = header.grounds.clone().filter(|_| !has_struck);
+            Arc::new(BakeHeader { sharing_bias: run.bias, grounds, ..(*header).clone() })
+        } else {
+            header.clone()
         };
         Ok(Bake::packing(header, run.matrices, focus))
     }

@@ -105,7 +105,6 @@ impl BakeJob {
         };
         let kept = matrices.map(take).collect();
         let fresh = (0..basis.sources.len()).filter(|new| pairs.iter().all(|(_, kept)| kept != new)).collect();
-        let is_timed = self.passes.deadline().is_some();
         let shows_more = basis.sky.is_some() || self.is_own_view() || earlier.header.patches.is_some();
         let header = BakeHeader {
             scene: self.scene.scene.name.clone(),
@@ -113,7 +112,7 @@ impl BakeJob {
             camera: self.camera.name.clone(),
             view: shows_more.then(|| self.camera.clone()),
             skips: self.scene.skips,
-            grounds: (!is_timed).then(|| Grounds { lights: Vec::new(), ..wanted.clone() }),
+            grounds: Some(Grounds { lights: Vec::new(), ..wanted.clone() }),
             ..(*earlier.header).clone()
         };
         Ok(Reuse { earlier: earlier.clone(), parts, kept, fresh, basis, lights: wanted.lights, header })
@@ -265,6 +264,9 @@ impl Reuse {
         }
         header.spared = self.joined_spared(&sources, new);
         header.sharing_bias = self.joined_bias(new);
+        if new.is_some_and(|new| new.grounds.is_none()) {
+            header.grounds = None;
+        }
         if let (Some(grounds), Some(there)) = (&mut header.grounds, &earlier.grounds) {
             let of_light = |(old, of_job): &(Option<usize>, usize)| {
                 old.map_or_else(|| self.lights[*of_job].clone(), |old| there.lights[old].clone())

@@ -51,6 +51,7 @@ fn a_bake_whose_time_is_up_keeps_what_it_has() {
     assert!(late.groups[0].blocks.iter().all(Option::is_some));
     assert!(late.header.sharing_bias.is_some_and(f32::is_finite), "light of a preview is shared");
     assert!(late.figures().error_db.total.is_finite());
+    assert!(baked(Passes::FinalOnly).header.grounds.is_some() && late.header.grounds.is_none());
 }
 
 #[test]
