@@ -44,9 +44,10 @@ fn dark() -> Visuals {
     v.faint_bg_color = Color32::from_gray(35);
     v.selection.bg_fill = Color32::from_rgb(122, 88, 42);
     v.selection.stroke = Stroke::new(1.0, Color32::from_rgb(255, 232, 200));
+    v.weak_text_color = Some(Color32::from_gray(142));
     v.hyperlink_color = ACCENT;
     v.warn_fg_color = ACCENT;
-    v.error_fg_color = ALERT;
+    v.error_fg_color = Color32::from_rgb(226, 110, 102);
     v.slider_trailing_fill = true;
     v.handle_shape = egui::style::HandleShape::Circle;
     v.widgets.noninteractive.bg_stroke = Stroke::new(1.0, Color32::from_gray(46));
@@ -73,8 +74,9 @@ fn light() -> Visuals {
     v.window_fill = Color32::from_gray(246);
     v.selection.bg_fill = Color32::from_rgb(240, 200, 140);
     v.selection.stroke = Stroke::new(1.0, Color32::from_rgb(74, 46, 8));
-    v.hyperlink_color = Color32::from_rgb(150, 92, 12);
-    v.warn_fg_color = Color32::from_rgb(160, 96, 10);
+    v.weak_text_color = Some(Color32::from_gray(98));
+    v.hyperlink_color = Color32::from_rgb(140, 84, 10);
+    v.warn_fg_color = Color32::from_rgb(146, 86, 10);
     v.error_fg_color = Color32::from_rgb(178, 50, 42);
     v.slider_trailing_fill = true;
     v.handle_shape = egui::style::HandleShape::Circle;
@@ -91,6 +93,11 @@ fn light() -> Visuals {
 fn widgets(v: &mut Visuals) -> [&mut egui::style::WidgetVisuals; 5] {
     let w = &mut v.widgets;
     [&mut w.noninteractive, &mut w.inactive, &mut w.hovered, &mut w.active, &mut w.open]
+}
+
+/// Text in the accent, as dark as it takes to be read on light gray.
+pub fn accent_text(ui: &egui::Ui) -> Color32 {
+    ui.visuals().hyperlink_color
 }
 
 /// Heading of a section, with a thin line under it.
@@ -119,4 +126,30 @@ pub fn folding(ui: &mut egui::Ui, title: &str, fold: Fold, content: impl FnOnce(
         content(ui);
     });
     ui.separator();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Relative luminance of an opaque color, 0 to 1.
+    fn luminance(color: Color32) -> f32 {
+        let [r, g, b, _] = egui::Rgba::from(color).to_array();
+        0.2126 * r + 0.7152 * g + 0.0722 * b
+    }
+
+    #[test]
+    fn words_can_be_read_in_both_themes() {
+        for (name, v) in [("dark", dark()), ("light", light())] {
+            for ground in [v.panel_fill, v.window_fill] {
+                let words = [v.text_color(), v.weak_text_color(), v.hyperlink_color, v.warn_fg_color, v.error_fg_color];
+                for (nth, color) in words.into_iter().enumerate() {
+                    let (a, b) = (luminance(color), luminance(ground));
+                    // As the Web Content Accessibility Guidelines ask of small text.
+                    let contrast = (a.max(b) + 0.05) / (a.min(b) + 0.05);
+                    assert!(contrast >= 4.5, "{name}, color {nth}: {contrast:.2} on {ground:?}");
+                }
+            }
+        }
+    }
 }

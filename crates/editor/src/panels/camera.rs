@@ -42,7 +42,7 @@ const FOV_DEG: std::ops::RangeInclusive<f32> = 1.0..=170.0;
 pub fn camera_ui(ui: &mut Ui, view: &CameraView, edit: CameraEdit, actions: &mut Vec<Action>) {
     theme::folding(ui, "Camera", Fold::Open, |ui| {
         let Some(camera) = edit.camera else {
-            ui.label(RichText::new("The views of a scene stand here once one is open").weak());
+            ui.label(RichText::new("Open a scene to look around in it; a bake alone has one view").weak());
             return;
         };
         mode_ui(ui, view, actions);

@@ -9,7 +9,7 @@ pub fn strip_ui(ui: &mut Ui, id: &'static str, words: &str, buttons: &[&str]) ->
     let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(14, 6));
     let strip = Panel::top(id).frame(frame).show_separator_line(false).show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
-            ui.label(RichText::new(words).color(theme::ACCENT));
+            ui.label(RichText::new(words).color(theme::accent_text(ui)));
             let clicked = |(nth, name): (usize, &&str)| {
                 let button = if nth == 0 {
                     Button::new(RichText::new(*name).color(theme::ON_ACCENT)).fill(theme::ACCENT)

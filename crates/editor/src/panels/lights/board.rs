@@ -69,7 +69,8 @@ fn light_strip_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, height: f32) {
     let fill = if is_selected { selection } else { ui.visuals().faint_bg_color };
     ui.push_id(("strip", light.key.as_str()), |ui| {
         strip_ui(ui, fill, |ui| {
-            let name = name_ui(ui, row::name_text(mix, light));
+            let text = row::name_text(ui, mix, light);
+            let name = name_ui(ui, text);
             row::light_response(ui, mix, light, name);
             let mut setting = mix.setting(light);
             let size = vec2(30.0, height);
@@ -93,7 +94,7 @@ fn group_strip_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, height: f32) {
     let fill = ui.visuals().widgets.inactive.weak_bg_fill.gamma_multiply(0.5);
     ui.push_id(("group strip", group.key.as_str()), |ui| {
         strip_ui(ui, fill, |ui| {
-            let name = name_ui(ui, RichText::new(&group.name).strong().color(theme::ACCENT));
+            let name = name_ui(ui, RichText::new(&group.name).strong().color(theme::accent_text(ui)));
             group_row::group_response(ui, mix, group, name);
             let mut own = master(mix.look, group, mix.lights);
             let before = own.intensity;

@@ -106,12 +106,12 @@ pub(super) fn name_label_ui(ui: &mut Ui, text: RichText, width: f32) -> Response
 }
 
 /// The text of a light's name: weak where it is dark.
-pub(super) fn name_text(mix: &Mix, light: &Listed) -> RichText {
+pub(super) fn name_text(ui: &Ui, mix: &Mix, light: &Listed) -> RichText {
     let text = RichText::new(&light.name);
     if mix.is_dark(&light.key) {
         text.weak()
     } else if mix.state.lamps.is_chosen(&light.key) {
-        text.color(theme::ACCENT)
+        text.color(theme::accent_text(ui))
     } else if mix.differs(light) {
         text.strong()
     } else {
@@ -128,7 +128,8 @@ fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     if is_named {
         return;
     }
-    let name = name_label_ui(ui, name_text(mix, light), width);
+    let text = name_text(ui, mix, light);
+    let name = name_label_ui(ui, text, width);
     light_response(ui, mix, light, name);
 }
 

@@ -115,7 +115,7 @@ fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
         row::mark_ui(ui, mix.differs(light), "Differs from the file");
         row::letters_ui(ui, mix, &light.name, std::slice::from_ref(&light.key));
     });
-    let mut text = row::name_text(mix, light);
+    let mut text = row::name_text(ui, mix, light);
     if mix.state.selection.has(&light.key) {
         text = text.background_color(ui.visuals().selection.bg_fill);
     }

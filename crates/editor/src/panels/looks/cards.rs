@@ -33,7 +33,7 @@ pub(super) fn card_ui(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut Look
         rename_ui(ui, name_rect, look, state);
     } else {
         let words = if mark == Mark::Changed { format!("{name} •") } else { name.clone() };
-        let color = if mark == Mark::Off { ui.visuals().text_color() } else { theme::ACCENT };
+        let color = if mark == Mark::Off { ui.visuals().text_color() } else { theme::accent_text(ui) };
         let painter = ui.painter().with_clip_rect(name_rect.intersect(ui.clip_rect()));
         painter.text(name_rect.left_center(), Align2::LEFT_CENTER, words, FontId::proportional(12.5), color);
     }

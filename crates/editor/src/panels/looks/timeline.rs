@@ -92,7 +92,7 @@ fn play_ui(ui: &mut Ui, look: &mut Look, player: &mut Player, view: &LooksView) 
     }
     let Some(secs) = player.playhead else { return };
     let frame = (secs * look.timeline.fps).round();
-    ui.label(RichText::new(format!("{secs:.2} s, frame {frame}")).color(theme::ACCENT));
+    ui.label(RichText::new(format!("{secs:.2} s, frame {frame}")).color(theme::accent_text(ui)));
     let hint = "Light the scene as the timeline does at this moment";
     if ui.add(Button::new("Take over").small()).on_hover_text(hint).clicked() {
         let moment = look.at(secs, view.basis);
