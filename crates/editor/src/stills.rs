@@ -10,7 +10,7 @@ use clerestory_transport::sky::Backdrop;
 
 use crate::cli::relight::{Relighter, irradiance_of};
 use crate::export::{height_of, shrunk};
-use crate::look::Look;
+use crate::look::{Display, Look, Quantity};
 use crate::session::lamps::{LampView, StillLamps};
 
 /// What is pictured.
@@ -93,6 +93,20 @@ impl Stills {
         let mut radiance = shrunk(&whole, [film.width, film.height]).into_owned();
         light.iter().for_each(|light| radiance.add(&light.direct));
         Ok(Some(radiance))
+    }
+
+    /// The light that arrives, if a look shows that and it was baked, lux per channel; and the display without what then cannot be
+    /// shown.
+    ///
+    /// # Errors
+    /// A failing device.
+    pub fn arriving(&self, look: &Look, size: Size) -> Result<(Option<Radiance>, Display)> {
+        let arriving = match look.display.quantity() {
+            Some(Quantity::Illuminance) => self.irradiance(look, size)?,
+            _ => None,
+        };
+        let display = if arriving.is_some() { look.display } else { look.display.of_seen_light() };
+        Ok((arriving, display))
     }
 
     /// The light that arrives at what is seen under a look, lux per channel; `None` where it was not baked.

@@ -94,15 +94,7 @@ fn a_file_that_changed_on_disk_is_offered_and_the_look_stays() {
 
     let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
     gltf["materials"][0]["pbrMetallicRoughness"] = serde_json::json!({ "baseColorFactor": [0.2, 0.3, 0.4, 1.0] });
-    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
-    for _ in 0..200 {
-        window.step();
-        if window.query_by_label("room.gltf has changed on disk").is_some() {
-            break;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    click(&mut window, "Reload");
+    replace_and_reload(&mut window, &path, &gltf);
     wait(&mut window, |app| fingerprint(app) != before && app.session().bake == BakeState::Done);
     assert_eq!(*window.state().look(), look);
     assert!(window.query_by_label_contains("has changed on disk").is_none());
@@ -124,15 +116,7 @@ fn after_a_reload_only_a_new_lamp_is_traced() {
     nodes.push(lamp);
     let n_nodes = nodes.len();
     gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push((n_nodes - 1).into());
-    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
-    for _ in 0..200 {
-        window.step();
-        if window.query_by_label("room.gltf has changed on disk").is_some() {
-            break;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    click(&mut window, "Reload");
+    replace_and_reload(&mut window, &path, &gltf);
     let n_reused = |app: &App| app.session().figures.as_ref().map_or(0, |figures| figures.skipped.reused_columns);
     wait(&mut window, |app| app.session().bake == BakeState::Done && n_reused(app) == 17 && app.is_settled());
     assert!(blocks(window.state()) == before, "what was there is the same to the last bit");
@@ -154,4 +138,17 @@ fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
     click(&mut window, "150 %");
     assert!((window.ctx.zoom_factor() - 1.5).abs() < 1e-3);
     window.get_by_label("Theme");
+}
+
+/// Writes another model to the place of the open one, and reloads it once that is offered.
+fn replace_and_reload(window: &mut Window, path: &std::path::Path, gltf: &serde_json::Value) {
+    std::fs::write(path, serde_json::to_vec(gltf).unwrap()).unwrap();
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("room.gltf has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    click(window, "Reload");
 }

@@ -12,8 +12,7 @@ impl Session {
             self.opened.as_ref().and_then(|opened| opened.source.as_ref()).is_some_and(|old| Some(old) == next);
         if !is_same {
             self.earlier.clear();
-        }
-        if is_same && self.shown.is_some() {
+        } else if self.shown.is_some() {
             self.earlier = self.whole_bakes();
         }
     }

@@ -11,7 +11,7 @@ use eframe::egui::ColorImage;
 
 use super::Wake;
 use crate::crash;
-use crate::look::{Look, Quantity};
+use crate::look::Look;
 use crate::picture::color_image;
 use crate::stills::{Size, Stills, Subject};
 
@@ -158,12 +158,7 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
 
 fn print(stills: &mut Stills, order: &PrintOrder, stop: &(dyn Fn() -> bool + Sync)) -> Result<Option<ColorImage>> {
     let look = &order.look;
-    let arriving = match look.display.quantity() {
-        Some(Quantity::Illuminance) => stills.irradiance(look, order.size)?,
-        _ => None,
-    };
-    // Where the light that arrives was not baked, what is seen is shown as it is.
-    let display = if arriving.is_some() { look.display } else { look.display.of_seen_light() };
+    let (arriving, display) = stills.arriving(look, order.size)?;
     let picture = match arriving {
         Some(arriving) => arriving,
         None => match stills.picture(look, order.size, stop)? {

@@ -9,7 +9,6 @@ use anyhow::{Result, ensure};
 use super::task::{Fact, Post};
 use crate::contact_sheet::{Print, write_sheet};
 use crate::export::{ExportOptions, ImageFormat, Picture};
-use crate::look::Quantity;
 use crate::look::snapshot::Snapshot;
 use crate::output::PendingFile;
 use crate::stills::{Size, Stills, Subject};
@@ -39,16 +38,9 @@ fn sheet(
     let mut stills = Stills::new(Arc::new(subject), None);
     let mut prints = Vec::new();
     for snapshot in snapshots {
-        // A light that arrives and was not baked is shown as what is seen, as in the strip.
-        let mut look = snapshot.look();
-        let size = Size::Within(WIDTH_PX);
-        let irradiance = match look.display.quantity() {
-            Some(Quantity::Illuminance) => stills.irradiance(&look, size)?,
-            _ => None,
-        };
-        if irradiance.is_none() {
-            look.display = look.display.of_seen_light();
-        }
+        let (mut look, size) = (snapshot.look(), Size::Within(WIDTH_PX));
+        let (irradiance, display) = stills.arriving(&look, size)?;
+        look.display = display;
         let Some(radiance) = stills.picture(&look, size, stop)? else { return Ok(None) };
         let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
         let (picture, _) = picture.developed(&ExportOptions::default())?;
