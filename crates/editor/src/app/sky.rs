@@ -74,8 +74,9 @@ impl SkyLayer {
         let Some(backdrop) = Backdrop::new(&shown.header, rig) else { return problem.map_or(Ok(0), Err) };
         let is_seen_anew = self.weigh(shown, &backdrop);
         let is_another = self.backdrop.as_ref().is_none_or(|other| !other.shows_the_same(&backdrop));
-        let weights: Vec<Arc<Weights>> = self.blocks.iter().flatten().map(|(_, weights)| weights.clone()).collect();
-        if is_seen_anew || is_another && weights.iter().any(|weights| !weights.is_empty()) {
+        let seen = || self.blocks.iter().flatten().map(|(_, weights)| weights);
+        if is_seen_anew || is_another && seen().any(|weights| !weights.is_empty()) {
+            let weights = seen().cloned().collect();
             self.n_orders += 1;
             self.worker.order(SkyOrder { backdrop: backdrop.clone(), weights, serial: self.n_orders });
         }
