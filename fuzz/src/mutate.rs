@@ -124,7 +124,7 @@ fn mend_archive(bytes: &mut [u8]) {
         set_word(bytes, 12, end as u32);
     }
     mend_header(bytes);
-    if bytes[8] == PACKED_VERSION {
+    if PACKED_VERSIONS.contains(&bytes[8]) {
         return mend_packed(bytes);
     }
     let mut at = blocks;
@@ -160,15 +160,35 @@ fn mend_header(bytes: &mut [u8]) {
     }
 }
 
-/// Version of files whose packed matrices follow the header without anything between.
-const PACKED_VERSION: u8 = 4;
+/// Versions of files whose packed matrices follow the header, with nothing or patches between.
+const PACKED_VERSIONS: [u8; 2] = [4, 5];
+
+/// Patches behind a header of so many bytes: a checksum over what its numbers say. Where the packed matrices begin.
+fn mend_patches(bytes: &mut [u8], header_end: usize) -> usize {
+    let number = |name: &str| -> Option<usize> {
+        let header = bytes.get(..header_end)?;
+        let at = find(header, name.as_bytes(), 16)? + name.len();
+        let digits: String = header[at..].iter().take_while(|b| b.is_ascii_digit()).map(|b| char::from(*b)).collect();
+        digits.parse().ok().filter(|n| *n < 1 << 20)
+    };
+    let numbers = ["\"n_patches\":", "\"n_samples\":", "\"n_columns\":"].map(number);
+    let [Some(n_patches), Some(n_samples), Some(n_columns)] = numbers else { return header_end };
+    let end = header_end + n_patches + 28 * n_samples + 4 * n_columns + 2 * n_patches * n_columns;
+    if end + 8 > bytes.len() {
+        return header_end;
+    }
+    let sum = checksum(&bytes[header_end..end]);
+    bytes[end..end + 8].copy_from_slice(&sum.to_le_bytes());
+    end + 8
+}
 
 /// Packed matrices: step, a direction and tables with their lengths and a checksum over all of it, then blocks with theirs.
 fn mend_packed(bytes: &mut [u8]) {
     let word = |bytes: &[u8], at: usize| -> Option<usize> {
         Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
     };
-    let mut at = 16 + word(bytes, 12).unwrap_or(0);
+    let header_end = 16 + word(bytes, 12).unwrap_or(0);
+    let mut at = mend_patches(bytes, header_end);
     loop {
         let start = at;
         let Some(n_direction) = word(bytes, at + 4) else { return };

@@ -387,7 +387,7 @@ impl Session {
         self.opening_source = Some(source.clone());
         self.loading = self.spawn("open", move |post| {
             let name = source.name();
-            let loaded = task::load(source).map_err(|error| format!("{error:#}"));
+            let loaded = task::load(source, &post.stop).map_err(|error| format!("{error:#}"));
             let _ = post.send(Fact::Loaded(name, loaded), Duration::ZERO);
         });
     }
@@ -416,7 +416,7 @@ impl Session {
         change(&mut chosen);
         self.stop_loading();
         self.loading = self.spawn("prepare", move |post| {
-            let prepared = task::prepare_again(&scene.scene, lamps, chosen).map_err(words);
+            let prepared = task::prepare_again(&scene.scene, lamps, chosen, &post.stop).map_err(words);
             let _ = post.send(Fact::Prepared(prepared), Duration::ZERO);
         });
     }
@@ -503,8 +503,9 @@ impl Session {
     /// Takes a file as the scene of the bake that was opened, in the background.
     pub fn find_scene(&mut self, path: PathBuf) {
         let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
+        self.stop_finding();
         let task = self.spawn("scene", move |post| {
-            let found = task::scene_of(&header, &path).map_err(|error| format!("{error:#}"));
+            let found = task::scene_of(&header, &path, &post.stop).map_err(|error| format!("{error:#}"));
             let _ = post.send(Fact::SceneFound(found), Duration::ZERO);
         });
         self.finding = task.as_ref().map(Task::id);
@@ -613,6 +614,11 @@ impl Session {
 
     fn stop_loading(&mut self) {
         self.others.extend(self.loading.take().map(Task::stopped));
+    }
+
+    fn stop_finding(&mut self) {
+        let finding = self.finding.take();
+        self.others.iter().filter(|task| finding == Some(task.id())).for_each(Task::stop);
     }
 
     fn stop_baking(&mut self) {
@@ -923,6 +929,7 @@ impl Session {
 impl Drop for Session {
     fn drop(&mut self) {
         self.stop_loading();
+        self.stop_finding();
         self.stop_baking();
         self.cancel_frames();
         self.forget_forecast();

@@ -22,6 +22,7 @@ use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene, SceneNode};
 use crate::sensors::parallelogram;
 use crate::sky::{Dome, DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};
+use crate::stop::Stopped;
 
 /// A node whose emissive quad is to become a panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,6 +49,9 @@ pub const PANEL_RESOLUTION: std::ops::RangeInclusive<u32> = 4..=64;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum LightingError {
+    /// Somebody asked for that.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// A panel was asked for on a node that does not exist.
     #[error("no emissive node is named `{node}`; emissive nodes are: {known}")]
     UnknownPanelNode {

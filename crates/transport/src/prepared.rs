@@ -6,11 +6,13 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::bsdf::{self, Bsdf, FinishParams, Frame, SurfaceParams};
 use crate::bvh::{Aabb, Bvh, Hit, Ray};
+use crate::clearance::{clearance, offset_origin, rounding};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
 use crate::skips::{Skip, Skips, Spared};
 use crate::slabs::{Slabs, hidden};
+use crate::stop::Stop;
 
 /// A scene with its lights, ready to be traced.
 #[derive(Clone)]
@@ -29,6 +31,8 @@ pub struct PreparedScene {
     pub attenuates: bool,
     /// Solid panes that connections pass.
     pub(crate) slabs: Arc<Slabs>,
+    /// Diagonal of all surfaces, m; infinite where there are none.
+    extent: f32,
 }
 
 /// What a ray met.
@@ -44,8 +48,11 @@ pub struct SurfaceHit {
     pub barycentric: Vec3,
     /// Unit geometric normal of the front side.
     pub normal: Vec3,
-    /// Distance from the surface below which a ray may meet the triangle again, for all that rounding does to its size, m.
+    /// Distance from the surface below which a ray may meet the triangle again, for all that rounding does to its size and
+    /// to a place beyond `extent`, m.
     pub clearance: f32,
+    /// Diagonal of the scene, m.
+    pub extent: f32,
 }
 
 /// What a point of a surface is made of.
@@ -66,7 +73,7 @@ impl SurfaceHit {
     /// Where a ray begins that leaves to the side of `normal`, which is this hit's or its opposite.
     #[inline]
     pub fn origin(&self, normal: Vec3) -> Vec3 {
-        offset_origin(self.position + normal * self.clearance, normal)
+        offset_origin(self.position + normal * self.clearance, normal, self.extent)
     }
 }
 
@@ -101,6 +108,21 @@ impl PreparedScene {
         sky: Option<&SkyRequest>,
         skips: Skips,
     ) -> Result<(PreparedScene, Vec<String>), LightingError> {
+        PreparedScene::until(scene, panels, sky, skips, &Stop::default())
+    }
+
+    /// The same as [`PreparedScene::with_skips`], if nobody asks for a stop meanwhile.
+    ///
+    /// # Errors
+    /// As [`PreparedScene::new`], and [`LightingError::Stopped`].
+    pub fn until(
+        scene: Scene,
+        panels: &[PanelRequest],
+        sky: Option<&SkyRequest>,
+        skips: Skips,
+        stop: &Stop,
+    ) -> Result<(PreparedScene, Vec<String>), LightingError> {
+        stop.check()?;
         let (lighting, mut warnings) = Lighting::with_sky(&scene, panels, sky)?;
         let is_solid = |t: &u32| {
             let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
@@ -110,13 +132,16 @@ impl PreparedScene {
         let (solid, sheer): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
         let build = |ids: &[u32]| {
             let corners: Vec<[Vec3; 3]> = ids.iter().map(|&t| scene.mesh.corners(t)).collect();
-            Arc::new(Bvh::build(&corners, ids))
+            Bvh::build_until(&corners, ids, stop).map(Arc::new)
         };
-        let (solid, sheer) = (build(&solid), (!sheer.is_empty()).then(|| build(&sheer)));
+        let (solid, sheer) = (build(&solid)?, (!sheer.is_empty()).then(|| build(&sheer)).transpose()?);
         let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
         let slabs = Arc::new(Slabs::find(&scene));
-        let prepared = PreparedScene { scene, lighting, skips, solid, sheer, attenuates, slabs };
+        stop.check()?;
+        let extent = diagonal(&solid, sheer.as_deref());
+        let prepared = PreparedScene { scene, lighting, skips, solid, sheer, attenuates, slabs, extent };
         warnings.extend(hidden::warnings(&prepared));
+        stop.check()?;
         Ok((prepared, warnings))
     }
 
@@ -214,8 +239,9 @@ impl PreparedScene {
         let barycentric = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
         let (position, across) = (a + ab * hit.u + ac * hit.v, ab.cross(ac));
         let normal = across.normalize_or(Vec3::Y);
-        let clearance = clearance(ab, ac, across);
-        SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal, clearance }
+        let extent = self.extent;
+        let clearance = clearance(ab, ac, across) + rounding(position, normal, extent);
+        SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal, clearance, extent }
     }
 
     /// The point of the first of some triangles in whose plane it lies that has it.
@@ -377,16 +403,24 @@ impl PreparedScene {
 
     /// A distance from anything within to beyond everything, m.
     pub(crate) fn far(&self) -> f32 {
-        let bounds = [Some(&self.solid), self.sheer.as_ref()].into_iter().flatten().map(|tree| tree.bounds());
-        let all = bounds.fold(Aabb::EMPTY, |a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) });
-        let diagonal = (all.max - all.min).length();
-        if diagonal.is_finite() { 4.0 * diagonal.max(1e-6) } else { 1.0 }
+        if self.extent.is_finite() { 4.0 * self.extent.max(1e-6) } else { 1.0 }
+    }
+
+    /// Diagonal of all surfaces, m; infinite where there are none.
+    pub fn extent(&self) -> f32 {
+        self.extent
     }
 
     /// Length of the diagonal of everything in meters.
     pub fn diameter(&self) -> f32 {
         self.scene.mesh.bounds().map_or(1.0, |(lo, hi)| (hi - lo).length().max(1e-6))
     }
+}
+
+fn diagonal(solid: &Bvh, sheer: Option<&Bvh>) -> f32 {
+    let bounds = [Some(solid), sheer].into_iter().flatten().map(Bvh::bounds);
+    let all = bounds.fold(Aabb::EMPTY, |a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) });
+    (all.max - all.min).length()
 }
 
 /// Shadow rays end just before the light's own surface.
@@ -399,35 +433,4 @@ fn shadow_ray(origin: Vec3, target: Vec3) -> Ray {
 /// The least distance along a ray that is beyond a hit.
 pub(crate) fn next_after(t: f32) -> f32 {
     (t * (1.0 + 1e-6)).max(t.next_up())
-}
-
-/// Rounding of a ray's parameter at a triangle as high as it is long, over its longest edge.
-const CLEARANCE: f32 = f32::EPSILON;
-/// Longest edge over height of a sliver beyond which no more is granted.
-const SLENDEREST: f32 = 64.0;
-
-/// How far from a triangle a ray has to begin so that it does not meet it. The intersection sees the vertices from the
-/// ray's origin, so that the parameter of the plane is off by rounding steps of their distance, the longest edge at most,
-/// and more so the smaller the height over that edge is: weights are differences of products of lengths.
-fn clearance(ab: Vec3, ac: Vec3, across: Vec3) -> f32 {
-    let longest = ab.length_squared().max(ac.length_squared()).max(ab.distance_squared(ac));
-    let slenderness = (longest / across.length().max(f32::MIN_POSITIVE)).min(SLENDEREST);
-    CLEARANCE * longest.sqrt() * slenderness
-}
-
-/// Moves a point near the origin of coordinates or far from it by what rounding does to coordinates of its size.
-/// \[Wachter2019\]
-pub fn offset_origin(position: Vec3, normal: Vec3) -> Vec3 {
-    const NEAR_ZERO: f32 = 1.0 / 32.0;
-    const FLOAT_SCALE: f32 = 1.0 / 65_536.0;
-    const INT_SCALE: f32 = 256.0;
-    let offset = |p: f32, n: f32| {
-        let steps = (INT_SCALE * n) as i32;
-        if p.abs() < NEAR_ZERO {
-            p + FLOAT_SCALE * n
-        } else {
-            f32::from_bits((p.to_bits() as i32 + if p < 0.0 { -steps } else { steps }) as u32)
-        }
-    };
-    Vec3::new(offset(position.x, normal.x), offset(position.y, normal.y), offset(position.z, normal.z))
 }

@@ -3,7 +3,6 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -21,6 +20,8 @@ use clerestory_transport::import::{self, stack::ImageStack};
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{PunctualLight, Scene};
+use clerestory_transport::skips::Skips;
+use clerestory_transport::stop::Stop;
 use eframe::egui::ColorImage;
 
 use super::{Chosen, Wake};
@@ -121,17 +122,18 @@ pub(super) struct Post {
     id: u64,
     sender: SyncSender<(u64, Fact)>,
     wake: Wake,
-    stop: Arc<AtomicBool>,
+    /// Whether nobody wants any more what it makes.
+    pub stop: Stop,
 }
 
 impl Post {
     pub fn new(id: u64, sender: SyncSender<(u64, Fact)>, wake: Wake) -> Post {
-        Post { id, sender, wake, stop: Arc::default() }
+        Post { id, sender, wake, stop: Stop::default() }
     }
 
     /// Whether anybody still wants what it makes.
     pub fn is_wanted(&self) -> bool {
-        !self.stop.load(Ordering::Relaxed)
+        !self.stop.is_asked()
     }
 
     /// Tells the window, which looks within `soon`; breaks if nobody wants to hear more.
@@ -147,7 +149,7 @@ impl Post {
 /// A running thread.
 pub(super) struct Task {
     id: u64,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
     thread: JoinHandle<()>,
 }
 
@@ -171,8 +173,13 @@ impl Task {
     }
 
     /// Asks it to end soon.
+    pub fn stop(&self) {
+        self.stop.ask();
+    }
+
+    /// The same, on its way to where it is waited for.
     pub fn stopped(self) -> Task {
-        self.stop.store(true, Ordering::Relaxed);
+        self.stop();
         self
     }
 
@@ -196,16 +203,16 @@ pub(super) fn words(error: impl std::error::Error + Send + Sync + 'static) -> St
     format!("{:#}", anyhow::Error::from(error))
 }
 
-/// Reads and prepares something.
-pub(super) fn load(source: Source) -> Result<Loaded> {
+/// Reads and prepares something, if nobody asks for a stop meanwhile.
+pub(super) fn load(source: Source, stop: &Stop) -> Result<Loaded> {
     let imported = match source {
-        Source::BuiltIn => import::load_bytes("Gallery", GALLERY)?,
-        Source::Bytes { name, bytes } => import::load_bytes(&name, &bytes)?,
+        Source::BuiltIn => import::load_bytes_until("Gallery", GALLERY, Skips::default(), stop)?,
+        Source::Bytes { name, bytes } => import::load_bytes_until(&name, &bytes, Skips::default(), stop)?,
         Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("transport")) => {
             return Ok(Loaded::Bake(archive::read(&path)?));
         }
         Source::File(path) if path.is_dir() => return Ok(Loaded::Stack(ImageStack::open(&path)?)),
-        Source::File(path) => import::load(&path)?,
+        Source::File(path) => import::load_until(&path, Skips::default(), stop)?,
     };
     anyhow::ensure!(
         !imported.scene.mesh.triangles.is_empty(),
@@ -216,15 +223,16 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
     if imported.report.made_camera {
         report.push("It has no perspective camera; one was made".into());
     }
-    let (scene, warnings) = PreparedScene::new(imported.scene, &[]).context("its lights cannot be used")?;
+    let prepared = PreparedScene::until(imported.scene, &[], None, Skips::default(), stop);
+    let (scene, warnings) = prepared.context("its lights cannot be used")?;
     report.extend(warnings);
     Ok(Loaded::Scene { scene: Box::new(scene), report })
 }
 
 /// The scene of a bake from a file: what is not baked needs its surfaces.
-pub(super) fn scene_of(header: &BakeHeader, path: &Path) -> Result<Box<PreparedScene>> {
+pub(super) fn scene_of(header: &BakeHeader, path: &Path, stop: &Stop) -> Result<Box<PreparedScene>> {
     anyhow::ensure!(path.is_file(), "{} is not there", path.display());
-    let mut scene = import::load(path)?.scene;
+    let mut scene = import::load_until(path, Skips::default(), stop)?.scene;
     let camera = header.view.as_ref().or_else(|| Camera::named(&scene.cameras, &header.camera)).cloned();
     let is_it = |scene: &Scene| camera.as_ref().is_some_and(|camera| header.is_of(scene, camera));
     if !is_it(&scene) {
@@ -235,7 +243,8 @@ pub(super) fn scene_of(header: &BakeHeader, path: &Path) -> Result<Box<PreparedS
         "{} is another scene than was baked, or has changed since; bake it again",
         path.display()
     );
-    Ok(Box::new(PreparedScene::new(scene, &[]).context("its lights cannot be used")?.0))
+    let prepared = PreparedScene::until(scene, &[], None, Skips::default(), stop);
+    Ok(Box::new(prepared.context("its lights cannot be used")?.0))
 }
 
 /// The same scene with its lamps as the file has them, changed by what was chosen.
@@ -243,12 +252,13 @@ pub(super) fn prepare_again(
     scene: &Scene,
     lamps: Vec<PunctualLight>,
     chosen: Chosen,
+    stop: &Stop,
 ) -> Result<Prepared, LightingError> {
     let mut scene = Scene { punctual: lamps, ..scene.clone() };
     if chosen.units == LampUnits::Unitless {
         assume_unitless(&mut scene);
     }
-    let (scene, warnings) = PreparedScene::with_sky(scene, &chosen.panels, chosen.sky.as_ref())?;
+    let (scene, warnings) = PreparedScene::until(scene, &chosen.panels, chosen.sky.as_ref(), Skips::default(), stop)?;
     Ok(Prepared { scene: Box::new(scene), chosen, warnings })
 }
 

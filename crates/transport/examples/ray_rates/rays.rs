@@ -3,7 +3,7 @@
 
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::prepared::offset_origin;
+use clerestory_transport::clearance::offset_origin;
 use clerestory_transport::sampler::Sampler;
 use glam::{Vec2, Vec3};
 
@@ -135,7 +135,7 @@ fn seen(triangles: &[[Vec3; 3]], tree: &Ours, ray: &Ray) -> Option<Seen> {
     let [a, b, c] = triangles[hit.triangle as usize];
     let normal = (b - a).cross(c - a).normalize();
     let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-    Some(Seen { origin: offset_origin(ray.origin + ray.direction * hit.t, normal), normal })
+    Some(Seen { origin: offset_origin(ray.origin + ray.direction * hit.t, normal, f32::INFINITY), normal })
 }
 
 /// A direction as a diffuse surface sends it.

@@ -2,9 +2,11 @@
 //! Somebody who has left wants no result: walks that have not begun are not followed any more, and what is done of a block is
 //! dropped.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use clerestory_nystrom::Partition;
+
+use crate::stop::Stop;
 
 /// Nobody looks anywhere in particular.
 const NOWHERE: u64 = u64::MAX;
@@ -14,12 +16,12 @@ const NOWHERE: u64 = u64::MAX;
 pub struct Focus {
     /// Pixel across and down.
     place: AtomicU64,
-    left: AtomicBool,
+    left: Stop,
 }
 
 impl Default for Focus {
     fn default() -> Focus {
-        Focus { place: AtomicU64::new(NOWHERE), left: AtomicBool::new(false) }
+        Focus { place: AtomicU64::new(NOWHERE), left: Stop::default() }
     }
 }
 
@@ -32,13 +34,13 @@ impl Focus {
 
     /// Ends the bake as soon as can be, in the middle of a block: nobody wants it any more, and nobody comes back.
     pub fn leave(&self) {
-        self.left.store(true, Ordering::Relaxed);
+        self.left.ask();
     }
 
     /// Whether nobody wants the bake any more.
     #[inline]
     pub fn is_left(&self) -> bool {
-        self.left.load(Ordering::Relaxed)
+        self.left.is_asked()
     }
 
     /// Where among some blocks the next one stands: the nearest to the pixel, else the first.

@@ -12,12 +12,15 @@ use rayon::prelude::*;
 use super::Aabb;
 use super::collapse::Collapse;
 use super::node::{Block, Child, Node};
+use crate::stop::{Stop, Stopped};
 
 /// Clusters are matched over the full search distance from the first level on: merging the lowest levels blindly, as the
 /// builder's own presets do, multiplies the work per ray on scenes of evenly sized triangles.
 const BLIND_LEVELS: usize = 0;
 /// Share of the nodes that are tried elsewhere in the tree, per pass.
 const REINSERTED: f32 = 0.1;
+/// Each odd number is a pass over that part of the share, as the optimizer has them by itself: one by one, a stop is seen between.
+const PASSES: std::ops::Range<u16> = 1..32;
 /// Beyond this coordinate (m) the areas of boxes leave the range of `f32`.
 const FARTHEST: f32 = 1e18;
 
@@ -41,7 +44,7 @@ pub(super) struct Tree {
 
 impl Tree {
     /// Builds the tree of those triangles that have an area and finite corners.
-    pub fn build(triangles: &[[Vec3; 3]], ids: &[u32]) -> Tree {
+    pub fn build(triangles: &[[Vec3; 3]], ids: &[u32], stop: &Stop) -> Result<Tree, Stopped> {
         assert_eq!(triangles.len(), ids.len(), "one id for each triangle");
         let kept: Vec<u32> =
             (0..).zip(triangles).filter(|(_, triangle)| can_be_hit(triangle)).map(|(index, _)| index).collect();
@@ -53,19 +56,22 @@ impl Tree {
             depth: 1,
         };
         if kept.is_empty() {
-            return tree;
+            return Ok(tree);
         }
+        stop.check()?;
         let mut boxes: Vec<BuilderAabb> = kept.iter().map(|&index| box_of(&triangles[index as usize])).collect();
         tell_apart(&mut boxes);
-        let binary = build_binary(&boxes);
+        stop.check()?;
+        let binary = build_binary(&boxes, stop)?;
         drop(boxes);
         tree.bounds = bounds_of(&binary, 0);
         let collapse = Collapse::new(&binary);
+        stop.check()?;
         tree.emit(&binary, &collapse, |triangle| {
             let index = kept[triangle as usize] as usize;
             (&triangles[index], ids[index])
         });
-        tree
+        Ok(tree)
     }
 
     /// Writes the wide nodes, siblings side by side, and the blocks under them.
@@ -95,7 +101,7 @@ impl Tree {
     }
 }
 
-fn build_binary(boxes: &[BuilderAabb]) -> Bvh2 {
+fn build_binary(boxes: &[BuilderAabb], stop: &Stop) -> Result<Bvh2, Stopped> {
     let order = (0..boxes.len() as u32).collect();
     let mut binary = PlocBuilder::with_capacity(boxes.len()).build(
         PlocSearchDistance::Low,
@@ -104,8 +110,13 @@ fn build_binary(boxes: &[BuilderAabb]) -> Bvh2 {
         SortPrecision::U64,
         BLIND_LEVELS,
     );
-    ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
-    binary
+    let mut optimizer = ReinsertionOptimizer::default();
+    for divisor in PASSES.step_by(2) {
+        stop.check()?;
+        optimizer.run(&mut binary, REINSERTED, Some(vec![1.0 / divisor as f32]));
+    }
+    stop.check()?;
+    Ok(binary)
 }
 
 /// Grows boxes that many others equal, each by another amount, about its center.

@@ -28,6 +28,8 @@ use dispatch::Instructions;
 use fan::{FAN, Fan};
 use node::{Block, Node};
 
+use crate::stop::{Stop, Stopped};
+
 /// Triangles that rays can be traced against, in world space (m).
 #[derive(Clone, Debug)]
 pub struct Bvh {
@@ -82,7 +84,18 @@ impl Bvh {
     /// # Panics
     /// When the two slices differ in length.
     pub fn build(triangles: &[[Vec3; 3]], ids: &[u32]) -> Bvh {
-        Bvh { tree: Tree::build(triangles, ids), instructions: Instructions::detect() }
+        Bvh::build_until(triangles, ids, &Stop::default()).expect("nobody else has this stop")
+    }
+
+    /// The same as [`Bvh::build`], if nobody asks for a stop meanwhile.
+    ///
+    /// # Errors
+    /// When somebody does.
+    ///
+    /// # Panics
+    /// As [`Bvh::build`].
+    pub fn build_until(triangles: &[[Vec3; 3]], ids: &[u32], stop: &Stop) -> Result<Bvh, Stopped> {
+        Ok(Bvh { tree: Tree::build(triangles, ids, stop)?, instructions: Instructions::detect() })
     }
 
     /// The closest hit; among hits at the same t, the smallest id. None for a ray that is not finite.

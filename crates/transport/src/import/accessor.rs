@@ -7,6 +7,7 @@ use gltf::json::validation::Checked;
 
 use super::container::Buffers;
 use super::document::size;
+use crate::stop::Stop;
 
 /// Most elements of an accessor without bytes behind it (all zeros), so that a few characters cannot ask for a terabyte.
 const MAX_ELEMENTS_WITHOUT_BYTES: usize = 1 << 24;
@@ -24,6 +25,8 @@ pub(super) enum Integers {
 pub(super) struct Reader<'a> {
     pub document: &'a Root,
     pub buffers: &'a Buffers<'a>,
+    /// Whether the file is still wanted.
+    pub stop: &'a Stop,
 }
 
 impl Reader<'_> {
@@ -92,6 +95,7 @@ impl Reader<'_> {
         n_bytes: usize,
         decode: impl Fn(&[u8]) -> T,
     ) -> Result<Vec<T>, String> {
+        self.stop.check().map_err(|stopped| stopped.to_string())?;
         let count = size(accessor.count);
         let mut elements = match accessor.buffer_view.map(|view| view.value()) {
             Some(view) => {

@@ -12,6 +12,7 @@ use super::document::size;
 use super::meshopt::Compressed;
 use super::report::Notes;
 use super::uri::Locator;
+use crate::stop::Stop;
 
 const GLB_MAGIC: &[u8; 4] = b"glTF";
 const GLB_HEADER_BYTES: u32 = 12;
@@ -117,7 +118,7 @@ impl<'a> Buffers<'a> {
                 Err(_) => buffers.push(Cow::Borrowed(&[])),
             }
         }
-        let decoded = decode(&buffers, compressed);
+        let decoded = decode(&buffers, compressed, &locator.stop);
         Ok(Buffers { buffers, views: &document.buffer_views, decoded })
     }
 
@@ -147,6 +148,7 @@ impl<'a> Buffers<'a> {
 fn decode(
     buffers: &[Cow<[u8]>],
     compressed: Vec<Option<Result<Compressed, String>>>,
+    stop: &Stop,
 ) -> Vec<Option<Result<Decoded, String>>> {
     let mut n_bytes = 0_usize;
     let mut within_limit = |compressed: Compressed| {
@@ -156,6 +158,7 @@ fn decode(
     };
     let checked: Vec<_> = compressed.into_iter().map(|view| Some(view?.and_then(&mut within_limit))).collect();
     let decode_one = |view: Compressed| {
+        stop.check().map_err(|stopped| stopped.to_string())?;
         let end = view.byte_offset.saturating_add(view.byte_length);
         let stream = buffers.get(view.buffer).and_then(|buffer| buffer.get(view.byte_offset..end));
         let bytes = view.decode(stream.ok_or("its stream reaches beyond the end of its buffer")?)?;

@@ -5,11 +5,24 @@ use std::io::{self, Read};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
+use crate::stop::Stop;
+
+/// What is read without a look around.
+const PIECE_BYTES: u64 = 16 << 20;
+
 /// A whole file of at most so many bytes.
 ///
 /// # Errors
 /// What the system says; a folder, a device, a pipe or a larger file is refused before a byte of it is read.
 pub(super) fn read_at_most(path: &Path, n_bytes: u64) -> io::Result<Vec<u8>> {
+    read_until(path, n_bytes, &Stop::default())
+}
+
+/// The same, if nobody asks for a stop meanwhile.
+///
+/// # Errors
+/// As [`read_at_most`], and from a stop on.
+pub(super) fn read_until(path: &Path, n_bytes: u64, stop: &Stop) -> io::Result<Vec<u8>> {
     // A pipe would block already when it is opened.
     let found = fs::metadata(path)?;
     if !found.is_file() {
@@ -20,7 +33,9 @@ pub(super) fn read_at_most(path: &Path, n_bytes: u64) -> io::Result<Vec<u8>> {
         return Err(too_long());
     }
     let mut bytes = Vec::with_capacity(usize::try_from(found.len()).map_err(io::Error::other)?);
-    fs::File::open(path)?.take(n_bytes.saturating_add(1)).read_to_end(&mut bytes)?;
+    let mut file = stop.reader(fs::File::open(path)?.take(n_bytes.saturating_add(1)));
+    // In pieces, between which a stop is seen: a large file comes at once otherwise.
+    while file.by_ref().take(PIECE_BYTES).read_to_end(&mut bytes)? > 0 {}
     if bytes.len() as u64 > n_bytes { Err(too_long()) } else { Ok(bytes) }
 }
 

@@ -14,6 +14,7 @@ use super::accessor::{Integers, Reader};
 use super::report::Notes;
 use super::tangents;
 use crate::scene::{Mesh, TextureRef};
+use crate::stop::Stop;
 
 /// A primitive to be read and where it goes.
 pub(super) struct Job<'a> {
@@ -43,7 +44,7 @@ pub(super) struct Built {
 pub(super) fn build(reader: &Reader, job: &Job) -> Built {
     let mut built = Built::default();
     match Vertices::read(reader, job, &mut built.notes) {
-        Ok(Some((vertices, triangles))) => assemble(job, vertices, triangles, &mut built),
+        Ok(Some((vertices, triangles))) => assemble(job, vertices, triangles, &mut built, reader.stop),
         Ok(None) => {}
         Err(reason) => built.notes.warn(format!("{}: {reason}: this part of it is left out", job.name)),
     }
@@ -255,8 +256,11 @@ fn usable_triangles(triangles: Vec<[u32; 3]>, positions: &[Vec3], name: &str, no
     usable
 }
 
-/// Places vertices in the world and completes them.
-fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut Built) {
+/// Places vertices in the world and completes them; what a stop leaves of them is nothing.
+fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut Built, stop: &Stop) {
+    if stop.is_asked() {
+        return;
+    }
     let has_normals = !vertices.normals.is_empty();
     let (list, triangles) =
         if has_normals { compacted(&triangles, vertices.positions.len()) } else { split(&triangles) };
@@ -279,10 +283,13 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
     let visible = mesh.triangles.iter().copied().filter(|&triangle| has_area(&mesh.positions, triangle)).collect();
     mesh.triangles = visible;
     built.n_degenerate_triangles = n_before - mesh.triangles.len();
-    if mesh.triangles.is_empty() {
+    if mesh.triangles.is_empty() || stop.is_asked() {
         return;
     }
     complete_normals(&mut mesh, has_normals, job.name, &mut built.notes);
+    if stop.is_asked() {
+        return;
+    }
     if let Some(tangent_map) = job.tangent_map {
         // Tangents of a file belong to its normals: without these they are computed, as glTF asks.
         if has_normals && !vertices.tangents.is_empty() {

@@ -17,6 +17,7 @@ use super::document::called;
 use super::report::Notes;
 use super::uri::Locator;
 use crate::scene::{Filter, Image, Texture, Wrap};
+use crate::stop::Stop;
 
 /// Longest side of an image in texels.
 const MAX_SIDE: u32 = 16_384;
@@ -105,12 +106,12 @@ fn decode_image(
         );
     }
     // A fault of a decoder in a single image must not take the whole scene with it.
-    let decoded = catch_unwind(AssertUnwindSafe(|| decode_bytes(&bytes, n_texels_left)));
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode_bytes(&bytes, n_texels_left, &locator.stop)));
     decoded.unwrap_or_else(|_| Err("it cannot be decoded (its decoder failed)".to_owned()))
 }
 
-fn decode_bytes(bytes: &[u8], n_texels_left: &AtomicU64) -> Result<Image, String> {
-    let mut reader = ImageReader::new(Cursor::new(bytes))
+fn decode_bytes(bytes: &[u8], n_texels_left: &AtomicU64, stop: &Stop) -> Result<Image, String> {
+    let mut reader = ImageReader::new(stop.reader(Cursor::new(bytes)))
         .with_guessed_format()
         .map_err(|error| format!("it cannot be read ({error})"))?;
     let mut limits = Limits::default();
@@ -131,6 +132,7 @@ fn decode_bytes(bytes: &[u8], n_texels_left: &AtomicU64) -> Result<Image, String
         return Err(format!("all images together have more than {MAX_TEXELS} pixels"));
     }
     let pixels = DynamicImage::from_decoder(decoder).map_err(undecodable)?.into_rgba8();
+    stop.check().map_err(|stopped| stopped.to_string())?;
     let (width, height) = pixels.dimensions();
     if width == 0 || height == 0 {
         return Err("it is empty".to_owned());

@@ -54,6 +54,7 @@ pub use report::ImportReport;
 use crate::emitters::lamp_keys;
 use crate::scene::{Scene, SceneNode};
 use crate::skips::{Skip, Skips};
+use crate::stop::{Stop, Stopped};
 
 /// Why a file could not be loaded at all.
 #[derive(Debug, thiserror::Error)]
@@ -119,6 +120,9 @@ pub enum ImportError {
         /// Most that is allowed.
         most: u64,
     },
+    /// Somebody asked for that.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
     /// A buffer that geometry or images need is not there.
     #[error("buffer {index} of {name} cannot be had: {reason}")]
     Buffer {
@@ -156,10 +160,19 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load`].
 pub fn load_with(path: &Path, skips: Skips) -> Result<Imported, ImportError> {
-    let bytes = files::read_at_most(path, MAX_FILE_BYTES)
-        .map_err(|source| ImportError::Read { path: path.to_owned(), source })?;
+    load_until(path, skips, &Stop::default())
+}
+
+/// The same as [`load_with`], if nobody asks for a stop meanwhile.
+///
+/// # Errors
+/// As [`load`], and [`ImportError::Stopped`].
+pub fn load_until(path: &Path, skips: Skips, stop: &Stop) -> Result<Imported, ImportError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    import(&name, &bytes, &Locator::new(Some(path.parent().unwrap_or(Path::new("")))), skips)
+    let locator = Locator::new(Some(path.parent().unwrap_or(Path::new(""))), stop);
+    let bytes = files::read_until(path, MAX_FILE_BYTES, stop)
+        .map_err(|source| ImportError::Read { path: path.to_owned(), source });
+    unless_stopped(bytes.and_then(|bytes| import(&name, &bytes, &locator, skips)), stop)
 }
 
 /// Loads a GLB, or a JSON glTF with data URIs, from memory.
@@ -175,16 +188,32 @@ pub fn load_bytes(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load_bytes`].
 pub fn load_bytes_with(name: &str, bytes: &[u8], skips: Skips) -> Result<Imported, ImportError> {
-    import(name, bytes, &Locator::new(None), skips)
+    load_bytes_until(name, bytes, skips, &Stop::default())
+}
+
+/// The same as [`load_until`] from memory.
+///
+/// # Errors
+/// As [`load_bytes`], and [`ImportError::Stopped`].
+pub fn load_bytes_until(name: &str, bytes: &[u8], skips: Skips, stop: &Stop) -> Result<Imported, ImportError> {
+    unless_stopped(import(name, bytes, &Locator::new(None, stop), skips), stop)
+}
+
+/// What was read; whatever a stop left of it or said of it counts for nothing.
+fn unless_stopped(read: Result<Imported, ImportError>, stop: &Stop) -> Result<Imported, ImportError> {
+    stop.check()?;
+    read
 }
 
 fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<Imported, ImportError> {
+    let stop = &locator.stop;
     let container = container::split(name, bytes)?;
     let Document { root: document, n_animations, n_skins } = document::read(name, &container.json)?;
     let mut notes = Notes::default();
     extensions::check(name, &document, &mut notes)?;
     let buffers = Buffers::fetch(name, &document, container.bin.as_deref(), locator, &mut notes)?;
-    let reader = Reader { document: &document, buffers: &buffers };
+    stop.check()?;
+    let reader = Reader { document: &document, buffers: &buffers, stop };
 
     let placed = hierarchy::place(&document, &mut notes);
     let mut scene = Scene { name: name.to_owned(), ..Scene::default() };
@@ -206,15 +235,17 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
     }
     surfaces.extend(sensors.lay(&mut scene, &mut notes));
     for surface in surfaces {
+        stop.check()?;
         if !merge::append(&mut scene.mesh, surface) {
             notes.warn("the scene has more than 4 billion vertices: the rest is left out".to_owned());
             break;
         }
     }
     merge::pad_attributes(&mut scene.mesh);
+    stop.check()?;
     scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
     note_ranges(&scene, &ranged, &mut notes);
-    let made_camera = if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials) } else { None };
+    let made_camera = if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials, stop) } else { None };
     // Around a scene at the edge of single precision there is no place for one.
     let made_camera = made_camera.filter(|camera| camera.world_from_camera.is_finite());
     note_motion(&document, &placed, n_animations, n_skins, &mut notes);

@@ -6,7 +6,8 @@
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use super::files::read_at_most;
+use super::files::read_until;
+use crate::stop::Stop;
 
 /// Most bytes of all files beside a glTF together; one that is named twice counts twice.
 const MAX_BYTES: u64 = 8 << 30;
@@ -17,13 +18,15 @@ pub(super) struct Locator {
     folder: Option<PathBuf>,
     /// What may still be read.
     n_bytes_left: AtomicU64,
+    /// Whether the file is still wanted.
+    pub stop: Stop,
 }
 
 impl Locator {
     /// For a glTF in a folder, or for bytes that came without one.
-    pub fn new(folder: Option<&Path>) -> Locator {
+    pub fn new(folder: Option<&Path>, stop: &Stop) -> Locator {
         let folder = folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
-        Locator { folder: folder.map(Path::to_path_buf), n_bytes_left: AtomicU64::new(MAX_BYTES) }
+        Locator { folder: folder.map(Path::to_path_buf), n_bytes_left: AtomicU64::new(MAX_BYTES), stop: stop.clone() }
     }
 
     /// Bytes behind a URI, or a reason in words.
@@ -52,7 +55,7 @@ impl Locator {
     }
 
     fn read(&self, path: &Path) -> std::io::Result<Vec<u8>> {
-        let bytes = read_at_most(path, self.n_bytes_left.load(Ordering::Relaxed))?;
+        let bytes = read_until(path, self.n_bytes_left.load(Ordering::Relaxed), &self.stop)?;
         let n_bytes = bytes.len() as u64;
         let left = |left: u64| left.checked_sub(n_bytes);
         match self.n_bytes_left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, left) {
@@ -157,7 +160,7 @@ mod tests {
 
     #[test]
     fn files_elsewhere_are_refused_in_words() {
-        let locator = Locator::new(Some(Path::new("/tmp")));
+        let locator = Locator::new(Some(Path::new("/tmp")), &Stop::default());
         for uri in [
             "/etc/hostname",
             "https://example.org/a.bin",
@@ -184,7 +187,7 @@ mod tests {
         for (name, bytes) in [("a b.bin", "a"), ("100%25.bin", "b"), ("textures/c.bin", "c")] {
             std::fs::write(folder.path().join(name), bytes).unwrap();
         }
-        let locator = Locator::new(Some(folder.path()));
+        let locator = Locator::new(Some(folder.path()), &Stop::default());
         for (uri, bytes) in [("a%20b.bin", "a"), ("./a b.bin", "a"), ("100%25.bin", "b"), ("textures/c.bin", "c")] {
             assert_eq!(locator.fetch(uri).unwrap(), bytes.as_bytes(), "{uri}");
         }

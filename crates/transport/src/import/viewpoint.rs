@@ -14,6 +14,7 @@ use super::cameras::DEFAULT_ASPECT;
 use crate::bvh::{Bvh, Ray};
 use crate::camera::Camera;
 use crate::scene::{Material, Mesh};
+use crate::stop::Stop;
 
 /// Eye height in meters over the floor.
 const EYE_HEIGHT_M: f32 = 1.6;
@@ -55,11 +56,13 @@ const MIN_SHARE_OF_SCENE: f32 = 0.5;
 /// Rooms higher than this, in meters, are in other units: the eye is at 0.4 of their height.
 const MAX_ROOM_HEIGHT_M: f32 = 60.0;
 
-/// A camera, if there is anything to see.
-pub(super) fn make(mesh: &Mesh, materials: &[Material]) -> Option<Camera> {
+/// A camera, if there is anything to see, and somebody who wants to.
+pub(super) fn make(mesh: &Mesh, materials: &[Material], stop: &Stop) -> Option<Camera> {
     let bounds = mesh.bounds()?;
     let boxes = OUTLYING.map(|share| core_box(mesh, share));
-    Some(indoors(mesh, materials, &boxes).unwrap_or_else(|| {
+    let inside = indoors(mesh, materials, &boxes, stop);
+    stop.check().ok()?;
+    Some(inside.unwrap_or_else(|| {
         let surrounded = diagonal(bounds) > SURROUNDED * diagonal(boxes[0]);
         outdoors(if surrounded { boxes[0] } else { bounds })
     }))
@@ -93,10 +96,10 @@ fn core_box(mesh: &Mesh, outlying: f32) -> Corners {
 }
 
 /// The best view from within a room in the first box that has one, `None` if there is no room.
-fn indoors(mesh: &Mesh, materials: &[Material], boxes: &[Corners]) -> Option<Camera> {
+fn indoors(mesh: &Mesh, materials: &[Material], boxes: &[Corners], stop: &Stop) -> Option<Camera> {
     let could_hold_a_room = |&&(lo, hi): &&Corners| (hi - lo).min_element() >= MIN_ROOM_M;
     boxes.iter().find(could_hold_a_room)?;
-    let room = Room::new(mesh, materials, diagonal(boxes[0]));
+    let room = Room::new(mesh, materials, diagonal(boxes[0]), stop)?;
     let best = boxes.iter().filter(could_hold_a_room).find_map(|&corners| best_view(&room, corners))?;
     Some(Camera::look_at("made: inside", best.eye, best.eye + best.forward, INDOOR_YFOV_RAD, DEFAULT_ASPECT))
 }
@@ -131,13 +134,15 @@ struct Room<'a> {
     materials: &'a [Material],
     /// Diagonal of the first core box, meters.
     extent: f32,
+    stop: &'a Stop,
 }
 
 impl<'a> Room<'a> {
-    fn new(mesh: &'a Mesh, materials: &'a [Material], extent: f32) -> Self {
+    fn new(mesh: &'a Mesh, materials: &'a [Material], extent: f32, stop: &'a Stop) -> Option<Self> {
         let ids: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let corners: Vec<[Vec3; 3]> = ids.iter().map(|&id| mesh.corners(id)).collect();
-        Room { bvh: Bvh::build(&corners, &ids), mesh, materials, extent }
+        let bvh = Bvh::build_until(&corners, &ids, stop).ok()?;
+        Some(Room { bvh, mesh, materials, extent, stop })
     }
 
     /// Distance to the first surface, and which side it shows.
@@ -156,6 +161,7 @@ impl<'a> Room<'a> {
 
     /// The best direction from above the floor below a point, `None` unless the point is in a room with space around.
     fn view_from(&self, point: Vec3) -> Option<View> {
+        self.stop.check().ok()?;
         let (depth, _) = self.cast(point, Vec3::NEG_Y)?;
         let floor = point.y - depth;
         let ceiling = self.cast(point, Vec3::Y).map_or(f32::INFINITY, |(height, _)| point.y + height);

@@ -12,7 +12,8 @@ use super::units::native_strength;
 use super::{FreeLamp, LampShape};
 use crate::import::read_profile;
 use crate::photometry::PhotometricProfile;
-use crate::prepared::{PreparedScene, offset_origin};
+use crate::clearance::{offset_origin, rounding};
+use crate::prepared::PreparedScene;
 use crate::scene::{PunctualKind, PunctualLight};
 
 /// Why a lamp cannot shine.
@@ -125,14 +126,15 @@ impl PreparedLamps {
     /// What the lamps send straight to a place on a surface, past everything in the way: illuminance per channel in lux.
     /// The same for the same question.
     pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3) -> Vec3 {
-        let clear = position.abs().max_element() * LEAVING + LEAVING;
-        let place =
-            Place { position, normal, origin: offset_origin(position + normal * clear, normal), far: scene.far() };
+        let extent = scene.extent();
+        let clear = LEAVING * (1.0 + position.abs().max_element().min(extent)) + rounding(position, normal, extent);
+        let origin = offset_origin(position + normal * clear, normal, extent);
+        let place = Place { position, normal, origin, far: scene.far() };
         self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place)).sum()
     }
 }
 
-/// How far a place lifts itself off its surface, which it does not know, relative to its coordinates and in meters.
+/// How far a place lifts itself off its surface, which it does not know, relative to its coordinates within the scene and in meters.
 const LEAVING: f32 = 1e-5;
 
 /// A place that asks for light.

@@ -16,4 +16,5 @@ mod shadows;
 mod skips;
 mod slabs;
 pub(crate) mod stage;
+mod stopped;
 mod walks;

@@ -66,3 +66,28 @@ fn no_flat_surface_shadows_itself() {
         }
     }
 }
+
+#[test]
+fn no_flat_surface_shadows_itself_far_from_the_origin() {
+    let (near, far) = (Vec3::new(1e3, -1e3, 1e3), Vec3::new(-2e4, 3.0, 1e4));
+    // Farther out for their size the corners of a sheet are not in one plane any more.
+    for (place, side) in [(near, 10.0), (near, 400.0), (far, 400.0)] {
+        let counts = (0..TURNS).map(|turn| blocked(side, 8.0, place, turn));
+        let [n_blocked, n] = counts.fold([0, 0], |sum, count| [sum[0] + count[0], sum[1] + count[1]]);
+        assert!(n > 10_000, "only {n} connections");
+        assert_eq!(n_blocked, 0, "of {n} from a sheet of {side} m at {place}");
+    }
+}
+
+#[test]
+fn far_from_the_origin_rays_begin_as_near_their_surface_as_rounding_allows() {
+    for meters in [0.0, 1e2, 1e3, 1e4] {
+        let place = Vec3::new(meters, -meters, meters);
+        let scene = rectangle(2.0, 1.0, Quat::from_rotation_x(0.3), place);
+        let ray = Ray { origin: place + Vec3::Y, direction: Vec3::NEG_Y, t_min: 0.0, t_max: f32::INFINITY };
+        let hit = scene.closest(&ray, &mut Sampler::new(1, 1, 1)).expect("the sheet lies below");
+        let away = (hit.origin(hit.normal) - hit.position).length();
+        let steps = 16.0 * f32::EPSILON * meters;
+        assert!(away > 0.0 && away <= 1e-4 + steps, "{away} m, {meters} m from the origin");
+    }
+}

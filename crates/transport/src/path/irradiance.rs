@@ -10,6 +10,7 @@ use glam::Vec3;
 use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
 use crate::bsdf::{Bsdf, ScatterKind};
 use crate::bvh::Ray;
+use crate::clearance::rounding;
 use crate::prepared::{SurfaceHit, next_after};
 use crate::sampler::Sampler;
 
@@ -54,8 +55,9 @@ impl<P: LightPlan> Integrator<'_, P> {
         let white = Bsdf::white(at.outward, at.normal);
         // The surface that measures is not one of the scene: of the triangle nothing is ever asked.
         let (triangle, barycentric) = (u32::MAX, Vec3::ZERO);
-        let (position, normal, clearance) = (at.position, at.outward, at.clearance);
-        let hit = SurfaceHit { triangle, t: 0.0, position, barycentric, normal, clearance };
+        let (position, normal, extent) = (at.position, at.outward, self.scene.extent());
+        let clearance = at.clearance.max(rounding(position, normal, extent));
+        let hit = SurfaceHit { triangle, t: 0.0, position, barycentric, normal, clearance, extent };
         let mut walk = Walk::from_camera(at.position, -at.outward);
         (walk.throughput, walk.share, walk.n_hits) = (Vec3::splat(PI), PI, 1);
         if self.go_on_from(&mut walk, (&hit, &white), sampler, scratch, deposit) {

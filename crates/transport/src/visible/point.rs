@@ -3,7 +3,8 @@
 use glam::{Vec2, Vec3};
 
 use crate::bsdf::{Bsdf, SurfaceParams};
-use crate::prepared::{Appearance, PreparedScene, SurfaceHit, offset_origin};
+use crate::clearance::offset_origin;
+use crate::prepared::{Appearance, PreparedScene, SurfaceHit};
 use crate::scene::Material;
 
 /// Where the light of a pixel, or of a share of it, was scattered last.
@@ -115,8 +116,8 @@ impl Point {
 
     /// Where rays begin that leave to the side of a normal.
     #[inline]
-    pub fn origin(&self, normal: Vec3) -> Vec3 {
-        offset_origin(self.position + normal * self.clearance, normal)
+    pub fn origin(&self, scene: &PreparedScene, normal: Vec3) -> Vec3 {
+        offset_origin(self.position + normal * self.clearance, normal, scene.extent())
     }
 
     fn params(&self, material: &Material) -> SurfaceParams {

@@ -84,10 +84,10 @@ impl<'a> Shading<'a> {
             let Some(value) = self.arriving((point, specials), ng, lamp, &lit) else { continue };
             n_rays += 1;
             if lit.wi.dot(ng) > 0.0 && shared.is_some() {
-                fan.push(point.origin(ng), value, at as u32);
+                fan.push(point.origin(self.scene, ng), value, at as u32);
             } else {
                 let side = if lit.wi.dot(ng) > 0.0 { ng } else { -ng };
-                pixels[at] += value * self.scene.transmittance(point.origin(side), lit.target);
+                pixels[at] += value * self.scene.transmittance(point.origin(self.scene, side), lit.target);
             }
         }
         if let Some(BodyPoint { position, .. }) = shared.filter(|_| fan.n > 0) {
@@ -118,7 +118,7 @@ impl<'a> Shading<'a> {
         let straight = lamp.lamp.lit_well(position, u, self.far);
         let special = point.special(specials);
         let extinction = |wi: Vec3| special.map_or(Vec3::ZERO, |s| s.extinction[usize::from(wi.dot(ng) <= 0.0)]);
-        let origin = |wi: Vec3| point.origin(if wi.dot(ng) > 0.0 { ng } else { -ng });
+        let origin = |wi: Vec3| point.origin(scene, if wi.dot(ng) > 0.0 { ng } else { -ng });
         let mut sum = Vec3::ZERO;
         if let Some(lit) = &straight
             && let Some(value) = self.arriving((point, specials), ng, lamp, lit)

@@ -11,9 +11,12 @@ use anyhow::{Context, Result, ensure};
 use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::{BakeConfig, BakeEvent, BakeJob, Passes, TILE};
 use clerestory_transport::camera::Film;
-use clerestory_transport::import;
+use clerestory_transport::emitters::LightingError;
+use clerestory_transport::import::{self, ImportError};
 use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::skips::Skips;
+use clerestory_transport::stop::Stop;
 
 use super::desk::Desk;
 
@@ -59,9 +62,9 @@ pub fn write(desk: &Desk) -> Result<String> {
         rows += &of_scene(desk, &path)?;
     }
     Ok(format!(
-        "A bake of {} × {} pixels with {PATCHES} patches and irradiance is cancelled at moments spread over each of its stages, and the\n\
-         time is taken until all its threads are free. What cannot be cancelled in the window goes on beside it, and its result is\n\
-         dropped: the window itself never waits. Asked for: {:.0} ms.\n\n\
+        "A scene is read, and a bake of it of {} × {} pixels with {PATCHES} patches and irradiance made; both are cancelled at moments\n\
+         spread over each of their stages, and the time is taken until all their threads are free. The window itself never waits.\n\
+         Asked for: {:.0} ms.\n\n\
          {}\n\n\
          | scene | stage | lasts, s | cancels | answer, ms, mean | slowest |\n|---|---|---|---|---|---|\n{rows}",
         FILM.width,
@@ -74,34 +77,80 @@ pub fn write(desk: &Desk) -> Result<String> {
 fn of_scene(desk: &Desk, path: &Path) -> Result<String> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     desk.say(&format!("cancels of {name}"));
-    let begun = Instant::now();
-    let scene = import::load(path)?.scene;
-    let read_secs = begun.elapsed().as_secs_f64();
-    let camera = scene.cameras.first().cloned().context("the scene has no camera")?;
-    let begun = Instant::now();
-    let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
-    let tree_secs = begun.elapsed().as_secs_f64();
+    let n_cancels = desk.choose(3, 6);
+    let (scene, mut rows) = of_reading(&name, path, n_cancels)?;
+    let camera = scene.scene.cameras.first().cloned().context("the scene has no camera")?;
     let config = BakeConfig { spp: 8, patches: PATCHES, ..BakeConfig::default() };
     let irradiance = vec![IrradianceRows::Pixels];
     let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::PreviewAndFinal, irradiance };
     let lengths = lengths(&job)?;
-    let mut rows =
-        format!("| {name} | reading | {read_secs:.2} | goes on | | |\n| | trees | {tree_secs:.2} | goes on | | |\n");
-    let n_cancels = desk.choose(3, 6);
     for (stage, secs) in Stage::ALL.into_iter().zip(lengths) {
-        let moments = (0..n_cancels).map(|nth| (nth as f64 + 0.5) / n_cancels as f64 * secs);
-        let answers = moments.map(|after| answer(&job, stage, after)).collect::<Result<Vec<_>>>()?;
-        // The stage of another run may have been over already.
-        let answers: Vec<f64> = answers.into_iter().flatten().collect();
-        let mean = answers.iter().sum::<f64>() / answers.len().max(1) as f64;
-        let slowest = answers.iter().copied().fold(0.0, f64::max);
-        let late = if slowest > AT_ONCE_SECS { " (late)" } else { "" };
-        let (n, mean, slowest) = (answers.len(), 1e3 * mean, 1e3 * slowest);
-        rows += &format!("| | {} | {secs:.2} | {n} | {mean:.0} | {slowest:.0}{late} |\n", stage.words());
+        rows += &row(["", stage.words()], secs, n_cancels, |after| answer(&job, stage, after))?;
     }
     let (n, slowest) = signals(desk, path, n_cancels)?;
     rows += &format!("| | Ctrl-C to the command line, at any moment | | {n} | | {:.0} |\n", 1e3 * slowest);
     Ok(rows)
+}
+
+/// Reads and builds a scene, and the rows of both.
+fn of_reading(name: &str, path: &Path, n_cancels: usize) -> Result<(Arc<PreparedScene>, String)> {
+    let begun = Instant::now();
+    let scene = import::load(path)?.scene;
+    let read_secs = begun.elapsed().as_secs_f64();
+    let mut rows = row([name, "reading"], read_secs, n_cancels, |after| {
+        stopped(after, |stop| match import::load_until(path, Skips::default(), stop) {
+            Err(ImportError::Stopped(_)) => Ok(true),
+            read => Ok(read.map(|_| false)?),
+        })
+    })?;
+    let build = |scene, stop: &Stop| PreparedScene::until(scene, &[], None, Skips::default(), stop);
+    let own = scene.clone();
+    let begun = Instant::now();
+    let prepared = build(own, &Stop::default())?.0;
+    let tree_secs = begun.elapsed().as_secs_f64();
+    rows += &row(["", "trees"], tree_secs, n_cancels, |after| {
+        let own = scene.clone();
+        stopped(after, |stop| match build(own, stop) {
+            Err(LightingError::Stopped(_)) => Ok(true),
+            built => Ok(built.map(|_| false)?),
+        })
+    })?;
+    Ok((Arc::new(prepared), rows))
+}
+
+/// Asks for a stop some seconds after work began: seconds until it ended, `None` if it had ended before. The work tells
+/// whether it was stopped.
+fn stopped(after_secs: f64, work: impl FnOnce(&Stop) -> Result<bool>) -> Result<Option<f64>> {
+    let stop = Stop::default();
+    std::thread::scope(|scope| {
+        let asker = scope.spawn(|| {
+            std::thread::sleep(Duration::from_secs_f64(after_secs));
+            stop.ask();
+            Instant::now()
+        });
+        let was_stopped = work(&stop)?;
+        let ended = Instant::now();
+        let asked = asker.join().ok().filter(|_| was_stopped);
+        Ok(asked.map(|asked| ended.saturating_duration_since(asked).as_secs_f64()))
+    })
+}
+
+/// A stage that lasts some seconds and is cancelled at moments spread over it.
+fn row(
+    [scene, stage]: [&str; 2],
+    secs: f64,
+    n_cancels: usize,
+    answer: impl Fn(f64) -> Result<Option<f64>>,
+) -> Result<String> {
+    let moments = (0..n_cancels).map(|nth| (nth as f64 + 0.5) / n_cancels as f64 * secs);
+    let answers = moments.map(answer).collect::<Result<Vec<_>>>()?;
+    // The stage of another run may have been over already.
+    let answers: Vec<f64> = answers.into_iter().flatten().collect();
+    let mean = answers.iter().sum::<f64>() / answers.len().max(1) as f64;
+    let slowest = answers.iter().copied().fold(0.0, f64::max);
+    let late = if slowest > AT_ONCE_SECS { " (late)" } else { "" };
+    let (n, mean, slowest) = (answers.len(), 1e3 * mean, 1e3 * slowest);
+    Ok(format!("| {scene} | {stage} | {secs:.2} | {n} | {mean:.0} | {slowest:.0}{late} |\n"))
 }
 
 /// Follows a bake from stage to stage.
