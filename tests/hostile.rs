@@ -88,6 +88,18 @@ fn hostile_looks_do_no_harm() {
     survives("look", 3000, documents::look);
 }
 
+/// What is not read as a whole is no way to what lies behind it.
+#[test]
+fn hostile_looks_are_made_of_whole_ones() {
+    for seed in seeds::of("look") {
+        let text = String::from_utf8(seed).unwrap();
+        match clerestory::look::Look::from_json(&text) {
+            Ok((_, warnings)) => assert!(warnings.is_empty(), "{warnings:?}"),
+            Err(error) => panic!("{error:#}"),
+        }
+    }
+}
+
 #[test]
 fn hostile_wishes_do_no_harm() {
     survives("wishes", 2000, documents::wishes);

@@ -42,6 +42,7 @@ use crate::panels::looks::LooksState;
 use crate::panels::shortcuts::{shortcuts_ui, take_keys};
 use crate::panels::status::{MessageTone, Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
+use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
@@ -134,6 +135,8 @@ pub struct App {
     memory: (Option<u64>, f64),
     recent: Vec<PathBuf>,
     title: String,
+    /// Times frames where that is asked for.
+    pulse: Option<Pulse>,
 }
 
 /// Opens the window and stays until it is closed.
@@ -232,6 +235,7 @@ impl App {
             memory: (None, f64::MIN),
             recent,
             title: String::new(),
+            pulse: Pulse::of_environment()?,
         })
     }
 
@@ -677,6 +681,7 @@ impl App {
 
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
+        self.pulse.iter_mut().for_each(Pulse::begin);
         for notice in self.session.drain() {
             self.notice(ctx, notice);
         }
@@ -724,6 +729,7 @@ impl eframe::App for App {
         if !self.actions.is_empty() || self.look != before {
             ctx.request_repaint();
         }
+        self.pulse.iter_mut().for_each(Pulse::end);
     }
 
     fn save(&mut self, storage: &mut dyn Storage) {

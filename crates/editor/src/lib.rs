@@ -22,6 +22,7 @@ pub mod output;
 pub mod panels;
 pub mod picture;
 pub mod platform;
+pub mod pulse;
 pub mod schedule;
 pub mod sequence;
 pub mod session;

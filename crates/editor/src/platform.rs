@@ -31,6 +31,17 @@ fn status_bytes(process: &str, name: &str) -> Option<u64> {
     }
 }
 
+/// How long this thread was ready to run and others had the cores; `None` where the system is not asked.
+pub fn waited_for_a_core() -> Option<std::time::Duration> {
+    #[cfg(target_os = "linux")]
+    {
+        let times = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        times.split_whitespace().nth(1)?.parse().ok().map(std::time::Duration::from_nanos)
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
+}
+
 /// Whether a window can be hoped for. Only X11 and Wayland say beforehand.
 pub fn has_display() -> bool {
     let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());

@@ -1,0 +1,110 @@
+//! How long the window keeps people waiting. With `CLERESTORY_PULSE=FILE` every frame is timed, for soaks of the window as it is:
+//! `tests/soak-window` reads the file.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+
+use crate::platform;
+
+/// Names the file that frames are told to; it is written anew.
+pub const VARIABLE: &str = "CLERESTORY_PULSE";
+/// What a person takes for a stall.
+const STALL: Duration = Duration::from_millis(100);
+/// How often frames are counted up.
+const COUNTED_EVERY: Duration = Duration::from_secs(10);
+
+/// Times frames from the first line of the program to its last, without what the graphics driver does with them.
+pub struct Pulse {
+    file: File,
+    began: Instant,
+    counted: Instant,
+    n_frames: u64,
+    n_stalls: u64,
+    slowest: Duration,
+    frame: Option<Frame>,
+}
+
+/// A frame that has begun.
+struct Frame {
+    at: Instant,
+    /// How long the thread had waited for a core until then.
+    waited: Option<Duration>,
+}
+
+impl Pulse {
+    /// The file that the environment names, if it names one.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn of_environment() -> Result<Option<Pulse>> {
+        std::env::var_os(VARIABLE).map(|path| Pulse::new(Path::new(&path))).transpose()
+    }
+
+    fn new(path: &Path) -> Result<Pulse> {
+        let file = File::create(path)
+            .with_context(|| format!("cannot write {}, which {VARIABLE} asks for", path.display()))?;
+        let (now, slowest) = (Instant::now(), Duration::ZERO);
+        Ok(Pulse { file, began: now, counted: now, n_frames: 0, n_stalls: 0, slowest, frame: None })
+    }
+
+    /// A frame begins.
+    pub fn begin(&mut self) {
+        self.frame = Some(Frame { at: Instant::now(), waited: platform::waited_for_a_core() });
+    }
+
+    /// It ends.
+    pub fn end(&mut self) {
+        let Some(frame) = self.frame.take() else { return };
+        self.count(frame.at.elapsed(), frame.waited.zip(platform::waited_for_a_core()).map(|(a, b)| b - a));
+    }
+
+    /// Counts a frame; a machine with other work than ours makes it wait for a core, which is told apart.
+    fn count(&mut self, lasted: Duration, waited: Option<Duration>) {
+        let own = lasted.saturating_sub(waited.unwrap_or_default());
+        self.n_frames += 1;
+        self.slowest = self.slowest.max(own);
+        let secs = self.began.elapsed().as_secs_f32();
+        if own > STALL {
+            self.n_stalls += 1;
+            self.say(&format!("{secs:.1} s: stall of {} ms in {} ms", own.as_millis(), lasted.as_millis()));
+        }
+        if self.counted.elapsed() >= COUNTED_EVERY {
+            let megabytes = platform::resident_bytes().unwrap_or_default() >> 20;
+            let (n_frames, n_stalls, slowest) = (self.n_frames, self.n_stalls, self.slowest.as_millis());
+            self.say(&format!("{secs:.0} s: {n_frames} frames, {n_stalls} stalls, slowest {slowest} ms, {megabytes} MB"));
+            self.counted = Instant::now();
+        }
+    }
+
+    fn say(&mut self, line: &str) {
+        // Somebody who asks for a log and takes its disk away does without.
+        let _ = writeln!(self.file, "{line}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stall_is_told_and_waiting_for_a_core_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pulse");
+        let mut pulse = Pulse::new(&path).unwrap();
+        let ms = Duration::from_millis;
+        for (lasted, waited) in [(16, None), (140, Some(60)), (140, Some(20)), (101, None)] {
+            pulse.count(ms(lasted), waited.map(ms));
+        }
+        pulse.counted -= COUNTED_EVERY;
+        pulse.begin();
+        pulse.end();
+        let lines = std::fs::read_to_string(&path).unwrap();
+        let [first, second, third] = lines.lines().collect::<Vec<_>>()[..] else { panic!("{lines}") };
+        assert!(first.ends_with("stall of 120 ms in 140 ms") && second.ends_with("stall of 101 ms in 101 ms"), "{lines}");
+        assert!(third.contains(": 5 frames, 2 stalls, slowest 120 ms, "), "{lines}");
+    }
+}
