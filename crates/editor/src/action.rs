@@ -35,6 +35,8 @@ pub enum Action {
     Reload,
     /// Go on with the bake that was stopped.
     ResumeBake,
+    /// Give up what is being opened; what is open stays.
+    CancelOpening,
     /// Stop the bake and keep what was done.
     CancelBake,
     /// Turn an emissive rectangle into a panel of texels and bake again.

@@ -43,7 +43,7 @@ use crate::panels::shortcuts::{shortcuts_ui, take_keys};
 use crate::panels::status::{MessageTone, Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::pulse::Pulse;
-use crate::session::{BakeSettings, Notice, Session, Source};
+use crate::session::{BakeSettings, Notice, Session, Source, Stage};
 use crate::theme;
 use crate::viewport::{ViewState, Viewed, viewport_ui};
 use camera::CameraDesk;
@@ -354,6 +354,10 @@ impl App {
             Action::StartBake => self.start_bake(),
             Action::Reload => self.reload(),
             Action::ResumeBake => self.session.resume_bake(&self.settings),
+            Action::CancelOpening => {
+                self.keeps_look = false;
+                self.session.cancel_opening();
+            }
             Action::CancelBake => {
                 self.session.cancel_bake();
                 self.adopt_view();
@@ -636,6 +640,7 @@ impl App {
             let status = Status {
                 message: &self.message.0,
                 tone: self.message.1,
+                opening: matches!(self.session.stage, Stage::Loading(_)),
                 bake: &self.session.bake,
                 device: &device,
                 wish: self.follower.wish(),

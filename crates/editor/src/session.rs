@@ -392,6 +392,14 @@ impl Session {
         });
     }
 
+    /// Gives up what is being opened; what is open stays.
+    pub fn cancel_opening(&mut self) {
+        if matches!(self.stage, Stage::Loading(_)) {
+            self.stop_loading();
+            self.stage = if self.opened.is_some() { Stage::Ready } else { Stage::Empty };
+        }
+    }
+
     /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
     pub fn choose_panel(&mut self, node: String, resolution: u32) {
         self.choose(|chosen| {
@@ -942,6 +950,7 @@ impl Drop for Session {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::headless::GALLERY;
 
     fn wait(session: &mut Session, until: impl Fn(&Session) -> bool) {
         for _ in 0..10_000 {
@@ -964,6 +973,22 @@ mod tests {
         let bytes = include_bytes!("../tests/room.gltf").to_vec();
         session.open(Source::Bytes { name: "room.gltf".into(), bytes });
         wait(&mut session, |session| session.stage == Stage::Ready);
+    }
+
+    #[test]
+    fn what_is_being_opened_can_be_given_up() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.open(Source::BuiltIn);
+        session.cancel_opening();
+        wait(&mut session, |session| session.others.is_empty());
+        assert!(session.stage == Stage::Empty && session.opened.is_none(), "{:?}", session.stage);
+        session.open(Source::BuiltIn);
+        wait(&mut session, |session| session.stage == Stage::Ready);
+        let name = |session: &Session| session.opened.as_ref().map(|opened| opened.name.clone());
+        session.open(Source::Bytes { name: "another".into(), bytes: GALLERY.to_vec() });
+        session.cancel_opening();
+        wait(&mut session, |session| session.others.is_empty());
+        assert_eq!((session.stage.clone(), name(&session)), (Stage::Ready, Some("Gallery".into())));
     }
 
     #[test]

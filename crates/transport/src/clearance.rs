@@ -3,7 +3,7 @@
 //! Three things are rounded: the parameter of a ray at a triangle, by the size of the triangle; the sides of large neighbors in
 //! the same plane, by the size of the scene; and the place itself, by its coordinates. Within a scene around the origin of
 //! coordinates the last is no more than the others. Far away it is all there is, and no more than that may be granted: a
-//! kilometer away, steps for the second of them would lift rays from the floor over everything that lies on it.
+//! kilometer away, steps for the second of them would lift rays from the floor over everything that lies on it. Rays to a light end before it for the same reasons.
 
 use glam::Vec3;
 
@@ -28,6 +28,19 @@ pub(crate) fn clearance(ab: Vec3, ac: Vec3, across: Vec3) -> f32 {
 pub(crate) fn rounding(position: Vec3, normal: Vec3, extent: f32) -> f32 {
     let beyond = (position.abs() - extent).max(Vec3::ZERO);
     ROUNDINGS * f32::EPSILON * beyond.dot(normal.abs())
+}
+
+/// How much shorter a ray from a place to a light must be so that it does not meet the light's own surface, where rounding moves
+/// the point on it because coordinates are larger than the scene is, m. Enough for light that leaves a surface at a tenth of its
+/// brightness or more.
+pub(crate) fn shortening(from: Vec3, extent: f32) -> f32 {
+    let beyond = (from.abs() - extent).max(Vec3::ZERO);
+    10.0 * ROUNDINGS * f32::EPSILON * beyond.element_sum()
+}
+
+/// A target that is so much nearer.
+pub(crate) fn nearer(from: Vec3, target: Vec3, by: f32) -> Vec3 {
+    if by > 0.0 { target.move_towards(from, by) } else { target }
 }
 
 /// Moves a point of a scene with a diagonal of `extent` meters by what rounding does to coordinates within it.

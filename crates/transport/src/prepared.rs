@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::bsdf::{self, Bsdf, FinishParams, Frame, SurfaceParams};
 use crate::bvh::{Aabb, Bvh, Hit, Ray};
-use crate::clearance::{clearance, offset_origin, rounding};
+use crate::clearance::{clearance, nearer, offset_origin, rounding, shortening};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
@@ -180,12 +180,22 @@ impl PreparedScene {
 
     /// Share of light that passes from `origin` to `target`: 0 behind a solid surface, less than 1 behind a clear pane.
     pub fn transmittance(&self, origin: Vec3, target: Vec3) -> Vec3 {
-        let ray = shadow_ray(origin, target);
+        let ray = shadow_ray(origin, nearer(origin, target, shortening(origin, self.extent)));
         if self.solid.occluded(&ray) { Vec3::ZERO } else { self.sheer_transmittance(ray) }
     }
 
     /// The share of light that passes from `origin` to each of up to 16 targets.
     pub fn transmittance16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, out: &mut [Vec3; 16]) {
+        let short = shortening(origin, self.extent);
+        if short > 0.0 {
+            let targets = targets.map(|target| nearer(origin, target, short));
+            return self.free16(origin, &targets, n, out);
+        }
+        self.free16(origin, targets, n, out);
+    }
+
+    #[inline]
+    fn free16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, out: &mut [Vec3; 16]) {
         let visible = self.solid.visible16(origin, targets, n, 0.0, SHADOW_END);
         for i in 0..n {
             let free = (visible >> i) & 1 == 1;

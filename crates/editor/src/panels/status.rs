@@ -13,6 +13,8 @@ pub struct Status<'a> {
     pub message: &'a str,
     /// Whether the message tells of something that went wrong.
     pub tone: MessageTone,
+    /// Whether a file is being read.
+    pub opening: bool,
     /// The bake.
     pub bake: &'a BakeState,
     /// What multiplies.
@@ -72,6 +74,13 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 ui.label(RichText::new(format!("{db:.1} dB")).weak()).on_hover_text(hint);
             }
             lamps_ui(ui, &status.lamps);
+            if status.opening {
+                let stop = ui.small_button("Stop").on_hover_text("Stop opening the file; what is open stays");
+                if stop.accessible_name("Stop opening").clicked() {
+                    actions.push(Action::CancelOpening);
+                }
+                ui.label(RichText::new("Opening").weak());
+            }
             if status.bake.is_running() {
                 let stop = ui.small_button("Stop").on_hover_text("Stop the bake; what is done stays");
                 if stop.accessible_name("Stop the bake").clicked() {

@@ -91,3 +91,28 @@ fn far_from_the_origin_rays_begin_as_near_their_surface_as_rounding_allows() {
         assert!(away > 0.0 && away <= 1e-4 + steps, "{away} m, {meters} m from the origin");
     }
 }
+
+#[test]
+fn no_light_shadows_itself_far_from_the_origin() {
+    for meters in [0.0, 1e3, 1e4] {
+        let (place, rotation) = (Vec3::new(meters, -meters, meters), Quat::from_euler(EulerRot::XYZ, 0.6, 0.4, 0.2));
+        let (corner, u, v) = (place, rotation * Vec3::X, rotation * Vec3::NEG_Z);
+        let camera = Camera::look_at("anywhere", Vec3::ONE, Vec3::NEG_ONE, 1.0, 1.0);
+        let scene = Stage::new(camera).surface("light", &quad(corner, u, v), lambert(0.0, 1.0)).prepared();
+        let (mut n_dark, mut n) = (0, 0);
+        for index in 0..4096 {
+            let mut sampler = Sampler::new(9, index, 0);
+            let ([s, t], [x, z], height) = (sampler.next_2d(), sampler.next_2d(), sampler.next_1d());
+            let target = corner + u * s + v * t;
+            let side = if index % 2 == 0 { 1.0 } else { -1.0 };
+            let from = place + rotation * Vec3::new(x, side * (0.3 + height), -z);
+            let dark = scene.transmittance(from, target) != Vec3::ONE;
+            let mut passed = [Vec3::ZERO; FAN];
+            scene.transmittance16(from, &[target; FAN], FAN, &mut passed);
+            assert_eq!(passed.iter().filter(|share| **share != Vec3::ONE).count(), if dark { FAN } else { 0 });
+            n_dark += u32::from(dark);
+            n += 1;
+        }
+        assert_eq!(n_dark, 0, "of {n} connections with a light {meters} m from the origin");
+    }
+}
