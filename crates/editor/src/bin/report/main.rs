@@ -10,18 +10,28 @@ mod budgets;
 mod cancel;
 mod cases;
 mod desk;
+mod fit;
+mod fronts;
+mod growth;
+mod kept;
 mod kills;
 mod lamps;
 mod latency;
 mod matrix;
 mod methods;
 mod page;
+mod paper;
+mod plot;
+mod prints;
 mod rays;
 mod reference;
 mod relight;
+mod sitting;
 mod skips;
 mod stability;
 mod targets;
+mod time;
+mod under_way;
 
 use std::path::Path;
 use std::process::ExitCode;
@@ -46,7 +56,12 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 9] = [
+const SECTIONS: [Section; 14] = [
+    Section { name: "time", write: time::write },
+    Section { name: "paper", write: paper::write },
+    Section { name: "growth", write: growth::write },
+    Section { name: "fronts", write: fronts::write },
+    Section { name: "sitting", write: sitting::write },
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
@@ -102,6 +117,7 @@ fn report(flags: &[String], names: &[String]) -> Result<()> {
         let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
         page.put(section.name, text);
         put(&path, &page.text(known()))?;
+        desk.finish(section.name)?;
     }
     Ok(())
 }

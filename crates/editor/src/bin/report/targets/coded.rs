@@ -39,7 +39,9 @@ pub struct Coded {
     pub multiply_adds: [f64; 2],
     /// Milliseconds per block: factors, then bytes.
     pub millis: [f64; 2],
-    /// Errors of what is read back.
+    /// What is read back.
+    pub matrix: BlockLowRank,
+    /// Its errors.
     pub judged: Judged,
 }
 
@@ -93,6 +95,7 @@ impl Subject {
             mean_rank: f64::from(unpacked.mean_rank()),
             millis: [compressing, packing].map(|secs| secs * 1e3 / matrix.blocks.len() as f64),
             judged: Judged::new(&self.truth, &unpacked),
+            matrix: unpacked,
         })
     }
 
@@ -127,6 +130,20 @@ impl Picture {
     /// Blocks of 16 × 16 pixels.
     pub fn partition(&self) -> Partition {
         Partition { width: self.width as u32, height: self.height as u32, tile: TILE as u32 }
+    }
+
+    /// The same with all entries of a compressed matrix.
+    pub fn unpacked(&self, matrix: &BlockLowRank) -> Picture {
+        let (mut pixels, len) = (Vec::new(), CHANNELS * self.n_cols);
+        let mut values = vec![0.0; self.values.len()];
+        for (block_idx, factors) in matrix.blocks.iter().enumerate() {
+            let Some(factors) = factors else { continue };
+            matrix.partition.bundles(block_idx, &mut pixels);
+            for (rows, &pixel) in factors.dense().chunks_exact(len).zip(&pixels) {
+                values[pixel as usize * len..][..len].copy_from_slice(rows);
+            }
+        }
+        Picture { values, ..*self }
     }
 
     /// The rows of a block, one after the other.
