@@ -5,6 +5,7 @@
 //! Without a section it runs all of them; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists.
 
+mod ablations;
 mod bakes;
 mod budgets;
 mod cancel;
@@ -21,6 +22,7 @@ mod matrix;
 mod methods;
 mod page;
 mod paper;
+mod peers;
 mod plot;
 mod prints;
 mod rays;
@@ -56,12 +58,14 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 14] = [
+const SECTIONS: [Section; 16] = [
     Section { name: "time", write: time::write },
     Section { name: "paper", write: paper::write },
     Section { name: "growth", write: growth::write },
     Section { name: "fronts", write: fronts::write },
     Section { name: "sitting", write: sitting::write },
+    Section { name: "peers", write: peers::write },
+    Section { name: "ablations", write: ablations::write },
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },

@@ -137,9 +137,9 @@ impl Reference {
                     sums[0].add(error);
                 }
             }
-            (peak > 0.0).then(|| sums.map(|sum| decibels(peak, sum.mean())))
+            (peak > 0.0).then(|| sums.map(|sum| sum.mean() / (peak * peak)))
         };
-        ColumnErrors { db: (0..self.n_cols).into_par_iter().filter_map(column).collect() }
+        ColumnErrors { squares: (0..self.n_cols).into_par_iter().filter_map(column).collect() }
     }
 
     /// The picture that rows make under a coefficient per column and channel, as far as it is compared.
@@ -151,8 +151,8 @@ impl Reference {
     }
 
     /// The error in dB of a picture under a light, what it has of the compared pixels; pixels that show a light that is lit, or lie
-    /// beside one, are left out.
-    pub fn picture_db(&self, light: &[[f32; 3]], picture: &[f32]) -> f64 {
+    /// beside one, are left out. `None` where it is lost in what is left of the reference's noise.
+    pub fn picture_db(&self, light: &[[f32; 3]], picture: &[f32]) -> Option<f64> {
         let [a, b] = self.halves.each_ref().map(|half| self.relit(half, light));
         let lit: Vec<usize> = (0..self.n_cols).filter(|&column| light[column] != [0.0; 3]).collect();
         let is_left_out = |row: usize| lit.iter().any(|&column| self.is_seen(row, column));
@@ -163,7 +163,7 @@ impl Reference {
             let [x, a, b] = [picture[row], a[row], b[row]].map(f64::from);
             sum.add((x - a) * (x - b));
         }
-        decibels(peak, sum.mean())
+        (sum.mean() > 0.0).then(|| decibels(peak, sum.mean()))
     }
 }
 
@@ -272,40 +272,42 @@ impl Sum {
     }
 }
 
-/// Errors of the columns that light anything, in dB below their peaks.
+/// Errors of the columns that light anything, as mean squares over the squares of their peaks.
 #[derive(Default)]
 pub struct ColumnErrors {
     /// Without and with the entries where the light itself is seen.
-    db: Vec<[f64; 2]>,
+    squares: Vec<[f64; 2]>,
 }
 
 impl ColumnErrors {
-    fn mean(&self, which: usize) -> f64 {
-        self.db.iter().map(|db| db[which]).sum::<f64>() / self.db.len().max(1) as f64
+    fn db(&self, which: usize) -> impl Iterator<Item = f64> {
+        self.squares.iter().map(move |squares| decibels(1.0, squares[which]))
     }
 
-    fn worst(&self, which: usize) -> f64 {
-        self.db.iter().map(|db| db[which]).fold(f64::INFINITY, f64::min)
+    /// Of the mean square over all columns; `None` where it is lost in what is left of the reference's noise.
+    pub fn joint_db(&self) -> Option<f64> {
+        let mean = self.squares.iter().map(|squares| squares[0]).sum::<f64>() / self.squares.len().max(1) as f64;
+        (mean > 0.0).then(|| decibels(1.0, mean))
     }
 
     /// Mean over columns.
     pub fn mean_db(&self) -> f64 {
-        self.mean(0)
+        self.db(0).sum::<f64>() / self.squares.len().max(1) as f64
     }
 
     /// Of the worst column.
     pub fn worst_db(&self) -> f64 {
-        self.worst(0)
+        self.db(0).fold(f64::INFINITY, f64::min)
     }
 
     /// Mean over columns, lights that are seen included.
     pub fn mean_db_with_seen(&self) -> f64 {
-        self.mean(1)
+        self.db(1).sum::<f64>() / self.squares.len().max(1) as f64
     }
 
     /// Of the worst column, lights that are seen included.
     pub fn worst_db_with_seen(&self) -> f64 {
-        self.worst(1)
+        self.db(1).fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -330,8 +332,11 @@ mod tests {
         let film = Film { width: 10, height: 10 };
         let reference = Reference { n_cols: 1, film, pixels, halves, seen: vec![false; 100], peaks: vec![2.0] };
         let off = vec![2.2; 300];
-        assert!((reference.errors(&off).mean_db() - 20.0).abs() < 1e-4);
+        let errors = reference.errors(&off);
+        assert!((errors.mean_db() - 20.0).abs() < 1e-4 && (errors.joint_db().expect("an error") - 20.0).abs() < 1e-4);
         // Of a picture the peak is its own: the halves are both bright in a quarter of it.
-        assert!((reference.picture_db(&[[1.0; 3]], &off) - decibels(3.0, 0.04)).abs() < 1e-4);
+        let of_picture = reference.picture_db(&[[1.0; 3]], &off).expect("an error");
+        assert!((of_picture - decibels(3.0, 0.04)).abs() < 1e-4);
+        assert_eq!(reference.picture_db(&[[1.0; 3]], &[2.0; 300]), None, "nothing is off");
     }
 }

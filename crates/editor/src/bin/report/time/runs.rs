@@ -52,22 +52,22 @@ impl Judge {
     /// Errors of rows that are laid out as the reference's.
     fn of_rows(&self, rows: &[f32]) -> [Option<f64>; 3] {
         let picture = |light: &Vec<[f32; 3]>| self.reference.picture_db(light, &self.reference.relit(rows, light));
-        let single = self.reference.errors(rows).mean_db();
-        [Some(single), mean(self.spots.iter().map(picture)), Some(picture(&self.full))]
+        let spots: Option<Vec<f64>> = self.spots.iter().map(picture).collect();
+        [self.reference.errors(rows).joint_db(), spots.and_then(mean), picture(&self.full)]
     }
 
     pub(super) fn of_bake(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> [Option<f64>; 3] {
         self.of_rows(&self.reference.rows_of(header, groups))
     }
 
-    fn of_picture(&self, light: &[[f32; 3]], picture: &[[f32; 3]]) -> f64 {
+    fn of_picture(&self, light: &[[f32; 3]], picture: &[[f32; 3]]) -> Option<f64> {
         let pixels = self.reference.pixels().iter().flat_map(|&pixel| picture[pixel as usize]);
         self.reference.picture_db(light, &pixels.collect::<Vec<_>>())
     }
 }
 
-fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
-    let values: Vec<f64> = values.collect();
+/// None of nothing.
+fn mean(values: Vec<f64>) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
@@ -178,7 +178,7 @@ fn plain(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32)
         let picture = traced(subject, scene, light, spp, SEED)?;
         let cpu_secs = process_cpu_secs()? - begun;
         let mut db = [None; 3];
-        db[class] = Some(judge.of_picture(light, &picture));
+        db[class] = judge.of_picture(light, &picture);
         points.push(Point { way: Way::Plain, cpu_secs, db });
     }
     Ok(points)
