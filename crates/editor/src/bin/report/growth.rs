@@ -6,9 +6,10 @@ mod room;
 mod threads;
 
 use std::ops::ControlFlow;
+use std::process::Command;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clerestory::platform::{peak_bytes, resident_bytes};
 use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
@@ -21,12 +22,13 @@ use super::matrix::process_cpu_secs;
 use super::plot::{Axis, Panel, Scale, Series};
 
 /// What is baked where nothing else is said.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 struct Bench {
     triangles: usize,
     /// Texels along a side of the panel, whose square is the number of columns.
     side: u32,
-    film: Film,
+    /// Width and height in pixels.
+    size: [u32; 2],
     spp: u32,
     bounces: Option<u32>,
 }
@@ -60,9 +62,8 @@ const FULL: [Growth; 4] = [
 ];
 
 fn pixels(bench: &mut Bench, width: u32) -> f64 {
-    bench.film = Film { width, height: width * 3 / 4 };
-    (bench.side, bench.spp) = (4, 2);
-    bench.film.n_pixels() as f64
+    (bench.size, bench.side, bench.spp) = ([width, width * 3 / 4], 4, 2);
+    f64::from(bench.size[0]) * f64::from(bench.size[1])
 }
 
 fn columns(bench: &mut Bench, side: u32) -> f64 {
@@ -85,8 +86,8 @@ fn bounces(bench: &mut Bench, n: u32) -> f64 {
 /// # Errors
 /// If a bake fails, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    let film = desk.choose(Film { width: 64, height: 48 }, Film { width: 128, height: 96 });
-    let bench = Bench { triangles: 100_000, side: 8, film, spp: desk.choose(4, 8), bounces: None };
+    let size = desk.choose([64, 48], [128, 96]);
+    let bench = Bench { triangles: 100_000, side: 8, size, spp: desk.choose(4, 8), bounces: None };
     let (mut rows, mut panels) = (String::new(), Vec::new());
     for (what, values, set) in desk.choose(QUICK, FULL) {
         let mut costs = Vec::new();
@@ -95,7 +96,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                 desk.say(&format!("baking with {what} set by {value}"));
                 let mut bench = bench;
                 let at = set(&mut bench, value);
-                cost(bench, at)
+                Ok(Cost { at, ..in_own_process(bench)? })
             })?);
         }
         rows += &table_rows(what, &costs);
@@ -105,23 +106,37 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Growth\n\n\
          A generated hall of {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
          paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples). CPU seconds of preparing the scene (hierarchy, lights) and\n\
-         of the bake; memory is the most that the process had beyond the prepared scene; bytes are those of the file. The exponent e of the\n\
+         of the bake, each in a process of its own; memory is the most that it had beyond the prepared scene; bytes are those of the file. The exponent e of the\n\
          power law y ∝ xᵉ is fitted by least squares of the logarithms. Seed 1, one run of each. {}\n",
         bench.triangles,
-        film.width,
-        film.height,
+        size[0],
+        size[1],
         bench.spp,
         load_words(),
     );
     text += &desk.plot("growth", "CPU seconds of a bake as pixels, columns, triangles and bounces grow", &panels)?;
     text += &format!(
-        "\n| what grows | | preparing, CPU s | bake, CPU s | memory, MB | file, MB |\n|---|---|---|---|---|---|\n{rows}"
+        "\n| what grows | | preparing, CPU s | bake, CPU s | memory, MB | file, kB |\n|---|---|---|---|---|---|\n{rows}"
     );
     text += &threads::write(desk)?;
     Ok(text)
 }
 
-fn cost(bench: Bench, at: f64) -> Result<Cost> {
+/// What the report is asked in the process that bakes one bench: its memory and its time are those of this bake alone.
+pub const ONE: &str = "--grow";
+
+fn in_own_process(bench: Bench) -> Result<Cost> {
+    let told = Command::new(std::env::current_exe()?).arg(ONE).arg(serde_json::to_string(&bench)?).output()?;
+    ensure!(told.status.success(), "a bake failed: {}", String::from_utf8_lossy(&told.stderr));
+    serde_json::from_slice(&told.stdout).context("a bake of its own process told no JSON")
+}
+
+/// Bakes the bench that is described, and describes what it took.
+///
+/// # Errors
+/// If the bake fails, or this system does not tell the CPU time of a process.
+pub fn one(bench: &str) -> Result<String> {
+    let bench: Bench = serde_json::from_str(bench).context("no description of a bake")?;
     let begun = process_cpu_secs()?;
     let scene = room::prepared(bench.triangles, bench.side)?;
     let prepared = process_cpu_secs()?;
@@ -131,12 +146,14 @@ fn cost(bench: Bench, at: f64) -> Result<Cost> {
     let bake_secs = process_cpu_secs()? - prepared;
     let peak_bytes = peak_bytes().zip(before).map(|(peak, before)| peak.saturating_sub(before) as f64);
     let file_bytes = bake.figures().file_bytes.context("a finished bake is packed")? as f64;
-    Ok(Cost { at, prepare_secs: prepared - begun, bake_secs, peak_bytes, file_bytes })
+    let cost = Cost { at: 0.0, prepare_secs: prepared - begun, bake_secs, peak_bytes, file_bytes };
+    Ok(serde_json::to_string(&cost)?)
 }
 
 fn job(scene: &Arc<PreparedScene>, bench: Bench) -> BakeJob {
     let config = BakeConfig { spp: bench.spp, bounces: bench.bounces, seed: 1, ..BakeConfig::default() };
-    let (scene, camera, film) = (scene.clone(), scene.scene.cameras[0].clone(), bench.film);
+    let [width, height] = bench.size;
+    let (scene, camera, film) = (scene.clone(), scene.scene.cameras[0].clone(), Film { width, height });
     BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() }
 }
 
@@ -147,13 +164,13 @@ fn forget_peak() -> bool {
 
 fn table_rows(what: &str, costs: &[Cost]) -> String {
     let row = |cost: &Cost| {
-        let memory = cost.peak_bytes.map_or("—".into(), |bytes| format!("{:.0}", bytes / 1e6));
+        let memory = cost.peak_bytes.map_or("—".into(), |bytes| format!("{:.1}", bytes / 1e6));
         format!(
-            "| {what} | {:.0} | {} | {} | {memory} | {:.2} |\n",
+            "| {what} | {:.0} | {} | {} | {memory} | {:.1} |\n",
             cost.at,
             digits(cost.prepare_secs),
             digits(cost.bake_secs),
-            cost.file_bytes / 1e6,
+            cost.file_bytes / 1e3,
         )
     };
     let fitted = |of: &dyn Fn(&Cost) -> f64| {

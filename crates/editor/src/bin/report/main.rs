@@ -78,14 +78,25 @@ const SECTIONS: [Section; 16] = [
 ];
 
 fn main() -> ExitCode {
-    let (flags, names): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|arg| arg.starts_with("--"));
-    match report(&flags, &names) {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    match answered(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             complain(&format!("report: {error:#}"));
             ExitCode::FAILURE
         }
     }
+}
+
+/// Does what was asked: a report, or one bake of a section that measures each in a process of its own.
+#[expect(clippy::print_stdout, reason = "the section reads it")]
+fn answered(args: Vec<String>) -> Result<()> {
+    if let [growth::ONE, bench] = args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        println!("{}", growth::one(bench)?);
+        return Ok(());
+    }
+    let (flags, names): (Vec<String>, Vec<String>) = args.into_iter().partition(|arg| arg.starts_with("--"));
+    report(&flags, &names)
 }
 
 #[expect(clippy::print_stderr, reason = "this binary speaks to people")]

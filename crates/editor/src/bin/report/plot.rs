@@ -9,6 +9,8 @@ pub enum Scale {
     Linear,
     /// Alike steps for alike ratios; only what is above zero is drawn.
     Log,
+    /// One place after the other, without numbers.
+    Order,
 }
 
 /// One side of a panel.
@@ -48,6 +50,7 @@ const MARGIN: [f64; 4] = [54.0, 26.0, 14.0, 42.0];
 const MOST_ACROSS: usize = 3;
 const LEGEND_ROW: f64 = 18.0;
 const LEGEND_ENTRY: f64 = 186.0;
+const LEGEND_LETTERS: usize = 30;
 /// Colors that people tell apart whichever way they see them \[Okabe2008\].
 const COLORS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c7a00"];
 const FONT: &str = "font-family=\"Helvetica, Arial, sans-serif\"";
@@ -78,7 +81,7 @@ pub fn figure(panels: &[Panel]) -> String {
         let [x, y] =
             [12.0 + (nth % per_row) as f64 * LEGEND_ENTRY, legend_top + ((nth / per_row) as f64 + 0.5) * LEGEND_ROW];
         svg += &mark(nth, [x + 4.0, y]);
-        svg += &text([x + 14.0, y + 4.0], "start", 11.0, name);
+        svg += &text([x + 14.0, y + 4.0], "start", 11.0, &shortened(name));
     }
     svg + "</svg>\n"
 }
@@ -110,6 +113,7 @@ impl Place {
     fn ticks(&self) -> Vec<f64> {
         let [low, high] = self.ends;
         match self.scale {
+            Scale::Order => Vec::new(),
             Scale::Linear => {
                 let rough = (high - low) / 5.0;
                 let unit = 10f64.powf(rough.log10().floor());
@@ -197,6 +201,14 @@ fn text([x, y]: [f64; 2], anchor: &str, size: f64, words: &str) -> String {
 
 fn escaped(words: &str) -> String {
     words.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// What fits into an entry of the legend.
+fn shortened(name: &str) -> String {
+    if name.chars().count() <= LEGEND_LETTERS {
+        return name.into();
+    }
+    name.chars().take(LEGEND_LETTERS - 1).chain(['…']).collect()
 }
 
 /// A number of an axis, with no more digits than it needs.

@@ -151,7 +151,7 @@ fn panel(name: &str, sitting: &Sitting) -> Panel {
     Panel {
         title: format!("{name} (left at {:.0} dB)", sitting.told_db),
         x: Axis { label: "seconds from opening", scale: Scale::Linear },
-        y: Axis { label: "stage", scale: Scale::Linear },
+        y: Axis { label: "stage after stage", scale: Scale::Order },
         series: sitting.stages.iter().enumerate().map(bar).collect(),
     }
 }

@@ -10,7 +10,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::skips::{Skip, Skips};
 
 use crate::desk::Desk;
-use crate::fit::{digits, spread_words};
+use crate::fit::spread_words;
 use crate::matrix::baked;
 use crate::reference::{Reference, Sampling};
 

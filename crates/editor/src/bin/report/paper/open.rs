@@ -1,6 +1,7 @@
 //! A building open to a measured sky, which turns after the bake.
 
 use anyhow::Result;
+use clerestory::compare::{compare, read_exr};
 
 use crate::desk::{Desk, clerestory, number};
 use crate::prints::jpeg;
@@ -22,7 +23,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     let bake = ["bake", &scene, "-o", &transport, "--sky", &sky, "--size", size, "--spp", spp, "--fresh", "--json"];
     let baked = clerestory(&bake)?;
     let told = clerestory(&["info", &transport, "--json"])?;
-    let (mut rows, mut pictures) = (String::new(), Vec::new());
+    let (mut rows, mut pictures, mut first) = (String::new(), Vec::new(), None);
     for turn in TURNS_DEG {
         let look = desk.file("open.look");
         std::fs::write(&look, format!("{{\"clerestory\": 1, \"sky\": {{\"rotation_deg\": {turn}}}}}"))?;
@@ -33,17 +34,20 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         let trace = ["trace", &scene, "-o", &traced, "--sky", &sky, "--size", size, "--spp", trace_spp, "--seed", "7"];
         clerestory(&[&trace[..], &options].concat())?;
         let compared = clerestory(&["compare", &relit, &traced, "--json"])?;
-        rows += &format!("| {turn}° | {:.1} |\n", number(&compared, "/psnr_db"));
+        let shown = read_exr(relit.as_ref())?;
+        let moved = compare(&shown, first.get_or_insert_with(|| shown.clone()))?.psnr_db;
+        let moved = moved.map_or("the same".into(), |db| format!("{db:.1}"));
+        rows += &format!("| {turn}° | {:.1} | {moved} |\n", number(&compared, "/psnr_db"));
         if turn != TURNS_DEG[1] {
             for (name, path) in [("traced", &traced), ("relit", &relit)] {
-                pictures.push((name, clerestory::compare::read_exr(path.as_ref())?));
+                pictures.push((name, read_exr(path.as_ref())?));
             }
         }
     }
     Ok(format!(
         "\n### A building under a measured sky\n\n\
          `sponza-dabrovic` under `vestibule_1k.hdr`, {} columns, {size} pixels, {spp} samples per pixel in {:.1} s, {:.2} MB in the file; then the sky is turned. PSNR of the\n\
-         relit picture against a path-traced one of {trace_spp} samples under the sky as it is, whose own noise counts.\n\n| turned by | PSNR, dB |\n|---|---|\n{rows}{}",
+         relit picture against a path-traced one of {trace_spp} samples under the sky as it is, whose own noise counts.\n\n| turned by | PSNR, dB | against the first relit picture, dB |\n|---|---|---|\n{rows}{}",
         number(&told, "/columns"),
         number(&baked, "/bake_secs"),
         number(&told, "/file_bytes") / 1e6,
