@@ -9,8 +9,9 @@ use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use super::desk::{Desk, load_words};
+use super::errors::decibels;
 use super::methods::own;
-use super::reference::{Sampling, decibels};
+use super::reference::Sampling;
 use super::targets::coded::{Coding, Subject};
 use super::targets::judged;
 

@@ -11,10 +11,11 @@ use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use super::desk::{Desk, load_words};
+use super::errors::decibels;
 use super::methods::dense::{CHANNELS, Picture, squared_error};
 use super::methods::{methods, own};
 use super::plot::{Axis, Panel, Scale, Series};
-use super::reference::{Sampling, decibels};
+use super::reference::Sampling;
 use super::targets::coded::{Subject, single_threaded};
 use super::targets::judged;
 

@@ -3,7 +3,9 @@
 //! `cargo run --release -p clerestory --bin report -- [--quick] [SECTION]…`
 //!
 //! Without a section it runs all of them; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
-//! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists.
+//! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
+//! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
+//! it is finished by the same program. Plots and small pictures are written to `docs/plots`.
 
 mod ablations;
 mod bakes;
@@ -11,6 +13,7 @@ mod budgets;
 mod cancel;
 mod cases;
 mod desk;
+mod errors;
 mod fit;
 mod fronts;
 mod growth;
@@ -37,6 +40,7 @@ mod under_way;
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use anyhow::{Context, Result};
 
@@ -115,7 +119,10 @@ fn report(flags: &[String], names: &[String]) -> Result<()> {
     let desk = Desk::new(!flags.is_empty())?;
     let asked = |section: &&Section| names.is_empty() || names.iter().any(|name| name == section.name);
     let measured = |section: &Section| {
-        (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))
+        let begun = Instant::now();
+        let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
+        complain(&format!("{} took {:.0} s", section.name, begun.elapsed().as_secs_f64()));
+        Ok::<_, anyhow::Error>(text)
     };
     for (page, section) in OWN_PAGES.iter().filter(|(_, section)| asked(&section)) {
         let path = desk.root.join(format!("docs/{page}.md"));

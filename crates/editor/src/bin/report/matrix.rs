@@ -14,8 +14,9 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Scene;
 
 use super::desk::Desk;
+use super::errors::ColumnErrors;
 use super::fit::secs_at;
-use super::reference::{ColumnErrors, Reference, Sampling};
+use super::reference::{Reference, Sampling};
 
 /// Scattering events beyond the first, as the peers had them.
 pub const BOUNCES: Option<u32> = Some(6);

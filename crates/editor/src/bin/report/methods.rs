@@ -12,7 +12,8 @@ use clerestory_transport::camera::Film;
 
 use self::dense::{Picture, squared_error};
 use super::desk::Desk;
-use super::reference::{Sampling, decibels};
+use super::errors::decibels;
+use super::reference::Sampling;
 
 const RANKS: [usize; 3] = [4, 16, 32];
 /// Rank at which size, time and single precision are told.

@@ -12,11 +12,8 @@ use clerestory_transport::prepared::PreparedScene;
 use rayon::prelude::*;
 
 use super::desk::Desk;
+use super::errors::{ColumnErrors, Sum, decibels, quantile};
 
-/// Part of a column's entries that may be brighter than its peak.
-const PEAK_QUANTILE: f64 = 0.995;
-/// Best error that is told.
-const BEST_DB: f64 = 120.0;
 /// Samples of each pixel around one that is compared: whether a light is seen there.
 const NEAR_SAMPLES: u32 = 4;
 /// Of the references, which no bake has.
@@ -241,74 +238,6 @@ fn around(film: Film, pixel: u32) -> impl Iterator<Item = u32> {
     let near = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);
     let all = near(y, film.height).flat_map(move |y| near(x, film.width).map(move |x| y * film.width + x));
     all.filter(move |other| *other != pixel)
-}
-
-/// The 99.5 percentile; 0 of nothing.
-fn quantile(mut values: Vec<f64>) -> f64 {
-    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-    *values.select_nth_unstable_by((last as f64 * PEAK_QUANTILE) as usize, f64::total_cmp).1
-}
-
-/// A mean square in dB below a peak.
-pub fn decibels(peak: f64, mean_square: f64) -> f64 {
-    (10.0 * (peak * peak / mean_square.max(f64::MIN_POSITIVE)).log10()).min(BEST_DB)
-}
-
-/// A sum and how many went into it.
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    sum: f64,
-    n: f64,
-}
-
-impl Sum {
-    fn add(&mut self, value: f64) {
-        self.sum += value;
-        self.n += 1.0;
-    }
-
-    fn mean(&self) -> f64 {
-        self.sum / self.n.max(1.0)
-    }
-}
-
-/// Errors of the columns that light anything, as mean squares over the squares of their peaks.
-#[derive(Default)]
-pub struct ColumnErrors {
-    /// Without and with the entries where the light itself is seen.
-    squares: Vec<[f64; 2]>,
-}
-
-impl ColumnErrors {
-    fn db(&self, which: usize) -> impl Iterator<Item = f64> {
-        self.squares.iter().map(move |squares| decibels(1.0, squares[which]))
-    }
-
-    /// Of the mean square over all columns; `None` where it is lost in what is left of the reference's noise.
-    pub fn joint_db(&self) -> Option<f64> {
-        let mean = self.squares.iter().map(|squares| squares[0]).sum::<f64>() / self.squares.len().max(1) as f64;
-        (mean > 0.0).then(|| decibels(1.0, mean))
-    }
-
-    /// Mean over columns.
-    pub fn mean_db(&self) -> f64 {
-        self.db(0).sum::<f64>() / self.squares.len().max(1) as f64
-    }
-
-    /// Of the worst column.
-    pub fn worst_db(&self) -> f64 {
-        self.db(0).fold(f64::INFINITY, f64::min)
-    }
-
-    /// Mean over columns, lights that are seen included.
-    pub fn mean_db_with_seen(&self) -> f64 {
-        self.db(1).sum::<f64>() / self.squares.len().max(1) as f64
-    }
-
-    /// Of the worst column, lights that are seen included.
-    pub fn worst_db_with_seen(&self) -> f64 {
-        self.db(1).fold(f64::INFINITY, f64::min)
-    }
 }
 
 #[cfg(test)]

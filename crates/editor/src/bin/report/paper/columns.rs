@@ -5,9 +5,9 @@ use anyhow::Result;
 use super::lights::psnr_db;
 use super::{METHODS, SCENES, SEED, approximated, sampling};
 use crate::desk::Desk;
+use crate::errors::decibels;
 use crate::methods::own;
 use crate::plot::{Axis, Panel, Scale, Series};
-use crate::reference::decibels;
 
 const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
 
