@@ -48,10 +48,11 @@ impl ColumnErrors {
         self.squares.iter().map(move |squares| decibels(1.0, squares[which]))
     }
 
-    /// Of the mean square over all columns; `None` where it is lost in what is left of the reference's noise.
-    pub fn joint_db(&self) -> Option<f64> {
-        let mean = self.squares.iter().map(|squares| squares[0]).sum::<f64>() / self.squares.len().max(1) as f64;
-        (mean > 0.0).then(|| decibels(1.0, mean))
+    /// Median over columns; `None` where it is lost in what is left of the reference's noise.
+    pub fn median_db(&self) -> Option<f64> {
+        let mut squares: Vec<f64> = self.squares.iter().map(|squares| squares[0]).collect();
+        squares.sort_by(f64::total_cmp);
+        squares.get(squares.len() / 2).filter(|square| **square > 0.0).map(|square| decibels(1.0, *square))
     }
 
     /// Mean over columns.

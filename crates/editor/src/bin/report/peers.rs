@@ -68,7 +68,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                 let pixels = picture(&bake).as_chunks::<3>().0.to_vec();
                 let relit = Radiance { width: film.width, height: film.height, pixels };
                 let columns = scene.lighting.basis.n_cols();
-                add(&format!("ours, all {columns} columns, relit"), samples, secs, &relit)?;
+                add(&format!("ours, all columns ({columns}), relit"), samples, secs, &relit)?;
             }
             Ok((rows, renderers))
         })?;

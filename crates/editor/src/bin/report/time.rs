@@ -59,7 +59,7 @@ impl Way {
 pub(super) struct Point {
     pub(super) way: Way,
     pub(super) cpu_secs: f64,
-    /// Errors in dB: of single lights (all columns together), of spots on a panel, of all lights as in the file.
+    /// Errors in dB: of single lights (median over columns), of spots on a panel, of all lights as in the file.
     pub(super) db: [Option<f64>; 3],
 }
 
@@ -100,8 +100,8 @@ pub fn write(desk: &Desk) -> Result<String> {
          numbers of samples, from the preview on; the same samples without compression; a path-traced render per light, all of them; and one\n\
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile; nothing is\n\
-         clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the mean square over\n\
-         all columns, each over its own peak. Spots: three of them on the first panel, one after the other. Seeds 1 to 3; the references have their own. {}\n",
+         clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
+         columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seeds 1 to 3; the references have their own. {}\n",
         runs::reference_spp(desk),
         load_words(),
     );

@@ -53,7 +53,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
                         BakeConfig { spp, tolerance_db: 80.0, seed, indirect: *indirect, ..BakeConfig::default() };
                     let (cpu_secs, bake) = baked(&load(*skips)?, film, config)?;
                     secs.push(cpu_secs);
-                    dbs.push(reference.errors(&reference.rows_of(&bake.header, &bake.groups)).joint_db());
+                    dbs.push(reference.errors(&reference.rows_of(&bake.header, &bake.groups)).median_db());
                 }
             }
             Ok(measured)
@@ -65,8 +65,8 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "\n### Samples\n\n\
-         Bakes of {} × {} pixels whose blocks take all of {spp} samples per pixel: CPU seconds, median (least…greatest) of {TURNS} seeds in turn, and the error of single lights in dB\n\
-         of each seed, as in the section Error against time.\n\n| scene | what | CPU s | dB |\n|---|---|---|---|\n{rows}",
+         Bakes of {} × {} pixels whose blocks take all of {spp} samples per pixel: CPU seconds, median (least…greatest) of {TURNS} seeds in turn, and the error of single lights (median)\n\
+         in dB of each seed, as in the section Error against time.\n\n| scene | what | CPU s | dB |\n|---|---|---|---|\n{rows}",
         film.width, film.height,
     ))
 }

@@ -1,8 +1,10 @@
 //! Lights on a panel, and the mean of their pictures' PSNR.
 
 use clerestory::compare::compare;
-use clerestory_transport::light::PanelSpot;
-use glam::Vec2;
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
+use clerestory_transport::light::{LightRig, PanelSpot};
+use clerestory_transport::origin::LightOrigin;
+use glam::Vec3;
 
 use crate::methods::dense::Picture;
 
@@ -20,14 +22,21 @@ pub(super) fn count() -> usize {
 
 /// A coefficient per texel and channel, of each light on a panel of `side` × `side` texels.
 pub(super) fn lights(side: usize) -> Vec<Vec<[f32; 3]>> {
+    let resolution = side as u32;
+    let panel = LightSource {
+        key: "panel".into(),
+        kind: SourceKind::Panel { resolution, size_m: [1.0; 2] },
+        columns: 0..resolution * resolution,
+        color: Vec3::ONE,
+        strength: 1.0,
+        origin: LightOrigin::default(),
+    };
+    let basis = LightBasis::new(vec![panel]);
     let light = |nth: usize| {
         let (position, radius) = (POSITIONS[nth % POSITIONS.len()], RADII[nth / POSITIONS.len()]);
-        let spot = PanelSpot { position, radius, color: None, intensity: 1.0 };
-        let texel = |texel: usize| {
-            let uv = (Vec2::new((texel % side) as f32, (texel / side) as f32) + 0.5) / side as f32;
-            COLORS[nth % COLORS.len()].map(|color| color * spot.weight(uv - Vec2::from(position)))
-        };
-        (0..side * side).map(texel).collect()
+        let spot = PanelSpot { position, radius, color: Some(COLORS[nth % COLORS.len()]), intensity: 1.0 };
+        let panels = [("panel".to_string(), vec![spot])].into_iter().collect();
+        basis.project(&LightRig { panels, ..LightRig::default() })
     };
     (0..count()).map(light).collect()
 }

@@ -53,7 +53,7 @@ impl Judge {
     fn of_rows(&self, rows: &[f32]) -> [Option<f64>; 3] {
         let picture = |light: &Vec<[f32; 3]>| self.reference.picture_db(light, &self.reference.relit(rows, light));
         let spots: Option<Vec<f64>> = self.spots.iter().map(picture).collect();
-        [self.reference.errors(rows).joint_db(), spots.and_then(mean), picture(&self.full)]
+        [self.reference.errors(rows).median_db(), spots.and_then(mean), picture(&self.full)]
     }
 
     pub(super) fn of_bake(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> [Option<f64>; 3] {
