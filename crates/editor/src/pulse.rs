@@ -75,7 +75,9 @@ impl Pulse {
         if self.counted.elapsed() >= COUNTED_EVERY {
             let megabytes = platform::resident_bytes().unwrap_or_default() >> 20;
             let (n_frames, n_stalls, slowest) = (self.n_frames, self.n_stalls, self.slowest.as_millis());
-            self.say(&format!("{secs:.0} s: {n_frames} frames, {n_stalls} stalls, slowest {slowest} ms, {megabytes} MB"));
+            self.say(&format!(
+                "{secs:.0} s: {n_frames} frames, {n_stalls} stalls, slowest {slowest} ms, {megabytes} MB"
+            ));
             self.counted = Instant::now();
         }
     }
@@ -104,7 +106,10 @@ mod tests {
         pulse.end();
         let lines = std::fs::read_to_string(&path).unwrap();
         let [first, second, third] = lines.lines().collect::<Vec<_>>()[..] else { panic!("{lines}") };
-        assert!(first.ends_with("stall of 120 ms in 140 ms") && second.ends_with("stall of 101 ms in 101 ms"), "{lines}");
+        assert!(
+            first.ends_with("stall of 120 ms in 140 ms") && second.ends_with("stall of 101 ms in 101 ms"),
+            "{lines}"
+        );
         assert!(third.contains(": 5 frames, 2 stalls, slowest 120 ms, "), "{lines}");
     }
 }

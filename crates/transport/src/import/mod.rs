@@ -245,7 +245,8 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
     stop.check()?;
     scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
     note_ranges(&scene, &ranged, &mut notes);
-    let made_camera = if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials, stop) } else { None };
+    let made_camera =
+        if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials, stop) } else { None };
     // Around a scene at the edge of single precision there is no place for one.
     let made_camera = made_camera.filter(|camera| camera.world_from_camera.is_finite());
     note_motion(&document, &placed, n_animations, n_skins, &mut notes);

@@ -10,9 +10,9 @@ use super::body::{Body, frame};
 use super::light::{Form, Lamp};
 use super::units::native_strength;
 use super::{FreeLamp, LampShape};
+use crate::clearance::{offset_origin, rounding};
 use crate::import::read_profile;
 use crate::photometry::PhotometricProfile;
-use crate::clearance::{offset_origin, rounding};
 use crate::prepared::PreparedScene;
 use crate::scene::{PunctualKind, PunctualLight};
 
