@@ -156,9 +156,28 @@ impl Shown {
     pub fn coefficients(&self, rig: &LightRig, light: Option<&LampLight>) -> Vec<Vec<[f32; 3]>> {
         let mut coefficients = self.header.coefficients(rig);
         if let Some(light) = light {
-            light.light_patches(&self.header, &mut coefficients);
+            self.header.add_of_patches(&mut coefficients, &light.of_patches);
         }
         coefficients
+    }
+
+    /// The same for a matrix of irradiance.
+    pub fn irradiance_coefficients(
+        &self,
+        set: usize,
+        rig: &LightRig,
+        light: Option<&LampLight>,
+    ) -> Vec<Vec<[f32; 3]>> {
+        let mut coefficients = self.header.irradiance_coefficients(set, rig);
+        if let Some(light) = light {
+            self.header.add_of_patches(&mut coefficients, &light.of_patches);
+        }
+        coefficients
+    }
+
+    /// Whether what surfaces make of the light of free lamps is part of every matrix of irradiance.
+    pub fn holds_lamp_lux(&self) -> bool {
+        self.irradiance.iter().all(|groups| self.header.holds_patches(groups))
     }
 
     /// Which matrix of irradiance is that of the pixels, if there is one.
@@ -363,6 +382,7 @@ impl Session {
             camera: camera.clone(),
             film: shown.film(),
             patches: shown.patches().cloned(),
+            measures: shown.pixel_irradiance().is_some(),
         });
         Some(Subject { bake: shown.bake(), view })
     }

@@ -294,6 +294,9 @@ pub struct SensorsArgs {
     /// Look to light it with [default: as the scene says].
     #[arg(long, value_name = "FILE.look")]
     pub look: Option<PathBuf>,
+    /// Scene that was baked, so that the lamps of the look count.
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
     /// What of it.
     #[command(flatten)]
     pub choice: LookChoice,

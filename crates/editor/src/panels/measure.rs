@@ -20,8 +20,8 @@ pub struct MeasureView<'a> {
     pub has_illuminance: bool,
     /// Whether a bake with it can be started here.
     pub can_bake: bool,
-    /// Whether free lamps shine, which these figures do not count.
-    pub has_lamps: bool,
+    /// Whether lamps that were added shine, of which these figures count no more than the direct light.
+    pub counts_direct_only: bool,
     /// What the pixel that was clicked on last shows.
     pub surface: Option<&'a str>,
     /// Why something could not be measured, in words.
@@ -76,8 +76,9 @@ pub fn measure_ui(
             ui.label(RichText::new(name).strong()).on_hover_text("A sensor grid of the bake");
             figures_ui(ui, name, figures);
         }
-        if view.has_lamps && (view.marked.is_some() || !view.grids.is_empty()) {
-            ui.label(RichText::new("Free lamps do not count here").weak());
+        if view.counts_direct_only && (view.marked.is_some() || !view.grids.is_empty()) {
+            ui.label(RichText::new("Of added lamps only the direct light counts").weak())
+                .on_hover_text("Bake with “Movable lamps” and “Illuminance” on to count what surfaces make of it");
         }
         ui.add_space(6.0);
         schedule_ui(ui, schedule, view, actions);

@@ -9,7 +9,8 @@ use clerestory_transport::prepared::PreparedScene;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::cli::relight::{Relighter, seen_irradiance};
+use crate::cli::relight::Relighter;
+use crate::illuminance::{AddedLux, seen_irradiance};
 use crate::marks::Marks;
 
 const FILM: Film = Film { width: 32, height: 24 };
@@ -54,7 +55,7 @@ fn of(wishes: Vec<Wish>) -> Request {
 
 /// Mean illuminance over the corner, relit.
 fn lux(bake: &Bake, rig: &LightRig) -> f64 {
-    let picture = seen_irradiance(bake, rig).unwrap();
+    let picture = seen_irradiance(bake, rig, &AddedLux::default()).unwrap();
     mean(&picture.pixels, 12)
 }
 
