@@ -307,7 +307,7 @@ impl App {
         self.say(format!("Reading {}", path.display()));
         let started = self.solving.reading.start("target", &self.solving.wake, move || {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            (name, parse::picture(&path, None).map_err(|error| format!("{error:#}")))
+            (name, parse::picture(&path, None, None).map_err(|error| format!("{error:#}")))
         });
         if let Err(words) = started {
             self.complain(words);

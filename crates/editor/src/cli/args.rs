@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_nystrom::rivals::{Method, UnknownMethod};
+use clerestory_relight::Tone;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::patches::MOST_PATCHES;
@@ -344,6 +345,10 @@ pub struct SolveArgs {
     /// Exposure of the picture to match: nit times 2^EV are its numbers.
     #[arg(long, value_name = "EV", requires = "picture", allow_negative_numbers = true)]
     pub exposure: Option<f64>,
+    /// Tone curve that a .png or .jpg to match was made with: agx, aces, neutral, reinhard or linear [default: what a PNG of this
+    /// program says, else linear]
+    #[arg(long, value_name = "CURVE", requires = "picture", value_parser = parse_tone)]
+    pub tone: Option<Tone>,
     /// Scene that was baked: for surfaces by name, means over areas of surface, and lamps of the look.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
@@ -605,6 +610,10 @@ fn parse_seconds(text: &str) -> Result<Duration, String> {
 fn parse_tolerance(text: &str) -> Result<f32, String> {
     let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
     decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
+}
+
+fn parse_tone(name: &str) -> Result<Tone, String> {
+    serde_json::from_value(name.into()).map_err(|_| "give agx, aces, neutral, reinhard or linear".to_owned())
 }
 
 #[cfg(test)]

@@ -60,7 +60,7 @@ fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<See
         None => Request::default(),
     };
     if let Some(path) = &args.picture {
-        let target = parse::picture(path, args.exposure)?;
+        let target = parse::picture(path, args.exposure, args.tone)?;
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         request.wishes.push(Wish { name, place: Place::Whole, target, weight: 1.0 });
     }

@@ -64,24 +64,8 @@ const SHAPES: [(&str, LampShape); 6] = [
     ("Sphere", LampShape::Sphere { radius_m: 0.1 }),
     ("Directional", LampShape::Directional),
 ];
-/// Illuminance of parallel light that is added, lux: a bright but overcast day.
-const NEW_LUX: f32 = 1000.0;
-/// Flux of a lamp that is added, lumen: a bulb of 60 watts once.
-const NEW_LUMEN: f32 = 800.0;
-/// Flux of a square meter of a rectangle that is added: the panel of an office.
-const NEW_LUMEN_PER_M2: f32 = 10_000.0;
 /// Largest number of the fields.
 const MOST: f32 = 1e6;
-
-/// How strong a lamp of a shape is when it is added.
-pub fn new_strength(shape: &LampShape) -> (f32, LampUnit) {
-    let unit = shape.units()[0];
-    match shape {
-        LampShape::Directional => (NEW_LUX, unit),
-        LampShape::Rectangle { size_m: [width, height] } => (NEW_LUMEN_PER_M2 * width * height, unit),
-        _ => (NEW_LUMEN, unit),
-    }
-}
 
 /// The kinds to choose from; `at_px` on the film, else in the middle of the view.
 pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>) {
