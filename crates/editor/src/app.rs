@@ -8,6 +8,7 @@ mod follow;
 mod heat;
 mod lamplight;
 mod lamps;
+mod look_files;
 mod looks;
 mod probe;
 mod recovery;
@@ -48,6 +49,7 @@ use crate::viewport::{ViewState, Viewed, viewport_ui};
 use camera::CameraDesk;
 use daylight::Daylight;
 use follow::Follower;
+use look_files::LookFiles;
 use looks::Prints;
 use probe::Prober;
 use recovery::Recovery;
@@ -97,6 +99,7 @@ pub struct App {
     look: Look,
     saved_look: Look,
     look_path: Option<PathBuf>,
+    look_files: LookFiles,
     undoer: Undoer<Look>,
     settings: BakeSettings,
     fixed_settings: Option<BakeSettings>,
@@ -201,6 +204,7 @@ impl App {
             look: Look::default(),
             saved_look: Look::default(),
             look_path: None,
+            look_files: LookFiles::new(wake.clone()),
             undoer: Undoer::default(),
             settings: start.settings.clone().unwrap_or_else(default_settings),
             fixed_settings: start.settings,
@@ -286,6 +290,7 @@ impl App {
         match notice {
             Notice::Opened => self.scene_opened(),
             Notice::PreparedAgain => self.start_bake(),
+            Notice::SceneFound => self.scene_of_bake_found(),
             Notice::Said(words) => self.say(words),
             Notice::Developed(picture) => self.copied(ctx, picture),
             Notice::Failed(words) => {
@@ -328,6 +333,22 @@ impl App {
         self.start_bake();
     }
 
+    /// The bake that was opened is one of its scene from now on, baked as it was.
+    fn scene_of_bake_found(&mut self) {
+        self.adopt_view();
+        if let (None, Some(settings)) = (&self.fixed_settings, self.session.settings_of_shown()) {
+            self.settings = settings;
+        }
+    }
+
+    /// Starts what somebody asked for.
+    fn bake_as_asked(&mut self) {
+        match self.session.opened.as_ref() {
+            Some(opened) if opened.scene.is_some() || opened.stack.is_some() => self.start_bake(),
+            _ => self.complain("a bake alone cannot be baked again; open its scene"),
+        }
+    }
+
     fn start_bake(&mut self) {
         let is_stack = self.session.opened.as_ref().is_some_and(|opened| opened.stack.is_some());
         let settings = if is_stack { &self.stack_settings } else { &self.settings };
@@ -347,7 +368,7 @@ impl App {
             Action::ExportImage(path) => self.export(path),
             Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
-            Action::StartBake => self.start_bake(),
+            Action::StartBake => self.bake_as_asked(),
             Action::Reload => self.reload(),
             Action::ResumeBake => self.session.resume_bake(&self.settings),
             Action::CancelBake => {
@@ -434,44 +455,6 @@ impl App {
         self.recent.insert(0, absolute);
         self.recent.truncate(MAX_RECENT);
         self.session.open(Source::File(path));
-    }
-
-    fn open_look(&mut self, path: PathBuf) {
-        match Look::load_readable(&path) {
-            Ok((mut look, mut warnings)) => {
-                if let Some(basis) = self.session.basis() {
-                    warnings.extend(look.unheeded(basis));
-                    for rig in look.rigs_mut() {
-                        rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none());
-                    }
-                }
-                self.look = look.clone();
-                (self.saved_look, self.look_path) = (look, Some(path.clone()));
-                match warnings.as_slice() {
-                    [] => self.say(format!("Opened {}", path.display())),
-                    some => self.complain(format!("{}: {}", path.display(), some.join(", "))),
-                }
-            }
-            Err(error) => self.complain(format!("{error:#}")),
-        }
-    }
-
-    fn save_look(&mut self, path: PathBuf) {
-        match self.look.save(&path) {
-            Ok(()) => {
-                self.say(format!("Saved {}", path.display()));
-                (self.saved_look, self.look_path) = (self.look.clone(), Some(path));
-                self.actions.extend(self.after_saving.take());
-            }
-            Err(error) => self.complain(format!("{error:#}")),
-        }
-    }
-
-    fn save_look_again(&mut self) {
-        match self.look_path.clone() {
-            Some(path) => self.save_look(path),
-            None => self.ask(FileTask::SaveLook),
-        }
     }
 
     fn undo(&mut self) {
@@ -603,12 +586,7 @@ impl App {
             history: &self.session.history,
         };
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
-        let mut of_file = self.session.shown.as_ref().filter(|_| !view.can_bake).map(|shown| BakeSettings {
-            camera_idx: 0,
-            film: Film { width: shown.header.width, height: shown.header.height },
-            config: shown.header.config.clone(),
-            illuminance: shown.pixel_irradiance().is_some(),
-        });
+        let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
         bake_ui(ui, of_file.as_mut().unwrap_or(own), &mut self.heat_map, &view, &mut self.actions);
     }
@@ -691,6 +669,7 @@ impl eframe::App for App {
         }
         self.session.foresee(&self.settings);
         self.watch_file(ctx);
+        self.follow_look_files();
         self.feed_undoer(ctx);
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);

@@ -33,7 +33,8 @@ impl AddedLux {
     /// Of lamps for points that no pixel sees.
     pub fn of_lamps(bake: &Bake, scene: Arc<PreparedScene>, lamps: PreparedLamps) -> AddedLux {
         let irradiance = |position, normal| lamps.irradiance(&scene, position, normal);
-        let of_patches = bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance));
+        let of_patches =
+            bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance));
         AddedLux { of_patches, straight: None, lamps: Some((scene, lamps)) }
     }
 }

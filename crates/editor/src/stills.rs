@@ -10,8 +10,8 @@ use clerestory_transport::sky::Backdrop;
 
 use crate::cli::relight::Relighter;
 use crate::export::{height_of, shrunk};
-use crate::look::{Display, Look, Quantity};
 use crate::illuminance::irradiance_of;
+use crate::look::{Display, Look, Quantity};
 use crate::session::lamps::{LampLight, LampView, StillLamps};
 
 /// What is pictured.

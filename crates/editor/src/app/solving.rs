@@ -232,7 +232,8 @@ impl App {
                 let (lamps, _) = PreparedLamps::new(&shining, None)?;
                 added.lamps = scene.filter(|_| !lamps.is_empty()).map(|scene| (scene, lamps));
                 let light = (&of.rig, &added);
-                let marked = of.marks.as_ref().map(|marks| of_marks(&bake, light, marks, seen.as_deref())).transpose()?;
+                let marked =
+                    of.marks.as_ref().map(|marks| of_marks(&bake, light, marks, seen.as_deref())).transpose()?;
                 let grid = |(set, grid)| -> anyhow::Result<(String, LuxFigures)> {
                     let points = of_grid(&bake, (set, grid), light)?;
                     Ok((grid.name.clone(), LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)))))

@@ -93,7 +93,8 @@ fn added(args: &SensorsArgs, bake: &Bake, look: &Look, console: &mut Console) ->
         return Ok(AddedLux::default());
     }
     let Some(scene) = args.scene.as_deref() else {
-        console.warn("the look has lamps of its own, whose light the sensors do not count; name the scene with --scene");
+        console
+            .warn("the look has lamps of its own, whose light the sensors do not count; name the scene with --scene");
         return Ok(AddedLux::default());
     };
     let Some((scene, _)) = stage(bake, &lamps, Some(scene), console)? else { return Ok(AddedLux::default()) };

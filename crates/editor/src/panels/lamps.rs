@@ -1,6 +1,6 @@
 //! Free lamps in the list of lights: a row each, and what the chosen one is like.
 
-use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::lamps::{FreeLamp, LampShape};
 use clerestory_transport::light::luminance;
 use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Ui};
 use glam::Vec3;

@@ -345,8 +345,13 @@ fn notes(scene: &Scene, request: &Request, film: Film) -> Vec<String> {
     if scene.lamps.iter().any(|lamp| shines(&lamp.key)) && request.wishes.iter().any(is_of_grid) {
         notes.push("wishes for sensor grids do not count the light of free lamps".into());
     }
-    let is_partly = |set: usize| scene.bake.header.patches.is_some() && !scene.bake.header.holds_patches(&scene.bake.irradiance[set]);
-    if !scene.lamps.is_empty() && request.wishes.iter().any(is_lux) && scene.bake.pixel_irradiance().is_some_and(is_partly) {
+    let is_partly = |set: usize| {
+        scene.bake.header.patches.is_some() && !scene.bake.header.holds_patches(&scene.bake.irradiance[set])
+    };
+    if !scene.lamps.is_empty()
+        && request.wishes.iter().any(is_lux)
+        && scene.bake.pixel_irradiance().is_some_and(is_partly)
+    {
         notes.push("of free lamps wishes for lux count the direct light only: bake again".into());
     }
     if !scene.lamps.is_empty() && scene.bake.header.patches.is_none() {

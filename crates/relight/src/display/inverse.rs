@@ -75,8 +75,7 @@ fn before_reinhard(shown: [f32; 3]) -> [f32; 3] {
 fn inverse(m: &Matrix) -> Matrix {
     let at = |i: usize, j: usize| f64::from(m[i % 3][j % 3]);
     // The rows and columns that follow, turned round: signs come by themselves.
-    let cofactor =
-        |i: usize, j: usize| at(i + 1, j + 1) * at(i + 2, j + 2) - at(i + 1, j + 2) * at(i + 2, j + 1);
+    let cofactor = |i: usize, j: usize| at(i + 1, j + 1) * at(i + 2, j + 2) - at(i + 1, j + 2) * at(i + 2, j + 1);
     let determinant: f64 = (0..3).map(|j| at(0, j) * cofactor(0, j)).sum();
     std::array::from_fn(|i| std::array::from_fn(|j| (cofactor(j, i) / determinant) as f32))
 }

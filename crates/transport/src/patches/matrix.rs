@@ -65,16 +65,22 @@ impl PatchMatrix<'_> {
                 let ray = ray(&self.camera, self.film, pixel, &mut sampler);
                 self.integrator.seen_receiver(ray, &mut sampler)
             }
-            Some(IrradianceRows::Grid(grid)) => grid.point(pixel).map(|position| Receiver::on_plane(position, grid.normal)),
+            Some(IrradianceRows::Grid(grid)) => {
+                grid.point(pixel).map(|position| Receiver::on_plane(position, grid.normal))
+            }
         };
         let Some(receiver) = receiver else { return };
         for split in 0..SPLITS {
             let mut own = sampler.fork(split, SPLITS);
             // What arrives is π times the mean over walks whose density has the cosine.
-            self.integrator.land_from_surface((receiver.origin(), receiver.normal), &mut own, &mut |landing, sampler| {
-                self.table.add(landing, sampler.next_1d(), PI / SPLITS as f32, rows);
-                Onward::Narrow
-            });
+            self.integrator.land_from_surface(
+                (receiver.origin(), receiver.normal),
+                &mut own,
+                &mut |landing, sampler| {
+                    self.table.add(landing, sampler.next_1d(), PI / SPLITS as f32, rows);
+                    Onward::Narrow
+                },
+            );
         }
     }
 }
