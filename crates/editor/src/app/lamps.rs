@@ -60,13 +60,6 @@ impl App {
         Some((self.session.lamp_scene()?.clone(), shown.camera.clone()?, shown.film()))
     }
 
-    /// What an edit that no pointer makes is: one step of undo.
-    pub(super) fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
-        self.undoer.add_undo(&self.look);
-        edit(self);
-        self.undoer.add_undo(&self.look);
-    }
-
     pub(super) fn add_lamp(&mut self, shape: LampShape, at_px: Option<[f32; 2]>) {
         self.place_lamp(shape, None, at_px);
     }

@@ -150,7 +150,7 @@ fn buttons_ui(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut
         if lamp.shape.is_aimed() {
             let command = ui.ctx().format_modifiers(egui::Modifiers::COMMAND);
             let hint = format!("Click in the picture what it is to light\nA, or {command} and click at once");
-            let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
+            let aim = ui.add(Button::new("Aim at…").selected(state.aiming)).on_hover_text(hint);
             if aim.clicked() {
                 state.aiming = !state.aiming;
             }

@@ -8,11 +8,13 @@ use glam::Vec3;
 
 use super::gizmo::{Surface, put_on, surface_along};
 
-/// Upward part of a normal from which on things stand on a surface.
-const LEVEL: f32 = 0.7;
-/// Height above a floor or a table at which a lamp hangs, m, and what share of the room above it takes at most.
+/// Downward part of a normal from which on a surface is a ceiling.
+const CEILING: f32 = 0.7;
+/// How far from the place that it lights a lamp hangs, m, and what share of the way to the next surface that takes at most.
 const HANGS_M: f32 = 2.0;
 const OF_ROOM: f32 = 0.85;
+/// Distances for which a lamp is made strong enough, m.
+const LIT_M: [f32; 2] = [0.5, 3.0];
 /// Distance at which a lamp that shines all around, or into nothing, is to light things well, m.
 const AROUND_M: f32 = 1.0;
 /// Luminance of a surface of reflectance ½ that a new lamp lights, over what the picture shows as 1.
@@ -23,15 +25,16 @@ const LUMEN: [f32; 2] = [50.0, 20_000.0];
 /// Steps of fluxes within a power of ten.
 const STEPS: [f32; 7] = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0];
 
-/// A lamp where a surface was clicked on. From ceilings and walls it shines away; what shines to one side and would stand on a
-/// floor or a table hangs above it instead and shines down on the place.
+/// A lamp where a surface was clicked on. On a ceiling it hangs and shines down. What shines to one side lights any other place:
+/// from above a floor or a table, from before and above a wall, as a picture is lit.
 pub fn placed(mut lamp: FreeLamp, surface: Surface, eye: Vec3, scene: &PreparedScene) -> FreeLamp {
-    if !lamp.shape.is_aimed() || surface.normal.y < LEVEL {
+    if !lamp.shape.is_aimed() || surface.normal.y < -CEILING {
         return put_on(lamp, surface, eye);
     }
-    let above = surface_along(scene, surface.position + Vec3::Y * 0.01, Vec3::Y);
-    let room = above.map_or(f32::INFINITY, |above| above.position.distance(surface.position));
-    lamp.position = surface.position + Vec3::Y * HANGS_M.min(OF_ROOM * room);
+    let away = (surface.normal + Vec3::Y).normalize_or(surface.normal);
+    let next = surface_along(scene, surface.position + surface.normal * 0.01, away);
+    let room = next.map_or(f32::INFINITY, |next| next.position.distance(surface.position));
+    lamp.position = surface.position + away * HANGS_M.min(OF_ROOM * room);
     lamp.aim = surface.position;
     lamp
 }
@@ -45,7 +48,7 @@ pub fn fitting_strength(lamp: &FreeLamp, exposure_ev: f32, scene: &PreparedScene
     }
     let ahead = lamp.frame()[2];
     let lit = surface_along(scene, lamp.position, ahead).filter(|_| lamp.shape.is_aimed());
-    let distance_m = lit.map_or(AROUND_M, |lit| lit.position.distance(lamp.position).max(0.5));
+    let distance_m = lit.map_or(AROUND_M, |lit| lit.position.distance(lamp.position).clamp(LIT_M[0], LIT_M[1]));
     let lumen = FreeLamp { strength: 1.0, unit: LampUnit::Lumen, ..lamp.clone() };
     let candela_per_lumen = lumen.strength_in(LampUnit::Candela).unwrap_or(1.0 / (4.0 * PI));
     (round((lux * distance_m * distance_m / candela_per_lumen).clamp(LUMEN[0], LUMEN[1])), LampUnit::Lumen)
@@ -78,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_spot_on_the_floor_hangs_in_the_room_and_shines_down_and_one_on_the_ceiling_shines_down_too() {
+    fn a_spot_lights_the_place_that_was_clicked_and_on_the_ceiling_it_shines_down() {
         let scene = scene();
         let below = surface_along(&scene, Vec3::new(0.2, 0.0, 0.1), Vec3::NEG_Y).unwrap();
         let above = surface_along(&scene, Vec3::new(0.2, 0.0, 0.1), Vec3::Y).unwrap();
@@ -86,6 +89,10 @@ mod tests {
         assert!(hung.position.y > below.position.y && hung.position.y < above.position.y, "{hung:?}");
         assert_eq!((hung.aim, hung.frame()[2]), (below.position, Vec3::NEG_Y));
         assert!(placed(spot(), above, Vec3::ZERO, &scene).frame()[2].y < -0.99);
+        let wall = surface_along(&scene, Vec3::new(0.2, 0.0, 0.1), Vec3::NEG_Z).unwrap();
+        let before = placed(spot(), wall, Vec3::ZERO, &scene);
+        let way = (before.position - wall.position).normalize();
+        assert!(way.z > 0.5 && way.y > 0.5 && before.aim == wall.position, "from before and above: {before:?}");
         let bulb = FreeLamp { shape: LampShape::Point, ..spot() };
         assert!(placed(bulb, below, Vec3::ZERO, &scene).position.y < hung.position.y, "a bulb stands where it was put");
     }
