@@ -56,7 +56,7 @@ impl App {
             }
             ui.take_available_space();
         });
-        Panel::right("bake").frame(frame).default_size(304.0).size_range(right).show(ui, |ui| {
+        Panel::right("bake").frame(frame).default_size(316.0).size_range(right).show(ui, |ui| {
             egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| {
                 let view = DisplayView {
                     shown_ev: self.follower.shown_ev(),
