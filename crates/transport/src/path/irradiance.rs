@@ -10,8 +10,8 @@ use glam::Vec3;
 use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
 use crate::bsdf::{Bsdf, ScatterKind};
 use crate::bvh::Ray;
-use crate::clearance::rounding;
-use crate::prepared::{SurfaceHit, next_after};
+use crate::clearance::{offset_origin, rounding};
+use crate::prepared::{PreparedScene, SurfaceHit, next_after};
 use crate::sampler::Sampler;
 
 /// A point that light arrives at.
@@ -27,10 +27,33 @@ pub(crate) struct Receiver {
     pub clearance: f32,
 }
 
+impl Receiver {
+    /// A point where nothing stands, in a plane with a unit normal.
+    pub(crate) fn on_plane(position: Vec3, normal: Vec3) -> Receiver {
+        Receiver { position, outward: normal, normal, clearance: 0.0 }
+    }
+
+    /// Where rays to its side begin.
+    pub(crate) fn origin(&self, scene: &PreparedScene) -> Vec3 {
+        let clearance = self.clearance_in(scene);
+        offset_origin(self.position + self.outward * clearance, self.outward, scene.extent())
+    }
+
+    /// Its clearance, and where nothing stands at the point that of its coordinates.
+    fn clearance_in(&self, scene: &PreparedScene) -> f32 {
+        self.clearance.max(rounding(self.position, self.outward, scene.extent()))
+    }
+}
+
 /// Mirrors and panes that a pixel looks through.
 const MOST_MIRRORS: usize = 16;
 
 impl<P: LightPlan> Integrator<'_, P> {
+    /// What is walked through.
+    pub(crate) fn scene(&self) -> &PreparedScene {
+        self.scene
+    }
+
     /// One sample of the irradiance of the surface that a camera ray finds; nothing where it finds none.
     pub(crate) fn sample_seen_irradiance(
         &self,
@@ -56,7 +79,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         // The surface that measures is not one of the scene: of the triangle nothing is ever asked.
         let (triangle, barycentric) = (u32::MAX, Vec3::ZERO);
         let (position, normal, extent) = (at.position, at.outward, self.scene.extent());
-        let clearance = at.clearance.max(rounding(position, normal, extent));
+        let clearance = at.clearance_in(self.scene);
         let hit = SurfaceHit { triangle, t: 0.0, position, barycentric, normal, clearance, extent };
         let mut walk = Walk::from_camera(at.position, -at.outward);
         (walk.throughput, walk.share, walk.n_hits) = (Vec3::splat(PI), PI, 1);
@@ -67,7 +90,7 @@ impl<P: LightPlan> Integrator<'_, P> {
 
     /// The first surface with a diffuse base, black or not: straight on through clear panes, and by way of mirrors and of
     /// glass that bends.
-    fn seen_receiver(&self, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Option<Receiver> {
+    pub(crate) fn seen_receiver(&self, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Option<Receiver> {
         let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         for _ in 0..MOST_MIRRORS {
             let hit = self.closest(&ray, sampler)?;
