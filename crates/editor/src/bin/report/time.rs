@@ -212,3 +212,26 @@ fn pays(scenes: &[(Subject, Measured)]) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_soonest_way_is_bold_and_a_bake_pays_after_as_many_looks_as_it_costs_renders() {
+        let point = |way: Way, cpu_secs: f64, db: f64| Point { way, cpu_secs, db: [None, None, Some(db)] };
+        let points = vec![
+            point(Way::Fast, 1.0, 20.0),
+            point(Way::Fast, 16.0, 40.0),
+            point(Way::Plain, 0.1, 20.0),
+            point(Way::Plain, 1.6, 40.0),
+        ];
+        let film = Film { width: 4, height: 3 };
+        let subject = Subject { name: "hall", path: PathBuf::new(), sky: None, film, step: 1 };
+        let scenes = [(subject, Measured { n_cols: 1, points })];
+        let rows = table(&scenes, 2);
+        assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
+        assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
+        assert!(pays(&scenes).contains("| hall | 30 | 10 | — | — | — |"), "{}", pays(&scenes));
+    }
+}
