@@ -120,7 +120,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// The scenes of the method's evaluation, then real ones where they are at hand.
 fn subjects(desk: &Desk) -> Vec<Subject> {
     let own: &[&str] = desk.choose(&["diffuse"], &["gallery", "diffuse", "reflections", "caustics", "mixed"]);
-    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 192, height: 144 }, 2));
+    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 160, height: 120 }, 2));
     let own = own.iter().map(|name| {
         let path = desk.root.join(format!("assets/scenes/{name}.glb"));
         Subject { name, path, sky: None, film, step }
