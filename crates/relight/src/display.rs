@@ -9,6 +9,7 @@ mod curves;
 mod dither;
 pub(crate) mod exact;
 mod false_color;
+mod inverse;
 mod metering;
 mod quantile;
 mod run;
@@ -23,6 +24,7 @@ use run::encode_run;
 use crate::frame::Radiance;
 pub use exact::encode16;
 pub use false_color::{ColorScale, Spacing, turbo, turbo_bytes};
+pub use inverse::radiance_of;
 pub use metering::{Metering, auto_exposure_ev};
 pub use white::WhitePoint;
 
