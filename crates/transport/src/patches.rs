@@ -31,6 +31,9 @@ pub const MOST_PATCHES: u32 = 16_384;
 /// Patches of a bake that names no number.
 pub const DEFAULT_PATCHES: u32 = 4096;
 
+/// Widest lobe α (the square of its roughness) in which light straight from lamps is found anew for each pixel, not by patches.
+pub const NARROW_ALPHA: f32 = 0.2;
+
 /// A point at which the irradiance of a patch is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchSample {
@@ -56,6 +59,9 @@ pub struct Patches {
     n_columns: u32,
     /// See [`Patches::held_out_error`].
     held_out_error: f32,
+    /// See [`Patches::narrow_alpha`]; files from before there was such a number show all light.
+    #[serde(default)]
+    narrow_alpha: f32,
     #[serde(skip)]
     body: Arc<Body>,
 }
@@ -99,6 +105,12 @@ impl Patches {
     /// differ from patches; it says nothing of the patches' own coarseness or of noise.
     pub fn held_out_error(&self) -> f32 {
         self.held_out_error
+    }
+
+    /// Widest lobe α, of the first surface that a pixel sees, in which the columns leave out the light that the next surface has
+    /// straight from lamps: whoever lights them has to find it anew ([`crate::visible::VisibleConfig::narrow_alpha`]). 0 for none.
+    pub fn narrow_alpha(&self) -> f32 {
+        self.narrow_alpha
     }
 
     /// What a bake needs to trace the columns; none in patches that were read from a file.

@@ -301,7 +301,8 @@ impl Bench {
         let stop = || interrupts(&view, work);
         let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
         if sample >= self.points.len() {
-            let config = VisibleConfig { samples: 1, seed: sample as u64 };
+            let narrow_alpha = view.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
+            let config = VisibleConfig { samples: 1, first: sample as u32, narrow_alpha, ..VisibleConfig::default() };
             let seen = VisiblePoints::new(&view.scene, &view.camera, view.film, config, &stop);
             let Some(seen) = seen else { return };
             self.points.push(seen);

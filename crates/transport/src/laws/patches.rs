@@ -5,17 +5,25 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
+use clerestory_nystrom::{Half, SampledMatrix};
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::stage::{Stage, lambert, quad, room};
 use crate::archive;
+use crate::bake::focus::Focus;
 use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
-use crate::light::LightRig;
+use crate::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
+use crate::light::{LightRig, LightSetting};
+use crate::matrix::CHANNELS;
+use crate::patches::{NARROW_ALPHA, PatchMatrix, Request, learn};
+use crate::path::{Integrator, NoLights};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
 use crate::trace::{TraceConfig, trace};
+use crate::visible::{VisibleConfig, VisiblePoints};
 
 const FILM: Film = Film { width: 32, height: 24 };
 const HALF: Vec3 = Vec3::new(2.0, 1.2, 1.5);
@@ -69,6 +77,47 @@ fn by_patches(bake: &Bake, irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> 
     (0..channels[0].len()).map(|row| channels[row % 3][row]).collect()
 }
 
+/// What narrow lobes show of the light of a lamp of 1 cd, which patches leave out.
+fn shown_by_lobes(scene: &PreparedScene, lamp: Vec3) -> Vec<f32> {
+    let (shape, unit, setting) = (LampShape::Point, LampUnit::Candela, LightSetting::default());
+    let lamp = FreeLamp { key: "free".into(), shape, position: lamp, aim: Vec3::ZERO, strength: 1.0, unit, setting };
+    let (lamps, _) = PreparedLamps::new(&[lamp], None).expect("a lamp that makes sense");
+    let samples = 256;
+    let picture = |narrow_alpha| {
+        let config = VisibleConfig { samples, narrow_alpha, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(scene, &scene.scene.cameras[0], FILM, config, &|| false).expect("not stopped");
+        let mut sum = vec![0.0; 3 * FILM.n_pixels()];
+        for pass in 0..samples {
+            let picture = points.direct(scene, &lamps, pass, &|| false).expect("not stopped");
+            sum.iter_mut().zip(picture.as_flattened()).for_each(|(sum, x)| *sum += x / samples as f32);
+        }
+        sum
+    };
+    picture(NARROW_ALPHA).iter().zip(picture(0.0)).map(|(all, direct)| all - direct).collect()
+}
+
+/// The picture of a lamp of 1 cd by columns of patches that leave out what lobes of some width show.
+fn by_columns(scene: &Arc<PreparedScene>, lamp: Vec3, narrow_alpha: f32) -> Vec<f32> {
+    let focus = Focus::default();
+    let camera = scene.scene.cameras[0].clone();
+    let request = Request { n_patches: 512, bounces: None, seed: 5, narrow_alpha };
+    let patches = learn(scene, &camera, FILM, request, &focus).expect("the room has patches");
+    let table = patches.table().expect("patches that were just learned");
+    let integrator = Integrator::new(scene, &NoLights, None);
+    let matrix = PatchMatrix { integrator, camera, film: FILM, seed: 7, table, empty: None };
+    let coefficients = patches.coefficients(&lit(scene, lamp));
+    let (n_samples, pixels) = (256, 0..FILM.n_pixels() as u32);
+    let row = |pixel: u32| {
+        let mut rows = vec![0.0; CHANNELS * matrix.n_cols()];
+        matrix.add_rows(&[pixel], 0..n_samples, Half::A, &mut rows, &mut Vec::new());
+        let channel = |(c, row): (usize, &[f32])| {
+            row.iter().zip(&coefficients).map(|(x, rgb)| x * rgb[c]).sum::<f32>() / n_samples as f32
+        };
+        rows.chunks_exact(matrix.n_cols()).enumerate().map(channel).collect::<Vec<f32>>()
+    };
+    pixels.into_par_iter().flat_map_iter(row).collect()
+}
+
 /// Light of the lamp `moved` of a scene that was scattered more than once.
 fn indirect(scene: &PreparedScene, spp: u32) -> Vec<f32> {
     let basis = &scene.lighting.basis;
@@ -111,9 +160,29 @@ fn a_lamp_that_no_bake_knew_lights_a_room_as_one_of_its_file_does() {
     // The columns of so few patches leave out some 10 % of a lamp's picture in the mean square.
     for place in [Vec3::new(0.3, 0.7, 0.2), Vec3::new(-1.2, -0.7, 0.3), Vec3::new(1.2, -0.2, -1.0)] {
         let expected = indirect(&furnished().lamp("moved", place, 1.0).prepared(), 512);
-        let (off, share) = difference(&expected, &by_patches(&bake, &lit(&scene, place)));
+        let patches = by_patches(&bake, &lit(&scene, place));
+        let found: Vec<f32> = patches.iter().zip(shown_by_lobes(&scene, place)).map(|(x, y)| x + y).collect();
+        let (off, share) = difference(&expected, &found);
+        println!("{place}: off by {off:.3}, {share:.3} of the light");
         assert!(off < 0.1 && (share - 1.0).abs() < 0.02, "{place}: off by {off:.3}, {share:.3} of the light");
     }
+}
+
+#[test]
+fn what_narrow_lobes_show_is_found_once_by_patches_or_anew() {
+    let scene = Arc::new(furnished().prepared());
+    let place = Vec3::new(0.3, 0.7, 0.2);
+    let whole = by_columns(&scene, place, 0.0);
+    let (rest, shown) = (by_columns(&scene, place, NARROW_ALPHA), shown_by_lobes(&scene, place));
+    let both: Vec<f32> = rest.iter().zip(&shown).map(|(x, y)| x + y).collect();
+    let sum = |picture: &[f32]| picture.iter().map(|x| f64::from(*x)).sum::<f64>();
+    let (off, share) = difference(&whole, &both);
+    let shown = sum(&shown) / sum(&whole);
+    println!("off by {off:.3}, {share:.4} of the light, {shown:.4} of it shown by lobes");
+    assert!(shown > 0.03, "lobes show {shown:.4} of the light, too little to tell");
+    assert!((share - 1.0).abs() < 0.01, "{share:.4} of the light");
+    assert!(difference(&whole, &rest).1 < 1.0 - 0.7 * shown, "patches leave it out");
+    assert!(off < 0.2, "off by {off:.3}");
 }
 
 #[test]

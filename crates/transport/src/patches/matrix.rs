@@ -35,10 +35,15 @@ const SPLITS: u32 = 4;
 impl PatchMatrix<'_> {
     fn add_sample(&self, pixel: u32, mut sampler: Sampler, rows: &mut [f32]) {
         let ray = ray(&self.camera, self.film, pixel, &mut sampler);
-        self.integrator.land_from_camera(ray, SPLITS, &mut sampler, &mut |landing, sampler| {
-            self.table.add(landing, sampler.next_1d(), rows);
-            Onward::Narrow
-        });
+        self.integrator.land_from_camera(
+            ray,
+            (SPLITS, self.table.narrow_alpha),
+            &mut sampler,
+            &mut |landing, sampler| {
+                self.table.add(landing, sampler.next_1d(), rows);
+                Onward::Narrow
+            },
+        );
     }
 }
 
@@ -51,14 +56,16 @@ impl Table {
         if let Some(patch) = near(&self.nearest, landing.normal) {
             let all = &self.all[CHANNELS * n_cols * patch..][..CHANNELS * n_cols];
             add_scaled(rows, all, n_cols, weight * shares.base);
-            if shares.narrow != Vec3::ZERO {
-                add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * shares.narrow);
+            let straight = shares.narrow * (Vec3::ONE - landing.anew) - shares.base * landing.anew;
+            if straight != Vec3::ZERO {
+                add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * straight);
             }
         }
         if shares.behind != Vec3::ZERO
             && let Some(patch) = near(&self.nearest, -landing.normal)
         {
-            add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * shares.behind);
+            let behind = shares.behind * (Vec3::ONE - landing.anew);
+            add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * behind);
         }
     }
 }

@@ -14,7 +14,7 @@ use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
-use clerestory_transport::patches::DEFAULT_PATCHES;
+use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::{Sampler, uniform_hash};
 use clerestory_transport::sky::{SkyForm, SkyLight};
@@ -166,7 +166,13 @@ fn traced(scene: &PreparedScene, camera: &Camera, film: Film, light: &[[f32; 3]]
 }
 
 fn direct(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &PreparedLamps) -> Result<Vec<f32>> {
-    let points = VisiblePoints::new(scene, camera, film, VisibleConfig { samples: 16, seed: 0 }, &|| false);
+    let points = VisiblePoints::new(
+        scene,
+        camera,
+        film,
+        VisibleConfig { samples: 16, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() },
+        &|| false,
+    );
     let points = points.context("nobody stopped it")?;
     let mut sum = vec![0.0; 3 * film.n_pixels()];
     for pass in 0..PASSES {
@@ -266,7 +272,13 @@ fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
 
 /// Rows of the table of steps.
 fn steps(name: &str, scene: &PreparedScene, camera: &Camera, patches: &dyn Fn(&PreparedLamps)) -> Result<String> {
-    let points = VisiblePoints::new(scene, camera, STEP, VisibleConfig { samples: 1, seed: 0 }, &|| false);
+    let points = VisiblePoints::new(
+        scene,
+        camera,
+        STEP,
+        VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() },
+        &|| false,
+    );
     let points = points.context("nobody stopped it")?;
     let mut rows = String::new();
     for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {
