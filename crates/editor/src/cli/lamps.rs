@@ -9,7 +9,7 @@ use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
-use clerestory_transport::patches::Patches;
+use clerestory_transport::patches::{PatchSample, Patches};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 
@@ -67,7 +67,7 @@ impl LampLight {
         let narrow_alpha = bake.header.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
         let direct = direct(&scene, &camera, (film, narrow_alpha), &each);
         let of_patches = |lamps: &PreparedLamps| {
-            let irradiance = |position, normal| lamps.irradiance(&scene, position, normal);
+            let irradiance = |at: &PatchSample| lamps.light_on(&scene, at);
             bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance))
         };
         let lights = lamps.iter().zip(&each).zip(direct);

@@ -11,7 +11,7 @@ use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightSetting;
-use clerestory_transport::patches::Patches;
+use clerestory_transport::patches::{PatchSample, Patches};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
@@ -316,7 +316,7 @@ impl Bench {
             sums.for_each(|(sum, more)| *sum += more);
         }
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
-            let irradiance = |position, normal| lit.prepared.irradiance(&view.scene, position, normal);
+            let irradiance = |at: &PatchSample| lit.prepared.light_on(&view.scene, at);
             lit.of_patches = Some(Arc::new(patches.coefficients(&irradiance)));
         }
         lit.n_passes += 1;

@@ -10,6 +10,7 @@ use super::cluster::{Met, cluster};
 use super::exchange::{Exchange, Row};
 use super::modes::Modes;
 use super::nearest::Nearest;
+use super::response::grazing;
 use super::trials::{Trial, irradiance};
 use super::{Body, Patches};
 use crate::bake::focus::Focus;
@@ -124,6 +125,7 @@ pub(crate) fn learn(
         n_columns: modes.n_columns as u32,
         held_out_error: modes.held_out_error,
         narrow_alpha,
+        knows_grazing: true,
         body: Arc::new(body),
     })
 }
@@ -147,7 +149,8 @@ fn scout(integrator: &Integrator<'_, NoLights>, (camera, film): (&Camera, Film),
                 if depth <= DEPTH && weight > 0.0 && weight.is_finite() {
                     let outward = landing.hit.outward(landing.normal);
                     let position = landing.hit.origin(outward);
-                    scouted.met.push(Met { position, normal: landing.normal, weight });
+                    let grazing = grazing(integrator.scene(), landing.hit, landing.normal);
+                    scouted.met.push(Met { position, normal: landing.normal, weight, grazing });
                     scouted.stretches.push([landing.from, position]);
                 }
                 Onward::All
