@@ -60,10 +60,11 @@ impl<'a> Growth<'a> {
         self.sum_of_others(|row| self.rest[row])
     }
 
-    /// The same, measured anew where subtracting left no digits of it, unless it drowns in noise or so little is enough.
+    /// The same, measured anew where subtracting left no digits of it (below zero it left none), unless it drowns in noise or so
+    /// little is enough.
     pub(crate) fn known_rest(&mut self, enough: f64) -> f64 {
         let rest = self.rest();
-        if rest.abs().max(enough).max(self.noise_of_rest()) > ROUNDING * self.measured.abs() {
+        if rest.max(enough).max(self.noise_of_rest()) > ROUNDING * self.measured.abs() {
             return rest;
         }
         let n_rows = self.means.mean.n_rows;

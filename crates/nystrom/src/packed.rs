@@ -277,7 +277,7 @@ impl<'a> Packer<'a> {
     fn rounded(&self, block: &Unrounded<'a>, step: f32) -> RoundedBlock<'a> {
         let mut quarters = block.quarters();
         if block.own_error > block.allowed {
-            let drowned = block.coefficients.step_for(LEAST_SHARE * block.own_error);
+            let drowned = block.coefficients.step_for(block.hidden());
             quarters = quarters_between(step, drowned).max(quarters);
         }
         let (mut components, mut kept, mut added) = self.round(block, step_of(step, quarters));
@@ -316,8 +316,14 @@ impl Unrounded<'_> {
         (self.allowed - self.own_error).max(LEAST_SHARE * self.allowed)
     }
 
+    /// What hides behind its own error. That may be the noise of a single column, beside which the others are still to be
+    /// seen, so never more than the worst that a block may have without any noise.
+    fn hidden(&self) -> f64 {
+        (LEAST_SHARE * self.own_error).min(WORST_BLOCK * self.allowed)
+    }
+
     /// The same at worst.
     fn most(&self) -> f64 {
-        (WORST_BLOCK * self.allowed - self.own_error).max(self.budget()).max(LEAST_SHARE * self.own_error)
+        (WORST_BLOCK * self.allowed - self.own_error).max(self.budget()).max(self.hidden())
     }
 }

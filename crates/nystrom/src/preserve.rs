@@ -1,64 +1,135 @@
 //! One combination of the columns that truncation leaves alone.
 //!
 //! Truncation drops what is weak or unsure, and what it drops is missing in every product with the factors, most visibly in
-//! the one that is asked for most. So the left factor takes the residual of that one product: the least change (in the
-//! Frobenius norm) for which `left · right · x` is what was sampled.
+//! the one that is asked for most. So the factors take the residual of that one product: the least change for which
+//! `left · right · x` is what was sampled. Least in the Frobenius norm, as long as that stays within the tolerance. Where it
+//! does not, the residual is the noise of a few columns, which would drown the others if it were spread over all: there the
+//! change of each column counts beside its own noise.
 
 use crate::{dense::Dense, fit::Fit, means::Means};
 
-/// Least share of the preserved direction that the basis must hold to carry its residual.
+/// Least share of the product that the basis must hold to carry a change of it.
 pub(crate) const LEAST_SHARE: f64 = 0.25;
 
 /// Mean squares per entry that keeping a product adds: truncation, sampling.
 pub(crate) type Added = [f64; 2];
 
 /// Changes `left` (rows × components of `fit`, the mean's own coefficients) so that its product with `direction` equals the
-/// mean's. A basis that hardly holds the direction gets it as a component of its own.
-pub(crate) fn preserve(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, direction: &[f32]) -> Added {
+/// mean's. A basis that hardly holds what that takes gets it as a component of its own. `goal` is the mean square error per
+/// entry that is allowed, 0 where a rank is asked for.
+pub(crate) fn preserve(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, direction: &[f32], goal: f64) -> Added {
     let norm = direction.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
-    if norm == 0.0 || !norm.is_finite() {
+    if norm == 0.0 || !norm.is_finite() || means.mean.data.iter().all(|&x| x == 0.0) {
         return [0.0; 2];
     }
     let unit: Vec<f64> = direction.iter().map(|&x| f64::from(x) / norm).collect();
-    let held: Vec<f64> = (0..fit.basis.n_rows).map(|r| dot(fit.basis.row(r), &unit)).collect();
-    let share: f64 = held.iter().map(|x| x * x).sum();
-    if share < LEAST_SHARE {
-        append(means, fit, left, &unit, &held);
-        return [0.0; 2];
+    let mut change = Change::new(fit, &unit, unit.clone());
+    if goal > 0.0 && change.added(means, fit, &unit).iter().sum::<f64>() > goal {
+        change = Change::new(fit, &unit, beside_noise(means, &unit, goal));
     }
-    let mut added = [0.0; 2];
-    for row in 0..left.n_rows {
-        let residual = |matrix: &Dense<f32>, kept: &Dense<f32>| dot(matrix.row(row), &unit) - dot(kept.row(row), &held);
-        let (of_a, of_b) = (residual(&means.a, &fit.a), residual(&means.b, &fit.b));
-        added[0] += of_a * of_b / share;
-        added[1] += 0.25 * (of_a - of_b).powi(2) / share;
-        let missing = 0.5 * (of_a + of_b) / share;
-        left.row_mut(row).iter_mut().zip(&held).for_each(|(x, held)| *x += (missing * held) as f32);
+    if change.share >= LEAST_SHARE {
+        let added = change.added(means, fit, &unit);
+        change.make(means, left, &unit);
+        return added;
     }
-    added.map(|sum| sum / means.n_entries())
+    let [truncation, sampling] = append(means, fit, left, &change);
+    let spread = Change::new(fit, &unit, change.row).make(means, left, &unit);
+    [truncation, sampling + spread]
 }
 
-/// Adds what the basis lacks of the direction as a last component.
-fn append(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, unit: &[f64], held: &[f64]) {
-    let mut lacking = unit.to_vec();
-    for (r, held) in held.iter().enumerate() {
+/// What a row gets for each unit of the product that it lacks.
+struct Change {
+    /// One value per column; its product with the direction is 1.
+    row: Vec<f64>,
+    /// What the basis holds of it.
+    held: Vec<f64>,
+    /// What the basis holds of the direction.
+    along: Vec<f64>,
+    /// The product of both: what is left of the 1.
+    share: f64,
+}
+
+impl Change {
+    fn new(fit: &Fit, unit: &[f64], row: Vec<f64>) -> Self {
+        let in_basis = |x: &[f64]| -> Vec<f64> { (0..fit.basis.n_rows).map(|r| dot(fit.basis.row(r), x)).collect() };
+        let (held, along) = (in_basis(&row), in_basis(unit));
+        let share = inner(held.iter().copied(), &along);
+        Self { row, held, along, share }
+    }
+
+    /// Square of the change of a row for one unit of the product.
+    fn square(&self) -> f64 {
+        inner(self.held.iter().copied(), &self.held) / (self.share * self.share)
+    }
+
+    /// Mean squares per entry that it adds; infinite where the basis holds nothing of it.
+    fn added(&self, means: &Means, fit: &Fit, unit: &[f64]) -> Added {
+        let mut added = [0.0; 2];
+        for row in 0..means.mean.n_rows {
+            let lacks =
+                |half: &Dense<f32>, of_half: &Dense<f32>| dot(half.row(row), unit) - dot(of_half.row(row), &self.along);
+            let (of_a, of_b) = (lacks(&means.a, &fit.a), lacks(&means.b, &fit.b));
+            added[0] += of_a * of_b;
+            added[1] += 0.25 * (of_a - of_b).powi(2);
+        }
+        if self.share > 0.0 { added.map(|sum| sum * self.square() / means.n_entries()) } else { [0.0, f64::INFINITY] }
+    }
+
+    /// Gives all rows what they lack, and says what mean square per entry that is.
+    fn make(&self, means: &Means, left: &mut Dense<f32>, unit: &[f64]) -> f64 {
+        let mut squares = 0.0;
+        for row in 0..left.n_rows {
+            let lacks = dot(means.mean.row(row), unit) - dot(left.row(row), &self.along);
+            let missing = lacks / self.share;
+            left.row_mut(row).iter_mut().zip(&self.held).for_each(|(x, held)| *x += (missing * held) as f32);
+            squares += lacks * lacks;
+        }
+        squares * self.square() / means.n_entries()
+    }
+}
+
+/// The change of a row that is least when each column counts beside its noise and what is allowed anyway.
+fn beside_noise(means: &Means, unit: &[f64], goal: f64) -> Vec<f64> {
+    let mut squares = vec![0.0f32; unit.len()];
+    for row in 0..means.mean.n_rows {
+        let both = means.a.row(row).iter().zip(means.b.row(row));
+        squares.iter_mut().zip(both).for_each(|(square, (a, b))| *square += (a - b) * (a - b));
+    }
+    let per_row = 0.25 / means.mean.n_rows as f64;
+    let weighted: Vec<f64> =
+        squares.iter().zip(unit).map(|(square, x)| (per_row * f64::from(*square) + goal) * x).collect();
+    let product = inner(weighted.iter().copied(), unit);
+    weighted.into_iter().map(|x| x / product).collect()
+}
+
+/// Adds what the basis lacks of a change as a last component, as it was sampled: what it was off before is the noise that comes
+/// with it now.
+fn append(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, change: &Change) -> Added {
+    let mut lacking = change.row.clone();
+    for (r, held) in change.held.iter().enumerate() {
         lacking.iter_mut().zip(fit.basis.row(r)).for_each(|(x, v)| *x -= held * f64::from(*v));
     }
-    let norm = lacking.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let norm = inner(lacking.iter().copied(), &lacking).sqrt();
     lacking.iter_mut().for_each(|x| *x /= norm);
-    let column: Vec<f32> = (0..left.n_rows).map(|row| dot(means.mean.row(row), &lacking) as f32).collect();
-    if column.iter().all(|&x| x == 0.0) {
-        return;
-    }
+    let [a, b] = [&means.a, &means.b]
+        .map(|half| -> Vec<f64> { (0..half.n_rows).map(|row| dot(half.row(row), &lacking)).collect() });
     fit.basis.data.extend(lacking.iter().map(|&x| x as f32));
     fit.basis.n_rows += 1;
     let mut wider = Dense::zeros(left.n_rows, left.n_cols + 1);
-    for (row, own) in column.into_iter().enumerate() {
+    let mut added = [0.0; 2];
+    for (row, (a, b)) in a.into_iter().zip(b).enumerate() {
         let out = wider.row_mut(row);
         out[..left.n_cols].copy_from_slice(left.row(row));
-        out[left.n_cols] = own;
+        out[left.n_cols] = (0.5 * (a + b)) as f32;
+        added[0] -= a * b;
+        added[1] += 0.25 * (a - b).powi(2);
     }
     *left = wider;
+    added.map(|sum| sum / means.n_entries())
+}
+
+fn inner(a: impl Iterator<Item = f64>, b: &[f64]) -> f64 {
+    a.zip(b).map(|(x, y)| x * y).sum()
 }
 
 /// Scalar product, in eight partial sums.
@@ -72,4 +143,54 @@ fn dot(a: &[f32], b: &[f64]) -> f64 {
         }
     }
     rest + sums.iter().sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::compress::{BlockSamples, ColumnGroup, CompressConfig, Tolerance, compress_block};
+    use crate::random::Random;
+
+    const N_ROWS: usize = 768;
+    const N_COLS: usize = 16;
+
+    /// Fifteen quiet columns of one wave, and a last one that hardly anything but rare bright samples is in.
+    fn halves() -> [Vec<f32>; 2] {
+        let mut rng = Random::new([77, 3]);
+        let mut half = || {
+            let mut data = vec![0.0; N_ROWS * N_COLS];
+            for (row, values) in data.as_chunks_mut::<N_COLS>().0.iter_mut().enumerate() {
+                let wave = 0.1 + 0.05 * (row as f32 * 0.02).sin();
+                values.iter_mut().for_each(|x| *x = wave + 0.002 * rng.normal());
+                let is_bright = rng.normal() > 2.5;
+                values[N_COLS - 1] += if is_bright { 100.0 } else { 0.0 };
+            }
+            data
+        };
+        [half(), half()]
+    }
+
+    #[test]
+    fn the_noise_of_one_column_stays_in_it() {
+        let [a, b] = halves();
+        let samples =
+            BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols: N_COLS, bundle_len: 3, n_samples: [1; 2] };
+        let tolerance = Tolerance::AbsoluteMeanSquare(1e-4);
+        let group = ColumnGroup { columns: 0..N_COLS, tolerance, preserved: vec![1.0; N_COLS] };
+        let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
+        let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
+        let dense = factors.dense();
+        let rows =
+            || dense.as_chunks::<N_COLS>().0.iter().zip(a.as_chunks::<N_COLS>().0).zip(b.as_chunks::<N_COLS>().0);
+        let mut quiet = 0.0;
+        for (row, ((got, a), b)) in rows().enumerate() {
+            let wave = 0.1 + 0.05 * (row as f32 * 0.02).sin();
+            quiet += got[..N_COLS - 1].iter().map(|x| (x - wave).powi(2)).sum::<f32>();
+            let (got, sampled) = (got.iter().sum::<f32>(), 0.5 * (a.iter().sum::<f32>() + b.iter().sum::<f32>()));
+            assert!((got - sampled).abs() < 2e-3 * sampled, "row {row}: {got} where {sampled} was sampled");
+        }
+        let quiet = quiet / (N_ROWS * (N_COLS - 1)) as f32;
+        assert!(quiet < 1e-4, "{quiet:e}");
+        // What stays in the last one is told.
+        assert!(factors.error.truncation + factors.error.sampling > 0.3, "{:?}", factors.error);
+    }
 }

@@ -38,7 +38,7 @@ pub(crate) fn factor(
     let measured = measured(means, [&of_a, &of_b], tolerance, config);
     of_mean.keep(measured.rank);
     let mut left = of_mean.mean();
-    let added = preserve(means, &mut of_mean, &mut left, preserved);
+    let added = preserve(means, &mut of_mean, &mut left, preserved, allowed(means, tolerance));
     Unpacked {
         left,
         right: of_mean.basis,

@@ -24,6 +24,7 @@ use crate::{
     preserve::preserve,
     project::{fitted, measured},
     random::Random,
+    sketch::allowed,
     unpacked::Unpacked,
 };
 
@@ -136,7 +137,7 @@ impl Smoother<'_> {
 
         let mut fit = self.back(of_mean);
         let mut left = fit.mean();
-        let added = preserve(means, &mut fit, &mut left, &group.preserved);
+        let added = preserve(means, &mut fit, &mut left, &group.preserved, allowed(means, tolerance));
         let factors = Unpacked {
             left,
             right: fit.basis,

@@ -137,6 +137,20 @@ fn dark_blocks_are_stored_more_finely_where_brightness_is_told() {
     assert!(shaded < 0.3 * plain, "{shaded} {plain}");
 }
 
+/// The noise of one column says nothing of the others.
+#[test]
+fn a_noisy_block_is_stored_at_worst_as_a_block_without_noise() {
+    let mut matrix = example(0.0);
+    let error = BlockError { truncation: 0.0, sampling: 1e3, noise: 1e3 };
+    let noisy = BlockFactors { error, ..matrix.blocks[0].as_deref().unwrap().clone() };
+    matrix.blocks[0] = Some(Arc::new(noisy));
+    let allowed = 1e-4;
+    let restored = PackedMatrix::pack(&matrix, &plan(allowed)).unpack().unwrap();
+    let [before, after] = [&matrix, &restored].map(|matrix| matrix.blocks[0].as_deref().unwrap().dense());
+    let added = before.iter().zip(&after).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / before.len() as f64;
+    assert!(added <= 1.05 * WORST_BLOCK * f64::from(allowed), "{added:e} where {allowed:e} is allowed");
+}
+
 #[test]
 fn bytes_come_back_and_every_single_changed_one_is_noticed() {
     let packed = PackedMatrix::pack(&example(0.0), &plan(1e-3));

@@ -23,10 +23,10 @@ const REAL_SIZE: &str = "512x384";
 
 /// The gallery, the scenes of the method's evaluation, and real scenes where they are at hand.
 pub fn cases(desk: &Desk) -> Vec<Case> {
-    let (size, spp) = desk.choose(("192x144", "16"), ("512x384", "128"));
+    let (size, spp) = desk.choose(("96x72", "16"), ("512x384", "128"));
     let own = ["gallery", "diffuse", "reflections", "caustics", "mixed"];
     let own = own.iter().map(|name| (Some(desk.root.join(format!("assets/scenes/{name}.glb"))), size));
-    let shared = ["conference", "conference-panel", "bitterli-staircase2"];
+    let shared: &[&str] = desk.choose(&["conference"], &["conference", "conference-panel", "bitterli-staircase2"]);
     let shared = shared.iter().map(|name| (desk.shared(&format!("scenes/{name}.glb")), REAL_SIZE));
     let found = own.chain(shared).filter_map(|(path, size)| Some((path.filter(|path| path.exists())?, size)));
     let name = |path: &PathBuf| path.file_stem().map_or("scene".into(), |stem| stem.to_string_lossy().into_owned());

@@ -4,9 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
+use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
 use super::complain;
+use super::kept::Kept;
+use super::plot::{Panel, figure};
 
 /// Where a report is made.
 pub struct Desk {
@@ -14,6 +17,8 @@ pub struct Desk {
     pub root: PathBuf,
     /// Small pictures and few samples.
     pub quick: bool,
+    /// What is kept between runs.
+    pub kept: Kept,
     scratch: PathBuf,
 }
 
@@ -26,7 +31,7 @@ impl Desk {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize()?;
         let scratch = std::env::temp_dir().join(format!("clerestory-report-{}", std::process::id()));
         std::fs::create_dir_all(&scratch).with_context(|| format!("cannot make the folder {}", scratch.display()))?;
-        Ok(Desk { root, quick, scratch })
+        Ok(Desk { root, quick, kept: Kept::of_user()?, scratch })
     }
 
     /// One of two: for a quick report or for a full one.
@@ -50,13 +55,59 @@ impl Desk {
         complain(&format!("{words} …"));
     }
 
-    /// The command that writes a section, and the threads that it ran on.
+    /// The command that writes a section, its version, and the threads that it ran on.
     pub fn provenance(&self, section: &str) -> String {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
         format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}` on {threads} threads.*"
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}, on {threads} threads of {}.*",
+            env!("CARGO_PKG_VERSION"),
+            cpu_name(),
         )
+    }
+
+    /// What was measured of a part of a section, if an interrupted run of this program has it, else measured now.
+    ///
+    /// # Errors
+    /// As [`Kept::part`].
+    pub fn part<T: Serialize + DeserializeOwned>(
+        &self,
+        section: &str,
+        part: &str,
+        measure: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        self.kept.part(&self.parts_of(section), part, measure)
+    }
+
+    /// A section was written: the next run measures it again.
+    ///
+    /// # Errors
+    /// As [`Kept::finish`].
+    pub fn finish(&self, section: &str) -> Result<()> {
+        self.kept.finish(&self.parts_of(section))
+    }
+
+    fn parts_of(&self, section: &str) -> String {
+        format!("{section}-{}", self.choose("quick", "full"))
+    }
+
+    /// Writes a plot beside the page; the line of the page that shows it.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn plot(&self, name: &str, words: &str, panels: &[Panel]) -> Result<String> {
+        self.show(&format!("{name}.svg"), words, figure(panels).as_bytes())
+    }
+
+    /// Writes a picture beside the page; the line of the page that shows it.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn show(&self, name: &str, words: &str, bytes: &[u8]) -> Result<String> {
+        let folder = self.root.join("docs/plots");
+        std::fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+        clerestory::output::write_whole(&folder.join(name), bytes)?;
+        Ok(format!("\n![{words}](plots/{name})\n"))
     }
 }
 
@@ -94,4 +145,11 @@ pub fn load_words() -> String {
         }
         _ => String::new(),
     }
+}
+
+/// What the system calls its processor.
+pub fn cpu_name() -> String {
+    let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = told.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    name.map_or(std::env::consts::ARCH.into(), |(_, name)| name.trim().into())
 }

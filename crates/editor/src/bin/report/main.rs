@@ -2,29 +2,45 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [SECTION]…`
 //!
-//! Without a section it runs all of them; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
-//! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists.
+//! Without a section it runs all of them, in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
+//! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
+//! it is finished by the same program. Plots and small pictures are written to `docs/plots`.
 
+mod ablations;
 mod bakes;
 mod budgets;
 mod cancel;
 mod cases;
 mod desk;
+mod errors;
+mod fit;
+mod fronts;
+mod growth;
+mod kept;
 mod kills;
 mod lamps;
 mod latency;
 mod matrix;
 mod methods;
 mod page;
+mod paper;
+mod peers;
+mod plot;
+mod prints;
 mod rays;
 mod reference;
 mod relight;
+mod sitting;
 mod skips;
 mod stability;
 mod targets;
+mod time;
+mod under_way;
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Instant;
 
 use anyhow::{Context, Result};
 
@@ -46,7 +62,14 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 9] = [
+const SECTIONS: [Section; 16] = [
+    Section { name: "time", write: time::write },
+    Section { name: "paper", write: paper::write },
+    Section { name: "growth", write: growth::write },
+    Section { name: "fronts", write: fronts::write },
+    Section { name: "sitting", write: sitting::write },
+    Section { name: "peers", write: peers::write },
+    Section { name: "ablations", write: ablations::write },
     Section { name: "bakes", write: bakes::write },
     Section { name: "skips", write: skips::write },
     Section { name: "matrix", write: matrix::write },
@@ -58,15 +81,30 @@ const SECTIONS: [Section; 9] = [
     Section { name: "lamps", write: lamps::write },
 ];
 
+/// What `--quick` alone measures: five minutes on two cores.
+const IN_A_HURRY: [&str; 11] =
+    ["time", "paper", "growth", "fronts", "sitting", "ablations", "bakes", "skips", "matrix", "methods", "relight"];
+
 fn main() -> ExitCode {
-    let (flags, names): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|arg| arg.starts_with("--"));
-    match report(&flags, &names) {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    match answered(args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             complain(&format!("report: {error:#}"));
             ExitCode::FAILURE
         }
     }
+}
+
+/// Does what was asked: a report, or one bake of a section that measures each in a process of its own.
+#[expect(clippy::print_stdout, reason = "the section reads it")]
+fn answered(args: Vec<String>) -> Result<()> {
+    if let [growth::ONE, bench] = args.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        println!("{}", growth::one(bench)?);
+        return Ok(());
+    }
+    let (flags, names): (Vec<String>, Vec<String>) = args.into_iter().partition(|arg| arg.starts_with("--"));
+    report(&flags, &names)
 }
 
 #[expect(clippy::print_stderr, reason = "this binary speaks to people")]
@@ -83,9 +121,15 @@ fn report(flags: &[String], names: &[String]) -> Result<()> {
         anyhow::bail!("no section `{name}`; there are: {}", known().collect::<Vec<_>>().join(", "));
     }
     let desk = Desk::new(!flags.is_empty())?;
-    let asked = |section: &&Section| names.is_empty() || names.iter().any(|name| name == section.name);
+    let asked = |section: &&Section| match names {
+        [] => !desk.quick || IN_A_HURRY.contains(&section.name),
+        names => names.iter().any(|name| name == section.name),
+    };
     let measured = |section: &Section| {
-        (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))
+        let begun = Instant::now();
+        let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
+        complain(&format!("{} took {:.0} s", section.name, begun.elapsed().as_secs_f64()));
+        Ok::<_, anyhow::Error>(text)
     };
     for (page, section) in OWN_PAGES.iter().filter(|(_, section)| asked(&section)) {
         let path = desk.root.join(format!("docs/{page}.md"));
@@ -102,6 +146,7 @@ fn report(flags: &[String], names: &[String]) -> Result<()> {
         let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
         page.put(section.name, text);
         put(&path, &page.text(known()))?;
+        desk.finish(section.name)?;
     }
     Ok(())
 }

@@ -6,12 +6,17 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Indirect, Passes};
+use clerestory_transport::basis::SourceKind;
 use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::{Lighting, PanelRequest};
 use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::Scene;
 
 use super::desk::Desk;
-use super::reference::{ColumnErrors, Reference};
+use super::errors::ColumnErrors;
+use super::fit::secs_at;
+use super::reference::{Reference, Sampling};
 
 /// Scattering events beyond the first, as the peers had them.
 pub const BOUNCES: Option<u32> = Some(6);
@@ -20,39 +25,59 @@ const TARGET_DB: f64 = 30.0;
 
 /// A scene and how `peers.md` begins the rows that speak of it.
 const SCENES: [(&str, &str); 2] = [("bench-conf64", "| conference, 64 |"), ("bench-sponza20", "| sponza, 20 |")];
+/// A scene with a panel, and how finely it is divided for a matrix of many columns.
+const MANY: (&str, u32) = ("conference-panel", 32);
 
 /// Bakes each scene with several sample counts and measures every column.
 ///
 /// # Errors
 /// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
 pub fn write(desk: &Desk) -> Result<String> {
-    let film = desk.choose(Film { width: 128, height: 96 }, Film { width: 512, height: 384 });
-    let (samples, reference_spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 64));
+    let (film, step) = desk.choose((Film { width: 128, height: 96 }, 1), (Film { width: 512, height: 384 }, 4));
+    let (samples, spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 128));
+    let sampling = Sampling { film, step, bounces: BOUNCES, spp };
     let mut text = format!(
         "## Matrix\n\n\
          {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced from each sample; CPU\n\
          seconds (user and system) of the bake alone, without loading and without preview. The error of a column is the mean of\n\
-         (x − a)(x − b) over its entries, x baked, a and b two independent references of {reference_spp} samples per pixel each that are not\n\
-         compressed: so their noise does not count. It is told in dB below the square of the reference column's 99.5 percentile;\n\
+         (x − a)(x − b) over its entries, x baked, a and b two independent references of {spp} samples per pixel each that are not\n\
+         compressed{}: so their noise does not count. It is told in dB below the square of the reference column's 99.5 percentile;\n\
          nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
          column has them too.\n",
-        film.width, film.height
+        film.width,
+        film.height,
+        if step == 1 { String::new() } else { format!(", of every {step}th pixel across and down") },
     );
     for (name, peers) in SCENES {
         let Some(path) = desk.shared(&format!("references/{name}.glb")) else { continue };
-        text += &scene(desk, name, &path, film, (samples, reference_spp))?;
+        text += &desk.part("matrix", name, || scene(desk, (name, None), &path, sampling, samples))?;
         text += &quoted(desk, peers)?;
+    }
+    let (name, resolution) = MANY;
+    if let Some(path) = desk.shared(&format!("scenes/{name}.glb")).filter(|_| !desk.quick) {
+        let (samples, sampling) = (&samples[..2], Sampling { spp: spp / 4, ..sampling });
+        text += &desk.part("matrix", name, || scene(desk, (name, Some(resolution)), &path, sampling, samples))?;
     }
     Ok(text)
 }
 
-fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_spp): (&[u32], u32)) -> Result<String> {
+fn scene(
+    desk: &Desk,
+    (name, resolution): (&str, Option<u32>),
+    path: &Path,
+    sampling: Sampling,
+    samples: &[u32],
+) -> Result<String> {
     let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
+    let panels = match resolution {
+        None => Vec::new(),
+        Some(resolution) => vec![divided(&imported.scene, resolution)?],
+    };
     let before = process_cpu_secs()?;
-    let scene = Arc::new(PreparedScene::new(imported.scene, &[])?.0);
+    let scene = Arc::new(PreparedScene::new(imported.scene, &panels)?.0);
     let prepared = process_cpu_secs()? - before;
-    desk.say(&format!("sampling the reference of {name}"));
-    let reference = Reference::sample(&scene, film, reference_spp);
+    desk.say(&format!("{name}: what its bakes are held against"));
+    let reference = Reference::new(desk, &scene, sampling)?;
     let (mut rows, mut targets) = (String::new(), String::new());
     for (indirect, way) in [(Indirect::Shared, "shared"), (Indirect::Traced, "traced")] {
         let mut measured = Vec::new();
@@ -61,9 +86,9 @@ fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_s
             // A tolerance out of reach: every block takes all its samples.
             let config =
                 BakeConfig { spp, tolerance_db: 80.0, bounces: BOUNCES, seed: 1, indirect, ..BakeConfig::default() };
-            let (secs, bake) = baked(&scene, film, config)?;
-            let errors = reference.errors(&bake);
-            measured.push((secs, errors.mean_db()));
+            let (secs, bake) = baked(&scene, sampling.film, config)?;
+            let errors = reference.errors(&reference.rows_of(&bake.header, &bake.groups));
+            measured.push([secs, errors.mean_db()]);
             rows += &row((spp, way), secs, &bake, &errors);
         }
         targets += &words_of_target(way, &measured);
@@ -78,8 +103,16 @@ fn scene(desk: &Desk, name: &str, path: &Path, film: Film, (samples, reference_s
     ))
 }
 
+/// The first panel of a scene, in other texels.
+pub fn divided(scene: &Scene, resolution: u32) -> Result<PanelRequest> {
+    let lighting = Lighting::new(scene, &[])?.0;
+    let mut sources = lighting.basis.sources.iter();
+    let panel = sources.find(|source| matches!(source.kind, SourceKind::Panel { .. })).context("it has no panel")?;
+    Ok(PanelRequest { node: panel.key.clone(), resolution })
+}
+
 /// A bake without preview, and the CPU seconds that it took.
-fn baked(scene: &Arc<PreparedScene>, film: Film, config: BakeConfig) -> Result<(f64, Bake)> {
+pub fn baked(scene: &Arc<PreparedScene>, film: Film, config: BakeConfig) -> Result<(f64, Bake)> {
     let camera = scene.scene.cameras[0].clone();
     let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
     let before = process_cpu_secs()?;
@@ -101,16 +134,11 @@ fn row((spp, way): (u32, &str), secs: f64, bake: &Bake, errors: &ColumnErrors) -
     )
 }
 
-/// CPU seconds at which the target lies between two rows, dB over the logarithm of time.
-fn words_of_target(way: &str, measured: &[(f64, f64)]) -> String {
-    let between = measured.windows(2).find(|pair| pair[0].1 <= TARGET_DB && TARGET_DB <= pair[1].1);
-    between.map_or_else(
+/// CPU seconds at which the target lies between two rows.
+fn words_of_target(way: &str, measured: &[[f64; 2]]) -> String {
+    secs_at(TARGET_DB, measured).map_or_else(
         || format!(" No two {way} rows lie on both sides of {TARGET_DB} dB."),
-        |pair| {
-            let [(from, low), (to, high)] = [pair[0], pair[1]];
-            let secs = (from.ln() + (to / from).ln() * (TARGET_DB - low) / (high - low)).exp();
-            format!(" Between the {way} rows, {TARGET_DB} dB take {secs:.1} CPU seconds.")
-        },
+        |secs| format!(" Between the {way} rows, {TARGET_DB} dB take {secs:.1} CPU seconds."),
     )
 }
 
@@ -145,12 +173,6 @@ pub fn process_cpu_secs() -> Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_target_lies_between_the_rows_around_it() {
-        assert!(words_of_target("shared", &[(1.0, 20.0), (4.0, 40.0), (16.0, 50.0)]).contains("take 2.0 CPU"));
-        assert!(words_of_target("shared", &[(1.0, 31.0), (4.0, 40.0)]).contains("No two shared rows"));
-    }
 
     #[test]
     fn cpu_time_grows_with_work() {

@@ -2,7 +2,7 @@
 
 pub mod dense;
 mod npz;
-mod own;
+pub mod own;
 
 use std::time::Instant;
 
@@ -12,6 +12,8 @@ use clerestory_transport::camera::Film;
 
 use self::dense::{Picture, squared_error};
 use super::desk::Desk;
+use super::errors::decibels;
+use super::reference::Sampling;
 
 const RANKS: [usize; 3] = [4, 16, 32];
 /// Rank at which size, time and single precision are told.
@@ -43,8 +45,10 @@ pub fn write(desk: &Desk) -> Result<String> {
     let (film, spp) = desk.choose((Film { width: 32, height: 32 }, 64), (Film { width: 64, height: 48 }, 256));
     let scenes: &[&str] = desk.choose(&["diffuse"], &["diffuse", "mixed"]);
     for name in scenes {
-        desk.say(&format!("sampling the matrix of {name}.glb with {spp} samples per pixel and half"));
-        let (picture, noise) = own::sampled(&desk.root.join(format!("assets/scenes/{name}.glb")), film, spp)?;
+        let sampling = Sampling { film, step: 1, bounces: None, spp };
+        let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+        let (picture, noise) = own::mean_and_noise(&own::halves(desk, &path, None, (sampling, SEED))?);
+        let picture = picture.in_z_order();
         let noise_db = decibels(picture.peak(), noise);
         let title =
             format!("`assets/scenes/{name}.glb`, {spp} samples per pixel and half, {noise_db:.1} dB above its noise");
@@ -87,7 +91,7 @@ fn section(desk: &Desk, title: &str, picture: &Picture, step: usize) -> String {
 }
 
 /// All of them; the pseudo-inverse also with the threshold that suits it best.
-fn methods(desk: &Desk) -> Vec<Method> {
+pub fn methods(desk: &Desk) -> Vec<Method> {
     let coarser = Core::PseudoInverse { rcond: 1e-2 };
     let algorithms = [Method::Alg1, Method::Alg2, Method::Alg3, Method::Alg4];
     if !desk.quick {
@@ -135,10 +139,6 @@ impl Measured {
             None => format!("{:.1}", decibels(peak, self.squared_error / self.n_entries)),
         }
     }
-}
-
-fn decibels(peak: f64, mean_square: f64) -> f64 {
-    10.0 * (peak * peak / mean_square).log10()
 }
 
 #[cfg(test)]

@@ -1,24 +1,44 @@
-//! Two independent dense samplings of a matrix, and the error of a bake against both.
+//! What a bake is held against: rows of the dense matrix, sampled twice, without compression and without skips between walks.
 
-use clerestory_nystrom::{Half, SampledMatrix};
-use clerestory_transport::bake::Bake;
+use std::sync::Arc;
+
+use anyhow::Result;
+use clerestory_nystrom::{BlockLowRank, Half, SampledMatrix};
+use clerestory_transport::bake::{BakeConfig, BakeHeader, BakeJob, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::matrix::{CHANNELS, TransportMatrix};
 use clerestory_transport::plan::{Density, MatrixPlan};
 use clerestory_transport::prepared::PreparedScene;
 use rayon::prelude::*;
 
-use super::matrix::BOUNCES;
+use super::desk::Desk;
+use super::errors::{ColumnErrors, Sum, decibels, quantile};
 
-/// Part of a column's entries that may be brighter than its peak.
-const PEAK_QUANTILE: f64 = 0.995;
-/// Best error that is told.
-const BEST_DB: f64 = 120.0;
+/// Samples of each pixel around one that is compared: whether a light is seen there.
+const NEAR_SAMPLES: u32 = 4;
+/// Of the references, which no bake has.
+const SEED: u64 = 0x5EED;
+
+/// What is sampled, and how well.
+#[derive(Clone, Copy)]
+pub struct Sampling {
+    /// The picture.
+    pub film: Film,
+    /// Every so manyth pixel across and down is sampled; the others are like them.
+    pub step: u32,
+    /// Scattering events beyond the first.
+    pub bounces: Option<u32>,
+    /// Samples per pixel of each half.
+    pub spp: u32,
+}
 
 /// A matrix sampled twice, independently of each other and of every bake of the report.
 pub struct Reference {
     n_cols: usize,
-    /// Row-major, rows × columns, radiance per unit of light.
+    film: Film,
+    /// Those that are sampled.
+    pixels: Vec<u32>,
+    /// Row-major, channels of these pixels × columns, radiance per unit of light.
     halves: [Vec<f32>; 2],
     /// Whether the camera saw the light of a column in a pixel or in one beside it, by pixel × column.
     seen: Vec<bool>,
@@ -27,149 +47,225 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// `spp` samples per pixel for each half. Walks whose weak connections are left to no roulette: the plainest plan.
-    pub fn sample(scene: &PreparedScene, film: Film, spp: u32) -> Reference {
-        let plan = MatrixPlan::new(&scene.lighting, Density::Full);
-        let camera = scene.scene.cameras[0].clone();
-        let matrix = TransportMatrix::new(scene, &plan, camera, film, BOUNCES, 0x5EED);
-        let n_cols = matrix.n_cols();
-        let mut seen = vec![false; film.n_pixels() * n_cols];
-        let halves = [Half::A, Half::B].map(|half| {
-            let mut rows = vec![0.0; matrix.n_rows() * n_cols];
-            let by_pixel = rows.par_chunks_mut(CHANNELS * n_cols).zip(seen.par_chunks_mut(n_cols));
-            by_pixel.enumerate().for_each(|(pixel, (rows, seen))| {
-                let mut sparse = Vec::new();
-                matrix.add_rows(&[pixel as u32], 0..spp, half, rows, &mut sparse);
-                for entry in sparse {
-                    rows[entry.row as usize * n_cols + entry.col as usize] += entry.value;
-                    seen[entry.col as usize] = true;
-                }
-                rows.iter_mut().for_each(|value| *value /= spp as f32);
-            });
-            rows
-        });
-        let seen = widened(&seen, film, n_cols);
-        let mut reference = Reference { n_cols, halves, seen, peaks: Vec::new() };
+    /// Samples, or takes what was sampled by an earlier run.
+    ///
+    /// # Errors
+    /// If it cannot be kept.
+    pub fn new(desk: &Desk, scene: &Arc<PreparedScene>, sampling: Sampling) -> Result<Reference> {
+        let Sampling { film, step, .. } = sampling;
+        let key = format!("dense rows of each {step}th pixel: {}", key_of(scene, sampling));
+        let pixels = every(film, step);
+        let (n_cols, n_pixels) = (scene.lighting.basis.n_cols(), pixels.len());
+        let values = desk.kept.numbers(&key, || {
+            desk.say("sampling the reference");
+            Ok(sampled(scene, sampling, &pixels))
+        })?;
+        let (halves, seen) = values.split_at(2 * n_pixels * CHANNELS * n_cols);
+        let (a, b) = halves.split_at(n_pixels * CHANNELS * n_cols);
+        let seen = seen.iter().map(|&seen| seen > 0.0).collect();
+        let halves = [a.to_vec(), b.to_vec()];
+        let mut reference = Reference { n_cols, film, pixels, halves, seen, peaks: Vec::new() };
         reference.peaks = (0..n_cols).into_par_iter().map(|column| reference.peak(column)).collect();
-        reference
+        Ok(reference)
+    }
+
+    /// The pixels that are compared.
+    pub fn pixels(&self) -> &[u32] {
+        &self.pixels
+    }
+
+    /// Share of the picture's pixels that are compared.
+    pub fn share(&self) -> f64 {
+        self.pixels.len() as f64 / self.film.n_pixels() as f64
     }
 
     fn n_rows(&self) -> usize {
-        self.halves[0].len() / self.n_cols
+        self.pixels.len() * CHANNELS
     }
 
     fn is_seen(&self, row: usize, column: usize) -> bool {
         self.seen[row / CHANNELS * self.n_cols + column]
     }
 
-    fn peak(&self, column: usize) -> f64 {
-        let mean = |row: usize| {
-            let [a, b] = [0, 1].map(|half| f64::from(self.halves[half][row * self.n_cols + column]));
-            0.5 * (a + b)
-        };
-        let mut values: Vec<f64> = (0..self.n_rows()).filter(|&row| !self.is_seen(row, column)).map(mean).collect();
-        let Some(last) = values.len().checked_sub(1) else { return 0.0 };
-        *values.select_nth_unstable_by((last as f64 * PEAK_QUANTILE) as usize, f64::total_cmp).1
+    fn both(&self, row: usize, column: usize) -> [f64; 2] {
+        [0, 1].map(|half| f64::from(self.halves[half][row * self.n_cols + column]))
     }
 
-    /// The error of every column of a bake of the same scene, film and bounces.
-    pub fn errors(&self, bake: &Bake) -> ColumnErrors {
-        let (partition, mut errors) = (bake.header.partition(), ColumnErrors::default());
-        let mut sums = vec![[Sum::default(); 2]; self.n_cols];
-        for (group, columns) in bake.groups.iter().zip(&bake.header.basis.groups) {
-            let (first, width) = (columns.columns.start as usize, columns.columns.len());
-            let mut pixels = Vec::new();
+    fn peak(&self, column: usize) -> f64 {
+        let rows = (0..self.n_rows()).filter(|&row| !self.is_seen(row, column));
+        quantile(rows.map(|row| self.both(row, column).iter().sum::<f64>() / 2.0).collect())
+    }
+
+    /// The rows of a bake that are compared, as the reference has them.
+    pub fn rows_of(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> Vec<f32> {
+        let (partition, n_cols) = (header.partition(), self.n_cols);
+        let mut place = vec![u32::MAX; self.film.n_pixels()];
+        self.pixels.iter().enumerate().for_each(|(nth, &pixel)| place[pixel as usize] = nth as u32);
+        let (mut rows, mut bundles) = (vec![0.0; self.n_rows() * n_cols], Vec::new());
+        for (group, columns) in groups.iter().zip(&header.basis.groups) {
+            let columns = columns.columns.start as usize..columns.columns.end as usize;
             for (block_idx, block) in group.blocks.iter().enumerate() {
                 let Some(block) = block else { continue };
-                partition.bundles(block_idx, &mut pixels);
-                for (nth, baked) in block.dense().chunks_exact(width).enumerate() {
-                    let row = pixels[nth / CHANNELS] as usize * CHANNELS + nth % CHANNELS;
-                    for (column, &baked) in (first..).zip(baked) {
-                        let baked = f64::from(baked / bake.header.column_scale[column]);
-                        let [a, b] = [0, 1].map(|half| f64::from(self.halves[half][row * self.n_cols + column]));
-                        let error = (baked - a) * (baked - b);
-                        sums[column][1].add(error);
-                        if !self.is_seen(row, column) {
-                            sums[column][0].add(error);
-                        }
+                partition.bundles(block_idx, &mut bundles);
+                for (nth, &pixel) in bundles.iter().enumerate().filter(|(_, pixel)| place[**pixel as usize] != u32::MAX)
+                {
+                    for channel in 0..CHANNELS {
+                        let row = place[pixel as usize] as usize * CHANNELS + channel;
+                        block.row(nth * CHANNELS + channel, &mut rows[row * n_cols..][columns.clone()]);
                     }
                 }
             }
         }
-        for (sums, peak) in sums.iter().zip(&self.peaks).filter(|(_, peak)| **peak > 0.0) {
-            let db = sums.map(|sum| (10.0 * (peak * peak / sum.mean().max(f64::MIN_POSITIVE)).log10()).min(BEST_DB));
-            errors.db.push(db);
+        for row in rows.chunks_exact_mut(n_cols) {
+            row.iter_mut().zip(&header.column_scale).for_each(|(value, scale)| *value /= scale);
         }
-        errors
+        rows
     }
-}
 
-/// The same with a margin of one pixel: a sliver of light may be seen by one sample in a thousand.
-fn widened(seen: &[bool], film: Film, n_cols: usize) -> Vec<bool> {
-    let (width, height) = (film.width as usize, film.height as usize);
-    let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
-    let mut wide = vec![false; seen.len()];
-    wide.par_chunks_mut(n_cols).enumerate().for_each(|(pixel, wide)| {
-        let around = near(pixel / width, height).flat_map(|y| near(pixel % width, width).map(move |x| y * width + x));
-        for other in around {
-            let seen = &seen[other * n_cols..][..n_cols];
-            wide.iter_mut().zip(seen).for_each(|(wide, seen)| *wide |= seen);
+    /// The error of every column of rows that are laid out as the reference's.
+    pub fn errors(&self, rows: &[f32]) -> ColumnErrors {
+        let column = |column: usize| {
+            let (mut sums, peak) = ([Sum::default(); 2], self.peaks[column]);
+            for row in 0..self.n_rows() {
+                let (x, [a, b]) = (f64::from(rows[row * self.n_cols + column]), self.both(row, column));
+                let error = (x - a) * (x - b);
+                sums[1].add(error);
+                if !self.is_seen(row, column) {
+                    sums[0].add(error);
+                }
+            }
+            (peak > 0.0).then(|| sums.map(|sum| sum.mean() / (peak * peak)))
+        };
+        ColumnErrors { squares: (0..self.n_cols).into_par_iter().filter_map(column).collect() }
+    }
+
+    /// The picture that rows make under a coefficient per column and channel, as far as it is compared.
+    pub fn relit(&self, rows: &[f32], light: &[[f32; 3]]) -> Vec<f32> {
+        let row = |(row, entries): (usize, &[f32])| {
+            entries.iter().zip(light).map(|(entry, light)| entry * light[row % CHANNELS]).sum()
+        };
+        rows.par_chunks_exact(self.n_cols).enumerate().map(row).collect()
+    }
+
+    /// The error in dB of a picture under a light, what it has of the compared pixels; pixels that show a light that is lit, or lie
+    /// beside one, are left out. `None` where it is lost in what is left of the reference's noise.
+    pub fn picture_db(&self, light: &[[f32; 3]], picture: &[f32]) -> Option<f64> {
+        let [a, b] = self.halves.each_ref().map(|half| self.relit(half, light));
+        let lit: Vec<usize> = (0..self.n_cols).filter(|&column| light[column] != [0.0; 3]).collect();
+        let is_left_out = |row: usize| lit.iter().any(|&column| self.is_seen(row, column));
+        let rows: Vec<usize> = (0..self.n_rows()).filter(|&row| !is_left_out(row)).collect();
+        let peak = quantile(rows.iter().map(|&row| f64::from(a[row] + b[row]) / 2.0).collect());
+        let mut sum = Sum::default();
+        for row in rows {
+            let [x, a, b] = [picture[row], a[row], b[row]].map(f64::from);
+            sum.add((x - a) * (x - b));
         }
-    });
-    wide
-}
-
-/// A sum and how many went into it.
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    sum: f64,
-    n: f64,
-}
-
-impl Sum {
-    fn add(&mut self, value: f64) {
-        self.sum += value;
-        self.n += 1.0;
-    }
-
-    fn mean(&self) -> f64 {
-        self.sum / self.n.max(1.0)
+        (sum.mean() > 0.0).then(|| decibels(peak, sum.mean()))
     }
 }
 
-/// Errors of the columns that light anything, in dB below their peaks.
-#[derive(Default)]
-pub struct ColumnErrors {
-    /// Without and with the entries where the light itself is seen.
-    db: Vec<[f64; 2]>,
+/// What a scene looks like and how it is sampled, for [`super::kept::Kept::numbers`].
+pub fn key_of(scene: &Arc<PreparedScene>, Sampling { film, bounces, spp, .. }: Sampling) -> String {
+    let config = BakeConfig { spp: 2 * spp, bounces, seed: SEED, ..BakeConfig::default() };
+    let (camera, passes) = (scene.scene.cameras[0].clone(), Passes::FinalOnly);
+    let job = BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() };
+    format!("{}, version {}", job.key(), env!("CARGO_PKG_VERSION"))
 }
 
-impl ColumnErrors {
-    fn mean(&self, which: usize) -> f64 {
-        self.db.iter().map(|db| db[which]).sum::<f64>() / self.db.len().max(1) as f64
+/// Every so manyth pixel across and down, from the middle of the first such square on.
+fn every(film: Film, step: u32) -> Vec<u32> {
+    let side = |end: u32| (step / 2..end).step_by(step as usize);
+    side(film.height).flat_map(|y| side(film.width).map(move |x| y * film.width + x)).collect()
+}
+
+/// Two halves, then for each pixel and column 1 where its light is seen, else 0. Walks whose weak connections are left to no
+/// roulette: the plainest plan.
+fn sampled(scene: &PreparedScene, sampling: Sampling, pixels: &[u32]) -> Vec<f32> {
+    let Sampling { film, bounces, spp, .. } = sampling;
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), film, bounces, SEED);
+    let (n_cols, mut seen) = (matrix.n_cols(), vec![0.0; pixels.len() * matrix.n_cols()]);
+    let mut values = Vec::with_capacity((2 * CHANNELS + 1) * seen.len());
+    for half in [Half::A, Half::B] {
+        let (rows, sparse) = dense_rows(&matrix, pixels, spp, half);
+        values.extend(rows);
+        sparse.into_iter().for_each(|at| seen[at] = 1.0);
+    }
+    let near = |(nth, seen): (usize, &mut [f32])| {
+        let mut scratch = vec![0.0; CHANNELS * n_cols];
+        for pixel in around(film, pixels[nth]) {
+            let mut sparse = Vec::new();
+            matrix.add_rows(&[pixel], 0..NEAR_SAMPLES, Half::A, &mut scratch, &mut sparse);
+            sparse.iter().for_each(|entry| seen[entry.col as usize] = 1.0);
+        }
+    };
+    seen.par_chunks_mut(n_cols).enumerate().for_each(near);
+    values.extend(seen);
+    values
+}
+
+/// The samples of a bake whose indirect light is traced, not compressed: mean rows of some pixels.
+pub fn uncompressed(job: &BakeJob, header: &BakeHeader, pixels: &[u32]) -> Vec<f32> {
+    let (lighting, config) = (&job.scene.lighting, &job.config);
+    let plan = MatrixPlan::without(lighting, Density::Full, &header.spared.dark_sources);
+    let plan = plan.fitted(&header.column_scale, &header.sky_reach, job.scene.skips);
+    let matrix = TransportMatrix::new(&job.scene, &plan, job.camera.clone(), job.film, config.bounces, config.seed);
+    let [mut rows, other] = [Half::A, Half::B].map(|half| dense_rows(&matrix, pixels, config.spp / 2, half).0);
+    rows.par_iter_mut().zip(&other).for_each(|(value, other)| *value = 0.5 * (*value + other));
+    rows
+}
+
+/// Mean rows of some pixels, lights that are seen included, and where they are seen: places by pixel × column.
+fn dense_rows(matrix: &TransportMatrix<'_>, pixels: &[u32], spp: u32, half: Half) -> (Vec<f32>, Vec<usize>) {
+    let n_cols = matrix.n_cols();
+    let mut rows = vec![0.0; pixels.len() * CHANNELS * n_cols];
+    let of_pixel = |(nth, rows): (usize, &mut [f32])| {
+        let mut sparse = Vec::new();
+        matrix.add_rows(&[pixels[nth]], 0..spp, half, rows, &mut sparse);
+        for entry in &sparse {
+            rows[entry.row as usize * n_cols + entry.col as usize] += entry.value;
+        }
+        rows.iter_mut().for_each(|value| *value /= spp as f32);
+        sparse.into_iter().map(|entry| nth * n_cols + entry.col as usize).collect::<Vec<_>>()
+    };
+    let seen = rows.par_chunks_mut(CHANNELS * n_cols).enumerate().flat_map_iter(of_pixel).collect();
+    (rows, seen)
+}
+
+/// Pixels beside one, in the picture.
+fn around(film: Film, pixel: u32) -> impl Iterator<Item = u32> {
+    let (x, y) = (pixel % film.width, pixel / film.width);
+    let near = |at: u32, end: u32| at.saturating_sub(1)..(at + 2).min(end);
+    let all = near(y, film.height).flat_map(move |y| near(x, film.width).map(move |x| y * film.width + x));
+    all.filter(move |other| *other != pixel)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_compared_pixel_stands_for_a_square_of_its_own() {
+        let film = Film { width: 8, height: 4 };
+        assert_eq!(every(film, 4), [18, 22]);
+        assert_eq!(every(film, 1).len(), film.n_pixels());
+        assert_eq!(around(film, 0).collect::<Vec<_>>(), [1, 8, 9]);
+        assert_eq!(around(film, 9).count(), 8);
     }
 
-    fn worst(&self, which: usize) -> f64 {
-        self.db.iter().map(|db| db[which]).fold(f64::INFINITY, f64::min)
-    }
-
-    /// Mean over columns.
-    pub fn mean_db(&self) -> f64 {
-        self.mean(0)
-    }
-
-    /// Of the worst column.
-    pub fn worst_db(&self) -> f64 {
-        self.worst(0)
-    }
-
-    /// Mean over columns, lights that are seen included.
-    pub fn mean_db_with_seen(&self) -> f64 {
-        self.mean(1)
-    }
-
-    /// Of the worst column, lights that are seen included.
-    pub fn worst_db_with_seen(&self) -> f64 {
-        self.worst(1)
+    #[test]
+    fn the_noise_of_the_reference_does_not_count() {
+        // The truth is 2, each half is off by one in a pattern of its own, and what is compared is off by a fifth everywhere.
+        let half = |bit: usize| (0..300).map(|row| if row >> bit & 1 == 0 { 1.0 } else { 3.0 }).collect();
+        let (halves, pixels) = ([half(0), half(1)], (0..100).collect());
+        let film = Film { width: 10, height: 10 };
+        let reference = Reference { n_cols: 1, film, pixels, halves, seen: vec![false; 100], peaks: vec![2.0] };
+        let off = vec![2.2; 300];
+        let errors = reference.errors(&off);
+        assert!((errors.mean_db() - 20.0).abs() < 1e-4 && (errors.median_db().expect("an error") - 20.0).abs() < 1e-4);
+        // Of a picture the peak is its own: the halves are both bright in a quarter of it.
+        let of_picture = reference.picture_db(&[[1.0; 3]], &off).expect("an error");
+        assert!((of_picture - decibels(3.0, 0.04)).abs() < 1e-4);
+        assert_eq!(reference.picture_db(&[[1.0; 3]], &[2.0; 300]), None, "nothing is off");
     }
 }

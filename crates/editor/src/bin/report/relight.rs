@@ -9,7 +9,7 @@ use clerestory_relight::{
     CpuRelighter, DeviceChoice, DisplayParams, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode,
 };
 
-use super::desk::{Desk, load_words};
+use super::desk::{Desk, cpu_name, load_words};
 
 /// Width, height, columns, rank.
 type Job = [u32; 4];
@@ -182,11 +182,4 @@ fn on_device(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
         rows.push(row);
     }
     Ok(table(&gpu.description(), &rows))
-}
-
-/// What the system calls its processor.
-fn cpu_name() -> String {
-    let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = told.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    name.map_or(std::env::consts::ARCH.into(), |(_, name)| name.trim().into())
 }

@@ -113,7 +113,8 @@ fn attempt(desk: &Desk, (name, under_sky): (&str, bool), film: Film, config: Bak
     Ok(Run { load_secs: loaded - started, bake_secs, skipped: bake.figures().skipped, picture: picture(&bake) })
 }
 
-fn picture(bake: &Bake) -> Vec<f32> {
+/// RGB of a bake under the light of the file.
+pub fn picture(bake: &Bake) -> Vec<f32> {
     let rig = LightRig::default();
     let mut picture = vec![0.0; 3 * bake.header.width as usize * bake.header.height as usize];
     for (group, coefficients) in bake.groups_under(&rig).iter().zip(bake.header.coefficients(&rig)) {

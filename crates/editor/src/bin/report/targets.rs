@@ -1,7 +1,7 @@
 //! What the method aims at, and what it reaches: on the shared matrices, beside the best there is and other methods.
 
-mod coded;
-mod judged;
+pub mod coded;
+pub mod judged;
 mod soft;
 mod times;
 

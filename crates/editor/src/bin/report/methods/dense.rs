@@ -4,6 +4,8 @@ use std::path::Path;
 
 use anyhow::{Result, ensure};
 use clerestory_nystrom::rivals::{DMatrix, Real};
+use clerestory_relight::Radiance;
+use rayon::prelude::*;
 
 use super::npz;
 
@@ -84,6 +86,44 @@ impl Picture {
         self.part(rows.flat_map(|y| (0..self.width).step_by(step).map(move |x| (x, y))).collect())
     }
 
+    /// The same with the values of all blocks, as [`Picture::blocks`] cuts them with step 1.
+    pub fn with_blocks<S: Real>(&self, blocks: &[DMatrix<S>]) -> Picture {
+        let (across, mut values) = (self.width / TILE, vec![0.0; self.values.len()]);
+        for (block_idx, block) in blocks.iter().enumerate() {
+            let (left, top) = (block_idx % across * TILE, block_idx / across * TILE);
+            for row in 0..block.nrows() {
+                let (nth, channel) = (row / CHANNELS, row % CHANNELS);
+                let pixel = (top + nth / TILE) * self.width + left + nth % TILE;
+                let start = (pixel * CHANNELS + channel) * self.n_cols;
+                let out = &mut values[start..start + self.n_cols];
+                out.iter_mut().enumerate().for_each(|(column, x)| *x = block[(row, column)].to_f64() as f32);
+            }
+        }
+        Picture { values, ..*self }
+    }
+
+    /// Columns of a square panel of texels twice as large: the light of four together.
+    pub fn coarser(&self) -> Picture {
+        let side = self.n_cols.isqrt();
+        let n_cols = self.n_cols / 4;
+        let coarse = |column: usize| {
+            let first = 2 * (column / (side / 2)) * side + 2 * (column % (side / 2));
+            [first, first + 1, first + side, first + side + 1]
+        };
+        let row = |row: &[f32]| (0..n_cols).map(|column| coarse(column).iter().map(|&at| row[at]).sum()).collect();
+        let rows: Vec<Vec<f32>> = self.values.par_chunks_exact(self.n_cols).map(row).collect();
+        Picture { n_cols, values: rows.concat(), ..*self }
+    }
+
+    /// The picture under a coefficient per column and channel.
+    pub fn relit(&self, light: &[[f32; CHANNELS]]) -> Radiance {
+        let value = |row: &[f32], channel: usize| row.iter().zip(light).map(|(x, light)| x * light[channel]).sum();
+        let pixel =
+            |rows: &[f32]| std::array::from_fn(|channel| value(&rows[channel * self.n_cols..][..self.n_cols], channel));
+        let pixels = self.values.par_chunks_exact(CHANNELS * self.n_cols).map(pixel).collect();
+        Radiance { width: self.width as u32, height: self.height as u32, pixels }
+    }
+
     fn part<S: Real>(&self, pixels: Vec<(usize, usize)>) -> DMatrix<S> {
         DMatrix::from_fn(pixels.len() * CHANNELS, self.n_cols, |row, column| {
             let (x, y) = pixels[row / CHANNELS];
@@ -118,6 +158,22 @@ mod tests {
         assert_eq!(blocks[3][(16 * 3, 0)], ((17 * 32 + 16) * 3) as f64 * 4.0);
         let thinned = picture().thinned::<f32>(16);
         assert_eq!((thinned.shape(), thinned[(3, 0)]), ((2 * 3 * 3, 4), 16.0 * 3.0 * 4.0));
+    }
+
+    #[test]
+    fn blocks_go_back_where_they_came_from() {
+        let picture = picture();
+        assert_eq!(picture.with_blocks(&picture.blocks::<f64>(1)).values, picture.values);
+    }
+
+    #[test]
+    fn texels_twice_as_large_send_the_light_of_four() {
+        let values = (0..3 * 16).map(|i| (i % 16) as f32).collect();
+        let picture = Picture { width: 1, height: 1, n_cols: 16, values };
+        let coarser = picture.coarser();
+        assert_eq!((coarser.n_cols, &coarser.values[..4]), (4, &[10.0, 18.0, 42.0, 50.0][..]));
+        let all = |n: usize| vec![[1.0, 2.0, 0.5]; n];
+        assert_eq!(picture.relit(&all(16)), coarser.relit(&all(4)));
     }
 
     #[test]

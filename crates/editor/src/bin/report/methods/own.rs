@@ -1,10 +1,10 @@
-//! A matrix of ours, sampled whole.
+//! Matrices of ours, sampled whole.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::{Half, SampledMatrix};
-use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::matrix::{CHANNELS, TransportMatrix};
 use clerestory_transport::plan::{Density, MatrixPlan};
@@ -12,28 +12,52 @@ use clerestory_transport::prepared::PreparedScene;
 use rayon::prelude::*;
 
 use super::dense::Picture;
+use crate::desk::Desk;
+use crate::matrix::divided;
+use crate::reference::{Sampling, key_of};
 
-/// The mean of two halves of `spp` samples per pixel each, lights that are seen left out, and its noise as a mean square per entry.
+/// Two halves of a scene's matrix of so many samples per pixel each, lights that are seen left out; its panel in `side` × `side`
+/// texels, else as the file has it. Kept between runs.
 ///
 /// # Errors
-/// If the scene cannot be loaded.
-pub fn sampled(path: &Path, film: Film, spp: u32) -> Result<(Picture, f64)> {
+/// If the scene cannot be loaded or has no panel to divide.
+pub fn halves(desk: &Desk, path: &Path, side: Option<u32>, (sampling, seed): (Sampling, u64)) -> Result<[Picture; 2]> {
     let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
-    let scene = PreparedScene::new(imported.scene, &[])?.0;
+    let panels = match side {
+        None => Vec::new(),
+        Some(side) => vec![divided(&imported.scene, side)?],
+    };
+    let scene = Arc::new(PreparedScene::new(imported.scene, &panels)?.0);
+    let n_cols = scene.lighting.basis.n_cols();
+    let key = format!("both halves without lights that are seen, seed {seed}: {}", key_of(&scene, sampling));
+    let values = desk.kept.numbers(&key, || {
+        desk.say(&format!("sampling {n_cols} columns of {} with {} samples", scene.scene.name, sampling.spp));
+        Ok(sampled_halves(&scene, sampling, seed).concat())
+    })?;
+    let (width, height) = (sampling.film.width as usize, sampling.film.height as usize);
+    let half = |values: &[f32]| Picture { width, height, n_cols, values: values.to_vec() };
+    let (a, b) = values.split_at(values.len() / 2);
+    Ok([half(a), half(b)])
+}
+
+fn sampled_halves(scene: &PreparedScene, Sampling { film, bounces, spp, .. }: Sampling, seed: u64) -> [Vec<f32>; 2] {
     let plan = MatrixPlan::new(&scene.lighting, Density::Full);
-    let matrix = TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), film, None, 1);
+    let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), film, bounces, seed);
     let n_cols = matrix.n_cols();
-    let [mut values, other] = [Half::A, Half::B].map(|half| {
+    [Half::A, Half::B].map(|half| {
         let mut rows = vec![0.0; matrix.n_rows() * n_cols];
         rows.par_chunks_mut(CHANNELS * n_cols).enumerate().for_each(|(pixel, rows)| {
             matrix.add_rows(&[pixel as u32], 0..spp, half, rows, &mut Vec::new());
             rows.iter_mut().for_each(|value| *value /= spp as f32);
         });
         rows
-    });
+    })
+}
+
+/// The mean of both halves, and its noise as a mean square per entry.
+pub fn mean_and_noise([a, b]: &[Picture; 2]) -> (Picture, f64) {
     let difference = |(a, b): (&f32, &f32)| (f64::from(*a) - f64::from(*b)).powi(2);
-    let noise = values.iter().zip(&other).map(difference).sum::<f64>() / (4 * values.len()) as f64;
-    values.iter_mut().zip(&other).for_each(|(value, other)| *value = 0.5 * (*value + other));
-    let (width, height) = (film.width as usize, film.height as usize);
-    Ok((Picture { width, height, n_cols, values }.in_z_order(), noise))
+    let noise = a.values.iter().zip(&b.values).map(difference).sum::<f64>() / (4 * a.values.len()) as f64;
+    let values = a.values.iter().zip(&b.values).map(|(a, b)| 0.5 * (a + b)).collect();
+    (Picture { values, ..*a }, noise)
 }

@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::Result;
 use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{
-    BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix, Partition, Smoothing,
-    Tolerance, compress_block,
+    BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix, Partition, Selection,
+    Smoothing, Tolerance, compress_block,
 };
 
 use super::judged::{Judged, Spectrum};
@@ -28,6 +28,32 @@ pub struct Subject {
     pub spectrum: Spectrum,
 }
 
+/// How a matrix becomes bytes: what a bake does, or something else in its place.
+#[derive(Clone, Copy)]
+pub struct Coding {
+    /// What makes factors.
+    pub method: Method,
+    /// How landmarks are chosen.
+    pub selection: Selection,
+    /// Side of a block in pixels.
+    pub tile: usize,
+    /// Whether it is told both halves, else their mean twice: then it knows of no noise.
+    pub halves: bool,
+    /// Whether noise is taken out of what is smooth.
+    pub smooths: bool,
+    /// Whether factors are packed, else kept in 16-bit numbers.
+    pub packs: bool,
+    /// Whether packing knows that columns are texels of a square, else it transforms none of them.
+    pub grid: bool,
+}
+
+impl Default for Coding {
+    fn default() -> Self {
+        let (method, selection) = (Method::Projected, Selection::default());
+        Coding { method, selection, tile: TILE, halves: true, smooths: true, packs: true, grid: true }
+    }
+}
+
 /// What became of it.
 pub struct Coded {
     /// Bytes of the file's part over those of the dense matrix in single precision.
@@ -39,7 +65,9 @@ pub struct Coded {
     pub multiply_adds: [f64; 2],
     /// Milliseconds per block: factors, then bytes.
     pub millis: [f64; 2],
-    /// Errors of what is read back.
+    /// What is read back.
+    pub matrix: BlockLowRank,
+    /// Its errors.
     pub judged: Judged,
 }
 
@@ -58,6 +86,14 @@ impl Subject {
     /// # Errors
     /// If the method finds no factors.
     pub fn coded(&self, method: Method, target_db: f64) -> Result<Coded> {
+        self.coded_as(Coding { method, ..Coding::default() }, target_db)
+    }
+
+    /// The same, some of it done otherwise.
+    ///
+    /// # Errors
+    /// As [`Subject::coded`].
+    pub fn coded_as(&self, coding: Coding, target_db: f64) -> Result<Coded> {
         let (allowed, n_cols) = (10f64.powf(-target_db / 10.0) as f32, self.truth.n_cols);
         let share = if self.halves.is_some() { 1.0 } else { SHARE_OF_RANKS };
         let group = ColumnGroup {
@@ -65,46 +101,58 @@ impl Subject {
             tolerance: Tolerance::AbsoluteMeanSquare(share * allowed),
             preserved: vec![1.0; n_cols],
         };
-        let columns = vec![ColumnRun::Grid { width: n_cols.isqrt() as u32, height: n_cols.isqrt() as u32 }];
-        let smoothing = Smoothing::new(self.truth.partition(), CHANNELS, vec![columns.clone()]);
+        let side = n_cols.isqrt() as u32;
+        let grid = vec![ColumnRun::Grid { width: side, height: side }];
+        let partition = Partition { tile: coding.tile as u32, ..self.truth.partition() };
+        let smoothing = coding.smooths.then(|| Smoothing::new(partition.clone(), CHANNELS, vec![grid.clone()]));
         let config = CompressConfig {
             groups: vec![group],
-            method,
-            max_rank: (CHANNELS * TILE * TILE) as u32,
+            method: coding.method,
+            selection: coding.selection,
+            max_rank: (CHANNELS * coding.tile * coding.tile) as u32,
             bright: BRIGHT,
-            smoothing: Some(Arc::new(smoothing)),
+            smoothing: smoothing.map(Arc::new),
             ..CompressConfig::default()
         };
         let begun = Instant::now();
-        let matrix = self.compressed(&config)?;
+        let matrix = self.compressed(&config, partition, coding)?;
         let compressing = begun.elapsed().as_secs_f64();
+        let columns = if coding.grid { grid } else { vec![ColumnRun::List(n_cols as u32)] };
         let plan = PackPlan { columns, allowed, bright: BRIGHT, preserved: vec![1.0; n_cols] };
         let begun = Instant::now();
         let packed = single_threaded(|| PackedMatrix::pack(&matrix, &plan))?;
         let packing = begun.elapsed().as_secs_f64();
         let mut bytes = Vec::new();
         packed.encode(&mut bytes);
-        let (unpacked, [right, left]) = (packed.unpack()?, packed.product()?.n_multiplications());
+        let [right, left] = packed.product()?.n_multiplications();
+        let (read, n_bytes) =
+            if coding.packs { (packed.unpack()?, bytes.len()) } else { (matrix.clone(), matrix.n_bytes()) };
         let n_pixels = self.truth.width * self.truth.height;
-        let ranks: usize = unpacked.blocks.iter().flatten().map(|block| block.rank as usize).sum();
+        let ranks: usize = read.blocks.iter().flatten().map(|block| block.rank as usize).sum();
         Ok(Coded {
             multiply_adds: [ranks * n_cols, right].map(|right| (CHANNELS * right + left) as f64 / n_pixels as f64),
-            ratio: unpacked.dense_bytes() as f64 / bytes.len() as f64,
-            mean_rank: f64::from(unpacked.mean_rank()),
+            ratio: read.dense_bytes() as f64 / n_bytes as f64,
+            mean_rank: f64::from(read.mean_rank()),
             millis: [compressing, packing].map(|secs| secs * 1e3 / matrix.blocks.len() as f64),
-            judged: Judged::new(&self.truth, &unpacked),
+            judged: Judged::new(&self.truth, &read),
+            matrix: read,
         })
     }
 
-    fn compressed(&self, config: &CompressConfig) -> Result<BlockLowRank> {
-        let partition = self.truth.partition();
+    fn compressed(&self, config: &CompressConfig, partition: Partition, coding: Coding) -> Result<BlockLowRank> {
         let mut matrix = BlockLowRank::new(partition.clone(), CHANNELS as u32, self.truth.n_cols as u32);
         for (block_idx, block) in matrix.blocks.iter_mut().enumerate() {
             let rows = |picture: &Picture| picture.block_rows(&partition, block_idx);
-            let [a, b] = match &self.halves {
+            let [mut a, mut b] = match &self.halves {
                 Some(halves) => halves.each_ref().map(rows),
                 None => [(); 2].map(|()| rows(&self.truth)),
             };
+            if !coding.halves {
+                a.iter_mut().zip(&mut b).for_each(|(a, b)| {
+                    *a = 0.5 * (*a + *b);
+                    *b = *a;
+                });
+            }
             let samples = BlockSamples {
                 halves: [&a, &b],
                 sparse: [&[]; 2],
@@ -127,6 +175,20 @@ impl Picture {
     /// Blocks of 16 × 16 pixels.
     pub fn partition(&self) -> Partition {
         Partition { width: self.width as u32, height: self.height as u32, tile: TILE as u32 }
+    }
+
+    /// The same with all entries of a compressed matrix.
+    pub fn unpacked(&self, matrix: &BlockLowRank) -> Picture {
+        let (mut pixels, len) = (Vec::new(), CHANNELS * self.n_cols);
+        let mut values = vec![0.0; self.values.len()];
+        for (block_idx, factors) in matrix.blocks.iter().enumerate() {
+            let Some(factors) = factors else { continue };
+            matrix.partition.bundles(block_idx, &mut pixels);
+            for (rows, &pixel) in factors.dense().chunks_exact(len).zip(&pixels) {
+                values[pixel as usize * len..][..len].copy_from_slice(rows);
+            }
+        }
+        Picture { values, ..*self }
     }
 
     /// The rows of a block, one after the other.

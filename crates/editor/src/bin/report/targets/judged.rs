@@ -23,16 +23,8 @@ pub fn decibels(mean_square: f64) -> f64 {
 impl Judged {
     /// Every entry is compared.
     pub fn new(truth: &Picture, found: &BlockLowRank) -> Judged {
-        let mut errors = truth.values.clone();
-        let (mut pixels, len) = (Vec::new(), CHANNELS * truth.n_cols);
-        for (block_idx, factors) in found.blocks.iter().enumerate() {
-            let Some(factors) = factors else { continue };
-            found.partition.bundles(block_idx, &mut pixels);
-            for (rows, &pixel) in factors.dense().chunks_exact(len).zip(&pixels) {
-                errors[pixel as usize * len..][..len].iter_mut().zip(rows).for_each(|(error, x)| *error -= x);
-            }
-        }
-        let errors = Picture { values: errors, ..*truth };
+        let mut errors = truth.unpacked(found);
+        errors.values.iter_mut().zip(&truth.values).for_each(|(error, x)| *error = x - *error);
         let mean_square = |block_idx: usize| {
             let rows = errors.block_rows(&found.partition, block_idx);
             rows.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / rows.len() as f64

@@ -1,0 +1,72 @@
+//! The samples of a bake taken in other ways.
+
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use clerestory_transport::bake::{BakeConfig, Indirect};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::skips::{Skip, Skips};
+
+use crate::desk::Desk;
+use crate::fit::spread_words;
+use crate::matrix::baked;
+use crate::reference::{Reference, Sampling};
+
+const SCENES: [&str; 2] = ["gallery", "mixed"];
+const TURNS: u64 = 2;
+
+/// What is done otherwise.
+type Way = (&'static str, Indirect, Skips);
+
+/// A table: time and error of bakes whose samples are all taken.
+///
+/// # Errors
+/// If a scene cannot be baked, or this system does not tell the CPU time of a process.
+pub(super) fn write(desk: &Desk) -> Result<String> {
+    let (film, spp) = desk.choose((Film { width: 48, height: 36 }, 4), (Film { width: 192, height: 144 }, 16));
+    let sampling = Sampling { film, step: desk.choose(1, 2), bounces: None, spp: desk.choose(16, 128) };
+    let all = Skips::default();
+    let ways: [Way; 4] = [
+        ("as a bake does it", Indirect::Traced, all),
+        ("weak later connections all made", Indirect::Traced, all.without(Skip::WeakLight)),
+        ("lobes that a material has not are asked too", Indirect::Traced, all.without(Skip::Lobes)),
+        ("indirect light shared between pixels", Indirect::Shared, all),
+    ];
+    let mut rows = String::new();
+    for name in &SCENES[..desk.choose(1, SCENES.len())] {
+        let measured: Vec<(Vec<f64>, Vec<Option<f64>>)> = desk.part("ablations", &format!("samples-{name}"), || {
+            let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+            let load = |skips: Skips| -> Result<Arc<PreparedScene>> {
+                let scene =
+                    import::load_with(&path, skips).with_context(|| format!("cannot load {}", path.display()))?;
+                Ok(Arc::new(PreparedScene::with_skips(scene.scene, &[], None, skips)?.0))
+            };
+            let reference = Reference::new(desk, &load(all)?, sampling)?;
+            let mut measured = vec![(Vec::new(), Vec::new()); ways.len()];
+            for seed in 1..=TURNS {
+                for ((what, indirect, skips), (secs, dbs)) in ways.iter().zip(&mut measured) {
+                    desk.say(&format!("{name}: {what}, seed {seed}"));
+                    // A tolerance out of reach: every block takes all its samples.
+                    let config =
+                        BakeConfig { spp, tolerance_db: 80.0, seed, indirect: *indirect, ..BakeConfig::default() };
+                    let (cpu_secs, bake) = baked(&load(*skips)?, film, config)?;
+                    secs.push(cpu_secs);
+                    dbs.push(reference.errors(&reference.rows_of(&bake.header, &bake.groups)).median_db());
+                }
+            }
+            Ok(measured)
+        })?;
+        for ((what, ..), (secs, dbs)) in ways.iter().zip(measured) {
+            let dbs: Vec<String> = dbs.iter().map(|db| db.map_or("—".into(), |db| format!("{db:.1}"))).collect();
+            rows += &format!("| {name} | {what} | {} | {} |\n", spread_words(secs), dbs.join(", "));
+        }
+    }
+    Ok(format!(
+        "\n### Samples\n\n\
+         Bakes of {} × {} pixels whose blocks take all of {spp} samples per pixel: CPU seconds, median (least…greatest) of {TURNS} seeds in turn, and the error of single lights (median)\n\
+         in dB of each seed, as in the section Error against time.\n\n| scene | what | CPU s | dB |\n|---|---|---|---|\n{rows}",
+        film.width, film.height,
+    ))
+}

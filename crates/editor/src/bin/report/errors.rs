@@ -1,0 +1,77 @@
+//! Errors in decibels: of values below a peak, and of the columns of a matrix.
+
+/// Part of a column's entries that may be brighter than its peak.
+const PEAK_QUANTILE: f64 = 0.995;
+/// Best error that is told.
+const BEST_DB: f64 = 120.0;
+
+/// The 99.5 percentile; 0 of nothing.
+pub fn quantile(mut values: Vec<f64>) -> f64 {
+    let Some(last) = values.len().checked_sub(1) else { return 0.0 };
+    *values.select_nth_unstable_by((last as f64 * PEAK_QUANTILE) as usize, f64::total_cmp).1
+}
+
+/// A mean square in dB below a peak.
+pub fn decibels(peak: f64, mean_square: f64) -> f64 {
+    (10.0 * (peak * peak / mean_square.max(f64::MIN_POSITIVE)).log10()).min(BEST_DB)
+}
+
+/// A sum and how many went into it.
+#[derive(Clone, Copy, Default)]
+pub struct Sum {
+    sum: f64,
+    n: f64,
+}
+
+impl Sum {
+    /// One more.
+    pub fn add(&mut self, value: f64) {
+        self.sum += value;
+        self.n += 1.0;
+    }
+
+    /// 0 of nothing.
+    pub fn mean(&self) -> f64 {
+        self.sum / self.n.max(1.0)
+    }
+}
+
+/// Errors of the columns that light anything, as mean squares over the squares of their peaks.
+#[derive(Default)]
+pub struct ColumnErrors {
+    /// Without and with the entries where the light itself is seen.
+    pub squares: Vec<[f64; 2]>,
+}
+
+impl ColumnErrors {
+    fn db(&self, which: usize) -> impl Iterator<Item = f64> {
+        self.squares.iter().map(move |squares| decibels(1.0, squares[which]))
+    }
+
+    /// Median over columns; `None` where it is lost in what is left of the reference's noise.
+    pub fn median_db(&self) -> Option<f64> {
+        let mut squares: Vec<f64> = self.squares.iter().map(|squares| squares[0]).collect();
+        squares.sort_by(f64::total_cmp);
+        squares.get(squares.len() / 2).filter(|square| **square > 0.0).map(|square| decibels(1.0, *square))
+    }
+
+    /// Mean over columns.
+    pub fn mean_db(&self) -> f64 {
+        self.db(0).sum::<f64>() / self.squares.len().max(1) as f64
+    }
+
+    /// Of the worst column.
+    pub fn worst_db(&self) -> f64 {
+        self.db(0).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Mean over columns, lights that are seen included.
+    pub fn mean_db_with_seen(&self) -> f64 {
+        self.db(1).sum::<f64>() / self.squares.len().max(1) as f64
+    }
+
+    /// Of the worst column, lights that are seen included.
+    pub fn worst_db_with_seen(&self) -> f64 {
+        self.db(1).fold(f64::INFINITY, f64::min)
+    }
+}

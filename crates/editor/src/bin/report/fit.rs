@@ -1,0 +1,78 @@
+//! What a few measured points say: where a curve crosses a target, how steeply something grows, how far repeats lie apart.
+
+/// Seconds at which an error is reached, between the two points around it, dB over the logarithm of time; points are
+/// (seconds, dB). `None` if no two neighbors lie on both sides.
+pub fn secs_at(target_db: f64, points: &[[f64; 2]]) -> Option<f64> {
+    let between = points.windows(2).find(|pair| pair[0][1] <= target_db && target_db <= pair[1][1])?;
+    let [[from, low], [to, high]] = [between[0], between[1]];
+    Some((from.ln() + (to / from).ln() * (target_db - low) / (high - low).max(f64::MIN_POSITIVE)).exp())
+}
+
+/// The same in words: also where the curve begins above the target, or ends below it.
+pub fn secs_words(target_db: f64, points: &[[f64; 2]]) -> String {
+    match (secs_at(target_db, points), points.first(), points.last()) {
+        (Some(secs), ..) => digits(secs),
+        (None, Some([secs, db]), _) if *db >= target_db => format!("< {}", digits(*secs)),
+        (None, _, Some([secs, _])) => format!("> {}", digits(*secs)),
+        _ => "—".into(),
+    }
+}
+
+/// Two digits that count, no more than two behind the point.
+pub fn digits(value: f64) -> String {
+    match value {
+        value if value >= 10.0 => format!("{value:.0}"),
+        value if value >= 1.0 => format!("{value:.1}"),
+        value => format!("{value:.2}"),
+    }
+}
+
+/// The exponent e of the power law y ∝ xᵉ that fits points (x, y) best, by least squares of the logarithms; `None` for fewer
+/// than two different x above zero.
+pub fn exponent(points: &[[f64; 2]]) -> Option<f64> {
+    let logs: Vec<[f64; 2]> = points.iter().filter(|p| p[0] > 0.0 && p[1] > 0.0).map(|p| p.map(f64::ln)).collect();
+    let n = logs.len() as f64;
+    let [mean_x, mean_y] = [0, 1].map(|axis| logs.iter().map(|p| p[axis]).sum::<f64>() / n);
+    let products: f64 = logs.iter().map(|p| (p[0] - mean_x) * (p[1] - mean_y)).sum();
+    let squares: f64 = logs.iter().map(|p| (p[0] - mean_x).powi(2)).sum();
+    (squares > 0.0).then(|| products / squares)
+}
+
+/// Least, median and greatest of some repeats.
+pub fn spread(mut values: Vec<f64>) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    [0, values.len() / 2, values.len().saturating_sub(1)].map(|nth| values.get(nth).copied().unwrap_or(f64::NAN))
+}
+
+/// The median, and how far repeats lie apart.
+pub fn spread_words(values: Vec<f64>) -> String {
+    let n = values.len();
+    let [least, median, greatest] = spread(values).map(digits);
+    if n > 1 { format!("{median} ({least}…{greatest})") } else { median }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_target_lies_between_the_points_around_it() {
+        let curve = [[1.0, 20.0], [4.0, 40.0], [16.0, 50.0]];
+        assert!((secs_at(30.0, &curve).expect("between") - 2.0).abs() < 1e-12);
+        assert_eq!([10.0, 30.0, 60.0].map(|db| secs_words(db, &curve)), ["< 1.0", "2.0", "> 16"]);
+        assert_eq!(secs_words(10.0, &[]), "—");
+    }
+
+    #[test]
+    fn a_power_law_has_its_exponent_and_one_point_has_none() {
+        let points: Vec<[f64; 2]> = (1..6).map(|x| [f64::from(x), 3.0 * f64::from(x).powf(1.5)]).collect();
+        assert!((exponent(&points).expect("a line") - 1.5).abs() < 1e-12);
+        assert_eq!(exponent(&points[..1]), None);
+    }
+
+    #[test]
+    fn repeats_are_told_by_their_middle_and_ends() {
+        assert_eq!(spread_words(vec![3.0, 1.0, 2.0]), "2.0 (1.0…3.0)");
+        assert_eq!(spread_words(vec![0.125]), "0.12");
+    }
+}

@@ -1,0 +1,237 @@
+//! Error against bytes and against the time of a product: what every method reaches, and which of them nobody beats.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::Result;
+use clerestory_nystrom::rivals::{Approximation, DMatrix, Method, approximate};
+use clerestory_nystrom::{BlockFactors, BlockLowRank};
+use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
+use clerestory_transport::camera::Film;
+use serde::{Deserialize, Serialize};
+
+use super::desk::{Desk, load_words};
+use super::errors::decibels;
+use super::methods::dense::{CHANNELS, Picture, squared_error};
+use super::methods::{methods, own};
+use super::plot::{Axis, Panel, Scale, Series};
+use super::reference::Sampling;
+use super::targets::coded::{Subject, single_threaded};
+use super::targets::judged;
+
+const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
+const TOLERANCES_DB: [f64; 6] = [20.0, 25.0, 30.0, 35.0, 40.0, 45.0];
+/// Bytes of a number of a rival, whose rounding is not held against it.
+const BYTES: f64 = 2.0;
+/// Times that a product is measured; the shortest counts.
+const TURNS: usize = 5;
+const SEED: u64 = 1;
+const OURS: &str = "ours, packed";
+/// Methods with a color of their own in the plots.
+const NAMED: [&str; 7] = [OURS, "projected", "svd", "alg4:pinv=0.01", "alg4:projection", "kernel", "aca-full"];
+
+/// A method at a rank, or ours at a tolerance.
+#[derive(Clone, Serialize, Deserialize)]
+struct Point {
+    name: String,
+    /// Its rank or tolerance in words.
+    at: String,
+    bytes: f64,
+    millis: f64,
+    db: f64,
+}
+
+/// Costs that are told: title, label, name of the plot, and which it is.
+type Cost = (&'static str, &'static str, &'static str, fn(&Point) -> f64);
+
+const COSTS: [Cost; 2] = [
+    ("bytes", "bytes of the picture's matrix", "fronts-bytes", |point| point.bytes),
+    ("time to relight", "ms per picture", "fronts-time", |point| point.millis),
+];
+
+/// Two plots and the methods that nobody beats.
+///
+/// # Errors
+/// If a matrix cannot be read or sampled, or ours finds no factors.
+pub fn write(desk: &Desk) -> Result<String> {
+    let mut found = Vec::new();
+    for (name, picture) in pictures(desk)? {
+        let points: Vec<Point> = desk.part("fronts", &name, || measured(desk, &name, picture))?;
+        found.push((name, points));
+    }
+    let mut text = format!(
+        "## What nobody beats\n\n\
+         Every method of the section Methods, block by block of 16 × 16 pixels at ranks {}, two bytes for each number that it stores; and ours as a file has\n\
+         it, asked for {} dB, all bytes counted. The error is that of single texels, as in Methods. The time is that of our relighter on one\n\
+         thread with the factors of each method, all lights new, best of {TURNS}; methods whose entries are no product of factors make all entries anew, once. Single precision, seed {SEED}. {}\n",
+        RANKS.map(|rank| rank.to_string()).join(", "),
+        TOLERANCES_DB.map(|db| db.to_string()).join(", "),
+        load_words(),
+    );
+    for (title, label, file, cost) in COSTS {
+        let panels: Vec<Panel> = found.iter().map(|(name, points)| panel(name, label, points, cost)).collect();
+        text += &format!("\n### Error against {title}\n");
+        text += &desk.plot(file, &format!("error of all methods against {title}"), &panels)?;
+        text += &format!(
+            "\nNobody has less error at less of it:\n\n| matrix | method | at | {label} | dB |\n|---|---|---|---|---|\n"
+        );
+        for (name, points) in &found {
+            for point in front(points, cost) {
+                let Point { name: method, at, db, .. } = point;
+                let told = if title == "bytes" { format!("{:.0}", cost(point)) } else { format!("{:.3}", cost(point)) };
+                text += &format!("| {name} | `{method}` | {at} | {told} | {db:.1} |\n");
+            }
+        }
+    }
+    Ok(text)
+}
+
+/// Converged matrices, and one of ours.
+fn pictures(desk: &Desk) -> Result<Vec<(String, Picture)>> {
+    let mut found = Vec::new();
+    for name in ["mixed", "reflect"] {
+        if let Some(path) = desk.shared(&format!("matrices/{name}.npz")).filter(|_| !desk.quick) {
+            found.push((name.to_string(), Picture::shared(&path, "T")?));
+        }
+    }
+    let (film, spp) = desk.choose((Film { width: 32, height: 32 }, 32), (Film { width: 64, height: 48 }, 256));
+    let sampling = Sampling { film, step: 1, bounces: None, spp };
+    let path = desk.root.join("assets/scenes/diffuse.glb");
+    let halves = own::halves(desk, &path, None, (sampling, SEED))?;
+    found.push(("diffuse.glb".into(), own::mean_and_noise(&halves).0));
+    Ok(found)
+}
+
+fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {
+    let (peak, blocks) = (picture.peak(), picture.blocks::<f32>(1));
+    let mut points = Vec::new();
+    for method in methods(desk) {
+        desk.say(&format!("{method} on {name}"));
+        for rank in RANKS {
+            // What has no answer is no point.
+            points.extend(point(method, (&picture, &blocks), rank, peak)?);
+        }
+    }
+    let subject = Subject::new(picture, None);
+    for tolerance in TOLERANCES_DB {
+        desk.say(&format!("ours at {tolerance} dB on {name}"));
+        let coded = subject.coded(Method::Projected, tolerance)?;
+        points.push(Point {
+            name: OURS.into(),
+            at: format!("{tolerance:.0} dB"),
+            bytes: (4 * subject.truth.values.len()) as f64 / coded.ratio,
+            millis: relight_millis(coded.matrix)?,
+            db: judged::decibels(coded.judged.mean_square()),
+        });
+    }
+    Ok(points)
+}
+
+/// A method at a rank; `None` where it has no answer.
+fn point(
+    method: Method,
+    (picture, blocks): (&Picture, &[DMatrix<f32>]),
+    rank: usize,
+    peak: f64,
+) -> Result<Option<Point>> {
+    let mut matrix = BlockLowRank::new(picture.partition(), CHANNELS as u32, picture.n_cols as u32);
+    let (mut n_values, mut squares, mut anew) = (0.0, 0.0, 0.0);
+    for (block, factors) in blocks.iter().zip(&mut matrix.blocks) {
+        let Ok(found) = approximate(method, block, rank, SEED) else { return Ok(None) };
+        n_values += found.n_values() as f64;
+        squares += squared_error(block, &found.to_dense());
+        match found.factors() {
+            Some((left, right)) => *factors = Some(Arc::new(block_factors(left, right))),
+            None => anew += anew_millis(&found),
+        }
+    }
+    let millis = if method.has_factors() { relight_millis(matrix)? } else { anew };
+    let (name, db) = (method.to_string(), decibels(peak, squares / picture.values.len() as f64));
+    Ok(Some(Point { name, at: format!("rank {rank}"), bytes: BYTES * n_values, millis, db }))
+}
+
+fn block_factors(left: &DMatrix<f32>, right: &DMatrix<f32>) -> BlockFactors {
+    // What nalgebra holds column by column is wanted row by row.
+    let [rows, columns] = [left, right].map(|factor| factor.transpose().as_slice().to_vec());
+    BlockFactors::from_f32(&rows, &columns, left.nrows(), right.ncols(), left.ncols())
+}
+
+/// Milliseconds of a picture under new coefficients, on one thread: the shortest of some turns.
+fn relight_millis(matrix: BlockLowRank) -> Result<f64> {
+    let (width, height, n_cols) = (matrix.partition.width, matrix.partition.height, matrix.n_cols as usize);
+    let mut relighter = CpuRelighter::new(&Frame { width, height, groups: vec![matrix] })?;
+    let mut shown = Radiance::default();
+    let mut least = f64::INFINITY;
+    for turn in 0..=TURNS {
+        let coefficients = vec![vec![[1.0 + turn as f32, 2.0, 3.0 + turn as f32]; n_cols]];
+        let secs = single_threaded(|| {
+            let begun = Instant::now();
+            relighter.relight(&coefficients, &mut shown).map(|()| begun.elapsed().as_secs_f64())
+        })??;
+        // The first turn copies factors into streams.
+        least = if turn == 0 { least } else { least.min(1e3 * secs) };
+    }
+    Ok(least)
+}
+
+/// Milliseconds in which all entries of a block are made, and their product with three channels of light.
+fn anew_millis(found: &Approximation<f32>) -> f64 {
+    let begun = Instant::now();
+    let dense = found.to_dense();
+    let light = DMatrix::from_element(dense.ncols(), CHANNELS, 1.0);
+    std::hint::black_box(dense * light);
+    1e3 * begun.elapsed().as_secs_f64()
+}
+
+/// Points than which none has less error at as little cost, the cheapest first; those worse than black are none.
+fn front(points: &[Point], cost: fn(&Point) -> f64) -> Vec<&Point> {
+    let mut sorted: Vec<&Point> = points.iter().filter(|point| point.db > 0.0).collect();
+    sorted.sort_by(|a, b| cost(a).total_cmp(&cost(b)).then(b.db.total_cmp(&a.db)));
+    let mut best = f64::NEG_INFINITY;
+    sorted.retain(|point| {
+        let is_better = point.db > best;
+        best = best.max(point.db);
+        is_better
+    });
+    sorted
+}
+
+fn panel(name: &str, label: &'static str, points: &[Point], cost: fn(&Point) -> f64) -> Panel {
+    let of = |is_named: &dyn Fn(&Point) -> bool| -> Vec<[f64; 2]> {
+        let shown = points.iter().filter(|point| point.db > 0.0 && is_named(point));
+        shown.map(|point| [cost(point), point.db]).collect()
+    };
+    let others = Series {
+        name: "other methods".into(),
+        points: of(&|point| !NAMED.contains(&point.name.as_str())),
+        is_joined: false,
+    };
+    let named =
+        NAMED.map(|named| Series { name: named.into(), points: of(&|point| point.name == named), is_joined: true });
+    Panel {
+        title: name.into(),
+        x: Axis { label, scale: Scale::Log },
+        y: Axis { label: "dB", scale: Scale::Linear },
+        series: named.into_iter().chain([others]).filter(|series| !series.points.is_empty()).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_is_better_than_all_that_is_cheaper_is_in_front() {
+        let point = |bytes: f64, db: f64| Point { name: "m".into(), at: String::new(), bytes, millis: 0.0, db };
+        let points = [
+            point(4.0, 30.0),
+            point(1.0, 10.0),
+            point(2.0, 25.0),
+            point(3.0, 24.0),
+            point(2.0, 20.0),
+            point(0.5, -3.0),
+        ];
+        let kept: Vec<f64> = front(&points, |point| point.bytes).iter().map(|point| point.db).collect();
+        assert_eq!(kept, [10.0, 25.0, 30.0]);
+    }
+}

@@ -1,0 +1,203 @@
+//! Growth: what a bake takes as pictures, lights, triangles, bounces and threads grow.
+
+#[path = "../../../../transport/examples/ray_rates/hall.rs"]
+mod hall;
+mod room;
+mod threads;
+
+use std::ops::ControlFlow;
+use std::process::Command;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, ensure};
+use clerestory::platform::{peak_bytes, resident_bytes};
+use clerestory_transport::bake::{BakeConfig, BakeJob, Passes};
+use clerestory_transport::camera::Film;
+use clerestory_transport::prepared::PreparedScene;
+use serde::{Deserialize, Serialize};
+
+use super::desk::{Desk, load_words};
+use super::fit::{digits, exponent};
+use super::matrix::process_cpu_secs;
+use super::plot::{Axis, Panel, Scale, Series};
+
+/// What is baked where nothing else is said.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+struct Bench {
+    triangles: usize,
+    /// Texels along a side of the panel, whose square is the number of columns.
+    side: u32,
+    /// Width and height in pixels.
+    size: [u32; 2],
+    spp: u32,
+    bounces: Option<u32>,
+}
+
+/// What one bake took.
+#[derive(Serialize, Deserialize)]
+struct Cost {
+    /// What grows.
+    at: f64,
+    prepare_secs: f64,
+    bake_secs: f64,
+    /// Most memory of the process at a time, beyond what it had when the scene was prepared; none where the system does not tell.
+    peak_bytes: Option<f64>,
+    file_bytes: f64,
+}
+
+/// Something that grows: its name, its values, and how it changes the bench.
+type Growth = (&'static str, &'static [u32], fn(&mut Bench, u32) -> f64);
+
+const QUICK: [Growth; 4] = [
+    ("pixels", &[64, 128, 256], pixels),
+    ("columns", &[4, 8, 16], columns),
+    ("triangles", &[1_000, 10_000, 100_000], triangles),
+    ("bounces", &[0, 1, 2, 4], bounces),
+];
+const FULL: [Growth; 4] = [
+    ("pixels", &[292, 576, 1152, 2304, 3264], pixels),
+    ("columns", &[4, 8, 16, 32, 64], columns),
+    ("triangles", &[1_000, 10_000, 100_000, 1_000_000, 5_000_000], triangles),
+    ("bounces", &[0, 1, 2, 4, 8, 16], bounces),
+];
+
+fn pixels(bench: &mut Bench, width: u32) -> f64 {
+    (bench.size, bench.side, bench.spp) = ([width, width * 3 / 4], 4, 2);
+    f64::from(bench.size[0]) * f64::from(bench.size[1])
+}
+
+fn columns(bench: &mut Bench, side: u32) -> f64 {
+    bench.side = side;
+    f64::from(side * side)
+}
+
+fn triangles(bench: &mut Bench, n: u32) -> f64 {
+    bench.triangles = n as usize;
+    f64::from(n)
+}
+
+fn bounces(bench: &mut Bench, n: u32) -> f64 {
+    bench.bounces = Some(n);
+    f64::from(n)
+}
+
+/// Lets one thing after the other grow.
+///
+/// # Errors
+/// If a bake fails, or this system does not tell the CPU time of a process.
+pub fn write(desk: &Desk) -> Result<String> {
+    let size = desk.choose([64, 48], [128, 96]);
+    let bench = Bench { triangles: 100_000, side: 8, size, spp: desk.choose(4, 8), bounces: None };
+    let (mut rows, mut panels) = (String::new(), Vec::new());
+    for (what, values, set) in desk.choose(QUICK, FULL) {
+        let mut costs = Vec::new();
+        for &value in values {
+            costs.push(desk.part("growth", &format!("{what}-{value}"), || {
+                desk.say(&format!("baking with {what} set by {value}"));
+                let mut bench = bench;
+                let at = set(&mut bench, value);
+                Ok(Cost { at, ..in_own_process(bench)? })
+            })?);
+        }
+        rows += &table_rows(what, &costs);
+        panels.push(panel(what, &costs));
+    }
+    let mut text = format!(
+        "## Growth\n\n\
+         A generated hall of {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
+         paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples). CPU seconds of preparing the scene (hierarchy, lights) and\n\
+         of the bake, each in a process of its own; memory is the most that it had beyond the prepared scene; bytes are those of the file. The exponent e of the\n\
+         power law y ∝ xᵉ is fitted by least squares of the logarithms. Seed 1, one run of each. {}\n",
+        bench.triangles,
+        size[0],
+        size[1],
+        bench.spp,
+        load_words(),
+    );
+    text += &desk.plot("growth", "CPU seconds of a bake as pixels, columns, triangles and bounces grow", &panels)?;
+    text += &format!(
+        "\n| what grows | | preparing, CPU s | bake, CPU s | memory, MB | file, kB |\n|---|---|---|---|---|---|\n{rows}"
+    );
+    text += &threads::write(desk)?;
+    Ok(text)
+}
+
+/// What the report is asked in the process that bakes one bench: its memory and its time are those of this bake alone.
+pub const ONE: &str = "--grow";
+
+fn in_own_process(bench: Bench) -> Result<Cost> {
+    let told = Command::new(std::env::current_exe()?).arg(ONE).arg(serde_json::to_string(&bench)?).output()?;
+    ensure!(told.status.success(), "a bake failed: {}", String::from_utf8_lossy(&told.stderr));
+    serde_json::from_slice(&told.stdout).context("a bake of its own process told no JSON")
+}
+
+/// Bakes the bench that is described, and describes what it took.
+///
+/// # Errors
+/// If the bake fails, or this system does not tell the CPU time of a process.
+pub fn one(bench: &str) -> Result<String> {
+    let bench: Bench = serde_json::from_str(bench).context("no description of a bake")?;
+    let begun = process_cpu_secs()?;
+    let scene = room::prepared(bench.triangles, bench.side)?;
+    let prepared = process_cpu_secs()?;
+    let before = resident_bytes().filter(|_| forget_peak());
+    let job = job(&scene, bench);
+    let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
+    let bake_secs = process_cpu_secs()? - prepared;
+    let peak_bytes = peak_bytes().zip(before).map(|(peak, before)| peak.saturating_sub(before) as f64);
+    let file_bytes = bake.figures().file_bytes.context("a finished bake is packed")? as f64;
+    let cost = Cost { at: 0.0, prepare_secs: prepared - begun, bake_secs, peak_bytes, file_bytes };
+    Ok(serde_json::to_string(&cost)?)
+}
+
+fn job(scene: &Arc<PreparedScene>, bench: Bench) -> BakeJob {
+    let config = BakeConfig { spp: bench.spp, bounces: bench.bounces, seed: 1, ..BakeConfig::default() };
+    let [width, height] = bench.size;
+    let (scene, camera, film) = (scene.clone(), scene.scene.cameras[0].clone(), Film { width, height });
+    BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() }
+}
+
+/// Asks Linux to count the most memory from now on; whether it does.
+fn forget_peak() -> bool {
+    std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}
+
+fn table_rows(what: &str, costs: &[Cost]) -> String {
+    let row = |cost: &Cost| {
+        let memory = cost.peak_bytes.map_or("—".into(), |bytes| format!("{:.1}", bytes / 1e6));
+        format!(
+            "| {what} | {:.0} | {} | {} | {memory} | {:.1} |\n",
+            cost.at,
+            digits(cost.prepare_secs),
+            digits(cost.bake_secs),
+            cost.file_bytes / 1e3,
+        )
+    };
+    let fitted = |of: &dyn Fn(&Cost) -> f64| {
+        let points: Vec<[f64; 2]> = costs.iter().map(|cost| [cost.at, of(cost)]).collect();
+        exponent(&points).map_or("—".into(), |e| format!("{e:.2}"))
+    };
+    let rows: String = costs.iter().map(row).collect();
+    rows + &format!(
+        "| **{what}, exponent** | | {} | {} | {} | {} |\n",
+        fitted(&|cost| cost.prepare_secs),
+        fitted(&|cost| cost.bake_secs),
+        fitted(&|cost| cost.peak_bytes.unwrap_or(0.0)),
+        fitted(&|cost| cost.file_bytes),
+    )
+}
+
+fn panel(what: &'static str, costs: &[Cost]) -> Panel {
+    let series = |name: &str, of: &dyn Fn(&Cost) -> f64| Series {
+        name: name.into(),
+        points: costs.iter().map(|cost| [cost.at, of(cost)]).collect(),
+        is_joined: true,
+    };
+    let scale = if what == "bounces" { Scale::Linear } else { Scale::Log };
+    Panel {
+        title: what.into(),
+        x: Axis { label: what, scale },
+        y: Axis { label: "CPU seconds", scale: Scale::Log },
+        series: vec![series("preparing", &|cost| cost.prepare_secs), series("bake", &|cost| cost.bake_secs)],
+    }
+}

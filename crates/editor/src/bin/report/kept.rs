@@ -1,0 +1,145 @@
+//! What the report keeps between runs, outside the repository: references, which are made once and are the same for everybody, and what
+//! was measured of a section that was interrupted.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use flate2::Crc;
+use serde::{Serialize, de::DeserializeOwned};
+
+/// Environment variable with another folder; without it a folder of the user's cache.
+const FOLDER_VARIABLE: &str = "CLERESTORY_REPORT_CACHE";
+
+/// A folder outside the repository.
+pub struct Kept {
+    folder: PathBuf,
+}
+
+impl Kept {
+    /// The folder of the user who runs the report.
+    ///
+    /// # Errors
+    /// If the system has no place for one.
+    pub fn of_user() -> Result<Kept> {
+        let named = std::env::var_os(FOLDER_VARIABLE).filter(|value| !value.is_empty()).map(PathBuf::from);
+        let folder = named.or_else(|| Some(dirs::cache_dir()?.join("clerestory").join("report")));
+        let folder = folder.with_context(|| format!("no cache folder; name one in {FOLDER_VARIABLE}"))?;
+        Ok(Kept { folder })
+    }
+
+    /// Numbers that a key names in full; made if they are not there, or are not what was written.
+    ///
+    /// # Errors
+    /// If they cannot be made or written.
+    pub fn numbers(&self, key: &str, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<Vec<f32>> {
+        let path = self.folder.join("references").join(format!("{:08x}-{:08x}.bin", crc(key.as_bytes()), key.len()));
+        if let Some(values) = read(&path, key) {
+            return Ok(values);
+        }
+        let values = make()?;
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        let mut file = Vec::with_capacity(bytes.len() + key.len() + 8);
+        file.extend((key.len() as u32).to_le_bytes());
+        file.extend(key.as_bytes());
+        file.extend(crc(&bytes).to_le_bytes());
+        file.extend(bytes);
+        put(&path, &file)?;
+        Ok(values)
+    }
+
+    /// What was measured of a part of a section, by this very program: as it is written down from an interrupted run, else
+    /// measured now.
+    ///
+    /// # Errors
+    /// If it cannot be measured or written.
+    pub fn part<T: Serialize + DeserializeOwned>(
+        &self,
+        section: &str,
+        part: &str,
+        measure: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        let path = self.parts(section)?.join(format!("{part}.json"));
+        if let Some(value) = fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()) {
+            return Ok(value);
+        }
+        let value = measure()?;
+        put(&path, &serde_json::to_vec(&value)?)?;
+        Ok(value)
+    }
+
+    /// Forgets the parts of a section that is finished: the next run measures again.
+    ///
+    /// # Errors
+    /// If they cannot be removed.
+    pub fn finish(&self, section: &str) -> Result<()> {
+        let folder = self.parts(section)?;
+        if folder.exists() {
+            fs::remove_dir_all(&folder).with_context(|| format!("cannot remove {}", folder.display()))?;
+        }
+        Ok(())
+    }
+
+    /// Parts of another program are none of this one: they lie apart.
+    fn parts(&self, section: &str) -> Result<PathBuf> {
+        let program = fs::read(std::env::current_exe()?).context("cannot read this program")?;
+        Ok(self.folder.join("parts").join(format!("{section}-{:08x}", crc(&program))))
+    }
+}
+
+/// The values of a file, if it is of that key and as it was written.
+fn read(path: &Path, key: &str) -> Option<Vec<f32>> {
+    let file = fs::read(path).ok()?;
+    let (length, rest) = file.split_first_chunk::<4>()?;
+    let (own_key, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    let (hash, bytes) = rest.split_first_chunk::<4>()?;
+    let is_whole = own_key == key.as_bytes() && u32::from_le_bytes(*hash) == crc(bytes);
+    is_whole.then(|| bytes.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect())
+}
+
+/// Writes a file so that it is there whole or not at all.
+fn put(path: &Path, bytes: &[u8]) -> Result<()> {
+    let folder = path.parent().context("a file lies in a folder")?;
+    fs::create_dir_all(folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
+    clerestory::output::write_whole(path, bytes)
+}
+
+fn crc(bytes: &[u8]) -> u32 {
+    let mut crc = Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn kept(name: &str) -> Kept {
+        let folder = std::env::temp_dir().join(format!("clerestory-kept-{name}-{}", std::process::id()));
+        Kept { folder }
+    }
+
+    #[test]
+    fn numbers_are_made_once_and_again_where_they_were_damaged() {
+        let kept = kept("numbers");
+        let made = || kept.numbers("a scene", || Ok(vec![1.0, 2.5]));
+        assert_eq!(made().unwrap(), [1.0, 2.5]);
+        assert_eq!(kept.numbers("a scene", || panic!("it is there")).unwrap(), [1.0, 2.5]);
+        let path = fs::read_dir(kept.folder.join("references")).unwrap().next().unwrap().unwrap().path();
+        let mut bytes = fs::read(&path).unwrap();
+        *bytes.last_mut().unwrap() ^= 1;
+        fs::write(&path, bytes).unwrap();
+        assert_eq!(kept.numbers("a scene", || Ok(vec![3.0])).unwrap(), [3.0]);
+        fs::remove_dir_all(&kept.folder).unwrap();
+    }
+
+    #[test]
+    fn a_part_is_measured_once_until_its_section_is_finished() {
+        let kept = kept("parts");
+        assert_eq!(kept.part("time", "gallery", || Ok(7)).unwrap(), 7);
+        assert_eq!(kept.part("time", "gallery", || Ok(8)).unwrap(), 7);
+        kept.finish("time").unwrap();
+        assert_eq!(kept.part("time", "gallery", || Ok(8)).unwrap(), 8);
+        fs::remove_dir_all(&kept.folder).unwrap();
+    }
+}

@@ -1,0 +1,66 @@
+//! PSNR against the number of rows and columns that a method may choose.
+
+use anyhow::Result;
+
+use super::lights::psnr_db;
+use super::{METHODS, SCENES, SEED, approximated, sampling};
+use crate::desk::Desk;
+use crate::errors::decibels;
+use crate::methods::own;
+use crate::plot::{Axis, Panel, Scale, Series};
+
+const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
+
+/// A plot by scene, and a table.
+///
+/// # Errors
+/// If a scene cannot be sampled.
+pub(super) fn write(desk: &Desk) -> Result<String> {
+    let spp = desk.choose(32, 256);
+    let (mut panels, mut rows) = (Vec::new(), String::new());
+    for name in &SCENES[..desk.choose(1, 4)] {
+        let (noise_db, curves): (f64, Vec<Vec<Option<f64>>>) =
+            desk.part("paper", &format!("columns-{name}"), || {
+                let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+                let halves = own::halves(desk, &path, None, (sampling(desk, spp), SEED))?;
+                let (picture, noise) = own::mean_and_noise(&halves);
+                let blocks = picture.blocks::<f32>(1);
+                let curve = |method| {
+                    desk.say(&format!("{method} on {name}"));
+                    let psnr =
+                        |&rank: &usize| Some(psnr_db(&picture, &approximated(&picture, &blocks, method, rank).ok()?.0));
+                    RANKS.iter().map(psnr).collect()
+                };
+                Ok((decibels(picture.peak(), noise), METHODS.map(curve).into()))
+            })?;
+        for (method, curve) in METHODS.iter().zip(&curves) {
+            let words: Vec<String> =
+                curve.iter().map(|db| db.map_or("singular".into(), |db| format!("{db:.1}"))).collect();
+            rows += &format!("| {name} | `{method}` | {} |\n", words.join(" | "));
+        }
+        let series = METHODS.iter().zip(&curves).map(|(method, curve)| Series {
+            name: method.to_string(),
+            points: RANKS.iter().zip(curve).filter_map(|(&rank, db)| Some([rank as f64, (*db)?])).collect(),
+            is_joined: true,
+        });
+        panels.push(Panel {
+            title: format!("{name} (texels {noise_db:.0} dB above noise)"),
+            x: Axis { label: "columns per block", scale: Scale::Log },
+            y: Axis { label: "PSNR, dB", scale: Scale::Linear },
+            series: series.collect(),
+        });
+    }
+    let film = sampling(desk, spp).film;
+    Ok(format!(
+        "\n### Columns\n\n\
+         PSNR in dB against the full matrix, {} × {} pixels × 256 texels of {} samples per pixel, in blocks of 16 × 16 pixels; as many rows as\n\
+         columns, or components of `svd` and of ours (`{}`).\n{}\n| scene | method | {} |\n|---|---|{}\n{rows}",
+        film.width,
+        film.height,
+        2 * spp,
+        METHODS[6],
+        desk.plot("paper-columns", "PSNR against the number of columns, by scene", &panels)?,
+        RANKS.map(|rank| rank.to_string()).join(" | "),
+        "---|".repeat(RANKS.len()),
+    ))
+}

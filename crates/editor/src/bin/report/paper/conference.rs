@@ -1,0 +1,122 @@
+//! A room of twenty lights: how long a relit frame takes, and how it looks beside the full matrix.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clerestory::compare::compare;
+use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::light::{LightRig, LightSetting};
+use clerestory_transport::prepared::PreparedScene;
+
+use super::SEED;
+use crate::desk::Desk;
+use crate::fit::spread_words;
+use crate::methods::dense::Picture;
+use crate::prints::{difference, jpeg, thinned};
+use crate::reference::uncompressed;
+
+const FRAMES: usize = 25;
+const AMPLIFIED: f32 = 10.0;
+
+/// A sentence, a table and a sheet of pictures.
+///
+/// # Errors
+/// If the scene cannot be baked, or a device fails.
+pub(super) fn write(desk: &Desk) -> Result<String> {
+    let Some(path) = desk.shared("scenes/conference.glb") else { return Ok(String::new()) };
+    let (film, spp) = desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 16));
+    desk.say("baking the conference room");
+    let scene = import::load(&path).with_context(|| format!("cannot load {}", path.display()))?.scene;
+    let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
+    let camera = scene.scene.cameras[0].clone();
+    let config = BakeConfig { spp, tolerance_db: 80.0, seed: SEED, ..BakeConfig::default() };
+    let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+    let header = job.header()?;
+    let bake = job.clone().run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
+    let frame = Frame { width: film.width, height: film.height, groups: bake.groups.clone() };
+
+    desk.say("sampling its full matrix");
+    let pixels: Vec<u32> = (0..film.n_pixels() as u32).collect();
+    let (width, height) = (film.width as usize, film.height as usize);
+    let n_cols = header.basis.n_cols();
+    let dense = Picture { width, height, n_cols, values: uncompressed(&job, &header, &pixels) };
+
+    let rigs: Vec<LightRig> = (0..FRAMES).map(|nth| rig(&scene, nth)).collect();
+    let (mut rows, mut shown, mut full) = (String::new(), Radiance::default(), Radiance::default());
+    let mut times =
+        vec![("ours on the CPU".to_string(), Vec::new()), ("full matrix on the CPU".to_string(), Vec::new())];
+    let mut cpu = CpuRelighter::new(&frame)?;
+    let mut psnr = 0.0;
+    for rig in &rigs {
+        times[0].1.push(millis(|| Ok(cpu.relight(&bake.header.coefficients(rig), &mut shown)?))?);
+        let light = scene.lighting.basis.project(rig);
+        times[1].1.push(millis(|| {
+            full = dense.relit(&light);
+            Ok(())
+        })?);
+        psnr += compare(&shown, &full)?.psnr_db.unwrap_or(f64::INFINITY) / FRAMES as f64;
+    }
+    for gpu in &Gpu::all_headless(DeviceChoice::Any) {
+        let secs = on_device(gpu, &frame, &bake, &rigs)?;
+        times.push((format!("ours on {}", gpu.description()), secs));
+    }
+    for (what, millis) in times {
+        rows += &format!("| {what} | {} |\n", spread_words(millis));
+    }
+    let apart = difference(&shown, &full, AMPLIFIED);
+    let pictures = [("full matrix", full), ("ours", shown), ("difference, ten times", apart)];
+    let small = pictures.map(|(name, picture)| (name, thinned(&picture, desk.choose(1, 4))));
+    Ok(format!(
+        "\n### A room of twenty lights\n\n\
+         `conference`, {n_cols} columns, {} × {} pixels, {spp} samples of each; all lights change their strength and color in each of {FRAMES} frames. Milliseconds by the\n\
+         clock, median (least…greatest). Both matrices are of the same samples; the mean PSNR of the frames against the full matrix ({:.0} MB; ours: {:.1} MB in\n\
+         memory) is {psnr:.1} dB.\n\n| what | ms per frame |\n|---|---|\n{rows}{}",
+        film.width,
+        film.height,
+        (4 * dense.values.len()) as f64 / 1e6,
+        bake.figures().bytes as f64 / 1e6,
+        desk.show(
+            "paper-conference.jpg",
+            "the conference room: full matrix, ours, ten times the difference",
+            &jpeg(&small)?
+        )?,
+    ))
+}
+
+/// All lights other than before.
+fn rig(scene: &PreparedScene, nth: usize) -> LightRig {
+    let share = |light: usize, step: f64| ((nth + 1) as f64 * (light + 1) as f64 * step).fract() as f32;
+    let mut rig = LightRig::default();
+    for (light, source) in scene.lighting.basis.sources.iter().enumerate() {
+        let color = [0.618_033_989, 0.754_877_666, 0.569_840_291].map(|step| 0.3 + 0.7 * share(light, step));
+        let setting = LightSetting {
+            intensity: 2.0 * share(light, 0.414_213_562),
+            color: Some(color),
+            ..LightSetting::default()
+        };
+        rig.set(&source.key, setting);
+    }
+    rig
+}
+
+fn millis(work: impl FnOnce() -> Result<()>) -> Result<f64> {
+    let begun = Instant::now();
+    work()?;
+    Ok(1e3 * begun.elapsed().as_secs_f64())
+}
+
+fn on_device(gpu: &Gpu, frame: &Frame, bake: &Bake, rigs: &[LightRig]) -> Result<Vec<f64>> {
+    let (mut relighter, display) = (GpuRelighter::new(gpu, frame)?, clerestory_relight::DisplayParams::default());
+    let time = |rig: &LightRig| {
+        millis(|| {
+            relighter.relight_to_texture(&bake.header.coefficients(rig), &display)?;
+            Ok(gpu.wait()?)
+        })
+    };
+    rigs.iter().map(time).collect()
+}

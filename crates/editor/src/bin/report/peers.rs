@@ -1,0 +1,119 @@
+//! Other renderers beside ours on the same files, where a Python that has them is at hand.
+
+use std::ops::ControlFlow;
+use std::process::Command;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use clerestory::compare::{compare, read_exr};
+use clerestory_relight::Radiance;
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::camera::Film;
+use clerestory_transport::import;
+use clerestory_transport::light::LightRig;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::trace::{TraceConfig, trace};
+use serde_json::Value;
+
+use super::desk::{Desk, load_words, number};
+use super::fit::digits;
+use super::matrix::{BOUNCES, baked, process_cpu_secs};
+use super::skips::picture;
+
+/// Environment variable with the Python that has the renderers.
+const PYTHON_VARIABLE: &str = "CLERESTORY_PYTHON";
+/// Files whose surfaces are all diffuse, so that everybody means the same.
+const SCENES: [&str; 3] = ["cornell-diffuse", "bench-conf64", "bench-sponza20"];
+const SEED: u64 = 1;
+
+/// Rows of all renderers that are installed, and of ours.
+///
+/// # Errors
+/// If a scene cannot be rendered, or a renderer that is installed fails.
+pub fn write(desk: &Desk) -> Result<String> {
+    let film = desk.choose(Film { width: 64, height: 48 }, Film { width: 256, height: 192 });
+    let (samples, converged): (&[u32], u32) = desk.choose((&[4], 64), (&[16, 64], 2048));
+    let (mut rows, mut found) = (String::new(), Vec::new());
+    for name in &SCENES[..desk.choose(1, SCENES.len())] {
+        let Some(path) = desk.shared(&format!("references/{name}.glb")) else { continue };
+        let (of_scene, renderers): (String, Vec<String>) = desk.part("peers", name, || {
+            let scene = import::load(&path).with_context(|| format!("cannot load {}", path.display()))?.scene;
+            let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
+            desk.say(&format!("a converged picture of {name}"));
+            let reference = traced(&scene, film, converged, SEED + 1)?;
+            let (mut rows, mut renderers) = (String::new(), Vec::new());
+            let mut add = |who: &str, samples: u32, secs: f64, picture: &Radiance| -> Result<()> {
+                let db = compare(picture, &reference)?.psnr_db.map_or("the same".into(), |db| format!("{db:.1}"));
+                rows += &format!("| {name} | {who} | {samples} | {} | {db} |\n", digits(secs));
+                Ok(())
+            };
+            for &samples in samples {
+                desk.say(&format!("{name} with {samples} samples per pixel by everybody"));
+                for told in others(desk, &path.display().to_string(), film, samples)? {
+                    let who = format!("{} {}", words(&told, "renderer"), words(&told, "version"));
+                    add(&who, samples, number(&told, "/cpu_secs"), &read_exr(words(&told, "picture").as_ref())?)?;
+                    renderers.push(who);
+                }
+                let begun = process_cpu_secs()?;
+                let plain = traced(&scene, film, samples, SEED)?;
+                add("ours, one look", samples, process_cpu_secs()? - begun, &plain)?;
+                let config = BakeConfig {
+                    spp: samples,
+                    tolerance_db: 80.0,
+                    bounces: BOUNCES,
+                    seed: SEED,
+                    ..BakeConfig::default()
+                };
+                let (secs, bake) = baked(&scene, film, config)?;
+                let pixels = picture(&bake).as_chunks::<3>().0.to_vec();
+                let relit = Radiance { width: film.width, height: film.height, pixels };
+                let columns = scene.lighting.basis.n_cols();
+                add(&format!("ours, all columns ({columns}), relit"), samples, secs, &relit)?;
+            }
+            Ok((rows, renderers))
+        })?;
+        rows += &of_scene;
+        found.extend(renderers);
+    }
+    let missing = match found.is_empty() {
+        true => format!(
+            " No other renderer was at hand: install `bpy` or `mitsuba` and name that Python in {PYTHON_VARIABLE}."
+        ),
+        false => String::new(),
+    };
+    Ok(format!(
+        "## Other renderers\n\n\
+         The same file in `scripts/peers.py`: one picture of {} × {} pixels under all lights, {:?} bounces, CPU seconds of rendering alone, and PSNR against a picture that\n\
+         ours traced with {converged} samples per pixel, exposed to four times its median luminance and clipped at white. Each in turn.{missing} {}\n\n\
+         | scene | renderer | samples per pixel | CPU s | PSNR, dB |\n|---|---|---|---|---|\n{rows}",
+        film.width,
+        film.height,
+        BOUNCES.unwrap_or(0),
+        load_words(),
+    ))
+}
+
+/// What the script prints; nothing without a Python.
+fn others(desk: &Desk, scene: &str, film: Film, samples: u32) -> Result<Vec<Value>> {
+    let python = std::env::var(PYTHON_VARIABLE).unwrap_or_else(|_| "python3".into());
+    let mut script = Command::new(python);
+    script.arg(desk.root.join("scripts/peers.py")).arg(scene);
+    script.args(["--size", &format!("{}x{}", film.width, film.height), "--samples", &samples.to_string()]);
+    script.args(["--bounces", &BOUNCES.unwrap_or(0).to_string(), "--out", &desk.file("")]);
+    let Ok(told) = script.output() else { return Ok(Vec::new()) };
+    if !told.status.success() {
+        bail!("scripts/peers.py failed: {}", String::from_utf8_lossy(&told.stderr));
+    }
+    serde_json::from_slice(&told.stdout).context("scripts/peers.py printed no JSON")
+}
+
+fn words(told: &Value, name: &str) -> String {
+    told[name].as_str().unwrap_or("unknown").into()
+}
+
+fn traced(scene: &PreparedScene, film: Film, spp: u32, seed: u64) -> Result<Radiance> {
+    let light = scene.lighting.basis.project(&LightRig::default());
+    let (config, go_on) = (TraceConfig { spp, bounces: BOUNCES, seed }, |_: f32| ControlFlow::Continue(()));
+    let pixels = trace(scene, &scene.scene.cameras[0], film, &light, &config, &go_on);
+    Ok(Radiance { width: film.width, height: film.height, pixels: pixels.context("nobody stops a render")? })
+}

@@ -1,0 +1,214 @@
+//! Error against time: ours, the matrix without compression, a render per light, a render per look; and the first seconds.
+
+mod runs;
+mod seconds;
+
+use anyhow::{Context, Result};
+use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::SkyRequest;
+use clerestory_transport::import::{self, load_sky};
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sky::{SkyForm, SkyLight};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::desk::{Desk, load_words};
+use super::fit::{digits, secs_at, secs_words};
+use super::plot::{Axis, Panel, Scale, Series};
+
+/// Errors that times are told for, in dB.
+const TARGETS_DB: [f64; 2] = [30.0, 35.0];
+
+/// A scene that is measured.
+pub(super) struct Subject {
+    pub(super) name: &'static str,
+    path: PathBuf,
+    sky: Option<PathBuf>,
+    pub(super) film: Film,
+    /// Of its pixels across and down, every so manyth is compared.
+    pub(super) step: u32,
+}
+
+/// Ways to an answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Way {
+    Fast,
+    Exact,
+    Dense,
+    Renders,
+    Plain,
+}
+
+impl Way {
+    const ALL: [Way; 5] = [Way::Fast, Way::Exact, Way::Dense, Way::Renders, Way::Plain];
+
+    fn name(self) -> &'static str {
+        match self {
+            Way::Fast => "ours, indirect light shared",
+            Way::Exact => "ours, indirect light traced",
+            Way::Dense => "matrix, not compressed",
+            Way::Renders => "a render per light",
+            Way::Plain => "a render of one look",
+        }
+    }
+}
+
+/// What a way has reached after some time.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Point {
+    pub(super) way: Way,
+    pub(super) cpu_secs: f64,
+    /// Errors in dB: of single lights (median over columns), of spots on a panel, of all lights as in the file.
+    pub(super) db: [Option<f64>; 3],
+}
+
+const CLASSES: [&str; 3] = ["single lights", "spots on a panel", "all lights of the file"];
+
+/// One scene's measurements.
+#[derive(Serialize, Deserialize)]
+struct Measured {
+    n_cols: usize,
+    points: Vec<Point>,
+}
+
+impl Measured {
+    /// (CPU seconds, dB) of a way and a class of light.
+    fn curve(&self, way: Way, class: usize) -> Vec<[f64; 2]> {
+        let of_way = self.points.iter().filter(|point| point.way == way);
+        of_way.filter_map(|point| Some([point.cpu_secs, point.db[class]?])).collect()
+    }
+}
+
+/// Measures every scene that is at hand.
+///
+/// # Errors
+/// If a scene cannot be loaded or baked, or this system does not tell the CPU time of a process.
+pub fn write(desk: &Desk) -> Result<String> {
+    let mut scenes = Vec::new();
+    for subject in subjects(desk) {
+        let measured = desk.part("time", subject.name, || {
+            let scene = prepared(&subject)?;
+            let points = runs::measure(desk, &subject, &scene)?;
+            Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points })
+        })?;
+        scenes.push((subject, measured));
+    }
+    let mut text = format!(
+        "## Error against time\n\n\
+         CPU seconds (user and system), without loading the scene and building its hierarchy, against the error in dB: ours with growing\n\
+         numbers of samples, from the preview on; the same samples without compression; a path-traced render per light, all of them; and one\n\
+         render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
+         references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile; nothing is\n\
+         clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
+         columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seeds 1 to 3; the references have their own. {}\n",
+        runs::reference_spp(desk),
+        load_words(),
+    );
+    for (class, what, file) in [(0, "Single lights", "time-single"), (2, "All lights of the file", "time-full")] {
+        let panels: Vec<Panel> = scenes.iter().map(|(subject, measured)| panel(subject, measured, class)).collect();
+        text += &format!("\n### {what}\n");
+        text += &desk.plot(file, &format!("{what}: error against CPU time, by scene"), &panels)?;
+        text += &table(&scenes, class);
+    }
+    text += &format!("\n### {}\n\n{}", "Spots on a panel", table(&scenes, 1).trim_start());
+    text += &pays(&scenes);
+    text += &seconds::write(desk)?;
+    Ok(text)
+}
+
+/// The scenes of the method's evaluation, then real ones where they are at hand.
+fn subjects(desk: &Desk) -> Vec<Subject> {
+    let own: &[&str] = desk.choose(&["diffuse"], &["gallery", "diffuse", "reflections", "caustics", "mixed"]);
+    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 256, height: 192 }, 2));
+    let own = own.iter().map(|name| {
+        let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+        Subject { name, path, sky: None, film, step }
+    });
+    let real: &[(&str, &str, Option<&str>)] = &[
+        ("conference", "scenes/conference.glb", None),
+        ("staircase2", "scenes/bitterli-staircase2.glb", None),
+        ("living-room", "scenes/bitterli-living-room.glb", Some("env/bitterli-living-room-sky19.exr")),
+    ];
+    let (film, step) = desk.choose((Film { width: 96, height: 72 }, 1), (Film { width: 512, height: 384 }, 4));
+    let real = real[..desk.choose(1, real.len())].iter().filter_map(|(name, path, sky)| {
+        let sky = sky.map(|sky| desk.shared(sky));
+        Some(Subject { name, path: desk.shared(path)?, sky: sky.map_or(Some(None), |sky| sky.map(Some))?, film, step })
+    });
+    own.chain(real).collect()
+}
+
+/// Loads a scene and makes it ready for rays.
+pub(super) fn prepared(subject: &Subject) -> Result<Arc<PreparedScene>> {
+    let path = &subject.path;
+    let scene = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?.scene;
+    let sky = match &subject.sky {
+        None => None,
+        Some(path) => {
+            let map = load_sky(path).with_context(|| format!("cannot load the sky {}", path.display()))?.0;
+            Some(SkyRequest { light: SkyLight::new(subject.name, map), form: SkyForm::Patches(1) })
+        }
+    };
+    Ok(Arc::new(PreparedScene::with_sky(scene, &[], sky.as_ref())?.0))
+}
+
+fn panel(subject: &Subject, measured: &Measured, class: usize) -> Panel {
+    let curve = |way: Way| Series { name: way.name().into(), points: measured.curve(way, class), is_joined: true };
+    Panel {
+        title: format!("{} ({} columns)", subject.name, measured.n_cols),
+        x: Axis { label: "CPU seconds", scale: Scale::Log },
+        y: Axis { label: "dB", scale: Scale::Linear },
+        series: Way::ALL.into_iter().map(curve).filter(|series| !series.points.is_empty()).collect(),
+    }
+}
+
+/// CPU seconds to the targets, the least in bold.
+fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
+    let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
+    let mut text = format!(
+        "\nCPU seconds to an error of {}, between measured points; the least of each row in bold.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
+        CLASSES[class],
+        ways.join(" | "),
+        "---|".repeat(ways.len()),
+    );
+    for (subject, measured) in scenes {
+        let curves = Way::ALL.map(|way| measured.curve(way, class));
+        if curves.iter().all(Vec::is_empty) {
+            continue;
+        }
+        for target in TARGETS_DB {
+            let secs = curves.each_ref().map(|curve| secs_at(target, curve));
+            let least = secs.iter().flatten().copied().fold(f64::INFINITY, f64::min);
+            let cell = |nth: usize| match secs[nth] {
+                Some(found) if found <= least => format!("**{}**", digits(found)),
+                _ => secs_words(target, &curves[nth]),
+            };
+            let cells: Vec<String> = (0..curves.len()).map(cell).collect();
+            let Film { width, height } = subject.film;
+            text += &format!("| {} | {width}×{height} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
+        }
+    }
+    text
+}
+
+/// After how many changes of light a bake has cost less than a render for each.
+fn pays(scenes: &[(Subject, Measured)]) -> String {
+    let mut text = String::from(
+        "\n### Where a bake pays for itself\n\n\
+         Looks of all lights after which the bake has cost less CPU time than a render of each at the same error; relighting itself takes\n\
+         milliseconds (see Relighting) and is not counted. \"—\": one of the two did not reach the error in the time that was measured.\n\n\
+         | scene | dB | ours, indirect light shared | ours, indirect light traced | matrix, not compressed | a render per light |\n|---|---|---|---|---|---|\n",
+    );
+    for (subject, measured) in scenes {
+        for target in TARGETS_DB {
+            let secs = |way: Way| secs_at(target, &measured.curve(way, 2));
+            let looks = |way: Way| match (secs(way), secs(Way::Plain)) {
+                (Some(bake), Some(plain)) => format!("{:.0}", (bake / plain).ceil()),
+                _ => "—".into(),
+            };
+            let cells = [Way::Fast, Way::Exact, Way::Dense, Way::Renders].map(looks);
+            text += &format!("| {} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
+        }
+    }
+    text
+}

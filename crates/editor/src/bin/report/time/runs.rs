@@ -1,0 +1,191 @@
+//! Each way measured with growing numbers of samples, in turn.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use clerestory_nystrom::BlockLowRank;
+use clerestory_transport::bake::{BakeConfig, BakeHeader, BakeJob, Indirect, Passes};
+use clerestory_transport::basis::{LightBasis, SourceKind};
+use clerestory_transport::light::{LightRig, PanelSpot};
+use clerestory_transport::matrix::CHANNELS;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::trace::{TraceConfig, trace};
+
+use super::{Point, Subject, Way};
+use crate::desk::Desk;
+use crate::matrix::{baked, process_cpu_secs};
+use crate::reference::{Reference, Sampling, uncompressed};
+use crate::under_way::{ends_a_pass, run_until};
+
+/// Samples per pixel that are tried, as far as they do not take too long.
+const SPP: [u32; 5] = [1, 4, 16, 64, 256];
+/// Most samples of pixels of one bake and of all renders of one point: in a hurry, and else.
+const MOST_BAKED: [f64; 2] = [5e4, 3.2e6];
+const MOST_TRACED: [f64; 2] = [4e5, 2.5e7];
+/// Middles of the spots on a panel, and their radius in its shorter sides.
+const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
+const SPOT_RADIUS: f32 = 0.15;
+const SEED: u64 = 1;
+
+/// Samples per pixel of each half of a reference.
+pub(super) fn reference_spp(desk: &Desk) -> u32 {
+    desk.choose(16, 96)
+}
+
+/// What the answers are held against, and under which lights.
+pub(super) struct Judge {
+    reference: Reference,
+    /// A coefficient per column: spots if there is a panel, then all lights as in the file.
+    spots: Vec<Vec<[f32; 3]>>,
+    full: Vec<[f32; 3]>,
+}
+
+impl Judge {
+    pub(super) fn new(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>) -> Result<Judge> {
+        let sampling = Sampling { film: subject.film, step: subject.step, bounces: None, spp: reference_spp(desk) };
+        let reference = Reference::new(desk, scene, sampling)?;
+        let basis = &scene.lighting.basis;
+        Ok(Judge { reference, spots: spots(basis), full: basis.project(&LightRig::default()) })
+    }
+
+    /// Errors of rows that are laid out as the reference's.
+    fn of_rows(&self, rows: &[f32]) -> [Option<f64>; 3] {
+        let picture = |light: &Vec<[f32; 3]>| self.reference.picture_db(light, &self.reference.relit(rows, light));
+        let spots: Option<Vec<f64>> = self.spots.iter().map(picture).collect();
+        [self.reference.errors(rows).median_db(), spots.and_then(mean), picture(&self.full)]
+    }
+
+    pub(super) fn of_bake(&self, header: &BakeHeader, groups: &[BlockLowRank]) -> [Option<f64>; 3] {
+        self.of_rows(&self.reference.rows_of(header, groups))
+    }
+
+    fn of_picture(&self, light: &[[f32; 3]], picture: &[[f32; 3]]) -> Option<f64> {
+        let pixels = self.reference.pixels().iter().flat_map(|&pixel| picture[pixel as usize]);
+        self.reference.picture_db(light, &pixels.collect::<Vec<_>>())
+    }
+}
+
+/// None of nothing.
+fn mean(values: Vec<f64>) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// Coefficients under a spot on the first panel, all other lights dark; none without a panel.
+fn spots(basis: &LightBasis) -> Vec<Vec<[f32; 3]>> {
+    let is_panel = |kind: SourceKind| matches!(kind, SourceKind::Panel { .. });
+    let Some(panel) = basis.sources.iter().find(|source| is_panel(source.kind)) else { return Vec::new() };
+    let light = |position: [f32; 2]| {
+        let spot = PanelSpot { position, radius: SPOT_RADIUS, color: None, intensity: 1.0 };
+        let panels = [(panel.key.clone(), vec![spot])].into_iter().collect();
+        let mut light = basis.project(&LightRig { panels, ..LightRig::default() });
+        let others = |column: &usize| !panel.columns.contains(&(*column as u32));
+        (0..light.len()).filter(others).for_each(|column| light[column] = [0.0; 3]);
+        light
+    };
+    SPOTS.into_iter().map(light).collect()
+}
+
+/// All points of a scene; those of one number of samples one after the other, so that other work on the machine meets all ways.
+pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>) -> Result<Vec<Point>> {
+    let judge = Judge::new(desk, subject, scene)?;
+    desk.say(&format!("previewing {}", subject.name));
+    let mut points = preview(subject, scene, &judge)?;
+    let n_pixels = subject.film.n_pixels() as f64;
+    let (baked, traced) = (desk.choose(MOST_BAKED[0], MOST_BAKED[1]), desk.choose(MOST_TRACED[0], MOST_TRACED[1]));
+    for spp in SPP {
+        let samples = n_pixels * f64::from(spp);
+        desk.say(&format!("{} with {spp} samples per pixel, every way", subject.name));
+        if spp > 1 && samples <= baked {
+            for (way, indirect) in [(Way::Fast, Indirect::Shared), (Way::Exact, Indirect::Traced)] {
+                points.push(ours(subject, scene, &judge, (way, indirect, spp))?);
+            }
+            points.push(dense(subject, scene, &judge, spp)?);
+        }
+        if samples * scene.lighting.basis.n_cols() as f64 <= traced {
+            points.push(renders(subject, scene, &judge, spp)?);
+        }
+        if samples <= traced {
+            points.extend(plain(subject, scene, &judge, spp)?);
+        }
+    }
+    Ok(points)
+}
+
+/// The preview, which is the same whatever follows.
+fn preview(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge) -> Result<Vec<Point>> {
+    let begun = process_cpu_secs()?;
+    let preview = run_until(job(subject, scene, BakeConfig::default()), ends_a_pass)?;
+    let cpu_secs = process_cpu_secs()? - begun;
+    let db = judge.of_bake(&preview.header, &preview.groups);
+    Ok([Way::Fast, Way::Exact].map(|way| Point { way, cpu_secs, db }).into())
+}
+
+pub(super) fn job(subject: &Subject, scene: &Arc<PreparedScene>, config: BakeConfig) -> BakeJob {
+    let (camera, film) = (scene.scene.cameras[0].clone(), subject.film);
+    let passes = Passes::PreviewAndFinal;
+    BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() }
+}
+
+fn ours(
+    subject: &Subject,
+    scene: &Arc<PreparedScene>,
+    judge: &Judge,
+    (way, indirect, spp): (Way, Indirect, u32),
+) -> Result<Point> {
+    // A tolerance out of reach: every block takes all its samples.
+    let config = BakeConfig { spp, tolerance_db: 80.0, seed: SEED, indirect, ..BakeConfig::default() };
+    let (cpu_secs, bake) = baked(scene, subject.film, config)?;
+    Ok(Point { way, cpu_secs, db: judge.of_bake(&bake.header, &bake.groups) })
+}
+
+/// The samples of a bake whose light is traced, kept as they are: at the compared pixels alone, and the time for all.
+fn dense(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32) -> Result<Point> {
+    let job = job(subject, scene, BakeConfig { spp, seed: SEED, ..BakeConfig::default() });
+    let begun = process_cpu_secs()?;
+    let header = job.header()?;
+    let looked = process_cpu_secs()?;
+    let rows = uncompressed(&job, &header, judge.reference.pixels());
+    let cpu_secs = looked - begun + (process_cpu_secs()? - looked) / judge.reference.share();
+    Ok(Point { way: Way::Dense, cpu_secs, db: judge.of_rows(&rows) })
+}
+
+/// A picture of each column by itself.
+fn renders(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32) -> Result<Point> {
+    let n_cols = scene.lighting.basis.n_cols();
+    let mut rows = vec![0.0; judge.reference.pixels().len() * CHANNELS * n_cols];
+    let mut cpu_secs = 0.0;
+    for column in 0..n_cols {
+        let mut light = vec![[0.0; 3]; n_cols];
+        light[column] = [1.0; 3];
+        let begun = process_cpu_secs()?;
+        let picture = traced(subject, scene, &light, spp, SEED + column as u64)?;
+        cpu_secs += process_cpu_secs()? - begun;
+        for (nth, &pixel) in judge.reference.pixels().iter().enumerate() {
+            let values = picture[pixel as usize];
+            (0..CHANNELS).for_each(|channel| rows[(nth * CHANNELS + channel) * n_cols + column] = values[channel]);
+        }
+    }
+    Ok(Point { way: Way::Renders, cpu_secs, db: judge.of_rows(&rows) })
+}
+
+/// One picture of a look: of all lights of the file, and of the first spot.
+fn plain(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32) -> Result<Vec<Point>> {
+    let mut points = Vec::new();
+    for (class, light) in [(2, Some(&judge.full)), (1, judge.spots.first())] {
+        let Some(light) = light else { continue };
+        let begun = process_cpu_secs()?;
+        let picture = traced(subject, scene, light, spp, SEED)?;
+        let cpu_secs = process_cpu_secs()? - begun;
+        let mut db = [None; 3];
+        db[class] = judge.of_picture(light, &picture);
+        points.push(Point { way: Way::Plain, cpu_secs, db });
+    }
+    Ok(points)
+}
+
+fn traced(subject: &Subject, scene: &PreparedScene, light: &[[f32; 3]], spp: u32, seed: u64) -> Result<Vec<[f32; 3]>> {
+    let config = TraceConfig { spp, bounces: None, seed };
+    let go_on = |_: f32| ControlFlow::Continue(());
+    trace(scene, &scene.scene.cameras[0], subject.film, light, &config, &go_on).context("nobody stops a render")
+}

@@ -1,0 +1,115 @@
+//! The first seconds at the desk: the preview, and what some seconds make of it, by the clock on the wall.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use clerestory_transport::bake::{BakeConfig, BakeJob, Indirect, Passes};
+use clerestory_transport::camera::Film;
+use serde::{Deserialize, Serialize};
+
+use super::runs::{Judge, job};
+use super::{Subject, prepared};
+use crate::desk::{Desk, load_words};
+use crate::fit::spread_words;
+use crate::matrix::process_cpu_secs;
+use crate::under_way::{ends_a_pass, run_until};
+
+/// What is aimed at: seconds by the clock, and the error of single lights.
+const PREVIEW: (f64, f64) = (1.5, 27.0);
+const SOON: (f64, f64) = (5.0, 35.0);
+
+/// One scene by the clock, seconds.
+#[derive(Serialize, Deserialize)]
+struct Clocked {
+    prepare: Vec<f64>,
+    preview: Vec<f64>,
+    preview_cpu: Vec<f64>,
+    preview_db: Vec<Option<f64>>,
+    soon: Vec<f64>,
+    soon_db: Vec<Option<f64>>,
+}
+
+/// A table over the scenes that the aims speak of.
+///
+/// # Errors
+/// As [`super::write`].
+pub(super) fn write(desk: &Desk) -> Result<String> {
+    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 512, height: 384 }, 4));
+    let bench = ["bench-conf64", "bench-sponza20"].map(|name| (name, desk.shared(&format!("references/{name}.glb"))));
+    let gallery = ("gallery", Some(desk.root.join("assets/scenes/gallery.glb")));
+    let mut rows = String::new();
+    for (name, path) in bench.into_iter().chain([gallery]).take(desk.choose(1, 3)) {
+        let Some(path) = path else { continue };
+        let subject = Subject { name, path, sky: None, film, step };
+        let clocked: Clocked = desk.part("time", &format!("seconds-{name}"), || clock(desk, &subject))?;
+        let db = |values: &[Option<f64>]| {
+            let words = values.iter().map(|db| db.map_or("—".into(), |db| format!("{db:.1}")));
+            words.collect::<Vec<_>>().join(", ")
+        };
+        rows += &format!(
+            "| {name} | {} | {} | {} | {} | {} | {} |\n",
+            spread_words(clocked.prepare),
+            spread_words(clocked.preview),
+            spread_words(clocked.preview_cpu),
+            db(&clocked.preview_db),
+            spread_words(clocked.soon),
+            db(&clocked.soon_db),
+        );
+    }
+    Ok(format!(
+        "\n### The first seconds\n\n\
+         {}×{} pixels, seconds by the clock on the wall once the file is read: until the hierarchy is built and the lights are found, until the whole\n\
+         preview is there (that included, with the CPU seconds beside), and what a bake with shared indirect light has that is told to end {} s\n\
+         after the preview began. Median (least…greatest) of {} repeats with seeds of their own; error of single lights in dB of each. Aimed at: a preview of\n\
+         {} dB within {} s, and {} dB within {} s. {}\n\n\
+         | scene | prepared | preview | its CPU s | its dB | ended | its dB |\n|---|---|---|---|---|---|---|\n{rows}",
+        film.width,
+        film.height,
+        SOON.0,
+        repeats(desk),
+        PREVIEW.1,
+        PREVIEW.0,
+        SOON.1,
+        SOON.0,
+        load_words(),
+    ))
+}
+
+fn repeats(desk: &Desk) -> u64 {
+    desk.choose(1, 3)
+}
+
+fn clock(desk: &Desk, subject: &Subject) -> Result<Clocked> {
+    let judge = Judge::new(desk, subject, &prepared(subject)?)?;
+    let mut clocked = Clocked {
+        prepare: Vec::new(),
+        preview: Vec::new(),
+        preview_cpu: Vec::new(),
+        preview_db: Vec::new(),
+        soon: Vec::new(),
+        soon_db: Vec::new(),
+    };
+    let imported = clerestory_transport::import::load(&subject.path)?.scene;
+    for seed in 1..=repeats(desk) {
+        desk.say(&format!("the first seconds of {}, seed {seed}", subject.name));
+        let copy = imported.clone();
+        let (begun, cpu) = (Instant::now(), process_cpu_secs()?);
+        let scene = Arc::new(clerestory_transport::prepared::PreparedScene::new(copy, &[])?.0);
+        clocked.prepare.push(begun.elapsed().as_secs_f64());
+        let config = BakeConfig { seed, indirect: Indirect::Shared, ..BakeConfig::default() };
+        let preview = run_until(job(subject, &scene, config.clone()), ends_a_pass)?;
+        clocked.preview.push(preview.ended.duration_since(begun).as_secs_f64());
+        clocked.preview_cpu.push(process_cpu_secs()? - cpu);
+        clocked.preview_db.push(judge.of_bake(&preview.header, &preview.groups)[0]);
+
+        let begun = Instant::now();
+        let passes = Passes::Until(begun + Duration::from_secs_f64(SOON.0));
+        let job = BakeJob { passes, ..job(subject, &scene, config) };
+        let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
+        clocked.soon.push(begun.elapsed().as_secs_f64());
+        clocked.soon_db.push(judge.of_bake(&bake.header, &bake.groups)[0]);
+    }
+    Ok(clocked)
+}

@@ -1,0 +1,55 @@
+//! A bake that is left before its end, and what it has by then.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clerestory_nystrom::BlockLowRank;
+use clerestory_transport::bake::{BakeEvent, BakeHeader, BakeJob};
+
+/// What a bake has when it is left.
+pub struct UnderWay {
+    /// What it is of.
+    pub header: Arc<BakeHeader>,
+    /// One matrix per group of columns, of the latest pass that reached each block.
+    pub groups: Vec<BlockLowRank>,
+    /// When it was left, or was done.
+    pub ended: Instant,
+}
+
+/// Runs a job until an event says that it is enough.
+///
+/// # Errors
+/// If the bake fails.
+pub fn run_until(job: BakeJob, mut is_enough: impl FnMut(&BakeEvent) -> bool + Send) -> Result<UnderWay> {
+    let (mut header, mut groups, mut ended) = (None, Vec::new(), None);
+    let bake = job.run(|event| {
+        let is_enough = is_enough(&event);
+        match event {
+            BakeEvent::Started { header: started, .. } => {
+                groups = started.empty_groups();
+                header = Some(started);
+            }
+            BakeEvent::BlockDone { block_idx, factors, .. } => {
+                groups.iter_mut().zip(factors).for_each(|(group, block)| group.blocks[block_idx] = Some(block));
+            }
+            _ => {}
+        }
+        if is_enough {
+            ended = Some(Instant::now());
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    })?;
+    if let Some(bake) = bake {
+        (header, groups) = (Some(bake.header), bake.groups);
+    }
+    let header = header.context("a bake that began has a header")?;
+    Ok(UnderWay { header, groups, ended: ended.unwrap_or_else(Instant::now) })
+}
+
+/// Whether an event says that a pass has ended.
+pub fn ends_a_pass(event: &BakeEvent) -> bool {
+    matches!(event, BakeEvent::PassDone { .. })
+}
