@@ -105,7 +105,14 @@ pub(super) fn stage(
              of it; bake the scene with --patches 4096 for that",
         );
     }
-    Ok(Some(open(&bake.header, scene, console)?))
+    let (scene, camera) = open(&bake.header, scene, console)?;
+    if scene.casts_caustics() {
+        console.warn(
+            "light of the look's lamps that mirrors or clear bodies of glass throw onto other surfaces (caustics) is missing; \
+             `trace` shows it for lamps with a body",
+        );
+    }
+    Ok(Some((scene, camera)))
 }
 
 /// Direct light of each of some lamps.

@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn points_that_coincide_are_one_patch() {
-        let met = vec![Met { position: Vec3::ONE, normal: Vec3::X, weight: 1.0 }; 50];
+        let met = vec![Met { position: Vec3::ONE, normal: Vec3::X, weight: 1.0, grazing: 0.0 }; 50];
         let (centers, samples, _) = cluster(&met, 16, 1.0);
         assert_eq!((centers.len(), samples.len()), (1, SAMPLES));
         assert_eq!(cluster(&[], 16, 1.0).0.len(), 0);

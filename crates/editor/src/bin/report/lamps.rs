@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clerestory::look::sky;
+use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
@@ -159,9 +160,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
             indirect.iter_mut().zip(shown).for_each(|(sum, shown)| *sum += shown);
             errors.add(&indirect, &directs, &own, references, &traced.of_file);
         }
-        let file = clerestory_transport::archive::encode(&bake).len();
-        let plain_file = clerestory_transport::archive::encode(&plain).len();
-        let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
+        let [file_mib, plain_mib] = [file_mib(desk, &bake)?, file_mib(desk, &plain)?];
         rows += &format!(
             "| {} | {} | {} | {} | {} | {:.2} MiB | {:.2} MiB | {plain_secs:.1} s | {:.1} s |\n",
             case.name,
@@ -169,8 +168,8 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
             errors.words(),
             patches.n_patches(),
             patches.n_columns(),
-            mib(plain_file),
-            mib(file.saturating_sub(plain_file)),
+            plain_mib,
+            file_mib - plain_mib,
             secs - plain_secs,
         );
         desk.say(&rows);
@@ -179,6 +178,13 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
         })?;
     }
     Ok((rows, step))
+}
+
+/// Size of a bake as a file, MiB.
+fn file_mib(desk: &Desk, bake: &Bake) -> Result<f64> {
+    let path = desk.file("lamps.transport");
+    archive::write(bake, Path::new(&path))?;
+    Ok(std::fs::metadata(path)?.len() as f64 / f64::from(1 << 20))
 }
 
 fn bake(scene: &Arc<PreparedScene>, camera: &Camera, film: Film, spp: u32, patches: u32) -> Result<(Bake, f64)> {
