@@ -1,9 +1,10 @@
 //! Two ways to one answer: path tracing and relighting, CPU and GPU.
 
+use clerestory_relight::display::WhitePoint;
 use clerestory_relight::{GpuRelighter, Radiance, Relight};
 use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::camera::Film;
-use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
+use clerestory_transport::light::{LightRig, LightSetting, PanelSpot, planckian_tint};
 use clerestory_transport::trace::TraceConfig;
 
 use crate::support::{Mean, baked, block_means, frame, gpu, prepare, relit, traced, two_lamps_and_a_panel};
@@ -17,6 +18,20 @@ fn rigs() -> [LightRig; 2] {
     let spot = PanelSpot { position: [0.25, 0.6], radius: 0.2, color: Some([0.2, 0.5, 1.0]), intensity: 2.0 };
     rig.panels.insert("panel".into(), vec![spot]);
     [LightRig::default(), rig]
+}
+
+#[test]
+fn the_white_balance_of_a_temperature_makes_its_lamps_neutral() {
+    // Each crate has its own fit of the Planckian locus, since neither may know the other.
+    for kelvin in [1700.0, 2200.0, 2700.0, 3500.0, 4100.0, 6500.0, 12_000.0, 24_000.0] {
+        let tint = planckian_tint(kelvin).to_array();
+        let matrix = WhitePoint { kelvin, duv: 0.0 }.matrix();
+        let [r, g, b] = matrix.map(|row| row.iter().zip(tint).map(|(m, v)| m * v).sum::<f32>());
+        // Far from daylight the tint leaves the colors of the display, and is cut off there.
+        let is_displayed = tint.iter().all(|v| *v > 0.0);
+        assert!(!is_displayed || (r - g).abs().max((b - g).abs()) < 2e-3, "{kelvin} K: {r} {g} {b}");
+        assert!(is_displayed || kelvin < 2000.0, "{kelvin} K: {tint:?}");
+    }
 }
 
 fn green_blocks(pixels: &[[f32; 3]]) -> Vec<f64> {

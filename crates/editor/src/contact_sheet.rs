@@ -49,7 +49,7 @@ pub fn contact_sheet(prints: &[Print]) -> RgbImage {
 pub fn write_sheet(prints: &[Print], place: PendingFile) -> Result<(u32, u32)> {
     let sheet = contact_sheet(prints);
     let size = sheet.dimensions();
-    let bytes = png_bytes(&sheet.into())?;
+    let bytes = png_bytes(&sheet.into(), None)?;
     place.commit(|writer| Ok(writer.write_all(&bytes)?))?;
     Ok(size)
 }

@@ -22,7 +22,7 @@ use crate::output::PendingFile;
 pub(crate) use cut::{height_of, shrunk};
 pub use layers::LightLayer;
 pub use options::ExportOptions;
-pub use png::png_bytes;
+pub use png::{png_bytes, shown_by};
 
 /// Kind of picture file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,7 +108,7 @@ impl Picture<'_> {
             ImageFormat::Png => {
                 let (radiance, params, shown) = self.displayed()?;
                 let picture = png::shown_at(options.depth, &options.cut(radiance)?, &params, shown.legend);
-                let bytes = png_bytes(&picture)?;
+                let bytes = png_bytes(&picture, shown.legend.is_none().then_some(&params))?;
                 place.commit(|writer| Ok(writer.write_all(&bytes)?))?;
                 Ok(shown)
             }

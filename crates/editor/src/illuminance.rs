@@ -1,18 +1,43 @@
 //! Illuminance of a surface in the figures of lighting standards: average, minimum, maximum and uniformity, in lux and foot-candles.
 
-use anyhow::{Result, bail};
+use std::sync::Arc;
+
+use anyhow::{Context, Result, bail};
+use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::display::luminance;
 use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::bake::Bake;
+use clerestory_transport::lamps::PreparedLamps;
 use clerestory_transport::light::LightRig;
+use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::SensorGrid;
 use glam::Vec3;
 
-use crate::cli::relight::irradiance_of;
 use crate::marks::{Marks, Seen, weighed};
 
 /// Lux of a foot-candle, a lumen per square foot.
 pub const FOOT_CANDLE_LX: f64 = 10.763_910_416_709_722;
+
+/// What free lamps add to the light that arrives; nothing by default.
+#[derive(Clone, Default)]
+pub struct AddedLux {
+    /// Coefficients of the columns of patches: what surfaces make of their light. Empty without patches.
+    pub of_patches: Vec<[f32; 3]>,
+    /// What comes straight to the surfaces that pixels see, lux per channel, where it is known.
+    pub straight: Option<Arc<Radiance>>,
+    /// The lamps in their scene, for points that no pixel sees.
+    pub lamps: Option<(Arc<PreparedScene>, PreparedLamps)>,
+}
+
+impl AddedLux {
+    /// Of lamps for points that no pixel sees.
+    pub fn of_lamps(bake: &Bake, scene: Arc<PreparedScene>, lamps: PreparedLamps) -> AddedLux {
+        let irradiance = |position, normal| lamps.irradiance(&scene, position, normal);
+        let of_patches =
+            bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance));
+        AddedLux { of_patches, straight: None, lamps: Some((scene, lamps)) }
+    }
+}
 
 /// Illuminance of some points.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,15 +97,62 @@ pub fn share_words(share: Option<f64>) -> String {
     share.map_or("undefined".into(), |share| format!("{share:.2}"))
 }
 
+/// Irradiance of a matrix of a bake, lux per channel, as a picture: without what free lamps send straight.
+///
+/// # Errors
+/// If factors and coefficients do not belong together.
+pub fn irradiance_of(bake: &Bake, set: usize, rig: &LightRig, of_patches: &[[f32; 3]]) -> Result<Radiance> {
+    let film = bake.header.irradiance_film(set);
+    relit(bake, set, bake.irradiance[set].clone(), [film.width, film.height], (rig, of_patches))
+}
+
+fn relit(
+    bake: &Bake,
+    set: usize,
+    groups: Vec<BlockLowRank>,
+    [width, height]: [u32; 2],
+    (rig, of_patches): (&LightRig, &[[f32; 3]]),
+) -> Result<Radiance> {
+    let frame = Frame { width, height, groups };
+    let mut coefficients = bake.header.irradiance_coefficients(set, rig);
+    bake.header.add_of_patches(&mut coefficients, of_patches);
+    let mut irradiance = Radiance::default();
+    let relit = CpuRelighter::new(&frame)?.relight(&coefficients, &mut irradiance);
+    relit.context("cannot relight the irradiance")?;
+    Ok(irradiance)
+}
+
+/// Irradiance at the pixels under a rig and its free lamps, lux per channel.
+///
+/// # Errors
+/// If the bake holds none.
+pub fn seen_irradiance(bake: &Bake, rig: &LightRig, added: &AddedLux) -> Result<Radiance> {
+    let set = bake.pixel_irradiance();
+    if set.is_none() && bake.header.basis.is_measured() {
+        bail!("the bake is of pictures, which tell no irradiance; that takes a scene");
+    }
+    let set = set.context("the bake holds no irradiance of its pixels; bake it again with --irradiance")?;
+    let mut irradiance = irradiance_of(bake, set, rig, &added.of_patches)?;
+    added.straight.iter().for_each(|straight| irradiance.add(straight));
+    Ok(irradiance)
+}
+
 /// Measured points of a grid, meters, and their illuminance in lux.
 ///
 /// # Errors
 /// If the light is too strong for finite numbers.
-pub fn of_grid(bake: &Bake, (set, grid): (usize, &SensorGrid), rig: &LightRig) -> Result<Vec<(Vec3, f32)>> {
-    let irradiance = irradiance_of(bake, set, rig)?;
-    let lux = |rgb: &[f32; 3]| luminance(*rgb).max(0.0);
-    let points = (0..).zip(&irradiance.pixels).filter_map(|(number, rgb)| Some((grid.point(number)?, lux(rgb))));
-    let points: Vec<(Vec3, f32)> = points.collect();
+pub fn of_grid(
+    bake: &Bake,
+    (set, grid): (usize, &SensorGrid),
+    (rig, added): (&LightRig, &AddedLux),
+) -> Result<Vec<(Vec3, f32)>> {
+    let irradiance = irradiance_of(bake, set, rig, &added.of_patches)?;
+    let straight = |point: Vec3| {
+        added.lamps.as_ref().map_or(Vec3::ZERO, |(scene, lamps)| lamps.irradiance(scene, point, grid.normal))
+    };
+    let lux = |point: Vec3, rgb: &[f32; 3]| luminance((Vec3::from(*rgb) + straight(point)).to_array()).max(0.0);
+    let measured = |(number, rgb)| grid.point(number).map(|point| (point, lux(point, rgb)));
+    let points: Vec<(Vec3, f32)> = (0..).zip(&irradiance.pixels).filter_map(measured).collect();
     if points.iter().any(|(_, lux)| !lux.is_finite()) {
         bail!("some sensors of `{}` read no finite number; check the intensities of the look", grid.name);
     }
@@ -91,7 +163,12 @@ pub fn of_grid(bake: &Bake, (set, grid): (usize, &SensorGrid), rig: &LightRig) -
 ///
 /// # Errors
 /// If the bake holds no irradiance of its pixels.
-pub fn of_marks(bake: &Bake, rig: &LightRig, marks: &Marks, seen: Option<&Seen>) -> Result<LuxFigures> {
+pub fn of_marks(
+    bake: &Bake,
+    (rig, added): (&LightRig, &AddedLux),
+    marks: &Marks,
+    seen: Option<&Seen>,
+) -> Result<LuxFigures> {
     let Some(set) = bake.pixel_irradiance() else {
         bail!(
             "the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance"
@@ -106,9 +183,9 @@ pub fn of_marks(bake: &Bake, rig: &LightRig, marks: &Marks, seen: Option<&Seen>)
             groups.iter_mut().for_each(|group| group.blocks[block] = None);
         }
     }
-    let frame = Frame { width: marks.film.width, height: marks.film.height, groups };
-    let mut picture = Radiance::default();
-    CpuRelighter::new(&frame)?.relight(&bake.header.irradiance_coefficients(set, rig), &mut picture)?;
+    let size = [marks.film.width, marks.film.height];
+    let mut picture = relit(bake, set, groups, size, (rig, &added.of_patches))?;
+    added.straight.iter().for_each(|straight| picture.add(straight));
     let values = weighed(marks.pixels(), seen).into_iter();
     let values =
         values.map(|(pixel, weight)| (f64::from(luminance(picture.pixels[pixel as usize])), f64::from(weight)));
@@ -139,6 +216,12 @@ mod tests {
         let dark = LuxFigures::of([(-1e-3, 1.0)]);
         assert_eq!((dark.average, dark.uniformity(), dark.diversity()), (0.0, None, None));
         assert_eq!(LuxFigures::of([]).minimum, 0.0);
+    }
+
+    fn plain() -> (&'static LightRig, &'static AddedLux) {
+        use std::sync::LazyLock;
+        static NOTHING: LazyLock<(LightRig, AddedLux)> = LazyLock::new(Default::default);
+        (&NOTHING.0, &NOTHING.1)
     }
 
     const FILM: Film = Film { width: 120, height: 90 };
@@ -208,13 +291,13 @@ mod tests {
     fn a_lamp_over_a_floor_gives_candela_times_cosine_over_squared_distance() {
         let (bake, seen) = floor(None);
         let floor = seen.like(MIDDLE, Kin::Node);
-        let told = of_marks(&bake, &LightRig::default(), &floor, Some(&seen)).unwrap();
+        let told = of_marks(&bake, plain(), &floor, Some(&seen)).unwrap();
         assert!((told.area_m2.unwrap() / 16.0 - 1.0).abs() < 0.02, "{told:?}");
         // I cosθ / d², the mean over the square by its middles.
         let lux = |x: f32, z: f32| f64::from(CANDELA * HEIGHT / (x * x + z * z + HEIGHT * HEIGHT).powf(1.5));
         let at = |i: i32| (i as f32 + 0.5) * 0.02;
         let mean = (-100..100).flat_map(|i| (-100..100).map(move |j| lux(at(i), at(j)))).sum::<f64>() / 40_000.0;
-        let inside = of_marks(&bake, &LightRig::default(), &inner(&floor), Some(&seen)).unwrap();
+        let inside = of_marks(&bake, plain(), &inner(&floor), Some(&seen)).unwrap();
         let most = lux(0.0, 0.0);
         assert!((inside.maximum / most - 1.0).abs() < 0.03, "{} is not {most}", inside.maximum);
         // The rim is darker than the rest, and left out.
@@ -230,7 +313,7 @@ mod tests {
         let light = sky.light(None).unwrap();
         let (bake, seen) = floor(Some(&SkyRequest { light, form: SkyForm::Patches(1) }));
         let floor = inner(&seen.like(MIDDLE, Kin::Node));
-        let told = of_marks(&bake, &LightRig::default(), &floor, Some(&seen)).unwrap();
+        let told = of_marks(&bake, plain(), &floor, Some(&seen)).unwrap();
         let known = std::f64::consts::PI;
         assert!((told.average / known - 1.0).abs() < 0.02, "{told:?}");
         assert!(told.uniformity().unwrap() > 0.8 && told.diversity().unwrap() > 0.7, "{told:?}");

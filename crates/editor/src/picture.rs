@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode};
+use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode_as};
 use eframe::egui::{Color32, ColorImage, TextureId};
 use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
@@ -36,8 +36,7 @@ pub enum Changed {
 
 /// A picture as it is shown.
 pub fn color_image(radiance: &Radiance, display: &DisplayParams) -> ColorImage {
-    let bytes = encode(radiance, display);
-    let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Color32::from_rgb(*r, *g, *b)).collect();
+    let pixels = encode_as(|[r, g, b]| Color32::from_rgb(r, g, b), radiance, display);
     ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
 }
 

@@ -141,7 +141,7 @@ impl Sequence {
                 },
             };
             let irradiance = match self.options.irradiance || look.shows_irradiance(self.pattern.format) {
-                true => stills.irradiance(&look, Size::Whole)?,
+                true => stills.irradiance(&look, Size::Whole, stop)?,
                 false => None,
             };
             let path = self.pattern.file(frame);

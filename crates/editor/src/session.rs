@@ -1,58 +1,48 @@
 //! What is open, what is being baked, and the threads that do it. The window asks and drains; it never waits.
 
 pub mod aside;
+mod baking;
 mod begun;
 mod earlier;
 pub mod estimate;
+mod found;
 pub mod lamps;
 mod mailbox;
+mod opened;
 pub mod preview;
 pub mod prints;
 mod seen;
 pub mod shares;
 mod sheet;
+mod shown;
 pub mod sky;
 mod task;
 pub mod views;
 pub mod worker;
+mod writing;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-use clerestory_nystrom::BlockLowRank;
-use clerestory_relight::Frame;
-use clerestory_transport::archive;
 use clerestory_transport::bake::focus::Focus;
-use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
-use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, PackedMatrices, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::emitters::{PanelRequest, SkyRequest};
 use clerestory_transport::figures::{ErrorDb, Figures};
-use clerestory_transport::import::stack::ImageStack;
-use clerestory_transport::lamp_units::LampUnits;
-use clerestory_transport::light::LightRig;
-use clerestory_transport::patches::Patches;
-use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::scene::PunctualLight;
-use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 use eframe::egui::ColorImage;
 
 use self::begun::Begun;
 use self::estimate::Forecasting;
-use self::lamps::{LampLight, LampView};
+use self::lamps::LampView;
 use crate::bake_cache::BakeCache;
 use crate::crash;
-use crate::export::ExportOptions;
-use crate::look::Look;
-use crate::look::snapshot::Snapshot;
 use crate::picture::Changed;
-use crate::sequence::Sequence;
 use crate::stills::Subject;
-use seen::Seen;
-use task::{Fact, Post, Prepared, Task, words};
+pub use opened::{Chosen, Opened, SceneOfBake};
+pub use shown::Shown;
+use task::{Fact, Post, Task};
 pub use task::{Loaded, Source};
 use views::Views;
 
@@ -61,8 +51,6 @@ pub type Wake = Arc<dyn Fn(Duration) + Send + Sync>;
 
 /// Facts that may wait for the window.
 const CHANNEL_LEN: usize = 4096;
-/// Time between two counts of ranks and bytes while a bake runs.
-const FIGURES_EVERY: Duration = Duration::from_secs(1);
 
 /// How the bake panel is set.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,106 +63,6 @@ pub struct BakeSettings {
     pub config: BakeConfig,
     /// Whether the light that arrives at the pixels and at the sensors of the file is baked as well.
     pub illuminance: bool,
-}
-
-/// A scene, a stack or a bake that is open.
-pub struct Opened {
-    /// For people.
-    pub name: String,
-    /// What it was read from, where it is a scene.
-    pub source: Option<Source>,
-    /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
-    pub path: Option<PathBuf>,
-    /// The scene; a bake that was opened from a file has none.
-    pub scene: Option<Arc<PreparedScene>>,
-    /// The folder of pictures, where one was opened instead.
-    pub stack: Option<Arc<ImageStack>>,
-    /// What was left behind or had to be guessed, in words.
-    pub report: Vec<String>,
-    /// Lamps as the file has them.
-    pub lamps: Vec<PunctualLight>,
-    /// What was chosen in the window.
-    pub chosen: Chosen,
-    /// The scene of a bake that was opened, for what is not baked.
-    pub of_bake: Option<SceneOfBake>,
-}
-
-/// The scene of a bake that was opened.
-pub enum SceneOfBake {
-    /// It is being looked for.
-    Waiting,
-    /// Here it is.
-    Found(Arc<PreparedScene>),
-    /// It was not found, or is another one: why.
-    Missing(String),
-}
-
-impl Opened {
-    /// Whether it has lamps that may be counted in other units.
-    pub fn has_plain_lamps(&self) -> bool {
-        self.lamps.iter().any(|lamp| lamp.profile.is_none())
-    }
-}
-
-/// What was chosen in the window about a scene, and makes another scene of it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Chosen {
-    /// Lights that became panels.
-    pub panels: Vec<PanelRequest>,
-    /// How its lamps are counted.
-    pub units: LampUnits,
-    /// The sky that lights it.
-    pub sky: Option<SkyRequest>,
-}
-
-/// The matrix that is shown.
-pub struct Shown {
-    /// What it is of.
-    pub header: Arc<BakeHeader>,
-    /// The camera, where the scene is known.
-    pub camera: Option<Camera>,
-    /// Its blocks as far as they are there.
-    pub frame: Frame,
-    /// Irradiance of an opened file, so that it is there when the bake is saved again.
-    pub irradiance: Vec<Vec<BlockLowRank>>,
-    /// The bytes of all that, once they are what is shown.
-    pub packed: Option<Arc<PackedMatrices>>,
-}
-
-impl Shown {
-    /// Size of the picture.
-    pub fn film(&self) -> Film {
-        Film { width: self.header.width, height: self.header.height }
-    }
-
-    /// The surfaces on which free lamps bring indirect light, where the bake has them.
-    pub fn patches(&self) -> Option<&Patches> {
-        self.header.patches.as_ref()
-    }
-
-    /// One RGB coefficient per column and group under a rig and the light of its free lamps.
-    pub fn coefficients(&self, rig: &LightRig, light: Option<&LampLight>) -> Vec<Vec<[f32; 3]>> {
-        let mut coefficients = self.header.coefficients(rig);
-        if let Some(light) = light {
-            light.light_patches(&self.header, &mut coefficients);
-        }
-        coefficients
-    }
-
-    /// Which matrix of irradiance is that of the pixels, if there is one.
-    pub fn pixel_irradiance(&self) -> Option<usize> {
-        self.header.pixel_irradiance(self.irradiance.len())
-    }
-
-    /// The bake, as far as it is there.
-    pub fn bake(&self) -> Bake {
-        Bake {
-            header: self.header.clone(),
-            groups: self.frame.groups.clone(),
-            irradiance: self.irradiance.clone(),
-            packed: self.packed.clone(),
-        }
-    }
 }
 
 /// Where opening stands.
@@ -232,6 +120,8 @@ pub enum Notice {
     Opened,
     /// The same scene with other panels or units is open.
     PreparedAgain,
+    /// The scene of the bake that was opened is there.
+    SceneFound,
     /// Something worth saying.
     Said(String),
     /// Something went wrong, in words.
@@ -339,20 +229,9 @@ impl Session {
         self.shown.as_ref().map(|shown| &shown.header.basis).or_else(of_scene)
     }
 
-    /// Cameras of the scene that is open.
+    /// Cameras of the scene that is open, or of the one that was baked.
     pub fn cameras(&self) -> &[Camera] {
-        let scene = self.opened.as_ref().and_then(|opened| opened.scene.as_ref());
-        scene.map_or(&[], |scene| &scene.scene.cameras)
-    }
-
-    /// The scene of the picture, for what is not baked: the open one, or that of the bake that was opened.
-    pub fn lamp_scene(&self) -> Option<&Arc<PreparedScene>> {
-        let opened = self.opened.as_ref()?;
-        let of_bake = || match &opened.of_bake {
-            Some(SceneOfBake::Found(scene)) => Some(scene),
-            _ => None,
-        };
-        opened.scene.as_ref().or_else(of_bake)
+        self.lamp_scene().map_or(&[], |scene| &scene.scene.cameras)
     }
 
     /// What other looks than the present one are pictured from, as far as it is there.
@@ -363,6 +242,7 @@ impl Session {
             camera: camera.clone(),
             film: shown.film(),
             patches: shown.patches().cloned(),
+            measures: shown.pixel_irradiance().is_some(),
         });
         Some(Subject { bake: shown.bake(), view })
     }
@@ -377,223 +257,6 @@ impl Session {
     /// What is new in the matrix since the last call.
     pub fn take_changed(&mut self) -> Changed {
         std::mem::take(&mut self.changed)
-    }
-
-    /// Opens something in the background; what is open stays until it is there.
-    pub fn open(&mut self, source: Source) {
-        self.stop_loading();
-        self.stage = Stage::Loading(source.name());
-        self.opening = source.path();
-        self.opening_source = Some(source.clone());
-        self.loading = self.spawn("open", move |post| {
-            let name = source.name();
-            let loaded = task::load(source).map_err(|error| format!("{error:#}"));
-            let _ = post.send(Fact::Loaded(name, loaded), Duration::ZERO);
-        });
-    }
-
-    /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
-    pub fn choose_panel(&mut self, node: String, resolution: u32) {
-        self.choose(|chosen| {
-            chosen.panels.retain(|panel| panel.node != node);
-            chosen.panels.push(PanelRequest { node, resolution });
-        });
-    }
-
-    /// Counts the lamps of the open scene otherwise; the scene is prepared again in the background.
-    pub fn choose_units(&mut self, units: LampUnits) {
-        self.choose(|chosen| chosen.units = units);
-    }
-
-    /// Puts a sky over the open scene; it is prepared again in the background.
-    pub fn choose_sky(&mut self, sky: SkyRequest) {
-        self.choose(|chosen| chosen.sky = Some(sky));
-    }
-
-    fn choose(&mut self, change: impl FnOnce(&mut Chosen)) {
-        let of_scene = |opened: &Opened| Some((opened.scene.clone()?, opened.lamps.clone(), opened.chosen.clone()));
-        let Some((scene, lamps, mut chosen)) = self.opened.as_ref().and_then(of_scene) else { return };
-        change(&mut chosen);
-        self.stop_loading();
-        self.loading = self.spawn("prepare", move |post| {
-            let prepared = task::prepare_again(&scene.scene, lamps, chosen).map_err(words);
-            let _ = post.send(Fact::Prepared(prepared), Duration::ZERO);
-        });
-    }
-
-    /// Number and size of the pictures that were opened, or that the opened bake is of.
-    pub fn pictures(&self) -> Option<(usize, Film)> {
-        let of_stack = || self.opened.as_ref()?.stack.as_ref().map(|stack| (stack.images.len(), stack.film));
-        let of_bake = || {
-            let header = &self.shown.as_ref()?.header;
-            let film = Film { width: header.width, height: header.height };
-            header.basis.is_measured().then(|| (header.basis.n_cols(), film))
-        };
-        of_stack().or_else(of_bake)
-    }
-
-    /// Starts a bake of the open scene or stack, ending one that runs; from a camera of its own, else from that of the settings.
-    pub fn start_bake(&mut self, settings: &BakeSettings, camera: Option<Camera>, passes: Passes) {
-        if let Some(stack) = self.opened.as_ref().and_then(|opened| opened.stack.clone()) {
-            self.stop_baking();
-            let BakeConfig { tolerance_db, seed, .. } = settings.config;
-            self.history.clear();
-            self.bake_began = Instant::now();
-            let job = StackJob { stack, tolerance_db, seed, memory_bytes: MEMORY_BYTES };
-            self.bake = BakeState::Preparing;
-            self.baking = self.spawn("bake", move |post| task::bake_stack(job, post));
-            return;
-        }
-        let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
-            return;
-        };
-        let job = match self.job(settings, camera.clone()) {
-            Ok(job) => job,
-            Err(why) => {
-                self.bake = BakeState::Failed(why);
-                return;
-            }
-        };
-        self.begun = Some(Begun::new(scene, settings.clone(), camera));
-        self.begin(BakeJob { passes, ..job }, None);
-    }
-
-    /// Goes on with a bake that was stopped, where that can be.
-    pub fn resume_bake(&mut self, settings: &BakeSettings) {
-        if self.n_resumable(settings) > 0
-            && let Ok(job) = self.job(settings, self.begun.as_ref().and_then(Begun::camera))
-        {
-            let half_done = self.half_done();
-            self.begin(job, half_done);
-        }
-    }
-
-    /// What would be baked with some settings, or why nothing can be.
-    fn job(&self, settings: &BakeSettings, camera: Option<Camera>) -> Result<BakeJob, String> {
-        const NO_CAMERA: &str = "the scene has no camera and no surfaces to look at; open a scene with meshes";
-        let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone()).ok_or("no scene is open; open one")?;
-        let of_scene = || scene.scene.cameras.get(settings.camera_idx).cloned();
-        let camera = camera.or_else(of_scene).ok_or(NO_CAMERA)?;
-        let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
-        let irradiance = IrradianceRequest { of_file, ..IrradianceRequest::default() }.rows(&scene).map_err(words)?;
-        let (film, config, passes) = (settings.film, settings.config.clone(), Passes::Progressive);
-        Ok(BakeJob { scene, camera, film, config, passes, irradiance })
-    }
-
-    fn begin(&mut self, job: BakeJob, half_done: Option<HalfDone>) {
-        self.stop_baking();
-        self.views.baking = Some(job.camera.clone());
-        self.bake = BakeState::Preparing;
-        self.history.clear();
-        self.bake_began = Instant::now();
-        let (cache, focus) = (self.cache.clone(), self.focus.clone());
-        let there = (half_done, self.earlier_bakes());
-        self.baking = self.spawn("bake", move |post| task::bake(job, there, cache, &focus, post));
-    }
-
-    /// Stops the bake; what was done stays.
-    pub fn cancel_bake(&mut self) {
-        if self.bake.is_running() {
-            let was_aside = self.is_aside();
-            self.stop_baking();
-            self.bake = if was_aside { self.state_of_shown() } else { BakeState::Stopped };
-        }
-    }
-
-    /// Takes a file as the scene of the bake that was opened, in the background.
-    pub fn find_scene(&mut self, path: PathBuf) {
-        let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
-        let task = self.spawn("scene", move |post| {
-            let found = task::scene_of(&header, &path).map_err(|error| format!("{error:#}"));
-            let _ = post.send(Fact::SceneFound(found), Duration::ZERO);
-        });
-        self.finding = task.as_ref().map(Task::id);
-        self.others.extend(task);
-        if let Some(opened) = &mut self.opened {
-            opened.of_bake = Some(SceneOfBake::Waiting);
-        }
-    }
-
-    fn scene_found(&mut self, found: Result<Box<PreparedScene>, String>) {
-        self.finding = None;
-        let Some(opened) = &mut self.opened else { return };
-        opened.of_bake = Some(match found {
-            Ok(scene) => {
-                if let Some(shown) = &mut self.shown {
-                    let named = || Camera::named(&scene.scene.cameras, &shown.header.camera);
-                    shown.camera = shown.header.view.as_ref().or_else(named).cloned();
-                }
-                SceneOfBake::Found(Arc::from(scene))
-            }
-            Err(why) => SceneOfBake::Missing(why),
-        });
-    }
-
-    /// Writes the picture under `look` in the background, with the light of its free lamps.
-    pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf, options: ExportOptions) {
-        let Some(shown) = &self.shown else { return };
-        let seen = Seen::of(shown, look, light);
-        self.write(path.clone(), move || seen.save(&path, &options));
-    }
-
-    /// Makes the picture under `look` for the clipboard in the background; it comes as a notice.
-    pub fn copy(&mut self, look: Look, light: Option<LampLight>) {
-        let Some(shown) = &self.shown else { return };
-        let seen = Seen::of(shown, look, light);
-        let task = self.spawn("copy", move |post| {
-            let developed = seen.develop().map_err(|error| format!("{error:#}"));
-            let _ = post.send(Fact::Developed(developed), Duration::ZERO);
-        });
-        self.others.extend(task);
-    }
-
-    /// Writes the open scene with its lights under `look` in the background.
-    pub fn export_gltf(&mut self, look: Look, path: PathBuf) {
-        let opened = self.opened.as_ref().and_then(|opened| Some((opened.scene.clone()?, opened.source.clone()?)));
-        let Some((scene, source)) = opened else { return };
-        let task = self.spawn("write", move |post| task::write_gltf(&scene, source, &look, &path, &post));
-        self.others.extend(task);
-    }
-
-    /// Writes the frames of a timeline in the background.
-    pub fn export_frames(&mut self, sequence: Sequence) {
-        let Some(subject) = self.subject() else { return };
-        self.cancel_frames();
-        let n_frames = sequence.n_frames();
-        let task = self.spawn("frames", move |post| task::write_frames(&sequence, subject, &post));
-        self.frames = task.map(|task| (task, (0, n_frames)));
-    }
-
-    /// Writes the pictures of looks on one sheet in the background.
-    pub fn save_sheet(&mut self, snapshots: Vec<Snapshot>, path: PathBuf) {
-        let Some(subject) = self.subject() else { return };
-        let task = self.spawn("sheet", move |post| sheet::write(&snapshots, subject, &path, &post));
-        self.others.extend(task);
-    }
-
-    /// Frames that are written, and how many there will be, while a sequence is under way.
-    pub fn frames(&self) -> Option<(u32, u32)> {
-        self.frames.as_ref().map(|(_, progress)| *progress)
-    }
-
-    /// Stops writing frames; those that are there stay.
-    pub fn cancel_frames(&mut self) {
-        self.others.extend(self.frames.take().map(|(task, _)| task.stopped()));
-    }
-
-    /// Writes the bake that is shown in the background.
-    pub fn save_bake(&mut self, path: PathBuf) {
-        let Some(shown) = &self.shown else { return };
-        let bake = shown.bake();
-        self.write(path.clone(), move || Ok(archive::write(&bake, &path)?));
-    }
-
-    fn write(&mut self, path: PathBuf, job: impl FnOnce() -> anyhow::Result<()> + Send + 'static) {
-        let task = self.spawn("write", move |post| {
-            let result = job().map(|()| format!("Saved {}", path.display())).map_err(|error| format!("{error:#}"));
-            let _ = post.send(Fact::Written(result), Duration::ZERO);
-        });
-        self.others.extend(task);
     }
 
     fn spawn(&mut self, name: &str, body: impl FnOnce(Post) + Send + 'static) -> Option<Task> {
@@ -613,13 +276,6 @@ impl Session {
 
     fn stop_loading(&mut self) {
         self.others.extend(self.loading.take().map(Task::stopped));
-    }
-
-    fn stop_baking(&mut self) {
-        self.others.extend(self.baking.take().map(Task::stopped));
-        std::mem::take(&mut self.focus).leave();
-        self.incoming = None;
-        self.drop_aside();
     }
 
     /// Takes in every fact that has arrived.
@@ -646,7 +302,7 @@ impl Session {
             Fact::Remarks(remarks) if is_of(&self.baking) => self.remarked(remarks),
             Fact::Found(bake) if is_of(&self.baking) => self.bake_found(*bake, notices),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
-            Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found),
+            Fact::SceneFound(found) if self.finding == Some(id) => self.scene_found(found, notices),
             Fact::Frame(n_written) => {
                 if let Some((_, (done, _))) = self.frames.as_mut().filter(|(task, _)| task.id() == id) {
                     *done = n_written;
@@ -660,237 +316,6 @@ impl Session {
             Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
             Fact::Found(_) | Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
         }
-    }
-
-    fn loaded(&mut self, name: String, result: Result<Loaded, String>, notices: &mut Vec<Notice>) {
-        self.others.extend(self.loading.take());
-        let loaded = match result {
-            Ok(loaded) => loaded,
-            Err(why) if self.opened.is_some() => {
-                self.stage = Stage::Ready;
-                notices.push(Notice::Failed(format!("{name} could not be opened: {why}")));
-                return;
-            }
-            Err(why) => {
-                self.stage = Stage::Failed(name, why);
-                return;
-            }
-        };
-        let path = self.opening.take();
-        let source = self.opening_source.take();
-        self.keep_earlier(source.as_ref());
-        self.stop_baking();
-        (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
-        self.forget_views();
-        self.stage = Stage::Ready;
-        self.history.clear();
-        self.begun = None;
-        match loaded {
-            Loaded::Scene { scene, report } => {
-                let lamps = scene.scene.punctual.clone();
-                let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
-                self.opened =
-                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
-            }
-            Loaded::Stack(stack) => {
-                let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
-                let stack = Some(Arc::new(stack));
-                let (scene, source) = (None, None);
-                self.opened = Some(Opened { name, source, path, scene, stack, report, lamps, chosen, of_bake: None });
-            }
-            Loaded::Bake(bake) => {
-                let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
-                let (scene, source) = (None, None);
-                self.opened =
-                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
-                let folder = folder.filter(|_| !bake.header.basis.is_measured());
-                let scene = folder.map(|folder| folder.join(&bake.header.scene));
-                self.show_finished(bake);
-                if let Some(path) = scene {
-                    self.find_scene(path);
-                }
-            }
-        }
-        notices.push(Notice::Opened);
-    }
-
-    fn prepared_again(&mut self, result: Result<Prepared, String>, notices: &mut Vec<Notice>) {
-        self.others.extend(self.loading.take());
-        match (result, &mut self.opened) {
-            (Ok(Prepared { scene, chosen, warnings }), Some(opened)) => {
-                opened.scene = Some(Arc::from(scene));
-                opened.chosen = chosen;
-                for warning in warnings {
-                    if !opened.report.contains(&warning) {
-                        opened.report.push(warning);
-                    }
-                }
-                let source = opened.source.clone();
-                self.keep_earlier(source.as_ref());
-                self.stop_baking();
-                (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
-                self.forget_views();
-                notices.push(Notice::PreparedAgain);
-            }
-            (Ok(_), None) => {}
-            (Err(why), _) => notices.push(Notice::Failed(why)),
-        }
-    }
-
-    fn remarked(&mut self, remarks: Vec<String>) {
-        if let Some(opened) = &mut self.opened {
-            opened
-                .report
-                .extend(remarks.into_iter().filter(|remark| !opened.report.contains(remark)).collect::<Vec<_>>());
-        }
-    }
-
-    fn bake_event(&mut self, event: BakeEvent) {
-        match event {
-            BakeEvent::Started { header, n_blocks, n_passes } => {
-                self.begun.iter_mut().for_each(|begun| begun.started(header.clone(), n_passes));
-                self.pass_blocks = (n_blocks, 0);
-                self.bake_started(header, n_passes);
-            }
-            BakeEvent::BlockDone { pass, block_idx, factors } => {
-                self.begun.iter_mut().for_each(|begun| begun.block_done(pass, block_idx, &factors));
-                self.pass_blocks.1 += 1;
-                self.block_done(block_idx, &factors);
-            }
-            // It is shown once all of it is there.
-            BakeEvent::IrradianceDone { .. } => {}
-            BakeEvent::Progress { pass, done, secs_left } => {
-                if let BakeState::Running { n_passes, .. } = self.bake {
-                    let (n_blocks, n_done) = self.pass_blocks;
-                    let pass_done = n_done as f32 / n_blocks.max(1) as f32;
-                    self.bake = BakeState::Running { pass, n_passes, done, pass_done, secs_left };
-                }
-                if self.figures_at.elapsed() > FIGURES_EVERY {
-                    self.count();
-                }
-            }
-            BakeEvent::PassDone { error_db, .. } => {
-                self.pass_blocks.1 = 0;
-                if self.is_aside() {
-                    return;
-                }
-                match self.incoming.take() {
-                    Some(incoming) => self.show(incoming),
-                    None => self.n_whole += 1,
-                }
-                self.error_db = Some(error_db);
-                self.count();
-            }
-        }
-    }
-
-    fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
-        self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
-        let camera = self.camera_of(&header);
-        let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
-        self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None });
-    }
-
-    /// The camera of the bake that runs, or of a bake of the scene that is open.
-    fn camera_of(&self, header: &BakeHeader) -> Option<Camera> {
-        let own = self.views.baking.as_ref().filter(|camera| camera.name == header.camera);
-        own.or(header.view.as_ref()).or_else(|| Camera::named(self.cameras(), &header.camera)).cloned()
-    }
-
-    fn block_done(&mut self, block_idx: usize, factors: &[Arc<clerestory_nystrom::BlockFactors>]) {
-        let is_shown = self.incoming.is_none();
-        let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
-        shown.packed = None;
-        for (group, factors) in shown.frame.groups.iter_mut().zip(factors) {
-            group.blocks[block_idx] = Some(factors.clone());
-        }
-        if is_shown {
-            self.changed.absorb(Changed::Blocks((0..factors.len()).map(|group| (group, block_idx)).collect()));
-        }
-    }
-
-    fn bake_ended(&mut self, result: Result<Option<Bake>, String>, notices: &mut Vec<Notice>) {
-        self.others.extend(self.baking.take());
-        let mut aside = self.incoming.take().filter(|_| self.is_aside());
-        self.bake = match result {
-            Ok(Some(bake)) => {
-                let figures = bake.figures();
-                self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
-                notices.push(Notice::Said(earlier::baked_words(&figures)));
-                self.forget_earlier(&bake.header);
-                // The file will hold these, a little less exact than the blocks that came one by one.
-                if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {
-                    (shown.header, shown.frame.groups) = (bake.header, bake.groups);
-                    (shown.irradiance, shown.packed) = (bake.irradiance, bake.packed);
-                }
-                match aside.take() {
-                    Some(shown) => self.keep_aside(shown, Some(figures.error_db)),
-                    None => {
-                        self.error_db = Some(figures.error_db);
-                        self.is_another();
-                    }
-                }
-                BakeState::Done
-            }
-            Ok(None) => BakeState::Stopped,
-            Err(why) => BakeState::Failed(why),
-        };
-        self.drop_aside();
-        self.count();
-    }
-
-    /// The bake was made before.
-    fn bake_found(&mut self, bake: Bake, notices: &mut Vec<Notice>) {
-        self.others.extend(self.baking.take());
-        self.incoming = None;
-        self.drop_aside();
-        self.show_finished(bake);
-        let db = self.error_db.map_or(f32::NAN, |error| error.total);
-        notices.push(Notice::Said(format!("Baked before: {db:.1} dB")));
-    }
-
-    /// Shows a bake that was made before.
-    fn show_finished(&mut self, bake: Bake) {
-        let Bake { header, groups, irradiance, packed } = bake;
-        let camera = self.camera_of(&header);
-        let frame = Frame { width: header.width, height: header.height, groups };
-        let found = Shown { header, camera, frame, irradiance, packed };
-        self.begin_view(found);
-        // The same view as before: what was found takes its place.
-        if let Some(found) = self.incoming.take() {
-            self.show(found);
-        }
-        self.bake = BakeState::Done;
-        self.count();
-        self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
-    }
-
-    fn show(&mut self, shown: Shown) {
-        self.shown = Some(shown);
-        self.is_another();
-    }
-
-    /// Another matrix is shown: what was made of the one before no longer counts.
-    fn is_another(&mut self) {
-        self.n_whole += 1;
-        self.changed = Changed::All;
-    }
-
-    /// Counts ranks and bytes of what is there.
-    fn count(&mut self) {
-        self.figures = self.shown.as_ref().map(|shown| shown.bake().figures());
-        (self.figures_at, self.n_counts) = (Instant::now(), self.n_counts + 1);
-        // Before the first block there is no error to speak of.
-        let counted = self.figures.as_ref().filter(|figures| figures.max_rank > 0 && self.bake.is_running());
-        if let Some(figures) = counted {
-            self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
-        }
-    }
-
-    /// How often the blocks that are there were counted; what is made of them is as new as that.
-    pub fn n_counts(&self) -> u64 {
-        self.n_counts
     }
 
     /// Joins threads that have ended; one that ended without a last word has panicked.
@@ -908,7 +333,7 @@ impl Session {
             self.bake = BakeState::Failed(crash::words());
         }
         if ended_finding.is_some() && ended_finding == self.finding {
-            self.scene_found(Err(crash::words()));
+            self.scene_found(Err(crash::words()), notices);
         }
         if self.frames.as_ref().is_some_and(|(task, _)| task.is_finished()) {
             self.others.extend(self.frames.take().map(|(task, _)| task));
@@ -934,6 +359,8 @@ impl Drop for Session {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::bake::Passes;
+
     use super::*;
 
     fn wait(session: &mut Session, until: impl Fn(&Session) -> bool) {

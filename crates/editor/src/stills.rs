@@ -8,10 +8,11 @@ use clerestory_transport::bake::Bake;
 use clerestory_transport::camera::Film;
 use clerestory_transport::sky::Backdrop;
 
-use crate::cli::relight::{Relighter, irradiance_of};
+use crate::cli::relight::Relighter;
 use crate::export::{height_of, shrunk};
+use crate::illuminance::irradiance_of;
 use crate::look::{Display, Look, Quantity};
-use crate::session::lamps::{LampView, StillLamps};
+use crate::session::lamps::{LampLight, LampView, StillLamps};
 
 /// What is pictured.
 pub struct Subject {
@@ -73,21 +74,10 @@ impl Stills {
             None => self.relighter.insert(Relighter::new(&subject.bake, &look.lights, self.gpu.as_ref())?),
         };
         self.backdrop = backdrop;
-        let shining = look.lights.lit_lamps();
-        let light = match (&subject.view, shining.iter().any(|lamp| !lamp.setting.muted)) {
-            (Some(view), true) => {
-                let (_, lamps) = match self.lamps.take().filter(|(of, _)| *of == film) {
-                    Some(kept) => self.lamps.insert(kept),
-                    None => self.lamps.insert((film, StillLamps::new(Arc::new(LampView { film, ..view.clone() })))),
-                };
-                let Some(light) = lamps.light(&shining, stop) else { return Ok(None) };
-                Some(light)
-            }
-            _ => None,
-        };
+        let Some(light) = lamp_light(&mut self.lamps, &subject, (look, film), stop) else { return Ok(None) };
         let mut coefficients = header.coefficients(&look.lights);
         if let Some(light) = &light {
-            light.light_patches(header, &mut coefficients);
+            header.add_of_patches(&mut coefficients, &light.of_patches);
         }
         let whole = relighter.relight(&coefficients)?;
         let mut radiance = shrunk(&whole, [film.width, film.height]).into_owned();
@@ -100,26 +90,60 @@ impl Stills {
     ///
     /// # Errors
     /// A failing device.
-    pub fn arriving(&self, look: &Look, size: Size) -> Result<(Option<Radiance>, Display)> {
+    pub fn arriving(
+        &mut self,
+        look: &Look,
+        size: Size,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(Option<Radiance>, Display)> {
         let arriving = match look.display.quantity() {
-            Some(Quantity::Illuminance) => self.irradiance(look, size)?,
+            Some(Quantity::Illuminance) => self.irradiance(look, size, stop)?,
             _ => None,
         };
         let display = if arriving.is_some() { look.display } else { look.display.of_seen_light() };
         Ok((arriving, display))
     }
 
-    /// The light that arrives at what is seen under a look, lux per channel; `None` where it was not baked.
+    /// The light that arrives at what is seen under a look, lux per channel; `None` where it was not baked, or it was stopped.
     ///
     /// # Errors
     /// A failing device.
-    pub fn irradiance(&self, look: &Look, size: Size) -> Result<Option<Radiance>> {
-        let bake = &self.subject.bake;
+    pub fn irradiance(
+        &mut self,
+        look: &Look,
+        size: Size,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Option<Radiance>> {
+        let subject = self.subject.clone();
+        let bake = &subject.bake;
         let Some(set) = bake.pixel_irradiance() else { return Ok(None) };
         let film = fitting(Film { width: bake.header.width, height: bake.header.height }, size);
-        let whole = irradiance_of(bake, set, &look.lights)?;
-        Ok(Some(shrunk(&whole, [film.width, film.height]).into_owned()))
+        let Some(light) = lamp_light(&mut self.lamps, &subject, (look, film), stop) else { return Ok(None) };
+        let of_patches = light.as_ref().map_or(&[][..], |light| &light.of_patches);
+        let whole = irradiance_of(bake, set, &look.lights, of_patches)?;
+        let mut arriving = shrunk(&whole, [film.width, film.height]).into_owned();
+        let straight = light.iter().filter_map(|light| light.arriving.as_deref());
+        straight.for_each(|straight| arriving.add(straight));
+        Ok(Some(arriving))
     }
+}
+
+/// The light of a look's lamps at a size; within it `None` if it was stopped, else what there is, if lamps shine.
+fn lamp_light(
+    kept: &mut Option<(Film, StillLamps)>,
+    subject: &Subject,
+    (look, film): (&Look, Film),
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Option<Option<LampLight>> {
+    let shining = look.lights.lit_lamps();
+    let Some(view) = subject.view.as_ref().filter(|_| shining.iter().any(|lamp| !lamp.setting.muted)) else {
+        return Some(None);
+    };
+    let (_, lamps) = match kept.take().filter(|(of, _)| *of == film) {
+        Some(known) => kept.insert(known),
+        None => kept.insert((film, StillLamps::new(Arc::new(LampView { film, ..view.clone() })))),
+    };
+    lamps.light(&shining, stop).map(Some)
 }
 
 fn fitting(film: Film, size: Size) -> Film {

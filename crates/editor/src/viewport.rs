@@ -8,6 +8,7 @@ pub mod lamps;
 pub mod marking;
 pub mod names;
 pub mod orbit;
+pub mod placing;
 pub mod probe;
 pub mod zoom;
 

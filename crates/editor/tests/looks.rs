@@ -8,7 +8,7 @@ use clerestory::look::snapshot::Mark;
 use eframe::egui::{Key, Modifiers, PointerButton};
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, baked, click, drag, wait};
+use desk::{Window, baked, click, drag, save_as, wait};
 
 fn names(window: &Window) -> Vec<&str> {
     window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
@@ -172,14 +172,7 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     click(&mut window, "Back to the lights");
 
     let folder = tempfile::tempdir().unwrap();
-    click(&mut window, "Export frames…");
-    let field = window.get_by_label("Path");
-    field.focus();
-    window.run_steps(2);
-    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    window.get_by_label("Path").type_text(&folder.path().join("f_###.png").display().to_string());
-    window.run_steps(2);
-    click(&mut window, "Save");
+    save_as(&mut window, "Export frames…", &folder.path().join("f_###.png"));
     wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("f_048.png").exists());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 49);
 }
@@ -189,10 +182,7 @@ fn a_sheet_shows_every_look_once() {
     let mut window = two_looks();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sheet.png");
-    click(&mut window, "Contact sheet…");
-    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
-    window.run_steps(3);
-    click(&mut window, "Save");
+    save_as(&mut window, "Contact sheet…", &path);
     wait(&mut window, |_| path.exists());
     let sheet = image::open(&path).unwrap().to_rgb8();
     // Two pictures of 64 × 48 between gaps as high as a line of letters.
@@ -208,13 +198,7 @@ fn the_scene_is_saved_with_its_lights() {
     let mut window = two_looks();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("dark.gltf");
-    click(&mut window, "Save as glTF…");
-    window.get_by_label("Path").focus();
-    window.run_steps(2);
-    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    window.get_by_label("Path").type_text(&path.display().to_string());
-    window.run_steps(2);
-    click(&mut window, "Save");
+    save_as(&mut window, "Save as glTF…", &path);
     wait(&mut window, |_| path.exists());
     let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     assert_eq!(written["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"], 0.0);

@@ -5,29 +5,20 @@
 #[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
-use std::path::Path;
-
 use clerestory::compare::read_exr;
 use clerestory::export::layers::LayerSet;
 use eframe::egui::{Event, OutputCommand};
 use egui_kittest::kittest::{NodeT, Queryable};
 use exr::meta::MetaData;
 
-use desk::{Window, baked, click, room, wait};
-
-/// Opens the questions about a picture and writes the path of its file.
-fn export_to(window: &mut Window, path: &Path) {
-    click(window, "Export…");
-    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
-    window.run_steps(3);
-}
+use desk::{Window, ask_for, baked, click, room, wait};
 
 #[test]
 fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
     let mut window = baked();
-    export_to(&mut window, &path);
+    ask_for(&mut window, "Export…", &path);
     click(&mut window, "OpenEXR");
     click(&mut window, "Half");
     click(&mut window, "Layers");
@@ -58,7 +49,7 @@ fn a_png_of_a_smaller_size_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.png");
     let mut window = baked();
-    export_to(&mut window, &path);
+    ask_for(&mut window, "Export…", &path);
     click(&mut window, "16 bits");
     window.get_by_label("Width of the file").set_value_accesskit(32.0);
     window.run_steps(3);

@@ -9,11 +9,14 @@ mod curves;
 mod dither;
 pub(crate) mod exact;
 mod false_color;
+mod inverse;
 mod metering;
 mod quantile;
 mod run;
 mod unseen;
 mod white;
+
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 use run::encode_run;
@@ -21,6 +24,7 @@ use run::encode_run;
 use crate::frame::Radiance;
 pub use exact::encode16;
 pub use false_color::{ColorScale, Spacing, turbo, turbo_bytes};
+pub use inverse::radiance_of;
 pub use metering::{Metering, auto_exposure_ev};
 pub use white::WhitePoint;
 
@@ -89,20 +93,30 @@ pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
 
 /// Display-encoded sRGB with opaque alpha, 4 bytes per pixel, row by row.
 pub fn encode(radiance: &Radiance, params: &DisplayParams) -> Vec<u8> {
-    let mut bytes = vec![0; 4 * radiance.pixels.len()];
+    encode_as(|[r, g, b]| [r, g, b, 255], radiance, params).into_flattened()
+}
+
+/// The same as whatever `pixel` makes of the three bytes of a pixel, row by row: a picture in the form in which it is wanted is
+/// written but once.
+pub fn encode_as<P: Copy + Default + Send>(
+    pixel: impl Fn([u8; 3]) -> P + Sync + Copy,
+    radiance: &Radiance,
+    params: &DisplayParams,
+) -> Vec<P> {
+    let mut out = vec![P::default(); radiance.pixels.len()];
     if let Some(scale) = &params.false_color {
-        let runs = bytes.par_chunks_mut(4 * RUN).zip(radiance.pixels.par_chunks(RUN));
-        runs.for_each(|(bytes, pixels)| false_color::encode_run(scale, pixels, bytes));
-        return bytes;
+        let runs = out.par_chunks_mut(RUN).zip(radiance.pixels.par_chunks(RUN));
+        runs.for_each(|(out, pixels)| false_color::encode_run(scale, pixel, pixels, out));
+        return out;
     }
     match params.tone {
-        Tone::Agx => encode_with(curves::agx, radiance, params, &mut bytes),
-        Tone::Aces => encode_with(curves::aces, radiance, params, &mut bytes),
-        Tone::Neutral => encode_with(curves::neutral, radiance, params, &mut bytes),
-        Tone::Reinhard => encode_with(curves::reinhard, radiance, params, &mut bytes),
-        Tone::Linear => encode_with(|rgb| rgb, radiance, params, &mut bytes),
+        Tone::Agx => encode_with(curves::agx, pixel, radiance, params, &mut out),
+        Tone::Aces => encode_with(curves::aces, pixel, radiance, params, &mut out),
+        Tone::Neutral => encode_with(curves::neutral, pixel, radiance, params, &mut out),
+        Tone::Reinhard => encode_with(curves::reinhard, pixel, radiance, params, &mut out),
+        Tone::Linear => encode_with(|rgb| rgb, pixel, radiance, params, &mut out),
     }
-    bytes
+    out
 }
 
 /// Pixels per unit of parallel work.
@@ -114,57 +128,77 @@ const TABLE_LEN: usize = 1 << 14;
 /// Largest display-linear value before a curve: what curves can square.
 const MOST: f32 = 1e6;
 
-fn encode_with(
+fn encode_with<P: Copy + Send>(
     tone: impl Fn([f32; 3]) -> [f32; 3] + Sync + Copy,
+    pixel: impl Fn([u8; 3]) -> P + Sync + Copy,
     radiance: &Radiance,
     params: &DisplayParams,
-    bytes: &mut [u8],
+    out: &mut [P],
 ) {
     match params.white.map(WhitePoint::matrix) {
-        None => encode_curved(tone, radiance, params, bytes),
-        Some(matrix) => encode_curved(move |rgb| tone(white::balanced(&matrix, rgb)), radiance, params, bytes),
+        None => encode_curved(tone, pixel, radiance, params, out),
+        Some(matrix) => encode_curved(move |rgb| tone(white::balanced(&matrix, rgb)), pixel, radiance, params, out),
     }
 }
 
-fn encode_curved(
+fn encode_curved<P: Copy + Send>(
     tone: impl Fn([f32; 3]) -> [f32; 3] + Sync + Copy,
+    pixel: impl Fn([u8; 3]) -> P + Sync + Copy,
     radiance: &Radiance,
     params: &DisplayParams,
-    bytes: &mut [u8],
+    out: &mut [P],
 ) {
     let gain = params.gain();
-    let runs = bytes.par_chunks_mut(4 * RUN).zip(radiance.pixels.par_chunks(RUN)).enumerate();
+    let runs = out.par_chunks_mut(RUN).zip(radiance.pixels.par_chunks(RUN)).enumerate();
+    let tables = Tables::of(params.tone);
     match params.dither {
         Dither::Off => {
-            let table = table(params.tone, |value| (255.0 * value + 0.5) as u8);
-            let table: &[u8; TABLE_LEN] = table.as_slice().try_into().expect("the table was made with this length");
-            let at = |step: i32| table[step as usize % TABLE_LEN];
-            let byte = |_, [r, g, b]: [i32; 3]| [at(r), at(g), at(b)];
-            runs.for_each(|(_, (bytes, pixels))| encode_run(tone, gain, byte, pixels, bytes));
+            let at = |step: i32| tables.bytes[step as usize % TABLE_LEN];
+            let pixel = |_, [r, g, b]: [i32; 3]| pixel([at(r), at(g), at(b)]);
+            runs.for_each(|(_, (out, pixels))| encode_run(tone, gain, pixel, pixels, out));
         }
         Dither::Ordered => {
-            // 1/256 of a byte, to which a threshold below 256 is added before the fraction is cut off.
-            let table = table(params.tone, |value| (255.0 * 256.0 * value + 0.5) as u32);
             let width = radiance.width.max(1) as usize;
-            runs.for_each(|(run, (bytes, pixels))| {
-                let byte = |pixel: usize, steps: [i32; 3]| {
-                    let pixel = run * RUN + pixel;
-                    let threshold = dither::threshold((pixel % width) as u32, (pixel / width) as u32);
-                    steps.map(|step| ((table[step as usize % TABLE_LEN] + threshold) >> 8) as u8)
+            runs.for_each(|(run, (out, pixels))| {
+                let pixel = |place: usize, steps: [i32; 3]| {
+                    let place = run * RUN + place;
+                    let threshold = dither::threshold((place % width) as u32, (place / width) as u32);
+                    pixel(steps.map(|step| ((tables.fractions[step as usize % TABLE_LEN] + threshold) >> 8) as u8))
                 };
-                encode_run(tone, gain, byte, pixels, bytes);
+                encode_run(tone, gain, pixel, pixels, out);
             });
         }
     }
 }
 
-/// What `of` makes of the sRGB value for each output of a tone curve between 0 and 1.
-fn table<T: Send>(tone: Tone, of: impl Fn(f32) -> T + Sync) -> Vec<T> {
-    let entry = |i: usize| {
-        let value = i as f32 / (TABLE_LEN - 1) as f32;
-        of(srgb_from_linear(if tone == Tone::Agx { value.powf(curves::AGX_GAMMA) } else { value }))
-    };
-    (0..TABLE_LEN).into_par_iter().with_min_len(1024).map(entry).collect()
+/// The sRGB value for each output of a tone curve between 0 and 1.
+struct Tables {
+    /// Rounded to the nearest.
+    bytes: [u8; TABLE_LEN],
+    /// In 1/256 of a byte, to which a threshold below 256 is added before the fraction is cut off.
+    fractions: [u32; TABLE_LEN],
+}
+
+impl Tables {
+    /// Those of a tone curve; made once.
+    fn of(tone: Tone) -> &'static Self {
+        static OF_LINEAR: OnceLock<Box<Tables>> = OnceLock::new();
+        static OF_AGX: OnceLock<Box<Tables>> = OnceLock::new();
+        match tone {
+            Tone::Agx => OF_AGX.get_or_init(|| Self::new(|value| value.powf(curves::AGX_GAMMA))),
+            _ => OF_LINEAR.get_or_init(|| Self::new(|value| value)),
+        }
+    }
+
+    fn new(linear: impl Fn(f32) -> f32) -> Box<Self> {
+        let mut tables = Box::new(Self { bytes: [0; TABLE_LEN], fractions: [0; TABLE_LEN] });
+        for i in 0..TABLE_LEN {
+            let encoded = srgb_from_linear(linear(i as f32 / (TABLE_LEN - 1) as f32));
+            tables.bytes[i] = (255.0 * encoded + 0.5) as u8;
+            tables.fractions[i] = (255.0 * 256.0 * encoded + 0.5) as u32;
+        }
+        tables
+    }
 }
 
 /// Display-linear value before the tone curve: not negative, and within what the curves can square.

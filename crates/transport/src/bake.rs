@@ -318,6 +318,16 @@ impl BakeHeader {
         coefficients
     }
 
+    /// Adds what free lamps throw on the patches, one RGB per column of these, to the coefficients of the picture or of a matrix
+    /// of irradiance. Nothing without patches.
+    pub fn add_of_patches(&self, coefficients: &mut [Vec<[f32; 3]>], of_patches: &[[f32; 3]]) {
+        if let (Some(_), Some(last)) = (&self.patches, coefficients.last_mut()) {
+            for (sum, more) in last.iter_mut().zip(of_patches) {
+                (0..3).for_each(|c| sum[c] += more[c]);
+            }
+        }
+    }
+
     pub(crate) fn scaled_coefficients(&self, column_scale: &[f32], rig: &LightRig) -> Vec<Vec<[f32; 3]>> {
         let mut coefficients = self.basis.project(rig);
         for (c, scale) in coefficients.iter_mut().zip(column_scale) {
@@ -809,7 +819,7 @@ impl Run<'_> {
             config.method = Method::default();
         }
         let mut of_patches = PatchBlocks::none(&header);
-        if is_last && self.patches(&mut of_patches, blocks, (pass, clock.done()), on_event)?.is_break() {
+        if is_last && self.patches(&mut of_patches, (0, blocks), (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));
         }
         let is_kept = is_last || self.deadline.is_some();

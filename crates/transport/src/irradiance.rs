@@ -97,6 +97,13 @@ impl BakeHeader {
         self.partitions().into_iter().map(empty).collect()
     }
 
+    /// Whether the groups of a matrix of irradiance have columns of patches: what surfaces make of the light of free lamps.
+    /// Older programs left them dark.
+    pub fn holds_patches(&self, groups: &[BlockLowRank]) -> bool {
+        let is_lit = |group: &BlockLowRank| group.blocks.iter().flatten().any(|block| block.rank > 0);
+        self.patches.is_some() && groups.last().is_some_and(is_lit)
+    }
+
     /// One RGB coefficient per column and group for a rig, as the factors of a matrix of irradiance take them.
     pub fn irradiance_coefficients(&self, set: usize, rig: &LightRig) -> Vec<Vec<[f32; 3]>> {
         self.scaled_coefficients(&self.irradiance[set].column_scale, rig)
@@ -154,7 +161,7 @@ impl Bake {
                 mean_rank: groups.iter().map(BlockLowRank::mean_rank).sum(),
                 bytes: groups.iter().map(BlockLowRank::n_bytes).sum(),
                 dense_bytes: CHANNELS * film.n_pixels() * self.header.basis.n_cols() * size_of::<f32>(),
-                // The columns of patches are dark here: they would only thin out the errors.
+                // The columns of patches are measured against lamps that no bake knows, not against lights of the scene.
                 error_db: error_db(&groups[..groups.len() - usize::from(self.header.patches.is_some())], None),
             }
         });

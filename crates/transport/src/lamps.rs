@@ -152,7 +152,7 @@ impl LampShape {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
     /// A lamp at (0, 1, 0) that looks down, of 1 in a unit that it can have.

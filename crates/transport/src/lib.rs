@@ -1,5 +1,6 @@
 //! What light does before anyone edits it: glTF import, light transport by path tracing, and baking into block factors.
 pub mod archive;
+pub mod arriving;
 pub mod bake;
 pub mod basis;
 pub mod bsdf;

@@ -230,7 +230,7 @@ impl<'a> TransportMatrix<'a> {
             }
             IrradianceRows::Grid(grid) => {
                 let Some(position) = grid.point(number) else { return };
-                let receiver = Receiver { position, outward: grid.normal, normal: grid.normal, clearance: 0.0 };
+                let receiver = Receiver::on_plane(position, grid.normal);
                 self.integrator.sample_irradiance(&receiver, sampler, scratch, deposit);
             }
         }

@@ -192,7 +192,11 @@ impl Follower {
         // Before the first block there is nothing to see.
         let has_blocks = |shown: &&Shown| shown.frame.groups.iter().any(|g| g.blocks.iter().any(Option::is_some));
         if let Some(shown) = session.shown.as_ref().filter(has_blocks) {
-            let rig = self.lamplight.follow(session, &heard(&shown.header.basis, &look.lights, solo));
+            let rig = self.lamplight.follow(
+                session,
+                &heard(&shown.header.basis, &look.lights, solo),
+                look.display.quantity(),
+            );
             let light = self.shown_lamp_light(shown).cloned();
             let layer = light.as_ref().map(|light| (light.serial, Arc::as_ptr(&light.direct).addr()));
             let sky = self.sky.follow(shown, &rig).unwrap_or_else(|words| {
@@ -209,11 +213,10 @@ impl Follower {
                 let is_other = self.asked.as_ref().is_none_or(|old| old.irradiance(shown) != asked.irradiance(shown));
                 let changed = if is_other { Changed::All } else { changed };
                 let (frame, coefficients, layer) = match asked.irradiance(shown) {
-                    // Light that arrives: what free lamps add to it is not known.
                     Some(set) => (
                         Frame { groups: shown.irradiance[set].clone(), ..shown.frame },
-                        shown.header.irradiance_coefficients(set, &asked.rig),
-                        None,
+                        shown.irradiance_coefficients(set, &asked.rig, light.as_ref()),
+                        light.and_then(|light| light.arriving),
                     ),
                     None => {
                         let mut coefficients = shown.coefficients(&asked.rig, light.as_ref());

@@ -7,6 +7,7 @@ use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 
+use crate::look::Quantity;
 use crate::session::lamps::{LampLight, LampOrder, LampView, LampWorker};
 use crate::session::{Session, Wake};
 
@@ -53,7 +54,7 @@ impl Lamplight {
     /// Takes in what came and orders what is new. Answers the lighting to show: while the light of lamps that were added,
     /// moved, or taken away is on its way, the picture keeps the lighting that goes with the light it has. So a lamp of
     /// the file that becomes movable does not go out in between.
-    pub fn follow(&mut self, session: &Session, rig: &LightRig) -> LightRig {
+    pub fn follow(&mut self, session: &Session, rig: &LightRig, shown: Option<Quantity>) -> LightRig {
         let view = self.current_view(session);
         if view.as_ref().map(Arc::as_ptr) != self.view.as_ref().map(Arc::as_ptr) {
             self.look_elsewhere(view);
@@ -67,7 +68,9 @@ impl Lamplight {
         };
         if is_new {
             self.n_orders += 1;
-            self.worker.order(LampOrder { view: view.clone(), lamps: shining.clone(), serial: self.n_orders });
+            let shows_arriving = shown == Some(Quantity::Illuminance);
+            let (view, lamps, serial) = (view.clone(), shining.clone(), self.n_orders);
+            self.worker.order(LampOrder { view, lamps, shows_arriving, serial });
             self.ordered = Some(Ordered { rig: rig.clone(), shining });
         }
         let is_pending = self.light.as_ref().is_none_or(|light| light.serial != self.n_orders);
@@ -87,7 +90,8 @@ impl Lamplight {
         if let (Some(view), Some(_)) = (&view, self.ordered.take()) {
             // An order without lamps frees what the worker knows of the old view.
             self.n_orders += 1;
-            self.worker.order(LampOrder { view: view.clone(), lamps: Vec::new(), serial: self.n_orders });
+            let (view, lamps, serial) = (view.clone(), Vec::new(), self.n_orders);
+            self.worker.order(LampOrder { view, lamps, shows_arriving: false, serial });
         }
         self.view = view;
     }
@@ -110,13 +114,14 @@ impl Lamplight {
         self.header = Some(shown.header.clone());
         let is_it = |view: &&Arc<LampView>| {
             Arc::ptr_eq(&view.scene, scene)
-                && (&view.camera, view.film) == (camera, film)
+                && (&view.camera, view.film, view.measures) == (camera, film, shown.pixel_irradiance().is_some())
                 && (is_of_header || view.patches.as_ref() == shown.patches())
         };
         let kept = self.view.as_ref().filter(is_it).cloned();
         Some(kept.unwrap_or_else(|| {
             let (camera, patches) = (camera.clone(), shown.patches().cloned());
-            Arc::new(LampView { scene: scene.clone(), camera, film, patches })
+            let measures = shown.pixel_irradiance().is_some();
+            Arc::new(LampView { scene: scene.clone(), camera, film, patches, measures })
         }))
     }
 }

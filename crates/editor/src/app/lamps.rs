@@ -14,11 +14,12 @@ use glam::{Vec2, Vec3};
 use super::App;
 use crate::action::FileTask;
 use crate::look::{groups, numbered_name};
-use crate::panels::lamps::{LampChoice, kind_words, new_strength};
+use crate::panels::lamps::{LampChoice, kind_words};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
-use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, put_on, surface_along};
+use crate::viewport::gizmo::{AimWhileMoving, Surface, move_to, surface_along};
+use crate::viewport::placing::{fitting_strength, placed};
 
 /// How far a copy stands beside the lamp, of its distance to the camera.
 const BESIDE: f32 = 0.06;
@@ -60,16 +61,8 @@ impl App {
         Some((self.session.lamp_scene()?.clone(), shown.camera.clone()?, shown.film()))
     }
 
-    /// What an edit that no pointer makes is: one step of undo.
-    pub(super) fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
-        self.undoer.add_undo(&self.look);
-        edit(self);
-        self.undoer.add_undo(&self.look);
-    }
-
     pub(super) fn add_lamp(&mut self, shape: LampShape, at_px: Option<[f32; 2]>) {
-        let (strength, unit) = new_strength(&shape);
-        self.place_lamp(shape, (strength, unit), at_px);
+        self.place_lamp(shape, None, at_px);
     }
 
     pub(super) fn ask_profile(&mut self, at_px: Option<[f32; 2]>) {
@@ -83,13 +76,14 @@ impl App {
             Ok(profile) => {
                 let (shape, at_px) =
                     (LampShape::Profile { file: path.display().to_string() }, self.profile_at_px.take());
-                self.place_lamp(shape, (profile.max_candela(), LampUnit::Candela), at_px);
+                self.place_lamp(shape, Some((profile.max_candela(), LampUnit::Candela)), at_px);
             }
             Err(why) => self.complain(format!("{}: {why}", path.display())),
         }
     }
 
-    fn place_lamp(&mut self, shape: LampShape, (strength, unit): (f32, LampUnit), at_px: Option<[f32; 2]>) {
+    /// Puts a lamp where the picture was clicked on; without a strength with one that suits the picture.
+    fn place_lamp(&mut self, shape: LampShape, strength: Option<(f32, LampUnit)>, at_px: Option<[f32; 2]>) {
         let Some((scene, camera, film)) = self.lamp_view() else {
             self.complain("a lamp can be added once there is a picture of a scene");
             return;
@@ -101,8 +95,11 @@ impl App {
         let in_the_air = || Surface { position: eye + direction * (0.3 * scene.diameter()), normal: -direction };
         let key = self.free_name(kind_words(&shape));
         let (setting, origin) = (LightSetting::default(), Vec3::ZERO);
-        let lamp = FreeLamp { key, shape, position: origin, aim: origin, strength, unit, setting };
-        let lamp = put_on(lamp, surface.unwrap_or_else(in_the_air), eye);
+        let (unit, own) = (shape.units()[0], 1.0);
+        let lamp = FreeLamp { key, shape, position: origin, aim: origin, strength: own, unit, setting };
+        let lamp = placed(lamp, surface.unwrap_or_else(in_the_air), eye, &scene);
+        let (strength, unit) = strength.unwrap_or_else(|| fitting_strength(&lamp, self.follower.shown_ev(), &scene));
+        let lamp = FreeLamp { strength, unit, ..lamp };
         self.as_one_step(|app| app.push_lamp(lamp));
     }
 

@@ -49,7 +49,7 @@ fn readings(shown: &Shown, rig: &LightRig, light: Option<&LampLight>, probes: &P
     let read = |px: [u32; 2]| {
         let pixel = [px[1] * shown.header.width + px[0]];
         let shares = shown.shares(rig, light, &pixel)?;
-        let lux = shown.irradiance_at(rig, &pixel).map(luminance);
+        let lux = shown.irradiance_at(rig, light, &pixel).map(luminance);
         Some((Reading { px, radiance: shares::sum(&shares), lux }, shares))
     };
     let plain = |px: [u32; 2]| read(px).map(|(reading, _)| reading);

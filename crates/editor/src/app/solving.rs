@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clerestory_transport::basis::SourceKind;
 use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::lamps::PreparedLamps;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::Ui;
@@ -19,8 +20,9 @@ use crate::panels::measure::{MeasureView, ScheduleState, measure_ui};
 use crate::panels::solve::{SolveState, SolveView, solve_ui};
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
-use crate::session::{Session, Wake};
-use crate::solve::{LampColumn, Place, Scene, Solution, Target, parse, solve};
+use crate::session::lamps::LampLight;
+use crate::session::{Session, Shown, Wake};
+use crate::solve::{AtPixel, LampColumn, Place, Scene, Solution, Target, parse, solve};
 
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
@@ -57,6 +59,8 @@ struct Measured {
     bake: usize,
     n_sets: usize,
     rig: LightRig,
+    /// Address of the light of free lamps; 0 without.
+    lamps: usize,
     marks: Option<Marks>,
     by_area: bool,
 }
@@ -156,7 +160,7 @@ impl App {
             self.solving.state.solution = None;
             self.say("The lights have changed since; solve again");
         }
-        let film = self.session.shown.as_ref().map(crate::session::Shown::film);
+        let film = self.session.shown.as_ref().map(Shown::film);
         let marking = &mut self.view.marking;
         if marking.marks.as_ref().is_some_and(|marks| Some(marks.film) != film) {
             marking.marks = None;
@@ -204,10 +208,12 @@ impl App {
         let Some(shown) = &self.session.shown else { return };
         let has_pixels = shown.pixel_irradiance().is_some();
         let seen = self.solving.seen(view);
+        let light = self.follower.shown_lamp_light(shown);
         let of = Measured {
             bake: Arc::as_ptr(&shown.header).addr(),
             n_sets: shown.irradiance.len(),
             rig: heard(&shown.header.basis, &self.shown_look().lights, &self.lights.solo),
+            lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
             marks: self.view.marking.marks().filter(|_| has_pixels).cloned(),
             by_area: seen.is_some(),
         };
@@ -218,13 +224,18 @@ impl App {
             self.solving.measured = None;
             return;
         }
-        let bake = shown.bake();
+        let (bake, mut added) = (shown.bake(), light.map(LampLight::added_lux).unwrap_or_default());
+        let scene = self.session.lamp_scene().cloned();
         let started = self.solving.measuring.start("measure", &self.solving.wake, move || {
             let figures = || -> anyhow::Result<Figures> {
+                let shining: Vec<_> = of.rig.lit_lamps().into_iter().filter(|lamp| !lamp.setting.muted).collect();
+                let (lamps, _) = PreparedLamps::new(&shining, None)?;
+                added.lamps = scene.filter(|_| !lamps.is_empty()).map(|scene| (scene, lamps));
+                let light = (&of.rig, &added);
                 let marked =
-                    of.marks.as_ref().map(|marks| of_marks(&bake, &of.rig, marks, seen.as_deref())).transpose()?;
+                    of.marks.as_ref().map(|marks| of_marks(&bake, light, marks, seen.as_deref())).transpose()?;
                 let grid = |(set, grid)| -> anyhow::Result<(String, LuxFigures)> {
-                    let points = of_grid(&bake, (set, grid), &of.rig)?;
+                    let points = of_grid(&bake, (set, grid), light)?;
                     Ok((grid.name.clone(), LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)))))
                 };
                 Ok(Figures { marked, grids: bake.grids().map(grid).collect::<anyhow::Result<_>>()? })
@@ -246,6 +257,10 @@ impl App {
         let lamp = |part: crate::session::lamps::LampPart| LampColumn {
             key: part.key.clone(),
             of_patches: part.of_patches().collect(),
+            arriving: part.is_measured().then(|| {
+                let part = part.clone();
+                Arc::new(move |pixel| part.arriving(pixel)) as AtPixel
+            }),
             direct: Arc::new(move |pixel| part.direct(pixel)),
         };
         let lamps = parts.into_iter().map(lamp).collect();
@@ -293,7 +308,7 @@ impl App {
         self.say(format!("Reading {}", path.display()));
         let started = self.solving.reading.start("target", &self.solving.wake, move || {
             let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            (name, parse::picture(&path, None).map_err(|error| format!("{error:#}")))
+            (name, parse::picture(&path, None, None).map_err(|error| format!("{error:#}")))
         });
         if let Err(words) = started {
             self.complain(words);
@@ -355,12 +370,13 @@ impl App {
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
         let surface = self.solving.surface.clone();
         let problem = self.solving.problem.clone();
+        let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
         let view = MeasureView {
             marked: figures.marked.filter(|_| self.view.marking.marks().is_some()),
             grids: &figures.grids,
             has_illuminance,
             can_bake,
-            has_lamps: self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted),
+            counts_direct_only: shines && !shown.is_some_and(Shown::holds_lamp_lux),
             surface: surface.as_deref(),
             problem: problem.as_deref(),
             has_scene,

@@ -1,25 +1,30 @@
 //! What can be typed: subcommands, options, defaults, and the range of every number.
 
+mod parse;
+mod tools;
+
 use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use clerestory_nystrom::rivals::{Method, UnknownMethod};
+use clerestory_nystrom::rivals::Method;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::patches::MOST_PATCHES;
-use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
+use clerestory_transport::sensors::{NodeGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
-use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm, SkySetting};
+use clerestory_transport::sky::{SkyForm, SkySetting};
 
 use super::gltf::ExportGltfArgs;
 use super::looks::LookChoice;
 use super::picture::{CutArgs, DepthArgs};
 use super::sequence::FramesArgs;
 use super::viewpoint::{Viewpoint, parse_shift, parse_view};
-
-/// Most pixels of a picture, 8192 × 8192.
-const MAX_PIXELS: u64 = 1 << 26;
+pub(super) use parse::parse_panel;
+use parse::{
+    parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_tolerance, parse_work_plane,
+};
+pub use tools::{CacheArgs, CompareArgs, InfoArgs, ScheduleArgs, SensorsArgs, SolveArgs};
 
 /// Relights a scene as fast as you can turn a knob: bakes its light transport once, then multiplies.
 #[derive(Debug, Parser)]
@@ -286,90 +291,6 @@ pub struct IrradianceArgs {
     pub work_planes: Vec<WorkPlane>,
 }
 
-/// `clerestory sensors`.
-#[derive(Debug, Args)]
-pub struct SensorsArgs {
-    /// Transport file of an earlier bake with sensors.
-    pub transport: PathBuf,
-    /// Look to light it with [default: as the scene says].
-    #[arg(long, value_name = "FILE.look")]
-    pub look: Option<PathBuf>,
-    /// What of it.
-    #[command(flatten)]
-    pub choice: LookChoice,
-    /// Table to write: grid, x, y, z in meters, and lux of every point.
-    #[arg(short, long, value_name = "OUT.csv")]
-    pub output: Option<PathBuf>,
-    /// How to answer.
-    #[command(flatten)]
-    pub answer: OutputArgs,
-}
-
-/// `clerestory schedule`.
-#[derive(Debug, Args)]
-pub struct ScheduleArgs {
-    /// Scene, or transport file of an earlier bake.
-    pub file: PathBuf,
-    /// Look that says how the lamps are set [default: as the scene says].
-    #[arg(long, value_name = "FILE.look")]
-    pub look: Option<PathBuf>,
-    /// Luminous efficacy of the lamps: their watts are lumen over this.
-    #[arg(long, value_name = "LM/W", default_value_t = 100.0, value_parser = parse_positive)]
-    pub efficacy: f64,
-    /// Floor area in m² [default: that of the scene's floor; none for a transport file].
-    #[arg(long = "floor-area", value_name = "M2", value_parser = parse_positive)]
-    pub floor_m2: Option<f64>,
-    /// Table to write.
-    #[arg(short, long, value_name = "OUT.csv")]
-    pub output: PathBuf,
-    /// How to answer.
-    #[command(flatten)]
-    pub answer: OutputArgs,
-}
-
-/// `clerestory solve`.
-#[derive(Debug, Args)]
-pub struct SolveArgs {
-    /// Transport file of an earlier bake.
-    pub transport: PathBuf,
-    /// Wishes, as docs/cli.md describes them.
-    #[arg(long, value_name = "FILE.json", required_unless_present = "picture")]
-    pub wishes: Option<PathBuf>,
-    /// Picture to match, of any size: linear .exr or .hdr in nit, or .png or .jpg, whose exposure is found.
-    #[arg(long = "match", value_name = "PICTURE")]
-    pub picture: Option<PathBuf>,
-    /// Exposure of the picture to match: nit times 2^EV are its numbers.
-    #[arg(long, value_name = "EV", requires = "picture", allow_negative_numbers = true)]
-    pub exposure: Option<f64>,
-    /// Scene that was baked: for surfaces by name, means over areas of surface, and lamps of the look.
-    #[arg(long, value_name = "SCENE")]
-    pub scene: Option<PathBuf>,
-    /// Look to start from [default: as the scene says].
-    #[arg(long, value_name = "FILE.look")]
-    pub look: Option<PathBuf>,
-    /// Light that may change, by its key; may be repeated [default: all that are not muted].
-    #[arg(long = "light", value_name = "KEY")]
-    pub lights: Vec<String>,
-    /// Least and largest intensity, times the file [default: 0:100].
-    #[arg(long, value_name = "MIN:MAX", value_parser = parse_factor)]
-    pub factor: Option<[f64; 2]>,
-    /// Let colors change, too, up to a saturation of 0 (white) to 1 (any color).
-    #[arg(long, value_name = "SATURATION")]
-    pub colors: Option<f64>,
-    /// How much the rest of the picture counts, beside 1 for a wish [default: 0.001].
-    #[arg(long, value_name = "WEIGHT")]
-    pub keep: Option<f64>,
-    /// How much a light that stays as it is counts [default: 0.001].
-    #[arg(long, value_name = "STRENGTH")]
-    pub pull: Option<f64>,
-    /// Look to write.
-    #[arg(short, long, value_name = "OUT.look")]
-    pub output: PathBuf,
-    /// How to answer.
-    #[command(flatten)]
-    pub answer: OutputArgs,
-}
-
 /// How to light and what to write.
 #[derive(Clone, Debug, Args)]
 pub struct RelightOptions {
@@ -420,17 +341,6 @@ pub struct RelightArgs {
     pub answer: OutputArgs,
 }
 
-/// `clerestory cache`.
-#[derive(Debug, Args)]
-pub struct CacheArgs {
-    /// Remove all of them.
-    #[arg(long)]
-    pub clear: bool,
-    /// How to answer.
-    #[command(flatten)]
-    pub answer: OutputArgs,
-}
-
 /// `clerestory render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
@@ -472,28 +382,6 @@ pub struct TraceArgs {
     pub answer: OutputArgs,
 }
 
-/// `clerestory compare`.
-#[derive(Debug, Args)]
-pub struct CompareArgs {
-    /// Picture, linear .exr.
-    pub a: PathBuf,
-    /// Reference, linear .exr of the same size.
-    pub b: PathBuf,
-    /// How to answer.
-    #[command(flatten)]
-    pub answer: OutputArgs,
-}
-
-/// `clerestory info`.
-#[derive(Debug, Args)]
-pub struct InfoArgs {
-    /// Scene, transport file, look, or folder of pictures.
-    pub file: PathBuf,
-    /// How to answer.
-    #[command(flatten)]
-    pub answer: OutputArgs,
-}
-
 /// What multiplies factors and coefficients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Device {
@@ -518,205 +406,5 @@ pub enum Layers {
     Irradiance,
 }
 
-fn parse_size(text: &str) -> Result<Film, String> {
-    let problem = || format!("write WIDTHxHEIGHT such as 960x540, each from 1 to {}", Film::MAX_SIDE);
-    let (width, height) = text.split_once(['x', 'X', '×']).ok_or_else(problem)?;
-    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=Film::MAX_SIDE).contains(side));
-    let (width, height) = side(width).zip(side(height)).ok_or_else(problem)?;
-    if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(format!("at most {MAX_PIXELS} pixels in all (8192x8192)"));
-    }
-    Ok(Film { width, height })
-}
-
-pub(super) fn parse_panel(text: &str) -> Result<PanelRequest, String> {
-    // A node's name may hold '=', a number cannot.
-    let (node, resolution) = text.rsplit_once('=').ok_or("write NODE=M such as Ceiling=16")?;
-    let resolution: u32 = resolution.parse().map_err(|_| "M must be a whole number from 4 to 64")?;
-    if node.is_empty() || !(4..=64).contains(&resolution) {
-        return Err("write NODE=M with the name of a node and M from 4 to 64".into());
-    }
-    Ok(PanelRequest { node: node.into(), resolution })
-}
-
-fn parse_ies(text: &str) -> Result<IesRequest, String> {
-    // A node's name may hold '=' as well as a path may; names do more often.
-    match text.rsplit_once('=') {
-        Some((key, file)) if !key.is_empty() && !file.is_empty() => {
-            Ok(IesRequest { key: key.into(), file: file.into() })
-        }
-        _ => Err("write KEY=FILE such as Downlight=downlight.ies".into()),
-    }
-}
-
-fn parse_sensors(text: &str) -> Result<NodeGrid, String> {
-    let problem = || format!("write NODE=WxH such as Desk=16x8, each from 1 to {}", SensorGrid::MAX_SIDE);
-    let (node, size) = text.rsplit_once('=').filter(|(node, _)| !node.is_empty()).ok_or_else(problem)?;
-    let (across, down) = size.split_once(['x', 'X', '×']).ok_or_else(problem)?;
-    let side = |text: &str| text.parse::<u32>().ok().filter(|side| (1..=SensorGrid::MAX_SIDE).contains(side));
-    let (across, down) = side(across).zip(side(down)).ok_or_else(problem)?;
-    Ok(NodeGrid { node: node.into(), size: [across, down] })
-}
-
-fn parse_work_plane(text: &str) -> Result<WorkPlane, String> {
-    let problem = "write HEIGHT or HEIGHT:SPACING in meters, such as 0.75:0.5; the height from 0 to 10000";
-    let (height, spacing) = text.split_once(':').map_or((text, None), |(height, spacing)| (height, Some(spacing)));
-    let meters = |text: &str| text.parse::<f32>().ok().filter(|m| (0.0..=1e4).contains(m)).ok_or(problem);
-    let spacing_m = spacing.map(|text| meters(text).and_then(|m| if m >= 1e-3 { Ok(m) } else { Err(problem) }));
-    Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()? })
-}
-
-fn parse_positive(text: &str) -> Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|x| (1e-3..=1e9).contains(x));
-    number.ok_or_else(|| "write a number above 0".into())
-}
-
-fn parse_factor(text: &str) -> Result<[f64; 2], String> {
-    let problem = || "write MIN:MAX such as 0:10".to_string();
-    let (least, most) = text.split_once(':').ok_or_else(problem)?;
-    let number = |text: &str| text.parse::<f64>().ok().filter(|x| (0.0..=1e6).contains(x)).ok_or_else(problem);
-    Ok([number(least)?, number(most)?])
-}
-
-fn parse_patches(text: &str) -> Result<SkyForm, String> {
-    let patches = |divisions: &u32| (144 * divisions * divisions + 1).to_string();
-    let divisions = DOME_DIVISIONS.into_iter().find(|divisions| patches(divisions) == text);
-    divisions.map(SkyForm::Patches).ok_or_else(|| "write 145, 577 or 2305".into())
-}
-
-fn parse_method(text: &str) -> Result<Method, String> {
-    let method: Method = text.parse().map_err(|error: UnknownMethod| error.to_string())?;
-    match method.without_factors() {
-        Some(why) => Err(format!(
-            "`{method}` cannot relight in compressed form: {why}; its error stands in the table of methods in docs/benchmarks.md"
-        )),
-        None => Ok(method),
-    }
-}
-
-fn parse_seconds(text: &str) -> Result<Duration, String> {
-    let secs = text.parse::<f32>().ok().filter(|secs| *secs > 0.0 && *secs <= 1e6);
-    secs.map(Duration::from_secs_f32).ok_or_else(|| "give seconds above 0 and up to 1000000".into())
-}
-
-fn parse_tolerance(text: &str) -> Result<f32, String> {
-    let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
-    decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
-}
-
 #[cfg(test)]
-mod tests {
-    use clap::CommandFactory;
-
-    use super::*;
-
-    #[test]
-    fn the_command_line_is_consistent() {
-        Arguments::command().debug_assert();
-    }
-
-    #[test]
-    fn defaults_are_those_of_the_manual() {
-        let arguments = Arguments::try_parse_from(["clerestory", "bake", "a.glb", "-o", "a.transport"]).unwrap();
-        let Some(Command::Bake(bake)) = arguments.command else { panic!("bake was asked for") };
-        let view = &bake.options.view;
-        assert_eq!((view.spp, view.bounces, view.size, view.seed), (256, None, None, 0));
-        assert_eq!((bake.options.tolerance, bake.options.fresh), (40.0, false));
-        assert_eq!(bake.options.method, Method::Projected);
-        assert_eq!((&view.sky, bake.options.sky_patches), (&None, SkyForm::Patches(1)));
-        assert!(view.skips().is_all());
-    }
-
-    #[test]
-    fn numbers_out_of_range_are_refused() {
-        let bad = [
-            ["--spp", "0"],
-            ["--spp", "-3"],
-            ["--seconds", "0"],
-            ["--seconds", "nan"],
-            ["--size", "0x4"],
-            ["--size", "20000x20"],
-            ["--size", "12"],
-            ["--size", "16384x16384"],
-            ["--tolerance", "nan"],
-            ["--tolerance", "inf"],
-            ["--tolerance", "-4"],
-            ["--panel", "a=3"],
-            ["--panel", "a=65"],
-            ["--panel", "=8"],
-            ["--panel", "a"],
-            ["--ies", "a.ies"],
-            ["--ies", "=a.ies"],
-            ["--ies", "a="],
-            ["--bounces", "-1"],
-            ["--sensors", "desk"],
-            ["--sensors", "=4x4"],
-            ["--sensors", "desk=4"],
-            ["--sensors", "desk=0x4"],
-            ["--sensors", "desk=9999x4"],
-            ["--work-plane", "low"],
-            ["--work-plane", "nan"],
-            ["--work-plane", "0.8:0"],
-            ["--work-plane", "0.8:"],
-            ["--view", "0,1,2"],
-            ["--shift", "0"],
-            ["--threads", "0"],
-            ["--sky", ""],
-            ["--method", "best"],
-            ["--method", "kernel"],
-            ["--method", "compressed-sensing"],
-            ["--sky", "sun:10"],
-            ["--sky-patches", "146"],
-            ["--no-skip=color", "--json"],
-        ];
-        for [option, value] in bad {
-            let line = ["clerestory", "bake", "a.glb", "-o", "a.transport", option, value];
-            assert!(Arguments::try_parse_from(line).is_err(), "{option} {value} was accepted");
-        }
-    }
-
-    #[test]
-    fn pictures_take_the_place_of_a_scene_and_of_its_options() {
-        let line = |rest: &str| {
-            let line = format!("clerestory bake --images stage -o a.transport {rest}");
-            Arguments::try_parse_from(line.split_whitespace().map(str::to_owned))
-        };
-        assert!(line("--seconds 10").is_err());
-        assert!(line("--tolerance 45 --fresh --seed 3 --threads 2 --json").is_ok());
-        for of_scenes in [
-            "a.glb",
-            "--spp 4",
-            "--size 4x4",
-            "--camera 0",
-            "--view 0,1,2,0,0",
-            "--shift 0,0.1",
-            "--bounces 1",
-            "--panel a=4",
-            "--ies a=b",
-            "--unitless",
-            "--sky uniform",
-            "--no-skip",
-            "--sky-patches 145",
-            "--fast",
-            "--exact",
-            "--irradiance",
-            "--sensors a=4x4",
-            "--work-plane 1",
-        ] {
-            assert!(line(of_scenes).is_err(), "{of_scenes} was accepted");
-        }
-        assert!(Arguments::try_parse_from(["clerestory", "bake", "-o", "a.transport"]).is_err());
-    }
-
-    #[test]
-    fn a_panel_name_may_hold_an_equals_sign() {
-        let request = parse_panel("a=b=16").unwrap();
-        assert_eq!((request.node.as_str(), request.resolution), ("a=b", 16));
-    }
-
-    #[test]
-    fn a_scene_alone_opens_the_editor() {
-        let arguments = Arguments::try_parse_from(["clerestory", "room.glb"]).unwrap();
-        assert!(arguments.command.is_none() && arguments.scene == Some("room.glb".into()));
-    }
-}
+mod tests;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use clerestory_relight::Radiance;
+use clerestory_transport::arriving::ArrivingPoints;
 use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
@@ -15,6 +16,7 @@ use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 
 use super::console::Console;
 use super::view::{View, load_scene};
+use crate::illuminance::AddedLux;
 use crate::look::Look;
 
 /// Samples of a pixel that are kept at once, how often other ones take their place, and passes of each: as many in all as make
@@ -47,8 +49,47 @@ pub(super) struct LampLight {
     pub key: String,
     /// Its direct light, and its body where it is seen, nit.
     pub direct: Radiance,
+    /// What comes straight to the surfaces that pixels see, lux; where it was asked for.
+    pub arriving: Option<Radiance>,
     /// Coefficients of the patches of the bake; none without patches.
     pub of_patches: Vec<[f32; 3]>,
+}
+
+/// Whether the light that arrives at what pixels see is found as well.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Arriving {
+    /// Nobody asks.
+    Left,
+    /// It goes with the irradiance of the bake.
+    Measured,
+}
+
+impl Arriving {
+    /// What is asked for of a bake: where it holds no irradiance, nothing can be.
+    pub fn of(bake: &Bake, is_asked: bool) -> Arriving {
+        if is_asked && bake.pixel_irradiance().is_some() { Arriving::Measured } else { Arriving::Left }
+    }
+}
+
+/// What is said where irradiance has no columns of patches.
+pub(super) const DIRECT_LUX: &str = "the irradiance counts the light of the look's lamps where it falls, not what surfaces make \
+    of it; bake the scene again with --patches 4096 for that";
+
+/// What lamps add to the light that arrives.
+pub(super) fn added_lux(lamps: &[LampLight]) -> AddedLux {
+    let mut added = AddedLux::default();
+    let Some((first, others)) = lamps.split_first() else { return added };
+    added.of_patches.clone_from(&first.of_patches);
+    let mut straight = first.arriving.clone();
+    for lamp in others {
+        let more = lamp.of_patches.iter().flatten();
+        added.of_patches.as_flattened_mut().iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        if let (Some(sum), Some(more)) = (&mut straight, &lamp.arriving) {
+            sum.add(more);
+        }
+    }
+    added.straight = straight.map(Arc::new);
+    added
 }
 
 impl LampLight {
@@ -57,6 +98,7 @@ impl LampLight {
         bake: &Bake,
         look: &Look,
         (path, scene): (Option<&Path>, Option<&Path>),
+        arriving: Arriving,
         console: &mut Console,
     ) -> Result<Vec<LampLight>> {
         let lamps = &look.lights.lit_lamps();
@@ -70,10 +112,16 @@ impl LampLight {
             let irradiance = |at: &PatchSample| lamps.light_on(&scene, at);
             bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance))
         };
-        let lights = lamps.iter().zip(&each).zip(direct);
-        let light = |((lamp, prepared), direct): ((&FreeLamp, &PreparedLamps), Radiance)| LampLight {
+        let measured = match arriving {
+            Arriving::Left => vec![None; each.len()],
+            Arriving::Measured => arriving_light(&scene, &camera, film, &each).into_iter().map(Some).collect(),
+        };
+        let lights = lamps.iter().zip(&each).zip(direct).zip(measured);
+        type Of<'a> = (((&'a FreeLamp, &'a PreparedLamps), Radiance), Option<Radiance>);
+        let light = |(((lamp, prepared), direct), arriving): Of| LampLight {
             key: lamp.key.clone(),
             direct,
+            arriving,
             of_patches: of_patches(prepared),
         };
         Ok(lights.map(light).collect())
@@ -135,6 +183,20 @@ fn direct(
                     (0..3).for_each(|c| pixel[c] += rgb[c] / (n_passes * TURNS) as f32);
                 }
             }
+        }
+    }
+    sums
+}
+
+/// What each of some lamps sends straight to the surfaces that pixels see, lux.
+fn arriving_light(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[PreparedLamps]) -> Vec<Radiance> {
+    let n_samples = SAMPLES * ROUNDS;
+    let mut sums = vec![Radiance::new(film.width, film.height); lamps.len()];
+    for points in (0..n_samples).filter_map(|nth| ArrivingPoints::new(scene, camera, film, nth, &|| false)) {
+        for (sum, lamps) in sums.iter_mut().zip(lamps) {
+            let pass = points.irradiance(scene, lamps, &|| false).unwrap_or_default();
+            let pairs = sum.pixels.as_flattened_mut().iter_mut().zip(pass.as_flattened());
+            pairs.for_each(|(sum, lux)| *sum += lux / n_samples as f32);
         }
     }
     sums

@@ -15,12 +15,13 @@ use super::args::{Device, Layers, RelightArgs, RelightOptions, RenderArgs};
 use super::bake::{baked, job, merge, run_with_progress};
 use super::console::{Answer, Console, duration_words};
 use super::interrupt::discarded;
-use super::lamps::{self, LampLight};
+use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use super::{picture, sheet::sheet};
 use crate::export::layers::{FREE_LAMPS, LayerSet};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
+use crate::illuminance::{AddedLux, seen_irradiance};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 use crate::platform::may_have_gpu;
@@ -39,7 +40,8 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     target.look = args.options.choice.of(&target.document, Some(&bake.header.basis))?;
     warn_of_unknown_lights(&bake.header.basis, &target.look, console);
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
-    let lamps = LampLight::of(&bake, &target.look, paths, console)?;
+    let measures = target.options.irradiance || target.look.shows_irradiance(target.format);
+    let lamps = LampLight::of(&bake, &target.look, paths, Arriving::of(&bake, measures), console)?;
     target.finish(&bake, &lamps, &args.options, console)
 }
 
@@ -100,11 +102,12 @@ impl Target {
         options: &RelightOptions,
         console: &mut Console,
     ) -> Result<Answer> {
-        let irradiance = irradiance_for(bake, &self.look, self.format, &self.options)?;
+        let irradiance = irradiance_for(bake, &self.look, &lamps::added_lux(lamps), self.format, &self.options)?;
         let mut lit = Lit::new(bake, &self.look, lamps, self.gpu.as_ref())?;
         let layers = lit.layers(bake, lamps, self.options.layers)?;
-        if irradiance.is_some() && !lamps.is_empty() {
-            console.warn("the irradiance does not count the look's lamps; render the look from its scene for that");
+        let has_lamps = irradiance.is_some() && !lamps.is_empty();
+        if has_lamps && bake.pixel_irradiance().is_some_and(|set| !bake.header.holds_patches(&bake.irradiance[set])) {
+            console.warn(DIRECT_LUX);
         }
         let Lit { radiance, relighter, relight_secs, .. } = lit;
         let irradiance = irradiance.as_ref();
@@ -145,7 +148,7 @@ impl Lit {
     pub fn new(bake: &Bake, look: &Look, lamps: &[LampLight], gpu: Option<&Gpu>) -> Result<Lit> {
         let mut relighter = Relighter::new(bake, &look.lights, gpu)?;
         let mut coefficients = bake.header.coefficients(&look.lights);
-        lamps.iter().for_each(|lamp| light_patches(bake, &mut coefficients, lamp));
+        lamps.iter().for_each(|lamp| bake.header.add_of_patches(&mut coefficients, &lamp.of_patches));
         let begun = Instant::now();
         let mut radiance = relighter.relight(&coefficients)?;
         let relight_secs = begun.elapsed().as_secs_f64();
@@ -174,20 +177,12 @@ impl Lit {
 pub(crate) fn irradiance_for(
     bake: &Bake,
     look: &Look,
+    added: &AddedLux,
     format: ImageFormat,
     options: &ExportOptions,
 ) -> Result<Option<Radiance>> {
     let asked = options.irradiance || look.shows_irradiance(format);
-    asked.then(|| seen_irradiance(bake, &look.lights)).transpose()
-}
-
-/// Adds what a lamp throws on the patches of a bake, the last group; there is none without patches.
-fn light_patches(bake: &Bake, coefficients: &mut [Vec<[f32; 3]>], lamp: &LampLight) {
-    if let (Some(last), true) = (coefficients.last_mut(), bake.header.patches.is_some()) {
-        for (sum, more) in last.iter_mut().zip(&lamp.of_patches) {
-            (0..3).for_each(|c| sum[c] += more[c]);
-        }
-    }
+    asked.then(|| seen_irradiance(bake, &look.lights, added)).transpose()
 }
 
 pub(super) fn open_gpu(device: Device) -> Result<Option<Gpu>> {
@@ -205,26 +200,6 @@ pub(super) fn open_gpu(device: Device) -> Result<Option<Gpu>> {
 /// The frame of a bake under a rig, as a relighter takes it. Blocks are shared but where the sky is seen.
 pub(crate) fn frame_of(bake: &Bake, rig: &LightRig) -> Frame {
     Frame { width: bake.header.width, height: bake.header.height, groups: bake.groups_under(rig) }
-}
-
-/// Irradiance of a matrix of a bake under a rig, lux per channel, as a picture.
-pub(crate) fn irradiance_of(bake: &Bake, set: usize, rig: &LightRig) -> Result<Radiance> {
-    let film = bake.header.irradiance_film(set);
-    let frame = Frame { width: film.width, height: film.height, groups: bake.irradiance[set].clone() };
-    let mut irradiance = Radiance::default();
-    let relit = CpuRelighter::new(&frame)?.relight(&bake.header.irradiance_coefficients(set, rig), &mut irradiance);
-    relit.context("cannot relight the irradiance")?;
-    Ok(irradiance)
-}
-
-/// Irradiance at the pixels under a rig, lux per channel.
-pub(crate) fn seen_irradiance(bake: &Bake, rig: &LightRig) -> Result<Radiance> {
-    let set = bake.pixel_irradiance();
-    if set.is_none() && bake.header.basis.is_measured() {
-        bail!("the bake is of pictures, which tell no irradiance; that takes a scene");
-    }
-    let set = set.context("the bake holds no irradiance of its pixels; bake it again with --irradiance")?;
-    irradiance_of(bake, set, rig)
 }
 
 /// A relighter with the name of what runs it.
@@ -258,7 +233,7 @@ impl Relighter {
             bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
         let layer = |lamp: &LampLight| {
             let mut coefficients = dark.clone();
-            light_patches(bake, &mut coefficients, lamp);
+            bake.header.add_of_patches(&mut coefficients, &lamp.of_patches);
             let mut radiance = self.relight(&coefficients)?;
             radiance.add(&lamp.direct);
             Ok(LightLayer { key: lamp.key.clone(), radiance })

@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use clerestory_transport::archive;
@@ -14,8 +15,10 @@ use serde_json::json;
 
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
+use super::lamps::{DIRECT_LUX, prepared, stage};
 use super::view::{load_look, spare_look, warn_of_unknown_lights};
-use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
+use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
+use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 use crate::table::text_cell;
 
@@ -53,10 +56,8 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let look = args.choice.of(&document, Some(&bake.header.basis))?;
-    let all = readings(&bake, &look.lights)?;
-    if look.lights.lamps.iter().any(|lamp| !lamp.setting.muted) {
-        console.warn("the look has lamps of its own, whose light the sensors do not count");
-    }
+    let added = added(args, &bake, &look, console)?;
+    let all = readings(&bake, (&look.lights, &added))?;
     if all.is_empty() && bake.header.basis.is_measured() {
         bail!("{} was baked from pictures, which tell no lux; sensors need a scene", args.transport.display());
     }
@@ -81,8 +82,27 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
     Ok(Answer { json, words: lines.join("\n") })
 }
 
-fn readings<'a>(bake: &'a Bake, rig: &LightRig) -> Result<Vec<Readings<'a>>> {
-    bake.grids().map(|(set, grid)| Ok(Readings { grid, points: of_grid(bake, (set, grid), rig)? })).collect()
+fn readings<'a>(bake: &'a Bake, light: (&LightRig, &AddedLux)) -> Result<Vec<Readings<'a>>> {
+    bake.grids().map(|(set, grid)| Ok(Readings { grid, points: of_grid(bake, (set, grid), light)? })).collect()
+}
+
+/// What the lamps of a look add, where the scene is named.
+fn added(args: &SensorsArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<AddedLux> {
+    let lamps = look.lights.lit_lamps();
+    if lamps.iter().all(|lamp| lamp.setting.muted) {
+        return Ok(AddedLux::default());
+    }
+    let Some(scene) = args.scene.as_deref() else {
+        console
+            .warn("the look has lamps of its own, whose light the sensors do not count; name the scene with --scene");
+        return Ok(AddedLux::default());
+    };
+    let Some((scene, _)) = stage(bake, &lamps, Some(scene), console)? else { return Ok(AddedLux::default()) };
+    if bake.header.patches.is_some() && bake.grids().any(|(set, _)| !bake.header.holds_patches(&bake.irradiance[set])) {
+        console.warn(DIRECT_LUX);
+    }
+    let lamps = prepared(&lamps, args.look.as_deref(), console)?;
+    Ok(AddedLux::of_lamps(bake, Arc::new(scene), lamps))
 }
 
 impl Readings<'_> {

@@ -98,11 +98,13 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         .iter()
         .for_each(|snapshot| warn_of_unknown_lights(&header.basis, &snapshot.look(), console));
     let all: Vec<_> = sequence.look.snapshots.iter().flat_map(|snapshot| snapshot.lights.lit_lamps()).collect();
+    let measures = bake.pixel_irradiance().is_some();
     let view = lamps::stage(&bake, &all, args.scene.as_deref(), console)?.map(|(scene, camera)| LampView {
         scene: Arc::new(scene),
         camera,
         film: Film { width: header.width, height: header.height },
         patches: header.patches.clone(),
+        measures,
     });
     let mut stills = Stills::new(Arc::new(Subject { bake, view }), gpu);
     let (begun, n_frames, bar) = (Instant::now(), sequence.n_frames(), console.start_progress("frames"));

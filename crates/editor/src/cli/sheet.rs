@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::args::{Layers, RelightArgs};
 use super::console::{Answer, Console, duration_words};
-use super::lamps::LampLight;
+use super::lamps::{Arriving, LampLight, added_lux};
 use super::picture::options;
 use super::relight::{Lit, irradiance_for};
 use super::view::{load_look, spare_look, warn_of_unknown_lights};
@@ -46,9 +46,10 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
     let (mut prints, mut told) = (Vec::new(), Vec::new());
     for (name, path, look) in looks {
         warn_of_unknown_lights(&bake.header.basis, &look, console);
-        let lamps = LampLight::of(&bake, &look, (Some(path), args.scene.as_deref()), console)?;
+        let arriving = Arriving::of(&bake, look.shows_irradiance(format));
+        let lamps = LampLight::of(&bake, &look, (Some(path), args.scene.as_deref()), arriving, console)?;
         let lit = Lit::new(&bake, &look, &lamps, gpu.as_ref())?;
-        let irradiance = irradiance_for(&bake, &look, format, &options)?;
+        let irradiance = irradiance_for(&bake, &look, &added_lux(&lamps), format, &options)?;
         let picture = Picture { radiance: &lit.radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
         let (picture, shown) =
             picture.developed(&options).with_context(|| format!("cannot show {}", path.display()))?;

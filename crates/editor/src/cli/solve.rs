@@ -4,6 +4,7 @@ use std::io::Write;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
+use clerestory_relight::Radiance;
 use clerestory_transport::archive;
 use clerestory_transport::bake::Bake;
 use clerestory_transport::camera::Film;
@@ -14,13 +15,13 @@ use serde_json::json;
 use super::args::SolveArgs;
 use super::bake::merge;
 use super::console::{Answer, Console};
-use super::lamps::{LampLight, open};
+use super::lamps::{Arriving, LampLight, open};
 use super::view::{load_look, spare_look, warn_of_unknown_lights};
 use crate::look::Look;
 use crate::marks::Seen;
 use crate::output::{PendingFile, spare_inputs};
 use crate::solve::parse::{self, Surroundings};
-use crate::solve::{Freedom, LampColumn, Place, Request, Scene, Wish, solve};
+use crate::solve::{AtPixel, Freedom, LampColumn, Place, Request, Scene, Wish, solve};
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
@@ -59,7 +60,7 @@ fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<See
         None => Request::default(),
     };
     if let Some(path) = &args.picture {
-        let target = parse::picture(path, args.exposure)?;
+        let target = parse::picture(path, args.exposure, args.tone)?;
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         request.wishes.push(Wish { name, place: Place::Whole, target, weight: 1.0 });
     }
@@ -81,13 +82,17 @@ fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<See
 /// The light of the look's lamps, where the scene is named.
 fn lamps(args: &SolveArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<Vec<LampColumn>> {
     let Some(scene) = args.scene.as_deref() else { return Ok(Vec::new()) };
-    let lights = LampLight::of(bake, look, (args.look.as_deref(), Some(scene)), console)?;
+    let lights = LampLight::of(bake, look, (args.look.as_deref(), Some(scene)), Arriving::of(bake, true), console)?;
     let column = |light: LampLight| LampColumn {
         key: light.key,
         of_patches: light.of_patches.into_iter().map(Vec3::from).collect(),
-        direct: Arc::new(move |pixel| {
-            light.direct.pixels.get(pixel as usize).map_or(Vec3::ZERO, |rgb| Vec3::from(*rgb))
-        }),
+        direct: at_pixel(light.direct),
+        arriving: light.arriving.map(at_pixel),
     };
     Ok(lights.into_iter().map(column).collect())
+}
+
+/// A picture as something that can be asked pixel by pixel.
+fn at_pixel(picture: Radiance) -> AtPixel {
+    Arc::new(move |pixel| picture.pixels.get(pixel as usize).map_or(Vec3::ZERO, |rgb| Vec3::from(*rgb)))
 }

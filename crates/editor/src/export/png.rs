@@ -1,10 +1,12 @@
 //! Display-encoded PNG in sRGB, which it says in the chunks that readers of any age know.
 
 use anyhow::Result;
-use clerestory_relight::display::encode16;
-use clerestory_relight::{DisplayParams, Radiance, encode};
+use clerestory_relight::display::{WhitePoint, encode16};
+use clerestory_relight::{DisplayParams, Radiance, Tone, encode};
+use flate2::Crc;
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ImageBuffer, Rgb, RgbImage};
+use serde::{Deserialize, Serialize};
 
 use super::options::PngDepth;
 use crate::legend::Legend;
@@ -14,7 +16,11 @@ const SRGB_CHUNKS: [u8; 29] = [
     0, 0, 0, 1, b's', b'R', b'G', b'B', 0, 0xAE, 0xCE, 0x1C, 0xE9, //
     0, 0, 0, 4, b'g', b'A', b'M', b'A', 0, 0, 0xB1, 0x8F, 0x0B, 0xFC, 0x61, 0x05,
 ];
-/// Bytes of the signature and the IHDR chunk.
+/// Name of a chunk of text, and what its first words are here.
+const TEXT: &[u8] = b"tEXt";
+const KEYWORD: &[u8] = b"Clerestory display\0";
+/// Bytes of the signature, and of it and the IHDR chunk.
+const SIGNATURE_LEN: usize = 8;
 const HEADER_LEN: usize = 33;
 /// Sixteen bits for each step of eight: 255 becomes 65535.
 const STEP: u16 = 257;
@@ -56,13 +62,55 @@ pub(super) fn shown_at(
     }
 }
 
-/// The file of a display-encoded picture.
+/// What a PNG says of how it was shown, so that light can be told from it again.
+#[derive(Serialize, Deserialize)]
+struct ShownBy {
+    tone: Tone,
+    exposure_ev: f32,
+    /// Kelvin and distance from the Planckian locus of what is shown as neutral.
+    white: Option<[f32; 2]>,
+}
+
+/// A tEXt chunk that says how the picture was shown \[PNG3, 11.3.3\].
+fn told(params: &DisplayParams) -> Result<Vec<u8>> {
+    let white = params.white.map(|white| [white.kelvin, white.duv]);
+    let shown = ShownBy { tone: params.tone, exposure_ev: params.exposure_ev, white };
+    let mut body = [TEXT, KEYWORD].concat();
+    body.extend(serde_json::to_vec(&shown)?);
+    let mut crc = Crc::new();
+    crc.update(&body);
+    let n_bytes = (body.len() - TEXT.len()) as u32;
+    Ok([&n_bytes.to_be_bytes()[..], &body, &crc.sum().to_be_bytes()].concat())
+}
+
+/// How a PNG of this program was shown; `None` for any other file, and for false color.
+pub fn shown_by(png: &[u8]) -> Option<DisplayParams> {
+    let mut at = SIGNATURE_LEN;
+    loop {
+        let n_bytes = u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?) as usize;
+        let body = png.get(at + 4..(at + 8).checked_add(n_bytes)?)?;
+        if let Some(text) = body.strip_prefix(TEXT).and_then(|text| text.strip_prefix(KEYWORD)) {
+            let ShownBy { tone, exposure_ev, white } = serde_json::from_slice(text).ok()?;
+            let is_sane = exposure_ev.abs() <= 60.0 && white.is_none_or(|white| white.iter().all(|v| v.is_finite()));
+            let white = white.map(|[kelvin, duv]| WhitePoint { kelvin, duv });
+            return is_sane.then(|| DisplayParams { tone, exposure_ev, white, ..DisplayParams::default() });
+        }
+        // Text stands before the pixels.
+        if body.starts_with(b"IDAT") {
+            return None;
+        }
+        at += 12 + n_bytes;
+    }
+}
+
+/// The file of a display-encoded picture; `params` say how it was shown, where light can be told from it again.
 ///
 /// # Errors
 /// If the encoder refuses its size.
-pub fn png_bytes(picture: &DynamicImage) -> Result<Vec<u8>> {
+pub fn png_bytes(picture: &DynamicImage, params: Option<&DisplayParams>) -> Result<Vec<u8>> {
     let mut png = Vec::new();
     picture.write_with_encoder(PngEncoder::new(&mut png))?;
-    png.splice(HEADER_LEN..HEADER_LEN, SRGB_CHUNKS);
+    let told = params.map(told).transpose()?.unwrap_or_default();
+    png.splice(HEADER_LEN..HEADER_LEN, SRGB_CHUNKS.into_iter().chain(told));
     Ok(png)
 }

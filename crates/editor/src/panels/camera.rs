@@ -199,7 +199,11 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
 
 fn degrees_ui(ui: &mut Ui, radians: &mut f32, range: std::ops::RangeInclusive<f32>) -> egui::Response {
     let mut degrees = radians.to_degrees();
-    let response = ui.add(DragValue::new(&mut degrees).speed(0.2).range(range).max_decimals(2).suffix("°"));
+    // Rounded first, and plus zero: there is but one zero.
+    let words =
+        |degrees: f64, _: std::ops::RangeInclusive<usize>| format!("{:.1}", (10.0 * degrees).round() / 10.0 + 0.0);
+    let number = DragValue::new(&mut degrees).speed(0.2).range(range).custom_formatter(words).suffix("°");
+    let response = ui.add(number);
     if response.changed() {
         *radians = degrees.to_radians();
     }

@@ -35,6 +35,11 @@ const TONES: [Named<Tone>; 5] = [
     (Tone::Reinhard, "Reinhard", "Reinhard's extended curve by luminance: hues stay, white is two stops above 1"),
     (Tone::Linear, "Linear", "No curve, bright parts clip"),
 ];
+/// Name of a tone curve.
+pub fn tone_name(tone: Tone) -> &'static str {
+    TONES.iter().find(|(known, ..)| *known == tone).map_or("", |(_, name, _)| name)
+}
+
 const METERINGS: [Named<Metering>; 3] = [
     (Metering::Auto, "Median", "Four times the median luminance is shown as 1"),
     (Metering::LogAverage, "Log average", "The log-average luminance is shown as middle gray, 0.18"),

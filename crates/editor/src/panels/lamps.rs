@@ -1,6 +1,6 @@
 //! Free lamps in the list of lights: a row each, and what the chosen one is like.
 
-use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::lamps::{FreeLamp, LampShape};
 use clerestory_transport::light::luminance;
 use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Ui};
 use glam::Vec3;
@@ -64,24 +64,8 @@ const SHAPES: [(&str, LampShape); 6] = [
     ("Sphere", LampShape::Sphere { radius_m: 0.1 }),
     ("Directional", LampShape::Directional),
 ];
-/// Illuminance of parallel light that is added, lux: a bright but overcast day.
-const NEW_LUX: f32 = 1000.0;
-/// Flux of a lamp that is added, lumen: a bulb of 60 watts once.
-const NEW_LUMEN: f32 = 800.0;
-/// Flux of a square meter of a rectangle that is added: the panel of an office.
-const NEW_LUMEN_PER_M2: f32 = 10_000.0;
 /// Largest number of the fields.
 const MOST: f32 = 1e6;
-
-/// How strong a lamp of a shape is when it is added.
-pub fn new_strength(shape: &LampShape) -> (f32, LampUnit) {
-    let unit = shape.units()[0];
-    match shape {
-        LampShape::Directional => (NEW_LUX, unit),
-        LampShape::Rectangle { size_m: [width, height] } => (NEW_LUMEN_PER_M2 * width * height, unit),
-        _ => (NEW_LUMEN, unit),
-    }
-}
 
 /// The kinds to choose from; `at_px` on the film, else in the middle of the view.
 pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>) {
@@ -166,7 +150,7 @@ fn buttons_ui(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut
         if lamp.shape.is_aimed() {
             let command = ui.ctx().format_modifiers(egui::Modifiers::COMMAND);
             let hint = format!("Click in the picture what it is to light\nA, or {command} and click at once");
-            let aim = ui.selectable_label(state.aiming, "Aim at…").on_hover_text(hint);
+            let aim = ui.add(Button::new("Aim at…").selected(state.aiming)).on_hover_text(hint);
             if aim.clicked() {
                 state.aiming = !state.aiming;
             }

@@ -20,8 +20,8 @@ pub struct MeasureView<'a> {
     pub has_illuminance: bool,
     /// Whether a bake with it can be started here.
     pub can_bake: bool,
-    /// Whether free lamps shine, which these figures do not count.
-    pub has_lamps: bool,
+    /// Whether lamps that were added shine, of which these figures count no more than the direct light.
+    pub counts_direct_only: bool,
     /// What the pixel that was clicked on last shows.
     pub surface: Option<&'a str>,
     /// Why something could not be measured, in words.
@@ -76,8 +76,9 @@ pub fn measure_ui(
             ui.label(RichText::new(name).strong()).on_hover_text("A sensor grid of the bake");
             figures_ui(ui, name, figures);
         }
-        if view.has_lamps && (view.marked.is_some() || !view.grids.is_empty()) {
-            ui.label(RichText::new("Free lamps do not count here").weak());
+        if view.counts_direct_only && (view.marked.is_some() || !view.grids.is_empty()) {
+            ui.label(RichText::new("Of added lamps only the direct light counts").weak())
+                .on_hover_text("Bake with “Movable lamps” and “Illuminance” on to count what surfaces make of it");
         }
         ui.add_space(6.0);
         schedule_ui(ui, schedule, view, actions);
@@ -95,7 +96,7 @@ pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
         for (tool, name, hint) in tools {
             let is_on = marking.tool == Some(tool);
             let enabled = tool != Tool::Surface || has_scene;
-            let button = ui.add_enabled(enabled, Button::selectable(is_on, name)).on_hover_text(hint);
+            let button = ui.add_enabled(enabled, Button::new(name).selected(is_on)).on_hover_text(hint);
             if button.on_disabled_hover_text("Needs the scene of this bake").clicked() {
                 marking.tool = (!is_on).then_some(tool);
             }
@@ -162,17 +163,22 @@ pub fn missing_ui(ui: &mut Ui, can_bake: bool, actions: &mut Vec<Action>) {
 fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, actions: &mut Vec<Action>) {
     Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         let label = ui.label("Efficacy");
-        let efficacy = DragValue::new(&mut schedule.efficacy_lm_w).range(1.0..=400.0).speed(0.5).suffix(" lm/W");
+        let efficacy = DragValue::new(&mut schedule.efficacy_lm_w)
+            .range(1.0..=400.0)
+            .speed(0.5)
+            .max_decimals(1)
+            .min_decimals(0)
+            .suffix(" lm/W");
         ui.add(efficacy)
             .labelled_by(label.id)
             .on_hover_text("Lumen per watt: the watts of the schedule are lumen over this");
         ui.end_row();
         let label = ui.label("Floor area");
         let marked = view.marked.and_then(|figures| figures.area_m2);
-        let floor = DragValue::new(&mut schedule.floor_m2).range(0.0..=1e6).speed(0.1).suffix(" m²");
+        let floor = DragValue::new(&mut schedule.floor_m2).range(0.0..=1e6).speed(0.1);
         let words = move |area: f64, _: std::ops::RangeInclusive<usize>| match marked {
-            _ if area > 0.0 => number_words(area as f32),
-            Some(marked) => format!("marked {}", number_words(marked as f32)),
+            _ if area > 0.0 => format!("{} m²", number_words(area as f32)),
+            Some(marked) => format!("marked {} m²", number_words(marked as f32)),
             None => "none".into(),
         };
         ui.add(floor.custom_formatter(words))

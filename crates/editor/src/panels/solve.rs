@@ -3,11 +3,13 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use clerestory_relight::Tone;
 use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui};
 
+use super::display::tone_name;
 use super::measure::{missing_ui, tools_ui};
 use crate::action::{Action, FileTask};
-use crate::solve::{Exposure, Freedom, Place, Request, Solution, Target, Wish};
+use crate::solve::{Exposure, Freedom, Place, Request, Solution, Target, TargetPicture, Wish};
 use crate::theme::{self, Fold};
 use crate::viewport::marking::Marking;
 
@@ -216,7 +218,10 @@ fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
                 Target::Luminance(nit) => (Some(nit), " cd/m²"),
                 Target::Times(times) => (Some(times), "×"),
                 Target::Keep => (None, "keep"),
-                Target::Picture(_, Exposure::Free) => (None, "match, any exposure"),
+                Target::Picture(picture, Exposure::Free) => {
+                    curve_ui(ui, &wish.name, picture);
+                    (None, "")
+                }
                 Target::Picture(..) => (None, "match"),
             };
             match value {
@@ -225,6 +230,7 @@ fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
                     let drag = DragValue::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
                     ui.add(drag).accessible_name(name);
                 }
+                None if unit.is_empty() => {}
                 None => {
                     ui.label(unit);
                 }
@@ -243,6 +249,25 @@ fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
     });
     if let Some(gone) = gone {
         state.wishes.remove(gone);
+    }
+}
+
+/// Which tone curve a picture of unknown exposure was shown with.
+fn curve_ui(ui: &mut Ui, name: &str, picture: &mut Arc<TargetPicture>) {
+    let words = |tone: Tone| if tone == Tone::Linear { "Photograph" } else { tone_name(tone) };
+    let mut tone = picture.display.tone;
+    let combo = egui::ComboBox::from_id_salt(("curve", name)).selected_text(words(tone)).width(96.0);
+    let combo = combo.show_ui(ui, |ui| {
+        for known in [Tone::Linear, Tone::Agx, Tone::Aces, Tone::Neutral, Tone::Reinhard] {
+            ui.selectable_value(&mut tone, known, words(known));
+        }
+    });
+    combo
+        .response
+        .on_hover_text("The tone curve that the picture was made with. Its exposure is found; an EXR, or a PNG of this program, needs neither")
+        .widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, format!("{name} tone curve")));
+    if tone != picture.display.tone {
+        Arc::make_mut(picture).display.tone = tone;
     }
 }
 

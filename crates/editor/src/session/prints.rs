@@ -158,7 +158,7 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
 
 fn print(stills: &mut Stills, order: &PrintOrder, stop: &(dyn Fn() -> bool + Sync)) -> Result<Option<ColorImage>> {
     let look = &order.look;
-    let (arriving, display) = stills.arriving(look, order.size)?;
+    let (arriving, display) = stills.arriving(look, order.size, stop)?;
     let picture = match arriving {
         Some(arriving) => arriving,
         None => match stills.picture(look, order.size, stop)? {

@@ -12,6 +12,7 @@ use super::lamps::LampLight;
 use crate::cli::relight::{frame_of, irradiance_for};
 use crate::export::layers::{FREE_LAMPS, LayerSet};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
+use crate::illuminance::AddedLux;
 use crate::look::Look;
 
 /// A bake under a look, with the light of its free lamps.
@@ -36,7 +37,7 @@ impl Seen {
         let set = if options.asks_layers(format) { options.layers } else { LayerSet::None };
         let layers = self.layers(&mut relighter, set)?;
         let wanted = ExportOptions { irradiance: options.irradiance && format == ImageFormat::Exr, ..*options };
-        let irradiance = irradiance_for(&self.bake, &self.look, format, &wanted)?;
+        let irradiance = irradiance_for(&self.bake, &self.look, &self.added(), format, &wanted)?;
         let picture =
             Picture { radiance: &radiance, layers: &layers, irradiance: irradiance.as_ref(), look: &self.look };
         picture.save(path, options)?;
@@ -47,11 +48,15 @@ impl Seen {
     pub fn develop(&self) -> Result<ColorImage> {
         let (_, radiance) = self.relit()?;
         let options = ExportOptions::default();
-        let irradiance = irradiance_for(&self.bake, &self.look, ImageFormat::Png, &options)?;
+        let irradiance = irradiance_for(&self.bake, &self.look, &self.added(), ImageFormat::Png, &options)?;
         let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &self.look };
         let (picture, _) = picture.developed(&options)?;
         let pixels = picture.pixels().map(|pixel| Color32::from_rgb(pixel.0[0], pixel.0[1], pixel.0[2])).collect();
         Ok(ColorImage::new([picture.width() as usize, picture.height() as usize], pixels))
+    }
+
+    fn added(&self) -> AddedLux {
+        self.light.as_ref().map_or_else(AddedLux::default, LampLight::added_lux)
     }
 
     fn relit(&self) -> Result<(CpuRelighter, Radiance)> {

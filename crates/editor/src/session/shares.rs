@@ -62,13 +62,18 @@ impl Shown {
         Some(shares)
     }
 
-    /// Mean irradiance over some pixels under a rig, lux per channel, without free lamps; `None` where it is not baked.
-    pub fn irradiance_at(&self, rig: &LightRig, pixels: &[u32]) -> Option<Vec3> {
+    /// Mean irradiance over some pixels under a rig and the light of its free lamps, lux per channel; `None` where it is not
+    /// baked, or that of the lamps not there yet.
+    pub fn irradiance_at(&self, rig: &LightRig, light: Option<&LampLight>, pixels: &[u32]) -> Option<Vec3> {
         let set = self.pixel_irradiance()?;
         let row = mean_row(&self.irradiance[set], pixels)?;
-        let coefficients = self.header.irradiance_coefficients(set, rig);
+        let coefficients = self.irradiance_coefficients(set, rig, light);
         let terms = row.iter().flatten().zip(coefficients.iter().flatten());
-        Some(terms.map(|(row, x)| Vec3::from(*row) * Vec3::from(*x)).sum())
+        let baked: Vec3 = terms.map(|(row, x)| Vec3::from(*row) * Vec3::from(*x)).sum();
+        let Some(light) = light else { return Some(baked) };
+        let straight = light.arriving.as_ref()?;
+        let lux = pixels.iter().filter_map(|pixel| straight.pixels.get(*pixel as usize)).map(|lux| Vec3::from(*lux));
+        Some(baked + lux.sum::<Vec3>() / pixels.len() as f32)
     }
 
     /// The matrices of the picture as they are lit: where some pixels see the sky, its map stands in their blocks.

@@ -39,7 +39,7 @@ fn sheet(
     let mut prints = Vec::new();
     for snapshot in snapshots {
         let (mut look, size) = (snapshot.look(), Size::Within(WIDTH_PX));
-        let (irradiance, display) = stills.arriving(&look, size)?;
+        let (irradiance, display) = stills.arriving(&look, size, stop)?;
         look.display = display;
         let Some(radiance) = stills.picture(&look, size, stop)? else { return Ok(None) };
         let picture = Picture { radiance: &radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };

@@ -14,8 +14,7 @@ use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::reuse::Reuse;
 use clerestory_transport::bake::stack::StackJob;
-use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeHeader, BakeJob, HalfDone};
-use clerestory_transport::camera::Camera;
+use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeJob, HalfDone};
 use clerestory_transport::emitters::LightingError;
 use clerestory_transport::import::{self, stack::ImageStack};
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
@@ -23,6 +22,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{PunctualLight, Scene};
 use eframe::egui::ColorImage;
 
+use super::found::FoundScene;
 use super::{Chosen, Wake};
 use crate::bake_cache::{BakeCache, Found};
 use crate::export_gltf::Lit;
@@ -103,7 +103,7 @@ pub(super) enum Fact {
     /// The bake ended; with nothing if it was stopped.
     BakeEnded(Result<Option<Bake>, String>),
     /// The scene of a bake that was opened, or why it cannot be had.
-    SceneFound(Result<Box<PreparedScene>, String>),
+    SceneFound(Result<FoundScene, String>),
     /// The bake that was asked for is there already.
     Found(Box<Bake>),
     /// So many frames of a sequence were written.
@@ -219,23 +219,6 @@ pub(super) fn load(source: Source) -> Result<Loaded> {
     let (scene, warnings) = PreparedScene::new(imported.scene, &[]).context("its lights cannot be used")?;
     report.extend(warnings);
     Ok(Loaded::Scene { scene: Box::new(scene), report })
-}
-
-/// The scene of a bake from a file: what is not baked needs its surfaces.
-pub(super) fn scene_of(header: &BakeHeader, path: &Path) -> Result<Box<PreparedScene>> {
-    anyhow::ensure!(path.is_file(), "{} is not there", path.display());
-    let mut scene = import::load(path)?.scene;
-    let camera = header.view.as_ref().or_else(|| Camera::named(&scene.cameras, &header.camera)).cloned();
-    let is_it = |scene: &Scene| camera.as_ref().is_some_and(|camera| header.is_of(scene, camera));
-    if !is_it(&scene) {
-        assume_unitless(&mut scene);
-    }
-    anyhow::ensure!(
-        is_it(&scene),
-        "{} is another scene than was baked, or has changed since; bake it again",
-        path.display()
-    );
-    Ok(Box::new(PreparedScene::new(scene, &[]).context("its lights cannot be used")?.0))
 }
 
 /// The same scene with its lamps as the file has them, changed by what was chosen.

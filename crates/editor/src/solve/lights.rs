@@ -9,13 +9,18 @@ use glam::Vec3;
 
 use super::{Freedom, Request, Scene};
 
+/// Light at a pixel.
+pub type AtPixel = Arc<dyn Fn(u32) -> Vec3 + Send + Sync>;
+
 /// The light of a free lamp as it is set.
 #[derive(Clone)]
 pub struct LampColumn {
     /// Name of the lamp.
     pub key: String,
     /// Its direct light at a pixel, nit.
-    pub direct: Arc<dyn Fn(u32) -> Vec3 + Send + Sync>,
+    pub direct: AtPixel,
+    /// What of it arrives straight at what a pixel sees, lux, where that is known.
+    pub arriving: Option<AtPixel>,
     /// Its coefficients of the columns of patches; empty without patches.
     pub of_patches: Vec<Vec3>,
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
+use clerestory_relight::Tone;
 use clerestory_transport::bake::Bake;
 use clerestory_transport::camera::Film;
 use clerestory_transport::prepared::PreparedScene;
@@ -44,6 +45,7 @@ struct Entry {
     #[serde(rename = "match")]
     picture: Option<PathBuf>,
     exposure: Option<f64>,
+    tone: Option<Tone>,
     weight: Option<f64>,
 }
 
@@ -113,7 +115,7 @@ fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wi
     targets.extend(entry.cd_m2.map(|nit| number("cd_m2", nit).map(Target::Luminance)));
     targets.extend(entry.times.map(|times| number("times", times).map(Target::Times)));
     targets.extend(entry.keep.then_some(Ok(Target::Keep)));
-    targets.extend(entry.picture.as_ref().map(|path| picture(&folder.join(path), entry.exposure)));
+    targets.extend(entry.picture.as_ref().map(|path| picture(&folder.join(path), entry.exposure, entry.tone)));
     let target = match targets.len() {
         1 => targets.remove(0)?,
         _ => bail!("give one of `lux`, `cd_m2`, `times`, `keep` and `match`"),
@@ -121,7 +123,7 @@ fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wi
     let (place, place_name) = place(&entry, of)?;
     let is_match = matches!(target, Target::Picture(..));
     ensure!(!is_match || matches!(place, Place::Whole), "a picture is matched as a whole; leave out the place");
-    ensure!(is_match || entry.exposure.is_none(), "`exposure` belongs to `match`");
+    ensure!(is_match || (entry.exposure.is_none() && entry.tone.is_none()), "`exposure` and `tone` belong to `match`");
     let weight = number("weight", entry.weight.unwrap_or(1.0))?;
     let name = match (entry.name, &target) {
         (Some(name), _) => name,
@@ -131,12 +133,16 @@ fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wi
     Ok(Wish { name, place, target, weight })
 }
 
-/// A picture to match; how an encoded one was exposed is found, numbers of others are nit unless an exposure is given.
+/// A picture to match; how an encoded one was exposed is found, numbers of others (and of a PNG that says how it was shown) are
+/// nit unless an exposure is given. A tone curve is taken off an encoded one.
 ///
 /// # Errors
 /// If it cannot be read.
-pub fn picture(path: &Path, exposure_ev: Option<f64>) -> Result<Target> {
-    let picture = TargetPicture::read(path)?;
+pub fn picture(path: &Path, exposure_ev: Option<f64>, tone: Option<Tone>) -> Result<Target> {
+    let mut picture = TargetPicture::read(path)?;
+    if let Some(tone) = tone.filter(|_| picture.was_encoded()) {
+        picture.display.tone = tone;
+    }
     let exposure = match exposure_ev {
         Some(ev) => {
             ensure!((-60.0..=60.0).contains(&ev), "`exposure` must be -60 to 60 EV");

@@ -3,9 +3,16 @@
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
+use clerestory_relight::display::{Dither, radiance_of};
+use clerestory_relight::{DisplayParams, Tone};
 use clerestory_transport::camera::Film;
 use clerestory_transport::import::stack::{Picture, decode_picture};
 
+use crate::export::shown_by;
+
+/// A picture of which nothing is known but its sRGB encoding.
+const PLAIN: DisplayParams =
+    DisplayParams { tone: Tone::Linear, exposure_ev: 0.0, white: None, dither: Dither::Off, false_color: None };
 /// Longest file that is read.
 const MAX_BYTES: u64 = 1 << 30;
 /// Linear value of an encoded picture from which on it may have been cut off.
@@ -18,7 +25,11 @@ const SAME_SHAPE: f32 = 1.02;
 pub struct TargetPicture {
     /// For people.
     pub name: String,
+    /// How it was shown: what is taken off an encoded picture after its sRGB encoding.
+    pub display: DisplayParams,
     picture: Picture,
+    /// Whether the file says how it was shown.
+    is_told: bool,
 }
 
 /// A mean over a cell of the film.
@@ -31,7 +42,8 @@ pub(super) struct Mean {
 }
 
 impl TargetPicture {
-    /// Reads an EXR, HDR, PNG or JPEG file; encoded ones are taken as sRGB and made linear.
+    /// Reads an EXR, HDR, PNG or JPEG file; encoded ones are taken as sRGB and made linear, and a PNG that this program wrote is
+    /// taken back to nit.
     ///
     /// # Errors
     /// If it cannot be read or is no picture.
@@ -44,17 +56,19 @@ impl TargetPicture {
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {name}"))?;
         let picture = decode_picture(&bytes).map_err(|why| anyhow!("cannot use {name}: {why}"))?;
         let file_name = path.file_name().map_or_else(|| name.to_string(), |n| n.to_string_lossy().into_owned());
-        Ok(TargetPicture { name: file_name, picture })
+        let told = shown_by(&bytes);
+        Ok(TargetPicture { name: file_name, display: told.unwrap_or(PLAIN), picture, is_told: told.is_some() })
     }
 
     /// From linear pixels.
     pub fn of(name: &str, size: [u32; 2], pixels: Vec<[f32; 3]>) -> TargetPicture {
-        TargetPicture { name: name.into(), picture: Picture { size, pixels, was_encoded: false } }
+        let picture = Picture { size, pixels, was_encoded: false };
+        TargetPicture { name: name.into(), display: PLAIN, picture, is_told: false }
     }
 
     /// Whether it was display-encoded, so that nothing tells how it was exposed.
     pub fn was_encoded(&self) -> bool {
-        self.picture.was_encoded
+        self.picture.was_encoded && !self.is_told
     }
 
     /// What had to be done to fit it to a film, in words.
@@ -84,10 +98,11 @@ impl TargetPicture {
             let tall = bottom.min(y as f32 + 1.0) - top.max(y as f32);
             for x in left.floor() as u32..(right.ceil() as u32).min(self.picture.size[0]) {
                 let weight = f64::from(tall * (right.min(x as f32 + 1.0) - left.max(x as f32)));
-                let rgb = self.picture.pixels[y as usize * self.picture.size[0] as usize + x as usize];
+                let shown = self.picture.pixels[y as usize * self.picture.size[0] as usize + x as usize];
+                let rgb = if self.picture.was_encoded { radiance_of(&self.display, shown) } else { shown };
                 for c in 0..3 {
                     sum[c] += weight * f64::from(rgb[c]);
-                    clipped[c] |= self.picture.was_encoded && rgb[c] >= CLIPPED;
+                    clipped[c] |= self.picture.was_encoded && shown[c] >= CLIPPED;
                 }
                 area += weight;
             }

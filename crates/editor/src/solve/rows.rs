@@ -6,7 +6,7 @@ use clerestory_relight::weighed_row;
 use rayon::prelude::*;
 
 use super::lights::{Unknown, unit_rig};
-use super::{LampColumn, Scene};
+use super::{AtPixel, LampColumn, Scene};
 use crate::marks::weighed;
 
 /// A mean, RGB: what stays, and what each unknown brings at 1.
@@ -67,7 +67,7 @@ impl<'a> Rows<'a> {
         let sums: Vec<[f32; 3]> = sums.context(NOT_BAKED)?.into_iter().flatten().collect();
         let mut row = self.reduced(&sums, &self.coefficients);
         for lamp in &self.scene.lamps {
-            self.add_lamp(&mut row, lamp, &pixels, &sums);
+            self.add_lamp(&mut row, (lamp, &lamp.direct), &pixels, &sums);
         }
         Ok(row)
     }
@@ -77,14 +77,21 @@ impl<'a> Rows<'a> {
         parts.par_iter().map(|pixels| self.radiance(pixels)).collect()
     }
 
-    /// The mean irradiance over some pixels, lux; free lamps do not count.
+    /// The mean irradiance over some pixels, lux; free lamps count where it is known what arrives of them.
     pub fn irradiance(&self, pixels: &[u32]) -> Result<Row> {
         let Some(set) = self.scene.bake.pixel_irradiance() else {
             bail!(
                 "the bake holds no irradiance of its pixels; bake it again with --irradiance, in the window with Illuminance"
             );
         };
-        self.of_set(set, &weighed(pixels, self.scene.seen.as_deref()))
+        let pixels = weighed(pixels, self.scene.seen.as_deref());
+        let (mut row, sums) = self.of_set(set, &pixels)?;
+        for lamp in &self.scene.lamps {
+            if let Some(arriving) = &lamp.arriving {
+                self.add_lamp(&mut row, (lamp, arriving), &pixels, &sums);
+            }
+        }
+        Ok(row)
     }
 
     /// The mean irradiance over a sensor grid, lux; free lamps do not count.
@@ -92,14 +99,15 @@ impl<'a> Rows<'a> {
         let points = self.scene.bake.grids().find(|(of_grid, _)| *of_grid == set).map(|(_, grid)| {
             (0..grid.n_points() as u32).filter(|number| grid.point(*number).is_some()).collect::<Vec<u32>>()
         });
-        self.of_set(set, &weighed(&points.context("the bake has no such sensor grid")?, None))
+        Ok(self.of_set(set, &weighed(&points.context("the bake has no such sensor grid")?, None))?.0)
     }
 
-    fn of_set(&self, set: usize, pixels: &[(u32, f32)]) -> Result<Row> {
+    /// What the lights of the scene bring, and the sums of the columns.
+    fn of_set(&self, set: usize, pixels: &[(u32, f32)]) -> Result<(Row, Vec<[f32; 3]>)> {
         let groups = self.scene.bake.irradiance.get(set).context(NOT_BAKED)?;
         let sums = weighed_row(groups, pixels.iter().copied()).context(NOT_BAKED)?;
         let sums: Vec<[f32; 3]> = sums.into_iter().flatten().collect();
-        Ok(self.reduced(&sums, &self.of_irradiance[set]))
+        Ok((self.reduced(&sums, &self.of_irradiance[set]), sums))
     }
 
     /// Columns times their coefficients, summed by owner.
@@ -113,10 +121,16 @@ impl<'a> Rows<'a> {
     }
 
     /// A free lamp is known as it shines: what it brings at 1 is that over what it is set to.
-    fn add_lamp(&self, row: &mut Row, lamp: &LampColumn, pixels: &[(u32, f32)], sums: &[[f32; 3]]) {
+    fn add_lamp(
+        &self,
+        row: &mut Row,
+        (lamp, straight): (&LampColumn, &AtPixel),
+        pixels: &[(u32, f32)],
+        sums: &[[f32; 3]],
+    ) {
         let mut light = glam::DVec3::ZERO;
         for &(pixel, weight) in pixels {
-            light += (lamp.direct)(pixel).as_dvec3() * f64::from(weight);
+            light += straight(pixel).as_dvec3() * f64::from(weight);
         }
         for (sum, x) in sums[self.first_patch..].iter().zip(&lamp.of_patches) {
             light += glam::Vec3::from(*sum).as_dvec3() * x.as_dvec3();

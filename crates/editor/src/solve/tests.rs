@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use clerestory_relight::Tone;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
@@ -9,7 +10,10 @@ use clerestory_transport::prepared::PreparedScene;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::cli::relight::{Relighter, seen_irradiance};
+use crate::cli::relight::Relighter;
+use crate::export::{ExportOptions, Picture};
+use crate::illuminance::{AddedLux, seen_irradiance};
+use crate::look::Look;
 use crate::marks::Marks;
 
 const FILM: Film = Film { width: 32, height: 24 };
@@ -54,7 +58,7 @@ fn of(wishes: Vec<Wish>) -> Request {
 
 /// Mean illuminance over the corner, relit.
 fn lux(bake: &Bake, rig: &LightRig) -> f64 {
-    let picture = seen_irradiance(bake, rig).unwrap();
+    let picture = seen_irradiance(bake, rig, &AddedLux::default()).unwrap();
     mean(&picture.pixels, 12)
 }
 
@@ -146,6 +150,43 @@ fn a_picture_under_other_lights_is_matched_whatever_its_size_and_exposure() {
         assert!((found / wanted - 1.0).abs() < 0.05, "{a} over {b}: {found} is not {wanted}");
     }
     assert!(solved.outcomes[0].reached < 5.0 && solved.outcomes[0].before > 10.0, "{:?}", solved.outcomes);
+}
+
+#[test]
+fn a_png_is_matched_through_its_tone_curve() {
+    let scene = at(LightRig::default());
+    let mut secret = LightRig::default();
+    for (key, intensity) in [("lamp", 0.5), ("right", 1.5), ("back", 2.0)] {
+        secret.lights.insert(key.into(), LightSetting { intensity, ..LightSetting::default() });
+    }
+    let radiance =
+        Relighter::new(&scene.bake, &secret, None).unwrap().relight(&scene.bake.header.coefficients(&secret)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("evening.png");
+    let look = Look { lights: secret.clone(), ..Look::default() };
+    assert_eq!(look.display.tone, Tone::Agx);
+    let picture = Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look };
+    picture.save(&path, &ExportOptions::default()).unwrap();
+    let intensity = |target: Target, key: &str| {
+        let rig = solve(&scene, &of(vec![wish(Place::Whole, target)])).unwrap().rig;
+        rig.setting(key).intensity / rig.setting("right").intensity * 1.5
+    };
+    let misses = |target: &Target| {
+        let miss = |(key, setting): (&String, &LightSetting)| intensity(target.clone(), key) / setting.intensity - 1.0;
+        secret.lights.iter().map(miss).fold(0.0f32, |most, miss| most.max(miss.abs()))
+    };
+    // It says how it was shown: its numbers are nit.
+    let told = parse::picture(&path, None, None).unwrap();
+    assert!(matches!(&told, Target::Picture(_, Exposure::Ev(0.0))), "{told:?}");
+    assert!(misses(&told) < 0.05, "{}", misses(&told));
+    let rig = solve(&scene, &of(vec![wish(Place::Whole, told)])).unwrap().rig;
+    assert!((rig.lights["right"].intensity / 1.5 - 1.0).abs() < 0.05, "{rig:?}");
+    // A program that throws such words away leaves the exposure to be found, and the curve to be named.
+    image::open(&path).unwrap().save(&path).unwrap();
+    let named = parse::picture(&path, None, Some(Tone::Agx)).unwrap();
+    assert!(misses(&named) < 0.05, "{}", misses(&named));
+    let plain = parse::picture(&path, None, None).unwrap();
+    assert!(misses(&plain) > 0.1, "without its curve it is another picture: {}", misses(&plain));
 }
 
 #[test]

@@ -41,7 +41,7 @@ pub struct Reading {
     pub px: [u32; 2],
     /// Mean radiance, nit per channel.
     pub radiance: Vec3,
-    /// Illuminance of what is seen there, lux; where it is baked, and without free lamps.
+    /// Illuminance of what is seen there, lux; where it is baked, free lamps included.
     pub lux: Option<f32>,
 }
 

@@ -105,6 +105,21 @@ pub fn click(window: &mut Window, label: &str) {
     window.run_steps(3);
 }
 
+/// Clicks what asks for a file, and types its path.
+#[allow(dead_code, reason = "not every test of the window writes files")]
+pub fn ask_for(window: &mut Window, label: &str, path: &Path) {
+    click(window, label);
+    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+    window.run_steps(3);
+}
+
+/// The same, and saves.
+#[allow(dead_code, reason = "not every test of the window writes files")]
+pub fn save_as(window: &mut Window, label: &str, path: &Path) {
+    ask_for(window, label, path);
+    click(window, "Save");
+}
+
 /// Where a point of the room is on the screen.
 #[allow(dead_code, reason = "not every test of the window is about the picture")]
 pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {

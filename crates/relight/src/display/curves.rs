@@ -1,21 +1,21 @@
 //! Tone curves: linear Rec. 709 from 0 up to linear Rec. 709 between 0 and 1 (or above, where the caller clips).
 
 /// Row-major; into the space in which AgX bends each channel \[Wrensch2023\].
-const AGX_INSET: [[f32; 3]; 3] = [
+pub(super) const AGX_INSET: [[f32; 3]; 3] = [
     [0.842_479_06, 0.078_433_6, 0.079_223_745],
     [0.042_328_242, 0.878_468_64, 0.079_166_13],
     [0.042_375_655, 0.078_433_6, 0.879_143],
 ];
 
 /// Row-major; out of it again \[Wrensch2023\].
-const AGX_OUTSET: [[f32; 3]; 3] = [
+pub(super) const AGX_OUTSET: [[f32; 3]; 3] = [
     [1.196_879, -0.098_020_88, -0.099_029_74],
     [-0.052_896_85, 1.151_903_1, -0.098_961_18],
     [-0.052_971_635, -0.098_043_45, 1.151_073_7],
 ];
 
 /// The range that AgX covers, in stops.
-const AGX_EV: [f32; 2] = [-12.473_93, 4.026_069];
+pub(super) const AGX_EV: [f32; 2] = [-12.473_93, 4.026_069];
 
 /// The same range in display-linear values.
 const AGX_RANGE: [f32; 2] = [1.757_812e-4, 16.291_74];
@@ -24,15 +24,20 @@ const AGX_RANGE: [f32; 2] = [1.757_812e-4, 16.291_74];
 pub(super) const AGX_GAMMA: f32 = 2.2;
 
 /// Row-major; into the space in which the fit bends each channel: sRGB to AP1 with the saturation of the RRT \[Hill2016\].
-const ACES_IN: [[f32; 3]; 3] =
+pub(super) const ACES_IN: [[f32; 3]; 3] =
     [[0.597_19, 0.354_58, 0.048_23], [0.076, 0.908_34, 0.015_66], [0.028_4, 0.133_83, 0.837_77]];
 
 /// Row-major; out of it again, with the saturation of the ODT \[Hill2016\].
-const ACES_OUT: [[f32; 3]; 3] =
+pub(super) const ACES_OUT: [[f32; 3]; 3] =
     [[1.604_75, -0.531_08, -0.073_67], [-0.102_08, 1.108_13, -0.006_05], [-0.003_27, -0.072_76, 1.076_02]];
 
 /// Luminance that the Reinhard curve shows as 1: two stops above what exposure shows as 1.
 pub(super) const REINHARD_WHITE: f32 = 4.0;
+
+/// Brightest channel up to which the neutral curve compresses nothing, and how fast what is brighter goes to white
+/// \[Khronos2024\].
+pub(super) const NEUTRAL_START: f32 = 0.8 - 0.04;
+pub(super) const NEUTRAL_DESATURATION: f32 = 0.15;
 
 /// AgX up to the encoding for its own display, gamma [`AGX_GAMMA`]; the table of bytes goes on from there.
 #[inline(always)]
@@ -42,7 +47,7 @@ pub(super) fn agx(rgb: [f32; 3]) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn agx_bent(v: f32) -> f32 {
+pub(super) fn agx_bent(v: f32) -> f32 {
     let stops = log2(v.clamp(AGX_RANGE[0], AGX_RANGE[1]));
     agx_contrast((stops - AGX_EV[0]) * (1.0 / (AGX_EV[1] - AGX_EV[0])))
 }
@@ -61,16 +66,13 @@ pub(super) fn aces(rgb: [f32; 3]) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn aces_bent(v: f32) -> f32 {
+pub(super) fn aces_bent(v: f32) -> f32 {
     (v * (v + 0.024_578_6) - 0.000_090_537) / (v * (0.983_729 * v + 0.432_951) + 0.238_081)
 }
 
 /// The Khronos PBR neutral curve \[Khronos2024\].
 #[inline(always)]
 pub(super) fn neutral([r, g, b]: [f32; 3]) -> [f32; 3] {
-    const START: f32 = 0.8 - 0.04;
-    const DESATURATION: f32 = 0.15;
-
     // Take off what a dielectric reflects at normal incidence, so that base colors come out as they were authored.
     let least = r.min(g).min(b);
     let offset = if least < 0.08 { least - 6.25 * least * least } else { 0.04 };
@@ -78,12 +80,12 @@ pub(super) fn neutral([r, g, b]: [f32; 3]) -> [f32; 3] {
 
     // Compress what is brighter, and let it go to white.
     let peak = rgb[0].max(rgb[1]).max(rgb[2]);
-    if peak < START {
+    if peak < NEUTRAL_START {
         return rgb;
     }
-    let room = 1.0 - START;
-    let new_peak = 1.0 - room * room / (peak + room - START);
-    let white = 1.0 - 1.0 / (DESATURATION * (peak - new_peak) + 1.0);
+    let room = 1.0 - NEUTRAL_START;
+    let new_peak = 1.0 - room * room / (peak + room - NEUTRAL_START);
+    let white = 1.0 - 1.0 / (NEUTRAL_DESATURATION * (peak - new_peak) + 1.0);
     rgb.map(|v| v * new_peak / peak * (1.0 - white) + new_peak * white)
 }
 

@@ -133,10 +133,9 @@ pub fn turbo_bytes(x: f32) -> [u8; 3] {
 }
 
 /// Writes RGBA, 4 bytes per pixel.
-pub(super) fn encode_run(scale: &ColorScale, pixels: &[[f32; 3]], bytes: &mut [u8]) {
-    for (rgba, rgb) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(pixels) {
-        let [r, g, b] = turbo_bytes(scale.position(luminance(rgb.map(finite))));
-        *rgba = [r, g, b, 255];
+pub(super) fn encode_run<P>(scale: &ColorScale, pixel: impl Fn([u8; 3]) -> P, pixels: &[[f32; 3]], out: &mut [P]) {
+    for (out, rgb) in out.iter_mut().zip(pixels) {
+        *out = pixel(turbo_bytes(scale.position(luminance(rgb.map(finite)))));
     }
 }
 

@@ -9,43 +9,43 @@ use super::{TABLE_LEN, exposed};
 /// Pixels whose colors go through a curve together, so that the compiler can use vector registers.
 const LANES: usize = 16;
 
-/// `byte_of` takes the number of a pixel in the run and its steps in the table.
-pub(super) fn encode_run(
+/// `pixel_of` takes the number of a pixel in the run and its steps in the table.
+pub(super) fn encode_run<P>(
     tone: impl Fn([f32; 3]) -> [f32; 3],
     gain: f32,
-    byte_of: impl Fn(usize, [i32; 3]) -> [u8; 3],
+    pixel_of: impl Fn(usize, [i32; 3]) -> P,
     pixels: &[[f32; 3]],
-    bytes: &mut [u8],
+    out: &mut [P],
 ) {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: AVX2 was just found.
-        return unsafe { avx2(tone, gain, byte_of, pixels, bytes) };
+        return unsafe { avx2(tone, gain, pixel_of, pixels, out) };
     }
-    portable(tone, gain, byte_of, pixels, bytes);
+    portable(tone, gain, pixel_of, pixels, out);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn avx2(
+fn avx2<P>(
     tone: impl Fn([f32; 3]) -> [f32; 3],
     gain: f32,
-    byte_of: impl Fn(usize, [i32; 3]) -> [u8; 3],
+    pixel_of: impl Fn(usize, [i32; 3]) -> P,
     pixels: &[[f32; 3]],
-    bytes: &mut [u8],
+    out: &mut [P],
 ) {
-    portable(tone, gain, byte_of, pixels, bytes);
+    portable(tone, gain, pixel_of, pixels, out);
 }
 
 #[inline(always)]
-fn portable(
+fn portable<P>(
     tone: impl Fn([f32; 3]) -> [f32; 3],
     gain: f32,
-    byte_of: impl Fn(usize, [i32; 3]) -> [u8; 3],
+    pixel_of: impl Fn(usize, [i32; 3]) -> P,
     pixels: &[[f32; 3]],
-    bytes: &mut [u8],
+    out: &mut [P],
 ) {
-    for (chunk, (bytes, pixels)) in bytes.chunks_mut(4 * LANES).zip(pixels.chunks(LANES)).enumerate() {
+    for (chunk, (out, pixels)) in out.chunks_mut(LANES).zip(pixels.chunks(LANES)).enumerate() {
         // Channel by channel, so that a vector register holds one channel of all.
         let (mut red, mut green, mut blue) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
         for (i, rgb) in pixels.iter().enumerate() {
@@ -56,9 +56,8 @@ fn portable(
             let [r, g, b] = tone([exposed(red[i], gain), exposed(green[i], gain), exposed(blue[i], gain)]);
             (steps[0][i], steps[1][i], steps[2][i]) = (step_of(r), step_of(g), step_of(b));
         }
-        for (i, rgba) in bytes.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-            let [r, g, b] = byte_of(chunk * LANES + i, [steps[0][i], steps[1][i], steps[2][i]]);
-            *rgba = [r, g, b, 255];
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = pixel_of(chunk * LANES + i, [steps[0][i], steps[1][i], steps[2][i]]);
         }
     }
 }

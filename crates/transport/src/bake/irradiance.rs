@@ -70,9 +70,12 @@ impl Run<'_> {
         config.smoothing = Some(header.smoothing(&partition));
         let focus = self.focus;
         let guide = Guide { order: &|_| 0, goes_on: &|| !focus.is_left() };
-        let mut dark = PatchBlocks::dark(&header, &partition);
+        let mut of_patches = PatchBlocks::dark(&header, &partition);
+        if self.patches(&mut of_patches, (1 + set, blocks), (pass, clock.done()), on_event)?.is_break() {
+            return Ok(ControlFlow::Break(()));
+        }
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
-            factors.extend(dark.take(block));
+            factors.extend(of_patches.take(block));
             self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
         };
         Ok(compress_by(guide, &matrix, &partition, blocks, &config, on_block)?)

@@ -18,6 +18,8 @@ use crate::path::{Integrator, NoLights};
 
 /// Tolerance of the picture that a lamp makes by way of patches, as if its root mean square were the peak of a column.
 pub(super) const PATCH_TOLERANCE_DB: f32 = 30.0;
+/// What arrives over what is seen, squared: 2π where half of the light comes back.
+const ARRIVING: f32 = 39.5;
 /// Samples of each half before the first look at the tolerance.
 const FIRST_LOOK: u32 = 4;
 
@@ -79,11 +81,11 @@ impl PatchBlocks {
 }
 
 impl Run<'_> {
-    /// Traces the columns of patches for some blocks.
+    /// Traces the columns of patches for some blocks of a matrix: 0 is the picture, those of irradiance follow.
     pub(super) fn patches(
         &self,
         into: &mut PatchBlocks,
-        blocks: &[u32],
+        (matrix_idx, blocks): (usize, &[u32]),
         (pass, done): (u32, f32),
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
@@ -102,28 +104,33 @@ impl Run<'_> {
         if table.n_columns != patches.n_columns() {
             return Err(BakeError::Config { what: "the scene has other patches now; start over with --fresh".into() });
         }
+        let irradiance = matrix_idx.checked_sub(1).map(|set| &self.header.irradiance[set].rows);
         let matrix = PatchMatrix {
             integrator: Integrator::new(&job.scene, &NoLights, job.config.bounces).watched(self.focus),
             camera: job.camera.clone(),
-            film: job.film,
+            film: irradiance.map_or(job.film, |rows| rows.film(job.film)),
+            irradiance,
             seed: job.config.seed,
             table,
             empty: self.empty.clone(),
         };
-        let config = job.patch_config(table.n_columns);
+        let gain = if irradiance.is_some() { ARRIVING } else { 1.0 };
+        let config = job.patch_config(table.n_columns, gain);
         let on_block = |block: u32, factors: Vec<BlockFactors>| {
             into.there.extend(factors.into_iter().map(|factors| (block, factors)));
             on_event(BakeEvent::Progress { pass, done, secs_left: None })
         };
         let guide = Guide { order: &|_| 0, goes_on: &|| !self.focus.is_left() };
-        Ok(compress_by(guide, &matrix, &self.header.partition(), blocks, &config, on_block)?)
+        let partition = self.header.partitions().swap_remove(matrix_idx);
+        Ok(compress_by(guide, &matrix, &partition, blocks, &config, on_block)?)
     }
 }
 
 impl BakeJob {
-    fn patch_config(&self, n_columns: usize) -> CompressConfig {
+    /// `gain` is how much more light a row has than one of the picture, squared.
+    fn patch_config(&self, n_columns: usize, gain: f32) -> CompressConfig {
         let max = (self.config.spp / 2).max(1);
-        let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(PATCH_TOLERANCE_DB));
+        let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(PATCH_TOLERANCE_DB) * gain);
         CompressConfig {
             groups: vec![ColumnGroup { columns: 0..n_columns, tolerance, preserved: Vec::new() }],
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },

@@ -5,18 +5,20 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use clerestory_nystrom::{Half, SampledMatrix};
+use clerestory_nystrom::{BlockLowRank, Half, SampledMatrix};
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::stage::{Stage, lambert, quad, room};
 use crate::archive;
+use crate::arriving::ArrivingPoints;
 use crate::bake::focus::Focus;
 use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
-use crate::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
-use crate::light::{LightRig, LightSetting};
+use crate::lamps::tests::lamp;
+use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
+use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::patches::{NARROW_ALPHA, PatchMatrix, PatchSample, Request, learn};
 use crate::path::{Integrator, NoLights};
@@ -71,18 +73,25 @@ fn lit(scene: &PreparedScene, lamp: Vec3) -> impl Fn(&PatchSample) -> Vec3 + Syn
 
 /// The picture of irradiance on patches, red, green, blue of each pixel.
 fn by_patches(bake: &Bake, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<f32> {
+    applied(bake, bake.groups.last().expect("a group of patches"), irradiance)
+}
+
+/// What arrives of it at each pixel.
+fn arriving_by_patches(bake: &Bake, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<f32> {
+    applied(bake, bake.irradiance[0].last().expect("a group of patches"), irradiance)
+}
+
+fn applied(bake: &Bake, group: &BlockLowRank, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<f32> {
     let coefficients =
         bake.header.coefficients_with(&LightRig::default(), irradiance).pop().expect("a group of patches");
-    let group = bake.groups.last().expect("a group of patches");
     let channels = [0, 1, 2].map(|c| group.apply(&coefficients.iter().map(|rgb| rgb[c]).collect::<Vec<_>>()));
     (0..channels[0].len()).map(|row| channels[row % 3][row]).collect()
 }
 
 /// What narrow lobes show of the light of a lamp of 1 cd, which patches leave out.
-fn shown_by_lobes(scene: &PreparedScene, lamp: Vec3) -> Vec<f32> {
-    let (shape, unit, setting) = (LampShape::Point, LampUnit::Candela, LightSetting::default());
-    let lamp = FreeLamp { key: "free".into(), shape, position: lamp, aim: Vec3::ZERO, strength: 1.0, unit, setting };
-    let (lamps, _) = PreparedLamps::new(&[lamp], None).expect("a lamp that makes sense");
+fn shown_by_lobes(scene: &PreparedScene, place: Vec3) -> Vec<f32> {
+    let free = FreeLamp { position: place, ..lamp(LampShape::Point) };
+    let (lamps, _) = PreparedLamps::new(&[free], None).expect("a lamp that makes sense");
     let samples = 256;
     let picture = |narrow_alpha| {
         let config = VisibleConfig { samples, narrow_alpha, ..VisibleConfig::default() };
@@ -105,7 +114,7 @@ fn by_columns(scene: &Arc<PreparedScene>, lamp: Vec3, narrow_alpha: f32) -> Vec<
     let patches = learn(scene, &camera, FILM, request, &focus).expect("the room has patches");
     let table = patches.table().expect("patches that were just learned");
     let integrator = Integrator::new(scene, &NoLights, None);
-    let matrix = PatchMatrix { integrator, camera, film: FILM, seed: 7, table, empty: None };
+    let matrix = PatchMatrix { integrator, camera, film: FILM, seed: 7, table, irradiance: None, empty: None };
     let coefficients = patches.coefficients(&lit(scene, lamp));
     let (n_samples, pixels) = (256, 0..FILM.n_pixels() as u32);
     let row = |pixel: u32| {
@@ -169,6 +178,51 @@ fn a_lamp_that_no_bake_knew_lights_a_room_as_one_of_its_file_does() {
     }
 }
 
+fn baked_with_irradiance(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> Bake {
+    let job = BakeJob { irradiance: vec![IrradianceRows::Pixels], ..job(scene, spp, patches) };
+    job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+}
+
+#[test]
+fn in_a_closed_room_of_even_light_arrives_what_its_albedo_says() {
+    for albedo in [0.6, 0.9] {
+        let bake = baked_with_irradiance(&Arc::new(furnace(albedo).prepared()), 32, 512);
+        assert!(bake.header.holds_patches(&bake.irradiance[0]));
+        // Beside the 1 that comes straight.
+        let expected = albedo / (1.0 - albedo);
+        let found = arriving_by_patches(&bake, &|_| Vec3::ONE);
+        let (off, share) = difference(&vec![expected; found.len()], &found);
+        assert!(off < 0.03 && (share - 1.0).abs() < 0.01, "albedo {albedo}: off by {off:.3}, {share:.3} of the light");
+    }
+}
+
+#[test]
+fn as_much_arrives_from_a_lamp_that_no_bake_knew_as_from_one_of_its_file() {
+    let scene = Arc::new(furnished().prepared());
+    let (bake, camera) = (baked_with_irradiance(&scene, 96, 1024), &scene.scene.cameras[0]);
+    for place in [Vec3::new(0.3, 0.7, 0.2), Vec3::new(-1.2, -0.7, 0.3)] {
+        let with_lamp = Arc::new(furnished().lamp("moved", place, 1.0).prepared());
+        let known = baked_with_irradiance(&with_lamp, 256, 0);
+        let source = known.header.basis.source("moved").expect("the lamp").columns.start as usize;
+        let mut unit = vec![0.0; known.header.basis.n_cols()];
+        unit[source] = 1.0 / known.header.irradiance[0].column_scale[source];
+        let expected = known.irradiance[0][0].apply(&unit);
+        let lamp = FreeLamp { position: place, ..lamp(LampShape::Point) };
+        let (lamps, _) = PreparedLamps::new(&[lamp], None).expect("a plain lamp");
+        let straight = |at: &PatchSample| lamps.light_on(&scene, at);
+        let mut found = arriving_by_patches(&bake, &straight);
+        for sample in 0..16 {
+            let points = ArrivingPoints::new(&scene, camera, FILM, sample, &|| false).expect("nobody stops it");
+            let direct = points.irradiance(&scene, &lamps, &|| false).expect("nobody stops it");
+            found.iter_mut().zip(direct.as_flattened()).for_each(|(sum, lux)| *sum += lux / 16.0);
+        }
+        let (off, share) = difference(&expected, &found);
+        assert!(off < 0.06 && (share - 1.0).abs() < 0.02, "{place}: off by {off:.3}, {share:.3} of the light");
+        let (_, direct) = difference(&expected, &arriving_by_patches(&bake, &straight));
+        assert!(direct > 0.1, "{direct:.3} of the light comes by way of surfaces");
+    }
+}
+
 #[test]
 fn what_narrow_lobes_show_is_found_once_by_patches_or_anew() {
     let bronze = Material { metallic: 1.0, roughness: 0.33, ..Material::default() };
@@ -227,7 +281,7 @@ fn without_lamps_a_bake_with_patches_is_the_bake_without() {
 fn patches_are_the_same_on_any_number_of_threads_and_come_back_from_a_file() {
     let scene = Arc::new(furnished().prepared());
     let pool = |n: usize| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
-    // Rows of irradiance have dark columns of patches.
+    // Rows of irradiance have columns of patches, too.
     let job = || BakeJob { irradiance: vec![IrradianceRows::Pixels], ..job(&scene, 8, 64) };
     let run = || job().run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it");
     let [one, three] = [1, 3].map(|n| pool(n).install(run));

@@ -10,7 +10,7 @@ use glam::Vec3;
 use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
 use crate::bsdf::{Bsdf, ScatterKind};
 use crate::bvh::Ray;
-use crate::prepared::{SurfaceHit, next_after};
+use crate::prepared::{SurfaceHit, next_after, offset_origin};
 use crate::sampler::Sampler;
 
 /// A point that light arrives at.
@@ -24,6 +24,18 @@ pub(crate) struct Receiver {
     pub normal: Vec3,
     /// See [`SurfaceHit::clearance`]; 0 where nothing stands at the point.
     pub clearance: f32,
+}
+
+impl Receiver {
+    /// A point where nothing stands, in a plane with a unit normal.
+    pub(crate) fn on_plane(position: Vec3, normal: Vec3) -> Receiver {
+        Receiver { position, outward: normal, normal, clearance: 0.0 }
+    }
+
+    /// Where rays to its side begin.
+    pub(crate) fn origin(&self) -> Vec3 {
+        offset_origin(self.position + self.outward * self.clearance, self.outward)
+    }
 }
 
 /// Mirrors and panes that a pixel looks through.
@@ -65,7 +77,7 @@ impl<P: LightPlan> Integrator<'_, P> {
 
     /// The first surface with a diffuse base, black or not: straight on through clear panes, and by way of mirrors and of
     /// glass that bends.
-    fn seen_receiver(&self, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Option<Receiver> {
+    pub(crate) fn seen_receiver(&self, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Option<Receiver> {
         let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         for _ in 0..MOST_MIRRORS {
             let hit = self.closest(&ray, sampler)?;

@@ -1,7 +1,9 @@
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 use clerestory_transport::import;
 use clerestory_transport::lamps::{LampShape, LampUnit};
+use clerestory_transport::light::LightSetting;
 
 use super::*;
 
@@ -9,7 +11,7 @@ fn view() -> Arc<LampView> {
     let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
     let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
     let camera = scene.scene.cameras[0].clone();
-    Arc::new(LampView { scene, camera, film: Film { width: 32, height: 24 }, patches: None })
+    Arc::new(LampView { scene, camera, film: Film { width: 32, height: 24 }, patches: None, measures: true })
 }
 
 fn lamp(key: &str, x: f32) -> FreeLamp {
@@ -47,7 +49,7 @@ fn mean(light: &LampLight) -> f64 {
 #[test]
 fn light_comes_gets_smooth_and_then_nothing_happens_any_more() {
     let (view, (worker, n_woken)) = (view(), worker());
-    worker.order(LampOrder { view, lamps: vec![lamp("a", 0.0)], serial: 7 });
+    worker.order(LampOrder { view, lamps: vec![lamp("a", 0.0)], shows_arriving: false, serial: 7 });
     let first = wait(&worker, |_| true);
     assert!(first.serial == 7 && first.problems.is_empty() && mean(&first) > 0.0);
     let last = if first.is_done { first.clone() } else { wait(&worker, |light| light.is_done) };
@@ -61,14 +63,14 @@ fn light_comes_gets_smooth_and_then_nothing_happens_any_more() {
 fn color_and_intensity_only_weigh_what_is_there() {
     let (view, (worker, _)) = (view(), worker());
     let mut lamps = vec![lamp("a", 0.3), lamp("b", -0.3)];
-    worker.order(LampOrder { view: view.clone(), lamps: lamps.clone(), serial: 1 });
+    worker.order(LampOrder { view: view.clone(), lamps: lamps.clone(), shows_arriving: false, serial: 1 });
     let both = wait(&worker, |light| light.is_done);
     lamps[1].setting = LightSetting { intensity: 3.0, color: Some([1.0, 0.0, 0.5]), ..LightSetting::default() };
-    worker.order(LampOrder { view: view.clone(), lamps: lamps.clone(), serial: 2 });
+    worker.order(LampOrder { view: view.clone(), lamps: lamps.clone(), shows_arriving: false, serial: 2 });
     // At once as smooth as it was: nothing is traced again.
     let tinted = wait(&worker, |light| light.serial == 2);
     assert!(tinted.is_done);
-    worker.order(LampOrder { view, lamps: lamps[..1].to_vec(), serial: 3 });
+    worker.order(LampOrder { view, lamps: lamps[..1].to_vec(), shows_arriving: false, serial: 3 });
     let one = wait(&worker, |light| light.serial == 3);
     assert!(one.is_done);
     for ((both, tinted), one) in both.direct.pixels.iter().zip(&tinted.direct.pixels).zip(&one.direct.pixels) {
@@ -85,7 +87,7 @@ fn a_lamp_that_moves_on_and_on_is_seen_on_its_way() {
     let mut seen = 0;
     for serial in 1..2000 {
         let lamps = vec![lamp("a", 0.3 - 0.0003 * serial as f32)];
-        worker.order(LampOrder { view: view.clone(), lamps, serial });
+        worker.order(LampOrder { view: view.clone(), lamps, shows_arriving: false, serial });
         seen += u32::from(worker.take().is_some());
         if seen > 3 {
             return;
@@ -99,7 +101,7 @@ fn a_lamp_that_moves_on_and_on_is_seen_on_its_way() {
 fn a_lamp_that_makes_no_sense_is_told_and_the_others_shine() {
     let (view, (worker, _)) = (view(), worker());
     let broken = FreeLamp { unit: LampUnit::Lux, ..lamp("broken", 0.0) };
-    worker.order(LampOrder { view, lamps: vec![broken, lamp("a", 0.0)], serial: 1 });
+    worker.order(LampOrder { view, lamps: vec![broken, lamp("a", 0.0)], shows_arriving: false, serial: 1 });
     let light = wait(&worker, |_| true);
     assert!(light.problems.len() == 1 && light.problems[0].contains("`broken`"), "{:?}", light.problems);
     assert!(mean(&light) > 0.0);

@@ -1,0 +1,82 @@
+//! Files that are asked for and opened, and work that is not lost on the way.
+
+use std::path::PathBuf;
+
+use eframe::egui::{Context, ViewportCommand};
+
+use super::App;
+use crate::action::{Action, FileTask};
+use crate::panels::dialogs::FileQuestion;
+use crate::session::Source;
+
+/// Recent files that are remembered.
+const MAX_RECENT: usize = 8;
+
+impl App {
+    pub(super) fn ask(&mut self, task: FileTask) {
+        let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());
+        let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+        let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
+        let suggestion = match task {
+            FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
+            FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget | FileTask::OpenSky => String::new(),
+            FileTask::SaveSchedule => format!("{stem}.csv"),
+            FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
+            FileTask::Export => format!("{stem}.png"),
+            FileTask::SaveSheet => format!("{stem}-looks.png"),
+            FileTask::ExportFrames => format!("{stem}_####.png"),
+            FileTask::ExportGltf => format!("{stem}-lit.glb"),
+            FileTask::SaveBake => format!("{stem}.transport"),
+        };
+        self.question = Some(FileQuestion::new(task, &suggestion, self.dialogs));
+    }
+
+    pub(super) fn open(&mut self, path: PathBuf) {
+        let absolute = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+        self.recent.retain(|other| *other != absolute);
+        self.recent.insert(0, absolute);
+        self.recent.truncate(MAX_RECENT);
+        self.session.open(Source::File(path));
+    }
+
+    pub(super) fn answered(&mut self, answer: Option<Option<PathBuf>>) {
+        let Some(path) = answer else { return };
+        if let (Some(question), Some(path)) = (self.question.take(), path) {
+            // What is said afterwards tells the folder, too.
+            self.actions.push(question.action(std::path::absolute(&path).unwrap_or(path)));
+        } else {
+            self.after_saving = None;
+        }
+    }
+
+    /// Does something that loses the look, or asks first.
+    pub(super) fn unless_unsaved(&mut self, again: Action, job: impl FnOnce(&mut App)) {
+        if self.is_unsaved() {
+            self.unsaved = Some(again);
+        } else {
+            job(self);
+        }
+    }
+
+    pub(super) fn close_or_ask(&mut self, ctx: &Context) {
+        if ctx.input(|input| input.viewport().close_requested()) && self.is_unsaved() {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+            self.unsaved = Some(Action::Quit);
+        }
+    }
+
+    pub(super) fn quit(&mut self, ctx: &Context) {
+        self.saved_look = self.look.clone();
+        ctx.send_viewport_cmd(ViewportCommand::Close);
+    }
+
+    pub(super) fn set_title(&mut self, ctx: &Context) {
+        let name = self.session.opened.as_ref().map_or("", |opened| opened.name.as_str());
+        let mark = if self.is_unsaved() { "• " } else { "" };
+        let title = if name.is_empty() { "Clerestory".into() } else { format!("{mark}{name} – Clerestory") };
+        if title != self.title {
+            ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
+    }
+}

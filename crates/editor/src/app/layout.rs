@@ -1,0 +1,166 @@
+//! Where everything stands in the window: bars above and below, panels left and right, the picture between them, dialogs over it.
+
+use eframe::egui::{self, Context, Panel, Ui};
+
+use super::App;
+use crate::action::Action;
+use crate::panels::bake::{BakeView, bake_ui};
+use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
+use crate::panels::display::{DisplayView, display_ui};
+use crate::panels::lights::{lights_ui, solo_banner_ui};
+use crate::panels::shortcuts::shortcuts_ui;
+use crate::panels::status::{Status, status_ui};
+use crate::panels::toolbar::{ToolbarState, toolbar_ui};
+use crate::theme;
+use crate::viewport::{Viewed, viewport_ui};
+
+/// Points that picture and right panel keep when the lights take room.
+const PICTURE_LEAST: f32 = 660.0;
+
+impl App {
+    pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
+        self.question_ui(ctx);
+        if self.unsaved.is_some()
+            && let Some(answer) = unsaved_ui(ctx)
+        {
+            let waiting = self.unsaved.take();
+            match answer {
+                UnsavedAnswer::Stay => {}
+                UnsavedAnswer::Save => {
+                    self.after_saving = waiting;
+                    self.actions.push(Action::SaveLookAgain);
+                }
+                UnsavedAnswer::Discard => {
+                    self.saved_look = self.look.clone();
+                    self.actions.extend(waiting);
+                }
+            }
+        }
+        self.recovery_ui(ctx);
+        shortcuts_ui(ctx, &mut self.shortcuts);
+        hovered_files_ui(ctx);
+    }
+
+    pub(super) fn side_panels_ui(&mut self, ui: &mut Ui) {
+        let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
+        // Where there is little room, what the panels need least is left to the picture.
+        let most = (ui.available_width() - PICTURE_LEAST).clamp(320.0, 900.0);
+        let (left, right) = (320.0..=most, 240.0..=(0.25 * ui.available_width()).clamp(240.0, 460.0));
+        Panel::left("lights").frame(frame).default_size(most.min(404.0)).size_range(left).show(ui, |ui| {
+            if let Some(basis) = self.session.basis().cloned() {
+                self.sky_ui(ui, &basis);
+                let choice = self.lamp_choice();
+                lights_ui(ui, &basis, &mut self.look, &mut self.lights, &choice, &mut self.actions);
+            } else {
+                theme::section(ui, "Lights");
+            }
+            ui.take_available_space();
+        });
+        Panel::right("bake").frame(frame).default_size(316.0).size_range(right).show(ui, |ui| {
+            egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| {
+                let view = DisplayView {
+                    shown_ev: self.follower.shown_ev(),
+                    metered_ev: self.follower.metered_ev(),
+                    legend: self.follower.legend(),
+                    has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
+                };
+                display_ui(ui, &mut self.look.display, &view);
+                self.camera_panel_ui(ui);
+                self.solving_ui(ui);
+                self.bake_panel_ui(ui);
+            });
+        });
+    }
+
+    pub(super) fn bake_panel_ui(&mut self, ui: &mut Ui) {
+        let opened = self.session.opened.as_ref();
+        let view = BakeView {
+            state: &self.session.bake,
+            figures: self.session.figures.as_ref(),
+            error_db: self.session.error_db,
+            can_bake: opened.is_some_and(|opened| opened.scene.is_some() || opened.stack.is_some()),
+            pictures: self.session.pictures(),
+            units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
+            report: opened.map_or(&[], |opened| &opened.report),
+            n_resumable: self.session.n_resumable(&self.settings),
+            forecast: self.session.forecast(),
+            history: &self.session.history,
+        };
+        // A bake that was opened shows how it was baked; what the next scene is baked with stays.
+        let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
+        let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
+        bake_ui(ui, of_file.as_mut().unwrap_or(own), &mut self.heat_map, &view, &mut self.actions);
+    }
+
+    pub(super) fn bars_ui(&mut self, ui: &mut Ui) {
+        self.ask_memory(ui.ctx());
+        let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 7));
+        Panel::top("toolbar").frame(frame).show(ui, |ui| {
+            let state = ToolbarState {
+                can_undo: self.undoer.has_undo(&self.look),
+                can_redo: self.undoer.has_redo(&self.look),
+                has_picture: self.follower.picture().is_some(),
+                is_unsaved: self.is_unsaved(),
+                recent: &self.recent,
+            };
+            toolbar_ui(ui, &state, &mut self.actions);
+        });
+        let frame = frame.inner_margin(egui::Margin::symmetric(12, 3));
+        Panel::bottom("status").frame(frame).show(ui, |ui| {
+            let device = self.follower.device();
+            let status = Status {
+                message: &self.message.0,
+                tone: self.message.1,
+                bake: &self.session.bake,
+                device: &device,
+                wish: self.follower.wish(),
+                size: self.follower.picture().map(|(_, size)| size),
+                millis: self.follower.millis(),
+                lamps: self.lamp_note(),
+                error_db: self.session.error_db.map(|error| error.total),
+                memory_bytes: self.memory.0,
+            };
+            status_ui(ui, &status, &mut self.actions);
+        });
+    }
+
+    pub(super) fn picture_ui(&mut self, ui: &mut Ui) {
+        self.strips_ui(ui);
+        if self.camera.is_moving && self.session.lamp_scene().is_some() {
+            return self.flight_ui(ui);
+        }
+        let overlay = self.heat_overlay(ui.ctx());
+        self.look_there(ui.ctx());
+        let shown_camera = self.session.shown.as_ref().and_then(|shown| shown.camera.as_ref());
+        let scene = self.session.lamp_scene().map(|scene| &**scene);
+        self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
+        let (left, compared) = self.compared().unzip();
+        let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
+        let viewed = Viewed {
+            picture,
+            stage: &self.session.stage,
+            bake: &self.session.bake,
+            scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
+            legend: self.follower.legend(),
+            compared,
+            overlay,
+            readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
+        };
+        egui::CentralPanel::no_frame().show(ui, |ui| {
+            let area = ui.available_rect_before_wrap();
+            viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);
+            solo_banner_ui(ui, area, &self.look, &mut self.lights.solo);
+        });
+    }
+}
+
+fn hovered_files_ui(ctx: &Context) {
+    if ctx.input(|input| input.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let layer = egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("dropping"));
+    let (painter, area) = (ctx.layer_painter(layer), ctx.content_rect());
+    painter.rect_filled(area, 0.0, egui::Color32::from_black_alpha(150));
+    let font = egui::FontId::proportional(22.0);
+    painter.text(area.center(), egui::Align2::CENTER_CENTER, "Drop to open", font, theme::ACCENT);
+}

@@ -1,0 +1,94 @@
+//! How the window starts, and with which settings.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use anyhow::{Result, anyhow};
+use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::camera::Film;
+use eframe::egui;
+use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
+use eframe::wgpu;
+
+use super::{App, DEFAULT_WIDTH_PX, recovery};
+use crate::bake_cache::BakeCache;
+use crate::crash;
+use crate::panels::bake::QUALITIES;
+use crate::panels::dialogs::FileDialogs;
+use crate::session::{BakeSettings, Source};
+
+/// Cores from which the standard quality is what a bake starts with.
+const MANY_CORES: usize = 8;
+
+/// How the window starts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Start {
+    /// What is opened.
+    pub source: Source,
+    /// How scenes are baked; by default one that suits the machine.
+    pub settings: Option<BakeSettings>,
+    /// Folder in which unsaved looks are kept for a crash; without one they are not.
+    pub unsaved: Option<PathBuf>,
+    /// Where finished bakes are found and kept; without it every bake is made anew.
+    pub cache: Option<BakeCache>,
+    /// Where files are asked for.
+    pub dialogs: FileDialogs,
+    /// Whether somebody who was never here before is welcomed.
+    pub welcome: bool,
+}
+
+impl Start {
+    /// With nothing of the user's: no folders and no dialogs of the desktop.
+    pub fn alone(source: Source, settings: Option<BakeSettings>) -> Start {
+        Start { source, settings, unsaved: None, cache: None, dialogs: FileDialogs::FieldOnly, welcome: false }
+    }
+}
+
+/// Opens the window and stays until it is closed.
+///
+/// # Errors
+/// If there is no display or no graphics driver.
+pub fn run(open: Option<PathBuf>) -> Result<()> {
+    let source = open.map_or(Source::BuiltIn, Source::File);
+    let mut options = eframe::NativeOptions {
+        viewport: egui::ViewportBuilder::default()
+            .with_title("Clerestory")
+            .with_app_id("clerestory")
+            .with_inner_size([1440.0, 900.0])
+            .with_min_inner_size([900.0, 600.0])
+            .with_drag_and_drop(true),
+        renderer: eframe::Renderer::Wgpu,
+        ..Default::default()
+    };
+    options.wgpu_options.wgpu_setup = WgpuSetup::CreateNew(WgpuSetupCreateNew {
+        device_descriptor: Arc::new(device_descriptor),
+        ..WgpuSetupCreateNew::without_display_handle()
+    });
+    if let Some(folder) = eframe::storage_dir("clerestory") {
+        crash::keep_reports(folder.join("crashes"));
+    }
+    let start = Start {
+        source,
+        settings: None,
+        unsaved: recovery::folder(),
+        cache: BakeCache::of_user()?,
+        dialogs: FileDialogs::Desktop,
+        welcome: true,
+    };
+    let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
+    result.map_err(|error| anyhow!("{error}"))
+}
+
+/// Everything that the adapter can do: factors of a large bake exceed the default limits.
+fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
+    wgpu::DeviceDescriptor { label: Some("clerestory"), required_limits: adapter.limits(), ..Default::default() }
+}
+
+/// Quality that suits the machine, until a scene says which size.
+pub(super) fn default_settings() -> BakeSettings {
+    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let quality = QUALITIES[if n_cores >= MANY_CORES { 2 } else { 1 }];
+    let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
+    let film = Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 };
+    BakeSettings { camera_idx: 0, film, config, illuminance: false }
+}

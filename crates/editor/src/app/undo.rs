@@ -1,0 +1,47 @@
+//! Steps of undo: one drag is one step, and so is an edit that no pointer makes.
+
+use eframe::egui::Context;
+
+use super::App;
+
+impl App {
+    pub(super) fn undo(&mut self) {
+        self.daylight.stop();
+        if let Some(look) = self.undoer.undo(&self.look).cloned() {
+            self.look = look;
+        }
+    }
+
+    pub(super) fn redo(&mut self) {
+        if let Some(look) = self.undoer.redo(&self.look).cloned() {
+            self.look = look;
+        }
+    }
+
+    /// One drag is one step: while a button is down nothing is fed, when it comes up the state is kept at once.
+    pub(super) fn feed_undoer(&mut self, ctx: &Context) {
+        let (now, is_down, came_up) =
+            ctx.input(|input| (input.time, input.pointer.any_down(), input.pointer.any_released()));
+        if self.daylight.is_playing() {
+            return;
+        }
+        if is_down {
+            // What was done before is another step than what is done now.
+            if ctx.input(|input| input.pointer.any_pressed()) {
+                self.undoer.add_undo(&self.look);
+            }
+            return;
+        }
+        self.undoer.feed_state(now, &self.look);
+        if came_up {
+            self.undoer.add_undo(&self.look);
+        }
+    }
+
+    /// What an edit that no pointer makes is: one step of undo.
+    pub(super) fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
+        self.undoer.add_undo(&self.look);
+        edit(self);
+        self.undoer.add_undo(&self.look);
+    }
+}

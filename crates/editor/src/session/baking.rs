@@ -1,0 +1,242 @@
+//! The bake: started, gone on with, watched block by block, and what is there at its end.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clerestory_relight::Frame;
+use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, Passes};
+use clerestory_transport::camera::Camera;
+use clerestory_transport::sensors::{IrradianceRequest, OfFile};
+
+use super::begun::Begun;
+use super::task::{self, Task, words};
+use super::{BakeSettings, BakeState, Notice, Session, Shown, earlier};
+use crate::picture::Changed;
+
+/// Time between two counts of ranks and bytes while a bake runs.
+const FIGURES_EVERY: Duration = Duration::from_secs(1);
+
+impl Session {
+    /// Starts a bake of the open scene or stack, ending one that runs; from a camera of its own, else from that of the settings.
+    pub fn start_bake(&mut self, settings: &BakeSettings, camera: Option<Camera>, passes: Passes) {
+        if let Some(stack) = self.opened.as_ref().and_then(|opened| opened.stack.clone()) {
+            self.stop_baking();
+            let BakeConfig { tolerance_db, seed, .. } = settings.config;
+            self.history.clear();
+            self.bake_began = Instant::now();
+            let job = StackJob { stack, tolerance_db, seed, memory_bytes: MEMORY_BYTES };
+            self.bake = BakeState::Preparing;
+            self.baking = self.spawn("bake", move |post| task::bake_stack(job, post));
+            return;
+        }
+        let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
+            return;
+        };
+        let job = match self.job(settings, camera.clone()) {
+            Ok(job) => job,
+            Err(why) => {
+                self.bake = BakeState::Failed(why);
+                return;
+            }
+        };
+        self.begun = Some(Begun::new(scene, settings.clone(), camera));
+        self.begin(BakeJob { passes, ..job }, None);
+    }
+
+    /// Goes on with a bake that was stopped, where that can be.
+    pub fn resume_bake(&mut self, settings: &BakeSettings) {
+        if self.n_resumable(settings) > 0
+            && let Ok(job) = self.job(settings, self.begun.as_ref().and_then(Begun::camera))
+        {
+            let half_done = self.half_done();
+            self.begin(job, half_done);
+        }
+    }
+
+    /// What would be baked with some settings, or why nothing can be.
+    pub(super) fn job(&self, settings: &BakeSettings, camera: Option<Camera>) -> Result<BakeJob, String> {
+        const NO_CAMERA: &str = "the scene has no camera and no surfaces to look at; open a scene with meshes";
+        let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone()).ok_or("no scene is open; open one")?;
+        let of_scene = || scene.scene.cameras.get(settings.camera_idx).cloned();
+        let camera = camera.or_else(of_scene).ok_or(NO_CAMERA)?;
+        let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
+        let irradiance = IrradianceRequest { of_file, ..IrradianceRequest::default() }.rows(&scene).map_err(words)?;
+        let (film, config, passes) = (settings.film, settings.config.clone(), Passes::Progressive);
+        Ok(BakeJob { scene, camera, film, config, passes, irradiance })
+    }
+
+    pub(super) fn begin(&mut self, job: BakeJob, half_done: Option<HalfDone>) {
+        self.stop_baking();
+        self.views.baking = Some(job.camera.clone());
+        self.bake = BakeState::Preparing;
+        self.history.clear();
+        self.bake_began = Instant::now();
+        let (cache, focus) = (self.cache.clone(), self.focus.clone());
+        let there = (half_done, self.earlier_bakes());
+        self.baking = self.spawn("bake", move |post| task::bake(job, there, cache, &focus, post));
+    }
+
+    /// Stops the bake; what was done stays.
+    pub fn cancel_bake(&mut self) {
+        if self.bake.is_running() {
+            let was_aside = self.is_aside();
+            self.stop_baking();
+            self.bake = if was_aside { self.state_of_shown() } else { BakeState::Stopped };
+        }
+    }
+
+    pub(super) fn stop_baking(&mut self) {
+        self.others.extend(self.baking.take().map(Task::stopped));
+        std::mem::take(&mut self.focus).leave();
+        self.incoming = None;
+        self.drop_aside();
+    }
+
+    pub(super) fn bake_event(&mut self, event: BakeEvent) {
+        match event {
+            BakeEvent::Started { header, n_blocks, n_passes } => {
+                self.begun.iter_mut().for_each(|begun| begun.started(header.clone(), n_passes));
+                self.pass_blocks = (n_blocks, 0);
+                self.bake_started(header, n_passes);
+            }
+            BakeEvent::BlockDone { pass, block_idx, factors } => {
+                self.begun.iter_mut().for_each(|begun| begun.block_done(pass, block_idx, &factors));
+                self.pass_blocks.1 += 1;
+                self.block_done(block_idx, &factors);
+            }
+            // It is shown once all of it is there.
+            BakeEvent::IrradianceDone { .. } => {}
+            BakeEvent::Progress { pass, done, secs_left } => {
+                if let BakeState::Running { n_passes, .. } = self.bake {
+                    let (n_blocks, n_done) = self.pass_blocks;
+                    let pass_done = n_done as f32 / n_blocks.max(1) as f32;
+                    self.bake = BakeState::Running { pass, n_passes, done, pass_done, secs_left };
+                }
+                if self.figures_at.elapsed() > FIGURES_EVERY {
+                    self.count();
+                }
+            }
+            BakeEvent::PassDone { error_db, .. } => {
+                self.pass_blocks.1 = 0;
+                if self.is_aside() {
+                    return;
+                }
+                match self.incoming.take() {
+                    Some(incoming) => self.show(incoming),
+                    None => self.n_whole += 1,
+                }
+                self.error_db = Some(error_db);
+                self.count();
+            }
+        }
+    }
+
+    pub(super) fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
+        self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
+        let camera = self.camera_of(&header);
+        let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
+        self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None });
+    }
+
+    /// The camera of the bake that runs, or of a bake of the scene that is open.
+    pub(super) fn camera_of(&self, header: &BakeHeader) -> Option<Camera> {
+        let own = self.views.baking.as_ref().filter(|camera| camera.name == header.camera);
+        own.or(header.view.as_ref()).or_else(|| Camera::named(self.cameras(), &header.camera)).cloned()
+    }
+
+    pub(super) fn block_done(&mut self, block_idx: usize, factors: &[Arc<clerestory_nystrom::BlockFactors>]) {
+        let is_shown = self.incoming.is_none();
+        let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
+        shown.packed = None;
+        for (group, factors) in shown.frame.groups.iter_mut().zip(factors) {
+            group.blocks[block_idx] = Some(factors.clone());
+        }
+        if is_shown {
+            self.changed.absorb(Changed::Blocks((0..factors.len()).map(|group| (group, block_idx)).collect()));
+        }
+    }
+
+    pub(super) fn bake_ended(&mut self, result: Result<Option<Bake>, String>, notices: &mut Vec<Notice>) {
+        self.others.extend(self.baking.take());
+        let mut aside = self.incoming.take().filter(|_| self.is_aside());
+        self.bake = match result {
+            Ok(Some(bake)) => {
+                let figures = bake.figures();
+                self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
+                notices.push(Notice::Said(earlier::baked_words(&figures)));
+                self.forget_earlier(&bake.header);
+                // The file will hold these, a little less exact than the blocks that came one by one.
+                if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {
+                    (shown.header, shown.frame.groups) = (bake.header, bake.groups);
+                    (shown.irradiance, shown.packed) = (bake.irradiance, bake.packed);
+                }
+                match aside.take() {
+                    Some(shown) => self.keep_aside(shown, Some(figures.error_db)),
+                    None => {
+                        self.error_db = Some(figures.error_db);
+                        self.is_another();
+                    }
+                }
+                BakeState::Done
+            }
+            Ok(None) => BakeState::Stopped,
+            Err(why) => BakeState::Failed(why),
+        };
+        self.drop_aside();
+        self.count();
+    }
+
+    /// The bake was made before.
+    pub(super) fn bake_found(&mut self, bake: Bake, notices: &mut Vec<Notice>) {
+        self.others.extend(self.baking.take());
+        self.incoming = None;
+        self.drop_aside();
+        self.show_finished(bake);
+        let db = self.error_db.map_or(f32::NAN, |error| error.total);
+        notices.push(Notice::Said(format!("Baked before: {db:.1} dB")));
+    }
+
+    /// Shows a bake that was made before.
+    pub(super) fn show_finished(&mut self, bake: Bake) {
+        let Bake { header, groups, irradiance, packed } = bake;
+        let camera = self.camera_of(&header);
+        let frame = Frame { width: header.width, height: header.height, groups };
+        let found = Shown { header, camera, frame, irradiance, packed };
+        self.begin_view(found);
+        // The same view as before: what was found takes its place.
+        if let Some(found) = self.incoming.take() {
+            self.show(found);
+        }
+        self.bake = BakeState::Done;
+        self.count();
+        self.error_db = self.figures.as_ref().map(|figures| figures.error_db);
+    }
+
+    pub(super) fn show(&mut self, shown: Shown) {
+        self.shown = Some(shown);
+        self.is_another();
+    }
+
+    /// Another matrix is shown: what was made of the one before no longer counts.
+    pub(super) fn is_another(&mut self) {
+        self.n_whole += 1;
+        self.changed = Changed::All;
+    }
+
+    /// Counts ranks and bytes of what is there.
+    pub(super) fn count(&mut self) {
+        self.figures = self.shown.as_ref().map(|shown| shown.bake().figures());
+        (self.figures_at, self.n_counts) = (Instant::now(), self.n_counts + 1);
+        // Before the first block there is no error to speak of.
+        let counted = self.figures.as_ref().filter(|figures| figures.max_rank > 0 && self.bake.is_running());
+        if let Some(figures) = counted {
+            self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
+        }
+    }
+
+    /// How often the blocks that are there were counted; what is made of them is as new as that.
+    pub fn n_counts(&self) -> u64 {
+        self.n_counts
+    }
+}

@@ -1,0 +1,147 @@
+//! The scene of a bake that was opened: looked for beside it, and open from then on where its lights are those of the bake.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use clerestory_transport::bake::BakeHeader;
+use clerestory_transport::basis::{LightBasis, SourceKind};
+use clerestory_transport::camera::Camera;
+use clerestory_transport::emitters::{PanelRequest, SkyRequest};
+use clerestory_transport::import;
+use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::{PunctualLight, Scene};
+use clerestory_transport::sky::SkyForm;
+
+use super::begun::Begun;
+use super::task::{Fact, Task};
+use super::{BakeSettings, Chosen, Notice, SceneOfBake, Session, Shown, Source};
+
+/// The scene of a bake, prepared as it was for that.
+pub(super) struct FoundScene {
+    scene: Box<PreparedScene>,
+    path: PathBuf,
+    /// Lamps as the file has them.
+    lamps: Vec<PunctualLight>,
+    chosen: Chosen,
+}
+
+impl Session {
+    /// The scene of the picture, for what is not baked: the open one, or that of the bake that was opened.
+    pub fn lamp_scene(&self) -> Option<&Arc<PreparedScene>> {
+        let opened = self.opened.as_ref()?;
+        let of_bake = || match &opened.of_bake {
+            Some(SceneOfBake::Found(scene)) => Some(scene),
+            _ => None,
+        };
+        opened.scene.as_ref().or_else(of_bake)
+    }
+
+    /// Takes a file as the scene of the bake that was opened, in the background.
+    pub fn find_scene(&mut self, path: PathBuf) {
+        let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
+        let task = self.spawn("scene", move |post| {
+            let found = scene_of(&header, path).map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::SceneFound(found), Duration::ZERO);
+        });
+        self.finding = task.as_ref().map(Task::id);
+        self.others.extend(task);
+        if let Some(opened) = &mut self.opened {
+            opened.of_bake = Some(SceneOfBake::Waiting);
+        }
+    }
+
+    pub(super) fn scene_found(&mut self, found: Result<FoundScene, String>, notices: &mut Vec<Notice>) {
+        self.finding = None;
+        let Some(opened) = &mut self.opened else { return };
+        let FoundScene { scene, path, lamps, chosen } = match found {
+            Ok(found) => found,
+            Err(why) => {
+                opened.of_bake = Some(SceneOfBake::Missing(why));
+                return;
+            }
+        };
+        let scene: Arc<PreparedScene> = Arc::from(scene);
+        opened.of_bake = Some(SceneOfBake::Found(scene.clone()));
+        let Some(shown) = &mut self.shown else { return };
+        let named = || Camera::named(&scene.scene.cameras, &shown.header.camera);
+        shown.camera = shown.header.view.as_ref().or_else(named).cloned();
+        if has_lights_of(&scene.lighting.basis, &shown.header.basis) {
+            (opened.lamps, opened.chosen, opened.source) = (lamps, chosen, Some(Source::File(path)));
+            opened.scene = Some(scene.clone());
+            // What is there need not be foreseen.
+            self.begun = Some(Begun::new(scene.clone(), shown.settings(&scene.scene.cameras), shown.camera.clone()));
+        }
+        notices.push(Notice::SceneFound);
+    }
+
+    /// How the bake that is shown was asked for.
+    pub fn settings_of_shown(&self) -> Option<BakeSettings> {
+        self.shown.as_ref().map(|shown| shown.settings(self.cameras()))
+    }
+}
+
+impl Shown {
+    /// How it was asked for, among the cameras of its scene.
+    fn settings(&self, cameras: &[Camera]) -> BakeSettings {
+        BakeSettings {
+            camera_idx: cameras.iter().position(|camera| camera.name == self.header.camera).unwrap_or(0),
+            film: self.film(),
+            config: self.header.config.clone(),
+            illuminance: self.pixel_irradiance().is_some(),
+        }
+    }
+}
+
+/// Whether a scene has the lights of a bake, in the same columns.
+fn has_lights_of(scene: &LightBasis, baked: &LightBasis) -> bool {
+    let lights = |basis: &LightBasis| -> Vec<_> {
+        basis.sources.iter().map(|source| (source.key.clone(), source.kind, source.columns.clone())).collect()
+    };
+    lights(scene) == lights(baked)
+}
+
+/// The scene of a bake from a file: what is not baked needs its surfaces. Its panels and its sky are those of the bake.
+fn scene_of(header: &BakeHeader, path: PathBuf) -> Result<FoundScene> {
+    anyhow::ensure!(path.is_file(), "{} is not there", path.display());
+    let mut scene = import::load(&path)?.scene;
+    let (lamps, mut chosen) = (scene.punctual.clone(), chosen_for(&header.basis));
+    let camera = header.view.as_ref().or_else(|| Camera::named(&scene.cameras, &header.camera)).cloned();
+    let is_it = |scene: &Scene| camera.as_ref().is_some_and(|camera| header.is_of(scene, camera));
+    if !is_it(&scene) {
+        assume_unitless(&mut scene);
+        chosen.units = LampUnits::Unitless;
+    }
+    anyhow::ensure!(
+        is_it(&scene),
+        "{} is another scene than was baked, or has changed since; bake it again",
+        path.display()
+    );
+    let prepared = PreparedScene::with_sky(scene, &chosen.panels, chosen.sky.as_ref());
+    let (scene, _) = prepared.context("its lights cannot be used")?;
+    Ok(FoundScene { scene: Box::new(scene), path: absolute(&path), lamps, chosen })
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf())
+}
+
+/// What has to be chosen about a scene so that it has the columns of a bake.
+fn chosen_for(basis: &LightBasis) -> Chosen {
+    let mut chosen = Chosen::default();
+    for source in &basis.sources {
+        match source.kind {
+            SourceKind::Panel { resolution, .. } => {
+                chosen.panels.push(PanelRequest { node: source.key.clone(), resolution });
+            }
+            SourceKind::Dome { divisions } => {
+                let request = |light| SkyRequest { light, form: SkyForm::Patches(divisions) };
+                chosen.sky = basis.sky.clone().map(request);
+            }
+            _ => {}
+        }
+    }
+    chosen
+}

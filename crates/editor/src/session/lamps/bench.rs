@@ -1,0 +1,304 @@
+//! Lamps in a view, pass by pass: each traced white and kept for itself.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clerestory_relight::Radiance;
+use clerestory_transport::arriving::{self, ArrivingPoints};
+use clerestory_transport::camera::Film;
+use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
+use clerestory_transport::light::LightSetting;
+use clerestory_transport::patches::{PatchSample, Patches};
+use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{LampLight, LampOrder, LampPart, LampView, Work};
+
+/// Passes after which a soft shadow is as smooth as it gets.
+const SOFT_PASSES: u32 = 64;
+/// Samples of a pixel for smooth edges: as many as fit into so much memory.
+const SAMPLES: std::ops::RangeInclusive<usize> = 2..=8;
+const POINT_BYTES: usize = 64 + arriving::POINT_BYTES;
+const MOST_BYTES: usize = 256 << 20;
+/// Time between two pictures while nothing moves.
+const POST_EVERY: Duration = Duration::from_millis(250);
+
+/// A view, and how far its lamps are.
+pub(super) struct Bench {
+    pub view: Arc<LampView>,
+    /// What the pixels see in each of their samples, as far as it was needed.
+    points: Vec<VisiblePoints>,
+    /// Where light arrives in each of their samples, as far as it was needed.
+    arriving: Vec<ArrivingPoints>,
+    shows_arriving: bool,
+    n_samples: usize,
+    lamps: Vec<Lit>,
+    problems: Vec<String>,
+    pub serial: u64,
+    /// The light that was posted last: of which order, how far, when.
+    posted: Option<(u64, u32, Instant)>,
+}
+
+/// A lamp, and what it lights.
+struct Lit {
+    /// As it shines.
+    lamp: FreeLamp,
+    /// White and at its full strength.
+    prepared: PreparedLamps,
+    /// Sum over the passes, nit; empty before the first one.
+    sum: Arc<Vec<[f32; 3]>>,
+    n_passes: u32,
+    /// Passes that it takes.
+    most_passes: u32,
+    /// Sum over the passes of what arrives, lux; empty before the first one.
+    arriving: Arc<Vec<[f32; 3]>>,
+    n_arriving: u32,
+    /// Passes that takes; none where it is not measured.
+    most_arriving: u32,
+    /// What it brings to the columns of patches.
+    of_patches: Option<Arc<Vec<[f32; 3]>>>,
+}
+
+impl Lit {
+    /// Whether another lamp is this one but for color, intensity and name.
+    fn is_like(&self, lamp: &FreeLamp) -> bool {
+        white(&self.lamp) == FreeLamp { key: self.lamp.key.clone(), ..white(lamp) }
+    }
+
+    /// What lacks most, and how often it was done; nothing where all is done.
+    fn next(&self) -> Option<(u32, Pass)> {
+        let seen = (self.n_passes < self.most_passes).then_some((self.n_passes, Pass::Seen));
+        let arriving = (self.n_arriving < self.most_arriving).then_some((self.n_arriving, Pass::Arriving));
+        seen.into_iter().chain(arriving).min()
+    }
+
+    /// Whether all that a picture needs is there.
+    fn is_whole(&self, shows_arriving: bool) -> bool {
+        self.n_passes > 0 && (!shows_arriving || self.n_arriving > 0 || self.most_arriving == 0)
+    }
+
+    /// Its light as it shines.
+    fn part(&self) -> LampPart {
+        let weight = weight(&self.lamp);
+        LampPart {
+            key: self.lamp.key.clone(),
+            weights: [weight / self.n_passes as f32, weight / self.n_arriving.max(1) as f32, weight],
+            light: self.sum.clone(),
+            arriving: self.arriving.clone(),
+            of_patches: self.of_patches.clone().unwrap_or_default(),
+        }
+    }
+}
+
+/// What one pass finds of a lamp: it first, where both lack as much.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Pass {
+    /// What is seen of its light.
+    Seen,
+    /// What arrives of it.
+    Arriving,
+}
+
+/// Adds a pass to a sum. What was posted of it stays as it is: it is copied where somebody still looks at it.
+fn add_pass(sum: &mut Arc<Vec<[f32; 3]>>, pass: Vec<[f32; 3]>) {
+    if sum.is_empty() {
+        *sum = Arc::new(pass);
+        return;
+    }
+    let sums = Arc::make_mut(sum).as_flattened_mut().par_iter_mut().zip(pass.as_flattened());
+    sums.for_each(|(sum, more)| *sum += more);
+}
+
+/// The lamp without what only weighs its light.
+fn white(lamp: &FreeLamp) -> FreeLamp {
+    FreeLamp { setting: LightSetting::default(), ..lamp.clone() }
+}
+
+impl Bench {
+    /// Of a view, before the first lamp.
+    pub fn new(view: Arc<LampView>) -> Bench {
+        let fitting = MOST_BYTES / (POINT_BYTES * view.film.n_pixels()).max(1);
+        Bench {
+            view,
+            points: Vec::new(),
+            arriving: Vec::new(),
+            shows_arriving: false,
+            n_samples: fitting.clamp(*SAMPLES.start(), *SAMPLES.end()),
+            lamps: Vec::new(),
+            problems: Vec::new(),
+            serial: 0,
+            posted: None,
+        }
+    }
+
+    /// Takes over other lamps; what is known of those that stay is kept.
+    pub fn take(&mut self, order: LampOrder) {
+        (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
+        self.problems.clear();
+        let mut before = std::mem::take(&mut self.lamps);
+        for lamp in order.lamps {
+            if let Some(idx) = before.iter().position(|lit| lit.is_like(&lamp)) {
+                self.lamps.push(Lit { lamp, ..before.swap_remove(idx) });
+                continue;
+            }
+            match PreparedLamps::new(&[white(&lamp)], None) {
+                Ok((prepared, warnings)) => {
+                    self.problems.extend(warnings);
+                    let most_passes = if lamp.shape.has_surface() { SOFT_PASSES } else { self.n_samples as u32 };
+                    let most_arriving = if self.view.measures { self.n_samples as u32 } else { 0 };
+                    let (sum, arriving, n_passes, n_arriving) = (Arc::default(), Arc::default(), 0, 0);
+                    let lit = Lit {
+                        lamp,
+                        prepared,
+                        sum,
+                        n_passes,
+                        most_passes,
+                        arriving,
+                        n_arriving,
+                        most_arriving,
+                        of_patches: None,
+                    };
+                    self.lamps.push(lit);
+                }
+                Err(error) => self.problems.push(error.to_string()),
+            }
+        }
+    }
+
+    /// The lamp that lacks most, and what of it; none where all have enough.
+    fn next(&self) -> Option<(usize, Pass)> {
+        let open = self.lamps.iter().enumerate().filter_map(|(idx, lit)| Some((lit.next()?, idx)));
+        open.min().map(|((_, pass), idx)| (idx, pass))
+    }
+
+    /// Whether all of it was posted.
+    pub fn is_done(&self) -> bool {
+        self.next().is_none() && self.posted.is_some_and(|(serial, _, _)| serial == self.serial)
+    }
+
+    /// One more pass of what lacks most.
+    pub fn step(&mut self, interrupts: &(dyn Fn(&Arc<LampView>, Work) -> bool + Sync)) {
+        let Some((idx, pass)) = self.next() else { return };
+        let work = if self.lamps[idx].is_whole(self.shows_arriving) { Work::Refines } else { Work::Shows };
+        let view = self.view.clone();
+        let stop = || interrupts(&view, work);
+        match pass {
+            Pass::Seen => self.see(idx, &view, &stop),
+            Pass::Arriving => self.measure(idx, &view, &stop),
+        };
+    }
+
+    /// One more pass of what is seen of a lamp's light; `None` when `stop` asked to.
+    fn see(&mut self, idx: usize, view: &LampView, stop: &(dyn Fn() -> bool + Sync)) -> Option<()> {
+        let lit = &mut self.lamps[idx];
+        let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
+        if sample >= self.points.len() {
+            let narrow_alpha = view.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
+            let config = VisibleConfig { samples: 1, first: sample as u32, narrow_alpha, ..VisibleConfig::default() };
+            self.points.push(VisiblePoints::new(&view.scene, &view.camera, view.film, config, stop)?);
+        }
+        add_pass(&mut lit.sum, self.points[sample].direct(&view.scene, &lit.prepared, round, stop)?);
+        if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
+            let irradiance = |at: &PatchSample| lit.prepared.light_on(&view.scene, at);
+            lit.of_patches = Some(Arc::new(patches.coefficients(&irradiance)));
+        }
+        lit.n_passes += 1;
+        Some(())
+    }
+
+    /// One more pass of what arrives of a lamp's light; `None` when `stop` asked to.
+    fn measure(&mut self, idx: usize, view: &LampView, stop: &(dyn Fn() -> bool + Sync)) -> Option<()> {
+        let lit = &mut self.lamps[idx];
+        let sample = lit.n_arriving;
+        if sample as usize >= self.arriving.len() {
+            self.arriving.push(ArrivingPoints::new(&view.scene, &view.camera, view.film, sample, stop)?);
+        }
+        add_pass(&mut lit.arriving, self.arriving[sample as usize].irradiance(&view.scene, &lit.prepared, stop)?);
+        lit.n_arriving += 1;
+        Some(())
+    }
+
+    /// The light as far as it is, where it is time to show it.
+    pub fn news(&mut self) -> Option<LampLight> {
+        let n_passes = self.lamps.iter().map(|lit| lit.n_passes + lit.n_arriving).sum();
+        let is_whole = self.lamps.iter().all(|lit| lit.is_whole(self.shows_arriving));
+        let is_measured = self.view.measures && self.lamps.iter().all(|lit| lit.n_arriving > 0);
+        let is_done = self.next().is_none();
+        let is_due = match self.posted {
+            Some((serial, before, at)) if serial == self.serial => {
+                n_passes > before && (is_done || at.elapsed() > POST_EVERY)
+            }
+            _ => true,
+        };
+        if !is_whole || !is_due {
+            return None;
+        }
+        self.posted = Some((self.serial, n_passes, Instant::now()));
+        Some(LampLight {
+            direct: Arc::new(self.summed(|lit| (lit.sum.as_slice(), lit.n_passes))),
+            arriving: is_measured.then(|| Arc::new(self.summed(|lit| (lit.arriving.as_slice(), lit.n_arriving)))),
+            of_patches: Arc::new(self.of_patches()),
+            parts: self.lamps.iter().map(Lit::part).collect(),
+            serial: self.serial,
+            is_done,
+            problems: self.problems.clone(),
+        })
+    }
+
+    /// The mean of some passes of each lamp in its color, summed.
+    fn summed(&self, of: impl Fn(&Lit) -> (&[[f32; 3]], u32)) -> Radiance {
+        let Film { width, height } = self.view.film;
+        let mut sum = Radiance::new(width, height);
+        for lit in &self.lamps {
+            let (light, n_passes) = of(lit);
+            let weight = (weight(&lit.lamp) / n_passes as f32).to_array();
+            let pixels = sum.pixels.par_iter_mut().zip(light.par_iter());
+            pixels.for_each(|(sum, light)| (0..3).for_each(|c| sum[c] += weight[c] * light[c]));
+        }
+        sum
+    }
+
+    fn of_patches(&self) -> Vec<[f32; 3]> {
+        let n_columns = self.view.patches.as_ref().map_or(0, Patches::n_columns);
+        let mut sum = vec![[0.0; 3]; n_columns];
+        for lit in &self.lamps {
+            let weight = weight(&lit.lamp).to_array();
+            for (sum, light) in sum.iter_mut().zip(lit.of_patches.iter().flat_map(|of_patches| of_patches.iter())) {
+                (0..3).for_each(|c| sum[c] += weight[c] * light[c]);
+            }
+        }
+        sum
+    }
+}
+
+/// The light of lamps as smooth as it gets, for pictures that wait for it. Lamps that stay from one look to the next are traced once.
+pub struct StillLamps {
+    bench: Bench,
+}
+
+impl StillLamps {
+    /// In a view.
+    pub fn new(view: Arc<LampView>) -> StillLamps {
+        StillLamps { bench: Bench::new(view) }
+    }
+
+    /// The light of some lamps, those that are muted left out; `None` if it was stopped.
+    pub fn light(&mut self, lamps: &[FreeLamp], stop: &(dyn Fn() -> bool + Sync)) -> Option<LampLight> {
+        let shining = lamps.iter().filter(|lamp| !lamp.setting.muted).cloned().collect();
+        let (view, serial) = (self.bench.view.clone(), self.bench.serial + 1);
+        self.bench.take(LampOrder { view, lamps: shining, shows_arriving: true, serial });
+        while self.bench.next().is_some() {
+            if stop() {
+                return None;
+            }
+            self.bench.step(&|_, _| stop());
+        }
+        self.bench.news()
+    }
+}
+
+/// What a lamp's setting makes of its white light.
+fn weight(lamp: &FreeLamp) -> Vec3 {
+    lamp.setting.emission(Vec3::ONE, 1.0)
+}

@@ -1,0 +1,204 @@
+//! What is open: a scene, a stack or a bake, and what was chosen about it.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::{PanelRequest, SkyRequest};
+use clerestory_transport::import::stack::ImageStack;
+use clerestory_transport::lamp_units::LampUnits;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::PunctualLight;
+
+use super::task::{self, Fact, Loaded, Prepared, words};
+use super::{BakeState, Notice, Session, Source, Stage};
+
+/// A scene, a stack or a bake that is open.
+pub struct Opened {
+    /// For people.
+    pub name: String,
+    /// What it was read from, where it is a scene.
+    pub source: Option<Source>,
+    /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
+    pub path: Option<PathBuf>,
+    /// The scene; a bake that was opened from a file has none.
+    pub scene: Option<Arc<PreparedScene>>,
+    /// The folder of pictures, where one was opened instead.
+    pub stack: Option<Arc<ImageStack>>,
+    /// What was left behind or had to be guessed, in words.
+    pub report: Vec<String>,
+    /// Lamps as the file has them.
+    pub lamps: Vec<PunctualLight>,
+    /// What was chosen in the window.
+    pub chosen: Chosen,
+    /// The scene of a bake that was opened, for what is not baked.
+    pub of_bake: Option<SceneOfBake>,
+}
+
+/// The scene of a bake that was opened.
+pub enum SceneOfBake {
+    /// It is being looked for.
+    Waiting,
+    /// Here it is.
+    Found(Arc<PreparedScene>),
+    /// It was not found, or is another one: why.
+    Missing(String),
+}
+
+impl Opened {
+    /// Whether it has lamps that may be counted in other units.
+    pub fn has_plain_lamps(&self) -> bool {
+        self.lamps.iter().any(|lamp| lamp.profile.is_none())
+    }
+}
+
+/// What was chosen in the window about a scene, and makes another scene of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Chosen {
+    /// Lights that became panels.
+    pub panels: Vec<PanelRequest>,
+    /// How its lamps are counted.
+    pub units: LampUnits,
+    /// The sky that lights it.
+    pub sky: Option<SkyRequest>,
+}
+
+impl Session {
+    /// Opens something in the background; what is open stays until it is there.
+    pub fn open(&mut self, source: Source) {
+        self.stop_loading();
+        self.stage = Stage::Loading(source.name());
+        self.opening = source.path();
+        self.opening_source = Some(source.clone());
+        self.loading = self.spawn("open", move |post| {
+            let name = source.name();
+            let loaded = task::load(source).map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::Loaded(name, loaded), Duration::ZERO);
+        });
+    }
+
+    /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
+    pub fn choose_panel(&mut self, node: String, resolution: u32) {
+        self.choose(|chosen| {
+            chosen.panels.retain(|panel| panel.node != node);
+            chosen.panels.push(PanelRequest { node, resolution });
+        });
+    }
+
+    /// Counts the lamps of the open scene otherwise; the scene is prepared again in the background.
+    pub fn choose_units(&mut self, units: LampUnits) {
+        self.choose(|chosen| chosen.units = units);
+    }
+
+    /// Puts a sky over the open scene; it is prepared again in the background.
+    pub fn choose_sky(&mut self, sky: SkyRequest) {
+        self.choose(|chosen| chosen.sky = Some(sky));
+    }
+
+    pub(super) fn choose(&mut self, change: impl FnOnce(&mut Chosen)) {
+        let of_scene = |opened: &Opened| Some((opened.scene.clone()?, opened.lamps.clone(), opened.chosen.clone()));
+        let Some((scene, lamps, mut chosen)) = self.opened.as_ref().and_then(of_scene) else { return };
+        change(&mut chosen);
+        self.stop_loading();
+        self.loading = self.spawn("prepare", move |post| {
+            let prepared = task::prepare_again(&scene.scene, lamps, chosen).map_err(words);
+            let _ = post.send(Fact::Prepared(prepared), Duration::ZERO);
+        });
+    }
+
+    /// Number and size of the pictures that were opened, or that the opened bake is of.
+    pub fn pictures(&self) -> Option<(usize, Film)> {
+        let of_stack = || self.opened.as_ref()?.stack.as_ref().map(|stack| (stack.images.len(), stack.film));
+        let of_bake = || {
+            let header = &self.shown.as_ref()?.header;
+            let film = Film { width: header.width, height: header.height };
+            header.basis.is_measured().then(|| (header.basis.n_cols(), film))
+        };
+        of_stack().or_else(of_bake)
+    }
+
+    pub(super) fn loaded(&mut self, name: String, result: Result<Loaded, String>, notices: &mut Vec<Notice>) {
+        self.others.extend(self.loading.take());
+        let loaded = match result {
+            Ok(loaded) => loaded,
+            Err(why) if self.opened.is_some() => {
+                self.stage = Stage::Ready;
+                notices.push(Notice::Failed(format!("{name} could not be opened: {why}")));
+                return;
+            }
+            Err(why) => {
+                self.stage = Stage::Failed(name, why);
+                return;
+            }
+        };
+        let path = self.opening.take();
+        let source = self.opening_source.take();
+        self.keep_earlier(source.as_ref());
+        self.stop_baking();
+        (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
+        self.forget_views();
+        self.stage = Stage::Ready;
+        self.history.clear();
+        self.begun = None;
+        match loaded {
+            Loaded::Scene { scene, report } => {
+                let lamps = scene.scene.punctual.clone();
+                let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
+                self.opened =
+                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
+            }
+            Loaded::Stack(stack) => {
+                let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
+                let stack = Some(Arc::new(stack));
+                let (scene, source) = (None, None);
+                self.opened = Some(Opened { name, source, path, scene, stack, report, lamps, chosen, of_bake: None });
+            }
+            Loaded::Bake(bake) => {
+                let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
+                let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+                let (scene, source) = (None, None);
+                self.opened =
+                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
+                let folder = folder.filter(|_| !bake.header.basis.is_measured());
+                let scene = folder.map(|folder| folder.join(&bake.header.scene));
+                self.show_finished(bake);
+                if let Some(path) = scene {
+                    self.find_scene(path);
+                }
+            }
+        }
+        notices.push(Notice::Opened);
+    }
+
+    pub(super) fn prepared_again(&mut self, result: Result<Prepared, String>, notices: &mut Vec<Notice>) {
+        self.others.extend(self.loading.take());
+        match (result, &mut self.opened) {
+            (Ok(Prepared { scene, chosen, warnings }), Some(opened)) => {
+                opened.scene = Some(Arc::from(scene));
+                opened.chosen = chosen;
+                for warning in warnings {
+                    if !opened.report.contains(&warning) {
+                        opened.report.push(warning);
+                    }
+                }
+                let source = opened.source.clone();
+                self.keep_earlier(source.as_ref());
+                self.stop_baking();
+                (self.bake, self.shown, self.error_db, self.figures) = (BakeState::Idle, None, None, None);
+                self.forget_views();
+                notices.push(Notice::PreparedAgain);
+            }
+            (Ok(_), None) => {}
+            (Err(why), _) => notices.push(Notice::Failed(why)),
+        }
+    }
+
+    pub(super) fn remarked(&mut self, remarks: Vec<String>) {
+        if let Some(opened) = &mut self.opened {
+            opened
+                .report
+                .extend(remarks.into_iter().filter(|remark| !opened.report.contains(remark)).collect::<Vec<_>>());
+        }
+    }
+}

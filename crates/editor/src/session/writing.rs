@@ -1,0 +1,84 @@
+//! Pictures, frames, scenes and bakes as files, written beside the window.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clerestory_transport::archive;
+
+use super::lamps::LampLight;
+use super::seen::Seen;
+use super::task::{self, Fact};
+use super::{Session, sheet};
+use crate::export::ExportOptions;
+use crate::look::Look;
+use crate::look::snapshot::Snapshot;
+use crate::sequence::Sequence;
+
+impl Session {
+    /// Writes the picture under `look` in the background, with the light of its free lamps.
+    pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf, options: ExportOptions) {
+        let Some(shown) = &self.shown else { return };
+        let seen = Seen::of(shown, look, light);
+        self.write(path.clone(), move || seen.save(&path, &options));
+    }
+
+    /// Makes the picture under `look` for the clipboard in the background; it comes as a notice.
+    pub fn copy(&mut self, look: Look, light: Option<LampLight>) {
+        let Some(shown) = &self.shown else { return };
+        let seen = Seen::of(shown, look, light);
+        let task = self.spawn("copy", move |post| {
+            let developed = seen.develop().map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::Developed(developed), Duration::ZERO);
+        });
+        self.others.extend(task);
+    }
+
+    /// Writes the open scene with its lights under `look` in the background.
+    pub fn export_gltf(&mut self, look: Look, path: PathBuf) {
+        let opened = self.opened.as_ref().and_then(|opened| Some((opened.scene.clone()?, opened.source.clone()?)));
+        let Some((scene, source)) = opened else { return };
+        let task = self.spawn("write", move |post| task::write_gltf(&scene, source, &look, &path, &post));
+        self.others.extend(task);
+    }
+
+    /// Writes the frames of a timeline in the background.
+    pub fn export_frames(&mut self, sequence: Sequence) {
+        let Some(subject) = self.subject() else { return };
+        self.cancel_frames();
+        let n_frames = sequence.n_frames();
+        let task = self.spawn("frames", move |post| task::write_frames(&sequence, subject, &post));
+        self.frames = task.map(|task| (task, (0, n_frames)));
+    }
+
+    /// Writes the pictures of looks on one sheet in the background.
+    pub fn save_sheet(&mut self, snapshots: Vec<Snapshot>, path: PathBuf) {
+        let Some(subject) = self.subject() else { return };
+        let task = self.spawn("sheet", move |post| sheet::write(&snapshots, subject, &path, &post));
+        self.others.extend(task);
+    }
+
+    /// Frames that are written, and how many there will be, while a sequence is under way.
+    pub fn frames(&self) -> Option<(u32, u32)> {
+        self.frames.as_ref().map(|(_, progress)| *progress)
+    }
+
+    /// Stops writing frames; those that are there stay.
+    pub fn cancel_frames(&mut self) {
+        self.others.extend(self.frames.take().map(|(task, _)| task.stopped()));
+    }
+
+    /// Writes the bake that is shown in the background.
+    pub fn save_bake(&mut self, path: PathBuf) {
+        let Some(shown) = &self.shown else { return };
+        let bake = shown.bake();
+        self.write(path.clone(), move || Ok(archive::write(&bake, &path)?));
+    }
+
+    pub(super) fn write(&mut self, path: PathBuf, job: impl FnOnce() -> anyhow::Result<()> + Send + 'static) {
+        let task = self.spawn("write", move |post| {
+            let result = job().map(|()| format!("Saved {}", path.display())).map_err(|error| format!("{error:#}"));
+            let _ = post.send(Fact::Written(result), Duration::ZERO);
+        });
+        self.others.extend(task);
+    }
+}
