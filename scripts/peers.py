@@ -37,12 +37,29 @@ def timed(work):
     return {"cpu_secs": cpu_secs() - cpu, "secs": time.monotonic() - wall}
 
 
+def shine_forward(material):
+    """Lets one-sided emitters shine from their front alone, as glTF means it; Cycles lets them shine from both."""
+    if not (material.use_nodes and material.use_backface_culling):
+        return
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    for shader in [node for node in nodes if node.type == "BSDF_PRINCIPLED"]:
+        strength = shader.inputs["Emission Strength"]
+        front = nodes.new("ShaderNodeMath")
+        front.operation = "MULTIPLY_ADD"
+        front.inputs[1].default_value = -strength.default_value
+        front.inputs[2].default_value = strength.default_value
+        links.new(nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], front.inputs[0])
+        links.new(front.outputs[0], strength)
+
+
 def cycles(args, samples, path):
     import bpy
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=args.scene)
     scene = bpy.context.scene
+    for material in bpy.data.materials:
+        shine_forward(material)
     scene.camera = next(thing for thing in scene.objects if thing.type == "CAMERA")
     # The file has the vertical angle of view; Blender's sensor is as wide as its longer side.
     scene.camera.data.sensor_fit = "VERTICAL"

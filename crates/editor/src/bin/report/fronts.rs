@@ -8,6 +8,7 @@ use clerestory_nystrom::rivals::{Approximation, DMatrix, Method, approximate};
 use clerestory_nystrom::{BlockFactors, BlockLowRank};
 use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::camera::Film;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::desk::{Desk, load_words};
@@ -135,14 +136,15 @@ fn point(
     peak: f64,
 ) -> Result<Option<Point>> {
     let mut matrix = BlockLowRank::new(picture.partition(), CHANNELS as u32, picture.n_cols as u32);
+    let found = blocks.par_iter().map(|block| approximate(method, block, rank, SEED)).collect::<Result<Vec<_>, _>>();
+    let Ok(found) = found else { return Ok(None) };
     let (mut n_values, mut squares, mut anew) = (0.0, 0.0, 0.0);
-    for (block, factors) in blocks.iter().zip(&mut matrix.blocks) {
-        let Ok(found) = approximate(method, block, rank, SEED) else { return Ok(None) };
+    for ((block, found), factors) in blocks.iter().zip(&found).zip(&mut matrix.blocks) {
         n_values += found.n_values() as f64;
         squares += squared_error(block, &found.to_dense());
         match found.factors() {
             Some((left, right)) => *factors = Some(Arc::new(block_factors(left, right))),
-            None => anew += anew_millis(&found),
+            None => anew += anew_millis(found),
         }
     }
     let millis = if method.has_factors() { relight_millis(matrix)? } else { anew };

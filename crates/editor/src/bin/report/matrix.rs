@@ -55,8 +55,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     let (name, resolution) = MANY;
     if let Some(path) = desk.shared(&format!("scenes/{name}.glb")).filter(|_| !desk.quick) {
-        let (samples, sampling) = (&samples[..2], Sampling { spp: spp / 4, ..sampling });
-        text += &desk.part("matrix", name, || scene(desk, (name, Some(resolution)), &path, sampling, samples))?;
+        let sampling = Sampling { spp: spp / 4, ..sampling };
+        text += &desk.part("matrix", name, || scene(desk, (name, Some(resolution)), &path, sampling, &[2, 4, 8]))?;
     }
     Ok(text)
 }

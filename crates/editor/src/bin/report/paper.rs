@@ -11,6 +11,7 @@ mod ratios;
 use anyhow::Result;
 use clerestory_nystrom::rivals::{Core, DMatrix, Method, MethodError, approximate};
 use clerestory_transport::camera::Film;
+use rayon::prelude::*;
 
 use super::desk::{Desk, load_words};
 use super::methods::dense::Picture;
@@ -65,7 +66,7 @@ fn approximated(
     method: Method,
     rank: usize,
 ) -> Result<(Picture, usize), MethodError> {
-    let found = blocks.iter().map(|block| approximate(method, block, rank, SEED)).collect::<Result<Vec<_>, _>>()?;
+    let found = blocks.par_iter().map(|block| approximate(method, block, rank, SEED)).collect::<Result<Vec<_>, _>>()?;
     let dense: Vec<DMatrix<f32>> = found.iter().map(|found| found.to_dense()).collect();
     Ok((picture.with_blocks(&dense), found.iter().map(|found| found.n_values()).sum()))
 }

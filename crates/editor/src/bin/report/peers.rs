@@ -31,8 +31,8 @@ const SEED: u64 = 1;
 /// # Errors
 /// If a scene cannot be rendered, or a renderer that is installed fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let film = desk.choose(Film { width: 64, height: 48 }, Film { width: 256, height: 192 });
-    let (samples, converged): (&[u32], u32) = desk.choose((&[4], 64), (&[16, 64], 2048));
+    let film = desk.choose(Film { width: 64, height: 48 }, Film { width: 192, height: 144 });
+    let (samples, converged): (&[u32], u32) = desk.choose((&[4], 64), (&[16, 64], 1024));
     let (mut rows, mut found) = (String::new(), Vec::new());
     for name in &SCENES[..desk.choose(1, SCENES.len())] {
         let Some(path) = desk.shared(&format!("references/{name}.glb")) else { continue };

@@ -22,7 +22,7 @@ use super::under_way::run_until;
 /// Error of single lights, as the program tells it itself, at which a designer goes on.
 const TARGET_DB: f32 = 35.0;
 /// Longest that is waited for it, seconds.
-const PATIENCE_SECS: u64 = 120;
+const PATIENCE_SECS: u64 = 60;
 
 /// Stages with the seconds from opening at which they began and ended.
 #[derive(Serialize, Deserialize)]

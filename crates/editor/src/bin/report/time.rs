@@ -120,7 +120,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// The scenes of the method's evaluation, then real ones where they are at hand.
 fn subjects(desk: &Desk) -> Vec<Subject> {
     let own: &[&str] = desk.choose(&["diffuse"], &["gallery", "diffuse", "reflections", "caustics", "mixed"]);
-    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 256, height: 192 }, 2));
+    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 160, height: 120 }, 2));
     let own = own.iter().map(|name| {
         let path = desk.root.join(format!("assets/scenes/{name}.glb"));
         Subject { name, path, sky: None, film, step }
@@ -211,4 +211,27 @@ fn pays(scenes: &[(Subject, Measured)]) -> String {
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_soonest_way_is_bold_and_a_bake_pays_after_as_many_looks_as_it_costs_renders() {
+        let point = |way: Way, cpu_secs: f64, db: f64| Point { way, cpu_secs, db: [None, None, Some(db)] };
+        let points = vec![
+            point(Way::Fast, 1.0, 20.0),
+            point(Way::Fast, 16.0, 40.0),
+            point(Way::Plain, 0.1, 20.0),
+            point(Way::Plain, 1.6, 40.0),
+        ];
+        let film = Film { width: 4, height: 3 };
+        let subject = Subject { name: "hall", path: PathBuf::new(), sky: None, film, step: 1 };
+        let scenes = [(subject, Measured { n_cols: 1, points })];
+        let rows = table(&scenes, 2);
+        assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
+        assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
+        assert!(pays(&scenes).contains("| hall | 30 | 10 | — | — | — |"), "{}", pays(&scenes));
+    }
 }

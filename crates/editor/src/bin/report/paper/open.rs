@@ -17,7 +17,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     let files = desk.shared("scenes/sponza-dabrovic.glb").zip(desk.shared("env/vestibule_1k.hdr"));
     let Some((scene, sky)) = files else { return Ok(String::new()) };
     let [scene, sky] = [scene, sky].map(|path| path.display().to_string());
-    let (size, spp, trace_spp) = desk.choose(("64x48", "8", "64"), ("256x192", "64", "1024"));
+    let (size, spp, trace_spp) = desk.choose(("64x48", "8", "64"), ("256x192", "64", "256"));
     let transport = desk.file("open.transport");
     desk.say("baking a building under a measured sky");
     let bake = ["bake", &scene, "-o", &transport, "--sky", &sky, "--size", size, "--spp", spp, "--fresh", "--json"];

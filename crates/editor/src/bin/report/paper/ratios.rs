@@ -1,7 +1,8 @@
 //! PSNR against the ratio of compression on panels of many texels, and rank against their number.
 
-use anyhow::Result;
-use clerestory_nystrom::rivals::Method;
+use anyhow::{Context, Result};
+use clerestory_nystrom::rivals::{Approximation, Method, approximate};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::lights::psnr_db;
@@ -19,7 +20,7 @@ const TOLERANCES_DB: [f64; 5] = [25.0, 30.0, 35.0, 40.0, 45.0];
 const RANK_DB: f64 = 40.0;
 /// Bytes of a number of a rival: rounding is not held against them.
 const BYTES: f64 = 2.0;
-const RIVALS: [Method; 2] = [Method::Svd, Method::Kernel { gamma: None }];
+const KERNEL: Method = Method::Kernel { gamma: None };
 
 /// (dense in single precision over bytes, PSNR in dB).
 type Curve = Vec<[f64; 2]>;
@@ -106,7 +107,7 @@ fn resolution(desk: &Desk, halves: [Picture; 2], least_of_curves: usize) -> Resu
     let side = halves[0].n_cols.isqrt();
     desk.say(&format!("ratios and ranks of {side} × {side} texels"));
     let mean = || own::mean_and_noise(&halves).0;
-    let mut curves = vec![Curve::new(); 1 + RIVALS.len()];
+    let mut curves = vec![Curve::new(); 3];
     if side >= least_of_curves {
         let subject = Subject::new(mean(), None);
         for tolerance in TOLERANCES_DB {
@@ -114,12 +115,14 @@ fn resolution(desk: &Desk, halves: [Picture; 2], least_of_curves: usize) -> Resu
             curves[0].push([coded.ratio, psnr_db(&subject.truth, &subject.truth.unpacked(&coded.matrix))]);
         }
         let blocks = subject.truth.blocks::<f32>(1);
-        for (curve, method) in curves[1..].iter_mut().zip(RIVALS) {
-            for rank in RANKS {
-                // What has no answer is no point of the curve.
-                let Ok((found, n_values)) = approximated(&subject.truth, &blocks, method, rank) else { continue };
-                let ratio = 4.0 * subject.truth.values.len() as f64 / (BYTES * n_values as f64);
-                curve.push([ratio, psnr_db(&subject.truth, &found)]);
+        let best = blocks.par_iter().map(|block| approximate(Method::Svd, block, RANKS[RANKS.len() - 1], SEED));
+        let best = best.collect::<Result<Vec<_>, _>>()?;
+        for rank in RANKS {
+            let (found, n_values) = leading(&subject.truth, &best, rank)?;
+            curves[1].push(point(&subject.truth, &found, n_values));
+            // What has no answer is no point of the curve.
+            if let Ok((found, n_values)) = approximated(&subject.truth, &blocks, KERNEL, rank) {
+                curves[2].push(point(&subject.truth, &found, n_values));
             }
         }
     }
@@ -127,4 +130,20 @@ fn resolution(desk: &Desk, halves: [Picture; 2], least_of_curves: usize) -> Resu
     let least = subject.spectrum.least_mean_rank(10f64.powf(-RANK_DB / 10.0));
     let ours = subject.coded(Method::Projected, RANK_DB)?.mean_rank;
     Ok(Resolution { side, curves, ranks: [least, ours] })
+}
+
+fn point(truth: &Picture, found: &Picture, n_values: usize) -> [f64; 2] {
+    [4.0 * truth.values.len() as f64 / (BYTES * n_values as f64), psnr_db(truth, found)]
+}
+
+/// The leading components of decomposed blocks: of lower rank they are the same, but fewer.
+fn leading(picture: &Picture, found: &[Approximation<f32>], rank: usize) -> Result<(Picture, usize)> {
+    let (mut dense, mut n_values) = (Vec::new(), 0);
+    for found in found {
+        let (left, right) = found.factors().context("components are factors")?;
+        let rank = rank.min(left.ncols());
+        dense.push(left.columns(0, rank) * right.rows(0, rank));
+        n_values += rank * (left.nrows() + right.ncols());
+    }
+    Ok((picture.with_blocks(&dense), n_values))
 }

@@ -30,7 +30,7 @@ const SEED: u64 = 1;
 
 /// Samples per pixel of each half of a reference.
 pub(super) fn reference_spp(desk: &Desk) -> u32 {
-    desk.choose(16, 96)
+    desk.choose(16, 64)
 }
 
 /// What the answers are held against, and under which lights.
