@@ -163,7 +163,12 @@ pub fn missing_ui(ui: &mut Ui, can_bake: bool, actions: &mut Vec<Action>) {
 fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, actions: &mut Vec<Action>) {
     Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         let label = ui.label("Efficacy");
-        let efficacy = DragValue::new(&mut schedule.efficacy_lm_w).range(1.0..=400.0).speed(0.5).max_decimals(1).min_decimals(0).suffix(" lm/W");
+        let efficacy = DragValue::new(&mut schedule.efficacy_lm_w)
+            .range(1.0..=400.0)
+            .speed(0.5)
+            .max_decimals(1)
+            .min_decimals(0)
+            .suffix(" lm/W");
         ui.add(efficacy)
             .labelled_by(label.id)
             .on_hover_text("Lumen per watt: the watts of the schedule are lumen over this");
