@@ -109,3 +109,15 @@ fn presets_light_any_scene_and_info_lists_the_looks() {
     let told = run(folder, &["info", "shots.look"]);
     assert!(told.contains("Day, Red night") && told.contains("2 keys over 1 s, 5 frames at 4 fps"), "{told}");
 }
+
+#[test]
+fn a_rendered_picture_tells_the_lamps_that_light_it() {
+    let folder = desk();
+    let folder = folder.path();
+    let look = r#"{"clerestory": 1, "lamps": [{"key": "my bulb", "type": "point", "position": [0, 0.2, 0], "strength": 40, "unit": "lm"}]}"#;
+    std::fs::write(folder.join("bulb.look"), look).unwrap();
+    let render = ["render", "room.gltf", "--look", "bulb.look", "--size", "16x12", "--spp", "2", "-o", "bulb.exr"];
+    run(folder, &[&render[..], &["--device", "cpu"]].concat());
+    let file = std::fs::read(folder.join("bulb.exr")).unwrap();
+    assert!(file.windows(7).any(|bytes| bytes == b"my bulb"), "its attribute holds the whole look");
+}

@@ -57,7 +57,10 @@ impl App {
             ui.take_available_space();
         });
         Panel::right("bake").frame(frame).default_size(316.0).size_range(right).show(ui, |ui| {
-            egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(ui, |ui| {
+            // What is too wide for one frame (a grid that is new) must not widen the panel for ever.
+            let room = ui.available_rect_before_wrap();
+            let inner = &mut ui.new_child(egui::UiBuilder::new().max_rect(room));
+            egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(inner, |ui| {
                 let view = DisplayView {
                     shown_ev: self.follower.shown_ev(),
                     metered_ev: self.follower.metered_ev(),
@@ -69,6 +72,7 @@ impl App {
                 self.solving_ui(ui);
                 self.bake_panel_ui(ui);
             });
+            ui.take_available_space();
         });
     }
 

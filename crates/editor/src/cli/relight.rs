@@ -56,6 +56,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.bake.view, sky.as_ref(), console))?;
     target.look = args.relight.choice.of(&target.document, Some(&view.scene.lighting.basis))?;
     warn_of_unknown_lights(&view.scene.lighting.basis, &target.look, console);
+    target.told = Some(target.look.clone());
     // Nothing is kept of this bake, so that its lamps need not be movable.
     lamps::install(&mut view, &mut target.look.lights, args.relight.look.as_deref(), console)?;
     let asked = target.options.irradiance || target.look.shows_irradiance(target.format);
@@ -77,6 +78,8 @@ struct Target {
     document: Look,
     /// What was chosen of it.
     look: Look,
+    /// What files tell of it, where its lamps became lights of the scene.
+    told: Option<Look>,
     options: ExportOptions,
     gpu: Option<Gpu>,
 }
@@ -92,7 +95,7 @@ impl Target {
         let document = load_look(options.look.as_deref(), console)?;
         spare_look(&options.output, options.look.as_deref(), &document)?;
         let look = options.choice.of(&document, None)?;
-        Ok(Target { format, place, document, look, options: file, gpu: open_gpu(options.device)? })
+        Ok(Target { format, place, document, look, told: None, options: file, gpu: open_gpu(options.device)? })
     }
 
     fn finish(
@@ -111,7 +114,8 @@ impl Target {
         }
         let Lit { radiance, relighter, relight_secs, .. } = lit;
         let irradiance = irradiance.as_ref();
-        let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look: &self.look };
+        let look = self.told.as_ref().unwrap_or(&self.look);
+        let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look };
         let shown = picture.write(self.place, self.format, &self.options)?;
         let window = self.options.window([radiance.width, radiance.height])?;
         let n_layers = layers.len() + usize::from(self.options.irradiance);
