@@ -46,7 +46,7 @@ use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::light::LightRig;
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::nodes::{NodePlan, Nodes};
-use crate::patches::Patches;
+use crate::patches::{PatchSample, Patches};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::reach::dark_sources;
@@ -304,12 +304,12 @@ impl BakeHeader {
         self.scaled_coefficients(&self.column_scale, rig)
     }
 
-    /// The same for a rig with free lamps, given the direct irradiance that they throw on a point with a unit normal, lux
-    /// per channel. Without patches in the file nothing is asked.
+    /// The same for a rig with free lamps, given the direct irradiance that they throw on a point of a patch, see
+    /// [`Patches::coefficients`]. Without patches in the file nothing is asked.
     pub fn coefficients_with(
         &self,
         rig: &LightRig,
-        irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+        irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync),
     ) -> Vec<Vec<[f32; 3]>> {
         let mut coefficients = self.coefficients(rig);
         if let (Some(patches), Some(of_patches)) = (&self.patches, coefficients.last_mut()) {

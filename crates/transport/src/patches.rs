@@ -14,6 +14,7 @@ mod learn;
 mod matrix;
 mod modes;
 mod nearest;
+mod response;
 mod trials;
 
 use std::sync::Arc;
@@ -31,6 +32,9 @@ pub const MOST_PATCHES: u32 = 16_384;
 /// Patches of a bake that names no number.
 pub const DEFAULT_PATCHES: u32 = 4096;
 
+/// Widest lobe α (the square of its roughness) in which light straight from lamps is found anew for each pixel, not by patches.
+pub const NARROW_ALPHA: f32 = 0.125;
+
 /// A point at which the irradiance of a patch is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatchSample {
@@ -42,6 +46,8 @@ pub struct PatchSample {
     pub weight: f32,
     /// Radius of a disk as large as what it stands for, m.
     pub radius_m: f32,
+    /// How much more of grazing light its surface scatters than of other light, see [`PatchSample::response`].
+    pub grazing: f32,
 }
 
 /// Clusters of surface, and how their irradiance becomes coefficients. The header of a file holds the numbers; all else
@@ -56,6 +62,12 @@ pub struct Patches {
     n_columns: u32,
     /// See [`Patches::held_out_error`].
     held_out_error: f32,
+    /// See [`Patches::narrow_alpha`]; files from before there was such a number show all light.
+    #[serde(default)]
+    narrow_alpha: f32,
+    /// Whether samples know [`PatchSample::grazing`].
+    #[serde(default)]
+    knows_grazing: bool,
     #[serde(skip)]
     body: Arc<Body>,
 }
@@ -101,15 +113,21 @@ impl Patches {
         self.held_out_error
     }
 
+    /// Widest lobe α, of the first surface that a pixel sees, in which the columns leave out the light that the next surface has
+    /// straight from lamps: whoever lights them has to find it anew ([`crate::visible::VisibleConfig::narrow_alpha`]). 0 for none.
+    pub fn narrow_alpha(&self) -> f32 {
+        self.narrow_alpha
+    }
+
     /// What a bake needs to trace the columns; none in patches that were read from a file.
     pub(crate) fn table(&self) -> Option<&Table> {
         self.body.table.as_ref()
     }
 
-    /// One RGB coefficient per column of patches, given the direct irradiance (lux per channel) of the lamps at a point
-    /// with a unit normal. Asks at each of [`Patches::samples`] once, on all threads, and around those again that alone
+    /// One RGB coefficient per column of patches, given the direct irradiance (lux per channel) of the lamps at a point, light of
+    /// each direction times [`PatchSample::response`]. Asks at each of [`Patches::samples`] once, on all threads, and around those again that alone
     /// have most of their patch's light: there a lamp is near, or the edge of a shadow.
-    pub fn coefficients(&self, irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec<[f32; 3]> {
+    pub fn coefficients(&self, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<[f32; 3]> {
         let Body { samples, first, .. } = &*self.body;
         let of_patch = |w: &[u32]| patch_irradiance(&samples[w[0] as usize..w[1] as usize], irradiance);
         let of_patches: Vec<Vec3> = first.par_windows(2).with_min_len(16).map(of_patch).collect();
@@ -128,40 +146,38 @@ impl Patches {
 
 /// Share of a patch's light that one of its samples may have before it is looked at more closely, and at which nothing but
 /// the closer look counts. A patch of one sample is always looked at closely.
-const ALONE: [f32; 2] = [0.5, 0.75];
+const ALONE: [f32; 2] = [0.3, 0.5];
 /// Points of a closer look.
 const POINTS: u32 = 16;
 
 /// Mean irradiance of a patch.
-fn patch_irradiance(samples: &[PatchSample], irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec3 {
-    let ask = |position: Vec3, normal: Vec3| {
-        let light = irradiance(position, normal);
+fn patch_irradiance(samples: &[PatchSample], irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec3 {
+    let ask = |sample: &PatchSample| {
+        let light = irradiance(sample);
         // A lamp without a finite light at some point leaves that point dark, not the picture undefined.
         if light.is_finite() { light } else { Vec3::ZERO }
     };
-    let mut total = Vec3::ZERO;
-    let mut brightest = (0.0, Vec3::ZERO, None);
-    for sample in samples {
-        let light = ask(sample.position, sample.normal) * sample.weight;
-        total += light;
-        if light.element_sum() > brightest.0 {
-            brightest = (light.element_sum(), light, Some(sample));
+    let lights: Vec<Vec3> = samples.iter().map(|sample| ask(sample) * sample.weight).collect();
+    let total: Vec3 = lights.iter().sum();
+    let mut mean = total;
+    for (sample, light) in samples.iter().zip(lights) {
+        let [from, to] = ALONE;
+        let t = ((light.element_sum() / total.element_sum() - from) / (to - from)).clamp(0.0, 1.0);
+        // Without any light there is no share of it.
+        if !(t > 0.0 && sample.radius_m > 0.0) {
+            continue;
         }
+        let (tangent, bitangent) = sample.normal.any_orthonormal_pair();
+        let point = |nth: u32| {
+            let radius = sample.radius_m * ((nth as f32 + 0.5) / POINTS as f32).sqrt();
+            let (sin, cos) = (GOLDEN_ANGLE * nth as f32).sin_cos();
+            let position = sample.position + (tangent * cos + bitangent * sin) * radius;
+            ask(&PatchSample { position, ..*sample })
+        };
+        let closer = (0..POINTS).map(point).sum::<Vec3>() * (sample.weight / POINTS as f32);
+        mean += (closer - light) * (t * t * (3.0 - 2.0 * t));
     }
-    let (sum, light, Some(sample)) = brightest else { return total };
-    let [from, to] = ALONE;
-    let t = ((sum / total.element_sum() - from) / (to - from)).clamp(0.0, 1.0);
-    if t <= 0.0 || sample.radius_m <= 0.0 {
-        return total;
-    }
-    let (tangent, bitangent) = sample.normal.any_orthonormal_pair();
-    let point = |nth: u32| {
-        let radius = sample.radius_m * ((nth as f32 + 0.5) / POINTS as f32).sqrt();
-        let (sin, cos) = (GOLDEN_ANGLE * nth as f32).sin_cos();
-        ask(sample.position + (tangent * cos + bitangent * sin) * radius, sample.normal)
-    };
-    let closer = (0..POINTS).map(point).sum::<Vec3>() * (sample.weight / POINTS as f32);
-    total + (closer - light) * (t * t * (3.0 - 2.0 * t))
+    mean
 }
 
 /// Turns from point to point of a sunflower, which fill a disk evenly \[Vogel1979\]; radians.

@@ -224,6 +224,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if self.focus.is_some_and(Focus::is_left) { None } else { self.scene.closest(ray, sampler) }
     }
 
+    /// The scene of the walks.
+    pub(crate) fn scene(&self) -> &'a PreparedScene {
+        self.scene
+    }
+
     /// Scattering events beyond the first at most.
     pub(crate) fn bounces(&self) -> u32 {
         self.bounces

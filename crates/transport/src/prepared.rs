@@ -145,6 +145,11 @@ impl PreparedScene {
         Ok((prepared, warnings))
     }
 
+    /// Whether it has a mirror or a clear body, whose light on other surfaces free lamps lack.
+    pub fn casts_caustics(&self) -> bool {
+        self.scene.materials.iter().any(Material::casts_caustics)
+    }
+
     /// Whether light goes straight and undimmed between surfaces, clear panes and what has alpha aside.
     pub(crate) fn is_airy(&self) -> bool {
         !self.attenuates && self.slabs.is_empty()

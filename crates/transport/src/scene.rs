@@ -250,6 +250,13 @@ impl Material {
         !self.unlit && self.transmission > 0.0 && !absorbs && (matched || (smooth && self.thickness == 0.0))
     }
 
+    /// Whether the surface may gather or throw on the light of a lamp as a mirror or a clear body does. Light that goes straight through
+    /// clear panes is none of that.
+    pub fn casts_caustics(&self) -> bool {
+        let turns = self.metallic > 0.5 || (self.transmission > 0.0 && !self.is_clear_pane());
+        !self.unlit && turns && crate::bsdf::is_mirror(self.roughness)
+    }
+
     /// Whether the surface is diffuse and nothing else, whatever its textures say.
     pub fn is_plainly_diffuse(&self) -> bool {
         let has_coat = self.specular > 0.0 && !crate::bsdf::is_matched(self.ior);

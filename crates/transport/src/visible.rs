@@ -8,7 +8,8 @@
 //! Shadow rays run from the lamp to sixteen neighbors at once; which point of a lamp they share differs from neighbor to
 //! neighbor of their own pixels, so that a soft shadow is dithered \[Keller2001\].
 //!
-//! What counts is light that was scattered broadly once, or not at all: the body of a lamp where it is seen.
+//! What counts is light that was scattered broadly once, or not at all: the body of a lamp where it is seen. Where patches leave it
+//! out, so does light that was scattered once more, by a narrow lobe of the first surface: one direction of each sample.
 
 mod bodies;
 mod follow;
@@ -27,12 +28,17 @@ use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 
 /// How pixels are looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct VisibleConfig {
     /// Samples of each pixel, at least 1: passes take them in turn.
     pub samples: u32,
     /// Same seed, same samples.
     pub seed: u64,
+    /// Number of the first sample: those of one seed are stratified together, whoever looks at them.
+    pub first: u32,
+    /// Widest lobe α whose direction is followed to the next surface, whose light straight from lamps then counts as well:
+    /// what patches leave out, [`crate::patches::Patches::narrow_alpha`]. 0 for none.
+    pub narrow_alpha: f32,
 }
 
 /// The surfaces that a camera sees.
@@ -75,7 +81,7 @@ impl VisiblePoints {
                     stopped.store(true, Ordering::Relaxed);
                     return Band { found: Found::default(), tiles: Vec::new(), reach: Vec::new() };
                 }
-                Band::look(scene, (camera, film), config.seed, sample, band)
+                Band::look(scene, (camera, film), config, config.first + sample, band)
             };
             (0..n_bands).into_par_iter().map(band).collect()
         };
@@ -110,16 +116,23 @@ impl VisiblePoints {
                 return;
             }
             let shading = shade::Shading::new(scene, lamps);
-            let n_rays = shading.shade(band, (nth as u32 * rows, self.config.seed, [sample, round]), pixels);
+            let n_rays =
+                shading.shade(band, (nth as u32 * rows, self.config.seed, [self.config.first + sample, round]), pixels);
             self.n_rays.fetch_add(n_rays, Ordering::Relaxed);
-            self.show_bodies(lamps, &views, (nth as u32, sample), band, pixels);
+            self.show_bodies(lamps, &views, (nth as u32, self.config.first + sample), band, pixels);
         });
         (!stopped.into_inner()).then(|| pixels.into_iter().map(|rgb| rgb.to_array()).collect())
     }
 }
 
 impl Band {
-    fn look(scene: &PreparedScene, (camera, film): (&Camera, Film), seed: u64, sample: u32, band: u32) -> Band {
+    fn look(
+        scene: &PreparedScene,
+        (camera, film): (&Camera, Film),
+        VisibleConfig { seed, narrow_alpha, .. }: VisibleConfig,
+        sample: u32,
+        band: u32,
+    ) -> Band {
         let (top, bottom) = (band * TILE, ((band + 1) * TILE).min(film.height));
         let mut reach = vec![f32::INFINITY; (film.width * (bottom - top)) as usize];
         let (mut found, mut tiles) = (Found::default(), Vec::new());
@@ -130,8 +143,11 @@ impl Band {
                 let mut sampler = sampler_of(seed, pixel, sample);
                 let film_px = Vec2::new(x as f32, y as f32) + Vec2::from(sampler.next_2d());
                 let trail = Trail::from_camera(camera.position(), camera.direction(film, film_px));
-                reach[(pixel - top * film.width) as usize] = found.follow(scene, trail, pixel, &mut sampler);
+                reach[(pixel - top * film.width) as usize] =
+                    found.follow((scene, narrow_alpha), trail, pixel, &mut sampler);
             }
+            // Neighbors see neighbors, which share fans of rays; what narrow lobes show lies elsewhere.
+            found.points.append(&mut found.shown);
         }
         tiles.push(found.points.len() as u32);
         found.points.shrink_to_fit();

@@ -50,6 +50,7 @@ impl App {
             None => LampNote::Pending,
             Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(problems[0].clone()),
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
+            Some(_) if self.session.lamp_scene().is_some_and(|scene| scene.casts_caustics()) => LampNote::NoCaustics,
             Some(_) => LampNote::None,
         }
     }

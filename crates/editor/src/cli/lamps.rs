@@ -10,6 +10,7 @@ use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
+use clerestory_transport::patches::{PatchSample, Patches};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 
@@ -105,9 +106,10 @@ impl LampLight {
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
         let film = Film { width: bake.header.width, height: bake.header.height };
-        let direct = direct(&scene, &camera, film, &each);
+        let narrow_alpha = bake.header.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
+        let direct = direct(&scene, &camera, (film, narrow_alpha), &each);
         let of_patches = |lamps: &PreparedLamps| {
-            let irradiance = |position, normal| lamps.irradiance(&scene, position, normal);
+            let irradiance = |at: &PatchSample| lamps.light_on(&scene, at);
             bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance))
         };
         let measured = match arriving {
@@ -151,16 +153,29 @@ pub(super) fn stage(
              of it; bake the scene with --patches 4096 for that",
         );
     }
-    Ok(Some(open(&bake.header, scene, console)?))
+    let (scene, camera) = open(&bake.header, scene, console)?;
+    if scene.casts_caustics() {
+        console.warn(
+            "light of the look's lamps that mirrors or clear bodies of glass throw onto other surfaces (caustics) is missing; \
+             `trace` shows it for lamps with a body",
+        );
+    }
+    Ok(Some((scene, camera)))
 }
 
 /// Direct light of each of some lamps.
-fn direct(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[PreparedLamps]) -> Vec<Radiance> {
+fn direct(
+    scene: &PreparedScene,
+    camera: &Camera,
+    (film, narrow_alpha): (Film, f32),
+    lamps: &[PreparedLamps],
+) -> Vec<Radiance> {
     let Film { width, height } = film;
     let mut sums = vec![Radiance { width, height, pixels: vec![[0.0; 3]; film.n_pixels()] }; lamps.len()];
     let n_passes = SAMPLES * ROUNDS;
     for turn in 0..TURNS {
-        let config = VisibleConfig { samples: SAMPLES, seed: u64::from(turn) };
+        let config =
+            VisibleConfig { samples: SAMPLES, first: turn * SAMPLES, narrow_alpha, ..VisibleConfig::default() };
         let Some(points) = VisiblePoints::new(scene, camera, film, config, &|| false) else { continue };
         for (sum, lamps) in sums.iter_mut().zip(lamps) {
             for picture in (0..n_passes).filter_map(|pass| points.direct(scene, lamps, pass, &|| false)) {

@@ -42,9 +42,15 @@ pub enum LampNote {
     Pending,
     /// The bake has no patches.
     DirectOnly,
+    /// The scene has mirrors or clear bodies.
+    NoCaustics,
     /// A lamp does not shine: why.
     Problem(String),
 }
+
+/// What the light of free lamps lacks in a scene with mirrors or clear bodies.
+pub const NO_CAUSTICS: &str =
+    "Light of added and moved lamps that mirrors or clear bodies of glass throw onto other surfaces is missing";
 
 /// How a message is meant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,6 +128,9 @@ fn lamps_ui(ui: &mut Ui, note: &LampNote) {
             let hint = "This bake does not know how added and moved lamps light the room by way of its surfaces\n\
                         Tick “Movable lamps” in the bake panel and start the bake";
             ui.label(RichText::new("Lamps: direct light only").color(ui.visuals().warn_fg_color)).on_hover_text(hint);
+        }
+        LampNote::NoCaustics => {
+            ui.label(RichText::new("Lamps: without caustics").weak()).on_hover_text(NO_CAUSTICS);
         }
         LampNote::Problem(why) => {
             ui.label(RichText::new("Lamps: one is dark").color(ui.visuals().error_fg_color)).on_hover_text(why);

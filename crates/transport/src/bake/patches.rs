@@ -13,7 +13,7 @@ use clerestory_nystrom::{
 use super::focus::Focus;
 use super::{BRIGHT, BakeError, BakeEvent, BakeHeader, BakeJob, Run, mean_square};
 use crate::matrix::CHANNELS;
-use crate::patches::{PatchMatrix, Patches, Request, learn};
+use crate::patches::{NARROW_ALPHA, PatchMatrix, Patches, Request, learn};
 use crate::path::{Integrator, NoLights};
 
 /// Tolerance of the picture that a lamp makes by way of patches, as if its root mean square were the peak of a column.
@@ -40,7 +40,7 @@ impl BakeJob {
         let super::BakeConfig { patches: n_patches, bounces, seed, .. } = self.config;
         // Without a second surface there is nothing to learn.
         let wanted = n_patches > 0 && bounces != Some(0);
-        let request = Request { n_patches, bounces, seed };
+        let request = Request { n_patches, bounces, seed, narrow_alpha: NARROW_ALPHA };
         wanted.then(|| learn(&self.scene, &self.camera, self.film, request, focus)).flatten()
     }
 

@@ -99,6 +99,11 @@ impl ClearCoat {
         self.facets.is_some()
     }
 
+    /// Whether it has a density, of a width of at most `alpha`.
+    pub(super) fn is_narrow(&self, alpha: f32) -> bool {
+        self.facets.is_some_and(|ggx| ggx.widest() <= alpha)
+    }
+
     /// About the greatest `f·|cosθ|`.
     pub(super) fn peak(&self) -> f32 {
         let facing = |ggx: Ggx| ggx.d(Vec3::Z) / (4.0 * self.wo.z * (1.0 + 2.0 * self.lambda_o));

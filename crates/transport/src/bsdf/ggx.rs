@@ -20,6 +20,11 @@ impl Ggx {
         Ggx::new([alpha; 2])
     }
 
+    /// The greater width.
+    pub(super) fn widest(self) -> f32 {
+        self.alpha[0].max(self.alpha[1])
+    }
+
     /// Density of microfacet area per solid angle. Written with sin² so that it stays exact for narrow lobes.
     #[inline]
     pub(super) fn d(self, wm: Vec3) -> f32 {

@@ -137,6 +137,11 @@ impl<F: Film> Layers<F> {
         self.rough_coat && self.passing <= 0.0
     }
 
+    /// Whether its facets have a width of at most `alpha` along both axes, and none of a mirror.
+    pub(super) fn is_narrow(&self, alpha: f32) -> bool {
+        self.reflects_broadly() && self.ggx.widest() <= alpha
+    }
+
     pub(super) fn transmits_broadly(&self) -> bool {
         self.rough_pass && self.passing > 0.0 && self.base_color != Vec3::ZERO
     }

@@ -20,6 +20,7 @@ mod finish;
 mod fresnel;
 mod ggx;
 mod layers;
+mod narrow;
 mod params;
 mod pose;
 mod sheen;

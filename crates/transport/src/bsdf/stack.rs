@@ -133,6 +133,25 @@ impl Stack {
         (base + coat, coat_pdf + self.base_probability() * facing * FRAC_1_PI)
     }
 
+    /// `f·|cosθ|` of facets and coat whose widths are at most `alpha`.
+    pub(super) fn eval_narrow(&self, wi: Vec3, cos_g: f32, alpha: f32) -> Vec3 {
+        let mut sum = Vec3::ZERO;
+        if self.layers.is_narrow(alpha) {
+            let local = self.layers.local_from_world(wi);
+            // No diffuse base is asked for.
+            sum += self.layers.eval_parts(local, cos_g, Vec3::ZERO).coat * self.passed(wi, local.z);
+        }
+        match &self.coat {
+            Some(coat) if cos_g > 0.0 && coat.is_narrow(alpha) => sum + Vec3::splat(coat.eval(wi).0),
+            _ => sum,
+        }
+    }
+
+    /// Whether facets or coat have a density and a width of at most `alpha`.
+    pub(super) fn has_narrow_lobe(&self, alpha: f32) -> bool {
+        self.layers.is_narrow(alpha) || self.coat.as_ref().is_some_and(|coat| coat.is_narrow(alpha))
+    }
+
     /// Draws a direction of one of the layers.
     pub(super) fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<Drawn> {
         let choice = &self.choice;

@@ -12,6 +12,7 @@ use super::units::native_strength;
 use super::{FreeLamp, LampShape};
 use crate::clearance::{offset_origin, rounding};
 use crate::import::read_profile;
+use crate::patches::PatchSample;
 use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
 use crate::scene::{PunctualKind, PunctualLight};
@@ -126,11 +127,16 @@ impl PreparedLamps {
     /// What the lamps send straight to a place on a surface, past everything in the way: illuminance per channel in lux.
     /// The same for the same question.
     pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3) -> Vec3 {
-        let extent = scene.extent();
-        let clear = LEAVING * (1.0 + position.abs().max_element().min(extent)) + rounding(position, normal, extent);
-        let origin = offset_origin(position + normal * clear, normal, extent);
-        let place = Place { position, normal, origin, far: scene.far() };
-        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place)).sum()
+        self.arriving(scene, &Place::new(scene, position, normal), |_| 1.0)
+    }
+
+    /// The same on a point of a patch, light of each direction by what its surface makes of it.
+    pub fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
+        self.arriving(scene, &Place::new(scene, sample.position, sample.normal), |cos| sample.response(cos))
+    }
+
+    fn arriving(&self, scene: &PreparedScene, place: &Place, response: impl Fn(f32) -> f32) -> Vec3 {
+        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, place, &response)).sum()
     }
 }
 
@@ -147,21 +153,31 @@ struct Place {
     far: f32,
 }
 
+impl Place {
+    fn new(scene: &PreparedScene, position: Vec3, normal: Vec3) -> Place {
+        let extent = scene.extent();
+        let clear = LEAVING * (1.0 + position.abs().max_element().min(extent)) + rounding(position, normal, extent);
+        let origin = offset_origin(position + normal * clear, normal, extent);
+        Place { position, normal, origin, far: scene.far() }
+    }
+}
+
 impl PreparedLamp {
-    /// Illuminance at emission 1.
-    fn arriving(&self, scene: &PreparedScene, place: &Place) -> Vec3 {
+    /// Illuminance at emission 1, light of each direction times a response to its cosine.
+    fn arriving(&self, scene: &PreparedScene, place: &Place, response: impl Fn(f32) -> f32) -> Vec3 {
         let &Place { position, normal, origin, far } = place;
         if self.lamp.body().is_none() {
             let Some(lit) = self.lamp.lit(position, Vec2::ZERO, far) else { return Vec3::ZERO };
             let cos = lit.wi.dot(normal);
-            return if cos > 0.0 { scene.transmittance(origin, lit.target) * (lit.factor * cos) } else { Vec3::ZERO };
+            let value = lit.factor * cos * response(cos);
+            return if cos > 0.0 { scene.transmittance(origin, lit.target) * value } else { Vec3::ZERO };
         }
         let (mut targets, mut values, mut n) = ([Vec3::ZERO; POINTS], [0.0; POINTS], 0);
         for nth in 0..POINTS {
             let Some(lit) = self.lamp.lit_well(position, lattice(nth as u32), far) else { continue };
             let cos = lit.wi.dot(normal);
             if cos > 0.0 {
-                (targets[n], values[n]) = (lit.target, lit.factor * cos);
+                (targets[n], values[n]) = (lit.target, lit.factor * cos * response(cos));
                 n += 1;
             }
         }

@@ -5,21 +5,27 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
-use clerestory_nystrom::BlockLowRank;
+use clerestory_nystrom::{BlockLowRank, Half, SampledMatrix};
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::stage::{Stage, lambert, quad, room};
 use crate::archive;
 use crate::arriving::ArrivingPoints;
+use crate::bake::focus::Focus;
 use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
 use crate::lamps::tests::lamp;
 use crate::lamps::{FreeLamp, LampShape, PreparedLamps};
 use crate::light::LightRig;
+use crate::matrix::CHANNELS;
+use crate::patches::{NARROW_ALPHA, PatchMatrix, PatchSample, Request, learn};
+use crate::path::{Integrator, NoLights};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
 use crate::trace::{TraceConfig, trace};
+use crate::visible::{VisibleConfig, VisiblePoints};
 
 const FILM: Film = Film { width: 32, height: 24 };
 const HALF: Vec3 = Vec3::new(2.0, 1.2, 1.5);
@@ -55,30 +61,71 @@ fn baked(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> Bake {
 }
 
 /// Irradiance of a lamp of 1 cd, at most as that 1 cm away.
-fn lit(scene: &PreparedScene, lamp: Vec3) -> impl Fn(Vec3, Vec3) -> Vec3 + Sync {
-    move |position, normal| {
+fn lit(scene: &PreparedScene, lamp: Vec3) -> impl Fn(&PatchSample) -> Vec3 + Sync {
+    move |&sample| {
+        let PatchSample { position, normal, .. } = sample;
         let to_lamp = lamp - position;
         let cos = to_lamp.normalize_or_zero().dot(normal);
-        let light = cos / to_lamp.length_squared().max(1e-4);
+        let light = cos / to_lamp.length_squared().max(1e-4) * sample.response(cos.max(0.0));
         if cos > 0.0 { scene.transmittance(position, lamp) * light } else { Vec3::ZERO }
     }
 }
 
 /// The picture of irradiance on patches, red, green, blue of each pixel.
-fn by_patches(bake: &Bake, irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec<f32> {
+fn by_patches(bake: &Bake, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<f32> {
     applied(bake, bake.groups.last().expect("a group of patches"), irradiance)
 }
 
 /// What arrives of it at each pixel.
-fn arriving_by_patches(bake: &Bake, irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec<f32> {
+fn arriving_by_patches(bake: &Bake, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<f32> {
     applied(bake, bake.irradiance[0].last().expect("a group of patches"), irradiance)
 }
 
-fn applied(bake: &Bake, group: &BlockLowRank, irradiance: &(dyn Fn(Vec3, Vec3) -> Vec3 + Sync)) -> Vec<f32> {
+fn applied(bake: &Bake, group: &BlockLowRank, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<f32> {
     let coefficients =
         bake.header.coefficients_with(&LightRig::default(), irradiance).pop().expect("a group of patches");
     let channels = [0, 1, 2].map(|c| group.apply(&coefficients.iter().map(|rgb| rgb[c]).collect::<Vec<_>>()));
     (0..channels[0].len()).map(|row| channels[row % 3][row]).collect()
+}
+
+/// What narrow lobes show of the light of a lamp of 1 cd, which patches leave out.
+fn shown_by_lobes(scene: &PreparedScene, place: Vec3) -> Vec<f32> {
+    let free = FreeLamp { position: place, ..lamp(LampShape::Point) };
+    let (lamps, _) = PreparedLamps::new(&[free], None).expect("a lamp that makes sense");
+    let samples = 256;
+    let picture = |narrow_alpha| {
+        let config = VisibleConfig { samples, narrow_alpha, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(scene, &scene.scene.cameras[0], FILM, config, &|| false).expect("not stopped");
+        let mut sum = vec![0.0; 3 * FILM.n_pixels()];
+        for pass in 0..samples {
+            let picture = points.direct(scene, &lamps, pass, &|| false).expect("not stopped");
+            sum.iter_mut().zip(picture.as_flattened()).for_each(|(sum, x)| *sum += x / samples as f32);
+        }
+        sum
+    };
+    picture(NARROW_ALPHA).iter().zip(picture(0.0)).map(|(all, direct)| all - direct).collect()
+}
+
+/// The picture of a lamp of 1 cd by columns of patches that leave out what lobes of some width show.
+fn by_columns(scene: &Arc<PreparedScene>, lamp: Vec3, narrow_alpha: f32) -> Vec<f32> {
+    let focus = Focus::default();
+    let camera = scene.scene.cameras[0].clone();
+    let request = Request { n_patches: 512, bounces: None, seed: 5, narrow_alpha };
+    let patches = learn(scene, &camera, FILM, request, &focus).expect("the room has patches");
+    let table = patches.table().expect("patches that were just learned");
+    let integrator = Integrator::new(scene, &NoLights, None);
+    let matrix = PatchMatrix { integrator, camera, film: FILM, seed: 7, table, irradiance: None, empty: None };
+    let coefficients = patches.coefficients(&lit(scene, lamp));
+    let (n_samples, pixels) = (256, 0..FILM.n_pixels() as u32);
+    let row = |pixel: u32| {
+        let mut rows = vec![0.0; CHANNELS * matrix.n_cols()];
+        matrix.add_rows(&[pixel], 0..n_samples, Half::A, &mut rows, &mut Vec::new());
+        let channel = |(c, row): (usize, &[f32])| {
+            row.iter().zip(&coefficients).map(|(x, rgb)| x * rgb[c]).sum::<f32>() / n_samples as f32
+        };
+        rows.chunks_exact(matrix.n_cols()).enumerate().map(channel).collect::<Vec<f32>>()
+    };
+    pixels.into_par_iter().flat_map_iter(row).collect()
 }
 
 /// Light of the lamp `moved` of a scene that was scattered more than once.
@@ -110,7 +157,7 @@ fn a_closed_room_of_even_light_is_as_bright_as_its_albedo_says() {
         let bake = baked(&Arc::new(furnace(albedo).prepared()), 32, 512);
         // All surfaces receive 1 straight, a/(1 − a) from each other, and send a/π of what they receive.
         let expected = albedo / PI * albedo / (1.0 - albedo);
-        let found = by_patches(&bake, &|_, _| Vec3::ONE);
+        let found = by_patches(&bake, &|_| Vec3::ONE);
         let (off, share) = difference(&vec![expected; found.len()], &found);
         assert!(off < 0.03 && (share - 1.0).abs() < 0.01, "albedo {albedo}: off by {off:.3}, {share:.3} of the light");
     }
@@ -123,7 +170,10 @@ fn a_lamp_that_no_bake_knew_lights_a_room_as_one_of_its_file_does() {
     // The columns of so few patches leave out some 10 % of a lamp's picture in the mean square.
     for place in [Vec3::new(0.3, 0.7, 0.2), Vec3::new(-1.2, -0.7, 0.3), Vec3::new(1.2, -0.2, -1.0)] {
         let expected = indirect(&furnished().lamp("moved", place, 1.0).prepared(), 512);
-        let (off, share) = difference(&expected, &by_patches(&bake, &lit(&scene, place)));
+        let patches = by_patches(&bake, &lit(&scene, place));
+        let found: Vec<f32> = patches.iter().zip(shown_by_lobes(&scene, place)).map(|(x, y)| x + y).collect();
+        let (off, share) = difference(&expected, &found);
+        println!("{place}: off by {off:.3}, {share:.3} of the light");
         assert!(off < 0.1 && (share - 1.0).abs() < 0.02, "{place}: off by {off:.3}, {share:.3} of the light");
     }
 }
@@ -140,7 +190,7 @@ fn in_a_closed_room_of_even_light_arrives_what_its_albedo_says() {
         assert!(bake.header.holds_patches(&bake.irradiance[0]));
         // Beside the 1 that comes straight.
         let expected = albedo / (1.0 - albedo);
-        let found = arriving_by_patches(&bake, &|_, _| Vec3::ONE);
+        let found = arriving_by_patches(&bake, &|_| Vec3::ONE);
         let (off, share) = difference(&vec![expected; found.len()], &found);
         assert!(off < 0.03 && (share - 1.0).abs() < 0.01, "albedo {albedo}: off by {off:.3}, {share:.3} of the light");
     }
@@ -159,7 +209,7 @@ fn as_much_arrives_from_a_lamp_that_no_bake_knew_as_from_one_of_its_file() {
         let expected = known.irradiance[0][0].apply(&unit);
         let lamp = FreeLamp { position: place, ..lamp(LampShape::Point) };
         let (lamps, _) = PreparedLamps::new(&[lamp], None).expect("a plain lamp");
-        let straight = |position, normal| lamps.irradiance(&scene, position, normal);
+        let straight = |at: &PatchSample| lamps.light_on(&scene, at);
         let mut found = arriving_by_patches(&bake, &straight);
         for sample in 0..16 {
             let points = ArrivingPoints::new(&scene, camera, FILM, sample, &|| false).expect("nobody stops it");
@@ -171,6 +221,47 @@ fn as_much_arrives_from_a_lamp_that_no_bake_knew_as_from_one_of_its_file() {
         let (_, direct) = difference(&expected, &arriving_by_patches(&bake, &straight));
         assert!(direct > 0.1, "{direct:.3} of the light comes by way of surfaces");
     }
+}
+
+#[test]
+fn what_narrow_lobes_show_is_found_once_by_patches_or_anew() {
+    let bronze = Material { metallic: 1.0, roughness: 0.33, ..Material::default() };
+    let panel = quad(Vec3::new(-1.6, -1.1, -1.49), Vec3::X * 2.6, Vec3::Y * 2.0);
+    let scene = Arc::new(furnished().surface("bronze", &panel, bronze).prepared());
+    let place = Vec3::new(0.3, 0.7, 0.2);
+    let whole = by_columns(&scene, place, 0.0);
+    let (rest, shown) = (by_columns(&scene, place, NARROW_ALPHA), shown_by_lobes(&scene, place));
+    let both: Vec<f32> = rest.iter().zip(&shown).map(|(x, y)| x + y).collect();
+    let sum = |picture: &[f32]| picture.iter().map(|x| f64::from(*x)).sum::<f64>();
+    let (off, share) = difference(&whole, &both);
+    let shown = sum(&shown) / sum(&whole);
+    println!("off by {off:.3}, {share:.4} of the light, {shown:.4} of it shown by lobes");
+    assert!(shown > 0.03, "lobes show {shown:.4} of the light, too little to tell");
+    assert!((share - 1.0).abs() < 0.01, "{share:.4} of the light");
+    assert!(difference(&whole, &rest).1 < 1.0 - 0.7 * shown, "patches leave it out");
+    assert!(off < 0.2, "off by {off:.3}");
+}
+
+#[test]
+fn a_coated_room_is_as_bright_as_it_is_traced() {
+    // Coats reflect more of light that grazes them than of a lamp's light from the middle of the room.
+    let coated = || Material { base_color: Vec3::splat(0.3).extend(1.0), roughness: 0.75, ..Material::default() };
+    let room =
+        || Stage::new(camera()).surface("walls", &room(HALF), coated()).lamp("own", Vec3::new(1.5, 1.0, -1.2), 1.0);
+    let scene = Arc::new(room().prepared());
+    let bake = baked(&scene, 48, 1024);
+    let [mut by_angle, mut by_mean] = [0.0; 2];
+    let places = [Vec3::new(0.3, 0.2, 0.2), Vec3::new(-0.4, 0.4, 0.3), Vec3::new(0.5, -0.3, -0.5)];
+    for place in places {
+        let expected = indirect(&room().lamp("moved", place, 1.0).prepared(), 256);
+        let found = |picture: &[f32]| difference(&expected, picture).1 / places.len() as f64;
+        by_angle += found(&by_patches(&bake, &lit(&scene, place)));
+        let alike = |sample: &PatchSample| lit(&scene, place)(&PatchSample { grazing: 0.0, ..*sample });
+        by_mean += found(&by_patches(&bake, &alike));
+    }
+    println!("{by_angle:.3} of the light, {by_mean:.3} if light from all directions counts alike");
+    assert!((by_angle - 1.0).abs() < 0.02, "{by_angle:.3} of the light");
+    assert!(by_mean > by_angle + 0.01, "{by_mean:.3} if light from all directions counts alike");
 }
 
 #[test]

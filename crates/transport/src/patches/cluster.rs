@@ -20,6 +20,8 @@ pub(super) struct Met {
     pub normal: Vec3,
     /// How much the picture takes of the light there.
     pub weight: f32,
+    /// See [`PatchSample::grazing`].
+    pub grazing: f32,
 }
 
 /// Points of a patch at which irradiance is asked for, at most.
@@ -153,7 +155,11 @@ fn chosen(met: &[Met], points: &[u32], radius_m: f32) -> impl Iterator<Item = Pa
         picked.push(met[points[0] as usize]);
     }
     let (weight, radius_m) = (1.0 / picked.len() as f32, radius_m / (picked.len() as f32).sqrt());
-    picked.into_iter().map(move |met| PatchSample { position: met.position, normal: met.normal, weight, radius_m })
+    let sample = move |met: Met| {
+        let Met { position, normal, grazing, .. } = met;
+        PatchSample { position, normal, weight, radius_m, grazing }
+    };
+    picked.into_iter().map(sample)
 }
 
 #[cfg(test)]
@@ -168,7 +174,7 @@ mod tests {
             let normal = if i.is_multiple_of(2) { Vec3::Y } else { Vec3::NEG_Y };
             // The left half matters four times as much.
             let x = at(0);
-            Met { position: Vec3::new(x, 0.0, at(1)), normal, weight: if x < 0.0 { 4.0 } else { 1.0 } }
+            Met { position: Vec3::new(x, 0.0, at(1)), normal, weight: if x < 0.0 { 4.0 } else { 1.0 }, grazing: 0.0 }
         };
         (0..n).map(point).collect()
     }
@@ -189,7 +195,7 @@ mod tests {
 
     #[test]
     fn points_that_coincide_are_one_patch() {
-        let met = vec![Met { position: Vec3::ONE, normal: Vec3::X, weight: 1.0 }; 50];
+        let met = vec![Met { position: Vec3::ONE, normal: Vec3::X, weight: 1.0, grazing: 0.0 }; 50];
         let (centers, samples, _) = cluster(&met, 16, 1.0);
         assert_eq!((centers.len(), samples.len()), (1, SAMPLES));
         assert_eq!(cluster(&[], 16, 1.0).0.len(), 0);

@@ -1,5 +1,5 @@
 //! Patches as bytes behind the header of a file: the number of samples of each patch (u8), position, normal and radius of
-//! each sample (f32), what each patch brings to each coefficient (a scale f32 per column, then f16), FNV-1a u64.
+//! each sample and how it takes grazing light (f32), what each patch brings to each coefficient (a scale f32 per column, then f16), FNV-1a u64.
 
 use std::sync::Arc;
 
@@ -10,7 +10,9 @@ use half::f16;
 use super::{Body, MOST_PATCHES, PatchSample, Patches};
 
 const CHECKSUM_LEN: usize = 8;
-const SAMPLE_LEN: usize = 28;
+const SAMPLE_LEN: usize = 32;
+/// The same in files from before samples knew of grazing light.
+const EARLIER_SAMPLE_LEN: usize = 28;
 /// Columns that are believed of a file.
 const MOST_COLUMNS: u32 = 4096;
 /// Samples of a patch that are believed of a file.
@@ -21,7 +23,12 @@ pub(crate) fn encode(patches: &Patches) -> Vec<u8> {
     let body = &patches.body;
     let mut bytes: Vec<u8> = body.first.windows(2).map(|w| (w[1] - w[0]) as u8).collect();
     for sample in &body.samples {
-        let numbers = sample.position.to_array().into_iter().chain(sample.normal.to_array()).chain([sample.radius_m]);
+        let numbers = sample
+            .position
+            .to_array()
+            .into_iter()
+            .chain(sample.normal.to_array())
+            .chain([sample.radius_m, sample.grazing]);
         numbers.for_each(|x| bytes.extend(x.to_le_bytes()));
     }
     let scales = scales(&body.shares, patches.n_columns());
@@ -61,14 +68,15 @@ pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)>
     if !plausible {
         return None;
     }
+    let sample_len = if header.knows_grazing { SAMPLE_LEN } else { EARLIER_SAMPLE_LEN };
     let [n_patches, n_samples, n_columns] = [n_patches, n_samples, n_columns].map(|n| n as usize);
-    let len = n_patches + n_samples * SAMPLE_LEN + n_columns * 4 + n_patches * n_columns * 2;
+    let len = n_patches + n_samples * sample_len + n_columns * 4 + n_patches * n_columns * 2;
     let (content, stored) = (bytes.get(..len)?, bytes.get(len..len + CHECKSUM_LEN)?);
     if *stored != checksum(content).to_le_bytes() {
         return None;
     }
     let (counts, rest) = content.split_at(n_patches);
-    let (places, rest) = rest.split_at(n_samples * SAMPLE_LEN);
+    let (places, rest) = rest.split_at(n_samples * sample_len);
     let (scales, shares) = rest.split_at(n_columns * 4);
     let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
     let mut first = vec![0u32];
@@ -79,13 +87,16 @@ pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)>
     }
     let place = |(bytes, weight): (&[u8], f32)| {
         let [position, normal] = [0, 12].map(|at| Vec3::from_array([0, 4, 8].map(|axis| number(&bytes[at + axis..]))));
-        PatchSample { position, normal, weight, radius_m: number(&bytes[24..]) }
+        let grazing = bytes.get(28..).map_or(0.0, number);
+        PatchSample { position, normal, weight, radius_m: number(&bytes[24..]), grazing }
     };
-    let samples: Vec<PatchSample> = places.chunks_exact(SAMPLE_LEN).zip(weights.iter().copied()).map(place).collect();
+    let samples: Vec<PatchSample> = places.chunks_exact(sample_len).zip(weights.iter().copied()).map(place).collect();
     let scales: Vec<f32> = scales.chunks_exact(4).map(number).collect();
     let share = |(bytes, scale): (&[u8], &f32)| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32() * scale;
     let shares: Vec<f32> = shares.chunks_exact(2).zip(scales.iter().cycle()).map(share).collect();
-    let finite = samples.iter().all(|s| s.position.is_finite() && s.normal.is_finite() && s.radius_m.is_finite())
+    let finite = samples
+        .iter()
+        .all(|s| s.position.is_finite() && s.normal.is_finite() && s.radius_m.is_finite() && s.grazing.is_finite())
         && shares.iter().all(|s| s.is_finite());
     if weights.len() != n_samples || counts.contains(&0) || !finite {
         return None;

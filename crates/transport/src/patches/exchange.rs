@@ -2,7 +2,7 @@
 //!
 //! Rows are sparse: where walks of a receiver landed. What a landing sends back of the patch's *irradiance*, direct and
 //! indirect, is `known`; what a narrow lobe sends back of light that comes straight from lamps is `straight`, as if it
-//! were broad: the rest of what it sends is found by the walk that goes on.
+//! were broad: the rest of what it sends is found by the walk that goes on. What is found anew of such light is taken off there.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -39,12 +39,12 @@ impl Row {
                 }
             };
             push(&mut self.known, shares.base);
-            push(&mut self.straight, shares.narrow);
+            push(&mut self.straight, shares.narrow * (Vec3::ONE - landing.anew) - shares.base * landing.anew);
         }
         if shares.behind != Vec3::ZERO
             && let Some(patch) = nearest.draw(landing.hit.position, -landing.normal, u)
         {
-            self.straight.push(Share { patch, weight: shares.behind * throughput });
+            self.straight.push(Share { patch, weight: shares.behind * (Vec3::ONE - landing.anew) * throughput });
         }
         Onward::Narrow
     }

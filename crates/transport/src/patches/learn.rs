@@ -10,6 +10,7 @@ use super::cluster::{Met, cluster};
 use super::exchange::{Exchange, Row};
 use super::modes::Modes;
 use super::nearest::Nearest;
+use super::response::grazing;
 use super::trials::{Trial, irradiance};
 use super::{Body, Patches};
 use crate::bake::focus::Focus;
@@ -23,6 +24,8 @@ use crate::sampler::Sampler;
 #[derive(Debug)]
 pub(crate) struct Table {
     pub n_columns: usize,
+    /// See [`Request::narrow_alpha`].
+    pub narrow_alpha: f32,
     pub(super) nearest: Nearest,
     /// Patches × columns: irradiance straight from lamps.
     pub straight: Vec<f32>,
@@ -36,6 +39,8 @@ pub(crate) struct Request {
     pub n_patches: u32,
     pub bounces: Option<u32>,
     pub seed: u64,
+    /// Lobes of the first surface of a pixel up to this width α do not show light straight from lamps: it is found anew.
+    pub narrow_alpha: f32,
 }
 
 /// Lamps that are learned from: for each patch, fewest, and most.
@@ -93,7 +98,7 @@ pub(crate) fn learn(
         .map(|w| samples[w[0] as usize..w[1] as usize].iter().map(|s| (s.position, s.normal)).collect())
         .collect();
     let exchange = Exchange::find(&integrator, &nearest, &origins, (request.seed, EXCHANGE_STREAM));
-    let pixels = pixel_rows(&integrator, (camera, film), &nearest, request.seed);
+    let pixels = pixel_rows(&integrator, (camera, film), &nearest, request);
     if focus.is_left() {
         return None;
     }
@@ -105,13 +110,22 @@ pub(crate) fn learn(
     let near_m = NEAR * reach_m;
     let of_lamps = irradiance(scene, &trials, (&samples, &first), near_m);
     let modes = Modes::find(&exchange, &pixels, of_lamps, [n_learned, trials.len()])?;
-    let table = Table { n_columns: modes.n_columns, nearest, all: modes.all(&exchange), straight: modes.mixtures };
+    let narrow_alpha = request.narrow_alpha;
+    let table = Table {
+        n_columns: modes.n_columns,
+        narrow_alpha,
+        nearest,
+        all: modes.all(&exchange),
+        straight: modes.mixtures,
+    };
     let body = Body { samples, first, shares: modes.shares, table: Some(table) };
     Some(Patches {
         n_patches: body.first.len() as u32 - 1,
         n_samples: body.samples.len() as u32,
         n_columns: modes.n_columns as u32,
         held_out_error: modes.held_out_error,
+        narrow_alpha,
+        knows_grazing: true,
         body: Arc::new(body),
     })
 }
@@ -128,14 +142,15 @@ fn scout(integrator: &Integrator<'_, NoLights>, (camera, film): (&Camera, Film),
             let mut sampler = Sampler::new(request.seed, SCOUT_STREAM + u64::from(pixel), walk);
             let ray = ray(camera, film, pixel, &mut sampler);
             let mut depth = 0;
-            integrator.land_from_camera(ray, 1, &mut sampler, &mut |landing, _| {
+            integrator.land_from_camera(ray, (1, request.narrow_alpha), &mut sampler, &mut |landing, _| {
                 depth += 1;
                 let albedo = landing.shares.base + landing.shares.narrow + landing.shares.behind;
                 let weight = luminance(landing.throughput * albedo);
                 if depth <= DEPTH && weight > 0.0 && weight.is_finite() {
                     let outward = landing.hit.outward(landing.normal);
                     let position = landing.hit.origin(outward);
-                    scouted.met.push(Met { position, normal: landing.normal, weight });
+                    let grazing = grazing(integrator.scene(), landing.hit, landing.normal);
+                    scouted.met.push(Met { position, normal: landing.normal, weight, grazing });
                     scouted.stretches.push([landing.from, position]);
                 }
                 Onward::All
@@ -163,7 +178,7 @@ fn pixel_rows(
     integrator: &Integrator<'_, NoLights>,
     (camera, film): (&Camera, Film),
     nearest: &Nearest,
-    seed: u64,
+    Request { seed, narrow_alpha, .. }: Request,
 ) -> Vec<Row> {
     let n_pixels = film.n_pixels();
     let n_rows = n_pixels.min(PIXELS);
@@ -172,7 +187,7 @@ fn pixel_rows(
         for sample in 0..PIXEL_SAMPLES {
             let mut sampler = Sampler::new(seed, PIXEL_STREAM + u64::from(pixel), sample);
             let ray = ray(camera, film, pixel, &mut sampler);
-            integrator.land_from_camera(ray, PIXEL_SPLITS, &mut sampler, &mut |landing, sampler| {
+            integrator.land_from_camera(ray, (PIXEL_SPLITS, narrow_alpha), &mut sampler, &mut |landing, sampler| {
                 row.land(nearest, landing, sampler)
             });
         }

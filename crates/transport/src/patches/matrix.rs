@@ -55,7 +55,8 @@ impl PatchMatrix<'_> {
         let receiver = match self.irradiance {
             None => {
                 let ray = ray(&self.camera, self.film, pixel, &mut sampler);
-                self.integrator.land_from_camera(ray, SPLITS, &mut sampler, &mut |landing, sampler| {
+                let splits = (SPLITS, self.table.narrow_alpha);
+                self.integrator.land_from_camera(ray, splits, &mut sampler, &mut |landing, sampler| {
                     self.table.add(landing, sampler.next_1d(), 1.0, rows);
                     Onward::Narrow
                 });
@@ -95,14 +96,16 @@ impl Table {
         if let Some(patch) = near(&self.nearest, landing.normal) {
             let all = &self.all[CHANNELS * n_cols * patch..][..CHANNELS * n_cols];
             add_scaled(rows, all, n_cols, weight * shares.base);
-            if shares.narrow != Vec3::ZERO {
-                add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * shares.narrow);
+            let straight = shares.narrow * (Vec3::ONE - landing.anew) - shares.base * landing.anew;
+            if straight != Vec3::ZERO {
+                add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * straight);
             }
         }
         if shares.behind != Vec3::ZERO
             && let Some(patch) = near(&self.nearest, -landing.normal)
         {
-            add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * shares.behind);
+            let behind = shares.behind * (Vec3::ONE - landing.anew);
+            add_repeated(rows, &self.straight[n_cols * patch..][..n_cols], weight * behind);
         }
     }
 }

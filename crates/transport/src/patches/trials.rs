@@ -73,7 +73,8 @@ impl Trial {
             Shape::Cone([inner, outer]) => ((cos_axis - outer) / (inner - outer)).clamp(0.0, 1.0).powi(2),
             Shape::Flat => cos_axis.max(0.0),
         };
-        let light = intensity * fall * wi.dot(sample.normal);
+        let cos = wi.dot(sample.normal);
+        let light = intensity * fall * cos * sample.response(cos.max(0.0));
         (light > 0.0).then_some((light, sample.position + to_lamp))
     }
 }

@@ -49,11 +49,6 @@ impl Receiver {
 const MOST_MIRRORS: usize = 16;
 
 impl<P: LightPlan> Integrator<'_, P> {
-    /// What is walked through.
-    pub(crate) fn scene(&self) -> &PreparedScene {
-        self.scene
-    }
-
     /// One sample of the irradiance of the surface that a camera ray finds; nothing where it finds none.
     pub(crate) fn sample_seen_irradiance(
         &self,

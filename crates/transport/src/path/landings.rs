@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 use super::{Deposit, Integrator, LightPlan, Pick, Vertex, Walk};
-use crate::bsdf::Shares;
+use crate::bsdf::{Bsdf, BsdfSample, ScatterKind, Shares};
 use crate::prepared::SurfaceHit;
 use crate::sampler::Sampler;
 
@@ -20,6 +20,9 @@ pub(crate) struct Landing<'a> {
     pub normal: Vec3,
     /// What came of the start's light so far.
     pub throughput: Vec3,
+    /// The share of that in which the light that the surface scatters straight from lamps is found anew elsewhere: a narrow
+    /// lobe of the first surface shows it, see [`crate::visible`].
+    pub anew: Vec3,
     /// What the surface sends back of the light it receives.
     pub shares: Shares,
 }
@@ -31,6 +34,20 @@ pub(crate) enum Onward {
     All,
     /// By all lobes but the diffuse base, and nowhere where all are broad: their light is known.
     Narrow,
+}
+
+/// Share of a walk that a narrow lobe of its first broad surface sends on, if mirrors and clear glass alone came before; those that
+/// come later show what it shows. What is scattered a second time counts no more.
+fn found_anew((walk, before): (&Walk, Vec3), bsdf: &Bsdf, sample: &BsdfSample, narrow_alpha: f32) -> Vec3 {
+    match sample.kind {
+        ScatterKind::Smooth if walk.specular && bsdf.has_narrow_lobe(narrow_alpha) => {
+            let whole = sample.weight * sample.pdf;
+            let share = bsdf.eval_narrow(sample.wi, narrow_alpha) / whole.max(Vec3::splat(f32::MIN_POSITIVE));
+            share.min(Vec3::ONE)
+        }
+        ScatterKind::Smooth => Vec3::ZERO,
+        ScatterKind::Delta | ScatterKind::Through => before,
+    }
 }
 
 /// Connects to nothing.
@@ -69,10 +86,11 @@ impl Deposit for Blind {
 
 impl<P: LightPlan> Integrator<'_, P> {
     /// One walk of the camera, which goes on as `splits` walks (a power of two) from the first surface with a broad lobe.
+    /// Lobes of the first surface are narrow up to a width of `narrow_alpha`.
     pub(crate) fn land_from_camera(
         &self,
         (origin, direction): (Vec3, Vec3),
-        splits: u32,
+        (splits, narrow_alpha): (u32, f32),
         sampler: &mut Sampler,
         land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
     ) {
@@ -89,8 +107,9 @@ impl<P: LightPlan> Integrator<'_, P> {
             walk.share /= splits as f32;
             for split in 0..splits {
                 let (mut branch, mut own) = (walk, sampler.fork(split, splits));
-                if self.scatter(&mut branch, &hit, &bsdf, splits, &mut own) {
-                    self.land(branch, &mut own, land);
+                let mut anew = Vec3::ZERO;
+                if self.turn_off((&mut branch, &mut anew), (&hit, &bsdf), (splits, narrow_alpha), &mut own) {
+                    self.land(branch, (anew, narrow_alpha), &mut own, land);
                 }
             }
             return;
@@ -110,10 +129,16 @@ impl<P: LightPlan> Integrator<'_, P> {
         let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
         let mut walk = Walk::from_camera(origin, direction);
         (walk.n_hits, walk.specular, walk.straight) = (1, false, false);
-        self.land(walk, sampler, land);
+        self.land(walk, (Vec3::ZERO, 0.0), sampler, land);
     }
 
-    fn land(&self, mut walk: Walk, sampler: &mut Sampler, land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward) {
+    fn land(
+        &self,
+        mut walk: Walk,
+        (mut anew, narrow_alpha): (Vec3, f32),
+        sampler: &mut Sampler,
+        land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
+    ) {
         while let Some(hit) = self.arrive(&mut walk, sampler, &mut Blind) {
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let mut onward = Onward::All;
@@ -121,22 +146,37 @@ impl<P: LightPlan> Integrator<'_, P> {
             // What mirrors and clear glass alone show has its direct light anew, see [`crate::visible`].
             if bsdf.has_smooth_lobes() && !self.is_spent(&walk) && !walk.specular {
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
-                onward = land(
-                    &Landing { hit: &hit, from: walk.origin, normal, throughput: walk.throughput, shares },
-                    sampler,
-                );
+                let (from, throughput) = (walk.origin, walk.throughput);
+                onward = land(&Landing { hit: &hit, from, normal, throughput, anew, shares }, sampler);
             }
             let goes_on = match onward {
-                Onward::All => self.scatter(&mut walk, &hit, &bsdf, 1, sampler),
+                Onward::All => self.turn_off((&mut walk, &mut anew), (&hit, &bsdf), (1, narrow_alpha), sampler),
                 Onward::Narrow if shares.is_all => false,
                 Onward::Narrow => {
                     let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
-                    sample.is_some_and(|sample| self.leave(&mut walk, &hit, &sample, 1))
+                    sample.is_some_and(|sample| {
+                        anew = found_anew((&walk, anew), &bsdf, &sample, narrow_alpha);
+                        self.leave(&mut walk, &hit, &sample, 1)
+                    })
                 }
             };
             if !goes_on {
                 return;
             }
         }
+    }
+
+    /// [`Integrator::scatter`], and what is found anew of the light where the walk gets to.
+    fn turn_off(
+        &self,
+        (walk, anew): (&mut Walk, &mut Vec3),
+        (hit, bsdf): (&SurfaceHit, &Bsdf),
+        (splits, narrow_alpha): (u32, f32),
+        sampler: &mut Sampler,
+    ) -> bool {
+        let u_lobe = if bsdf.is_diffuse() { 0.0 } else { sampler.next_1d() };
+        let Some(sample) = bsdf.sample(u_lobe, sampler.next_2d()) else { return false };
+        *anew = found_anew((walk, *anew), bsdf, &sample, narrow_alpha);
+        self.leave(walk, hit, &sample, splits)
     }
 }

@@ -1,4 +1,5 @@
-//! From a pixel to the surfaces that it sees: straight on, in mirrors, and through clear panes and smooth glass.
+//! From a pixel to the surfaces that it sees: straight on, in mirrors, and through clear panes and smooth glass; and on from
+//! there to what narrow lobes show.
 
 use glam::Vec3;
 
@@ -17,6 +18,8 @@ pub(super) struct Trail {
     pub extinction: Vec3,
     /// Surfaces before it.
     depth: u32,
+    /// Whether a narrow lobe has turned it: what it finds is light that was scattered once more.
+    is_scattered: bool,
 }
 
 /// A part of a way that is free up to a distance, beyond the first one of a pixel.
@@ -32,6 +35,8 @@ pub(super) struct Segment {
 #[derive(Default)]
 pub(super) struct Found {
     pub points: Vec<Point>,
+    /// Points that narrow lobes of other points show.
+    pub shown: Vec<Point>,
     pub specials: Vec<Special>,
     pub segments: Vec<Segment>,
     /// Rays that were followed.
@@ -45,10 +50,12 @@ const MOST_PARTS: u32 = 64;
 /// What a way has to carry to be followed for certain; of those that carry less, as many are followed as their share, and
 /// each carries this much.
 const CARRIES: f32 = 0.02;
+/// The same of ways that a narrow lobe has turned, as a coat does with some 4 % of the light of every pixel of a floor.
+const SHOWS: f32 = 0.1;
 
 impl Trail {
     pub fn from_camera(origin: Vec3, direction: Vec3) -> Trail {
-        Trail { origin, direction, throughput: Vec3::ONE, extinction: Vec3::ZERO, depth: 0 }
+        Trail { origin, direction, throughput: Vec3::ONE, extinction: Vec3::ZERO, depth: 0, is_scattered: false }
     }
 
     fn ray(&self) -> Ray {
@@ -57,8 +64,15 @@ impl Trail {
 }
 
 impl Found {
-    /// Follows a ray of the camera. Returns how far it is to the first surface, m; infinite if there is none.
-    pub fn follow(&mut self, scene: &PreparedScene, first: Trail, pixel: u32, sampler: &mut Sampler) -> f32 {
+    /// Follows a ray of the camera, and one direction of each surface's lobes that are not wider than `narrow_alpha`. Returns
+    /// how far it is to the first surface, m; infinite if there is none.
+    pub fn follow(
+        &mut self,
+        (scene, narrow_alpha): (&PreparedScene, f32),
+        first: Trail,
+        pixel: u32,
+        sampler: &mut Sampler,
+    ) -> f32 {
         let (mut reach, mut waiting, mut n_parts) = (f32::INFINITY, vec![first], 0);
         while let Some(mut trail) = waiting.pop() {
             let hit = scene.closest(&trail.ray(), sampler);
@@ -66,7 +80,7 @@ impl Found {
             (n_parts, self.n_rays) = (n_parts + 1, self.n_rays + 1);
             if trail.depth == 0 {
                 reach = free;
-            } else {
+            } else if !trail.is_scattered {
                 self.segments.push(Segment { pixel, trail, reach: free });
             }
             let Some(hit) = hit else { continue };
@@ -77,9 +91,9 @@ impl Found {
                 trail.throughput *= (-trail.extinction * hit.t).exp();
             }
             if n_parts + (waiting.len() as u32) < MOST_PARTS {
-                self.meet(scene, &trail, &hit, pixel, sampler, &mut waiting);
+                self.meet((scene, narrow_alpha), &trail, &hit, pixel, sampler, &mut waiting);
             } else {
-                self.meet(scene, &trail, &hit, pixel, sampler, &mut Vec::new());
+                self.meet((scene, 0.0), &trail, &hit, pixel, sampler, &mut Vec::new());
             }
         }
         reach
@@ -88,7 +102,7 @@ impl Found {
     /// Takes a surface, and notes where a viewer looks on from there.
     fn meet(
         &mut self,
-        scene: &PreparedScene,
+        (scene, narrow_alpha): (&PreparedScene, f32),
         trail: &Trail,
         hit: &SurfaceHit,
         pixel: u32,
@@ -102,25 +116,39 @@ impl Found {
         if bsdf.has_smooth_lobes() {
             let behind = scene.extinction_behind(hit.triangle, back);
             let (seen, extinction) = ((pixel, trail.throughput), [trail.extinction, behind]);
-            self.points.push(Point::new(scene, (hit, &looks, &bsdf), wo, seen, extinction, &mut self.specials));
+            let point = Point::new(scene, (hit, &looks, &bsdf), wo, seen, extinction, &mut self.specials);
+            let points = if trail.is_scattered { &mut self.shown } else { &mut self.points };
+            points.push(point);
         }
         if trail.depth >= MOST_SURFACES {
             return;
         }
-        for lobe in bsdf.deltas() {
-            let mut throughput = trail.throughput * lobe.share;
-            let carried = throughput.max_element();
-            if carried < CARRIES {
-                if sampler.next_1d() * CARRIES >= carried {
-                    continue;
-                }
-                throughput *= CARRIES / carried;
-            }
-            let inside = lobe.wi.dot(hit.normal) < 0.0;
+        let mut look = |wi: Vec3, share: Vec3, transmitted: bool, is_scattered: bool, sampler: &mut Sampler| {
+            let worth = if is_scattered { SHOWS } else { CARRIES };
+            let Some(throughput) = worth_it(trail.throughput * share, worth, sampler) else { return };
+            let inside = wi.dot(hit.normal) < 0.0;
             let origin = hit.origin(if inside { -hit.normal } else { hit.normal });
             let extinction =
-                if lobe.transmitted { scene.extinction_behind(hit.triangle, !inside) } else { trail.extinction };
-            waiting.push(Trail { origin, direction: lobe.wi, throughput, extinction, depth: trail.depth + 1 });
+                if transmitted { scene.extinction_behind(hit.triangle, !inside) } else { trail.extinction };
+            waiting.push(Trail { origin, direction: wi, throughput, extinction, depth: trail.depth + 1, is_scattered });
+        };
+        for lobe in bsdf.deltas() {
+            look(lobe.wi, lobe.share, lobe.transmitted, trail.is_scattered, sampler);
+        }
+        if !trail.is_scattered && bsdf.has_narrow_lobe(narrow_alpha) {
+            let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
+            if let Some(sample) = bsdf.sample_narrow(u_lobe, u, narrow_alpha) {
+                look(sample.wi, sample.weight, sample.transmitted, true, sampler);
+            }
         }
     }
+}
+
+/// What a way carries on if it is followed, which it is for certain where it carries as much as it is worth; `None` if it is not.
+fn worth_it(throughput: Vec3, worth: f32, sampler: &mut Sampler) -> Option<Vec3> {
+    let carried = throughput.max_element();
+    if carried >= worth {
+        return Some(throughput);
+    }
+    (sampler.next_1d() * worth < carried).then(|| throughput * (worth / carried))
 }

@@ -44,7 +44,18 @@ fn room() -> Stage {
 
 /// Mean over passes, each sample of a pixel in its turn.
 fn live(scene: &PreparedScene, lamps: &PreparedLamps, film: Film, n_passes: u32, seed: u64) -> Vec<[f32; 3]> {
-    let config = VisibleConfig { samples: 16, seed };
+    let config = VisibleConfig { samples: 16, seed, ..VisibleConfig::default() };
+    live_by(scene, lamps, film, n_passes, config)
+}
+
+/// The same with samples as told.
+fn live_by(
+    scene: &PreparedScene,
+    lamps: &PreparedLamps,
+    film: Film,
+    n_passes: u32,
+    config: VisibleConfig,
+) -> Vec<[f32; 3]> {
     let points = VisiblePoints::new(scene, &scene.scene.cameras[0], film, config, &never).expect("nobody stops it");
     let mut sum = vec![[0.0; 3]; film.n_pixels()];
     for pass in 0..n_passes {
@@ -160,6 +171,30 @@ fn direct_light_in_a_mirror_is_that_of_walks() {
 }
 
 #[test]
+fn light_that_a_narrow_lobe_shows_is_that_of_walks() {
+    // Satin metal before a floor that is out of sight: what it shows of the floor is all that a second surface adds.
+    let satin = || {
+        let camera = Camera::look_at("eye", Vec3::new(0.0, 1.0, 2.5), Vec3::new(0.0, 1.0, 0.0), 0.5, 1.5);
+        let metal = quad(Vec3::new(-3.0, -1.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0);
+        let floor = quad(Vec3::new(-3.0, 0.0, 6.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.99);
+        let bronze = Material { metallic: 1.0, roughness: 0.35, ..Material::default() };
+        Stage::new(camera).surface("metal", &metal, bronze).surface("floor", &floor, lambert(ALBEDO, 0.0))
+    };
+    let film = Film { width: 48, height: 16 };
+    for lamp in [&shapes()[0], &shapes()[3]] {
+        let lamp = FreeLamp { aim: Vec3::new(0.0, 0.0, 1.0), position: Vec3::new(0.3, 1.6, 0.5), ..lamp.clone() };
+        let (scene, lamps) = (satin().prepared(), prepared(std::slice::from_ref(&lamp)));
+        let mut lit = satin().prepared();
+        lamps.install(&mut lit).expect("a name of its own");
+        let config = |seed| VisibleConfig { samples: 64, seed, narrow_alpha: 0.2, ..VisibleConfig::default() };
+        let of_live: Vec<_> =
+            (0..4).map(|seed| blocks(&live_by(&scene, &lamps, film, 64, config(seed)), film)).collect();
+        let of_walks: Vec<_> = (0..4).map(|seed| blocks(&walked(&lit, film, 1, 512, seed), film)).collect();
+        assert_same(&of_live, &of_walks, &format!("satin, {:?}", lamp.shape));
+    }
+}
+
+#[test]
 fn direct_light_behind_a_clear_pane_is_that_of_walks() {
     // Nothing lies where the window's reflection could show it, and the lid over the scene is out of sight: walks that end
     // at the first surface do not follow reflections.
@@ -266,7 +301,7 @@ fn a_pass_is_the_same_on_any_number_of_threads_and_stops_when_asked() {
         pool.install(|| live(&scene, &lamps, FILM, 3, 5))
     };
     assert_eq!(picture(1), picture(3));
-    let config = VisibleConfig { samples: 1, seed: 0 };
+    let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
     let camera = &scene.scene.cameras[0];
     assert!(VisiblePoints::new(&scene, camera, FILM, config, &|| true).is_none());
     let points = VisiblePoints::new(&scene, camera, FILM, config, &never).expect("nobody stops it");

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clerestory::look::sky;
+use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
@@ -14,7 +15,7 @@ use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
-use clerestory_transport::patches::DEFAULT_PATCHES;
+use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::{Sampler, uniform_hash};
 use clerestory_transport::sky::{SkyForm, SkyLight};
@@ -45,6 +46,8 @@ struct Case {
 struct Errors {
     /// Relative L2 of the indirect light, and of the reference's own noise, of each place.
     indirect: Vec<[f64; 2]>,
+    /// Share of the indirect light that is found, of each place.
+    energy: Vec<f64>,
     /// PSNR of the whole picture and of the reference's noise, of each place, dB.
     psnr: Vec<[f64; 2]>,
 }
@@ -52,11 +55,13 @@ struct Errors {
 /// A table of scenes, and one of steps.
 pub fn write(desk: &Desk) -> Result<String> {
     let mut text = "A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
-        direct light at what is seen, plus what the patches make of its irradiance. It is held against two independent traced \
-        pictures of the same look, so that their noise does not count as error; how large that noise is stands beside it. The \
-        peak of PSNR is the 99.5 percentile of the whole.\n\n\
-        | scene | places | indirect L2, mean (worst) | noise | whole PSNR, mean (worst) | noise | patches | columns | bytes | bake \
-        | of it patches |\n|---|---|---|---|---|---|---|---|---|---|---|\n"
+        direct light at what is seen and at what narrow lobes show there, plus what the patches make of its irradiance. It is held \
+        against two independent traced pictures of the same look, direct light taken off by two independent live pictures, so that \
+        their noise does not count as error; how large that noise is stands beside it. Energy is the sum of the indirect light over that \
+        of the reference. The peak of PSNR is the 99.5 percentile of the whole. Bytes of patches are those of their columns' blocks, and \
+        of their table.\n\n\
+        | scene | places | indirect L2, mean (worst) | noise | energy, least to most | whole PSNR, mean (worst) | noise | patches | columns \
+        | bytes without | of patches | bake without | of patches |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_string();
     let mut steps = "\nA step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of \
         all patches. Shadow rays that nothing needs are not cast.\n\n\
@@ -101,53 +106,85 @@ fn uniform_sky() -> Result<SkyLight> {
     setting.light(None).context("no sky")
 }
 
+/// Lamps of a scene, the light that belongs to it, and two traced pictures of each.
+struct Traced {
+    lamps: Vec<PreparedLamps>,
+    of_lamps: Vec<[Vec<f32>; 2]>,
+    of_file: [Vec<f32>; 2],
+}
+
+impl Traced {
+    fn find(desk: &Desk, case: &Case, (scene, camera, film): (&PreparedScene, &Camera, Film)) -> Result<Traced> {
+        let (n_places, spp) = desk.choose((3, 256), (10, 512));
+        let coefficients = scene.lighting.basis.project(&LightRig::default());
+        let of_file = [1, 2].map(|seed| traced(scene, camera, film, &coefficients, spp, seed));
+        let (mut lamps, mut of_lamps) = (Vec::new(), Vec::new());
+        for nth in 0..n_places {
+            let own = point_lamp(place(scene, camera, film, nth))?;
+            let (mut lit, _) = prepared(&case.path, false)?;
+            own.install(&mut lit)?;
+            let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
+            let last = lit.lighting.basis.sources.last().context("no lamp")?;
+            coefficients[last.columns.start as usize] = (last.color * last.strength).to_array();
+            of_lamps.push([3, 4].map(|seed| traced(&lit, camera, film, &coefficients, spp, seed)));
+            lamps.push(own);
+        }
+        Ok(Traced { lamps, of_lamps, of_file })
+    }
+}
+
 fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
     let (scene, camera) = prepared(&case.path, case.has_sky)?;
     let scene = Arc::new(scene);
-    let film = Film::of_width(desk.choose(96, 256), &camera);
-    let (n_places, spp, bake_spp) = desk.choose((3, 128, 32), (10, 256, 128));
+    let film = Film::of_width(desk.choose(64, 96), &camera);
+    let bake_spp = desk.choose(64, 256);
+    let traced = Traced::find(desk, case, (&scene, &camera, film))?;
     let (plain, plain_secs) = bake(&scene, &camera, film, bake_spp, 0)?;
-    let (bake, secs) = bake(&scene, &camera, film, bake_spp, DEFAULT_PATCHES)?;
-    let patches = bake.header.patches.as_ref().context("no patches")?;
-    let own = relit(&bake, &bake.header.coefficients(&LightRig::default()));
-    let own_traced = [1, 2].map(|seed| {
-        let coefficients = scene.lighting.basis.project(&LightRig::default());
-        traced(&scene, &camera, film, &coefficients, spp, seed)
-    });
-    let mut errors = Errors::default();
-    for nth in 0..n_places {
-        let lamps = point_lamp(place(&scene, &camera, film, nth))?;
-        let (mut lit, _) = prepared(&case.path, false)?;
-        lamps.install(&mut lit)?;
-        let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
-        let last = lit.lighting.basis.sources.last().context("no lamp")?;
-        coefficients[last.columns.start as usize] = (last.color * last.strength).to_array();
-        let references = [3, 4].map(|seed| traced(&lit, &camera, film, &coefficients, spp, seed));
-        let direct = direct(&scene, &camera, film, &lamps)?;
-        let mut of_bake: Vec<Vec<[f32; 3]>> =
-            bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
-        if let Some(of_patches) = of_bake.last_mut() {
-            *of_patches = patches.coefficients(&|at, normal| lamps.irradiance(&scene, at, normal));
+    let (mut rows, mut step) = (String::new(), String::new());
+    for n_patches in desk.choose(&[DEFAULT_PATCHES][..], &[1024, 2048, DEFAULT_PATCHES]) {
+        let (bake, secs) = bake(&scene, &camera, film, bake_spp, *n_patches)?;
+        let patches = bake.header.patches.as_ref().context("no patches")?;
+        let own = relit(&bake, &bake.header.coefficients(&LightRig::default()));
+        let mut errors = Errors::default();
+        for (lamps, references) in traced.lamps.iter().zip(&traced.of_lamps) {
+            let mut of_bake: Vec<Vec<[f32; 3]>> =
+                bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
+            if let Some(of_patches) = of_bake.last_mut() {
+                *of_patches = patches.coefficients(&|at| lamps.light_on(&scene, at));
+            }
+            let [first, second] = [1, 2].map(|seed| direct(&scene, &camera, film, lamps, (seed, 0.0)));
+            let shown = direct(&scene, &camera, film, lamps, (1, patches.narrow_alpha()))?;
+            let directs = [first?, second?];
+            let mut indirect = relit(&bake, &of_bake);
+            let shown = shown.iter().zip(&directs[0]).map(|(all, direct)| all - direct);
+            indirect.iter_mut().zip(shown).for_each(|(sum, shown)| *sum += shown);
+            errors.add(&indirect, &directs, &own, references, &traced.of_file);
         }
-        errors.add(&relit(&bake, &of_bake), &direct, &own, &references, &own_traced);
+        let [file_mib, plain_mib] = [file_mib(desk, &bake)?, file_mib(desk, &plain)?];
+        rows += &format!(
+            "| {} | {} | {} | {} | {} | {:.2} MiB | {:.2} MiB | {plain_secs:.1} s | {:.1} s |\n",
+            case.name,
+            traced.lamps.len(),
+            errors.words(),
+            patches.n_patches(),
+            patches.n_columns(),
+            plain_mib,
+            file_mib - plain_mib,
+            secs - plain_secs,
+        );
+        desk.say(&rows);
+        step = steps(case.name, &scene, &camera, &|lamps| {
+            std::hint::black_box(patches.coefficients(&|at| lamps.light_on(&scene, at)));
+        })?;
     }
-    let bytes =
-        |bake: &Bake| bake.packed.as_ref().map_or(0, |sets| sets[0].iter().map(|group| group.n_bytes()).sum::<usize>());
-    let mib = |bytes: usize| bytes as f64 / f64::from(1 << 20);
-    let row = format!(
-        "| {} | {n_places} | {} | {} | {} | {:.2} MiB of {:.2} | {secs:.1} s | {:.1} s |\n",
-        case.name,
-        errors.words(),
-        patches.n_patches(),
-        patches.n_columns(),
-        mib(bytes(&bake).saturating_sub(bytes(&plain))),
-        mib(bytes(&bake)),
-        secs - plain_secs,
-    );
-    let steps = steps(case.name, &scene, &camera, &|lamps| {
-        std::hint::black_box(patches.coefficients(&|at, normal| lamps.irradiance(&scene, at, normal)));
-    })?;
-    Ok((row, steps))
+    Ok((rows, step))
+}
+
+/// Size of a bake as a file, MiB.
+fn file_mib(desk: &Desk, bake: &Bake) -> Result<f64> {
+    let path = desk.file("lamps.transport");
+    archive::write(bake, Path::new(&path))?;
+    Ok(std::fs::metadata(path)?.len() as f64 / f64::from(1 << 20))
 }
 
 fn bake(scene: &Arc<PreparedScene>, camera: &Camera, film: Film, spp: u32, patches: u32) -> Result<(Bake, f64)> {
@@ -165,8 +202,15 @@ fn traced(scene: &PreparedScene, camera: &Camera, film: Film, light: &[[f32; 3]]
     pixels.unwrap_or_default().into_iter().flatten().collect()
 }
 
-fn direct(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &PreparedLamps) -> Result<Vec<f32>> {
-    let points = VisiblePoints::new(scene, camera, film, VisibleConfig { samples: 16, seed: 0 }, &|| false);
+fn direct(
+    scene: &PreparedScene,
+    camera: &Camera,
+    film: Film,
+    lamps: &PreparedLamps,
+    (seed, narrow_alpha): (u64, f32),
+) -> Result<Vec<f32>> {
+    let config = VisibleConfig { samples: PASSES, seed, narrow_alpha, ..VisibleConfig::default() };
+    let points = VisiblePoints::new(scene, camera, film, config, &|| false);
     let points = points.context("nobody stopped it")?;
     let mut sum = vec![0.0; 3 * film.n_pixels()];
     for pass in 0..PASSES {
@@ -190,33 +234,36 @@ fn relit(bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Vec<f32> {
 }
 
 impl Errors {
-    /// The lamp's own light (`indirect` and `direct`, two references) and that of the file (`own`, two references).
+    /// The lamp's own light (`indirect`, two of `directs` and of references) and that of the file (`own`, two references).
     fn add(
         &mut self,
         indirect: &[f32],
-        direct: &[f32],
+        directs: &[Vec<f32>; 2],
         own: &[f32],
         references: &[Vec<f32>; 2],
         own_references: &[Vec<f32>; 2],
     ) {
         let [mut off, mut light, mut noise, mut whole_off, mut whole_noise] = [0.0f64; 5];
+        let [mut found, mut there] = [0.0f64; 2];
         let mut whole: Vec<f32> = Vec::with_capacity(own.len());
         for at in 0..own.len() {
-            let [a, b] = [0, 1].map(|half| f64::from(references[half][at] - direct[at]));
+            let [a, b] = [0, 1].map(|half| f64::from(references[half][at] - directs[half][at]));
             let x = f64::from(indirect[at]);
             off += (x - a) * (x - b);
             light += a * b;
+            (found, there) = (found + x, there + 0.5 * (a + b));
             noise += 0.25 * (a - b).powi(2);
             let [own_a, own_b] = [0, 1].map(|half| f64::from(own_references[half][at]));
             let (picture, a, b) = (x + f64::from(own[at]), a + own_a, b + own_b);
             whole_off += (picture - a) * (picture - b);
             whole_noise += 0.25 * (a - b).powi(2);
-            whole.push(0.5 * (a + b) as f32 + direct[at]);
+            whole.push(0.5 * (a + b) as f32 + directs[0][at]);
         }
         whole.sort_by(f32::total_cmp);
         let peak = f64::from(whole[whole.len() * 995 / 1000]);
         let db = |sum: f64| 10.0 * (peak * peak * whole.len() as f64 / sum.max(1e-12 * peak * peak)).log10();
         self.indirect.push([off.max(0.0), noise].map(|sum| (sum / light.max(f64::MIN_POSITIVE)).sqrt()));
+        self.energy.push(found / there);
         self.psnr.push([db(whole_off), db(whole_noise)]);
     }
 
@@ -226,8 +273,10 @@ impl Errors {
         };
         let worst = self.indirect.iter().map(|value| value[0]).fold(0.0, f64::max);
         let least = self.psnr.iter().map(|value| value[0]).fold(f64::INFINITY, f64::min);
+        let lowest = self.energy.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = self.energy.iter().copied().fold(0.0, f64::max);
         format!(
-            "{:.1} % ({:.1} %) | {:.1} % | {:.1} dB ({:.1} dB) | {:.1} dB",
+            "{:.1} % ({:.1} %) | {:.1} % | {lowest:.3} to {highest:.3} | {:.1} dB ({:.1} dB) | {:.1} dB",
             100.0 * mean(&self.indirect, 0),
             100.0 * worst,
             100.0 * mean(&self.indirect, 1),
@@ -266,7 +315,13 @@ fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
 
 /// Rows of the table of steps.
 fn steps(name: &str, scene: &PreparedScene, camera: &Camera, patches: &dyn Fn(&PreparedLamps)) -> Result<String> {
-    let points = VisiblePoints::new(scene, camera, STEP, VisibleConfig { samples: 1, seed: 0 }, &|| false);
+    let points = VisiblePoints::new(
+        scene,
+        camera,
+        STEP,
+        VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() },
+        &|| false,
+    );
     let points = points.context("nobody stopped it")?;
     let mut rows = String::new();
     for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {

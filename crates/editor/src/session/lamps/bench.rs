@@ -8,7 +8,7 @@ use clerestory_transport::arriving::{self, ArrivingPoints};
 use clerestory_transport::camera::Film;
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightSetting;
-use clerestory_transport::patches::Patches;
+use clerestory_transport::patches::{PatchSample, Patches};
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -194,12 +194,13 @@ impl Bench {
         let lit = &mut self.lamps[idx];
         let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
         if sample >= self.points.len() {
-            let config = VisibleConfig { samples: 1, seed: sample as u64 };
+            let narrow_alpha = view.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
+            let config = VisibleConfig { samples: 1, first: sample as u32, narrow_alpha, ..VisibleConfig::default() };
             self.points.push(VisiblePoints::new(&view.scene, &view.camera, view.film, config, stop)?);
         }
         add_pass(&mut lit.sum, self.points[sample].direct(&view.scene, &lit.prepared, round, stop)?);
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
-            let irradiance = |position, normal| lit.prepared.irradiance(&view.scene, position, normal);
+            let irradiance = |at: &PatchSample| lit.prepared.light_on(&view.scene, at);
             lit.of_patches = Some(Arc::new(patches.coefficients(&irradiance)));
         }
         lit.n_passes += 1;

@@ -19,10 +19,11 @@ use crate::reference::{Reference, Sampling, uncompressed};
 use crate::under_way::{ends_a_pass, run_until};
 
 /// Samples per pixel that are tried, as far as they do not take too long.
-const SPP: [u32; 5] = [1, 4, 16, 64, 256];
-/// Most samples of pixels of one bake and of all renders of one point: in a hurry, and else.
+const SPP: [u32; 6] = [1, 4, 16, 64, 256, 1024];
+/// Most samples of pixels of one bake, of all renders of one point, and of one render: in a hurry, and else.
 const MOST_BAKED: [f64; 2] = [5e4, 3.2e6];
 const MOST_TRACED: [f64; 2] = [4e5, 2.5e7];
+const MOST_PLAIN: [f64; 2] = [4e5, 5.2e7];
 /// Middles of the spots on a panel, and their radius in its shorter sides.
 const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
 const SPOT_RADIUS: f32 = 0.15;
@@ -105,7 +106,7 @@ pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>
         if samples * scene.lighting.basis.n_cols() as f64 <= traced {
             points.push(renders(subject, scene, &judge, spp)?);
         }
-        if samples <= traced {
+        if samples <= desk.choose(MOST_PLAIN[0], MOST_PLAIN[1]) {
             points.extend(plain(subject, scene, &judge, spp)?);
         }
     }
