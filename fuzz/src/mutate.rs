@@ -173,7 +173,9 @@ fn mend_patches(bytes: &mut [u8], header_end: usize) -> usize {
     };
     let numbers = ["\"n_patches\":", "\"n_samples\":", "\"n_columns\":"].map(number);
     let [Some(n_patches), Some(n_samples), Some(n_columns)] = numbers else { return header_end };
-    let end = header_end + n_patches + 28 * n_samples + 4 * n_columns + 2 * n_patches * n_columns;
+    let knows_grazing = find(&bytes[..header_end], b"\"knows_grazing\":true", 16).is_some();
+    let sample_len = if knows_grazing { 32 } else { 28 };
+    let end = header_end + n_patches + sample_len * n_samples + 4 * n_columns + 2 * n_patches * n_columns;
     if end + 8 > bytes.len() {
         return header_end;
     }
