@@ -32,8 +32,8 @@ use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
-/// Newest version that is read: its blocks are packed, and it holds patches that free lamps may light.
-const VERSION: u32 = 5;
+/// Newest version that is read: its blocks are packed, and it holds patches that free lamps may light, by the angle of their light.
+const VERSION: u32 = 6;
 
 /// Side of a packed tile that is believed.
 const MAX_TILE: u32 = 256;

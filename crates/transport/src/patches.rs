@@ -119,6 +119,11 @@ impl Patches {
         self.narrow_alpha
     }
 
+    /// Whether its samples tell light by its angle; those of earlier files do not.
+    pub(crate) fn knows_grazing(&self) -> bool {
+        self.knows_grazing
+    }
+
     /// What a bake needs to trace the columns; none in patches that were read from a file.
     pub(crate) fn table(&self) -> Option<&Table> {
         self.body.table.as_ref()

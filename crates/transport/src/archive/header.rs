@@ -20,6 +20,8 @@ const PLAIN_VERSION: u32 = 2;
 const IRRADIANCE_VERSION: u32 = 3;
 /// Version of a file whose blocks are packed, without patches.
 const PACKED_VERSION: u32 = 4;
+/// Version of a file with patches that are lit alike from all sides.
+const EVEN_PATCHES_VERSION: u32 = 5;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -48,8 +50,11 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks)
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
     let version = match blocks {
-        Blocks::Packed if header.patches.is_some() => VERSION,
-        Blocks::Packed => PACKED_VERSION,
+        Blocks::Packed => match &header.patches {
+            None => PACKED_VERSION,
+            Some(patches) if patches.knows_grazing() => VERSION,
+            Some(_) => EVEN_PATCHES_VERSION,
+        },
         Blocks::Plain if header.irradiance.is_empty() => PLAIN_VERSION,
         Blocks::Plain => IRRADIANCE_VERSION,
     };

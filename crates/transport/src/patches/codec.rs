@@ -23,15 +23,9 @@ pub(crate) fn encode(patches: &Patches) -> Vec<u8> {
     let body = &patches.body;
     let mut bytes: Vec<u8> = body.first.windows(2).map(|w| (w[1] - w[0]) as u8).collect();
     for sample in &body.samples {
-        let numbers = sample
-            .position
-            .to_array()
-            .into_iter()
-            .chain(sample.normal.to_array())
-            .chain([sample.radius_m])
-            // A file of before is written as it was: its header says that it has none.
-            .chain(patches.knows_grazing.then_some(sample.grazing));
-        numbers.for_each(|x| bytes.extend(x.to_le_bytes()));
+        let grazing = patches.knows_grazing.then_some(sample.grazing);
+        let place = sample.position.to_array().into_iter().chain(sample.normal.to_array());
+        place.chain([sample.radius_m]).chain(grazing).for_each(|x| bytes.extend(x.to_le_bytes()));
     }
     let scales = scales(&body.shares, patches.n_columns());
     scales.iter().for_each(|scale| bytes.extend(scale.to_le_bytes()));
@@ -89,7 +83,7 @@ pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)>
     }
     let place = |(bytes, weight): (&[u8], f32)| {
         let [position, normal] = [0, 12].map(|at| Vec3::from_array([0, 4, 8].map(|axis| number(&bytes[at + axis..]))));
-        let grazing = bytes.get(28..SAMPLE_LEN).map_or(0.0, number);
+        let grazing = bytes.get(28..32).map_or(0.0, number);
         PatchSample { position, normal, weight, radius_m: number(&bytes[24..]), grazing }
     };
     let samples: Vec<PatchSample> = places.chunks_exact(sample_len).zip(weights.iter().copied()).map(place).collect();
