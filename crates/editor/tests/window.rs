@@ -291,7 +291,8 @@ fn a_dropped_look_lights_the_scene() {
     std::fs::write(&path, r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#).unwrap();
     let mut window = baked();
     window.input_mut().dropped_files.push(Arc::new(Dropped(path)));
-    window.run_steps(3);
+    // It is read beside the window.
+    wait(&mut window, |app| !app.look().lights.lights.is_empty());
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, 0.25);
 }
 
