@@ -91,7 +91,7 @@ pub(super) fn parse_header(
     let len = word(12).filter(|&len| len <= MAX_HEADER_BYTES).ok_or_else(cut_off)?;
     let mut offset = FIXED_BYTES + len as usize;
     let front = bytes.get(..offset).ok_or_else(cut_off)?;
-    if !is_intact(front) {
+    if !is_intact(front, version) {
         return Err(damaged(path, "its header: the checksum does not fit".into()));
     }
     let json = serde_json::from_slice(&front[FIXED_BYTES..]);
@@ -112,12 +112,12 @@ pub(super) fn parse_header(
     Ok((header, offset, if version >= PACKED_VERSION { Blocks::Packed } else { Blocks::Plain }))
 }
 
-/// Whether the checksum at the end of the JSON fits; a header of a program that wrote none passes.
-fn is_intact(front: &[u8]) -> bool {
+/// Whether the checksum at the end of the JSON fits. Programs that wrote none knew no packed files.
+fn is_intact(front: &[u8], version: u32) -> bool {
     let content = front.strip_suffix(CHECKSUM_END).and_then(|rest| rest.split_last_chunk::<CHECKSUM_DIGITS>());
     match content.filter(|(content, _)| content.ends_with(CHECKSUM_KEY)) {
         Some((content, digits)) => *digits == *format!("{:016x}", checksum(content)).as_bytes(),
-        None => true,
+        None => version < PACKED_VERSION,
     }
 }
 

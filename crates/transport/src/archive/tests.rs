@@ -86,8 +86,8 @@ fn every_flipped_bit_is_seen_or_changes_nothing() {
         for at in 0..written.len() {
             let mut flipped = written.clone();
             flipped[at] ^= 1 << (at % 8);
-            // Only the name of the checksum in the header may change, and then says nothing.
-            let harmless = decoded(&flipped).map_or(true, |read| is_same(&read, &bake));
+            // Before files were packed, the name of the checksum in the header may change, and then says nothing.
+            let harmless = decoded(&flipped).map_or(true, |read| version < 4 && is_same(&read, &bake));
             assert!(harmless, "version {version}, byte {at}");
         }
     }
