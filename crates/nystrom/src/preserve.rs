@@ -24,11 +24,12 @@ pub(crate) fn preserve(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, dire
     }
     let unit: Vec<f64> = direction.iter().map(|&x| f64::from(x) / norm).collect();
     let mut change = Change::new(fit, &unit, unit.clone());
-    if goal > 0.0 && change.added(means, fit, &unit).iter().sum::<f64>() > goal {
+    let mut added = change.added(means, fit, &unit);
+    if goal > 0.0 && added.iter().sum::<f64>() > goal {
         change = Change::new(fit, &unit, beside_noise(means, &unit, goal));
+        added = change.added(means, fit, &unit);
     }
     if change.share >= LEAST_SHARE {
-        let added = change.added(means, fit, &unit);
         change.make(means, left, &unit);
         return added;
     }

@@ -404,10 +404,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Samples a direction to go on; false where the walk is absorbed.
     fn scatter(&self, walk: &mut Walk, hit: &SurfaceHit, bsdf: &Bsdf, splits: u32, sampler: &mut Sampler) -> bool {
-        // A surface of one lobe has nothing to choose from.
-        let u_lobe = if bsdf.is_diffuse() { 0.0 } else { sampler.next_1d() };
-        let sample = bsdf.sample(u_lobe, sampler.next_2d());
-        sample.is_some_and(|sample| self.leave(walk, hit, &sample, splits))
+        sampled(bsdf, sampler).is_some_and(|sample| self.leave(walk, hit, &sample, splits))
     }
 
     /// Sends a walk on in a sampled direction, one of `splits` continuations; false where nothing is left of it.
@@ -786,6 +783,12 @@ fn area_point(
         spread_sr,
         beyond: false,
     })
+}
+
+/// A direction to go on, unless the walk is absorbed. A surface of one lobe has nothing to choose from.
+fn sampled(bsdf: &Bsdf, sampler: &mut Sampler) -> Option<BsdfSample> {
+    let u_lobe = if bsdf.is_diffuse() { 0.0 } else { sampler.next_1d() };
+    bsdf.sample(u_lobe, sampler.next_2d())
 }
 
 /// Share of one of two ways to sample the same path, by squared densities. \[Veach1995\]

@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::{Deposit, Integrator, LightPlan, Pick, Vertex, Walk};
+use super::{Deposit, Integrator, LightPlan, Pick, Vertex, Walk, sampled};
 use crate::bsdf::{Bsdf, BsdfSample, ScatterKind, Shares};
 use crate::prepared::SurfaceHit;
 use crate::sampler::Sampler;
@@ -174,8 +174,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         (splits, narrow_alpha): (u32, f32),
         sampler: &mut Sampler,
     ) -> bool {
-        let u_lobe = if bsdf.is_diffuse() { 0.0 } else { sampler.next_1d() };
-        let Some(sample) = bsdf.sample(u_lobe, sampler.next_2d()) else { return false };
+        let Some(sample) = sampled(bsdf, sampler) else { return false };
         *anew = found_anew((walk, *anew), bsdf, &sample, narrow_alpha);
         self.leave(walk, hit, &sample, splits)
     }
