@@ -6,6 +6,9 @@
 //! ```
 //! Bytes are not trusted: sizes are held against the bytes that are there before anything is allocated.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![deny(clippy::arithmetic_side_effects)]
+
 use half::f16;
 
 use crate::{
@@ -93,24 +96,29 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
         return Err(CodecError::Malformed("too many rows or columns"));
     }
     let (m, n, k) = (u64::from(n_rows), u64::from(n_cols), u64::from(rank));
+    #[expect(clippy::arithmetic_side_effects, reason = "sides are at most 2^24, so that the sum is below 2^51")]
     let len = HEADER_LEN as u64 + 4 * k + 2 * k * (m + n) + 12 * u64::from(n_sparse) + CHECKSUM_LEN as u64;
     if len > present as u64 {
         return Err(truncated(len));
     }
     let len = len as usize;
-    let (content, sum) = bytes[..len].split_at(len - CHECKSUM_LEN);
-    if checksum(content).to_le_bytes() != sum {
+    let Some((content, sum)) = bytes[..len].split_last_chunk::<CHECKSUM_LEN>() else {
+        return Err(truncated(len as u64));
+    };
+    if checksum(content).to_le_bytes() != *sum {
         return Err(CodecError::Checksum);
     }
     let [truncation, sampling, noise] = [(); 3].map(|()| f32::from_le_bytes(reader.take()));
     let (m, n, k) = (n_rows as usize, n_cols as usize, rank as usize);
+    #[expect(clippy::arithmetic_side_effects, reason = "so many bytes are there")]
+    let (n_left, n_right) = (m * k, k * n);
     let block = BlockFactors {
         n_rows,
         n_cols,
         rank,
         scale: (0..k).map(|_| f32::from_le_bytes(reader.take())).collect(),
-        left: (0..m * k).map(|_| f16::from_le_bytes(reader.take())).collect(),
-        right: (0..k * n).map(|_| f16::from_le_bytes(reader.take())).collect(),
+        left: (0..n_left).map(|_| f16::from_le_bytes(reader.take())).collect(),
+        right: (0..n_right).map(|_| f16::from_le_bytes(reader.take())).collect(),
         sparse: (0..n_sparse).map(|_| reader.sparse_entry()).collect(),
         n_samples,
         error: BlockError { truncation, sampling, noise },

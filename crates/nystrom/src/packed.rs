@@ -10,6 +10,9 @@
 //! **Decision.** Bytes on disk are not bytes in memory: [`PackedMatrix::unpack`] gives factors in `f16`. **Refused:** vectors of few
 //! bits that could be used as they lie; they take three to six times the room.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![deny(clippy::arithmetic_side_effects)]
+
 mod block;
 mod bytes;
 mod coder;
@@ -30,6 +33,7 @@ use rayon::prelude::*;
 
 use self::{
     block::{N_TABLES, Parts, RoundedBlock},
+    bytes::TOO_LARGE,
     coder::{Counter, Decoder, Encoder},
     kept::{Kept, product_with},
     layout::Layout,
@@ -109,6 +113,7 @@ impl PackedMatrix {
             block.write(&layout, &mut out);
             out.finish().into()
         };
+        #[expect(clippy::arithmetic_side_effects, reason = "the stride is at least 1")]
         let block = |block_idx: usize| match block_idx % stride {
             0 => told[block_idx / stride].as_ref().map(bytes),
             _ => packer.unrounded(block_idx).map(|block| bytes(&packer.rounded(&block, step))),
@@ -161,12 +166,15 @@ impl PackedMatrix {
             let rank = block::read_rank(block_idx, &self.layout, &mut input).map(|(_, rank)| u64::from(rank));
             let rank = rank.ok_or(CodecError::Malformed("the rank of a block"))?;
             // One more may be needed for the kept product.
-            Ok((rank + 1) * 2 * (self.layout.n_rows(block_idx) + self.layout.n_cols()) as u64)
+            let n_values = self.layout.n_rows(block_idx).checked_add(self.layout.n_cols()).ok_or(TOO_LARGE)?;
+            rank.checked_add(1).and_then(|rank| rank.checked_mul(2)?.checked_mul(n_values as u64)).ok_or(TOO_LARGE)
         };
-        self.blocks.par_iter().enumerate().map(of_block).sum()
+        let sum = |a: u64, b: u64| a.checked_add(b).ok_or(TOO_LARGE);
+        self.blocks.par_iter().enumerate().map(of_block).try_reduce(|| 0, sum)
     }
 
     /// Bytes of all blocks and tables, those that [`encode`](Self::encode) puts around them aside.
+    #[expect(clippy::arithmetic_side_effects, reason = "bytes that lie in memory")]
     pub fn n_bytes(&self) -> usize {
         4 * self.direction.len() + self.tables.encode().len() + self.block_bytes()
     }
@@ -274,6 +282,7 @@ impl<'a> Packer<'a> {
     }
 
     /// A block for the common step: coarser where its own error drowns the step's, finer where it would be far too bad.
+    #[expect(clippy::arithmetic_side_effects, reason = "quarters are above `FINEST` where they fall")]
     fn rounded(&self, block: &Unrounded<'a>, step: f32) -> RoundedBlock<'a> {
         let mut quarters = block.quarters();
         if block.own_error > block.allowed {
@@ -291,6 +300,7 @@ impl<'a> Packer<'a> {
     }
 
     /// Tables that fit some blocks.
+    #[expect(clippy::arithmetic_side_effects, reason = "no symbol of a matrix that lies in memory comes 2^32 times")]
     fn tables(&self, blocks: &[Option<RoundedBlock<'_>>]) -> Tables {
         let none = || Counter { counts: vec![[0; 16]; N_TABLES] };
         let count = |mut counter: Counter, block: &RoundedBlock<'_>| {

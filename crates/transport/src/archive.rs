@@ -6,6 +6,9 @@
 //! is written in order under a temporary name and renamed, so that it is whole or not there, and the same bake gives the
 //! same bytes whether it was interrupted or not. `docs/format.md` tells both files byte by byte.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![deny(clippy::arithmetic_side_effects)]
+
 mod header;
 mod part;
 #[cfg(test)]
@@ -205,6 +208,7 @@ pub fn stack_to_file(
 pub(crate) type Listener<'a> = &'a mut (dyn FnMut(BakeEvent) -> ControlFlow<()> + Send);
 
 /// Runs a bake that is given its header and what is done already; keeps every block as it comes.
+#[expect(clippy::arithmetic_side_effects, reason = "a bake has a pass, and its blocks are counted in memory")]
 fn keep(
     header: BakeHeader,
     path: &Path,
@@ -305,24 +309,24 @@ pub fn read(path: &Path) -> Result<Bake, ArchiveError> {
 /// # Errors
 /// See [`ArchiveError`].
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
-    let (header, mut offset, blocks) = parse_header(MAGIC, bytes, path)?;
+    let (header, offset, blocks) = parse_header(MAGIC, bytes, path)?;
     if blocks == Blocks::Packed {
         return decode_packed(header, &bytes[offset..], path);
     }
     let n_blocks: usize = header.partitions().iter().map(Partition::n_blocks).sum();
     // An absent block too has its bytes, so that memory is asked for in proportion to the file alone.
     let least = n_blocks.saturating_mul(header.basis.groups.len()).saturating_mul(MIN_BLOCK_BYTES);
-    if least > bytes.len() - offset {
+    if least > bytes[offset..].len() {
         return Err(damaged(path, "it has fewer blocks than its header says".into()));
     }
-    let mut matrices = header.empty_matrices();
+    let (mut matrices, mut rest) = (header.empty_matrices(), &bytes[offset..]);
     for (groups, partition) in matrices.iter_mut().zip(header.partitions()) {
         for block_idx in 0..partition.n_blocks() {
-            offset +=
-                read_block(&bytes[offset..], groups, block_idx).map_err(|error| damaged(path, error.to_string()))?;
+            let len = read_block(rest, groups, block_idx).map_err(|error| damaged(path, error.to_string()))?;
+            rest = &rest[len..];
         }
     }
-    if offset != bytes.len() {
+    if !rest.is_empty() {
         return Err(damaged(path, "it is longer than its header says".into()));
     }
     let groups = matrices.remove(0);
@@ -335,19 +339,21 @@ fn decode_packed(header: BakeHeader, bytes: &[u8], path: &Path) -> Result<Bake, 
     if header.tile > MAX_TILE {
         return Err(damaged(path, "its header has impossibly large tiles".into()));
     }
-    let (mut packed, mut offset, mut n_unpacked) = (PackedMatrices::new(), 0, 0);
+    let (mut packed, mut rest, mut n_unpacked) = (PackedMatrices::new(), bytes, 0u64);
     for (partition, plans) in header.partitions().iter().zip(header.pack_plans()) {
         let mut groups = Vec::new();
         for plan in plans {
-            let read = PackedMatrix::decode(&bytes[offset..], partition.clone(), CHANNELS as u32, plan.columns);
+            let read = PackedMatrix::decode(rest, partition.clone(), CHANNELS as u32, plan.columns);
             let (group, len) = read.map_err(wrong)?;
-            n_unpacked += group.unpacked_bytes().map_err(wrong)?;
-            offset += len;
+            let n_bytes = group.unpacked_bytes().map_err(wrong)?;
+            let sum = n_unpacked.checked_add(n_bytes);
+            n_unpacked = sum.ok_or_else(|| damaged(path, "its blocks are impossibly large".into()))?;
+            rest = &rest[len..];
             groups.push(group);
         }
         packed.push(groups);
     }
-    if offset != bytes.len() {
+    if !rest.is_empty() {
         return Err(damaged(path, "it is longer than its header says".into()));
     }
     if n_unpacked > MAX_UNPACKED_BYTES {
@@ -362,17 +368,18 @@ fn damaged(path: &Path, what: String) -> ArchiveError {
 }
 
 fn read_block(bytes: &[u8], groups: &mut [BlockLowRank], block_idx: usize) -> Result<usize, CodecError> {
-    let mut offset = 0;
+    let mut offset = 0usize;
     for group in groups {
         let (factors, len) = decode_block(&bytes[offset..])?;
         let [.., w, h] = group.partition.rect(block_idx);
-        let fits = factors.n_rows == w * h * group.bundle_len && factors.n_cols == group.n_cols;
+        let n_rows = w.checked_mul(h).and_then(|n| n.checked_mul(group.bundle_len));
+        let fits = Some(factors.n_rows) == n_rows && factors.n_cols == group.n_cols;
         if fits {
             group.blocks[block_idx] = Some(Arc::new(factors));
         } else if factors != BlockFactors::default() {
             return Err(CodecError::Malformed("a block does not fit its place in the picture"));
         }
-        offset += len;
+        offset = offset.checked_add(len).ok_or(CodecError::Malformed("a block is impossibly long"))?;
     }
     Ok(offset)
 }

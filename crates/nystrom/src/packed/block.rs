@@ -33,6 +33,7 @@ pub(super) const N_TABLES: usize = planes::N_TABLES + N_NUMBERS + entries::N_TAB
 /// Kind of the planes of the kept product.
 const KEPT: usize = 6;
 
+#[expect(clippy::arithmetic_side_effects, reason = "constants")]
 fn table(of: Of) -> usize {
     planes::N_TABLES + of as usize
 }
@@ -55,6 +56,7 @@ pub(super) struct RoundedBlock<'a> {
 }
 
 impl RoundedBlock<'_> {
+    #[expect(clippy::arithmetic_side_effects, reason = "sizes are within the quarters that a component may have")]
     pub(super) fn write(&self, layout: &Layout, out: &mut impl Sink) {
         let block_idx = self.block_idx;
         out.number(table(Of::Samples), self.factors.n_samples);
@@ -103,6 +105,7 @@ fn read_rows(planes: impl Iterator<Item = Place>, input: &mut Decoder<'_>) -> Ve
 type Place = (Shape, Range<usize>);
 
 /// Planes of the row transform. What they belong to is 0 for the first component, 1 for the others, or [`KEPT`].
+#[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
 fn row_planes(block_idx: usize, layout: &Layout, of: usize) -> impl Iterator<Item = Place> {
     let [width, height] = layout.tile(block_idx).map(|side| side as usize);
     let n = width * height;
@@ -113,6 +116,7 @@ fn row_planes(block_idx: usize, layout: &Layout, of: usize) -> impl Iterator<Ite
 }
 
 /// Runs of columns.
+#[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
 fn column_runs(layout: &Layout, component: usize) -> impl Iterator<Item = Place> {
     let mut first = 0;
     layout.columns.iter().map(move |run| {

@@ -12,6 +12,8 @@ use crate::{
     partition::Partition,
 };
 
+/// Rows and columns of a matrix that no memory holds.
+pub(super) const TOO_LARGE: CodecError = CodecError::Malformed("the size of a matrix");
 const TABLES_CHECKSUM_LEN: usize = 8;
 /// Length and checksum of a block.
 const AROUND_LEN: usize = 8;
@@ -62,13 +64,16 @@ impl PackedMatrix {
             return Err(CodecError::Malformed("the step of a matrix"));
         }
         let direction: Vec<f32> = direction.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        if !Layout::is_sound(&partition, bundle_len, &columns) {
+            return Err(TOO_LARGE);
+        }
         let layout = Layout::new(partition, bundle_len, columns);
         let fits = direction.is_empty() || direction.len() == layout.n_cols();
         if !fits || direction.iter().any(|x| !x.is_finite()) {
             return Err(CodecError::Malformed("the direction of a matrix"));
         }
         let n_blocks = layout.partition.n_blocks();
-        if n_blocks.saturating_mul(AROUND_LEN) > bytes.len() - reader.at {
+        if n_blocks.saturating_mul(AROUND_LEN) > bytes[reader.at..].len() {
             return Err(reader.truncated(n_blocks.saturating_mul(AROUND_LEN)));
         }
         let blocks = (0..n_blocks).map(|_| reader.block()).collect::<Result<_, _>>()?;
@@ -88,8 +93,9 @@ impl<'a> Reader<'a> {
     }
 
     fn take(&mut self, len: usize) -> Result<&'a [u8], CodecError> {
-        let taken = self.bytes[self.at..].get(..len).ok_or_else(|| self.truncated(len))?;
-        self.at += len;
+        let end = self.at.checked_add(len).ok_or_else(|| self.truncated(len))?;
+        let taken = self.bytes.get(self.at..end).ok_or_else(|| self.truncated(len))?;
+        self.at = end;
         Ok(taken)
     }
 

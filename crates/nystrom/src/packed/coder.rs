@@ -22,6 +22,7 @@ pub(super) trait Sink {
     fn raw(&mut self, value: u32, n_bits: u32);
 
     /// The low `n_bits` (at most 32) of a number.
+    #[expect(clippy::arithmetic_side_effects, reason = "only where more bits than `low` are asked for")]
     fn bits(&mut self, value: u32, n_bits: u32) {
         let low = n_bits.min(MAX_RAW_BITS);
         self.raw(value & mask(low), low);
@@ -31,6 +32,10 @@ pub(super) trait Sink {
     }
 
     /// A number: how many bits it has by a table, then the bits.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "a number has at most 32 bits, and more than 1 where one is taken off"
+    )]
     fn number(&mut self, table: usize, value: u32) {
         let class = u32::BITS - value.leading_zeros();
         self.symbol(table, class.min(ESCAPE));
@@ -55,6 +60,7 @@ pub(super) struct Counter {
 }
 
 impl Sink for Counter {
+    #[expect(clippy::arithmetic_side_effects, reason = "no symbol of a matrix that lies in memory comes 2^32 times")]
     fn symbol(&mut self, table: usize, symbol: u32) {
         self.counts[table][symbol as usize] += 1;
     }
@@ -81,6 +87,10 @@ impl<'a> Encoder<'a> {
         Self { tables, steps: Vec::new() }
     }
 
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "shares are at least 1 and at most 2^12, and states are below 2^31"
+    )]
     pub(super) fn finish(self) -> Vec<u8> {
         let (mut state, mut backwards) = (LEAST, Vec::new());
         for step in self.steps.iter().rev() {
@@ -146,12 +156,14 @@ impl<'a> Decoder<'a> {
         symbol
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "only where more bits than `low` are asked for")]
     pub(super) fn bits(&mut self, n_bits: u32) -> u32 {
         let low = n_bits.min(MAX_RAW_BITS);
         let value = self.raw(low);
         if n_bits > low { value | self.raw(n_bits - low) << low } else { value }
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "a class is at most 32, and here at least 2")]
     pub(super) fn number(&mut self, table: usize) -> u32 {
         let class = match self.symbol(table) {
             ESCAPE => self.bits(CLASS_BITS).min(u32::BITS),
@@ -165,7 +177,7 @@ impl<'a> Decoder<'a> {
 
     pub(super) fn signed(&mut self, table: usize) -> i32 {
         let value = self.number(table);
-        (value >> 1) as i32 ^ -((value & 1) as i32)
+        (value >> 1) as i32 ^ ((value & 1) as i32).wrapping_neg()
     }
 
     fn raw(&mut self, n_bits: u32) -> u32 {
@@ -180,7 +192,7 @@ impl<'a> Decoder<'a> {
     fn advance(&mut self, bits: u32, start: u32, len: u32) {
         let at = self.state & mask(bits);
         // In bounds for bytes of an encoder; others may say what they like.
-        self.state = len.wrapping_mul(self.state >> bits).wrapping_add(at - start);
+        self.state = len.wrapping_mul(self.state >> bits).wrapping_add(at).wrapping_sub(start);
         while self.state < LEAST && !self.is_lost {
             self.state = (self.state << 8) | self.byte();
         }
@@ -200,6 +212,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "at most 16 bits are asked for")]
 fn mask(n_bits: u32) -> u32 {
     (1 << n_bits) - 1
 }

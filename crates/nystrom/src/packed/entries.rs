@@ -45,6 +45,13 @@ impl Entries {
         if self.bundle_len <= MAX_MEMBERS { self.bundle_len } else { 1 }
     }
 
+    /// All members of a bundle, bit by bit.
+    #[expect(clippy::arithmetic_side_effects, reason = "a bundle has at most `MAX_MEMBERS` members")]
+    fn all_members(self) -> u32 {
+        (1 << self.n_members()) - 1
+    }
+
+    #[expect(clippy::arithmetic_side_effects, reason = "bundles have members")]
     fn places(self, entries: &[SparseEntry]) -> Vec<Place> {
         let n_members = self.n_members();
         let mut sorted: Vec<&SparseEntry> = entries.iter().filter(|entry| entry.value != 0.0).collect();
@@ -63,11 +70,16 @@ impl Entries {
         places
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "constants")]
     fn table(self, of: Of) -> usize {
         self.first_table + of as usize
     }
 
     /// Entries that are 0 are left out.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "places are sorted, columns fit the block, levels are within 150 octaves"
+    )]
     pub(super) fn write(self, entries: &[SparseEntry], out: &mut impl Sink) {
         let places = self.places(entries);
         out.number(self.table(Of::Bundle), places.len() as u32);
@@ -81,7 +93,7 @@ impl Entries {
                 out.number(self.table(Of::ColumnStep), place.col - col - 1);
             }
             (bundle, col) = (place.bundle, place.col);
-            out.number(self.table(Of::Members), place.members ^ ((1 << self.n_members()) - 1));
+            out.number(self.table(Of::Members), place.members ^ self.all_members());
             let mut of = Of::Value;
             for value in &place.values {
                 let level = level_of(*value);
@@ -108,7 +120,7 @@ impl Entries {
             } else {
                 col = col.checked_add(input.number(self.table(Of::ColumnStep)))?.checked_add(1)?;
             }
-            let members = input.number(self.table(Of::Members)) ^ ((1 << n_members) - 1);
+            let members = input.number(self.table(Of::Members)) ^ self.all_members();
             if members == 0 || members >> n_members != 0 || col >= n_cols || input.is_lost() {
                 return None;
             }

@@ -60,6 +60,7 @@ impl Kept {
     }
 
     /// Gives the residual back to factors.
+    #[expect(clippy::arithmetic_side_effects, reason = "indices of a matrix that lies in memory")]
     pub(super) fn restore(&self, plain: &mut Plain, direction: &[f32], block_idx: usize, layout: &Layout) {
         let step = octaves(self.quarters) as f32;
         let residual = layout.rows_inverse(self.planes.iter().map(|&q| q as f32 * step).collect(), block_idx);
@@ -96,6 +97,7 @@ fn held<T: Copy + Into<f64>>(right: &[T], direction: &[f32]) -> Vec<f64> {
 }
 
 /// The product of factors with a direction: one value per row.
+#[expect(clippy::arithmetic_side_effects, reason = "indices of a matrix that lies in memory")]
 pub(super) fn product_with<T: Copy + Into<f64>>(
     left: &[T],
     right: &[T],

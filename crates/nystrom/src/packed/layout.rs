@@ -42,6 +42,7 @@ impl ColumnRun {
     }
 
     /// Number of columns.
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     pub fn n_cols(self) -> u32 {
         let [width, height] = self.size();
         width * height
@@ -58,6 +59,18 @@ pub(super) struct Layout {
 }
 
 impl Layout {
+    /// Whether rows and columns can be counted at all: everything below counts on that.
+    pub(super) fn is_sound(partition: &Partition, bundle_len: u32, columns: &[ColumnRun]) -> bool {
+        let Partition { width, height, tile } = *partition;
+        let n_rows = width.min(tile).checked_mul(height.min(tile)).and_then(|n| n.checked_mul(bundle_len));
+        let n_cols = columns.iter().try_fold(0u32, |sum, run| {
+            let [width, height] = run.size();
+            sum.checked_add(width.checked_mul(height)?)
+        });
+        tile > 0 && bundle_len > 0 && n_rows.is_some() && n_cols.is_some()
+    }
+
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     pub(super) fn new(partition: Partition, bundle_len: u32, columns: Vec<ColumnRun>) -> Self {
         let Partition { width, height, tile } = partition;
         let of_rows = [width, height].into_iter().flat_map(|side| [side.min(tile), side % tile]);
@@ -76,6 +89,7 @@ impl Layout {
     }
 
     /// Rows of a block.
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     pub(super) fn n_rows(&self, block_idx: usize) -> usize {
         let [width, height] = self.tile(block_idx);
         (width * height * self.bundle_len) as usize
@@ -97,6 +111,7 @@ impl Layout {
         self.weights(block_idx, CHOSEN)
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     fn weights(&self, block_idx: usize, Border { weight, reach }: Border) -> Vec<f32> {
         let [width, height] = self.tile(block_idx);
         let along = |at: u32, len: u32| 1.0 + weight * (-(at.min(len - 1 - at) as f32) / reach).exp();
@@ -105,6 +120,7 @@ impl Layout {
     }
 
     /// One value per row, bundle by bundle, to one plane of coefficients per member of a bundle; the first is their mean.
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     pub(super) fn rows_forward(&self, rows: &[f32], block_idx: usize) -> Vec<f32> {
         let (len, n_bundles) = (self.bundle_len as usize, rows.len() / self.bundle_len as usize);
         let mut planes: Vec<f32> = (0..rows.len()).map(|at| rows[at % n_bundles * len + at / n_bundles]).collect();
@@ -114,6 +130,7 @@ impl Layout {
     }
 
     /// The way back.
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     pub(super) fn rows_inverse(&self, mut planes: Vec<f32>, block_idx: usize) -> Vec<f32> {
         let (len, n_bundles) = (self.bundle_len as usize, planes.len() / self.bundle_len as usize);
         self.cosines.planes(&mut planes, self.tile(block_idx), Direction::Inverse);
@@ -122,6 +139,7 @@ impl Layout {
     }
 
     /// One value per column to coefficients, run by run, or back.
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     pub(super) fn columns(&self, values: &mut [f32], direction: Direction) {
         let mut first = 0;
         for run in &self.columns {

@@ -40,6 +40,7 @@ impl Orthogonal {
 }
 
 /// `left · diag(scale)` and `right` in double precision.
+#[expect(clippy::arithmetic_side_effects, reason = "a value of a component: there is one")]
 pub(super) fn both(factors: &BlockFactors) -> (Dense<f64>, Dense<f64>) {
     let (m, n, k) = (factors.n_rows as usize, factors.n_cols as usize, factors.rank as usize);
     let scaled = |(i, x): (usize, &f16)| x.to_f64() * f64::from(factors.scale[i % k]);

@@ -37,6 +37,7 @@ pub(super) struct Shape {
 
 impl Shape {
     /// Context of the coefficient at a place, from what comes before it and, at the same place, in the first plane.
+    #[expect(clippy::arithmetic_side_effects, reason = "places are within the plane, and magnitudes at most `MOST`")]
     fn table(self, before: &[i32], [x, y]: [usize; 2], first_plane: Option<&[i32]>) -> usize {
         let at = y * self.width + x;
         let magnitude = |back: usize| before[at - back].unsigned_abs().min(MOST);
@@ -70,6 +71,7 @@ impl Shape {
         (0..self.height).flat_map(move |y| (0..self.width).map(move |x| [x, y]))
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "a class begins at or below its magnitudes")]
     pub(super) fn write(self, values: &[i32], first_plane: Option<&[i32]>, out: &mut impl Sink) {
         for (at, &value) in self.places().zip(values) {
             let magnitude = value.unsigned_abs();
@@ -87,6 +89,10 @@ impl Shape {
     }
 
     /// The plane that was written after the same first one.
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "`Layout::is_sound` holds of everything that is read, and magnitudes fit an `i32`"
+    )]
     pub(super) fn read(self, first_plane: Option<&[i32]>, input: &mut Decoder<'_>) -> Vec<i32> {
         let mut values = Vec::with_capacity(self.width * self.height);
         for at in self.places() {
@@ -102,6 +108,7 @@ impl Shape {
 }
 
 /// First magnitude of a symbol, and how many bits tell which of its magnitudes it is.
+#[expect(clippy::arithmetic_side_effects, reason = "symbols are at most 15")]
 fn class(symbol: u32) -> (u32, u32) {
     if symbol < N_SINGLE {
         return (symbol, 0);
@@ -111,6 +118,7 @@ fn class(symbol: u32) -> (u32, u32) {
 }
 
 /// Symbol of a magnitude, with its class.
+#[expect(clippy::arithmetic_side_effects, reason = "magnitudes are at least `N_SINGLE` here")]
 fn class_of(magnitude: u32) -> (u32, u32, u32) {
     if magnitude < N_SINGLE {
         return (magnitude, magnitude, 0);

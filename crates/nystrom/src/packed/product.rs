@@ -55,6 +55,7 @@ impl PackedMatrix {
 
 impl PackedProduct {
     /// The product with a vector of one value per column: one value per row, in the order of the matrix.
+    #[expect(clippy::arithmetic_side_effects, reason = "`Layout::is_sound` holds of everything that is read")]
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         assert!(x.len() == self.layout.n_cols(), "{} values for {} columns", x.len(), self.layout.n_cols());
         let mut coefficients = x.to_vec();

@@ -97,7 +97,7 @@ impl Coefficients {
         Self {
             components: orthogonal.singular.iter().enumerate().map(component).collect(),
             n_entries: f64::from(factors.n_rows) * f64::from(factors.n_cols),
-            n_values: f64::from(factors.n_rows + factors.n_cols),
+            n_values: f64::from(factors.n_rows) + f64::from(factors.n_cols),
         }
     }
 
@@ -155,6 +155,7 @@ impl Component {
 }
 
 /// The nearest whole number, or the one nearer to zero in its dead zone.
+#[expect(clippy::arithmetic_side_effects, reason = "a magnitude is not negative")]
 pub(super) fn round_toward_zero(x: f32) -> i32 {
     // The cast cuts off, and so does what is too large for it.
     let magnitude = (x.abs() + 0.5 - DEAD_ZONE) as i32;
@@ -162,6 +163,10 @@ pub(super) fn round_toward_zero(x: f32) -> i32 {
 }
 
 /// Factors from what was rounded.
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "`Layout::is_sound` holds of everything that is read, and ranks are at most as large"
+)]
 pub(super) fn restore(components: &[Rounded], step: f32, block_idx: usize, layout: &Layout) -> Plain {
     let (m, n, k) = (layout.n_rows(block_idx), layout.n_cols(), components.len());
     let (mut left, mut right) = (vec![0.0; m * k], Vec::with_capacity(k * n));

@@ -16,6 +16,7 @@ impl Table {
     /// Shares add up to two to this power.
     pub(super) const BITS: u32 = 12;
 
+    #[expect(clippy::arithmetic_side_effects, reason = "sixteen shares add up to 2^12")]
     fn from_shares(shares: [u16; N_SYMBOLS]) -> Self {
         let mut starts = [0; N_SYMBOLS + 1];
         for (i, share) in shares.into_iter().enumerate() {
@@ -25,6 +26,7 @@ impl Table {
     }
 
     /// Shares in proportion to counts, with a little for what never came.
+    #[expect(clippy::arithmetic_side_effects, reason = "sixteen shares add up to 2^12")]
     fn from_counts(counts: &[u32; N_SYMBOLS]) -> Self {
         let whole = 1u64 << Self::BITS;
         let total: u64 = counts.iter().map(|&count| u64::from(count)).sum();
@@ -37,12 +39,14 @@ impl Table {
     }
 
     /// Start and length of a symbol's share.
+    #[expect(clippy::arithmetic_side_effects, reason = "sixteen shares add up to 2^12")]
     pub(super) fn share(&self, symbol: u32) -> (u16, u16) {
         let i = symbol as usize;
         (self.starts[i], self.starts[i + 1] - self.starts[i])
     }
 
     /// The symbol whose share holds a place below 2^[`Table::BITS`].
+    #[expect(clippy::arithmetic_side_effects, reason = "sixteen shares add up to 2^12")]
     pub(super) fn symbol_at(&self, place: u32) -> u32 {
         let mut symbol = 0;
         while symbol + 1 < N_SYMBOLS && u32::from(self.starts[symbol + 1]) <= place {
@@ -66,6 +70,7 @@ impl Tables {
     }
 
     /// The tables as bytes: of each the shares up to the last one that is more than the least.
+    #[expect(clippy::arithmetic_side_effects, reason = "sixteen shares add up to 2^12")]
     pub(super) fn encode(&self) -> Vec<u8> {
         let plain = Self::plain();
         let mut out = Encoder::new(&plain);
@@ -93,6 +98,7 @@ impl Tables {
     }
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "sixteen shares add up to 2^12")]
 fn read_table(input: &mut Decoder<'_>) -> Option<Table> {
     let used = input.bits(4) as usize;
     let mut shares = [1u16; N_SYMBOLS];

@@ -47,6 +47,7 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks)
     let mut json = serde_json::to_vec(header).expect("a header has only string keys and plain values");
     json.pop();
     json.extend(CHECKSUM_KEY);
+    #[expect(clippy::arithmetic_side_effects, reason = "bytes that lie in memory")]
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
     let version = match blocks {
@@ -80,7 +81,7 @@ pub(super) fn parse_header(
     path: &Path,
 ) -> Result<(BakeHeader, usize, Blocks), ArchiveError> {
     let cut_off = || damaged(path, "it ends in its header".into());
-    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    let word = |at: usize| bytes.get(at..)?.first_chunk().map(|word| u32::from_le_bytes(*word));
     if bytes.get(..8) != Some(magic) {
         return Err(ArchiveError::NotATransport { path: path.into() });
     }
@@ -89,7 +90,7 @@ pub(super) fn parse_header(
         return Err(ArchiveError::Version { path: path.into(), version });
     }
     let len = word(12).filter(|&len| len <= MAX_HEADER_BYTES).ok_or_else(cut_off)?;
-    let mut offset = FIXED_BYTES + len as usize;
+    let mut offset = FIXED_BYTES.checked_add(len as usize).ok_or_else(cut_off)?;
     let front = bytes.get(..offset).ok_or_else(cut_off)?;
     if !is_intact(front, version) {
         return Err(damaged(path, "its header: the checksum does not fit".into()));
@@ -101,13 +102,13 @@ pub(super) fn parse_header(
         let map = Environment::decode(&bytes[offset..]);
         let (map, len) = map.ok_or_else(|| damaged(path, "the map of its sky".into()))?;
         sky.map = Arc::new(map);
-        offset += len;
+        offset = offset.checked_add(len).ok_or_else(cut_off)?;
     }
     if let Some(patches) = &mut header.patches {
         let (found, len) =
             patches::decode(patches, &bytes[offset..]).ok_or_else(|| damaged(path, "its patches".into()))?;
         *patches = found;
-        offset += len;
+        offset = offset.checked_add(len).ok_or_else(cut_off)?;
     }
     Ok((header, offset, if version >= PACKED_VERSION { Blocks::Packed } else { Blocks::Plain }))
 }

@@ -46,8 +46,11 @@ pub fn part_state(path: &Path) -> Result<PartState, ArchiveError> {
     let (header, offset, seal) = found;
     let n_blocks = header.partitions().iter().map(Partition::n_blocks).sum();
     let (done, end) = read_records(&bytes, offset, seal, &header);
-    Ok(PartState { n_done: done.len(), n_blocks, n_torn_bytes: bytes.len() - end })
+    Ok(PartState { n_done: done.len(), n_blocks, n_torn_bytes: bytes[end..].len() })
 }
+
+/// The number of a block in front of its record.
+const INDEX_LEN: usize = 4;
 
 /// How records end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,15 +184,15 @@ fn record(number: usize, factors: &[Arc<BlockFactors>], seal: Seal) -> Vec<u8> {
 fn read_records(bytes: &[u8], mut offset: usize, seal: Seal, header: &BakeHeader) -> (Done, usize) {
     let (mut done, mut matrices) = (Done::new(), header.empty_matrices());
     let partitions = header.partitions();
-    while let Some(index) = bytes.get(offset..offset + 4) {
-        let number = u32::from_le_bytes([index[0], index[1], index[2], index[3]]) as usize;
+    while let Some((index, blocks)) = bytes[offset..].split_first_chunk::<INDEX_LEN>() {
+        let number = u32::from_le_bytes(*index) as usize;
         let Some((matrix, block_idx)) = locate(&partitions, number) else { break };
         let groups = &mut matrices[matrix];
         if groups.first().is_some_and(|g| g.blocks[block_idx].is_some()) {
             break;
         }
-        let Ok(len) = read_block(&bytes[offset + 4..], groups, block_idx) else { break };
-        let end = offset + 4 + len;
+        let Ok(len) = read_block(blocks, groups, block_idx) else { break };
+        let Some(end) = offset.checked_add(INDEX_LEN).and_then(|end| end.checked_add(len)) else { break };
         let Some(end) = sealed_end(bytes, offset..end, seal) else { break };
         let factors: Option<Vec<_>> = groups.iter().map(|g| g.blocks[block_idx].clone()).collect();
         let Some(factors) = factors else { break };
@@ -204,7 +207,7 @@ fn sealed_end(bytes: &[u8], content: std::ops::Range<usize>, seal: Seal) -> Opti
     match seal {
         Seal::Nothing => Some(content.end),
         Seal::Checksum => {
-            let end = content.end + CHECKSUM_LEN;
+            let end = content.end.checked_add(CHECKSUM_LEN)?;
             let stored = bytes.get(content.end..end)?;
             (*stored == checksum(&bytes[content]).to_le_bytes()).then_some(end)
         }

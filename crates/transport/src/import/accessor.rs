@@ -31,6 +31,7 @@ pub(super) struct Reader<'a> {
 
 impl Reader<'_> {
     /// Elements with exactly `N` floats, from any component type.
+    #[expect(clippy::arithmetic_side_effects, reason = "at most four numbers of four bytes")]
     pub fn floats<const N: usize>(&self, index: usize, integers: Integers) -> Result<Vec<[f32; N]>, String> {
         let accessor = self.accessor(index)?;
         let fits = match accessor.type_ {
@@ -149,11 +150,13 @@ fn strided(
     count: usize,
 ) -> Option<impl Iterator<Item = &[u8]>> {
     let stride = stride.filter(|&stride| stride > 0).unwrap_or(size);
-    if count > 0 {
-        let last = (count - 1).checked_mul(stride)?.checked_add(offset)?;
+    if let Some(n_before) = count.checked_sub(1) {
+        let last = n_before.checked_mul(stride)?.checked_add(offset)?;
         bytes.get(last..last.checked_add(size)?)?;
     }
-    Some((0..count).map(move |i| &bytes[offset + i * stride..][..size]))
+    #[expect(clippy::arithmetic_side_effects, reason = "the end of the last element is within the bytes")]
+    let element = move |i: usize| &bytes[offset + i * stride..][..size];
+    Some((0..count).map(element))
 }
 
 /// The component type of an accessor, which may be one that glTF does not have.

@@ -41,7 +41,7 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
         warnings
             .push(format!("{name}: {n_cleaned} pixels were negative, infinite or no numbers; they are black there"));
     }
-    if width != 2 * height {
+    if Some(width) != height.checked_mul(2) {
         warnings
             .push(format!("{name}: {width}×{height} pixels are not twice as wide as high; shown as equirectangular"));
     }
@@ -53,6 +53,7 @@ type Decoded = Result<(usize, usize, Vec<[f32; 3]>), String>;
 /// More pixels than a byte of a compressed file stands for.
 const MAX_PIXELS_PER_BYTE: usize = 1024;
 
+#[expect(clippy::arithmetic_side_effects, reason = "`is_size` holds where they are multiplied")]
 fn too_large(width: usize, height: usize, n_bytes: usize) -> Option<String> {
     match Environment::is_size(width, height) {
         false => Some(SkyError::Size { width, height }.to_string()),
@@ -70,6 +71,7 @@ fn decode_hdr(bytes: &[u8]) -> Decoded {
     if let Some(problem) = too_large(width, height, bytes.len()) {
         return Err(problem);
     }
+    #[expect(clippy::arithmetic_side_effects, reason = "not too large")]
     let mut raw = vec![0u8; width * height * 12];
     decoder.read_image(&mut raw).map_err(|e| e.to_string())?;
     let value = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
@@ -77,6 +79,7 @@ fn decode_hdr(bytes: &[u8]) -> Decoded {
     Ok((width, height, pixels))
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "not too large, and pixels are within their layer")]
 fn decode_exr(bytes: &[u8]) -> Decoded {
     // Sizes are known before anything is allocated for the pixels.
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| e.to_string())?;

@@ -93,7 +93,7 @@ fn variants(document: &Root) -> String {
     match names.len() {
         0 => String::new(),
         1..=4 => format!(", not those of {}", names.join(", ")),
-        n => format!(", not those of {} and {} more", names[..3].join(", "), n - 3),
+        _ => format!(", not those of {} and {} more", names[..3].join(", "), names[3..].len()),
     }
 }
 
@@ -114,6 +114,6 @@ fn users(document: &Root, extension: &str) -> String {
         0 => String::new(),
         1 => format!(" (material {})", users[0]),
         2..=4 => format!(" (materials {})", users.join(", ")),
-        n => format!(" (materials {} and {} more)", users[..3].join(", "), n - 3),
+        _ => format!(" (materials {} and {} more)", users[..3].join(", "), users[3..].len()),
     }
 }

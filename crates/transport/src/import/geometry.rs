@@ -236,6 +236,7 @@ impl Mode {
 }
 
 /// Triangles whose corners exist and are finite; the others are counted in `notes`.
+#[expect(clippy::arithmetic_side_effects, reason = "a part of them is no more than all")]
 fn usable_triangles(triangles: Vec<[u32; 3]>, positions: &[Vec3], name: &str, notes: &mut Notes) -> Vec<[u32; 3]> {
     let n_all = triangles.len();
     let exists = |triangle: &[u32; 3]| triangle.iter().all(|&v| (v as usize) < positions.len());
@@ -282,7 +283,7 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
     let n_before = mesh.triangles.len();
     let visible = mesh.triangles.iter().copied().filter(|&triangle| has_area(&mesh.positions, triangle)).collect();
     mesh.triangles = visible;
-    built.n_degenerate_triangles = n_before - mesh.triangles.len();
+    built.n_degenerate_triangles = n_before.saturating_sub(mesh.triangles.len());
     if mesh.triangles.is_empty() || stop.is_asked() {
         return;
     }
@@ -318,6 +319,7 @@ fn compacted(triangles: &[[u32; 3]], n_vertices: usize) -> (Vec<u32>, Vec<[u32; 
 /// Three vertices of its own for each triangle, so that normals can be flat.
 fn split(triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     let list = triangles.as_flattened().to_vec();
+    #[expect(clippy::arithmetic_side_effects, reason = "a scene has at most 2^26 triangles")]
     let triangles = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
     (list, triangles)
 }
@@ -365,6 +367,7 @@ fn area_normal(positions: &[Vec3], triangle: [u32; 3]) -> Vec3 {
 }
 
 /// Geometric normals where the file has none, or none that can be normalized.
+#[expect(clippy::arithmetic_side_effects, reason = "a count of vertices in memory")]
 fn complete_normals(mesh: &mut Mesh, has_normals: bool, name: &str, notes: &mut Notes) {
     if !has_normals {
         mesh.normals = vec![Vec3::ZERO; mesh.positions.len()];

@@ -16,6 +16,7 @@ pub(super) fn drop_idle(materials: &mut [Material], textures: &mut Vec<usize>) {
             *used = true;
         }
     }
+    #[expect(clippy::arithmetic_side_effects, reason = "a count of textures in memory")]
     let places: Vec<u32> = is_used
         .iter()
         .scan(0, |kept, &used| {
@@ -40,8 +41,10 @@ pub(super) fn count_idle(scene: &mut Scene, document: &Root, textures: &[usize],
     }
     for (index, _) in is_needed.into_iter().enumerate().filter(|(_, needed)| !needed) {
         let [width, height] = dimensions(document, index, buffers).unwrap_or([0; 2]);
-        scene.idle_images += 1;
-        scene.idle_bytes += 4 * u64::from(width) * u64::from(height);
+        scene.idle_images = scene.idle_images.saturating_add(1);
+        // A size that nobody believes, for nobody decodes it: at the most, it is the most.
+        let n_bytes = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(4);
+        scene.idle_bytes = scene.idle_bytes.saturating_add(n_bytes);
     }
 }
 

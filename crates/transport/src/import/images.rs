@@ -49,12 +49,12 @@ pub(super) fn decode(
     let n_texels_left = AtomicU64::new(MAX_TEXELS);
     let first_readable = |sources: &Vec<usize>| {
         let mut notes = Notes::default();
-        for (place, &index) in sources.iter().enumerate() {
+        for (&index, next) in sources.iter().zip(1..) {
             match decode_image(document, index, buffers, locator, &n_texels_left) {
                 Ok(image) => return (Arc::new(image), notes),
                 Err(reason) => {
                     let name = name_of(index);
-                    let instead = sources.get(place + 1).map_or("a checkerboard".to_owned(), |&next| name_of(next));
+                    let instead = sources.get(next).map_or("a checkerboard".to_owned(), |&next| name_of(next));
                     notes.warn(format!("{name}: {reason}: {instead} is shown"));
                 }
             }
@@ -123,6 +123,7 @@ fn decode_bytes(bytes: &[u8], n_texels_left: &AtomicU64, stop: &Stop) -> Result<
     let mut decoder = reader.into_decoder().map_err(undecodable)?;
     decoder.set_limits(limits).map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
+    #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
     let n_texels = u64::from(width) * u64::from(height);
     if decoder.total_bytes() > MAX_DECODE_BYTES {
         return Err(format!("its {width}×{height} pixels are too large"));
@@ -173,6 +174,7 @@ fn sampler_of(document: &Root, texture: usize) -> ([Wrap; 2], Filter) {
 
 /// Magenta and gray, 8 × 8: nobody mistakes it for a design.
 fn checkerboard() -> Image {
+    #[expect(clippy::arithmetic_side_effects, reason = "there are 64")]
     let texel = |i: usize| if (i % 8 + i / 8).is_multiple_of(2) { [255, 0, 255, 255] } else { [96, 96, 96, 255] };
     Image { width: 8, height: 8, texels: (0..64).map(texel).collect() }
 }

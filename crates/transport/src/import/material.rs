@@ -166,9 +166,10 @@ impl Converter<'_> {
             self.notes.unsupported(format!("{name}: a texture uses coordinate set {uv_set}, set 0 is shown instead"));
         }
         let known = self.textures.iter().position(|&texture| texture == index);
+        let n_known = self.textures.len();
         let texture = known.unwrap_or_else(|| {
             self.textures.push(index);
-            self.textures.len() - 1
+            n_known
         });
         Some(TextureRef {
             texture: texture as u32,

@@ -7,9 +7,11 @@ use crate::scene::Mesh;
 /// Adds a mesh to another; false if vertex indices would overflow.
 pub(super) fn append(all: &mut Mesh, part: Mesh) -> bool {
     let offset = all.positions.len();
-    if u32::try_from(offset + part.positions.len()).is_err() {
+    let end = offset.checked_add(part.positions.len());
+    if end.is_none_or(|end| u32::try_from(end).is_err()) {
         return false;
     }
+    #[expect(clippy::arithmetic_side_effects, reason = "vertices of the part end where all do, which fits")]
     let triangles = part.triangles.into_iter().map(|triangle| triangle.map(|v| v + offset as u32));
     all.triangles.extend(triangles);
     all.triangle_material.extend(part.triangle_material);

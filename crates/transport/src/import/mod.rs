@@ -4,6 +4,9 @@
 //! the report. What is missing in part (an image, a material, one primitive) is replaced or left out; only a file without
 //! readable geometry is refused.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![deny(clippy::arithmetic_side_effects)]
+
 mod accessor;
 mod assemble;
 mod cameras;
@@ -230,7 +233,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
     let mut surfaces = Vec::new();
     for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes)? {
         notes.absorb(std::mem::take(&mut built.notes));
-        n_degenerate_triangles += built.n_degenerate_triangles;
+        n_degenerate_triangles = built.n_degenerate_triangles.saturating_add(n_degenerate_triangles);
         surfaces.extend(sensors.take(built));
     }
     surfaces.extend(sensors.lay(&mut scene, &mut notes));
@@ -319,6 +322,7 @@ fn add_nodes(
             }
             None => plain,
         });
+        #[expect(clippy::arithmetic_side_effects, reason = "a count of cameras in memory")]
         let number = scene.cameras.len() + 1;
         scene.cameras.extend(
             node.camera.and_then(|camera| {

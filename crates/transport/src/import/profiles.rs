@@ -94,8 +94,9 @@ impl<'a> Profiles<'a> {
         }
         let found = match self.read(index) {
             Ok(profile) => {
+                let place = self.loaded.len() as u32;
                 self.loaded.push(profile);
-                Some(self.loaded.len() as u32 - 1)
+                Some(place)
             }
             Err(reason) => {
                 notes.warn(format!("light profile {index}: {reason}"));

@@ -183,6 +183,7 @@ impl ImageStack {
             return Ok((picture, bytes));
         };
         let n_bad = picture.pixels.iter().filter(|pixel| !is_finite(pixel)).count();
+        #[expect(clippy::arithmetic_side_effects, reason = "a film with pixels is wider than 0")]
         let (x, y) = (first % self.film.width as usize, first / self.film.width as usize);
         Err(refuse(format!(
             "{n_bad} of its pixels are infinite or no numbers, the first of them at ({x}, {y}) from the top left; \

@@ -92,6 +92,7 @@ fn duplicate_vertex(mesh: &mut Mesh, v: usize) {
 }
 
 fn corner_angle(mesh: &Mesh, triangle: [u32; 3], corner: usize) -> f32 {
+    #[expect(clippy::arithmetic_side_effects, reason = "two numbers below 3")]
     let at = |i: usize| mesh.positions[triangle[(corner + i) % 3] as usize];
     let cosine = (at(1) - at(0)).normalize_or_zero().dot((at(2) - at(0)).normalize_or_zero());
     cosine.clamp(-1.0, 1.0).acos()

@@ -90,6 +90,7 @@ fn decode_data_uri(rest: &str) -> Result<Vec<u8>, String> {
 }
 
 /// RFC 3986 percent-decoding; a stray `%` stays.
+#[expect(clippy::arithmetic_side_effects, reason = "places within the text, and two digits below 16")]
 fn percent_decode(text: &str) -> Vec<u8> {
     let bytes = text.as_bytes();
     let mut out = Vec::with_capacity(bytes.len());
@@ -115,6 +116,7 @@ fn hex_digit(byte: u8) -> Option<u8> {
 }
 
 /// RFC 4648 base64, standard or URL alphabet, with or without padding; white space and `%`-escapes are tolerated.
+#[expect(clippy::arithmetic_side_effects, reason = "letters are in their ranges, and at most 13 bits wait")]
 fn decode_base64(text: &str) -> Option<Vec<u8>> {
     let unescaped = if text.contains('%') { percent_decode(text) } else { text.as_bytes().to_vec() };
     let mut out = Vec::with_capacity(unescaped.len() / 4 * 3 + 3);

@@ -88,6 +88,7 @@ fn diagonal((lo, hi): Corners) -> f32 {
 fn core_box(mesh: &Mesh, outlying: f32) -> Corners {
     let quantile = |axis: usize, share: f32| {
         let mut values: Vec<f32> = mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize][axis]).collect();
+        #[expect(clippy::arithmetic_side_effects, reason = "a scene has triangles")]
         let place = ((values.len() - 1) as f32 * share).round() as usize;
         *values.select_nth_unstable_by(place, f32::total_cmp).1
     };
@@ -192,6 +193,7 @@ impl<'a> Room<'a> {
             lengths.map(f32::sqrt).sum::<f32>()
         };
         let seen: Vec<f32> = (0..N_DIRECTIONS).map(seen).collect();
+        #[expect(clippy::arithmetic_side_effects, reason = "indices below twice `N_DIRECTIONS`")]
         let (direction, score) = (0..N_DIRECTIONS)
             .map(|i| (i, (0..7).map(|k| seen[(i + N_DIRECTIONS + k - 3) % N_DIRECTIONS]).sum::<f32>()))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -206,6 +208,7 @@ impl<'a> Room<'a> {
     }
 
     /// What most rays end on, over a Fibonacci sphere of directions; `None` in the open and inside a solid.
+    #[expect(clippy::arithmetic_side_effects, reason = "at most `N_RAYS` in all")]
     fn enclosure(&self, eye: Vec3) -> Option<Enclosure> {
         const N_RAYS: usize = 64;
         let golden_angle = PI * (3.0 - 5.0_f32.sqrt());

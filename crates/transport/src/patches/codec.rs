@@ -1,6 +1,9 @@
 //! Patches as bytes behind the header of a file: the number of samples of each patch (u8), position, normal and radius of
 //! each sample and how it takes grazing light (f32), what each patch brings to each coefficient (a scale f32 per column, then f16), FNV-1a u64.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![deny(clippy::arithmetic_side_effects)]
+
 use std::sync::Arc;
 
 use clerestory_nystrom::codec::checksum;
@@ -21,6 +24,7 @@ const MOST_SAMPLES: u32 = 255;
 /// What a file keeps of patches.
 pub(crate) fn encode(patches: &Patches) -> Vec<u8> {
     let body = &patches.body;
+    #[expect(clippy::arithmetic_side_effects, reason = "patches begin one after the other")]
     let mut bytes: Vec<u8> = body.first.windows(2).map(|w| (w[1] - w[0]) as u8).collect();
     for sample in &body.samples {
         let grazing = patches.knows_grazing.then_some(sample.grazing);
@@ -58,6 +62,7 @@ pub(super) fn rounded(shares: &mut [f32], n_columns: usize) {
 /// Reads patches whose numbers are known from the header, and says how many bytes they took; `None` where these do not fit.
 pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)> {
     let (n_patches, n_samples, n_columns) = (header.n_patches, header.n_samples, header.n_columns);
+    #[expect(clippy::arithmetic_side_effects, reason = "at most `MOST_PATCHES`, of `MOST_SAMPLES` each")]
     let plausible = (1..=MOST_PATCHES).contains(&n_patches)
         && (1..=MOST_COLUMNS).contains(&n_columns)
         && (n_patches..=n_patches * MOST_SAMPLES).contains(&n_samples);
@@ -66,14 +71,18 @@ pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)>
     }
     let sample_len = if header.knows_grazing { SAMPLE_LEN } else { EARLIER_SAMPLE_LEN };
     let [n_patches, n_samples, n_columns] = [n_patches, n_samples, n_columns].map(|n| n as usize);
-    let len = n_patches + n_samples * sample_len + n_columns * 4 + n_patches * n_columns * 2;
-    let (content, stored) = (bytes.get(..len)?, bytes.get(len..len + CHECKSUM_LEN)?);
+    #[expect(clippy::arithmetic_side_effects, reason = "plausible counts: less than 2^40 bytes")]
+    let [places_len, scales_len] = [n_samples * sample_len, n_columns * 4];
+    #[expect(clippy::arithmetic_side_effects, reason = "plausible counts: less than 2^40 bytes")]
+    let len = n_patches + places_len + scales_len + n_patches * n_columns * 2;
+    let end = len.checked_add(CHECKSUM_LEN)?;
+    let (content, stored) = (bytes.get(..len)?, bytes.get(len..end)?);
     if *stored != checksum(content).to_le_bytes() {
         return None;
     }
     let (counts, rest) = content.split_at(n_patches);
-    let (places, rest) = rest.split_at(n_samples * sample_len);
-    let (scales, shares) = rest.split_at(n_columns * 4);
+    let (places, rest) = rest.split_at(places_len);
+    let (scales, shares) = rest.split_at(scales_len);
     let number = |bytes: &[u8]| f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
     let mut first = vec![0u32];
     let mut weights = Vec::with_capacity(n_samples);
@@ -82,6 +91,7 @@ pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)>
         first.push(weights.len() as u32);
     }
     let place = |(bytes, weight): (&[u8], f32)| {
+        #[expect(clippy::arithmetic_side_effects, reason = "24 of the bytes of a sample")]
         let [position, normal] = [0, 12].map(|at| Vec3::from_array([0, 4, 8].map(|axis| number(&bytes[at + axis..]))));
         let grazing = bytes.get(28..32).map_or(0.0, number);
         PatchSample { position, normal, weight, radius_m: number(&bytes[24..]), grazing }
@@ -98,5 +108,5 @@ pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)>
         return None;
     }
     let body = Arc::new(Body { samples, first, shares, table: None });
-    Some((Patches { body, ..header.clone() }, len + CHECKSUM_LEN))
+    Some((Patches { body, ..header.clone() }, end))
 }

@@ -16,6 +16,7 @@ pub(super) fn tilt_line(lines: &[&str]) -> Option<usize> {
 }
 
 /// Reads what follows the head; `tilt` is the index of its last line.
+#[expect(clippy::arithmetic_side_effects, reason = "a line number, and counts of at most `MAX_ANGLES`")]
 pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Table, Fault> {
     let mut numbers = Numbers::new(lines, tilt + 1, Comma::Separates);
     if lines[tilt].trim()[5..].trim().eq_ignore_ascii_case("INCLUDE") {
@@ -76,6 +77,7 @@ fn has_ballast_lamp_factor(first_line: &str) -> bool {
 
 /// What the first and the last horizontal angle say about the planes between the others.
 fn symmetry(planes: Planes, angles: &[f64]) -> Result<Symmetry, String> {
+    #[expect(clippy::arithmetic_side_effects, reason = "there is an angle")]
     let (first, last) = (angles[0], angles[angles.len() - 1]);
     let spans = |from: f64, to: f64| (first - from).abs() < NEAR_DEG && (last - to).abs() < NEAR_DEG;
     match planes {

@@ -24,6 +24,7 @@ const N_SETS: usize = 26;
 const FLUX: usize = 29;
 
 /// Reads all lines.
+#[expect(clippy::arithmetic_side_effects, reason = "line numbers from 1 on, and counts of at most `MAX_ANGLES`")]
 pub(super) fn read(lines: &[&str]) -> Result<Table, Fault> {
     let line = |number: usize| Numbers::new(&lines[..number.min(lines.len())], number - 1, Comma::Decimal);
     let isym = line(SYMMETRY).count("the symmetry", 0..=4)?;
@@ -44,6 +45,7 @@ pub(super) fn read(lines: &[&str]) -> Result<Table, Fault> {
 }
 
 /// Which of the planes, counted from 0 and on round the circle, have intensities in the file.
+#[expect(clippy::arithmetic_side_effects, reason = "at most `MAX_ANGLES` planes")]
 fn held_planes(isym: usize, n_planes: usize) -> Result<(Symmetry, std::ops::Range<usize>), String> {
     let quarters = if matches!(isym, 3 | 4) { 4 } else { 2 };
     if isym >= 2 && !n_planes.is_multiple_of(quarters) {

@@ -34,6 +34,7 @@ pub(super) struct Numbers<'a> {
 
 impl<'a> Numbers<'a> {
     /// Numbers of all lines from index `first` on.
+    #[expect(clippy::arithmetic_side_effects, reason = "a line of a text in memory")]
     pub fn new(lines: &'a [&'a str], first: usize, comma: Comma) -> Numbers<'a> {
         let between = move |c: char| c.is_whitespace() || (c == ',' && comma == Comma::Separates);
         let words = lines.iter().enumerate().skip(first).flat_map(move |(index, line)| {

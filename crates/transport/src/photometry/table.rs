@@ -61,6 +61,7 @@ type Places = Vec<(f64, usize)>;
 
 impl Measured {
     /// Completes C planes by a symmetry. B planes say by their first angle, 0, that they are mirrored.
+    #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
     pub fn into_table(self, symmetry: Symmetry) -> Table {
         let (rows, columns) = match self.planes {
             Planes::C => (full_circle(&self.horizontal_deg, symmetry), as_they_are(&self.vertical_deg)),
@@ -126,6 +127,7 @@ fn sorted(mut places: Places) -> Places {
 
 impl Table {
     /// Candela towards a direction of any length.
+    #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
     pub fn at(&self, direction: Vec3) -> f32 {
         let Vec3 { x, y, z } = direction;
         let (vertical, horizontal) = match self.planes {
@@ -155,6 +157,7 @@ impl Table {
     }
 
     /// The integral over all directions, lumen.
+    #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
     pub fn flux_lm(&self) -> f64 {
         let n = self.vertical.len();
         let mut flux = 0.0;
@@ -193,6 +196,7 @@ impl Table {
 }
 
 /// Index of the angle below, and how far it is to the next one, 0…1; `None` outside.
+#[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
 fn bracket(angles: &[f32], angle: f32) -> Option<(usize, f32)> {
     let (first, last) = (*angles.first()?, *angles.last()?);
     if !(first - SLACK..=last + SLACK).contains(&angle) {

@@ -1,5 +1,8 @@
 //! A map as bytes behind the header of a file: width and height u32, scale f32, three f16 per pixel, FNV-1a u64.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![deny(clippy::arithmetic_side_effects)]
+
 use clerestory_nystrom::codec::checksum;
 use glam::Vec3;
 use half::f16;
@@ -25,6 +28,7 @@ impl Environment {
     }
 
     /// Means over squares of `factor` pixels a side; what is left over at the edges shares the last pixel.
+    #[expect(clippy::arithmetic_side_effects, reason = "indices of a map in memory")]
     fn reduced(&self, factor: usize) -> Environment {
         let (w, h) = (self.width(), self.height());
         let (width, height) = (w.div_ceil(factor), h.div_ceil(factor));
@@ -62,6 +66,7 @@ impl Environment {
     /// Bytes of a [`Environment::storable`] map.
     pub(crate) fn encode(&self) -> Vec<u8> {
         let scale = self.scale();
+        #[expect(clippy::arithmetic_side_effects, reason = "bytes of a map in memory")]
         let mut bytes = Vec::with_capacity(HEADER_LEN + self.pixels().len() * 6 + CHECKSUM_LEN);
         bytes.extend((self.width() as u32).to_le_bytes());
         bytes.extend((self.height() as u32).to_le_bytes());
@@ -73,15 +78,17 @@ impl Environment {
 
     /// Reads the map at the start of `bytes`, and says how many bytes it took; `None` if it is cut off or damaged.
     pub(crate) fn decode(bytes: &[u8]) -> Option<(Environment, usize)> {
-        let word = |at: usize| bytes.get(at..at + 4).map(|b| [b[0], b[1], b[2], b[3]]);
+        let word = |at: usize| bytes.get(at..)?.first_chunk().copied();
         let (width, height) = (u32::from_le_bytes(word(0)?) as usize, u32::from_le_bytes(word(4)?) as usize);
         let scale = f32::from_le_bytes(word(8)?);
         let is_sound = Environment::is_size(width, height) && scale > 0.0 && scale.is_finite();
         if !is_sound {
             return None;
         }
+        #[expect(clippy::arithmetic_side_effects, reason = "`is_size` holds: at most 2^25 pixels")]
         let end = HEADER_LEN + width * height * 6;
-        let stored = bytes.get(end..end + CHECKSUM_LEN)?;
+        let whole = end.checked_add(CHECKSUM_LEN)?;
+        let stored = bytes.get(end..whole)?;
         if stored != checksum(&bytes[..end]).to_le_bytes() {
             return None;
         }
@@ -89,7 +96,7 @@ impl Environment {
         let pixel = |b: &[u8]| [value(b), value(&b[2..]), value(&b[4..])];
         let pixels: Vec<[f32; 3]> = bytes[HEADER_LEN..end].chunks_exact(6).map(pixel).collect();
         let is_clean = pixels.iter().flatten().all(|v| v.is_finite() && *v >= 0.0);
-        is_clean.then(|| (Environment::of_clean(width, height, pixels), end + CHECKSUM_LEN))
+        is_clean.then(|| (Environment::of_clean(width, height, pixels), whole))
     }
 }
 

@@ -14,6 +14,10 @@ const BITS_0: [u32; 4] = [0, 2, 4, 8];
 const BITS_1: [[u32; 4]; 2] = [[0, 1, 2, 4], [1, 2, 4, 8]];
 
 /// `count` elements of `stride` bytes, a multiple of 4.
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "strides are from 4 to 256, a block has at most `MAX_BLOCK_BYTES`, and the tail is not longer than the stream"
+)]
 pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, String> {
     let (&header, body) = stream.split_first().ok_or("its stream is empty")?;
     let is_first_version = match header {
@@ -49,6 +53,10 @@ pub(super) fn decode(stream: &[u8], count: usize, stride: usize) -> Result<Vec<u
 }
 
 /// Puts the stored differences where the elements will be.
+#[expect(
+    clippy::arithmetic_side_effects,
+    reason = "indices in a block of at most `MAX_BLOCK_BYTES`, with a stride of at least 4"
+)]
 fn read_differences(body: &mut Stream, controls: Option<&[u8]>, block: &mut [u8], stride: usize) -> Result<(), String> {
     for position in 0..stride {
         let control = controls.map(|controls| controls[position / 4] >> (2 * (position % 4)) & 3);
@@ -74,6 +82,7 @@ fn read_differences(body: &mut Stream, controls: Option<&[u8]>, block: &mut [u8]
 }
 
 /// Sixteen differences of so many bits; those that need more follow as bytes.
+#[expect(clippy::arithmetic_side_effects, reason = "1, 2 or 4 bits of one of sixteen values")]
 pub(super) fn read_group(body: &mut Stream, bits: u32) -> Result<[u8; GROUP], String> {
     let mut group = [0; GROUP];
     match bits {
@@ -97,6 +106,7 @@ pub(super) fn read_group(body: &mut Stream, bits: u32) -> Result<[u8; GROUP], St
 }
 
 /// Adds differences up from element to element, over the four bytes from `position` on.
+#[expect(clippy::arithmetic_side_effects, reason = "positions within an element of at most 256 bytes")]
 fn add_up(block: &mut [u8], stride: usize, position: usize, mode: u8, last: &mut [u8]) -> Result<(), String> {
     let (kind, rotation) = (mode & 15, u32::from(mode >> 4));
     if kind > 2 || (kind < 2 && rotation != 0) {

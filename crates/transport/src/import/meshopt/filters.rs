@@ -17,6 +17,7 @@ pub(super) fn octahedral(bytes: &mut [u8], stride: usize) {
 }
 
 /// Quaternions without their largest component, four components of 2 bytes.
+#[expect(clippy::arithmetic_side_effects, reason = "two numbers below 4")]
 pub(super) fn quaternion(bytes: &mut [u8]) {
     each(bytes, 8, |input| {
         let one = (input[3] | 3) as f32;
@@ -41,6 +42,7 @@ pub(super) fn exponential(bytes: &mut [u8]) {
 }
 
 /// Colors as luma and two differences, four components of 1 or 2 bytes; the highest bit of the fourth tells their width.
+#[expect(clippy::arithmetic_side_effects, reason = "sums of three numbers of 16 bits")]
 pub(super) fn color(bytes: &mut [u8], stride: usize) {
     let mask = if stride == 4 { 0xFF } else { 0xFFFF };
     each(bytes, stride, |[y, orange, green, alpha]| {
@@ -62,6 +64,7 @@ fn each(bytes: &mut [u8], stride: usize, change: impl Fn([i32; 4]) -> [i32; 4]) 
         return;
     }
     for element in bytes.as_chunks_mut::<8>().0 {
+        #[expect(clippy::arithmetic_side_effects, reason = "an element has eight bytes")]
         let input = std::array::from_fn(|i| i32::from(i16::from_le_bytes([element[2 * i], element[2 * i + 1]])));
         for (to, value) in element.as_chunks_mut::<2>().0.iter_mut().zip(change(input)) {
             *to = (value as u16).to_le_bytes();

@@ -14,11 +14,13 @@ impl<T: Copy + Default> Fifo<T> {
         Fifo { items: [T::default(); 16], n_pushed: 0 }
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "a handful for each byte in memory")]
     fn push(&mut self, item: T) {
         self.items[self.n_pushed % 16] = item;
         self.n_pushed += 1;
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "the age is below the number pushed")]
     fn get(&self, age: u8) -> Result<T, String> {
         let age = usize::from(age);
         if age >= self.n_pushed.min(16) {
@@ -53,6 +55,7 @@ pub(super) fn triangles(stream: &[u8], count: usize, stride: usize) -> Result<Ve
     let mut extra = Stream { rest: body };
     let codes = extra.take(count / 3)?;
     let mut state = Triangles { extra, table, edges: Fifo::new(), vertices: Fifo::new(), next: 0, last: 0 };
+    #[expect(clippy::arithmetic_side_effects, reason = "`Compressed::checked` has multiplied them")]
     let mut out = Vec::with_capacity(count * stride);
     for &code in codes {
         let corners = if code < 0xF0 { state.on_edge(code) } else { state.apart(code) }?;
@@ -112,6 +115,7 @@ impl Triangles<'_> {
         Ok([a, b, c])
     }
 
+    #[expect(clippy::arithmetic_side_effects, reason = "ages are from 1 to 14")]
     fn corner(&mut self, how: u8) -> Result<u32, String> {
         match how {
             0 => Ok(self.new_vertex()),
@@ -141,6 +145,7 @@ pub(super) fn sequence(stream: &[u8], count: usize, stride: usize) -> Result<Vec
         return Err("its stream ends too early".to_owned());
     }
     let mut last = [0_u32; 2];
+    #[expect(clippy::arithmetic_side_effects, reason = "`Compressed::checked` has multiplied them")]
     let mut out = Vec::with_capacity(count * stride);
     for _ in 0..count {
         let code = body.varint()?;

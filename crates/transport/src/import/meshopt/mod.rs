@@ -91,6 +91,7 @@ impl Compressed {
     }
 
     /// Bytes after decoding.
+    #[expect(clippy::arithmetic_side_effects, reason = "`Compressed::checked` has multiplied them")]
     pub fn n_bytes(&self) -> usize {
         self.count * self.byte_stride
     }

@@ -48,6 +48,7 @@ fn exr_layer(headers: &[Header]) -> Result<ExrLayer, String> {
         check_size([side(size.width()), side(size.height())], u64::MAX)?;
     }
     let at = header.own_attributes.layer_position;
+    #[expect(clippy::arithmetic_side_effects, reason = "a difference of two 32-bit numbers")]
     let offset = |stored: i32, shown: i32| i64::from(stored) - i64::from(shown);
     Ok(ExrLayer {
         size: [shown.size.width() as u32, shown.size.height() as u32],
@@ -63,10 +64,15 @@ struct Canvas {
 }
 
 impl Canvas {
+    #[expect(clippy::arithmetic_side_effects, reason = "`check_size` has multiplied them")]
     fn new(layer: ExrLayer) -> Canvas {
         Canvas { layer, pixels: vec![[0.0; 3]; layer.size[0] as usize * layer.size[1] as usize] }
     }
 
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "places and offsets are below 2^33, and the index is within the window"
+    )]
     fn set(&mut self, at: Vec2<usize>, pixel: [f32; 3]) {
         let ExrLayer { size: [width, height], offset, .. } = self.layer;
         let (x, y) = (at.x() as i64 + offset[0], at.y() as i64 + offset[1]);

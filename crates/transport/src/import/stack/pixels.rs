@@ -87,6 +87,7 @@ pub(super) fn of_file(error: &io::Error) -> String {
 }
 
 pub(super) fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
+    #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
     let n_pixels = u64::from(width) * u64::from(height);
     match () {
         () if n_pixels == 0 => Err("it is empty".into()),
