@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 
 use toml::Table;
 
-fn root() -> PathBuf {
+pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests package lies in the workspace").to_path_buf()
 }
 
-fn manifest(path: &str) -> Table {
+pub fn manifest(path: &str) -> Table {
     let text = std::fs::read_to_string(root().join(path)).unwrap();
     text.parse().unwrap_or_else(|error| panic!("{path}: {error}"))
 }

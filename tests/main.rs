@@ -4,6 +4,8 @@
 
 /// The arrows between the crates, and one version of what must be one.
 mod architecture;
+/// Sums that must not wrap in silence where files are read.
+mod checked;
 /// Scenes whose radiance is known by hand: closed spheres and furnaces.
 mod energy;
 /// Numbers at the ends of what they can be.

@@ -1,5 +1,8 @@
 //! The one undoable document: how the lights are set and how the picture is shown. A `.look` file is this, as JSON.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+
 mod bookmarks;
 mod damage;
 pub mod display;

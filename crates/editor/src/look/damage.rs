@@ -26,12 +26,14 @@ pub(super) fn readable(text: &str, error: &Error) -> Option<(String, Value)> {
 }
 
 /// Byte at which an error was seen; lines and columns of the parser count bytes from 1.
+#[expect(clippy::arithmetic_side_effects, reason = "places in a text of at most `MAX_BYTES`")]
 fn offset_of(text: &str, error: &Error) -> usize {
     let line_start: usize = text.split_inclusive('\n').take(error.line().saturating_sub(1)).map(str::len).sum();
     (line_start + error.column()).min(text.len())
 }
 
 /// Behind every opening and closing bracket and before every comma; the last ones.
+#[expect(clippy::arithmetic_side_effects, reason = "places in a text of at most `MAX_BYTES`")]
 fn cuts(text: &[u8]) -> VecDeque<Cut> {
     let (mut cuts, mut open, mut at) = (VecDeque::new(), Vec::new(), 0);
     while let Some(&byte) = text.get(at) {

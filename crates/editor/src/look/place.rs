@@ -61,6 +61,7 @@ pub(super) fn located(error: Error, text: &str, steps: &[Step]) -> Error {
 }
 
 /// Both from 1; columns count characters.
+#[expect(clippy::arithmetic_side_effects, reason = "places in a text of at most `MAX_BYTES`")]
 pub(super) fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text.as_bytes()[..offset];
     let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |at| at + 1);
@@ -77,6 +78,7 @@ fn offset(text: &[u8], steps: &[Step]) -> Option<usize> {
     Some(at)
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "places in a text of at most `MAX_BYTES`")]
 fn member(text: &[u8], start: usize, step: &Step) -> Option<usize> {
     let (mut at, mut nth, mut found) = (after_space(text, start + 1), 0, None);
     while !matches!(text.get(at)?, b'}' | b']') {
@@ -104,11 +106,13 @@ fn member(text: &[u8], start: usize, step: &Step) -> Option<usize> {
     found
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "places in a text of at most `MAX_BYTES`")]
 fn after_space(text: &[u8], at: usize) -> usize {
     at + text.get(at..).unwrap_or_default().iter().take_while(|byte| byte.is_ascii_whitespace()).count()
 }
 
 /// The end of the value that begins at a place.
+#[expect(clippy::arithmetic_side_effects, reason = "places in a text of at most `MAX_BYTES`")]
 fn after_value(text: &[u8], start: usize) -> Option<usize> {
     let (mut depth, mut at) = (0_usize, start);
     loop {
@@ -131,6 +135,7 @@ fn is_plain(byte: u8) -> bool {
 }
 
 /// Behind the closing quotation mark; `None` if there is none.
+#[expect(clippy::arithmetic_side_effects, reason = "places in a text of at most `MAX_BYTES`")]
 pub(super) fn after_string(text: &[u8], start: usize) -> Option<usize> {
     let mut at = start + 1;
     while *text.get(at)? != b'"' {

@@ -122,6 +122,7 @@ fn date_of(text: &str) -> Option<(i32, u32, u32)> {
 }
 
 /// Hours since midnight of `14:30`.
+#[expect(clippy::arithmetic_side_effects, reason = "at most 24 hours where they are multiplied")]
 fn hour_of(text: &str) -> Option<f64> {
     let (hours, minutes) = text.split_once(':').and_then(|(h, m)| h.parse::<u32>().ok().zip(m.parse::<u32>().ok()))?;
     (minutes < 60 && hours <= 24 && hours * 60 + minutes <= 24 * 60)

@@ -125,7 +125,7 @@ impl Look {
         let Some(snapshot) = self.snapshots.get(idx) else { return };
         let stem = snapshot.name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
         let copy = Snapshot { name: self.free_name(stem), ..snapshot.clone() };
-        self.snapshots.insert(idx + 1, copy);
+        self.snapshots.insert(idx.saturating_add(1), copy);
     }
 
     /// Takes a snapshot away, and its keys of the timeline.

@@ -84,7 +84,7 @@ impl Timeline {
 
     /// Frames from the first to the last key, both included; none without keys.
     pub fn n_frames(&self) -> u32 {
-        if self.keys.is_empty() { 0 } else { (self.end_secs() * self.fps).round() as u32 + 1 }
+        if self.keys.is_empty() { 0 } else { ((self.end_secs() * self.fps).round() as u32).saturating_add(1) }
     }
 
     /// Adds a key and keeps the order; answers where it stands. One that is at the same time, to a tenth of a frame, gives way.
