@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode_as};
+use clerestory_relight::{
+    DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode_as, encode_into,
+};
 use eframe::egui::{Color32, ColorImage, TextureId};
 use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
@@ -36,8 +38,37 @@ pub enum Changed {
 
 /// A picture as it is shown.
 pub fn color_image(radiance: &Radiance, display: &DisplayParams) -> ColorImage {
-    let pixels = encode_as(|[r, g, b]| Color32::from_rgb(r, g, b), radiance, display);
-    ColorImage::new([radiance.width as usize, radiance.height as usize], pixels)
+    ColorImage::new(size_of(radiance), encode_as(opaque, radiance, display))
+}
+
+fn opaque([r, g, b]: [u8; 3]) -> Color32 {
+    Color32::from_rgb(r, g, b)
+}
+
+fn size_of(radiance: &Radiance) -> [usize; 2] {
+    [radiance.width as usize, radiance.height as usize]
+}
+
+/// Pictures one after the other, in the memory of those that nobody draws any more: fresh memory costs as much as a tone curve.
+#[derive(Default)]
+pub struct Pictures(Vec<Arc<ColorImage>>);
+
+impl Pictures {
+    /// One is made, one waits for the window, one is drawn.
+    const MOST: usize = 3;
+
+    /// A picture as it is shown.
+    pub fn next(&mut self, radiance: &Radiance, display: &DisplayParams) -> Arc<ColorImage> {
+        let size = size_of(radiance);
+        self.0.retain(|image| image.size == size);
+        let free = self.0.iter().position(|image| Arc::strong_count(image) == 1);
+        let fresh = || Arc::new(ColorImage::filled(size, Color32::BLACK));
+        let mut image = free.map_or_else(fresh, |at| self.0.swap_remove(at));
+        encode_into(opaque, radiance, display, &mut Arc::make_mut(&mut image).pixels);
+        self.0.truncate(Self::MOST - 1);
+        self.0.push(image.clone());
+        image
+    }
 }
 
 impl Default for Changed {
@@ -163,6 +194,24 @@ impl GpuPainter {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn pictures_lie_in_memory_that_nobody_reads_any_more() {
+        let (display, mut pictures) = (DisplayParams::default(), Pictures::default());
+        let picture = |value: f32| Radiance { width: 5, height: 3, pixels: vec![[value; 3]; 15] };
+        let (first, second) = (pictures.next(&picture(0.1), &display), pictures.next(&picture(0.3), &display));
+        assert_eq!(*first, color_image(&picture(0.1), &display), "it is still drawn");
+        let place = first.pixels.as_ptr();
+        drop(first);
+        let third = pictures.next(&picture(0.5), &display);
+        assert_eq!(third.pixels.as_ptr(), place);
+        assert_eq!(*third, color_image(&picture(0.5), &display));
+        assert_eq!(*second, color_image(&picture(0.3), &display));
+        let wide = Radiance { width: 15, height: 1, ..picture(0.2) };
+        assert_eq!(*pictures.next(&wide, &display), color_image(&wide, &display), "of another size");
+        let kept: Vec<_> = (0..9).map(|_| pictures.next(&wide, &display)).collect();
+        assert!(pictures.0.len() <= Pictures::MOST, "{}", kept.len());
+    }
 
     #[test]
     fn a_whole_frame_swallows_single_blocks() {

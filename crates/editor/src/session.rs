@@ -250,8 +250,7 @@ impl Session {
     /// Whether every part of what is shown is there: not so while a first picture comes in.
     pub fn is_whole(&self) -> bool {
         let is_coming = matches!(self.bake, BakeState::Preparing | BakeState::Running { pass: 0, .. });
-        let is_there = |shown: &Shown| shown.frame.groups.iter().all(|group| group.blocks.iter().all(Option::is_some));
-        self.shown.as_ref().is_some_and(|shown| !is_coming || is_there(shown))
+        self.shown.as_ref().is_some_and(|shown| !is_coming || shown.is_whole())
     }
 
     /// What is new in the matrix since the last call.
@@ -419,7 +418,8 @@ mod tests {
         assert!(session.is_whole());
         session.bake = BakeState::Preparing;
         assert!(session.is_whole(), "a view that is there stays while another is baked");
-        session.shown.as_mut().expect("a picture is shown").frame.groups[0].blocks[0] = None;
+        let shown = session.shown.as_mut().expect("a picture is shown");
+        Arc::make_mut(&mut shown.frame).groups[0].blocks[0] = None;
         assert!(!session.is_whole());
     }
 }

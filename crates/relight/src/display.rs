@@ -104,19 +104,29 @@ pub fn encode_as<P: Copy + Default + Send>(
     params: &DisplayParams,
 ) -> Vec<P> {
     let mut out = vec![P::default(); radiance.pixels.len()];
+    encode_into(pixel, radiance, params, &mut out);
+    out
+}
+
+/// The same over what is there: as many as the picture has pixels.
+pub fn encode_into<P: Copy + Send>(
+    pixel: impl Fn([u8; 3]) -> P + Sync + Copy,
+    radiance: &Radiance,
+    params: &DisplayParams,
+    out: &mut [P],
+) {
+    assert_eq!(out.len(), radiance.pixels.len(), "pictures of one size");
     if let Some(scale) = &params.false_color {
         let runs = out.par_chunks_mut(RUN).zip(radiance.pixels.par_chunks(RUN));
-        runs.for_each(|(out, pixels)| false_color::encode_run(scale, pixel, pixels, out));
-        return out;
+        return runs.for_each(|(out, pixels)| false_color::encode_run(scale, pixel, pixels, out));
     }
     match params.tone {
-        Tone::Agx => encode_with(curves::agx, pixel, radiance, params, &mut out),
-        Tone::Aces => encode_with(curves::aces, pixel, radiance, params, &mut out),
-        Tone::Neutral => encode_with(curves::neutral, pixel, radiance, params, &mut out),
-        Tone::Reinhard => encode_with(curves::reinhard, pixel, radiance, params, &mut out),
-        Tone::Linear => encode_with(|rgb| rgb, pixel, radiance, params, &mut out),
+        Tone::Agx => encode_with(curves::agx, pixel, radiance, params, out),
+        Tone::Aces => encode_with(curves::aces, pixel, radiance, params, out),
+        Tone::Neutral => encode_with(curves::neutral, pixel, radiance, params, out),
+        Tone::Reinhard => encode_with(curves::reinhard, pixel, radiance, params, out),
+        Tone::Linear => encode_with(|rgb| rgb, pixel, radiance, params, out),
     }
-    out
 }
 
 /// Pixels per unit of parallel work.
@@ -210,6 +220,11 @@ fn exposed(radiance: f32, gain: f32) -> f32 {
 #[inline(always)]
 fn finite(v: f32) -> f32 {
     if v.is_finite() { v } else { 0.0 }
+}
+
+/// Luminance of a color, 0 for channels that are no finite numbers.
+fn finite_luminance(rgb: &[f32; 3]) -> f32 {
+    luminance(rgb.map(finite))
 }
 
 /// sRGB encoding of a linear value between 0 and 1 \[IEC61966-2-1\].

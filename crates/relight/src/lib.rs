@@ -38,7 +38,7 @@ pub mod rows;
 pub mod synthetic;
 
 pub use cpu::CpuRelighter;
-pub use display::{DisplayParams, Tone, encode, encode_as};
+pub use display::{DisplayParams, Tone, encode, encode_as, encode_into};
 pub use frame::{Frame, Radiance};
 pub use gpu::{DeviceChoice, Gpu, GpuRelighter};
 pub use relight::{Relight, RelightError, RelightStats};

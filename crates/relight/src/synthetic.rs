@@ -22,6 +22,8 @@ pub struct Recipe {
     pub rank: Ranks,
     /// Sparse entries per block, at most.
     pub n_sparse: u32,
+    /// Whether no factor is negative, so that all radiance is light.
+    pub is_positive: bool,
     /// Same seed, same frame.
     pub seed: u64,
 }
@@ -31,13 +33,16 @@ pub struct Recipe {
 pub enum Ranks {
     /// The same rank everywhere.
     Fixed(u32),
+    /// Between 0 and the given rank.
+    Spread(u32),
     /// Between 0 and the given rank, and some blocks that are not there yet.
     Mixed(u32),
 }
 
 impl Default for Recipe {
     fn default() -> Self {
-        Self { width: 37, height: 23, tile: 8, n_cols: vec![19, 1], rank: Ranks::Mixed(40), n_sparse: 3, seed: 1 }
+        let (n_cols, rank) = (vec![19, 1], Ranks::Mixed(40));
+        Self { width: 37, height: 23, tile: 8, n_cols, rank, n_sparse: 3, is_positive: false, seed: 1 }
     }
 }
 
@@ -67,9 +72,10 @@ impl Recipe {
         let rank = match self.rank {
             Ranks::Fixed(rank) => rank,
             Ranks::Mixed(_) if random.below(8) == 0 => return None,
-            Ranks::Mixed(rank) => random.below(rank + 1),
+            Ranks::Spread(rank) | Ranks::Mixed(rank) => random.below(rank + 1),
         };
-        let mut halves = |n: u32| (0..n).map(|_| f16::from_f32(random.signed())).collect::<Vec<_>>();
+        let entry = |value: f32| f16::from_f32(if self.is_positive { value.abs() } else { value });
+        let mut halves = |n: u32| (0..n).map(|_| entry(random.signed())).collect::<Vec<_>>();
         let (left, right) = (halves(n_rows * rank), halves(rank * n_cols));
         let scale = (0..rank).map(|_| 2f32.powi(random.below(7) as i32 - 3)).collect();
         let n_sparse = random.below(self.n_sparse + 1);

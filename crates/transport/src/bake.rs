@@ -50,7 +50,7 @@ use crate::patches::{PatchSample, Patches};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::reach::dark_sources;
-use crate::sensors::SensorError;
+use crate::sensors::{SensorError, SensorGrid};
 use crate::shared::SharedMatrix;
 use crate::skips::{Skip, Skips, Spared};
 
@@ -292,6 +292,14 @@ impl BakeHeader {
     /// Which matrix of irradiance is that of the pixels, if it is one of the first `n_there`: those of a bake under way come last.
     pub fn pixel_irradiance(&self, n_there: usize) -> Option<usize> {
         self.irradiance.iter().take(n_there).position(|set| set.rows == IrradianceRows::Pixels)
+    }
+
+    /// Every sensor grid with the number of its matrix, if that is one of the first `n_there`.
+    pub fn grids(&self, n_there: usize) -> impl Iterator<Item = (usize, &SensorGrid)> {
+        self.irradiance.iter().take(n_there).enumerate().filter_map(|(set, header)| match &header.rows {
+            IrradianceRows::Grid(grid) => Some((set, grid)),
+            IrradianceRows::Pixels => None,
+        })
     }
 
     /// No blocks yet, one matrix per group of columns.

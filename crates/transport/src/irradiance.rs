@@ -141,12 +141,7 @@ impl Bake {
 
     /// Every sensor grid with the number of its matrix.
     pub fn grids(&self) -> impl Iterator<Item = (usize, &SensorGrid)> {
-        self.header.irradiance.iter().take(self.irradiance.len()).enumerate().filter_map(|(set, header)| match &header
-            .rows
-        {
-            IrradianceRows::Grid(grid) => Some((set, grid)),
-            IrradianceRows::Pixels => None,
-        })
+        self.header.grids(self.irradiance.len())
     }
 
     /// What each matrix of irradiance cost and how exact it is.

@@ -214,7 +214,7 @@ impl Follower {
                 let changed = if is_other { Changed::All } else { changed };
                 let (frame, coefficients, layer) = match asked.irradiance(shown) {
                     Some(set) => (
-                        Frame { groups: shown.irradiance[set].clone(), ..shown.frame },
+                        Arc::new(shown.irradiance_frame(set)),
                         shown.irradiance_coefficients(set, &asked.rig, light.as_ref()),
                         light.and_then(|light| light.arriving),
                     ),
@@ -235,7 +235,7 @@ impl Follower {
     fn ask(
         &mut self,
         ctx: &Context,
-        frame: Frame,
+        frame: Arc<Frame>,
         (coefficients, layer): (&[Vec<[f32; 3]>], Option<&Arc<Radiance>>),
         changed: Changed,
         asked: &Asked,

@@ -164,7 +164,7 @@ mod tests {
         let config = BakeConfig { spp: 8, tolerance_db: 30.0, ..BakeConfig::default() };
         let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
         let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
-        let frame = Frame { width: film.width, height: film.height, groups: bake.groups.clone() };
+        let frame = Arc::new(Frame { width: film.width, height: film.height, groups: bake.groups.clone() });
         Shown { header: bake.header, camera: None, frame, irradiance: Vec::new(), packed: None }
     }
 
@@ -206,7 +206,7 @@ mod tests {
             let whole = shown.header.coefficients(&rig);
             let mut coefficients = whole.clone();
             let over = layer.layer(&shown, &mut coefficients, Some(lamps.clone())).unwrap();
-            let lit = Frame { groups: shown.bake().groups_under(&rig), ..shown.frame.clone() };
+            let lit = Frame { groups: shown.bake().groups_under(&rig), ..*shown.frame };
             let (ours, known) =
                 (picture(&shown.frame, &coefficients, Some(&over)), picture(&lit, &whole, Some(&lamps)));
             let brightest = known.pixels.as_flattened().iter().copied().fold(0.0, f32::max);

@@ -382,8 +382,8 @@ impl App {
             has_scene,
         };
         measure_ui(ui, &mut self.view.marking, &mut self.solving.schedule, &view, &mut self.actions);
-        let grids = shown
-            .map_or_else(Vec::new, |shown| shown.bake().grids().map(|(set, grid)| (set, grid.name.clone())).collect());
+        let grids = shown.into_iter().flat_map(|shown| shown.header.grids(shown.irradiance.len()));
+        let grids = grids.map(|(set, grid)| (set, grid.name.clone())).collect();
         let view = SolveView {
             lights: self.free_lights(),
             is_busy: self.solving.solving.is_busy(),

@@ -135,7 +135,7 @@ impl Session {
     pub(super) fn bake_started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
         self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
         let camera = self.camera_of(&header);
-        let frame = Frame { width: header.width, height: header.height, groups: header.empty_groups() };
+        let frame = Arc::new(Frame { width: header.width, height: header.height, groups: header.empty_groups() });
         self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None });
     }
 
@@ -149,7 +149,7 @@ impl Session {
         let is_shown = self.incoming.is_none();
         let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
         shown.packed = None;
-        for (group, factors) in shown.frame.groups.iter_mut().zip(factors) {
+        for (group, factors) in Arc::make_mut(&mut shown.frame).groups.iter_mut().zip(factors) {
             group.blocks[block_idx] = Some(factors.clone());
         }
         if is_shown {
@@ -168,7 +168,8 @@ impl Session {
                 self.forget_earlier(&bake.header);
                 // The file will hold these, a little less exact than the blocks that came one by one.
                 if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {
-                    (shown.header, shown.frame.groups) = (bake.header, bake.groups);
+                    Arc::make_mut(&mut shown.frame).groups = bake.groups;
+                    shown.header = bake.header;
                     (shown.irradiance, shown.packed) = (bake.irradiance, bake.packed);
                 }
                 match aside.take() {
@@ -201,7 +202,7 @@ impl Session {
     pub(super) fn show_finished(&mut self, bake: Bake) {
         let Bake { header, groups, irradiance, packed } = bake;
         let camera = self.camera_of(&header);
-        let frame = Frame { width: header.width, height: header.height, groups };
+        let frame = Arc::new(Frame { width: header.width, height: header.height, groups });
         let found = Shown { header, camera, frame, irradiance, packed };
         self.begin_view(found);
         // The same view as before: what was found takes its place.

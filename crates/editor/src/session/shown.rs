@@ -17,8 +17,8 @@ pub struct Shown {
     pub header: Arc<BakeHeader>,
     /// The camera, where the scene is known.
     pub camera: Option<Camera>,
-    /// Its blocks as far as they are there.
-    pub frame: Frame,
+    /// Its blocks as far as they are there; whoever makes a picture shares them.
+    pub frame: Arc<Frame>,
     /// Irradiance of an opened file, so that it is there when the bake is saved again.
     pub irradiance: Vec<Vec<BlockLowRank>>,
     /// The bytes of all that, once they are what is shown.
@@ -29,6 +29,16 @@ impl Shown {
     /// Size of the picture.
     pub fn film(&self) -> Film {
         Film { width: self.header.width, height: self.header.height }
+    }
+
+    /// Whether every block is there.
+    pub fn is_whole(&self) -> bool {
+        self.frame.groups.iter().all(|group| group.blocks.iter().all(Option::is_some))
+    }
+
+    /// A matrix of irradiance as a picture is made of it.
+    pub fn irradiance_frame(&self, set: usize) -> Frame {
+        Frame { width: self.frame.width, height: self.frame.height, groups: self.irradiance[set].clone() }
     }
 
     /// The surfaces on which free lamps bring indirect light, where the bake has them.

@@ -130,7 +130,7 @@ impl Session {
             self.views.n_made += 1;
             self.views.aside = Some(self.views.n_made);
         }
-        if is_whole(&shown) {
+        if shown.is_whole() {
             self.views.kept.push(Kept { id, shown, error_db, figures });
         }
     }
@@ -173,7 +173,7 @@ impl Session {
     pub(super) fn keep_aside(&mut self, shown: Shown, error_db: Option<ErrorDb>) {
         let Some(id) = self.views.aside.take() else { return };
         self.views.kept.retain(|kept| !is_same_view(&kept.shown, &shown));
-        if is_whole(&shown) {
+        if shown.is_whole() {
             let figures = Some(shown.bake().figures());
             self.views.kept.push(Kept { id, shown, error_db, figures });
         }
@@ -195,10 +195,6 @@ impl Session {
         let is_done = self.shown.as_ref().is_some_and(|shown| shown.packed.is_some());
         if is_done { BakeState::Done } else { BakeState::Stopped }
     }
-}
-
-fn is_whole(shown: &Shown) -> bool {
-    shown.frame.groups.iter().all(|group| group.blocks.iter().all(Option::is_some))
 }
 
 /// Whether two bakes are of the same picture and the same lights.

@@ -5,12 +5,13 @@ use std::time::Instant;
 
 use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError};
 use eframe::egui::ColorImage;
+use rayon::prelude::*;
 
 use super::Wake;
 use super::mailbox::{Clerk, Idle, Mailbox};
 use crate::crash;
 use crate::look::Display;
-use crate::picture::{Changed, color_image};
+use crate::picture::{Changed, Pictures};
 
 /// What is wanted of an order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,8 +25,8 @@ pub enum Wanted {
 /// A frame under some light.
 #[derive(Clone, Debug)]
 pub struct Order {
-    /// The factors; blocks are shared.
-    pub frame: Frame,
+    /// The factors.
+    pub frame: Arc<Frame>,
     /// What is new in it since the last order.
     pub changed: Changed,
     /// One RGB triple per column and group.
@@ -43,7 +44,7 @@ pub struct Order {
 /// A picture, ready to be drawn.
 pub struct Relit {
     /// Display-encoded pixels; none where only the metering was wanted.
-    pub image: Option<ColorImage>,
+    pub image: Option<Arc<ColorImage>>,
     /// How it is shown.
     pub display: DisplayParams,
     /// From order to picture, milliseconds.
@@ -103,6 +104,7 @@ fn work(mailbox: &Mailbox<Order, Answer>) {
 struct Bench {
     relighter: Option<CpuRelighter>,
     radiance: Radiance,
+    pictures: Pictures,
     /// How the last picture was shown.
     shown: DisplayParams,
 }
@@ -134,7 +136,7 @@ impl Bench {
             display
         };
         self.shown = display;
-        let image = (order.wanted == Wanted::Picture).then(|| color_image(radiance, &display));
+        let image = (order.wanted == Wanted::Picture).then(|| self.pictures.next(radiance, &display));
         let millis = 1e3 * started.elapsed().as_secs_f32();
         Ok(Relit { image, display, millis, serial: order.serial })
     }
@@ -147,11 +149,12 @@ fn metered(display: &Display, frame: &Frame, radiance: &Radiance) -> DisplayPara
     if !display.meters() || present.len() == partition.n_blocks() {
         return display.metered(radiance);
     }
-    let (mut bundles, mut pixels) = (Vec::new(), Vec::new());
-    for block in present {
+    let pixels_of = |block: usize| {
+        let mut bundles = Vec::new();
         partition.bundles(block, &mut bundles);
-        pixels.extend(bundles.iter().map(|&pixel| radiance.pixels[pixel as usize]));
-    }
+        bundles.into_iter().map(|pixel| radiance.pixels[pixel as usize])
+    };
+    let pixels: Vec<[f32; 3]> = present.into_par_iter().flat_map_iter(pixels_of).collect();
     display.metered(&Radiance { width: pixels.len() as u32, height: 1, pixels })
 }
 
@@ -175,7 +178,7 @@ mod tests {
 
     #[test]
     fn twice_the_light_is_one_stop_less_exposure() {
-        let frame = Recipe { rank: Ranks::Fixed(6), ..Recipe::default() }.frame();
+        let frame = Arc::new(Recipe { rank: Ranks::Fixed(6), ..Recipe::default() }.frame());
         let worker = Worker::start(Arc::new(|_| {})).unwrap();
         let coefficients = |value: f32| -> Vec<Vec<[f32; 3]>> {
             frame.groups.iter().map(|g| vec![[value; 3]; g.n_cols as usize]).collect()

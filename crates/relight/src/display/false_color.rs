@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::curves::log2;
 use super::quantile::quantile;
-use super::{finite, luminance};
+use super::{finite, finite_luminance};
 use crate::frame::Radiance;
 
 /// How values are spread over a scale; by these names in files.
@@ -42,12 +42,12 @@ impl ColorScale {
     /// A scale for a picture: from its 0.5 percentile (from 0 if linear, from a ten-thousandth of the end at least if not)
     /// to its 99.5 percentile, widened to 1, 2 or 5 times a power of ten.
     pub fn fitting(picture: &Radiance, spacing: Spacing) -> Self {
-        let mut values: Vec<f32> = picture.pixels.par_iter().map(|rgb| luminance(rgb.map(finite))).collect();
+        let mut values: Vec<f32> = picture.pixels.par_iter().map(finite_luminance).collect();
         values.retain(|v| *v > 0.0);
         if values.is_empty() {
             return Self { spacing, low: if spacing == Spacing::Log { 0.1 } else { 0.0 }, high: 1.0 };
         }
-        let quantile = |q| quantile(&values, q);
+        let quantile = |q| quantile(&values, |value| *value, q);
         // Bounds that f32 can hold with room on both sides.
         let high = step_above(quantile(0.995).clamp(1e-20, 1e20));
         let low = match spacing {
@@ -135,7 +135,7 @@ pub fn turbo_bytes(x: f32) -> [u8; 3] {
 /// Writes RGBA, 4 bytes per pixel.
 pub(super) fn encode_run<P>(scale: &ColorScale, pixel: impl Fn([u8; 3]) -> P, pixels: &[[f32; 3]], out: &mut [P]) {
     for (out, rgb) in out.iter_mut().zip(pixels) {
-        *out = pixel(turbo_bytes(scale.position(luminance(rgb.map(finite)))));
+        *out = pixel(turbo_bytes(scale.position(finite_luminance(rgb))));
     }
 }
 

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::finite_luminance;
 use super::quantile::quantile;
-use super::{finite, luminance};
 use crate::frame::Radiance;
 
 /// Shown brightness of the log-average luminance, before the tone curve: middle gray \[Reinhard2002\].
@@ -27,17 +27,17 @@ pub enum Metering {
 impl Metering {
     /// Exposure in EV for a picture; 0 for one that is black altogether.
     pub fn exposure_ev(self, radiance: &Radiance) -> f32 {
-        let values: Vec<f32> = radiance.pixels.par_iter().map(|rgb| luminance(rgb.map(finite))).collect();
-        if values.is_empty() {
+        if radiance.pixels.is_empty() {
             return 0.0;
         }
+        let quantile = |q| quantile(&radiance.pixels, finite_luminance, q);
         let first = match self {
-            Self::Auto => 4.0 * quantile(&values, 0.5),
-            Self::Percentile(percent) => quantile(&values, 0.01 * percent),
-            Self::LogAverage => return log_average_ev(&values),
+            Self::Auto => 4.0 * quantile(0.5),
+            Self::Percentile(percent) => quantile(0.01 * percent),
+            Self::LogAverage => return log_average_ev(radiance),
         };
         // Else the brightest 0.5 % of a picture that is mostly black, or the brightest of all.
-        let mut candidates = std::iter::once(first).chain([0.995, 1.0].into_iter().map(|q| quantile(&values, q)));
+        let mut candidates = std::iter::once(first).chain([0.995, 1.0].into_iter().map(quantile));
         candidates.find(|white| *white > 0.0).map_or(0.0, |white| -white.log2())
     }
 }
@@ -48,7 +48,8 @@ pub fn auto_exposure_ev(radiance: &Radiance) -> f32 {
 }
 
 /// Sums in f64 and in the order of the pixels, so that the answer does not depend on the number of threads.
-fn log_average_ev(values: &[f32]) -> f32 {
+fn log_average_ev(radiance: &Radiance) -> f32 {
+    let values: Vec<f32> = radiance.pixels.par_iter().map(finite_luminance).collect();
     let n = values.len() as f64;
     let mean = values.iter().map(|v| f64::from(v.max(0.0))).sum::<f64>() / n;
     if mean <= 0.0 {

@@ -1,54 +1,62 @@
-//! Quantiles of many values at once on all cores: counted by their leading bits, then those with the right ones by the rest.
+//! Quantiles of many values at once on all cores: a sample says between which two values the one that is looked for lies, and of all
+//! others it is enough to know how many are smaller \[Floyd1975\].
 
 use rayon::prelude::*;
 
-/// Values that one thread counts at a time.
-const RUN: usize = 1 << 15;
-/// Bits of the first and of the second count; what is left is sorted.
-const BITS: [u32; 2] = [11, 11];
+/// Items that one thread looks at in one go.
+const RUN: usize = 1 << 14;
+/// Keys that are made together, so that the compiler can use vector registers.
+const LANES: usize = 64;
+/// Values of which it is known how they are ordered.
+const SAMPLES: usize = 1 << 12;
+/// Places in the sample by which the bounds lie below and above: five standard deviations of the middle one of a random sample.
+const MARGIN: usize = 160;
 
 /// The value at place `round(q · (n − 1))`, counted from the smallest, q from 0 to 1, in the order of `f32::total_cmp`; 0 of none.
-pub(super) fn quantile(values: &[f32], q: f32) -> f32 {
-    if values.is_empty() {
-        return 0.0;
+pub(super) fn quantile<T: Sync>(items: &[T], value_of: impl Fn(&T) -> f32 + Sync, q: f32) -> f32 {
+    let Some(last) = items.len().checked_sub(1) else { return 0.0 };
+    let place = ((q.clamp(0.0, 1.0) * last as f32).round() as usize).min(last);
+    let key_of = |item: &T| key(value_of(item));
+    let (mut n_below, mut between) = split(items, key_of, bounds(items, key_of, place));
+    if !(n_below..n_below + between.len()).contains(&place) {
+        // What is seldom led the sample astray.
+        (n_below, between) = split(items, key_of, (0, u32::MAX));
     }
-    let mut place = (q.clamp(0.0, 1.0) * (values.len() - 1) as f32).round() as usize;
-    place = place.min(values.len() - 1);
-
-    // All values share the leading bits of the one that is looked for, which are found a digit at a time.
-    let (mut known, mut n_known) = (0u32, 0);
-    for n_bits in BITS {
-        let shift = 32 - n_known - n_bits;
-        let counts = count(values, |key| {
-            let is_known = n_known == 0 || key >> (32 - n_known) == known;
-            is_known.then_some((key >> shift) as usize & ((1 << n_bits) - 1))
-        });
-        let mut digit = 0;
-        while place >= counts[digit] {
-            place -= counts[digit];
-            digit += 1;
-        }
-        (known, n_known) = (known << n_bits | digit as u32, n_known + n_bits);
-    }
-    let runs = values.par_chunks(RUN);
-    let left = runs.flat_map_iter(|run| run.iter().map(|v| key(*v)).filter(|key| key >> (32 - n_known) == known));
-    let mut left: Vec<u32> = left.collect();
-    let (_, found, _) = left.select_nth_unstable(place);
-    value(*found)
+    value(*between.select_nth_unstable(place - n_below).1)
 }
 
-/// How many values have each digit.
-fn count(values: &[f32], digit: impl Fn(u32) -> Option<usize> + Sync) -> Vec<usize> {
-    let none = || vec![0usize; 1 << BITS[0]];
-    let count = |mut counts: Vec<usize>, run: &[f32]| {
-        run.iter().filter_map(|v| digit(key(*v))).for_each(|digit| counts[digit] += 1);
-        counts
+/// Keys between which the one of a place is likely to lie.
+fn bounds<T>(items: &[T], key_of: impl Fn(&T) -> u32, place: usize) -> (u32, u32) {
+    let stride = items.len() / SAMPLES;
+    if stride < 2 {
+        return (0, u32::MAX);
+    }
+    // Not a multiple of what a row has of pixels, or it would be few columns of the picture.
+    let mut sample: Vec<u32> = items.iter().step_by(stride | 1).map(key_of).collect();
+    sample.sort_unstable();
+    let middle = place / (stride | 1);
+    let below = middle.checked_sub(MARGIN).map_or(0, |i| sample[i]);
+    (below, sample.get(middle + MARGIN).copied().unwrap_or(u32::MAX))
+}
+
+/// How many keys lie below two bounds, and those that lie between them or on one.
+fn split<T: Sync>(items: &[T], key_of: impl Fn(&T) -> u32 + Sync, (low, high): (u32, u32)) -> (usize, Vec<u32>) {
+    let look = |(mut n_below, mut between): (usize, Vec<u32>), run: &[T]| {
+        let mut keys = [0; LANES];
+        for items in run.chunks(LANES) {
+            keys.iter_mut().zip(items).for_each(|(key, item)| *key = key_of(item));
+            let keys = &keys[..items.len()];
+            n_below += keys.iter().map(|key| u32::from(*key < low)).sum::<u32>() as usize;
+            between.extend(keys.iter().filter(|key| (low..=high).contains(key)));
+        }
+        (n_below, between)
     };
-    let sum = |mut a: Vec<usize>, b: Vec<usize>| {
-        a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-        a
+    let join = |(n_a, mut a): (usize, Vec<u32>), (n_b, mut b): (usize, Vec<u32>)| {
+        a.append(&mut b);
+        (n_a + n_b, a)
     };
-    values.par_chunks(RUN).fold(none, count).reduce(none, sum)
+    let none = || (0, Vec::new());
+    items.par_chunks(RUN).fold(none, look).reduce(none, join)
 }
 
 /// An integer that orders as the value does.
@@ -76,9 +84,24 @@ mod tests {
             sorted.sort_by(f32::total_cmp);
             for q in [0.0, 0.001, 0.25, 0.5, 0.9, 0.995, 1.0] {
                 let place = (q * (sorted.len() - 1) as f32).round() as usize;
-                assert_eq!(quantile(&values, q).to_bits(), sorted[place].to_bits(), "{q} of {n}");
+                assert_eq!(quantile(&values, |v| *v, q).to_bits(), sorted[place].to_bits(), "{q} of {n}");
             }
         }
-        assert_eq!(quantile(&[], 0.5), 0.0);
+        assert_eq!(quantile(&[], |v: &f32| *v, 0.5), 0.0);
+    }
+
+    #[test]
+    fn a_sample_that_tells_nothing_costs_time_and_nothing_else() {
+        // Every item of the sample is small, and all others are large.
+        let n = 3 * SAMPLES;
+        let values: Vec<f32> = (0..n).map(|i| if i % 3 == 0 { 1.0 } else { 2.0 + i as f32 }).collect();
+        let (low, high) = bounds(&values, |v| key(*v), n / 2);
+        assert_eq!((value(low), value(high)), (1.0, 1.0));
+        assert_eq!(
+            quantile(&values, |v| *v, 0.5),
+            2.0 + (0..n).filter(|i| i % 3 != 0).nth(n / 2 - n / 3).unwrap() as f32
+        );
+        let flat = vec![7.0; 2 * n];
+        assert_eq!(quantile(&flat, |v| *v, 0.3), 7.0);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, Result, bail};
@@ -84,8 +84,9 @@ fn synthetic_bake(film: Film) -> Result<Bake> {
         height: film.height,
         tile: header.tile,
         n_cols: header.basis.groups.iter().map(|group| group.columns.len() as u32).collect(),
-        rank: Ranks::Mixed(RANK),
+        rank: Ranks::Spread(RANK),
         n_sparse: 0,
+        is_positive: true,
         ..Recipe::default()
     };
     Ok(Bake { header: Arc::new(header), groups: recipe.frame().groups, irradiance: Vec::new(), packed: None })
@@ -121,8 +122,8 @@ struct Window {
     ctx: egui::Context,
     app: App,
     frame: eframe::Frame,
-    /// Somebody wants another frame.
-    woken: Receiver<()>,
+    /// When somebody wants another frame.
+    woken: Receiver<Instant>,
     begun: Instant,
     /// Where the slider of the first lamp is.
     slider: Rect,
@@ -131,10 +132,10 @@ struct Window {
 impl Window {
     fn open(path: PathBuf) -> Result<Window> {
         let ctx = egui::Context::default();
-        let (wake, woken) = sync_channel(1);
-        ctx.set_request_repaint_callback(move |_| {
-            // One that waits is as good as many.
-            let _ = wake.try_send(());
+        let (wake, woken) = channel();
+        ctx.set_request_repaint_callback(move |info| {
+            // Nobody listens any more once the window is gone.
+            let _ = wake.send(Instant::now() + info.delay.min(PATIENCE));
         });
         ctx.enable_accesskit();
         let creation = eframe::CreationContext::_new_kittest(ctx.clone());
@@ -189,8 +190,15 @@ impl Window {
             if begun.elapsed() > PATIENCE {
                 bail!("no picture came");
             }
-            // A repaint that is asked for later than at once is waited for here.
-            let _ = self.woken.recv_timeout(Duration::from_millis(20));
+            self.sleep();
+        }
+    }
+
+    /// Waits until the soonest frame that anybody wants is due.
+    fn sleep(&self) {
+        let mut due = Instant::now() + PATIENCE;
+        while let Ok(wanted) = self.woken.recv_timeout(due.saturating_duration_since(Instant::now())) {
+            due = due.min(wanted);
         }
     }
 
