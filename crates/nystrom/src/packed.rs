@@ -50,6 +50,8 @@ pub use product::PackedProduct;
 const LEAST_SHARE: f64 = 0.07;
 /// How much worse than allowed a single block may be stored: 4 dB.
 const WORST_BLOCK: f64 = 2.5;
+/// Share of a block's mean square that is lost where factors are rounded to 16 bits, with room: less cannot be asked for.
+const OF_HALVES: f64 = 1.0 / (1 << 22) as f64;
 /// Octaves in quarters that such a block may be finer than the others.
 const FINEST: i32 = -60;
 /// Blocks that tell how fine the common step and the tables are.
@@ -225,7 +227,7 @@ impl<'a> Packer<'a> {
         let kept = product_with(&left.data, &right.data, left.n_cols, &self.direction, left.n_rows);
         let own_error = f64::from(factors.error.truncation.max(0.0) + factors.error.sampling.max(0.0));
         let shade = shade(coefficients.mean_square(), self.plan.bright);
-        let allowed = f64::from(self.plan.allowed) * shade;
+        let allowed = (f64::from(self.plan.allowed) * shade).max(OF_HALVES * coefficients.mean_square());
         Some(Unrounded { block_idx, factors, coefficients, kept, own_error, shade, allowed })
     }
 
@@ -290,9 +292,16 @@ impl<'a> Packer<'a> {
             quarters = quarters_between(step, drowned).max(quarters);
         }
         let (mut components, mut kept, mut added) = self.round(block, step_of(step, quarters));
-        while added > block.most() && quarters > FINEST {
-            quarters -= 1;
-            (components, kept, added) = self.round(block, step_of(step, quarters));
+        for finer in (FINEST..quarters).rev() {
+            if added <= block.most() {
+                break;
+            }
+            let round = self.round(block, step_of(step, finer));
+            // Too fine a step has more multiples than can be counted.
+            if round.2 < added {
+                quarters = finer;
+                (components, kept, added) = round;
+            }
         }
         let mut error = block.factors.error;
         error.truncation += added as f32;

@@ -152,6 +152,27 @@ fn a_noisy_block_is_stored_at_worst_as_a_block_without_noise() {
 }
 
 #[test]
+fn what_no_factor_can_hold_is_not_looked_for() {
+    // Less than what is lost by factors of 16 bits, of noisy blocks, too, which may be as fine as it takes.
+    for own in [0.0, 1e-2] {
+        let mut matrix = example(0.0);
+        for block in matrix.blocks.iter_mut().flatten() {
+            let error = BlockError { truncation: own, sampling: own, noise: 0.5 };
+            *block = Arc::new(BlockFactors { error, sparse: Vec::new(), ..(**block).clone() });
+        }
+        let of = |allowed: f32| PackedMatrix::pack(&matrix, &plan(allowed));
+        let held = of(1e-8);
+        for allowed in [1e-14, 1e-20, 0.0] {
+            let beyond = of(allowed);
+            let error = difference(&matrix, &beyond.unpack().unwrap());
+            assert!(error < 1e-6, "{own} {allowed}: {error}");
+            let (n_beyond, n_held) = (beyond.n_bytes(), held.n_bytes());
+            assert!(n_beyond < 5 * n_held, "{own} {allowed}: {n_beyond} against {n_held} bytes");
+        }
+    }
+}
+
+#[test]
 fn bytes_come_back_and_every_single_changed_one_is_noticed() {
     let packed = PackedMatrix::pack(&example(0.0), &plan(1e-3));
     let mut bytes = Vec::new();
