@@ -284,7 +284,6 @@ impl<'a> Packer<'a> {
     }
 
     /// A block for the common step: coarser where its own error drowns the step's, finer where it would be far too bad.
-    #[expect(clippy::arithmetic_side_effects, reason = "quarters are above `FINEST` where they fall")]
     fn rounded(&self, block: &Unrounded<'a>, step: f32) -> RoundedBlock<'a> {
         let mut quarters = block.quarters();
         if block.own_error > block.allowed {
