@@ -70,6 +70,36 @@ fn without_patches_a_picture_shows_direct_light_and_says_so() {
 }
 
 #[test]
+fn caustics_that_moved_lamps_lack_are_named_by_the_surfaces_that_cast_them() {
+    let desk = lit_by("a.look", &two_lamps());
+    let ball = Shape::hollow_sphere(0.2, 6).turned();
+    let metal =
+        |roughness: f32| json!({ "pbrMetallicRoughness": { "metallicFactor": 1, "roughnessFactor": roughness } });
+    let glass = |volume: Value| {
+        let extensions =
+            json!({ "KHR_materials_transmission": { "transmissionFactor": 1 }, "KHR_materials_volume": volume });
+        json!({ "pbrMetallicRoughness": { "metallicFactor": 0, "roughnessFactor": 0 }, "extensions": extensions })
+    };
+    let body = glass(json!({ "thicknessFactor": 0.1 }));
+    for (name, material, casts) in [
+        ("chrome", metal(0.0), true),
+        ("satin", metal(0.5), false),
+        ("body", body, true),
+        ("pane", glass(json!({})), false),
+    ] {
+        let file = two_lamps_and_a_panel().surface(name, &ball, material);
+        std::fs::write(desk.path("room.glb"), file.glb()).unwrap();
+        let info = desk.json("info @room.glb");
+        let named: Vec<&str> = info["caustic_materials"].as_array().unwrap().iter().filter_map(Value::as_str).collect();
+        assert_eq!(named.len(), usize::from(casts), "{name}: {info}");
+        assert_eq!(desk.run("info @room.glb").stdout.contains("cast caustics"), casts, "{name}");
+        desk.json("bake @room.glb -o @room.transport --size 16x12 --spp 1 --patches 16");
+        let relit = desk.json("relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --device cpu");
+        assert_eq!(relit["warnings"].to_string().contains("caustics"), casts, "{name}: {relit}");
+    }
+}
+
+#[test]
 fn lamps_need_the_scene_that_was_baked() {
     let desk = lit_by("a.look", &two_lamps());
     desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 4"));

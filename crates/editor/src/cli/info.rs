@@ -9,6 +9,7 @@ use clerestory_transport::basis::LightSource;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::Lighting;
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::Material;
 use clerestory_transport::skips::Skips;
 use serde_json::{Value, json};
 
@@ -97,6 +98,12 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
     let of_file = scene.cameras.iter().filter(|_| !report.made_camera);
     let cameras: Vec<&str> = of_file.map(|camera| camera.name.as_str()).collect();
     let sensors: Vec<&str> = scene.sensors.iter().map(|grid| grid.name.as_str()).collect();
+    let caustic = scene.materials.iter().filter(|material| material.casts_caustics());
+    let name = |material: &Material| match material.name.as_str() {
+        "" => "a material without a name".to_owned(),
+        name => name.to_owned(),
+    };
+    let caustic: Vec<String> = caustic.map(name).collect();
     // Of the file: those without area are there, though no light meets them.
     let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
     let json = json!({
@@ -109,18 +116,20 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
         "light_details": sources.iter().map(light_detail).collect::<Vec<_>>(),
         "sensors": sensors,
         "materials": report.n_materials,
+        "caustic_materials": caustic,
         "unsupported": report.unsupported,
         "warnings": console.warnings(),
     });
     let words = format!(
-        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}{}\nnot supported  {}",
+        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}{}{}\nnot supported  {}",
         path.display(),
         triangles,
         report.n_nodes,
         report.n_materials,
         listed(&cameras),
         listed(&sources.iter().map(light_words).collect::<Vec<_>>()),
-        if sensors.is_empty() { String::new() } else { format!("\nsensors  {}", listed(&sensors)) },
+        line_of("sensors", &sensors),
+        line_of("cast caustics, which moved and added lamps lack", &caustic),
         listed(&report.unsupported),
     );
     Ok(Answer { json, words })
@@ -139,6 +148,11 @@ fn light_words(source: &LightSource) -> String {
         n => format!(", {n} columns"),
     };
     format!("{} ({} {}{columns})", source.key, source.strength, source.kind.unit())
+}
+
+/// A line for people, if there is anything in it.
+fn line_of(title: &str, items: &[impl AsRef<str>]) -> String {
+    if items.is_empty() { String::new() } else { format!("\n{title}  {}", listed(items)) }
 }
 
 /// A list for people.

@@ -31,6 +31,7 @@ mod prints;
 mod rays;
 mod reference;
 mod relight;
+mod rendered;
 mod sitting;
 mod skips;
 mod stability;

@@ -1,6 +1,5 @@
 //! Other renderers beside ours on the same files, where a Python that has them is at hand.
 
-use std::ops::ControlFlow;
 use std::process::Command;
 use std::sync::Arc;
 
@@ -12,12 +11,13 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::trace::{TraceConfig, trace};
+use clerestory_transport::trace::TraceConfig;
 use serde_json::Value;
 
 use super::desk::{Desk, load_words, number};
 use super::fit::digits;
 use super::matrix::{BOUNCES, baked, process_cpu_secs};
+use super::rendered::rendered;
 use super::skips::picture;
 
 /// Environment variable with the Python that has the renderers.
@@ -113,7 +113,5 @@ fn words(told: &Value, name: &str) -> String {
 
 fn traced(scene: &PreparedScene, film: Film, spp: u32, seed: u64) -> Result<Radiance> {
     let light = scene.lighting.basis.project(&LightRig::default());
-    let (config, go_on) = (TraceConfig { spp, bounces: BOUNCES, seed }, |_: f32| ControlFlow::Continue(()));
-    let pixels = trace(scene, &scene.scene.cameras[0], film, &light, &config, &go_on);
-    Ok(Radiance { width: film.width, height: film.height, pixels: pixels.context("nobody stops a render")? })
+    rendered(scene, film, &light, &TraceConfig { spp, bounces: BOUNCES, seed })
 }

@@ -1,6 +1,5 @@
 //! All columns against one plain picture at equal samples.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -9,12 +8,13 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::trace::{TraceConfig, trace};
+use clerestory_transport::trace::TraceConfig;
 
 use super::{SCENES, SEED};
 use crate::desk::Desk;
 use crate::fit::{digits, spread_words};
 use crate::matrix::{baked, process_cpu_secs};
+use crate::rendered::rendered;
 
 const TURNS: u64 = 3;
 
@@ -67,7 +67,6 @@ fn both(scene: &Arc<PreparedScene>, film: Film, spp: u32, seed: u64) -> Result<[
     let light = scene.lighting.basis.project(&LightRig::default());
     let config = TraceConfig { spp, bounces: None, seed };
     let begun = process_cpu_secs()?;
-    let go_on = |_: f32| ControlFlow::Continue(());
-    trace(scene, &scene.scene.cameras[0], film, &light, &config, &go_on).context("nobody stops a render")?;
+    rendered(scene, film, &light, &config)?;
     Ok([bake, process_cpu_secs()? - begun])
 }

@@ -15,7 +15,7 @@ use crate::targets::coded::Subject;
 
 /// Ranks of the rivals, and what ours is asked for in dB.
 const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
-const TOLERANCES_DB: [f64; 5] = [25.0, 30.0, 35.0, 40.0, 45.0];
+const TOLERANCES_DB: [f64; 5] = [5.0, 10.0, 15.0, 20.0, 30.0];
 /// Error of the ranks that are told, in dB of single texels.
 const RANK_DB: f64 = 40.0;
 /// Bytes of a number of a rival: rounding is not held against them.

@@ -1,21 +1,21 @@
 //! Each way measured with growing numbers of samples, in turn.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clerestory_nystrom::BlockLowRank;
 use clerestory_transport::bake::{BakeConfig, BakeHeader, BakeJob, Indirect, Passes};
 use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::light::{LightRig, PanelSpot};
 use clerestory_transport::matrix::CHANNELS;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::trace::{TraceConfig, trace};
+use clerestory_transport::trace::TraceConfig;
 
 use super::{Point, Subject, Way};
 use crate::desk::Desk;
 use crate::matrix::{baked, process_cpu_secs};
 use crate::reference::{Reference, Sampling, uncompressed};
+use crate::rendered::rendered;
 use crate::under_way::{ends_a_pass, run_until};
 
 /// Samples per pixel that are tried, as far as they do not take too long.
@@ -186,7 +186,5 @@ fn plain(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32)
 }
 
 fn traced(subject: &Subject, scene: &PreparedScene, light: &[[f32; 3]], spp: u32, seed: u64) -> Result<Vec<[f32; 3]>> {
-    let config = TraceConfig { spp, bounces: None, seed };
-    let go_on = |_: f32| ControlFlow::Continue(());
-    trace(scene, &scene.scene.cameras[0], subject.film, light, &config, &go_on).context("nobody stops a render")
+    Ok(rendered(scene, subject.film, light, &TraceConfig { spp, bounces: None, seed })?.pixels)
 }
