@@ -6,7 +6,6 @@ use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
-use clerestory_transport::patches::Patches;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -161,8 +160,7 @@ fn while_a_lamp_moves_continuously_the_picture_moves_continuously() {
     let patches = bake.header.patches.as_ref().unwrap();
     let mut relighter = CpuRelighter::new(&frame(&bake)).unwrap();
     let camera = &scene.scene.cameras[0];
-    let narrow_alpha = bake.header.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
-    let config = VisibleConfig { samples: 8, narrow_alpha, ..VisibleConfig::default() };
+    let config = VisibleConfig { samples: 8, narrow_alpha: patches.narrow_alpha(), ..VisibleConfig::default() };
     let points = VisiblePoints::new(&scene, camera, film, config, &|| false).unwrap();
     // Across the room, over the block and close by the wall, half a centimeter a frame.
     let n_frames = 300;
@@ -177,7 +175,7 @@ fn while_a_lamp_moves_continuously_the_picture_moves_continuously() {
         let lamps = PreparedLamps::new(&[lamp], None).unwrap().0;
         let mut coefficients = bake.header.coefficients(&LightRig::default());
         coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);
-        *coefficients.last_mut().unwrap() = patches.coefficients(&|at| lamps.light_on(&scene, at));
+        *coefficients.last_mut().unwrap() = lamps.light_on_patches(&scene, patches);
         let mut indirect = Radiance::default();
         relighter.relight(&coefficients, &mut indirect).unwrap();
         let mut direct = vec![0.0; 3 * film.n_pixels()];

@@ -9,7 +9,6 @@ use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::bake::Bake;
 use clerestory_transport::lamps::PreparedLamps;
 use clerestory_transport::light::LightRig;
-use clerestory_transport::patches::PatchSample;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::SensorGrid;
 use glam::Vec3;
@@ -33,9 +32,8 @@ pub struct AddedLux {
 impl AddedLux {
     /// Of lamps for points that no pixel sees.
     pub fn of_lamps(bake: &Bake, scene: Arc<PreparedScene>, lamps: PreparedLamps) -> AddedLux {
-        let irradiance = |at: &PatchSample| lamps.light_on(&scene, at);
-        let of_patches =
-            bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance));
+        let patches = bake.header.patches.as_ref();
+        let of_patches = patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches));
         AddedLux { of_patches, straight: None, lamps: Some((scene, lamps)) }
     }
 }

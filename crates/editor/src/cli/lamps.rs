@@ -10,7 +10,7 @@ use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
-use clerestory_transport::patches::{PatchSample, Patches};
+use clerestory_transport::patches::Patches;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 
@@ -109,8 +109,8 @@ impl LampLight {
         let narrow_alpha = bake.header.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
         let direct = direct(&scene, &camera, (film, narrow_alpha), &each);
         let of_patches = |lamps: &PreparedLamps| {
-            let irradiance = |at: &PatchSample| lamps.light_on(&scene, at);
-            bake.header.patches.as_ref().map_or_else(Vec::new, |patches| patches.coefficients(&irradiance))
+            let patches = bake.header.patches.as_ref();
+            patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches))
         };
         let measured = match arriving {
             Arriving::Left => vec![None; each.len()],

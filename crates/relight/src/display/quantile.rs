@@ -27,14 +27,14 @@ pub(super) fn quantile<T: Sync>(items: &[T], value_of: impl Fn(&T) -> f32 + Sync
 
 /// Keys between which the one of a place is likely to lie.
 fn bounds<T>(items: &[T], key_of: impl Fn(&T) -> u32, place: usize) -> (u32, u32) {
-    let stride = items.len() / SAMPLES;
-    if stride < 2 {
+    // Not a multiple of what a row has of pixels, or it would be few columns of the picture.
+    let stride = (items.len() / SAMPLES) | 1;
+    if stride == 1 {
         return (0, u32::MAX);
     }
-    // Not a multiple of what a row has of pixels, or it would be few columns of the picture.
-    let mut sample: Vec<u32> = items.iter().step_by(stride | 1).map(key_of).collect();
+    let mut sample: Vec<u32> = items.iter().step_by(stride).map(key_of).collect();
     sample.sort_unstable();
-    let middle = place / (stride | 1);
+    let middle = place / stride;
     let below = middle.checked_sub(MARGIN).map_or(0, |i| sample[i]);
     (below, sample.get(middle + MARGIN).copied().unwrap_or(u32::MAX))
 }

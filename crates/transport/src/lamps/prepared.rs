@@ -12,7 +12,7 @@ use super::units::native_strength;
 use super::{FreeLamp, LampShape};
 use crate::clearance::{offset_origin, rounding};
 use crate::import::read_profile;
-use crate::patches::PatchSample;
+use crate::patches::{PatchSample, Patches};
 use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
 use crate::scene::{PunctualKind, PunctualLight};
@@ -133,6 +133,11 @@ impl PreparedLamps {
     /// The same on a point of a patch, light of each direction by what its surface makes of it.
     pub fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
         self.arriving(scene, &Place::new(scene, sample.position, sample.normal), |cos| sample.response(cos))
+    }
+
+    /// One RGB coefficient per column of patches, see [`Patches::coefficients`].
+    pub fn light_on_patches(&self, scene: &PreparedScene, patches: &Patches) -> Vec<[f32; 3]> {
+        patches.coefficients(&|at| self.light_on(scene, at))
     }
 
     fn arriving(&self, scene: &PreparedScene, place: &Place, response: impl Fn(f32) -> f32) -> Vec3 {

@@ -11,6 +11,8 @@ use crate::scene::Material;
 use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 48, height: 32 };
+const WIDE: Film = Film { width: 48, height: 16 };
+const SIXTEEN: VisibleConfig = VisibleConfig { samples: 16, seed: 0, first: 0, narrow_alpha: 0.0 };
 /// Side of the blocks of pixels whose means are compared.
 const BLOCK: u32 = 8;
 const ALBEDO: f32 = 0.5;
@@ -44,8 +46,7 @@ fn room() -> Stage {
 
 /// Mean over passes, each sample of a pixel in its turn.
 fn live(scene: &PreparedScene, lamps: &PreparedLamps, film: Film, n_passes: u32, seed: u64) -> Vec<[f32; 3]> {
-    let config = VisibleConfig { samples: 16, seed, ..VisibleConfig::default() };
-    live_by(scene, lamps, film, n_passes, config)
+    live_by(scene, lamps, film, n_passes, VisibleConfig { seed, ..SIXTEEN })
 }
 
 /// The same with samples as told.
@@ -118,12 +119,24 @@ fn assert_same(of_live: &[Vec<f64>], of_walks: &[Vec<f64>], what: &str) {
 /// Live pictures of the scene against walks, of the same lamps.
 #[track_caller]
 fn compare(stage: impl Fn() -> Stage, lamps: &[FreeLamp], bounces: u32, spp: u32, what: &str) {
+    compare_by((FILM, SIXTEEN), stage, lamps, (bounces, spp), what);
+}
+
+/// The same of another film and with samples as told.
+#[track_caller]
+fn compare_by(
+    (film, config): (Film, VisibleConfig),
+    stage: impl Fn() -> Stage,
+    lamps: &[FreeLamp],
+    (bounces, spp): (u32, u32),
+    what: &str,
+) {
     let (scene, lamps) = (stage().prepared(), prepared(lamps));
     let mut lit = stage().prepared();
     lamps.install(&mut lit).expect("names of their own");
-    let runs = 0..4u64;
-    let of_live: Vec<_> = runs.clone().map(|seed| blocks(&live(&scene, &lamps, FILM, 64, seed), FILM)).collect();
-    let of_walks: Vec<_> = runs.map(|seed| blocks(&walked(&lit, FILM, bounces, spp, seed), FILM)).collect();
+    let live = |seed| live_by(&scene, &lamps, film, 64, VisibleConfig { seed, ..config });
+    let of_live: Vec<_> = (0..4).map(|seed| blocks(&live(seed), film)).collect();
+    let of_walks: Vec<_> = (0..4).map(|seed| blocks(&walked(&lit, film, bounces, spp, seed), film)).collect();
     assert_same(&of_live, &of_walks, what);
 }
 
@@ -146,51 +159,33 @@ fn direct_light_is_that_of_walks_which_end_at_the_first_surface() {
     }
 }
 
+/// Metal before a floor that is out of sight: what it shows of the floor is all that a second surface adds.
+fn metal_before_a_floor(roughness: f32) -> Stage {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 1.0, 2.5), Vec3::new(0.0, 1.0, 0.0), 0.5, 1.5);
+    let metal = quad(Vec3::new(-3.0, -1.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0);
+    let floor = quad(Vec3::new(-3.0, 0.0, 6.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.99);
+    let silver = Material { metallic: 1.0, roughness, ..Material::default() };
+    Stage::new(camera).surface("metal", &metal, silver).surface("floor", &floor, lambert(ALBEDO, 0.0))
+}
+
 #[test]
 fn direct_light_in_a_mirror_is_that_of_walks() {
-    // Black but for the mirror: what it shows is all that a second surface adds.
-    let mirrored = || {
-        let camera = Camera::look_at("eye", Vec3::new(0.0, 1.0, 2.5), Vec3::new(0.0, 1.0, 0.0), 0.5, 1.5);
-        let mirror = quad(Vec3::new(-3.0, -1.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0);
-        let floor = quad(Vec3::new(-3.0, 0.0, 6.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.99);
-        let silver = Material { metallic: 1.0, roughness: 0.0, ..Material::default() };
-        Stage::new(camera).surface("mirror", &mirror, silver).surface("floor", &floor, lambert(ALBEDO, 0.0))
-    };
     for lamp in [&shapes()[0], &shapes()[3]] {
         let lamp = FreeLamp { aim: Vec3::new(0.0, 0.0, 1.5), position: Vec3::new(0.3, 1.6, 1.0), ..lamp.clone() };
         // The floor gets light off the mirror as well, which live pictures leave to others: only what the mirror shows
         // counts, and the walks may scatter once more there.
-        let (scene, lamps) = (mirrored().prepared(), prepared(std::slice::from_ref(&lamp)));
-        let mut lit = mirrored().prepared();
-        lamps.install(&mut lit).expect("a name of its own");
-        let film = Film { width: 48, height: 16 };
-        let of_live: Vec<_> = (0..4).map(|seed| blocks(&live(&scene, &lamps, film, 64, seed), film)).collect();
-        let of_walks: Vec<_> = (0..4).map(|seed| blocks(&walked(&lit, film, 1, 512, seed), film)).collect();
-        assert_same(&of_live, &of_walks, &format!("mirror, {:?}", lamp.shape));
+        let what = format!("mirror, {:?}", lamp.shape);
+        compare_by((WIDE, SIXTEEN), || metal_before_a_floor(0.0), &[lamp], (1, 512), &what);
     }
 }
 
 #[test]
 fn light_that_a_narrow_lobe_shows_is_that_of_walks() {
-    // Satin metal before a floor that is out of sight: what it shows of the floor is all that a second surface adds.
-    let satin = || {
-        let camera = Camera::look_at("eye", Vec3::new(0.0, 1.0, 2.5), Vec3::new(0.0, 1.0, 0.0), 0.5, 1.5);
-        let metal = quad(Vec3::new(-3.0, -1.0, -1.0), Vec3::X * 6.0, Vec3::Y * 4.0);
-        let floor = quad(Vec3::new(-3.0, 0.0, 6.0), Vec3::X * 6.0, Vec3::NEG_Z * 6.99);
-        let bronze = Material { metallic: 1.0, roughness: 0.35, ..Material::default() };
-        Stage::new(camera).surface("metal", &metal, bronze).surface("floor", &floor, lambert(ALBEDO, 0.0))
-    };
-    let film = Film { width: 48, height: 16 };
+    let config = VisibleConfig { samples: 64, narrow_alpha: 0.2, ..SIXTEEN };
     for lamp in [&shapes()[0], &shapes()[3]] {
         let lamp = FreeLamp { aim: Vec3::new(0.0, 0.0, 1.0), position: Vec3::new(0.3, 1.6, 0.5), ..lamp.clone() };
-        let (scene, lamps) = (satin().prepared(), prepared(std::slice::from_ref(&lamp)));
-        let mut lit = satin().prepared();
-        lamps.install(&mut lit).expect("a name of its own");
-        let config = |seed| VisibleConfig { samples: 64, seed, narrow_alpha: 0.2, ..VisibleConfig::default() };
-        let of_live: Vec<_> =
-            (0..4).map(|seed| blocks(&live_by(&scene, &lamps, film, 64, config(seed)), film)).collect();
-        let of_walks: Vec<_> = (0..4).map(|seed| blocks(&walked(&lit, film, 1, 512, seed), film)).collect();
-        assert_same(&of_live, &of_walks, &format!("satin, {:?}", lamp.shape));
+        let what = format!("satin, {:?}", lamp.shape);
+        compare_by((WIDE, config), || metal_before_a_floor(0.35), &[lamp], (1, 512), &what);
     }
 }
 

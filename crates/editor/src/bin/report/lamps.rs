@@ -19,11 +19,12 @@ use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::{Sampler, uniform_hash};
 use clerestory_transport::sky::{SkyForm, SkyLight};
-use clerestory_transport::trace::{TraceConfig, trace};
+use clerestory_transport::trace::TraceConfig;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::{Vec2, Vec3};
 
 use super::desk::Desk;
+use super::rendered::rendered;
 
 /// Strength of the lamp, lm.
 const LUMEN: f32 = 1500.0;
@@ -117,7 +118,7 @@ impl Traced {
     fn find(desk: &Desk, case: &Case, (scene, camera, film): (&PreparedScene, &Camera, Film)) -> Result<Traced> {
         let (n_places, spp) = desk.choose((3, 256), (10, 512));
         let coefficients = scene.lighting.basis.project(&LightRig::default());
-        let of_file = [1, 2].map(|seed| traced(scene, camera, film, &coefficients, spp, seed));
+        let of_file = traced(scene, film, &coefficients, spp, [1, 2])?;
         let (mut lamps, mut of_lamps) = (Vec::new(), Vec::new());
         for nth in 0..n_places {
             let own = point_lamp(place(scene, camera, film, nth))?;
@@ -126,7 +127,7 @@ impl Traced {
             let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
             let last = lit.lighting.basis.sources.last().context("no lamp")?;
             coefficients[last.columns.start as usize] = (last.color * last.strength).to_array();
-            of_lamps.push([3, 4].map(|seed| traced(&lit, camera, film, &coefficients, spp, seed)));
+            of_lamps.push(traced(&lit, film, &coefficients, spp, [3, 4])?);
             lamps.push(own);
         }
         Ok(Traced { lamps, of_lamps, of_file })
@@ -150,7 +151,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
             let mut of_bake: Vec<Vec<[f32; 3]>> =
                 bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
             if let Some(of_patches) = of_bake.last_mut() {
-                *of_patches = patches.coefficients(&|at| lamps.light_on(&scene, at));
+                *of_patches = lamps.light_on_patches(&scene, patches);
             }
             let [first, second] = [1, 2].map(|seed| direct(&scene, &camera, film, lamps, (seed, 0.0)));
             let shown = direct(&scene, &camera, film, lamps, (1, patches.narrow_alpha()))?;
@@ -174,7 +175,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
         );
         desk.say(&rows);
         step = steps(case.name, &scene, &camera, &|lamps| {
-            std::hint::black_box(patches.coefficients(&|at| lamps.light_on(&scene, at)));
+            std::hint::black_box(lamps.light_on_patches(&scene, patches));
         })?;
     }
     Ok((rows, step))
@@ -196,10 +197,11 @@ fn bake(scene: &Arc<PreparedScene>, camera: &Camera, film: Film, spp: u32, patch
     Ok((bake, begun.elapsed().as_secs_f64()))
 }
 
-fn traced(scene: &PreparedScene, camera: &Camera, film: Film, light: &[[f32; 3]], spp: u32, seed: u64) -> Vec<f32> {
-    let config = TraceConfig { spp, bounces: None, seed };
-    let pixels = trace(scene, camera, film, light, &config, &|_| ControlFlow::Continue(()));
-    pixels.unwrap_or_default().into_iter().flatten().collect()
+/// Two path-traced pictures with seeds of their own.
+fn traced(scene: &PreparedScene, film: Film, light: &[[f32; 3]], spp: u32, seeds: [u64; 2]) -> Result<[Vec<f32>; 2]> {
+    let traced = |seed| rendered(scene, film, light, &TraceConfig { spp, bounces: None, seed });
+    let [a, b] = seeds.map(|seed| traced(seed).map(|picture| picture.pixels.into_flattened()));
+    Ok([a?, b?])
 }
 
 fn direct(

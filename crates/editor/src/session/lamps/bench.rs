@@ -8,7 +8,7 @@ use clerestory_transport::arriving::{self, ArrivingPoints};
 use clerestory_transport::camera::Film;
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightSetting;
-use clerestory_transport::patches::{PatchSample, Patches};
+use clerestory_transport::patches::Patches;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -200,8 +200,7 @@ impl Bench {
         }
         add_pass(&mut lit.sum, self.points[sample].direct(&view.scene, &lit.prepared, round, stop)?);
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
-            let irradiance = |at: &PatchSample| lit.prepared.light_on(&view.scene, at);
-            lit.of_patches = Some(Arc::new(patches.coefficients(&irradiance)));
+            lit.of_patches = Some(Arc::new(lit.prepared.light_on_patches(&view.scene, patches)));
         }
         lit.n_passes += 1;
         Some(())
