@@ -7,6 +7,7 @@ mod files;
 mod focus;
 mod follow;
 mod heat;
+mod host;
 mod lamplight;
 mod lamps;
 mod layout;

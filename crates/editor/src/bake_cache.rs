@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Context, Result};
-use clerestory_transport::archive;
+use clerestory_transport::archive::{self, beside};
 use clerestory_transport::bake::{Bake, BakeJob};
 
 /// Bytes that the folder may hold if nobody says otherwise.
@@ -113,6 +113,8 @@ impl BakeCache {
                 let _ = File::options().write(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
                 Found::Hit(Box::new(bake))
             }
+            // Another editor let go of it meanwhile.
+            Err(_) if !path.exists() => Found::Nothing,
             Err(error) => {
                 let _ = fs::rename(path, path.with_extension(DAMAGED));
                 Found::SetAside(format!("a kept bake could not be used and was set aside: {error}"))
@@ -181,7 +183,8 @@ impl BakeCache {
         let mut entries = Vec::new();
         for file in listed.flatten() {
             let path = file.path();
-            let is_ours = path.extension().is_some_and(|ending| ending == ENDING || ending == DAMAGED);
+            let is_kept = path.extension().is_some_and(|ending| ending == ENDING || ending == DAMAGED);
+            let is_ours = is_kept || beside::is_left_over(&path);
             // A file that another editor removes in between is no entry.
             if let (true, Ok(of)) = (is_ours, file.metadata()) {
                 let used_at = of.modified().unwrap_or(SystemTime::UNIX_EPOCH);
@@ -334,6 +337,45 @@ mod tests {
         assert!(!tiny.keep(&tiny.place(&jobs[1]), &bakes[1]).unwrap(), "it is larger than all that may be kept");
         let none = BakeCache::new(folder.path().into(), 0);
         assert!(!none.keep(&none.place(&jobs[0]), &bakes[0]).unwrap());
+    }
+
+    #[test]
+    fn editors_that_keep_read_and_clear_one_entry_at_once_see_a_whole_bake_or_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = &BakeCache::new(folder.path().into(), 1 << 24);
+        let (place, bake) = (&cache.place(&job(1)), &baked(&job(1)));
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(move || {
+                    // What is cleared away while it is written is told, and nothing is broken by it.
+                    (0..60).for_each(|_| drop(cache.keep(place, bake)));
+                });
+            }
+            scope.spawn(move || (0..60).for_each(|_| assert!(cache.clear().is_ok())));
+            for _ in 0..60 {
+                match cache.find(place) {
+                    Found::Hit(found) => assert_eq!(found.header, bake.header),
+                    Found::Nothing => {}
+                    Found::SetAside(words) => panic!("{words}"),
+                }
+            }
+        });
+        cache.keep(place, bake).unwrap();
+        assert!(is_hit(&cache.find(place)));
+        assert_eq!(cache.usage().unwrap().bakes, 1);
+    }
+
+    #[test]
+    fn what_a_killed_editor_left_half_written_is_cleared_away() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = BakeCache::new(folder.path().into(), 1 << 20);
+        let (left, file) = beside::temporary(&cache.place(&job(1)).0).unwrap();
+        fs::write(&left, [0; 100]).unwrap();
+        assert_eq!(cache.usage().unwrap().bytes, 0, "it is still being written");
+        drop(file);
+        assert_eq!(cache.usage().unwrap(), Usage { bakes: 0, bytes: 100 });
+        cache.clear().unwrap();
+        assert!(!left.exists());
     }
 
     #[test]

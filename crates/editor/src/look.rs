@@ -9,6 +9,7 @@ pub mod display;
 pub mod fade;
 pub mod groups;
 pub mod lamps;
+mod on_disk;
 mod parse;
 mod place;
 pub mod presets;
@@ -28,6 +29,7 @@ use clerestory_transport::light::LightRig;
 
 use crate::output::write_whole;
 pub use display::{Display, FalseColor, Quantity};
+pub use on_disk::OnDisk;
 use snapshot::Snapshot;
 use timeline::Timeline;
 
@@ -117,8 +119,18 @@ impl Look {
     /// # Errors
     /// If the file cannot be read or is no look at all.
     pub fn load_readable(path: &Path) -> Result<(Look, Vec<String>)> {
+        Look::load_as_it_stands(path).map(|(look, warnings, _)| (look, warnings))
+    }
+
+    /// The same, and how the file stood when it was read.
+    ///
+    /// # Errors
+    /// As [`Look::load_readable`].
+    pub fn load_as_it_stands(path: &Path) -> Result<(Look, Vec<String>, OnDisk)> {
         let problem = || format!("cannot use the look {}", path.display());
-        Look::recover_in(&read_text(path)?, path.parent().unwrap_or(Path::new(""))).with_context(problem)
+        let text = read_text(path)?;
+        let (look, warnings) = Look::recover_in(&text, path.parent().unwrap_or(Path::new(""))).with_context(problem)?;
+        Ok((look, warnings, OnDisk::of(text.as_bytes())))
     }
 
     /// Reads what can be read of a look whose paths are relative to `folder`; see [`Look::recover`].
@@ -142,18 +154,21 @@ impl Look {
         Ok((look, warnings))
     }
 
-    /// Writes a file, whole or not at all. Profiles of lamps and skies in its folder are named relative to it.
+    /// Writes a file, whole or not at all, and says how it stands now. Profiles of lamps and skies in its folder are named
+    /// relative to it.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<()> {
+    pub fn save(&self, path: &Path) -> Result<OnDisk> {
         let mut look = self.clone();
         for rig in look.rigs_mut() {
             let folder = path.parent().unwrap_or(Path::new(""));
             rig.lamps = lamps::relative(&rig.lamps, folder);
             rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
-        write_whole(path, look.to_json().as_bytes())
+        let json = look.to_json();
+        write_whole(path, json.as_bytes())?;
+        Ok(OnDisk::of(json.as_bytes()))
     }
 }
 

@@ -5,6 +5,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use clerestory_transport::archive::beside::temporary;
 
 /// A file on its way: the place is known to be writable, nothing is there yet. Dropped before
 /// [`PendingFile::commit`] it leaves nothing behind.
@@ -21,9 +22,9 @@ impl PendingFile {
     /// # Errors
     /// If the folder is missing or not writable, or a folder stands in the way.
     pub fn create(path: &Path) -> Result<PendingFile> {
-        let Some(name) = path.file_name() else {
+        if path.file_name().is_none() {
             bail!("cannot write {}: it names no file; add a file name", path.display());
-        };
+        }
         if path.is_dir() {
             bail!("cannot write {}: it is a folder; add a file name", path.display());
         }
@@ -31,11 +32,7 @@ impl PendingFile {
         if !folder.is_dir() {
             bail!("cannot write {}: the folder {} does not exist; create it first", path.display(), folder.display());
         }
-        let mut temporary_name = std::ffi::OsString::from(".");
-        temporary_name.push(name);
-        temporary_name.push(format!(".{}.tmp", std::process::id()));
-        let temporary = folder.join(temporary_name);
-        let file = File::create(&temporary)
+        let (temporary, file) = temporary(path)
             .with_context(|| format!("cannot write {}: choose a folder that can be written", path.display()))?;
         Ok(PendingFile { path: path.to_path_buf(), temporary, file: Some(file) })
     }
@@ -130,6 +127,17 @@ mod tests {
         assert!(failed.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(folder.path()), ["a.look"]);
+    }
+
+    #[test]
+    fn of_two_files_on_their_way_to_one_place_each_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let [first, second] = [(); 2].map(|()| PendingFile::create(&path).unwrap());
+        second.commit(|writer| Ok(writer.write_all(b"the second")?)).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"the second");
+        first.commit(|writer| Ok(writer.write_all(b"1st")?)).unwrap();
+        assert_eq!((fs::read(&path).unwrap(), names(folder.path())), (b"1st".to_vec(), vec!["a.png".into()]));
     }
 
     #[test]

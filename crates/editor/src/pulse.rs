@@ -82,6 +82,14 @@ impl Pulse {
         }
     }
 
+    /// Tells something that happened.
+    pub fn say_now(&mut self, what: &str) {
+        let secs = self.began.elapsed().as_secs_f32();
+        // The frame in which it happened never ends.
+        self.frame = None;
+        self.say(&format!("{secs:.1} s: {what}"));
+    }
+
     fn say(&mut self, line: &str) {
         // Somebody who asks for a log and takes its disk away does without.
         let _ = writeln!(self.file, "{line}");

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::look::Look;
+use crate::look::{Look, OnDisk};
 use crate::output::write_whole;
 
 /// How long a change may go unkept.
@@ -27,6 +27,9 @@ pub struct Work {
     pub scene: Option<PathBuf>,
     /// Where the look was saved before, if it ever was.
     pub look_path: Option<PathBuf>,
+    /// How that file stood then.
+    #[serde(default)]
+    pub on_disk: Option<OnDisk>,
     /// Folder that the look's own paths are relative to.
     pub folder: PathBuf,
     /// The look, as its file would hold it.
@@ -228,7 +231,8 @@ mod tests {
     }
 
     fn work_of(look: &Look) -> Work {
-        Work { scene: Some("/scenes/room.glb".into()), look_path: None, folder: "/scenes".into(), look: look.to_json() }
+        let scene = Some("/scenes/room.glb".into());
+        Work { scene, look_path: None, on_disk: None, folder: "/scenes".into(), look: look.to_json() }
     }
 
     #[test]

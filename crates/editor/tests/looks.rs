@@ -203,3 +203,41 @@ fn the_scene_is_saved_with_its_lights() {
     let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     assert_eq!(written["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"], 0.0);
 }
+
+#[test]
+fn a_look_that_another_editor_changed_is_not_overwritten_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.look");
+    let text = || std::fs::read_to_string(&path).unwrap();
+    let save_again = |window: &mut Window| {
+        window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+        window.run_steps(3);
+    };
+    let (mut first, mut second) = (baked(), baked());
+    save_as(&mut first, "Save look", &path);
+    second.input_mut().dropped_files.push(std::sync::Arc::new(desk::Dropped(path.clone())));
+    wait(&mut second, |app| !app.is_reading_look());
+    click(&mut first, "Mute lamp");
+    save_again(&mut first);
+    assert!(first.query_by_label("Replace").is_none(), "nobody else wrote");
+    let of_first = text();
+
+    click(&mut second, "Mute panel");
+    save_again(&mut second);
+    assert!(second.query_by_label_contains("Another program changed room.look").is_some());
+    click(&mut second, "Cancel");
+    assert_eq!(text(), of_first, "nothing is lost before there is an answer");
+    save_again(&mut second);
+    click(&mut second, "Replace");
+    assert!(text().contains("panel") && !text().contains("lamp"), "{}", text());
+
+    click(&mut first, "Solo panel");
+    click(&mut first, "Mute panel");
+    save_again(&mut first);
+    let other = folder.path().join("other.look");
+    save_as(&mut first, "Save as…", &other);
+    assert!(text().contains("panel") && !text().contains("lamp"), "that of the second stays: {}", text());
+    assert!(std::fs::read_to_string(&other).unwrap().contains("lamp"));
+    save_again(&mut first);
+    assert!(first.query_by_label("Replace").is_none(), "it has a file of its own now");
+}

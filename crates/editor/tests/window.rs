@@ -69,6 +69,44 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
 }
 
 #[test]
+fn two_editors_on_one_scene_keep_their_work_apart() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        open_with(source, quick(), Some(home.path()))
+    };
+    let is_baked = |app: &App| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled();
+    // Both bake the same at the same time, into one cache.
+    let (mut first, mut second) = (open(), open());
+    for _ in 0..4000 {
+        first.step();
+        second.step();
+        if is_baked(first.state()) && is_baked(second.state()) {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    wait(&mut first, is_baked);
+    wait(&mut second, is_baked);
+    click(&mut first, "Mute lamp");
+    click(&mut second, "Mute panel");
+    wait(&mut first, |_| home.path().join("unsaved/0.json").exists());
+    wait(&mut second, |_| home.path().join("unsaved/1.json").exists());
+
+    let mut third = open();
+    wait(&mut third, is_baked);
+    assert!(third.query_by_label_contains("Baked before").is_some(), "one of the same bakes was kept whole");
+    assert!(third.query_by_label("Recover").is_none(), "both of the others live");
+    drop((third, first));
+    let mut fourth = open();
+    wait(&mut fourth, |app| app.session().stage == Stage::Ready);
+    click(&mut fourth, "Recover");
+    assert!(fourth.state().look().lights.lights["lamp"].muted, "that of the one that is gone");
+    assert!(fourth.query_by_label("Recover").is_none(), "and no other");
+    assert!(second.state().look().lights.lights["panel"].muted);
+}
+
+#[test]
 fn a_finished_bake_is_found_again() {
     let home = tempfile::tempdir().unwrap();
     let open = || {

@@ -9,6 +9,7 @@
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
 
+pub mod beside;
 mod header;
 mod part;
 #[cfg(test)]
@@ -258,17 +259,16 @@ fn keep(
 /// # Errors
 /// [`ArchiveError::Io`].
 pub fn write(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
-    let temporary = with_suffix(path, ".tmp");
-    let written =
-        write_all(bake, &temporary).and_then(|()| fs::rename(&temporary, path).map_err(at("cannot rename to", path)));
+    let (temporary, file) = beside::temporary(path).map_err(at("cannot create", path))?;
+    let written = write_all(bake, file, &temporary)
+        .and_then(|()| fs::rename(&temporary, path).map_err(at("cannot rename to", path)));
     if written.is_err() {
         let _ = fs::remove_file(&temporary);
     }
     written
 }
 
-fn write_all(bake: &Bake, path: &Path) -> Result<(), ArchiveError> {
-    let file = File::create(path).map_err(at("cannot create", path))?;
+fn write_all(bake: &Bake, file: File, path: &Path) -> Result<(), ArchiveError> {
     let mut out = BufWriter::new(file);
     if let Some(packed) = &bake.packed {
         let mut bytes = header_bytes(MAGIC, &bake.header, Blocks::Packed);

@@ -65,6 +65,11 @@ impl CameraDesk {
         }
     }
 
+    /// Has the preview made again.
+    pub fn forget_picture(&mut self) {
+        (self.ordered, self.texture) = (None, None);
+    }
+
     /// Puts the camera down where a view is baked.
     pub fn put_down(&mut self) {
         (self.is_moving, self.ordered, self.texture) = (false, None, None);

@@ -45,6 +45,11 @@ impl Daylight {
         (self.is_wanted, self.state, self.was_playing) = (false, SkyState::default(), false);
     }
 
+    /// Has the dome painted again.
+    pub fn forget_picture(&mut self) {
+        self.state.forget_picture();
+    }
+
     /// Whether the hours pass.
     pub fn is_playing(&self) -> bool {
         self.state.playing.is_some()

@@ -151,6 +151,17 @@ impl Follower {
         self.start_over();
     }
 
+    /// Whether the window's device is gone, and with it all that it draws.
+    pub fn is_device_lost(&self) -> bool {
+        self.gpu.as_ref().is_some_and(GpuPainter::is_lost)
+    }
+
+    /// Goes on in a window with another device.
+    pub fn move_to(&mut self, state: Option<&RenderState>) {
+        self.gpu = state.map(GpuPainter::new);
+        self.forget();
+    }
+
     /// No picture of the last scene is left.
     pub fn forget(&mut self) {
         (self.texture, self.gpu_picture, self.millis) = (None, None, None);

@@ -37,6 +37,7 @@ impl App {
                 }
             }
         }
+        self.look_conflict_ui(ctx);
         self.recovery_ui(ctx);
         shortcuts_ui(ctx, &mut self.shortcuts);
         hovered_files_ui(ctx);

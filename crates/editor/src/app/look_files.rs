@@ -2,24 +2,31 @@
 
 use std::path::PathBuf;
 
+use eframe::egui::Context;
+
 use super::App;
 use crate::action::FileTask;
-use crate::look::Look;
+use crate::look::{Look, OnDisk};
+use crate::panels::dialogs::{ReplaceAnswer, replace_ui};
 use crate::session::Wake;
 use crate::session::aside::Aside;
 
-/// A look, and what is odd about it.
-type Read = Result<(Look, Vec<String>), String>;
+/// A look, what is odd about it, and how its file stood.
+type Read = Result<(Look, Vec<String>, OnDisk), String>;
 
-/// Looks that are being read.
+/// Looks that are being read, and the file of the one that is edited.
 pub(super) struct LookFiles {
     wake: Wake,
     reading: Aside<(PathBuf, Read)>,
+    /// How the file of the look stood when it was last read or written here.
+    pub(super) on_disk: Option<OnDisk>,
+    /// Where the look goes if somebody says that what another program wrote there may be lost.
+    conflict: Option<PathBuf>,
 }
 
 impl LookFiles {
     pub fn new(wake: Wake) -> LookFiles {
-        LookFiles { wake, reading: Aside::default() }
+        LookFiles { wake, reading: Aside::default(), on_disk: None, conflict: None }
     }
 }
 
@@ -34,7 +41,7 @@ impl App {
             return self.complain("another look is still being read; try again in a moment");
         }
         let started = self.look_files.reading.start("read look", &self.look_files.wake, move || {
-            let read = Look::load_readable(&path).map_err(|error| format!("{error:#}"));
+            let read = Look::load_as_it_stands(&path).map_err(|error| format!("{error:#}"));
             (path, read)
         });
         if let Err(words) = started {
@@ -51,7 +58,7 @@ impl App {
         }
     }
 
-    fn take_look_of_file(&mut self, path: PathBuf, (mut look, mut warnings): (Look, Vec<String>)) {
+    fn take_look_of_file(&mut self, path: PathBuf, (mut look, mut warnings, on_disk): (Look, Vec<String>, OnDisk)) {
         if let Some(basis) = self.session.basis() {
             warnings.extend(look.unheeded(basis));
             for rig in look.rigs_mut() {
@@ -61,18 +68,41 @@ impl App {
         let words = format!("Opened {}", path.display());
         let problem = format!("{}: {}", path.display(), warnings.join(", "));
         self.as_one_step(|app| app.look = look.clone());
-        (self.saved_look, self.look_path) = (look, Some(path));
+        (self.saved_look, self.look_path, self.look_files.on_disk) = (look, Some(path), Some(on_disk));
         if warnings.is_empty() { self.say(words) } else { self.complain(problem) }
     }
 
+    /// Saves, or asks first where another program changed the file meanwhile.
     pub(super) fn save_look(&mut self, path: PathBuf) {
+        let known = self.look_files.on_disk.filter(|_| self.look_path.as_ref() == Some(&path));
+        if known.is_some_and(|known| known.was_changed(&path)) {
+            self.look_files.conflict = Some(path);
+        } else {
+            self.write_look(path);
+        }
+    }
+
+    fn write_look(&mut self, path: PathBuf) {
         match self.look.save(&path) {
-            Ok(()) => {
+            Ok(on_disk) => {
                 self.say(format!("Saved {}", path.display()));
                 (self.saved_look, self.look_path) = (self.look.clone(), Some(path));
+                self.look_files.on_disk = Some(on_disk);
                 self.actions.extend(self.after_saving.take());
             }
             Err(error) => self.complain(format!("{error:#}")),
+        }
+    }
+
+    pub(super) fn look_conflict_ui(&mut self, ctx: &Context) {
+        let Some(path) = &self.look_files.conflict else { return };
+        let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.display().to_string());
+        let Some(answer) = replace_ui(ctx, &name) else { return };
+        let path = self.look_files.conflict.take();
+        match answer {
+            ReplaceAnswer::Elsewhere => self.ask(FileTask::SaveLook),
+            ReplaceAnswer::Replace => path.into_iter().for_each(|path| self.write_look(path)),
+            ReplaceAnswer::Stay => self.after_saving = None,
         }
     }
 

@@ -44,12 +44,24 @@ impl App {
         self.recovery.keeper = Some(keeper);
     }
 
+    /// Keeps the look at once if it is unsaved: what comes next may fail.
+    pub(super) fn keep_unsaved_now(&mut self) {
+        if !self.is_unsaved() {
+            return;
+        }
+        let work = self.work();
+        if let Some(keeper) = &mut self.recovery.keeper {
+            keeper.keep_now(&self.look, work);
+        }
+    }
+
     fn work(&self) -> Work {
         let look_folder = self.look_path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
         let folder = look_folder.or_else(|| std::env::current_dir().ok()).unwrap_or_default();
         Work {
             scene: self.session.opened.as_ref().and_then(|opened| opened.path.clone()),
             look_path: self.look_path.clone(),
+            on_disk: self.look_files.on_disk,
             folder,
             look: self.look.to_json(),
         }
@@ -91,7 +103,7 @@ impl App {
             Err(error) => return self.complain(format!("the unsaved look cannot be read: {error:#}")),
         };
         self.look = look;
-        self.look_path = left.work.look_path.clone();
+        (self.look_path, self.look_files.on_disk) = (left.work.look_path.clone(), left.work.on_disk);
         match warnings.as_slice() {
             [] => self.say(format!("Recovered the look of {}", left.work.scene_name())),
             some => self.complain(format!("Recovered in part: {}", some.join(", "))),

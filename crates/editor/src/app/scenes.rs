@@ -15,6 +15,7 @@ impl App {
         let keeps_look = std::mem::take(&mut self.keeps_look);
         if !keeps_look {
             (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+            self.look_files.on_disk = None;
             self.undoer = Undoer::default();
         }
         (self.export.width_px, self.export.region) = (None, None);

@@ -3,14 +3,15 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use eframe::wgpu;
 
-use super::{App, DEFAULT_WIDTH_PX, recovery};
+use super::host::run_windows;
+use super::{DEFAULT_WIDTH_PX, recovery};
 use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::panels::bake::QUALITIES;
@@ -50,6 +51,21 @@ impl Start {
 /// If there is no display or no graphics driver.
 pub fn run(open: Option<PathBuf>) -> Result<()> {
     let source = open.map_or(Source::BuiltIn, Source::File);
+    if let Some(folder) = eframe::storage_dir("clerestory") {
+        crash::keep_reports(folder.join("crashes"));
+    }
+    let start = Start {
+        source,
+        settings: None,
+        unsaved: recovery::folder(),
+        cache: BakeCache::of_user()?,
+        dialogs: FileDialogs::Desktop,
+        welcome: true,
+    };
+    run_windows(options, start)
+}
+
+fn options() -> eframe::NativeOptions {
     let mut options = eframe::NativeOptions {
         viewport: egui::ViewportBuilder::default()
             .with_title("Clerestory")
@@ -64,19 +80,7 @@ pub fn run(open: Option<PathBuf>) -> Result<()> {
         device_descriptor: Arc::new(device_descriptor),
         ..WgpuSetupCreateNew::without_display_handle()
     });
-    if let Some(folder) = eframe::storage_dir("clerestory") {
-        crash::keep_reports(folder.join("crashes"));
-    }
-    let start = Start {
-        source,
-        settings: None,
-        unsaved: recovery::folder(),
-        cache: BakeCache::of_user()?,
-        dialogs: FileDialogs::Desktop,
-        welcome: true,
-    };
-    let result = eframe::run_native("clerestory", options, Box::new(|cc| Ok(Box::new(App::new(cc, start)?))));
-    result.map_err(|error| anyhow!("{error}"))
+    options
 }
 
 /// Everything that the adapter can do: factors of a large bake exceed the default limits.

@@ -1,6 +1,6 @@
 //! Windows in front of everything: choosing a file, and what to do with a look that was not saved.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context as TaskContext, Poll, Wake, Waker};
@@ -143,7 +143,9 @@ impl FileQuestion {
         }
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let (_, extensions) = self.task.extensions();
+        let path = Path::new(self.path.trim());
         let hint = match extensions {
+            _ if self.task.writes() && path.is_file() => "A file of this name is there; saving replaces it".into(),
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
         };
@@ -201,6 +203,30 @@ pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
         lose: ("Discard", UnsavedAnswer::Discard),
     };
     answers.ui(ctx, "Save the look?", words)
+}
+
+/// What a person wants done where another program changed the file of the look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReplaceAnswer {
+    /// Save under another name.
+    Elsewhere,
+    /// Lose what the other program wrote.
+    Replace,
+    /// Go back.
+    Stay,
+}
+
+/// Asks before a look that another program wrote to the file of that name is lost.
+pub fn replace_ui(ctx: &Context, name: &str) -> Option<ReplaceAnswer> {
+    let words = format!(
+        "Another program changed {name} since it was last opened or saved here. Replacing it loses what stands there now"
+    );
+    let answers = Answers {
+        best: ("Save as…", ReplaceAnswer::Elsewhere),
+        back: ("Cancel", ReplaceAnswer::Stay),
+        lose: ("Replace", ReplaceAnswer::Replace),
+    };
+    answers.ui(ctx, "Replace the look?", &words)
 }
 
 /// What a person wants done with a look that an editor left behind.

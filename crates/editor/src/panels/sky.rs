@@ -43,6 +43,13 @@ impl Default for SkyState {
     }
 }
 
+impl SkyState {
+    /// Has the dome painted again.
+    pub fn forget_picture(&mut self) {
+        self.dome = DomePicture::default();
+    }
+}
+
 /// What a sky is made of.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {

@@ -248,13 +248,39 @@ fn a_failed_write_leaves_the_old_file_alone() {
     let [first, second] = [0, 2].map(|i| decoded(FIXTURES[i].1).unwrap());
     write(&first, &path).unwrap();
     let old = fs::read(&path).unwrap();
-    // A folder in the way of the temporary name, and one that is gone.
-    fs::create_dir(folder.path().join("a.transport.tmp")).unwrap();
-    assert!(matches!(write(&second, &path), Err(ArchiveError::Io { .. })));
-    assert_eq!(fs::read(&path).unwrap(), old);
+    // A name that leaves no room for a temporary one, a folder in the way, and one that is gone.
+    let long = folder.path().join("a".repeat(250));
+    assert!(matches!(write(&second, &long), Err(ArchiveError::Io { .. })));
+    let in_the_way = folder.path().join("b.transport");
+    fs::create_dir(&in_the_way).unwrap();
+    assert!(matches!(write(&second, &in_the_way), Err(ArchiveError::Io { .. })));
+    let names = fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!((fs::read(&path).unwrap(), names), (old, 2), "nothing is left of what failed");
     let gone = folder.path().join("gone").join("a.transport");
     let said = write(&second, &gone).unwrap_err().to_string();
     assert!(said.contains("cannot create") && said.contains("gone"), "{said}");
+}
+
+#[test]
+fn two_who_write_one_file_at_once_leave_it_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.transport");
+    let bakes = [0, 2].map(|i| decoded(FIXTURES[i].1).unwrap());
+    let wholes = bakes.each_ref().map(|bake| {
+        write(bake, &path).unwrap();
+        fs::read(&path).unwrap()
+    });
+    let (path, wholes) = (&path, &wholes);
+    std::thread::scope(|scope| {
+        for bake in &bakes {
+            scope.spawn(move || (0..100).for_each(|_| write(bake, path).unwrap()));
+        }
+        for _ in 0..200 {
+            let bytes = fs::read(path).unwrap();
+            assert!(wholes.contains(&bytes), "it is a mixture of both");
+        }
+    });
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
 #[test]
