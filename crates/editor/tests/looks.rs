@@ -214,7 +214,7 @@ fn a_look_that_another_editor_changed_is_not_overwritten_unasked() {
         window.run_steps(3);
     };
     let (mut first, mut second) = (baked(), baked());
-    save_as(&mut first, "Save look", &path);
+    save_as(&mut first, "Save look…", &path);
     second.input_mut().dropped_files.push(std::sync::Arc::new(desk::Dropped(path.clone())));
     wait(&mut second, |app| !app.is_reading_look());
     click(&mut first, "Mute lamp");
