@@ -49,6 +49,7 @@ use crate::viewport::ViewState;
 use camera::CameraDesk;
 use daylight::Daylight;
 use follow::Follower;
+pub use host::WindowLost;
 use look_files::LookFiles;
 use looks::Prints;
 use probe::Prober;

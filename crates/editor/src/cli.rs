@@ -31,6 +31,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use serde_json::json;
 
+use crate::app::WindowLost;
 use crate::compare::{compare, read_exr};
 use crate::platform::has_display;
 use args::{Arguments, Command, CompareArgs};
@@ -132,6 +133,7 @@ fn open_editor(arguments: &Arguments, console: &mut Console) -> Result<()> {
     let reason = if has_display() {
         match crate::app::run(arguments.scene.clone()) {
             Ok(()) => return Ok(()),
+            Err(error) if error.is::<WindowLost>() => return Err(error),
             Err(error) => format!("the window could not be opened ({error:#})"),
         }
     } else {

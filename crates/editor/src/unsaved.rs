@@ -189,8 +189,10 @@ impl Keeper {
     }
 
     fn order(&self, order: Order) {
-        // The thread ends only after the sender does.
-        let _ = self.sender.as_ref().map(|sender| sender.send(order));
+        if let Some(sender) = &self.sender {
+            // The thread ends only after the sender does.
+            let _ = sender.send(order);
+        }
     }
 }
 

@@ -4,10 +4,11 @@
 //! with the same content: looks, bakes under way and the way back stay as they are, and only pictures on the device are made again.
 
 use std::cell::RefCell;
+use std::fmt::{self, Display, Formatter};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, Result, anyhow, bail};
+use anyhow::{Context as _, Result, anyhow};
 use eframe::egui::{self, Context, Ui, ViewportCommand};
 use eframe::{CreationContext, NativeOptions, Storage, wgpu};
 
@@ -19,13 +20,26 @@ const LOSS_VARIABLE: &str = "CLERESTORY_LOSE_DEVICE";
 const MAX_LOSSES: usize = 5;
 const TOO_SOON: Duration = Duration::from_secs(60);
 
+/// The window was there, and cannot go on.
+#[derive(Debug)]
+pub struct WindowLost;
+
+impl Display for WindowLost {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(
+            "the window lost its graphics device: update the driver, or start again with another one \
+             (VK_ICD_FILENAMES); lights that were not saved are offered at the next start",
+        )
+    }
+}
+
 /// What a window whose device was lost leaves to the next one.
 type Left = Rc<RefCell<Option<(App, Context)>>>;
 
 /// Opens one window after the other, until one is closed that has its device.
 ///
 /// # Errors
-/// If there is no display or no graphics driver, or one whose device is lost again and again.
+/// If there is no display or no graphics driver; [`WindowLost`] if there was a window, but its device is lost again and again.
 pub(super) fn run_windows(options: impl Fn() -> NativeOptions, start: Start) -> Result<()> {
     let every = loss_every(std::env::var(LOSS_VARIABLE).ok())?;
     let left = Left::default();
@@ -41,16 +55,18 @@ pub(super) fn run_windows(options: impl Fn() -> NativeOptions, start: Start) -> 
             };
             Ok(Box::new(Host::new(app, cc, every, next)))
         });
-        eframe::run_native_ext("clerestory", options(), ctx, create).map_err(|error| anyhow!("{error}"))?;
+        let result = eframe::run_native_ext("clerestory", options(), ctx, create).map_err(|error| anyhow!("{error}"));
+        if lost_at.is_empty() {
+            result?
+        } else {
+            result.context(WindowLost)?
+        }
         if left.borrow().is_none() {
             return Ok(());
         }
         lost_at.push(Instant::now());
         if is_hopeless(&lost_at) {
-            bail!(
-                "the graphics device was lost {MAX_LOSSES} times within a minute: update its driver, or start again \
-                 with another one (VK_ICD_FILENAMES); lights that were not saved are offered at the next start"
-            );
+            return Err(anyhow!("that was the {}th time within a minute", MAX_LOSSES).context(WindowLost));
         }
     }
 }
