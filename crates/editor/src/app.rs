@@ -219,7 +219,7 @@ impl App {
     }
 
     fn complain(&mut self, words: impl Into<String>) {
-        self.message = (words.into(), MessageTone::Problem);
+        self.message = (in_brief(words.into()), MessageTone::Problem);
     }
 
     fn notice(&mut self, ctx: &Context, notice: Notice) {
@@ -302,6 +302,17 @@ impl App {
     }
 }
 
+/// Characters of a message that anybody reads: a file from strangers can give rise to millions.
+const MAX_MESSAGE: usize = 2000;
+
+fn in_brief(mut words: String) -> String {
+    if let Some((end, _)) = words.char_indices().nth(MAX_MESSAGE) {
+        words.truncate(end);
+        words.push_str("… and more");
+    }
+    words
+}
+
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         self.pulse.iter_mut().for_each(Pulse::begin);
@@ -368,5 +379,17 @@ impl eframe::App for App {
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
         visuals.panel_fill.to_normalized_gamma_f32()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_nobody_reads_to_its_end_is_cut() {
+        assert_eq!(in_brief("a fault".into()), "a fault");
+        let cut = in_brief("ü".repeat(16 << 20));
+        assert!(cut.chars().count() < MAX_MESSAGE + 20 && cut.ends_with("ü… and more"));
     }
 }

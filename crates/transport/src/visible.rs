@@ -91,6 +91,11 @@ impl VisiblePoints {
         (!stopped.into_inner()).then_some(VisiblePoints { camera, film, config, bands, n_rays })
     }
 
+    /// Memory of what is kept, bytes: more where mirrors, panes and narrow lobes show further surfaces.
+    pub fn n_bytes(&self) -> usize {
+        self.bands.iter().flatten().map(Band::n_bytes).sum()
+    }
+
     /// Rays that were followed so far, those of the camera and to lamps.
     pub fn n_rays(&self) -> u64 {
         self.n_rays.load(Ordering::Relaxed)
@@ -126,6 +131,10 @@ impl VisiblePoints {
 }
 
 impl Band {
+    fn n_bytes(&self) -> usize {
+        self.found.n_bytes() + (self.tiles.capacity() + self.reach.capacity()) * size_of::<u32>()
+    }
+
     fn look(
         scene: &PreparedScene,
         (camera, film): (&Camera, Film),
@@ -151,6 +160,7 @@ impl Band {
         }
         tiles.push(found.points.len() as u32);
         found.points.shrink_to_fit();
+        found.shown = Vec::new();
         Band { found, tiles, reach }
     }
 }

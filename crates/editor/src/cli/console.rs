@@ -1,5 +1,6 @@
 //! Where words go: answers to stdout, warnings to stderr, progress to a terminal.
 
+use std::collections::HashSet;
 use std::io::{IsTerminal, Write};
 use std::time::Instant;
 
@@ -28,6 +29,8 @@ pub struct Console<'a> {
     /// What may ask long commands to end.
     pub(crate) interrupt: Interrupt,
     warnings: Vec<String>,
+    /// The same, to look them up.
+    said: HashSet<String>,
 }
 
 impl<'a> Console<'a> {
@@ -38,7 +41,8 @@ impl<'a> Console<'a> {
         stderr: &'a mut (dyn Write + Send),
         interrupt: Interrupt,
     ) -> Self {
-        Console { started, stdout, stderr, progress: ProgressBar::hidden(), interrupt, warnings: Vec::new() }
+        let (progress, warnings, said) = (ProgressBar::hidden(), Vec::new(), HashSet::new());
+        Console { started, stdout, stderr, progress, interrupt, warnings, said }
     }
 
     /// Prints the answer of the command.
@@ -62,7 +66,8 @@ impl<'a> Console<'a> {
 
     /// Says a warning once and keeps it for the answer.
     pub fn warn(&mut self, sentence: &str) {
-        if self.warnings.iter().any(|said| said == sentence) {
+        // A file can give rise to hundreds of thousands of them.
+        if !self.said.insert(sentence.to_string()) {
             return;
         }
         self.warnings.push(sentence.to_string());

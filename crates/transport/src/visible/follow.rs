@@ -64,6 +64,13 @@ impl Trail {
 }
 
 impl Found {
+    /// Memory of all of it, bytes.
+    pub fn n_bytes(&self) -> usize {
+        (self.points.capacity() + self.shown.capacity()) * size_of::<Point>()
+            + self.specials.capacity() * size_of::<Special>()
+            + self.segments.capacity() * size_of::<Segment>()
+    }
+
     /// Follows a ray of the camera, and one direction of each surface's lobes that are not wider than `narrow_alpha`. Returns
     /// how far it is to the first surface, m; infinite if there is none.
     pub fn follow(

@@ -190,6 +190,19 @@ fn light_that_a_narrow_lobe_shows_is_that_of_walks() {
 }
 
 #[test]
+fn points_that_narrow_lobes_show_are_counted_as_memory() {
+    let n_bytes = |narrow_alpha| {
+        let scene = metal_before_a_floor(0.35).prepared();
+        let config = VisibleConfig { samples: 1, narrow_alpha, ..SIXTEEN };
+        VisiblePoints::new(&scene, &scene.scene.cameras[0], WIDE, config, &|| false).unwrap().n_bytes()
+    };
+    let [of_first, with_shown] = [0.0, 0.2].map(n_bytes);
+    let per_pixel = |bytes: usize| bytes as f64 / WIDE.n_pixels() as f64;
+    assert!((4.0..=90.0).contains(&per_pixel(of_first)), "{of_first}");
+    assert!(per_pixel(with_shown) > per_pixel(of_first) + 5.0, "{with_shown} after {of_first}");
+}
+
+#[test]
 fn direct_light_behind_a_clear_pane_is_that_of_walks() {
     // Nothing lies where the window's reflection could show it, and the lid over the scene is out of sight: walks that end
     // at the first surface do not follow reflections.

@@ -19,7 +19,6 @@ use super::{LampLight, LampOrder, LampPart, LampView, Work};
 const SOFT_PASSES: u32 = 64;
 /// Samples of a pixel for smooth edges: as many as fit into so much memory.
 const SAMPLES: std::ops::RangeInclusive<usize> = 2..=8;
-const POINT_BYTES: usize = 64 + arriving::POINT_BYTES;
 const MOST_BYTES: usize = 256 << 20;
 /// Time between two pictures while nothing moves.
 const POST_EVERY: Duration = Duration::from_millis(250);
@@ -115,16 +114,27 @@ fn white(lamp: &FreeLamp) -> FreeLamp {
     FreeLamp { setting: LightSetting::default(), ..lamp.clone() }
 }
 
+/// Samples of so many bytes each that are kept.
+fn samples_within(most_bytes: usize, sample_bytes: usize) -> usize {
+    (most_bytes / sample_bytes.max(1)).clamp(*SAMPLES.start(), *SAMPLES.end())
+}
+
+/// Passes that a lamp takes, of what is seen and of what arrives.
+fn most_passes(lamp: &FreeLamp, view: &LampView, n_samples: usize) -> (u32, u32) {
+    let n_samples = n_samples as u32;
+    let seen = if lamp.shape.has_surface() { SOFT_PASSES } else { n_samples };
+    (seen, if view.measures { n_samples } else { 0 })
+}
+
 impl Bench {
     /// Of a view, before the first lamp.
     pub fn new(view: Arc<LampView>) -> Bench {
-        let fitting = MOST_BYTES / (POINT_BYTES * view.film.n_pixels()).max(1);
         Bench {
             view,
             points: Vec::new(),
             arriving: Vec::new(),
             shows_arriving: false,
-            n_samples: fitting.clamp(*SAMPLES.start(), *SAMPLES.end()),
+            n_samples: *SAMPLES.end(),
             lamps: Vec::new(),
             problems: Vec::new(),
             serial: 0,
@@ -145,8 +155,7 @@ impl Bench {
             match PreparedLamps::new(&[white(&lamp)], None) {
                 Ok((prepared, warnings)) => {
                     self.problems.extend(warnings);
-                    let most_passes = if lamp.shape.has_surface() { SOFT_PASSES } else { self.n_samples as u32 };
-                    let most_arriving = if self.view.measures { self.n_samples as u32 } else { 0 };
+                    let (most_passes, most_arriving) = most_passes(&lamp, &self.view, self.n_samples);
                     let (sum, arriving, n_passes, n_arriving) = (Arc::default(), Arc::default(), 0, 0);
                     let lit = Lit {
                         lamp,
@@ -191,19 +200,33 @@ impl Bench {
 
     /// One more pass of what is seen of a lamp's light; `None` when `stop` asked to.
     fn see(&mut self, idx: usize, view: &LampView, stop: &(dyn Fn() -> bool + Sync)) -> Option<()> {
-        let lit = &mut self.lamps[idx];
+        let lit = &self.lamps[idx];
         let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
         if sample >= self.points.len() {
             let narrow_alpha = view.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
             let config = VisibleConfig { samples: 1, first: sample as u32, narrow_alpha, ..VisibleConfig::default() };
             self.points.push(VisiblePoints::new(&view.scene, &view.camera, view.film, config, stop)?);
+            if sample == 0 {
+                self.keep_within(MOST_BYTES);
+            }
         }
+        let lit = &mut self.lamps[idx];
         add_pass(&mut lit.sum, self.points[sample].direct(&view.scene, &lit.prepared, round, stop)?);
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
             lit.of_patches = Some(Arc::new(lit.prepared.light_on_patches(&view.scene, patches)));
         }
         lit.n_passes += 1;
         Some(())
+    }
+
+    /// Takes as many samples as fit, now that the first tells what they take: mirrors and narrow lobes show more than one point.
+    fn keep_within(&mut self, most_bytes: usize) {
+        let Some(points) = self.points.first() else { return };
+        self.n_samples =
+            samples_within(most_bytes, points.n_bytes() + arriving::POINT_BYTES * self.view.film.n_pixels());
+        for lit in &mut self.lamps {
+            (lit.most_passes, lit.most_arriving) = most_passes(&lit.lamp, &self.view, self.n_samples);
+        }
     }
 
     /// One more pass of what arrives of a lamp's light; `None` when `stop` asked to.
@@ -300,4 +323,38 @@ impl StillLamps {
 /// What a lamp's setting makes of its white light.
 fn weight(lamp: &FreeLamp) -> Vec3 {
     lamp.setting.emission(Vec3::ONE, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::import;
+    use clerestory_transport::lamps::{LampShape, LampUnit};
+    use clerestory_transport::prepared::PreparedScene;
+
+    use super::*;
+
+    #[test]
+    fn samples_are_as_many_as_what_they_take_leaves_room_for() {
+        assert_eq!([1, 0].map(|bytes| samples_within(100, bytes)), [8, 8]);
+        assert_eq!([25, 50, 51, 1000].map(|bytes| samples_within(100, bytes)), [4, 2, 2, 2]);
+        let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
+        let view = Arc::new(LampView { scene, camera, film, patches: None, measures: true });
+        let position = Vec3::new(0.0, 0.2, -0.3);
+        let (shape, setting) = (LampShape::Point, LightSetting::default());
+        let (strength, unit) = (100.0, LampUnit::Lumen);
+        let lamp = FreeLamp { key: "a".into(), shape, position, aim: position - Vec3::Y, strength, unit, setting };
+        let mut bench = Bench::new(view.clone());
+        bench.take(LampOrder { view: view.clone(), lamps: vec![lamp], shows_arriving: true, serial: 1 });
+        bench.step(&|_, _| false);
+        let each = bench.points[0].n_bytes() + arriving::POINT_BYTES * view.film.n_pixels();
+        assert!(each > 64 * view.film.n_pixels(), "{each}");
+        bench.keep_within(3 * each);
+        while bench.next().is_some() {
+            bench.step(&|_, _| false);
+        }
+        assert_eq!((bench.points.len(), bench.arriving.len(), bench.n_samples), (3, 3, 3));
+        assert_eq!((bench.lamps[0].n_passes, bench.lamps[0].n_arriving), (3, 3));
+    }
 }
