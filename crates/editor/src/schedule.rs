@@ -1,5 +1,8 @@
 //! A schedule of luminaires: every lamp with its flux, power, place and color, and what they sum up to.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+
 use std::io::Write;
 
 use anyhow::Result;

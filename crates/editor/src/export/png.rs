@@ -1,5 +1,8 @@
 //! Display-encoded PNG in sRGB, which it says in the chunks that readers of any age know.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+
 use anyhow::Result;
 use clerestory_relight::display::{WhitePoint, encode16};
 use clerestory_relight::{DisplayParams, Radiance, Tone, encode};
@@ -22,6 +25,8 @@ const KEYWORD: &[u8] = b"Clerestory display\0";
 /// Bytes of the signature, and of it and the IHDR chunk.
 const SIGNATURE_LEN: usize = 8;
 const HEADER_LEN: usize = 33;
+/// Bytes of a chunk beside those that it names: their number, its name and its checksum.
+const CHUNK_LEN: usize = 12;
 /// Sixteen bits for each step of eight: 255 becomes 65535.
 const STEP: u16 = 257;
 
@@ -79,7 +84,7 @@ fn told(params: &DisplayParams) -> Result<Vec<u8>> {
     body.extend(serde_json::to_vec(&shown)?);
     let mut crc = Crc::new();
     crc.update(&body);
-    let n_bytes = (body.len() - TEXT.len()) as u32;
+    let n_bytes = u32::try_from(body.len().saturating_sub(TEXT.len()))?;
     Ok([&n_bytes.to_be_bytes()[..], &body, &crc.sum().to_be_bytes()].concat())
 }
 
@@ -87,8 +92,10 @@ fn told(params: &DisplayParams) -> Result<Vec<u8>> {
 pub fn shown_by(png: &[u8]) -> Option<DisplayParams> {
     let mut at = SIGNATURE_LEN;
     loop {
-        let n_bytes = u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?) as usize;
-        let body = png.get(at + 4..(at + 8).checked_add(n_bytes)?)?;
+        let (length, rest) = png.get(at..)?.split_first_chunk::<4>()?;
+        let n_bytes = usize::try_from(u32::from_be_bytes(*length)).ok()?;
+        // The name of the chunk comes before its bytes, its checksum after them.
+        let body = rest.get(..n_bytes.checked_add(TEXT.len())?)?;
         if let Some(text) = body.strip_prefix(TEXT).and_then(|text| text.strip_prefix(KEYWORD)) {
             let ShownBy { tone, exposure_ev, white } = serde_json::from_slice(text).ok()?;
             let is_sane = exposure_ev.abs() <= 60.0 && white.is_none_or(|white| white.iter().all(|v| v.is_finite()));
@@ -99,7 +106,7 @@ pub fn shown_by(png: &[u8]) -> Option<DisplayParams> {
         if body.starts_with(b"IDAT") {
             return None;
         }
-        at += 12 + n_bytes;
+        at = n_bytes.checked_add(CHUNK_LEN)?.checked_add(at)?;
     }
 }
 

@@ -1,5 +1,8 @@
 //! Wishes from a file.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -77,7 +80,8 @@ pub fn request(text: &str, folder: &Path, of: &Surroundings) -> Result<Request> 
     let file: File = serde_json::from_str(text).context("it is no file of wishes; see the example in docs/cli.md")?;
     let usual = Request::default();
     let wishes = file.wishes.into_iter().enumerate();
-    let wishes = wishes.map(|(idx, entry)| wish(entry, idx, folder, of).with_context(|| format!("wish {}", idx + 1)));
+    let wishes = wishes
+        .map(|(idx, entry)| wish(entry, idx, folder, of).with_context(|| format!("wish {}", idx.saturating_add(1))));
     let request = Request {
         wishes: wishes.collect::<Result<_>>()?,
         lights: file.lights,
@@ -128,7 +132,7 @@ fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wi
     let name = match (entry.name, &target) {
         (Some(name), _) => name,
         (None, Target::Picture(picture, _)) => picture.name.clone(),
-        (None, _) => place_name.unwrap_or_else(|| format!("wish {}", idx + 1)),
+        (None, _) => place_name.unwrap_or_else(|| format!("wish {}", idx.saturating_add(1))),
     };
     Ok(Wish { name, place, target, weight })
 }

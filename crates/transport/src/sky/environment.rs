@@ -4,6 +4,9 @@
 //! last the nadir, as Mitsuba has it, whose pictures hold ours to account; the difference to rows that are centered within
 //! their share of the height is half a row at the poles and none at the horizon.
 
+// What is read here was written by strangers, so no integer may wrap in silence.
+#![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+
 use std::f32::consts::{PI, TAU};
 use std::sync::{Arc, OnceLock};
 
@@ -38,6 +41,7 @@ impl PartialEq for Environment {
     }
 }
 
+#[expect(clippy::arithmetic_side_effects, reason = "sides and places of maps that `is_size` has let in")]
 impl Environment {
     /// Most pixels that are believed.
     pub const MAX_PIXELS: usize = 1 << 25;
@@ -175,6 +179,7 @@ impl Environment {
 }
 
 /// Sines of the elevations between which a row of a map of a height lies, the lower one first.
+#[expect(clippy::arithmetic_side_effects, reason = "a map has a row at least")]
 pub(super) fn row_sines(height: usize, row: usize) -> [f64; 2] {
     if height == 1 {
         return [-1.0, 1.0];
