@@ -138,3 +138,20 @@ pub fn bytes_words(bytes: f64) -> String {
         b => format!("{:.2} GB", b / 1e9),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Looked up one by one they would take minutes.
+    #[test]
+    fn of_half_a_million_warnings_each_is_said_once() {
+        let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+        let mut console = Console::new(Instant::now(), &mut stdout, &mut stderr, Interrupt::never());
+        let sentences = (0..500_000).chain(0..500_000).map(|nth| format!("the look sets `k{nth}`, which is not there"));
+        console.warn_all(sentences);
+        assert_eq!(console.warnings().len(), 500_000);
+        assert_eq!(console.warnings()[1], "the look sets `k1`, which is not there");
+        assert_eq!(String::from_utf8(stderr).unwrap().lines().count(), 500_000);
+    }
+}

@@ -141,6 +141,7 @@ fn spots(ends: &[PanelEnd; 2], own: Vec3) -> Vec<PanelSpot> {
 
 /// Between two skies of one map, or two suns: turned and dimmed along the way. One map does not become another: the first
 /// goes out by the middle, and the second comes up from there.
+#[expect(clippy::cast_possible_truncation, reason = "an angle, as exact as the look keeps it")]
 fn sky(a: Option<&SkySetting>, b: Option<&SkySetting>, t: f32) -> Option<SkySetting> {
     let as_baked = SkySetting::default();
     let (from, to) = (a.unwrap_or(&as_baked), b.unwrap_or(&as_baked));

@@ -153,6 +153,7 @@ impl Reader<'_> {
         })
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "angles, as exact as a lamp keeps them")]
     fn radians(&self, value: &Value) -> Result<f32> {
         self.number(value, &CONE_DEG)?;
         Ok(value.as_f64().unwrap_or_default().to_radians() as f32)
@@ -190,6 +191,7 @@ pub(super) fn json(lamp: &FreeLamp) -> String {
 }
 
 /// Degrees with the fewest decimals that are read as these radians again.
+#[expect(clippy::cast_possible_truncation, reason = "angles, as exact as a lamp keeps them")]
 fn degrees(rad: f32) -> f64 {
     let exact = f64::from(rad).to_degrees();
     let mut rounded = (0..9).map(|digits| {

@@ -187,6 +187,7 @@ impl Reader<'_> {
         Ok(entries.unwrap_or_default())
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "its range was looked at: it stays finite")]
     pub(super) fn number(&self, value: &Value, range: &RangeInclusive<f64>) -> Result<f32> {
         let number = value.as_f64().filter(|number| range.contains(number));
         let number = number.ok_or_else(|| {

@@ -232,6 +232,7 @@ pub(super) fn members(sky: &SkySetting) -> Vec<String> {
     members.into_iter().flatten().collect()
 }
 
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "an hour from 0 to 24")]
 fn sun_members(sun: &SunSetting) -> Vec<String> {
     let mut members = match &sun.place {
         SunPlace::Angles { azimuth_deg, elevation_deg } => {

@@ -83,6 +83,11 @@ impl Timeline {
     }
 
     /// Frames from the first to the last key, both included; none without keys.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a cast of a float ends at the greatest number, and starts at 0"
+    )]
     pub fn n_frames(&self) -> u32 {
         if self.keys.is_empty() { 0 } else { ((self.end_secs() * self.fps).round() as u32).saturating_add(1) }
     }

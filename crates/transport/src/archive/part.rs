@@ -168,6 +168,7 @@ fn understood(bytes: &[u8], path: &Path) -> Result<Option<(BakeHeader, usize, Se
     if is_begun { Ok(None) } else { Err(ArchiveError::InTheWay { path: path.into() }) }
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "blocks of a bake are counted in 32 bits")]
 fn record(number: usize, factors: &[Arc<BlockFactors>], seal: Seal) -> Vec<u8> {
     let mut bytes = (number as u32).to_le_bytes().to_vec();
     for factors in factors {

@@ -29,6 +29,7 @@ impl MaterialSlots {
 }
 
 /// Converts the materials in use, the default one first if any primitive needs it; also the textures that they use.
+#[expect(clippy::cast_possible_truncation, reason = "no more materials than bytes of the file, at most 2³²")]
 pub(super) fn add_materials(
     scene: &mut Scene,
     document: &Root,

@@ -92,6 +92,10 @@ impl Vertices {
     }
 
     /// Everything but positions; an attribute that cannot be read is as if it were absent.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "at most 2³¹ vertices and indices are read; two sets of coordinates"
+    )]
     fn read_attributes(&mut self, reader: &Reader, job: &Job, notes: &mut Notes) {
         let accessor_of = |semantic: Semantic| attribute(job.primitive, semantic);
         let n_vertices = self.positions.len();
@@ -305,6 +309,10 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
 }
 
 /// Only the vertices in use, in their order: source vertices, and triangles over them.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "at most 2³¹ vertices and indices are read; two sets of coordinates"
+)]
 fn compacted(triangles: &[[u32; 3]], n_vertices: usize) -> (Vec<u32>, Vec<[u32; 3]>) {
     let mut compact = vec![u32::MAX; n_vertices];
     triangles.iter().flatten().for_each(|&v| compact[v as usize] = 0);
@@ -317,6 +325,10 @@ fn compacted(triangles: &[[u32; 3]], n_vertices: usize) -> (Vec<u32>, Vec<[u32; 
 }
 
 /// Three vertices of its own for each triangle, so that normals can be flat.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "at most 2³¹ vertices and indices are read; two sets of coordinates"
+)]
 fn split(triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     let list = triangles.as_flattened().to_vec();
     #[expect(clippy::arithmetic_side_effects, reason = "a scene has at most 2^26 triangles")]

@@ -107,7 +107,7 @@ pub(super) fn n_instances(reader: &Reader, instancing: &Value) -> u64 {
 /// Transforms of EXT_mesh_gpu_instancing within the node, or the reason why they cannot be read.
 pub(super) fn instances(reader: &Reader, instancing: &Value) -> Result<Vec<DMat4>, String> {
     let attributes = instancing.get("attributes");
-    let accessor = |name: &str| attributes?.get(name)?.as_u64().map(|index| index as usize);
+    let accessor = |name: &str| usize::try_from(attributes?.get(name)?.as_u64()?).ok();
     let translations = accessor("TRANSLATION").map(|a| reader.floats::<3>(a, Integers::AsDeclared)).transpose()?;
     let rotations = accessor("ROTATION").map(|a| reader.floats::<4>(a, Integers::Normalized)).transpose()?;
     let scales = accessor("SCALE").map(|a| reader.floats::<3>(a, Integers::AsDeclared)).transpose()?;

@@ -87,7 +87,10 @@ pub(super) fn sources_of(document: &Root, index: usize) -> Vec<usize> {
     let plain = Some(texture.source.value()).filter(|&source| source != NO_SOURCE);
     let extended = |name: &&str| texture.extensions.as_ref()?.others.get(*name)?.get("source")?.as_u64();
     let alternatives = ["EXT_texture_webp", "KHR_texture_basisu", "MSFT_texture_dds", "EXT_texture_avif"];
-    plain.into_iter().chain(alternatives.iter().filter_map(extended).map(|source| source as usize)).collect()
+    plain
+        .into_iter()
+        .chain(alternatives.iter().filter_map(extended).filter_map(|source| usize::try_from(source).ok()))
+        .collect()
 }
 
 fn decode_image(

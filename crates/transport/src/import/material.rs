@@ -153,6 +153,7 @@ impl Converter<'_> {
     }
 
     /// A use of a texture; its index in the scene is made up on first use.
+    #[expect(clippy::cast_possible_truncation, reason = "no more textures than bytes of the file, at most 2³²")]
     pub(super) fn texture(&mut self, info: Option<&Info>, encoding: Encoding, name: &str) -> Option<TextureRef> {
         let info = info?;
         let index = info.index.value();

@@ -5,6 +5,7 @@ use glam::{Vec2, Vec4};
 use crate::scene::Mesh;
 
 /// Adds a mesh to another; false if vertex indices would overflow.
+#[expect(clippy::cast_possible_truncation, reason = "at most 2³¹ vertices are read")]
 pub(super) fn append(all: &mut Mesh, part: Mesh) -> bool {
     let offset = all.positions.len();
     let end = offset.checked_add(part.positions.len());

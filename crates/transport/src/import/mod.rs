@@ -6,6 +6,7 @@
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+#![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
 mod accessor;
 mod assemble;
@@ -272,6 +273,10 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
 
 /// Fills nodes, lamps and cameras; for each placed node its index in `Scene::nodes`, if it carries something, and the lamps
 /// of `Scene::punctual` that have a range.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "fewer nodes and lamps than bytes of the file, at most 2³²; the side of a panel was held against its range"
+)]
 fn add_nodes(
     scene: &mut Scene,
     document: &Root,
@@ -351,6 +356,11 @@ fn note_ranges(scene: &Scene, ranged: &[usize], notes: &mut Notes) {
 const PANEL_SIDES: std::ops::RangeInclusive<f64> = 4.0..=64.0;
 
 /// `extras: {"clerestory": {"panel": 32}}`.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "fewer nodes and lamps than bytes of the file, at most 2³²; the side of a panel was held against its range"
+)]
 fn panel_side(node: &Node, index: usize, notes: &mut Notes) -> Option<u32> {
     let asked = sensors::extra(node, "panel")?;
     // 16.0 is as whole a number as 16.

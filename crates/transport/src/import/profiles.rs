@@ -88,6 +88,10 @@ impl<'a> Profiles<'a> {
     }
 
     /// Index into `loaded`, `None` (with a line in the report) if the profile cannot be had.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "no more profiles than nodes; numbers that single precision has no room for become infinite and are refused"
+    )]
     fn profile(&mut self, index: usize, notes: &mut Notes) -> Option<u32> {
         if let Some(known) = self.of_file.get(&index) {
             return *known;
@@ -124,12 +128,20 @@ impl<'a> Profiles<'a> {
 }
 
 /// 1 where the file says nothing, `None` for what is no factor.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "no more profiles than nodes; numbers that single precision has no room for become infinite and are refused"
+)]
 fn multiplier(instance: &Value) -> Option<f32> {
     let Some(multiplier) = instance.get("multiplier") else { return Some(1.0) };
     multiplier.as_f64().map(|x| x as f32).filter(|x| x.is_finite() && *x >= 0.0)
 }
 
 /// Linear RGB, each 0 to 1; `None` where the file gives none.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "no more profiles than nodes; numbers that single precision has no room for become infinite and are refused"
+)]
 fn color(instance: &Value) -> Option<Vec3> {
     let channel = |c: usize| Some(instance.get("color")?.get(c)?.as_f64()? as f32);
     Some(Vec3::new(channel(0)?, channel(1)?, channel(2)?).clamp(Vec3::ZERO, Vec3::ONE))

@@ -60,6 +60,7 @@ impl Sensors {
     }
 
     /// Lays the grids; what is no rectangle stays a surface and is handed back.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 2²⁶ triangles are read")]
     pub(super) fn lay(self, scene: &mut Scene, notes: &mut Notes) -> Vec<Mesh> {
         let mut surfaces = Vec::new();
         for (node, parts) in self.parts {

@@ -59,6 +59,7 @@ fn frame(mesh: &Mesh, triangle: [u32; 3], normal_map: TextureRef) -> Frame {
 }
 
 /// Gives the triangles of the rarer handedness at a vertex a copy of it.
+#[expect(clippy::cast_possible_truncation, reason = "at most 2³¹ vertices are read")]
 fn split_mirrored(mesh: &mut Mesh, frames: &[Frame]) {
     let mut first: Vec<f32> = vec![0.0; mesh.positions.len()];
     let mut twins = vec![u32::MAX; mesh.positions.len()];

@@ -111,12 +111,14 @@ fn percent_decode(text: &str) -> Vec<u8> {
     out
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "a digit, and the lower bits of what is decoded")]
 fn hex_digit(byte: u8) -> Option<u8> {
     (byte as char).to_digit(16).map(|digit| digit as u8)
 }
 
 /// RFC 4648 base64, standard or URL alphabet, with or without padding; white space and `%`-escapes are tolerated.
 #[expect(clippy::arithmetic_side_effects, reason = "letters are in their ranges, and at most 13 bits wait")]
+#[expect(clippy::cast_possible_truncation, reason = "a digit, and the lower bits of what is decoded")]
 fn decode_base64(text: &str) -> Option<Vec<u8>> {
     let unescaped = if text.contains('%') { percent_decode(text) } else { text.as_bytes().to_vec() };
     let mut out = Vec::with_capacity(unescaped.len() / 4 * 3 + 3);

@@ -85,6 +85,11 @@ fn diagonal((lo, hi): Corners) -> f32 {
 }
 
 /// The box of the corners of triangles but for a share beyond each of its sides.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a place in a list, and at most 2²⁶ triangles"
+)]
 fn core_box(mesh: &Mesh, outlying: f32) -> Corners {
     let quantile = |axis: usize, share: f32| {
         let mut values: Vec<f32> = mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize][axis]).collect();
@@ -139,6 +144,7 @@ struct Room<'a> {
 }
 
 impl<'a> Room<'a> {
+    #[expect(clippy::cast_possible_truncation, reason = "a place in a list, and at most 2²⁶ triangles")]
     fn new(mesh: &'a Mesh, materials: &'a [Material], extent: f32, stop: &'a Stop) -> Option<Self> {
         let ids: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         let corners: Vec<[Vec3; 3]> = ids.iter().map(|&id| mesh.corners(id)).collect();

@@ -3,6 +3,7 @@
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+#![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ const MOST_COLUMNS: u32 = 4096;
 const MOST_SAMPLES: u32 = 255;
 
 /// What a file keeps of patches.
+#[expect(clippy::cast_possible_truncation, reason = "at most `MOST_SAMPLES` of a patch, of at most `MOST_COLUMNS`")]
 pub(crate) fn encode(patches: &Patches) -> Vec<u8> {
     let body = &patches.body;
     #[expect(clippy::arithmetic_side_effects, reason = "patches begin one after the other")]
@@ -60,6 +62,7 @@ pub(super) fn rounded(shares: &mut [f32], n_columns: usize) {
 }
 
 /// Reads patches whose numbers are known from the header, and says how many bytes they took; `None` where these do not fit.
+#[expect(clippy::cast_possible_truncation, reason = "at most `MOST_SAMPLES` of a patch, of at most `MOST_COLUMNS`")]
 pub(crate) fn decode(header: &Patches, bytes: &[u8]) -> Option<(Patches, usize)> {
     let (n_patches, n_samples, n_columns) = (header.n_patches, header.n_samples, header.n_columns);
     #[expect(clippy::arithmetic_side_effects, reason = "at most `MOST_PATCHES`, of `MOST_SAMPLES` each")]

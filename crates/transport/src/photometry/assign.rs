@@ -28,6 +28,7 @@ pub enum AssignError {
 ///
 /// # Errors
 /// When no such lamp exists.
+#[expect(clippy::cast_possible_truncation, reason = "no more profiles than files were read")]
 pub fn assign(scene: &mut Scene, key: &str, profile: PhotometricProfile, multiplier: f32) -> Result<(), AssignError> {
     let (lighting, _) = Lighting::new(scene, &[])?;
     let mut known = Vec::new();

@@ -11,6 +11,7 @@
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+#![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
 mod assign;
 mod ies;
@@ -123,6 +124,7 @@ impl PhotometricProfile {
     }
 
     /// Luminous flux in lumen, integrated over all directions.
+    #[expect(clippy::cast_possible_truncation, reason = "a flux in single precision")]
     pub fn flux_lm(&self) -> f32 {
         self.table.flux_lm() as f32
     }

@@ -84,6 +84,10 @@ impl<'a> Numbers<'a> {
     }
 
     /// So many intensities times a scale, in candela.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "values in single precision; a count that is cut off is not equal any more"
+    )]
     pub fn candela(&mut self, n: usize, scale: f64) -> Result<Vec<f32>, Fault> {
         let mut candela = Vec::new();
         for nth in 1..=n {
@@ -121,6 +125,11 @@ fn parsed(word: &str, comma: Comma) -> Option<f64> {
     number.ok().filter(|number| number.is_finite())
 }
 
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "values in single precision; a count that is cut off is not equal any more"
+)]
 fn whole(number: f64, range: &std::ops::RangeInclusive<usize>) -> Option<usize> {
     let whole = number as usize;
     (whole as f64 == number && range.contains(&whole)).then_some(whole)

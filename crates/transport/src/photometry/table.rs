@@ -62,6 +62,7 @@ type Places = Vec<(f64, usize)>;
 impl Measured {
     /// Completes C planes by a symmetry. B planes say by their first angle, 0, that they are mirrored.
     #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
+    #[expect(clippy::cast_possible_truncation, reason = "angles in single precision")]
     pub fn into_table(self, symmetry: Symmetry) -> Table {
         let (rows, columns) = match self.planes {
             Planes::C => (full_circle(&self.horizontal_deg, symmetry), as_they_are(&self.vertical_deg)),

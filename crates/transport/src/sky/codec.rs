@@ -2,6 +2,7 @@
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+#![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
 use clerestory_nystrom::codec::checksum;
 use glam::Vec3;
@@ -29,6 +30,11 @@ impl Environment {
 
     /// Means over squares of `factor` pixels a side; what is left over at the edges shares the last pixel.
     #[expect(clippy::arithmetic_side_effects, reason = "indices of a map in memory")]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "sides of a map of at most `MAX_PIXELS` pixels"
+    )]
     fn reduced(&self, factor: usize) -> Environment {
         let (w, h) = (self.width(), self.height());
         let (width, height) = (w.div_ceil(factor), h.div_ceil(factor));
@@ -64,6 +70,7 @@ impl Environment {
     }
 
     /// Bytes of a [`Environment::storable`] map.
+    #[expect(clippy::cast_possible_truncation, reason = "sides of a map of at most `MAX_PIXELS` pixels")]
     pub(crate) fn encode(&self) -> Vec<u8> {
         let scale = self.scale();
         #[expect(clippy::arithmetic_side_effects, reason = "bytes of a map in memory")]

@@ -6,6 +6,7 @@
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+#![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
 use std::f32::consts::{PI, TAU};
 use std::sync::{Arc, OnceLock};
@@ -116,6 +117,11 @@ impl Environment {
     }
 
     /// Radiance in nit that arrives from a unit direction of the map.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "places in a map of at most `MAX_PIXELS` pixels"
+    )]
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
         let at = self.place(direction) - Vec2::new(0.5, 0.0);
         let base = at.floor();

@@ -107,6 +107,7 @@ pub(super) fn read_group(body: &mut Stream, bits: u32) -> Result<[u8; GROUP], St
 
 /// Adds differences up from element to element, over the four bytes from `position` on.
 #[expect(clippy::arithmetic_side_effects, reason = "positions within an element of at most 256 bytes")]
+#[expect(clippy::cast_possible_truncation, reason = "the lower bits of a code are what is meant")]
 fn add_up(block: &mut [u8], stride: usize, position: usize, mode: u8, last: &mut [u8]) -> Result<(), String> {
     let (kind, rotation) = (mode & 15, u32::from(mode >> 4));
     if kind > 2 || (kind < 2 && rotation != 0) {

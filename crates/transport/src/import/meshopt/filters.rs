@@ -3,6 +3,10 @@
 use std::f32::consts::FRAC_1_SQRT_2;
 
 /// Unit vectors in octahedral encoding, four components of 1 or 2 bytes; the fourth stays.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "numbers of 8 and 16 bits, which a cast of a float ends at, as the filters say"
+)]
 pub(super) fn octahedral(bytes: &mut [u8], stride: usize) {
     each(bytes, stride, |[x, y, one, w]| {
         let (x, y) = (x as f32 / one as f32, y as f32 / one as f32);
@@ -18,6 +22,11 @@ pub(super) fn octahedral(bytes: &mut [u8], stride: usize) {
 
 /// Quaternions without their largest component, four components of 2 bytes.
 #[expect(clippy::arithmetic_side_effects, reason = "two numbers below 4")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "numbers of 8 and 16 bits, which a cast of a float ends at, as the filters say"
+)]
 pub(super) fn quaternion(bytes: &mut [u8]) {
     each(bytes, 8, |input| {
         let one = (input[3] | 3) as f32;
@@ -43,6 +52,11 @@ pub(super) fn exponential(bytes: &mut [u8]) {
 
 /// Colors as luma and two differences, four components of 1 or 2 bytes; the highest bit of the fourth tells their width.
 #[expect(clippy::arithmetic_side_effects, reason = "sums of three numbers of 16 bits")]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "numbers of 8 and 16 bits, which a cast of a float ends at, as the filters say"
+)]
 pub(super) fn color(bytes: &mut [u8], stride: usize) {
     let mask = if stride == 4 { 0xFF } else { 0xFFFF };
     each(bytes, stride, |[y, orange, green, alpha]| {
@@ -56,6 +70,11 @@ pub(super) fn color(bytes: &mut [u8], stride: usize) {
 }
 
 /// Changes elements of four signed components of `stride / 4` bytes each.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "numbers of 8 and 16 bits, which a cast of a float ends at, as the filters say"
+)]
 fn each(bytes: &mut [u8], stride: usize, change: impl Fn([i32; 4]) -> [i32; 4]) {
     if stride == 4 {
         for element in bytes.as_chunks_mut::<4>().0 {

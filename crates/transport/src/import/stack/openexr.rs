@@ -28,6 +28,7 @@ fn exr_headers(file: impl BufRead + Seek) -> Result<Vec<Header>, String> {
 }
 
 /// The first layer with channels R, G and B, else with Y alone.
+#[expect(clippy::cast_possible_truncation, reason = "sides and places of at most `MAX_PIXELS` pixels")]
 fn exr_layer(headers: &[Header]) -> Result<ExrLayer, String> {
     let has = |header: &Header, name: &str| header.channels.list.iter().any(|channel| channel.name == *name);
     let in_color = |header: &&Header| !header.deep && ["R", "G", "B"].into_iter().all(|name| has(header, name));
@@ -72,6 +73,11 @@ impl Canvas {
     #[expect(
         clippy::arithmetic_side_effects,
         reason = "places and offsets are below 2^33, and the index is within the window"
+    )]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "sides and places of at most `MAX_PIXELS` pixels"
     )]
     fn set(&mut self, at: Vec2<usize>, pixel: [f32; 3]) {
         let ExrLayer { size: [width, height], offset, .. } = self.layer;

@@ -103,6 +103,7 @@ pub(super) fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), 
 }
 
 /// Radiance, in the unit that its head tells: values are stored times all its `EXPOSURE`.
+#[expect(clippy::cast_possible_truncation, reason = "bytes of at most `MAX_PIXELS` pixels; colors in single precision")]
 fn decode_hdr(bytes: &[u8], size: [u32; 2]) -> Result<Picture, String> {
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(of_image)?;
     let exposure = decoder.metadata().exposure.unwrap_or(1.0);
@@ -141,6 +142,7 @@ fn decode_encoded(bytes: &[u8]) -> Result<Picture, String> {
 }
 
 /// Linear light of each code up to the greatest, which is 1.
+#[expect(clippy::cast_possible_truncation, reason = "bytes of at most `MAX_PIXELS` pixels; colors in single precision")]
 fn curve(greatest: u16) -> Vec<f32> {
     (0..=greatest).map(|code| srgb_to_linear(f64::from(code) / f64::from(greatest)) as f32).collect()
 }
