@@ -43,10 +43,6 @@ pub(super) enum Blocks {
 }
 
 /// Everything before the first block.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "headers up to `MAX_HEADER_BYTES`; columns of a basis are counted in 32 bits"
-)]
 pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks) -> Vec<u8> {
     let mut json = serde_json::to_vec(header).expect("a header has only string keys and plain values");
     json.pop();
@@ -157,10 +153,6 @@ fn check(header: &BakeHeader) -> Result<(), &'static str> {
 }
 
 /// Columns that follow each other, each of one light and one group.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "headers up to `MAX_HEADER_BYTES`; columns of a basis are counted in 32 bits"
-)]
 fn check_columns(basis: &LightBasis) -> Result<(), &'static str> {
     let mut next = 0;
     for source in &basis.sources {
