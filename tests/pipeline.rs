@@ -114,7 +114,7 @@ fn a_sky_is_baked_turned_and_told() {
     desk.json(&format!("bake @table.glb -o @a.transport --sky @day.hdr {VIEW}"));
     let info = desk.json("info @a.transport");
     assert!(info["sky"]["name"].as_str().unwrap().ends_with("day.hdr"), "{info}");
-    assert_eq!((&info["lights"], &info["columns"]), (&json!(["sky"]), &json!(291)));
+    assert_eq!((&info["lights"], &info["columns"]), (&json!(["sky"]), &json!(292)));
     // Relit from the archive alone, and by a file beside the look.
     for sky in [json!({ "rotation_deg": 120, "intensity": 2 }), json!({ "file": "day.hdr", "rotation_deg": -70 })] {
         look(sky).unwrap();

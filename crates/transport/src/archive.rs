@@ -37,7 +37,7 @@ use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
 /// Newest version that is read: its blocks are packed, and it holds patches that free lamps may light, by the angle of their light.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// Side of a packed tile that is believed.
 const MAX_TILE: u32 = 256;

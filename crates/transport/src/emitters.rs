@@ -21,7 +21,7 @@ use crate::origin::LightOrigin;
 use crate::photometry::PhotometricProfile;
 use crate::scene::{AlphaMode, PunctualKind, PunctualLight, Scene, SceneNode};
 use crate::sensors::parallelogram;
-use crate::sky::{Dome, DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};
+use crate::sky::{DomeEmitter, MapEmitter, SkyForm, SkyLight, SunEmitter, dome_columns};
 use crate::stop::Stopped;
 
 /// A node whose emissive quad is to become a panel.
@@ -420,7 +420,7 @@ fn add_sky(sky: &SkyRequest, keys: &mut KeyMaker, found: &mut Found) {
     let (kind, n_columns, emitter) = match sky.form {
         SkyForm::Whole => (SourceKind::Sky, 1, Emitter::Environment(MapEmitter::new(light))),
         SkyForm::Patches(divisions) => {
-            let emitter = DomeEmitter { dome: Dome::new(divisions) };
+            let emitter = DomeEmitter::new(divisions, &light.clone().storable());
             (SourceKind::Dome { divisions }, dome_columns(divisions), Emitter::Dome(emitter))
         }
     };

@@ -20,6 +20,7 @@ pub(crate) use reuse::{Meeting, Start};
 pub(crate) use slabs::passed_along;
 
 use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
@@ -35,6 +36,7 @@ use crate::lamps::Body;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
+use crate::sky::DomeEmitter;
 use crate::slabs::Passage;
 
 /// Takes what a walk finds. Values are radiance per unit of the column's light, RGB.
@@ -109,6 +111,8 @@ pub struct Integrator<'a, P> {
     scouts: u32,
     /// Sources that shine where a walk meets no surface.
     beyond: Vec<u32>,
+    /// Columns of patches of the sky, and what shines there.
+    dome: Option<(Range<u32>, &'a DomeEmitter)>,
     /// Bodies of free lamps, by column.
     bodies: Vec<(u32, Body)>,
     far: f32,
@@ -210,8 +214,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let plates = plates::of_columns(&scene.lighting.emitters, of_column);
         let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
-        let bounces = bounces.unwrap_or(u32::MAX);
-        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, bodies, far, focus: None }
+        let (bounces, dome) = (bounces.unwrap_or(u32::MAX), sky::dome_of(&scene.lighting));
+        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, dome, bodies, far, focus: None }
     }
 
     /// The same for somebody who may leave: from then on every ray meets nothing, so that all walks end.
@@ -486,7 +490,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 self.connect_one(&joint, (nth, *pick), &mut fan, later, deposit);
             }
         }
-        fan.flush(self.scene, deposit);
+        fan.flush(self, deposit);
     }
 
     /// Connects a plain diffuse surface to points whose weights are known.
@@ -504,8 +508,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             let white = self.plates[pick.column as usize].as_ref().map_or(Vec3::ZERO, |plate| plate.white);
             let value = color * white * points.weight[slot];
             later[0] += u64::from(joint.vertex != Vertex::First);
-            match self.worth_it(joint, value, first + slot as u32, pick.column) {
-                Some(value) => fan.push(self.scene, points.position(slot), pick.column, value, deposit),
+            match self.worth_it(joint, value, first + slot as u32, pick.column, None) {
+                Some(value) => fan.push(self, points.position(slot), pick.column, value, deposit),
                 None => later[1] += 1,
             }
         }
@@ -513,11 +517,14 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Roulette: a later connection that carries little is seldom asked for, and then carries more.
     #[inline]
-    fn worth_it(&self, joint: &Joint<'_>, value: Vec3, nth: u32, column: u32) -> Option<Vec3> {
+    fn worth_it(&self, joint: &Joint<'_>, value: Vec3, nth: u32, column: u32, toward: Option<Vec3>) -> Option<Vec3> {
         if joint.vertex == Vertex::First {
             return Some(value);
         }
-        let carried = value.max_element() * self.plan.worth(column);
+        let mut carried = value.max_element() * self.plan.worth(column);
+        if let Some((whole, radiance)) = toward.and_then(|toward| self.sky_as_baked(column, toward)) {
+            carried = carried.max((value * radiance).max_element() * self.plan.worth(whole));
+        }
         if carried >= 1.0 {
             return Some(value);
         }
@@ -543,10 +550,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         };
         if !self.scene.slabs.is_empty()
             && let Some((light, route)) = self.light_behind_slabs(walk, (pick.column, hit.position, u), light.as_ref())
-            && let Some(value) = self.worth_it(joint, arriving(&light), nth, pick.column)
+            && let Some(value) = self.worth_it(joint, arriving(&light), nth, pick.column, Some(light.wi))
             && value.max_element() > 0.0
         {
-            deposit.scattered(pick.column, value * self.passed_along(walk, hit, &light, &route));
+            let passed = self.passed_along(walk, hit, &light, &route);
+            self.give(pick.column, light.wi, value * passed, deposit);
         }
         let Some(light) = light else { return };
         let mut value = arriving(&light);
@@ -559,15 +567,15 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             value *= (-extinction * light.target.distance(hit.position)).exp();
         }
         later[0] += u64::from(vertex != Vertex::First);
-        let Some(value) = self.worth_it(joint, value, nth, pick.column) else {
+        let Some(value) = self.worth_it(joint, value, nth, pick.column, Some(light.wi)) else {
             later[1] += 1;
             return;
         };
         if light.wi.dot(outward) > 0.0 {
-            fan.push(self.scene, light.target, pick.column, value, deposit);
+            fan.push(self, light.target, pick.column, value, deposit);
         } else {
             let behind = hit.origin(-outward);
-            deposit.scattered(pick.column, value * self.scene.transmittance(behind, light.target));
+            self.give(pick.column, light.wi, value * self.scene.transmittance(behind, light.target), deposit);
         }
     }
 
@@ -742,21 +750,29 @@ impl Fan {
         Fan { origin, n: 0, targets: [Vec3::ZERO; 16], columns: [0; 16], values: [Vec3::ZERO; 16] }
     }
 
-    fn push(&mut self, scene: &PreparedScene, target: Vec3, column: u32, value: Vec3, deposit: &mut impl Deposit) {
+    fn push<P: LightPlan>(
+        &mut self,
+        walks: &Integrator<'_, P>,
+        target: Vec3,
+        column: u32,
+        value: Vec3,
+        deposit: &mut impl Deposit,
+    ) {
         (self.targets[self.n], self.columns[self.n], self.values[self.n]) = (target, column, value);
         self.n += 1;
         if self.n == 16 {
-            self.flush(scene, deposit);
+            self.flush(walks, deposit);
         }
     }
 
-    fn flush(&mut self, scene: &PreparedScene, deposit: &mut impl Deposit) {
+    fn flush<P: LightPlan>(&mut self, walks: &Integrator<'_, P>, deposit: &mut impl Deposit) {
         let mut passed = [Vec3::ZERO; 16];
         if self.n > 0 {
-            scene.transmittance16(self.origin, &self.targets, self.n, &mut passed);
+            walks.scene.transmittance16(self.origin, &self.targets, self.n, &mut passed);
         }
         for i in (0..self.n).filter(|&i| passed[i] != Vec3::ZERO) {
-            deposit.scattered(self.columns[i], self.values[i] * passed[i]);
+            let toward = self.targets[i] - self.origin;
+            walks.give(self.columns[i], toward, self.values[i] * passed[i], deposit);
         }
         self.n = 0;
     }

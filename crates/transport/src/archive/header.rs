@@ -22,6 +22,8 @@ const IRRADIANCE_VERSION: u32 = 3;
 const PACKED_VERSION: u32 = 4;
 /// Version of a file with patches that are lit alike from all sides.
 const EVEN_PATCHES_VERSION: u32 = 5;
+/// Packed, with patches that tell light by its angle.
+const GRAZING_VERSION: u32 = 6;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -51,9 +53,10 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks)
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
     let version = match blocks {
+        Blocks::Packed if has_map_column(&header.basis) => VERSION,
         Blocks::Packed => match &header.patches {
             None => PACKED_VERSION,
-            Some(patches) if patches.knows_grazing() => VERSION,
+            Some(patches) if patches.knows_grazing() => GRAZING_VERSION,
             Some(_) => EVEN_PATCHES_VERSION,
         },
         Blocks::Plain if header.irradiance.is_empty() => PLAIN_VERSION,
@@ -113,6 +116,14 @@ pub(super) fn parse_header(
     Ok((header, offset, if version >= PACKED_VERSION { Blocks::Packed } else { Blocks::Plain }))
 }
 
+/// Whether its sky, if it has one, has a column of the map as it was baked.
+fn has_map_column(basis: &LightBasis) -> bool {
+    basis.sources.iter().any(|source| match source.kind {
+        SourceKind::Dome { divisions } => source.columns.len() as u32 == dome_columns(divisions),
+        _ => false,
+    })
+}
+
 /// Whether the checksum at the end of the JSON fits. Programs that wrote none knew no packed files.
 fn is_intact(front: &[u8], version: u32) -> bool {
     let content = front.strip_suffix(CHECKSUM_END).and_then(|rest| rest.split_last_chunk::<CHECKSUM_DIGITS>());
@@ -168,7 +179,11 @@ fn check_columns(basis: &LightBasis) -> Result<(), &'static str> {
             SourceKind::Dome { divisions } if !DOME_DIVISIONS.contains(&divisions) => {
                 return Err("its header has a sky of unknown patches");
             }
-            SourceKind::Dome { divisions } => dome_columns(divisions),
+            SourceKind::Dome { divisions } => {
+                let all = dome_columns(divisions);
+                // Before version 7 there was no column of the map as it was baked.
+                if source.columns.len() as u32 == all.saturating_sub(1) { all.saturating_sub(1) } else { all }
+            }
             _ => 1,
         };
         if source.columns.len() as u32 != texels {

@@ -80,10 +80,9 @@ fn of_light(prepared: &PreparedScene, source: usize) -> String {
             surface.triangles.iter().map(triangle).collect::<Vec<_>>().join(" ")
         }
         Emitter::Panel(panel) => format!("{panel:?} {}", texture(panel.triangle)),
-        Emitter::Dome(_) => format!("{:?}", basis.sources[source].kind),
-        Emitter::Environment(_) => {
+        Emitter::Dome(_) | Emitter::Environment(_) => {
             let sky = basis.sky.as_ref().map(|sky| (sky.rotation_deg, sky.map.fingerprint()));
-            format!("sky {sky:?}")
+            format!("{:?} {sky:?}", basis.sources[source].kind)
         }
         Emitter::Sun(sun) => format!("{sun:?}"),
         Emitter::Lamp(lamp) => format!("{lamp:?}"),

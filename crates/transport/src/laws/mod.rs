@@ -14,6 +14,7 @@ mod reference;
 mod reuse;
 mod shadows;
 mod skips;
+mod sky;
 mod slabs;
 pub(crate) mod stage;
 mod stopped;

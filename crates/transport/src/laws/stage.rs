@@ -3,6 +3,7 @@
 use glam::{Vec3, Vec4};
 
 use crate::camera::Camera;
+use crate::emitters::SkyRequest;
 use crate::prepared::PreparedScene;
 use crate::scene::{Material, PunctualKind, PunctualLight, Scene, SceneNode};
 
@@ -79,6 +80,11 @@ impl Stage {
     /// The scene, ready for rays.
     pub fn prepared(self) -> PreparedScene {
         PreparedScene::new(self.scene, &[]).expect("a stage has valid lights").0
+    }
+
+    /// The same under a sky.
+    pub fn prepared_under(self, sky: &SkyRequest) -> PreparedScene {
+        PreparedScene::with_sky(self.scene, &[], Some(sky)).expect("a stage has valid lights").0
     }
 
     fn node(&mut self, name: &str, panel: Option<u32>) -> u32 {

@@ -1,10 +1,12 @@
 //! Walks that leave the scene, and connections to what lies beyond it.
 
+use std::ops::Range;
+
 use glam::{Vec2, Vec3};
 
 use super::{Deposit, Integrator, LightPlan, LightPoint, Walk, power_heuristic};
 use crate::emitters::{Emitter, Lighting};
-use crate::sky::{SunEmitter, sun_solid_angle};
+use crate::sky::{DomeEmitter, SunEmitter, sun_solid_angle};
 
 /// Indices of the sources that a walk may meet behind all surfaces.
 pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
@@ -12,6 +14,16 @@ pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
         matches!(emitter, Emitter::Sky | Emitter::Environment(_) | Emitter::Dome(_) | Emitter::Sun(_))
     };
     (0u32..).zip(&lighting.emitters).filter(|(_, e)| is_beyond(e)).map(|(idx, _)| idx).collect()
+}
+
+/// The columns of the patches of a sky, if it has any; the one behind them is that of the map as it is baked.
+pub(super) fn dome_of(lighting: &Lighting) -> Option<(Range<u32>, &DomeEmitter)> {
+    lighting.basis.sources.iter().zip(&lighting.emitters).find_map(|(source, emitter)| match emitter {
+        Emitter::Dome(emitter) => {
+            Some((source.columns.start..source.columns.start + emitter.dome.n_patches(), emitter))
+        }
+        _ => None,
+    })
 }
 
 impl<P: LightPlan> Integrator<'_, P> {
@@ -31,9 +43,8 @@ impl<P: LightPlan> Integrator<'_, P> {
                 }
                 Emitter::Dome(_) if walk.specular && walk.straight => deposit.seen(columns.end - 1, walk.throughput),
                 Emitter::Dome(emitter) => {
-                    let patch = emitter.dome.patch(walk.direction);
-                    let pdf = || 1.0 / emitter.dome.solid_angle(patch);
-                    self.arrive_at(walk, columns.start + patch, pdf, walk.throughput, deposit);
+                    let (patch, pdf) = emitter.place(walk.direction);
+                    self.arrive_at(walk, columns.start + patch, || pdf, walk.throughput, deposit);
                 }
                 Emitter::Sun(sun) if sun.contains(walk.direction) => {
                     let pdf = || (1.0 / sun_solid_angle()) as f32;
@@ -46,11 +57,31 @@ impl<P: LightPlan> Integrator<'_, P> {
     }
 
     fn arrive_at(&self, walk: &Walk, column: u32, pdf: impl FnOnce() -> f32, value: Vec3, deposit: &mut impl Deposit) {
+        let as_baked = self.sky_as_baked(column, walk.direction);
         if walk.specular {
             deposit.seen(column, value);
+            if let Some((whole, radiance)) = as_baked {
+                deposit.seen(whole, value * radiance);
+            }
         } else {
-            deposit.scattered(column, value * self.arrival_weight(walk, column, pdf));
+            self.give(column, walk.direction, value * self.arrival_weight(walk, column, pdf), deposit);
         }
+    }
+
+    /// Hands out the light of a column that arrives from a direction: of a patch of the sky that of the map as well.
+    #[inline]
+    pub(super) fn give(&self, column: u32, toward: Vec3, value: Vec3, deposit: &mut impl Deposit) {
+        deposit.scattered(column, value);
+        if let Some((whole, radiance)) = self.sky_as_baked(column, toward) {
+            deposit.scattered(whole, value * radiance);
+        }
+    }
+
+    /// For a patch of the sky: the column of the map as it is baked, and its radiance where a direction points.
+    #[inline]
+    pub(super) fn sky_as_baked(&self, column: u32, toward: Vec3) -> Option<(u32, Vec3)> {
+        let (patches, emitter) = self.dome.as_ref()?;
+        patches.contains(&column).then(|| (patches.end, emitter.radiance(toward.normalize())))
     }
 
     /// Share of a walk that met the sky by itself, against the connections to it; `pdf` is their solid-angle density.
@@ -71,7 +102,8 @@ impl<P: LightPlan> Integrator<'_, P> {
                 (wi, pdf, map.radiance(wi))
             }
             Emitter::Dome(emitter) if nth < emitter.dome.n_patches() => {
-                (emitter.dome.direction(nth, u), 1.0 / emitter.dome.solid_angle(nth), Vec3::ONE)
+                let (wi, pdf) = emitter.sample(nth, u);
+                (wi, pdf, Vec3::ONE)
             }
             Emitter::Sun(sun) => (sun.sample(u), (1.0 / sun_solid_angle()) as f32, Vec3::splat(SunEmitter::radiance())),
             _ => return None,

@@ -32,10 +32,11 @@ pub struct Dome {
     bands: Vec<Band>,
 }
 
-/// Columns of a sky with a dome of that many divisions: its patches, and one for what the camera sees.
+/// Columns of a sky with a dome of that many divisions: its patches, one for the map as it was baked, and one for what the
+/// camera sees.
 pub fn dome_columns(divisions: u32) -> u32 {
     // The product of a number from an untrusted file saturates far above any real one.
-    144u32.saturating_mul(divisions.saturating_mul(divisions)).saturating_add(1 + 145 + 1)
+    144u32.saturating_mul(divisions.saturating_mul(divisions)).saturating_add(1 + 145 + 2)
 }
 
 impl Dome {
@@ -72,10 +73,17 @@ impl Dome {
 
     /// The patch that a unit direction lies in.
     pub fn patch(&self, direction: Vec3) -> u32 {
+        self.place(direction).0
+    }
+
+    /// The patch that a unit direction lies in, and where in it, 0…1: what [`Dome::direction`] makes a direction of.
+    pub fn place(&self, direction: Vec3) -> (u32, Vec2) {
         let above = self.bands.partition_point(|band| band.sines[0] <= f64::from(direction.y));
         let band = &self.bands[above.max(1) - 1];
-        let nth = (uv_of(direction).x * band.n as f32) as u32;
-        band.first + nth.min(band.n - 1)
+        let around = uv_of(direction).x * band.n as f32;
+        let nth = (around as u32).min(band.n - 1);
+        let up = (f64::from(direction.y) - band.sines[0]) / (band.sines[1] - band.sines[0]);
+        (band.first + nth, Vec2::new(around - nth as f32, up as f32))
     }
 
     /// A unit direction in a patch, uniform over its solid angle; `u` in [0, 1)².
@@ -142,7 +150,7 @@ mod tests {
         for (divisions, n) in DOME_DIVISIONS.into_iter().zip([145, 577, 2305]) {
             let dome = Dome::new(divisions);
             assert_eq!(dome.n_patches(), n + 145);
-            assert_eq!(dome_columns(divisions), dome.n_patches() + 1);
+            assert_eq!(dome_columns(divisions), dome.n_patches() + 2);
             let total: f64 = (0..dome.n_patches()).map(|p| f64::from(dome.solid_angle(p))).sum();
             assert!((total - 2.0 * TAU).abs() < 1e-4, "{total}");
         }
@@ -156,7 +164,9 @@ mod tests {
                 for u in [[0.001, 0.001], [0.999, 0.001], [0.5, 0.5], [0.001, 0.999], [0.999, 0.999]] {
                     let d = dome.direction(patch, Vec2::from(u));
                     assert!((d.length() - 1.0).abs() < 1e-5);
-                    assert_eq!(dome.patch(d), patch, "{divisions} {u:?}");
+                    let (found, within) = dome.place(d);
+                    assert_eq!(found, patch, "{divisions} {u:?}");
+                    assert!((within - Vec2::from(u)).abs().max_element() < 0.01, "{divisions} {u:?}: {within}");
                 }
             }
             assert_eq!(dome.patch(Vec3::Y), dome.n_patches() - 1);

@@ -3,8 +3,11 @@
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
 
+use super::environment::direction_at;
 use super::{Dome, Environment, MapSampler, SUN_RADIUS_RAD, SkyLight, Turn, sun_solid_angle};
+use crate::light::luminance;
 
 /// A map as it is, one column.
 #[derive(Clone, Debug)]
@@ -43,11 +46,102 @@ impl MapEmitter {
     }
 }
 
-/// Patches of 1 nit, one column each, and after them the column of what the camera sees.
+/// Patches of 1 nit, one column each, after them the column of the map as it is baked, and that of what the camera sees.
+///
+/// Whoever looks towards a patch sees the map there as well: one direction serves both columns. Half of the directions of a
+/// patch are spread evenly, half as the map is bright, so that neither column has a sample of more than twice its weight.
 #[derive(Clone, Debug)]
 pub struct DomeEmitter {
     /// The patches.
     pub dome: Dome,
+    map: Arc<Environment>,
+    turn: Turn,
+    /// Of each patch, summed shares of the map's light in its cells.
+    cells: Arc<Vec<[f32; N_CELLS]>>,
+    /// Mean luminance of the map over each patch, nit.
+    luminance: Arc<Vec<f32>>,
+}
+
+/// Cells along each side of a patch.
+const CELLS: usize = 16;
+const N_CELLS: usize = CELLS * CELLS;
+
+impl DomeEmitter {
+    /// A dome for a sky as it is turned.
+    pub fn new(divisions: u32, light: &SkyLight) -> DomeEmitter {
+        let (dome, map, turn) = (Dome::new(divisions), light.map.clone(), light.turn());
+        let bright = |direction: Vec3| luminance(map.radiance(turn.sky_from_world(direction)));
+        let mut cells: Vec<[f32; N_CELLS]> = (0..dome.n_patches())
+            .into_par_iter()
+            .map(|patch| {
+                let middle =
+                    |cell: usize| (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + 0.5) / CELLS as f32;
+                std::array::from_fn(|cell| bright(dome.direction(patch, middle(cell))))
+            })
+            .collect();
+        // What lies between the middles of cells, such as a sun of few pixels.
+        let (width, last) = (map.width(), (map.height() - 1).max(1) as f32);
+        for (pixel, rgb) in map.pixels().iter().enumerate() {
+            let uv = Vec2::new(((pixel % width) as f32 + 0.5) / width as f32, (pixel / width) as f32 / last);
+            let toward = turn.world_from_sky(direction_at(uv));
+            let (patch, within) = dome.place(toward);
+            let cell = &mut cells[patch as usize][cell_of(within)];
+            *cell = cell.max(luminance(Vec3::from(*rgb)));
+        }
+        for cells in &mut cells {
+            let total: f64 = cells.iter().map(|&light| f64::from(light)).sum();
+            let mut sum = 0.0;
+            for (nth, cell) in cells.iter_mut().enumerate() {
+                sum += f64::from(*cell);
+                *cell = if total > 0.0 { (sum / total) as f32 } else { (nth + 1) as f32 / N_CELLS as f32 };
+            }
+        }
+        let luminances = dome.means(&map, turn).into_iter().map(|mean| luminance(Vec3::from(mean))).collect();
+        DomeEmitter { dome, map, turn, cells: Arc::new(cells), luminance: Arc::new(luminances) }
+    }
+
+    /// Radiance of the map as it is baked, from a unit direction, nit.
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        self.map.radiance(self.turn.sky_from_world(direction))
+    }
+
+    /// Mean luminance of the map as it is baked over each patch, nit.
+    pub fn luminances(&self) -> &[f32] {
+        &self.luminance
+    }
+
+    /// A unit direction in a patch and its solid-angle density.
+    pub fn sample(&self, patch: u32, u: Vec2) -> (Vec3, f32) {
+        let within = if u.x < 0.5 {
+            Vec2::new(2.0 * u.x, u.y)
+        } else {
+            let cells = &self.cells[patch as usize];
+            let at = 2.0 * u.x - 1.0;
+            let cell = cells.partition_point(|&sum| sum <= at).min(N_CELLS - 1);
+            let before = if cell == 0 { 0.0 } else { cells[cell - 1] };
+            let across = ((at - before) / (cells[cell] - before).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+            (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + Vec2::new(across, u.y)) / CELLS as f32
+        };
+        (self.dome.direction(patch, within), self.density(patch, within))
+    }
+
+    /// The patch that a unit direction lies in, and the solid-angle density of the direction among those of the patch.
+    pub fn place(&self, direction: Vec3) -> (u32, f32) {
+        let (patch, within) = self.dome.place(direction);
+        (patch, self.density(patch, within))
+    }
+
+    fn density(&self, patch: u32, within: Vec2) -> f32 {
+        let (cells, cell) = (&self.cells[patch as usize], cell_of(within));
+        let share = cells[cell] - if cell == 0 { 0.0 } else { cells[cell - 1] };
+        0.5 * (1.0 + share * N_CELLS as f32) / self.dome.solid_angle(patch)
+    }
+}
+
+/// The cell of a patch that a place in it, 0…1, lies in.
+fn cell_of(within: Vec2) -> usize {
+    let [x, y] = (within * CELLS as f32).to_array().map(|at| (at as usize).min(CELLS - 1));
+    y * CELLS + x
 }
 
 /// A disk of 1 lx, one column.
@@ -111,5 +205,78 @@ mod tests {
         assert!(samples.iter().filter(|(d, _)| d.dot(Vec3::NEG_Z) > 0.8).count() > 85);
         // Rounding may carry a sample over the edge of its pixel.
         assert!(samples.iter().filter(|(d, pdf)| emitter.pdf(*d) == *pdf).count() > 95);
+    }
+    /// A sun of one pixel in a dim sky, turned.
+    fn dome_with_a_sun() -> DomeEmitter {
+        let sun = Vec3::new(0.4, 0.5, -0.6).normalize();
+        let map = Environment::from_fn(256, 128, |d| Vec3::splat(if d.dot(sun) > 0.9998 { 3e4 } else { 1.0 + d.y }));
+        assert!(map.pixels().iter().any(|rgb| rgb[0] > 1e4));
+        DomeEmitter::new(1, &SkyLight { rotation_deg: 33.0, ..SkyLight::new("sun", map) })
+    }
+
+    #[test]
+    fn directions_of_a_patch_fall_where_their_density_says() {
+        let (emitter, n) = (dome_with_a_sun(), 20_000u32);
+        let brightest = (0..290).max_by(|&a, &b| emitter.luminances()[a].total_cmp(&emitter.luminances()[b])).unwrap();
+        for patch in [0, 17, 200, brightest as u32, 289] {
+            let mut counts = [0.0; N_CELLS];
+            for index in 0..n {
+                let (d, pdf) = emitter.sample(patch, Vec2::from(Sampler::new(3, u64::from(patch), index).next_2d()));
+                let (found, within) = emitter.dome.place(d);
+                // Rounding may carry a sample over the edge of its cell.
+                if found == patch && emitter.place(d) == (patch, pdf) {
+                    counts[cell_of(within)] += 1.0;
+                }
+            }
+            let lost = f64::from(n) - counts.iter().sum::<f64>();
+            assert!(lost < 0.01 * f64::from(n), "patch {patch}: {lost} samples beside their cell");
+            let (mut chi_square, mut total) = (0.0, 0.0);
+            for (cell, count) in counts.iter().enumerate() {
+                let within = (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + 0.5) / CELLS as f32;
+                let share = emitter.density(patch, within) * emitter.dome.solid_angle(patch) / N_CELLS as f32;
+                let expected = f64::from(n) * f64::from(share);
+                chi_square += (count - expected) * (count - expected) / expected;
+                total += f64::from(share);
+            }
+            assert!((total - 1.0).abs() < 1e-4, "patch {patch}: {total}");
+            let freedom = N_CELLS as f64 - 1.0;
+            assert!(chi_square < freedom + 6.0 * f64::sqrt(2.0 * freedom), "patch {patch}: {chi_square}");
+        }
+    }
+
+    #[test]
+    fn half_of_the_directions_of_a_patch_go_where_a_sun_stands_in_it() {
+        let emitter = dome_with_a_sun();
+        let brightest = (0..290).max_by(|&a, &b| emitter.luminances()[a].total_cmp(&emitter.luminances()[b])).unwrap();
+        let sampled = |i| emitter.sample(brightest as u32, Vec2::from(Sampler::new(2, 3, i).next_2d()));
+        let samples: Vec<_> = (0..1000).map(sampled).collect();
+        let bright = samples.iter().filter(|(d, _)| emitter.radiance(*d).x > 1e3).count();
+        assert!(bright > 100, "{bright} of 1000 near the sun");
+        // No sample of a patch of 1 nit counts more than twice its share.
+        let least = 0.499 / emitter.dome.solid_angle(brightest as u32);
+        assert!(samples.iter().all(|(_, pdf)| *pdf > least));
+        // What samples tell of the map is its mean over the patch.
+        let n = 100_000;
+        let mean: f64 = (0..n)
+            .map(sampled)
+            .map(|(d, pdf)| f64::from(luminance(emitter.radiance(d)) / pdf) / f64::from(n))
+            .sum();
+        let fine = 400;
+        let at = |i: u32| (Vec2::new((i % fine) as f32, (i / fine) as f32) + 0.5) / fine as f32;
+        let seen = |i| luminance(emitter.radiance(emitter.dome.direction(brightest as u32, at(i))));
+        let expected: f64 = (0..fine * fine).map(|i| f64::from(seen(i)) / f64::from(fine * fine)).sum();
+        let expected = expected * f64::from(emitter.dome.solid_angle(brightest as u32));
+        assert!((mean / expected - 1.0).abs() < 0.03, "{mean} for {expected}");
+    }
+
+    #[test]
+    fn patches_of_an_even_or_black_map_are_sampled_evenly() {
+        for radiance in [Vec3::ZERO, Vec3::ONE] {
+            let emitter = DomeEmitter::new(2, &SkyLight::new("even", Environment::uniform(radiance)));
+            for patch in [0, 140, 300, emitter.dome.n_patches() - 1] {
+                let (_, pdf) = emitter.sample(patch, Vec2::new(0.7, 0.2));
+                assert!((pdf * emitter.dome.solid_angle(patch) - 1.0).abs() < 1e-3);
+            }
+        }
     }
 }

@@ -4,7 +4,6 @@
 //! connected to afterwards, and later vertices connect to a patch the more often the more of its light came in. No light is
 //! lost: walks that escape to a patch by themselves count the more the less it is connected to.
 
-use super::DomeEmitter;
 use crate::emitters::{Emitter, Lighting};
 use crate::path::Pick;
 use crate::sampler::Sampler;
@@ -30,17 +29,21 @@ pub struct SkyPicks {
     columns: Vec<u32>,
     /// Summed probabilities of a later pick.
     summed: Vec<f32>,
+    /// Mean luminance of the baked map over each patch of the sky, nit.
+    shining: Vec<f32>,
 }
 
 impl SkyPicks {
     /// All patches; none where there is no dome.
     pub fn new(lighting: &Lighting) -> SkyPicks {
         let sources = lighting.basis.sources.iter().zip(&lighting.emitters);
-        let columns = sources.filter_map(|(source, emitter)| match emitter {
-            Emitter::Dome(DomeEmitter { dome }) => Some(source.columns.start..source.columns.start + dome.n_patches()),
+        let mut domes = sources.filter_map(|(source, emitter)| match emitter {
+            Emitter::Dome(dome) => Some((source.columns.start, dome.luminances())),
             _ => None,
         });
-        SkyPicks::of(columns.flatten().map(|column| (column, 1.0)).collect())
+        let Some((first, shining)) = domes.next() else { return SkyPicks::default() };
+        let all = SkyPicks::of((first..).zip(shining).map(|(column, _)| (column, 1.0)).collect());
+        SkyPicks { shining: shining.to_vec(), ..all }
     }
 
     /// Some columns in order, each with its brightness.
@@ -53,13 +56,21 @@ impl SkyPicks {
             sum as f32
         });
         let summed = summed.collect();
-        SkyPicks { columns: patches.into_iter().map(|(column, _)| column).collect(), summed }
+        SkyPicks { columns: patches.into_iter().map(|(column, _)| column).collect(), summed, shining: Vec::new() }
     }
 
-    /// What pilots saw of each patch. Nothing changes where there is nothing to tell.
+    /// What pilots saw of each patch. Nothing changes where there is nothing to tell. Half of the picks go by what a patch of
+    /// 1 nit brings, half by what it brings under the map.
     pub fn learn(&mut self, reach: &[f32], unseen: Unseen) {
         if reach.len() == self.columns.len() && reach.iter().any(|&light| light > 0.0) {
-            let patches = self.columns.iter().copied().zip(reach.iter().map(|light| light.max(0.0)));
+            let even: Vec<f32> = reach.iter().map(|light| light.max(0.0)).collect();
+            let mapped: Vec<f32> = even.iter().zip(&self.shining).map(|(light, shining)| light * shining).collect();
+            let [of_even, of_mapped] = [&even, &mapped].map(|all| 1.0 / all.iter().sum::<f32>().max(f32::MIN_POSITIVE));
+            let both = even
+                .iter()
+                .enumerate()
+                .map(|(patch, light)| light * of_even + mapped.get(patch).map_or(0.0, |light| light * of_mapped));
+            let patches = self.columns.iter().copied().zip(both);
             *self = SkyPicks::of(patches.filter(|&(_, light)| unseen == Unseen::Kept || light > 0.0).collect());
         }
     }

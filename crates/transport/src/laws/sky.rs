@@ -1,0 +1,119 @@
+//! The sky that a scene was baked under is as sharp as a traced one, although the matrix has patches of it.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::stage::{Stage, lambert, quad};
+use crate::bake::{BakeConfig, BakeJob, Passes};
+use crate::basis::LightBasis;
+use crate::camera::{Camera, Film};
+use crate::emitters::SkyRequest;
+use crate::light::LightRig;
+use crate::matrix::CHANNELS;
+use crate::scene::Material;
+use crate::sky::{Environment, SkyForm, SkyLight, SkySetting};
+use crate::trace::{TraceConfig, trace};
+
+const FILM: Film = Film { width: 48, height: 32 };
+const BLOCK: usize = 4;
+
+/// A small sun in a dim sky.
+fn light() -> SkyLight {
+    let sun = Vec3::new(-0.5, 0.7, 0.3).normalize();
+    let map = Environment::from_fn(256, 128, |d| {
+        Vec3::splat(if d.dot(sun) > 0.9985 { 2e3 } else { 0.3 + (4.0 * d.x).sin().powi(2) })
+    });
+    SkyLight { rotation_deg: 75.0, ..SkyLight::new("sun", map) }
+}
+
+/// A floor that fills the picture, with a screen that throws a shadow.
+fn stage() -> Stage {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 2.5, 3.0), Vec3::new(0.0, 0.2, 0.0), 0.8, 1.5);
+    Stage::new(camera)
+        .surface("floor", &quad(Vec3::new(-9.0, 0.0, 9.0), Vec3::X * 18.0, Vec3::NEG_Z * 18.0), lambert(0.7, 0.0))
+        .surface("screen", &quad(Vec3::new(-0.6, 0.0, 0.2), Vec3::X * 0.8, Vec3::Y * 0.9), lambert(0.5, 0.0))
+}
+
+/// A mirror that shows the sky, its sun beside the picture.
+fn mirror() -> Stage {
+    let camera = Camera::look_at("eye", Vec3::new(0.0, 0.5, 3.0), Vec3::new(0.0, 0.5, 0.0), 0.3, 1.5);
+    let silver = Material { metallic: 1.0, roughness: 0.0, ..Material::default() };
+    Stage::new(camera).surface("mirror", &quad(Vec3::new(-1.0, -0.5, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0), silver)
+}
+
+/// Green means of blocks of pixels, those that see the sky itself black.
+fn blocks(pixels: &[f64]) -> Vec<f64> {
+    let width = FILM.width as usize;
+    let mut means = vec![0.0; pixels.len() / (BLOCK * BLOCK)];
+    for (index, value) in pixels.iter().enumerate() {
+        means[index / width / BLOCK * (width / BLOCK) + index % width / BLOCK] += value / (BLOCK * BLOCK) as f64;
+    }
+    means
+}
+
+fn traced(stage: Stage, setting: Option<&SkySetting>, seed: u64) -> Vec<f64> {
+    let sky = setting.map_or_else(light, |setting| setting.light(Some(&light())).expect("a sky"));
+    let scene = stage.prepared_under(&SkyRequest { light: sky, form: SkyForm::Whole });
+    let coefficients = scene.lighting.basis.project(&LightRig::default());
+    let config = TraceConfig { spp: 256, bounces: None, seed };
+    let go_on = |_| ControlFlow::Continue(());
+    let pixels = trace(&scene, &scene.scene.cameras[0], FILM, &coefficients, &config, &go_on).expect("nobody stops it");
+    blocks(&pixels.into_iter().map(|rgb| f64::from(rgb[1])).collect::<Vec<_>>())
+}
+
+fn baked(stage: Stage, setting: Option<&SkySetting>, seed: u64) -> Vec<f64> {
+    let scene = Arc::new(stage.prepared_under(&SkyRequest { light: light(), form: SkyForm::Patches(1) }));
+    let config = BakeConfig { spp: 64, tolerance_db: 50.0, seed, ..BakeConfig::default() };
+    let camera = scene.scene.cameras[0].clone();
+    let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+    let bake = job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it");
+    let rig = LightRig { sky: setting.cloned(), ..LightRig::default() };
+    let coefficients = bake.header.coefficients(&rig);
+    let mut pixels = vec![0.0; FILM.n_pixels()];
+    for (group, coefficients) in bake.groups_under(&rig).iter().zip(coefficients) {
+        let green: Vec<f32> = coefficients.iter().map(|rgb| rgb[1]).collect();
+        for (pixel, rows) in pixels.iter_mut().zip(group.apply(&green).chunks_exact(CHANNELS)) {
+            *pixel += f64::from(rows[1]);
+        }
+    }
+    blocks(&pixels)
+}
+
+/// Root of the squared difference over the squared picture, free of noise: differences of two independent pairs.
+fn off(stage: fn() -> Stage, setting: Option<&SkySetting>) -> f64 {
+    let [first, second] = [1, 2].map(|seed| (baked(stage(), setting, seed), traced(stage(), setting, 10 + seed)));
+    let (mut off, mut all) = (0.0, 0.0);
+    for block in 0..first.0.len() {
+        off += (first.0[block] - first.1[block]) * (second.0[block] - second.1[block]);
+        all += first.1[block] * second.1[block];
+    }
+    f64::max(off, 0.0).sqrt() / all.sqrt()
+}
+
+#[test]
+fn the_baked_sky_throws_the_shadows_of_a_traced_one() {
+    let as_baked = off(stage, None);
+    assert!(as_baked < 0.01, "{as_baked}");
+    let brighter = SkySetting { rotation_deg: 75.0, intensity: 2.5, ..SkySetting::default() };
+    let dimmed = off(stage, Some(&brighter));
+    assert!(dimmed < 0.01, "{dimmed}");
+    // Turned, its shadows are those of patches.
+    let turned = off(stage, Some(&SkySetting { rotation_deg: 160.0, ..SkySetting::default() }));
+    assert!(turned > 0.012 && turned < 0.2, "{turned}");
+    let mirrored = off(mirror, None);
+    assert!(mirrored < 0.01, "{mirrored}");
+}
+
+#[test]
+fn a_basis_without_a_column_of_the_map_is_lit_by_patches_alone() {
+    let scene = stage().prepared_under(&SkyRequest { light: light(), form: SkyForm::Patches(1) });
+    let LightBasis { mut sources, sky, .. } = scene.lighting.basis.clone();
+    let whole = scene.lighting.basis.project(&LightRig::default());
+    sources.iter_mut().for_each(|source| source.columns.end -= 1);
+    let earlier = LightBasis { sky, ..LightBasis::new(sources) }.project(&LightRig::default());
+    assert_eq!((whole.len(), earlier.len()), (292, 291));
+    assert!(whole[..290].iter().flatten().all(|patch| patch.abs() < 1e-2) && whole[290] == [1.0; 3]);
+    assert!(earlier[..290].iter().flatten().all(|patch| *patch > 0.2) && earlier[290] == [1.0; 3]);
+}
