@@ -8,6 +8,7 @@
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+#![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
 pub mod beside;
 mod header;
@@ -334,6 +335,7 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
 }
 
 /// Reads the packed matrices behind a header.
+#[expect(clippy::cast_possible_truncation, reason = "three")]
 fn decode_packed(header: BakeHeader, bytes: &[u8], path: &Path) -> Result<Bake, ArchiveError> {
     let wrong = |error: CodecError| damaged(path, error.to_string());
     if header.tile > MAX_TILE {

@@ -45,6 +45,10 @@ pub(super) enum Blocks {
 }
 
 /// Everything before the first block.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "headers up to `MAX_HEADER_BYTES`; columns of a basis are counted in 32 bits"
+)]
 pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks) -> Vec<u8> {
     let mut json = serde_json::to_vec(header).expect("a header has only string keys and plain values");
     json.pop();
@@ -119,7 +123,7 @@ pub(super) fn parse_header(
 /// Whether its sky, if it has one, has a column of the map as it was baked.
 fn has_map_column(basis: &LightBasis) -> bool {
     basis.sources.iter().any(|source| match source.kind {
-        SourceKind::Dome { divisions } => source.columns.len() as u32 == dome_columns(divisions),
+        SourceKind::Dome { divisions } => u32::try_from(source.columns.len()) == Ok(dome_columns(divisions)),
         _ => false,
     })
 }
@@ -164,6 +168,10 @@ fn check(header: &BakeHeader) -> Result<(), &'static str> {
 }
 
 /// Columns that follow each other, each of one light and one group.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "headers up to `MAX_HEADER_BYTES`; columns of a basis are counted in 32 bits"
+)]
 fn check_columns(basis: &LightBasis) -> Result<(), &'static str> {
     let mut next = 0;
     for source in &basis.sources {

@@ -257,10 +257,8 @@ mod tests {
         assert!(samples.iter().all(|(_, pdf)| *pdf > least));
         // What samples tell of the map is its mean over the patch.
         let n = 100_000;
-        let mean: f64 = (0..n)
-            .map(sampled)
-            .map(|(d, pdf)| f64::from(luminance(emitter.radiance(d)) / pdf) / f64::from(n))
-            .sum();
+        let mean: f64 =
+            (0..n).map(sampled).map(|(d, pdf)| f64::from(luminance(emitter.radiance(d)) / pdf) / f64::from(n)).sum();
         let fine = 400;
         let at = |i: u32| (Vec2::new((i % fine) as f32, (i / fine) as f32) + 0.5) / fine as f32;
         let seen = |i| luminance(emitter.radiance(emitter.dome.direction(brightest as u32, at(i))));
