@@ -118,7 +118,9 @@ pub fn viewport_ui(
     if let Some(compared) = &viewed.compared {
         let right = compare::right_area(whole, area);
         match compared.way {
-            Way::SideBySide => compare::beside_ui(ui, compared, [area, right], state.zoom.image_rect(right, size)),
+            Way::SideBySide => {
+                compare::beside_ui(ui, compared, [area, right], [image, state.zoom.image_rect(right, size)]);
+            }
             Way::Wipe => compare::wipe_ui(ui, compared, area, image, &mut state.divider),
         }
     }

@@ -28,6 +28,33 @@ fn two_looks() -> Window {
     window
 }
 
+#[test]
+fn at_one_and_a_half_times_the_size_everything_of_the_strip_can_be_clicked() {
+    let mut window = two_looks();
+    for label in ["Timeline", "Compare", "Cross-fade", "Text size", "150 %"] {
+        click(&mut window, label);
+    }
+    window.run_steps(4);
+    let edge = window.get_by_label("Metering").rect().left();
+    let ends = ["Timeline", "Contact sheet…", "Save as glTF…", "Side by side", "Fade to", "Export frames…"];
+    for label in ends {
+        let right = window.get_by_label(label).rect().right();
+        assert!(right < edge, "{label} ends at {right}, and the panel beside it begins at {edge}");
+    }
+}
+
+#[test]
+fn the_list_of_keys_fits_the_window_and_esc_closes_it() {
+    let mut window = baked();
+    click(&mut window, "Shortcuts");
+    window.run_steps(4);
+    let (title, whole) = (window.get_by_label("Keyboard and mouse").rect(), window.ctx.content_rect());
+    assert!(whole.contains_rect(title), "{title} of {whole}");
+    window.key_press(Key::Escape);
+    window.run_steps(4);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+}
+
 fn context_menu(window: &mut Window, card: &str, item: &str) {
     window.get_by_label(card).click_button(PointerButton::Secondary);
     window.run_steps(4);

@@ -20,6 +20,9 @@ fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     let mut window = baked();
     ask_for(&mut window, "Export…", &path);
     click(&mut window, "OpenEXR");
+    let hint = window.get_by_label_contains("exposure and tone are not applied").rect();
+    let copy = window.get_by_label("Copy picture").rect();
+    assert!(!hint.intersects(copy), "what the file is can be read whole: {hint} {copy}");
     click(&mut window, "Half");
     click(&mut window, "Layers");
     click(&mut window, "By light");

@@ -50,15 +50,12 @@ pub fn export_ui(
         Some(ImageFormat::Exr) => "Linear Rec. 709 in cd/m², with the look inside; exposure and tone are not applied",
         _ => "sRGB as it is seen, with the legend where colors are false",
     };
-    ui.horizontal(|ui| {
-        ui.label(RichText::new(hint).weak().small());
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let copy = ui.button("Copy picture");
-            if copy.on_hover_text("Put the picture on the clipboard as it is seen").clicked() {
-                actions.push(Action::CopyImage);
-            }
-        });
-    });
+    // A line of its own: beside a button the longer of the two would be cut off.
+    ui.label(RichText::new(hint).weak().small());
+    let copy = ui.button("Copy picture").on_hover_text("Put the picture on the clipboard as it is seen");
+    if copy.clicked() {
+        actions.push(Action::CopyImage);
+    }
     ui.add_space(6.0);
     options.window(view.baked).err().map(|error| error.to_string())
 }

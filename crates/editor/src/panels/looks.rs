@@ -86,7 +86,7 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
 }
 
 fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView, actions: &mut Vec<Action>) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.label(RichText::new("Looks").heading().strong());
         ui.add_space(6.0);
         let hint = "Keep the lights and the display as they are now under a name";
@@ -109,13 +109,11 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
                 actions.push(Action::Ask(FileTask::SaveSheet));
             }
         }
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let save = ui.add_enabled(view.is_scene, Button::new("Save as glTF…"));
-            let hint = "Write the scene with its lights as they are, for other programs";
-            if save.on_hover_text(hint).on_disabled_hover_text("Open a scene, not a bake, to write it").clicked() {
-                actions.push(Action::Ask(FileTask::ExportGltf));
-            }
-        });
+        let save = ui.add_enabled(view.is_scene, Button::new("Save as glTF…"));
+        let hint = "Write the scene with its lights as they are, for other programs";
+        if save.on_hover_text(hint).on_disabled_hover_text("Open a scene, not a bake, to write it").clicked() {
+            actions.push(Action::Ask(FileTask::ExportGltf));
+        }
     });
 }
 

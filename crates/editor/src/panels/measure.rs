@@ -87,7 +87,7 @@ pub fn measure_ui(
 
 /// The tools that mark, and what they leave.
 pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         let tools = [
             (Tool::Rectangle, "Rectangle", "Mark a rectangle of the picture, a click marks one pixel"),
             (Tool::Brush, "Brush", "Paint over a part of the picture"),

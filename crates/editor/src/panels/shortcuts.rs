@@ -81,20 +81,29 @@ fn take_copy(ctx: &Context, actions: &mut Vec<Action>) {
     }
 }
 
-/// The list of keys and gestures.
+/// Points of the window above and below the list: its title and some air.
+const AROUND: f32 = 96.0;
+
+/// The list of keys and gestures; it scrolls where the window is lower than it.
 pub fn shortcuts_ui(ctx: &Context, open: &mut bool) {
+    if *open && ctx.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape)) {
+        *open = false;
+    }
+    let most = (ctx.content_rect().height() - AROUND).max(AROUND);
     egui::Window::new("Keyboard and mouse")
         .open(open)
         .collapsible(false)
         .resizable(false)
         .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
         .show(ctx, |ui| {
-            egui::Grid::new("shortcuts").num_columns(2).spacing([28.0, 7.0]).show(ui, |ui| {
-                for (keys, what) in rows(ctx) {
-                    ui.label(egui::RichText::new(keys).strong());
-                    ui.label(what);
-                    ui.end_row();
-                }
+            egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, |ui| {
+                egui::Grid::new("shortcuts").num_columns(2).spacing([28.0, 7.0]).show(ui, |ui| {
+                    for (keys, what) in rows(ctx) {
+                        ui.label(egui::RichText::new(keys).strong());
+                        ui.label(what);
+                        ui.end_row();
+                    }
+                });
             });
         });
 }

@@ -48,11 +48,12 @@ pub fn right_area(area: Rect, left: Rect) -> Rect {
     Rect::from_min_max(pos2(left.right() + GAP, area.top()), area.max)
 }
 
-/// Draws the picture on the right of `left`, beside it.
-pub fn beside_ui(ui: &Ui, compared: &Compared, [left, right]: [Rect; 2], image: Rect) {
-    ui.painter_at(right).image(compared.right, image, WHOLE, Color32::WHITE);
-    name(ui, left, &compared.names[0], Align2::LEFT_BOTTOM);
-    name(ui, right, &compared.names[1], Align2::LEFT_BOTTOM);
+/// Draws the picture on the right beside the left one, and a name on each. `areas` hold the pictures' places, `images` the pictures.
+pub fn beside_ui(ui: &Ui, compared: &Compared, areas: [Rect; 2], images: [Rect; 2]) {
+    ui.painter_at(areas[1]).image(compared.right, images[1], WHOLE, Color32::WHITE);
+    for ((area, image), words) in areas.into_iter().zip(images).zip(&compared.names) {
+        name(ui, area.intersect(image), words, Align2::LEFT_BOTTOM);
+    }
 }
 
 /// Draws what is right of the divider, and the divider. `offset` is its way from the middle, in widths of the picture.

@@ -81,7 +81,7 @@ impl Fade {
 
 /// The row of a comparison.
 pub(super) fn compare_ui(ui: &mut Ui, compare: &mut Compare, look: &Look) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.label("Left");
         side_ui(ui, "Left look", &mut compare.sides[0], look);
         ui.label("Right");

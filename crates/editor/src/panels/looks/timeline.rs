@@ -70,11 +70,11 @@ pub(super) fn timeline_ui(
     actions: &mut Vec<Action>,
 ) {
     player.chosen = player.chosen.filter(|idx| *idx < look.timeline.keys.len());
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         play_ui(ui, look, player, view);
         add_ui(ui, look, player);
         key_ui(ui, look, player);
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| frames_ui(ui, look, view, actions));
+        frames_ui(ui, look, view, actions);
     });
     track_ui(ui, look, player);
 }
@@ -154,7 +154,7 @@ fn key_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     }
 }
 
-/// From right to left: export, frames of a second, or how far the frames are.
+/// Export, frames of a second, or how far the frames are.
 fn frames_ui(ui: &mut Ui, look: &mut Look, view: &LooksView, actions: &mut Vec<Action>) {
     if let Some((done, of)) = view.frames {
         if ui.button("Cancel").accessible_name("Cancel the frames").clicked() {
