@@ -187,6 +187,8 @@ struct LightPoint {
     spread_sr: f32,
     /// Whether it shines from infinitely far away.
     beyond: bool,
+    /// About how bright the baked sky is there, nit, for as much light as `factor` has; 0 of any other light.
+    shining: f32,
 }
 
 /// Surfaces after which roulette begins.
@@ -508,7 +510,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             let white = self.plates[pick.column as usize].as_ref().map_or(Vec3::ZERO, |plate| plate.white);
             let value = color * white * points.weight[slot];
             later[0] += u64::from(joint.vertex != Vertex::First);
-            match self.worth_it(joint, value, first + slot as u32, pick.column, None) {
+            match self.worth_it(joint, value, first + slot as u32, pick.column, 0.0) {
                 Some(value) => fan.push(self, points.position(slot), pick.column, value, deposit),
                 None => later[1] += 1,
             }
@@ -517,14 +519,16 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Roulette: a later connection that carries little is seldom asked for, and then carries more.
     #[inline]
-    fn worth_it(&self, joint: &Joint<'_>, value: Vec3, nth: u32, column: u32, toward: Option<Vec3>) -> Option<Vec3> {
+    fn worth_it(&self, joint: &Joint<'_>, value: Vec3, nth: u32, column: u32, shining: f32) -> Option<Vec3> {
         if joint.vertex == Vertex::First {
             return Some(value);
         }
-        let mut carried = value.max_element() * self.plan.worth(column);
-        if let Some((whole, radiance)) = toward.and_then(|toward| self.sky_as_baked(column, toward)) {
-            carried = carried.max((value * radiance).max_element() * self.plan.worth(whole));
-        }
+        let of_map = if shining > 0.0 {
+            self.dome.as_ref().map_or(0.0, |(patches, _)| self.plan.worth(patches.end))
+        } else {
+            0.0
+        };
+        let carried = value.max_element() * self.plan.worth(column).max(shining * of_map);
         if carried >= 1.0 {
             return Some(value);
         }
@@ -550,7 +554,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         };
         if !self.scene.slabs.is_empty()
             && let Some((light, route)) = self.light_behind_slabs(walk, (pick.column, hit.position, u), light.as_ref())
-            && let Some(value) = self.worth_it(joint, arriving(&light), nth, pick.column, Some(light.wi))
+            && let Some(value) = self.worth_it(joint, arriving(&light), nth, pick.column, light.shining)
             && value.max_element() > 0.0
         {
             let passed = self.passed_along(walk, hit, &light, &route);
@@ -567,7 +571,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             value *= (-extinction * light.target.distance(hit.position)).exp();
         }
         later[0] += u64::from(vertex != Vertex::First);
-        let Some(value) = self.worth_it(joint, value, nth, pick.column, Some(light.wi)) else {
+        let Some(value) = self.worth_it(joint, value, nth, pick.column, light.shining) else {
             later[1] += 1;
             return;
         };
@@ -613,6 +617,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                     factor: Vec3::ONE,
                     spread_sr: 0.0,
                     beyond: true,
+                    shining: 0.0,
                 })
             }
             Emitter::Punctual(light) => {
@@ -627,6 +632,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                     factor,
                     spread_sr: 0.0,
                     beyond: false,
+                    shining: 0.0,
                 })
             }
             Emitter::Lamp(lamp) => lamp.lit(position, u, self.far).map(|lit| LightPoint {
@@ -635,6 +641,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 factor: Vec3::splat(lit.factor),
                 spread_sr: lit.spread_sr,
                 beyond: lamp.is_beyond(),
+                shining: 0.0,
             }),
             sky => {
                 let first = self.scene.lighting.basis.sources[place.source as usize].columns.start;
@@ -798,6 +805,7 @@ fn area_point(
         factor: radiance * spread_sr,
         spread_sr,
         beyond: false,
+        shining: 0.0,
     })
 }
 

@@ -58,6 +58,8 @@ pub struct Readings {
 
 /// Lights that are told by name in a breakdown; the others are told as a sum.
 const MOST_ROWS: usize = 8;
+/// Part of the light up to which shares that noise made less than nothing are not spoken of.
+const MOST_NOISE: f32 = 0.05;
 /// Width of the breakdown, points.
 const WIDTH: f32 = 268.0;
 /// Room between a pixel and its breakdown, points.
@@ -217,8 +219,23 @@ fn breakdown_ui(
                 let words = format!("{} more, {}", lit.len() - MOST_ROWS, percent(rest, luminance(total)));
                 ui.label(RichText::new(words).weak());
             }
+            if let Some(words) = noise_words(shares) {
+                ui.label(RichText::new(words).weak());
+            }
         });
     });
+}
+
+/// What lights take away that a noisy bake made less than nothing, where it is enough to mislead: their sum is right, their
+/// shares are not.
+fn noise_words(shares: &[Share]) -> Option<String> {
+    let (total, below) = (luminance(sum(shares)), shares.iter().map(|share| share.luminance().min(0.0)).sum::<f32>());
+    (below < -MOST_NOISE * total.max(1e-9)).then(|| {
+        format!(
+            "{} by noise: this bake is too coarse to tell lights apart here. More samples help.",
+            percent(below, total)
+        )
+    })
 }
 
 fn heading_ui(ui: &mut Ui, reading: &Reading, probes: &mut Probes) {
@@ -276,7 +293,7 @@ pub fn choose(lights: &mut LightsState, key: &str) {
 /// A part of a whole for people: no more digits than tell something.
 fn percent(part: f32, total: f32) -> String {
     match 100.0 * part / total.max(1e-9) {
-        share if share < 0.95 => format!("{share:.1} %"),
+        share if share.abs() < 0.95 => format!("{share:.1} %"),
         share => format!("{share:.0} %"),
     }
 }
@@ -299,5 +316,14 @@ mod tests {
     fn shares_have_no_more_digits_than_tell_something() {
         let words = [(1.0, 1.0), (0.25, 1.0), (0.004, 1.0), (0.0, 0.0)].map(|(part, total)| percent(part, total));
         assert_eq!(words, ["100 %", "25 %", "0.4 %", "0.0 %"]);
+    }
+
+    #[test]
+    fn shares_that_noise_spoiled_are_told() {
+        let shares = |lights: [f32; 3]| lights.map(|light| Share { key: "lamp".into(), radiance: Vec3::splat(light) });
+        assert_eq!(noise_words(&shares([2.0, 1.0, -0.1])), None);
+        assert_eq!(noise_words(&shares([0.0, 0.0, 0.0])), None);
+        let words = noise_words(&shares([9.0, 1.5, -7.5])).expect("more than the half is noise");
+        assert!(words.starts_with("-250 % by noise"), "{words}");
     }
 }

@@ -96,6 +96,7 @@ impl<P: LightPlan> Integrator<'_, P> {
 
     /// A direction towards a column of the sky; `None` for what only the camera sees.
     pub(super) fn sky_point(&self, emitter: &Emitter, nth: u32, position: Vec3, u: Vec2) -> Option<LightPoint> {
+        let mut shining = 0.0;
         let (wi, pdf, radiance) = match emitter {
             Emitter::Environment(map) => {
                 let (wi, pdf) = map.sample(u);
@@ -103,6 +104,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             }
             Emitter::Dome(emitter) if nth < emitter.dome.n_patches() => {
                 let (wi, pdf) = emitter.sample(nth, u);
+                shining = emitter.shining(nth, pdf);
                 (wi, pdf, Vec3::ONE)
             }
             Emitter::Sun(sun) => (sun.sample(u), (1.0 / sun_solid_angle()) as f32, Vec3::splat(SunEmitter::radiance())),
@@ -114,6 +116,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             factor: radiance / pdf,
             spread_sr: 1.0 / pdf,
             beyond: true,
+            shining,
         })
     }
 }

@@ -110,6 +110,12 @@ impl DomeEmitter {
         &self.luminance
     }
 
+    /// At most about how bright the map is where a direction of a patch has that density, nit: directions are the denser the
+    /// brighter it is there.
+    pub fn shining(&self, patch: u32, density: f32) -> f32 {
+        2.0 * self.luminance[patch as usize] * density * self.dome.solid_angle(patch)
+    }
+
     /// A unit direction in a patch and its solid-angle density.
     pub fn sample(&self, patch: u32, u: Vec2) -> (Vec3, f32) {
         let within = if u.x < 0.5 {

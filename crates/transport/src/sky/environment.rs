@@ -126,12 +126,13 @@ impl Environment {
         let at = self.place(direction) - Vec2::new(0.5, 0.0);
         let base = at.floor();
         let part = at - base;
-        let row = |y: i64| y.clamp(0, self.height as i64 - 1) as usize * self.width;
-        let column = |x: i64| x.rem_euclid(self.width as i64) as usize;
-        let (x, y) = (base.x as i64, base.y as i64);
-        let pixel = |x: i64, y: i64| Vec3::from(self.pixels[row(y) + column(x)]);
-        let upper = pixel(x, y).lerp(pixel(x + 1, y), part.x);
-        let lower = pixel(x, y + 1).lerp(pixel(x + 1, y + 1), part.x);
+        // Half a pixel before the first column is the last one.
+        let x = if base.x < 0.0 { self.width - 1 } else { (base.x as usize).min(self.width - 1) };
+        let next = if x + 1 == self.width { 0 } else { x + 1 };
+        let (y, last) = (base.y as usize, self.height - 1);
+        let row = |y: usize| &self.pixels[y.min(last) * self.width..][..self.width];
+        let mix = |row: &[[f32; 3]]| Vec3::from(row[x]).lerp(Vec3::from(row[next]), part.x);
+        let (upper, lower) = (mix(row(y)), mix(row(y + 1)));
         upper.lerp(lower, part.y)
     }
 
