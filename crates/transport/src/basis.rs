@@ -236,10 +236,16 @@ impl LightBasis {
         rig.panels.get(key).or_else(|| self.spots.get(key))
     }
 
-    /// Luminance of each column's coefficient under the light of the file: what a scene is first seen under.
+    /// Luminance of each column's coefficient under the light of the file: what a scene is first seen under. The column of the sky
+    /// that the camera sees is 0: none of it is scattered, so that factors know nothing of it.
     pub(crate) fn file_light(&self, column_scale: &[f32]) -> Vec<f32> {
         let light = self.project(&LightRig::default());
-        light.iter().zip(column_scale).map(|(&rgb, scale)| luminance(Vec3::from(rgb)) / scale).collect()
+        let mut light: Vec<f32> =
+            light.iter().zip(column_scale).map(|(&rgb, scale)| luminance(Vec3::from(rgb)) / scale).collect();
+        for source in self.sources.iter().filter(|source| matches!(source.kind, SourceKind::Dome { .. })) {
+            light[source.columns.end as usize - 1] = 0.0;
+        }
+        light
     }
 
     /// How the columns of a group lie beside each other: texels of a panel on a grid, the others in no order.

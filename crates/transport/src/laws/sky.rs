@@ -117,3 +117,11 @@ fn a_basis_without_a_column_of_the_map_is_lit_by_patches_alone() {
     assert!(whole[..290].iter().flatten().all(|patch| patch.abs() < 1e-2) && whole[290] == [1.0; 3]);
     assert!(earlier[..290].iter().flatten().all(|patch| *patch > 0.2) && earlier[290] == [1.0; 3]);
 }
+
+#[test]
+fn factors_know_nothing_of_the_sky_that_the_camera_sees() {
+    let scene = stage().prepared_under(&SkyRequest { light: light(), form: SkyForm::Patches(1) });
+    let basis = &scene.lighting.basis;
+    let preserved = basis.file_light(&vec![2.0; basis.n_cols()]);
+    assert!((preserved[290] - 0.5).abs() < 1e-6 && preserved[291] == 0.0);
+}
