@@ -30,7 +30,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::light::LightRig;
-use eframe::egui::{self, Context, ThemePreference, Ui, util::undoer::Undoer};
+use eframe::egui::{Context, ThemePreference, Ui, util::undoer::Undoer};
 use eframe::{CreationContext, Storage};
 
 use crate::action::{Action, dropped};
@@ -375,10 +375,6 @@ impl eframe::App for App {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }
         self.camera.save(storage);
-    }
-
-    fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
-        visuals.panel_fill.to_normalized_gamma_f32()
     }
 }
 

@@ -37,7 +37,7 @@ use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
-/// Newest version that is read: its blocks are packed, and it holds patches that free lamps may light, by the angle of their light.
+/// Newest version that is read: its blocks are packed, and its sky has a column of the map as it was baked.
 const VERSION: u32 = 7;
 
 /// Side of a packed tile that is believed.

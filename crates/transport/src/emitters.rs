@@ -4,6 +4,7 @@ mod find;
 mod surface;
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 use thiserror::Error;
@@ -40,6 +41,15 @@ pub struct SkyRequest {
     pub light: SkyLight,
     /// How it enters the columns.
     pub form: SkyForm,
+}
+
+impl SkyRequest {
+    /// The same with the map that is worked with: of patches the one that a file keeps.
+    fn as_kept(&self) -> SkyRequest {
+        let light = self.light.clone();
+        let light = if self.form == SkyForm::Whole { light } else { light.storable() };
+        SkyRequest { light, form: self.form }
+    }
 }
 
 /// Fewest and most texels along a side of a panel.
@@ -227,13 +237,11 @@ impl Lighting {
     ) -> Result<(Lighting, Vec<String>), LightingError> {
         let mut warnings = Vec::new();
         let mut found = find_lights(scene, requests, &mut warnings)?;
-        add_sky_and_constant(scene, sky, &mut found, &mut warnings);
+        let sky = sky.map(SkyRequest::as_kept);
+        add_sky_and_constant(scene, sky.as_ref(), &mut found, &mut warnings);
         // Column order differs from node order (panels come last), so emitters follow their keys.
         let mut basis = LightBasis::new(found.iter().map(|(source, _)| source.clone()).collect());
-        basis.sky = sky.map(|sky| match sky.form {
-            SkyForm::Whole => sky.light.clone(),
-            SkyForm::Patches(_) => sky.light.clone().storable(),
-        });
+        basis.sky = sky.map(|sky| sky.light);
         basis.spots = file_spots(scene, &found);
         let mut by_key: BTreeMap<String, Emitter> = found.into_iter().map(|(s, e)| (s.key, e)).collect();
         let emitters: Vec<Emitter> =
@@ -264,6 +272,16 @@ impl Lighting {
     pub fn panels(&self) -> impl Iterator<Item = (usize, &PanelEmitter)> {
         self.emitters.iter().enumerate().filter_map(|(i, e)| match e {
             Emitter::Panel(panel) => Some((i, panel)),
+            _ => None,
+        })
+    }
+
+    /// The columns of the patches of the sky, if it has any; the one behind them is that of the map as it is baked.
+    pub fn dome(&self) -> Option<(Range<u32>, &DomeEmitter)> {
+        self.basis.sources.iter().zip(&self.emitters).find_map(|(source, emitter)| match emitter {
+            Emitter::Dome(emitter) => {
+                Some((source.columns.start..source.columns.start + emitter.dome.n_patches(), emitter))
+            }
             _ => None,
         })
     }
@@ -420,7 +438,7 @@ fn add_sky(sky: &SkyRequest, keys: &mut KeyMaker, found: &mut Found) {
     let (kind, n_columns, emitter) = match sky.form {
         SkyForm::Whole => (SourceKind::Sky, 1, Emitter::Environment(MapEmitter::new(light))),
         SkyForm::Patches(divisions) => {
-            let emitter = DomeEmitter::new(divisions, &light.clone().storable());
+            let emitter = DomeEmitter::new(divisions, light);
             (SourceKind::Dome { divisions }, dome_columns(divisions), Emitter::Dome(emitter))
         }
     };

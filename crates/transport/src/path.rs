@@ -216,7 +216,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let plates = plates::of_columns(&scene.lighting.emitters, of_column);
         let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
-        let (bounces, dome) = (bounces.unwrap_or(u32::MAX), sky::dome_of(&scene.lighting));
+        let (bounces, dome) = (bounces.unwrap_or(u32::MAX), scene.lighting.dome());
         Integrator { scene, plan, bounces, columns, plates, scouts, beyond, dome, bodies, far, focus: None }
     }
 

@@ -43,7 +43,9 @@ impl LightBasis {
         }
         // Bakes of earlier programs have no column of their map.
         if let ([whole, _], Some(baked)) = (of_map, &self.sky) {
-            *whole = take_out(&dome, patches, &dome.means(&baked.map, baked.turn()));
+            let is_as_baked = (&light.map, light.turn()) == (&baked.map, baked.turn());
+            let means = if is_as_baked { patches.to_vec() } else { dome.means(&baked.map, baked.turn()) };
+            *whole = take_out(&dome, patches, &means);
         }
         columns.iter_mut().for_each(|column| *column = (Vec3::from(*column) * factor).to_array());
         if let Some((sun, direction)) = light.sun.zip(light.sun_direction()).filter(|_| !self.keeps_its_sun(&light)) {

@@ -1,20 +1,19 @@
 //! A column of the matrix is the picture under its own light, and all columns together are the picture.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use clerestory_nystrom::{Half, SampledMatrix};
 use glam::Vec3;
 
+use super::pictures;
 use super::stage::{Stage, lambert, quad, room};
 use super::walks::{Mean, assert_same_mean, file_light};
-use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
+use crate::bake::{Bake, BakeConfig};
 use crate::camera::{Camera, Film};
 use crate::matrix::{CHANNELS, TransportMatrix};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
-use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 64, height: 48 };
 const TILE: usize = crate::bake::TILE as usize;
@@ -35,10 +34,7 @@ fn lit_room() -> Arc<PreparedScene> {
 /// The picture under one weight per column by path tracing, green radiance.
 fn traced(scene: &PreparedScene, weights: &[f32], seed: u64) -> Vec<f64> {
     let coefficients: Vec<[f32; 3]> = weights.iter().map(|&w| [w; 3]).collect();
-    let config = TraceConfig { spp: 32, bounces: None, seed };
-    let go_on = |_| ControlFlow::Continue(());
-    let pixels = trace(scene, &scene.scene.cameras[0], FILM, &coefficients, &config, &go_on).expect("nobody stops it");
-    pixels.into_iter().map(|rgb| f64::from(rgb[1])).collect()
+    pictures::traced(scene, FILM, &coefficients, (32, seed))
 }
 
 /// The same out of the factors of a bake.
@@ -57,10 +53,7 @@ fn relit(bake: &Bake, weights: &[f32]) -> Vec<f64> {
 
 fn baked(scene: &Arc<PreparedScene>, spp: u32) -> Bake {
     let config = BakeConfig { spp, tolerance_db: 60.0, bounces: None, seed: 5, ..BakeConfig::default() };
-    let camera = scene.scene.cameras[0].clone();
-    let job =
-        BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
-    job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+    pictures::baked(scene, FILM, config)
 }
 
 /// Means over the blocks of a bake: what pixels of a block share, blocks do not.

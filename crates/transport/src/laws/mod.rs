@@ -9,6 +9,7 @@ mod irradiance;
 mod leaks;
 mod panes;
 mod patches;
+mod pictures;
 mod rebake;
 mod reference;
 mod reuse;

@@ -1,13 +1,13 @@
 //! A bake against a transport matrix that another renderer made, one picture per texel. Needs the shared data.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clerestory_nystrom::{Half, SampledMatrix};
 use rayon::prelude::*;
 
-use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
+use super::pictures;
+use crate::bake::{Bake, BakeConfig};
 use crate::camera::Film;
 use crate::import;
 use crate::matrix::{CHANNELS, TransportMatrix};
@@ -108,10 +108,7 @@ fn sampled(scene: &PreparedScene, half: Half) -> Vec<Vec<f64>> {
 
 fn baked(scene: &Arc<PreparedScene>) -> Bake {
     let config = BakeConfig { spp: 2 * SPP, tolerance_db: 60.0, bounces: BOUNCES, seed: 2, ..BakeConfig::default() };
-    let camera = scene.scene.cameras[0].clone();
-    let job =
-        BakeJob { scene: scene.clone(), camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
-    job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+    pictures::baked(scene, FILM, config)
 }
 
 /// Whether a pixel or one beside it shows a texel itself.

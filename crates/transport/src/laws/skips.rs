@@ -1,13 +1,13 @@
 //! What is skipped changes no picture: exactly where random numbers stay the same, else in the mean.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::{Quat, Vec3, Vec4};
 
+use super::pictures;
 use super::stage::{Stage, lambert, pane, quad, room};
 use super::walks::{Mean, Walks, assert_same_mean, file_light};
-use crate::bake::{Bake, BakeConfig, BakeJob, Passes};
+use crate::bake::{Bake, BakeConfig};
 use crate::camera::{Camera, Film};
 use crate::emitters::SkyRequest;
 use crate::empty::EmptyPixels;
@@ -19,7 +19,6 @@ use crate::reach::dark_sources;
 use crate::scene::{AlphaMode, Material, PunctualKind, Scene};
 use crate::skips::{Skip, Skips};
 use crate::sky::{Environment, SkyForm, SkyLight};
-use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 48, height: 32 };
 const HALF: Vec3 = Vec3::new(1.0, 0.8, 1.2);
@@ -42,18 +41,11 @@ fn pair(scene: &Scene, form: Option<SkyForm>, skip: Skip) -> [PreparedScene; 2] 
 /// Green radiance under the light of the file.
 fn traced(scene: &PreparedScene, spp: u32, seed: u64) -> Vec<f64> {
     let coefficients: Vec<[f32; 3]> = file_light(scene).into_iter().map(|w| [w; 3]).collect();
-    let config = TraceConfig { spp, bounces: None, seed };
-    let go_on = |_| ControlFlow::Continue(());
-    let pixels = trace(scene, &scene.scene.cameras[0], FILM, &coefficients, &config, &go_on).expect("nobody stops it");
-    pixels.into_iter().map(|rgb| f64::from(rgb[1])).collect()
+    pictures::traced(scene, FILM, &coefficients, (spp, seed))
 }
 
 fn baked(scene: PreparedScene, spp: u32, tolerance_db: f32) -> Bake {
-    let camera = scene.scene.cameras[0].clone();
-    let config = BakeConfig { spp, tolerance_db, ..BakeConfig::default() };
-    let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
-    let job = BakeJob { scene: Arc::new(scene), camera, film: FILM, config, passes, irradiance };
-    job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
+    pictures::baked(&Arc::new(scene), FILM, BakeConfig { spp, tolerance_db, ..BakeConfig::default() })
 }
 
 /// Green radiance of a bake under the light of the file, mean by mean over 8 × 8 pixels. That picture is not truncated, so

@@ -1,12 +1,12 @@
 //! The sky that a scene was baked under is as sharp as a traced one, although the matrix has patches of it.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::pictures;
 use super::stage::{Stage, lambert, quad};
-use crate::bake::{BakeConfig, BakeJob, Passes};
+use crate::bake::BakeConfig;
 use crate::basis::LightBasis;
 use crate::camera::{Camera, Film};
 use crate::emitters::SkyRequest;
@@ -14,7 +14,6 @@ use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::scene::Material;
 use crate::sky::{Environment, SkyForm, SkyLight, SkySetting};
-use crate::trace::{TraceConfig, trace};
 
 const FILM: Film = Film { width: 48, height: 32 };
 const BLOCK: usize = 4;
@@ -43,7 +42,7 @@ fn mirror() -> Stage {
     Stage::new(camera).surface("mirror", &quad(Vec3::new(-1.0, -0.5, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0), silver)
 }
 
-/// Green means of blocks of pixels, those that see the sky itself black.
+/// Means over blocks of pixels.
 fn blocks(pixels: &[f64]) -> Vec<f64> {
     let width = FILM.width as usize;
     let mut means = vec![0.0; pixels.len() / (BLOCK * BLOCK)];
@@ -57,18 +56,13 @@ fn traced(stage: Stage, setting: Option<&SkySetting>, seed: u64) -> Vec<f64> {
     let sky = setting.map_or_else(light, |setting| setting.light(Some(&light())).expect("a sky"));
     let scene = stage.prepared_under(&SkyRequest { light: sky, form: SkyForm::Whole });
     let coefficients = scene.lighting.basis.project(&LightRig::default());
-    let config = TraceConfig { spp: 256, bounces: None, seed };
-    let go_on = |_| ControlFlow::Continue(());
-    let pixels = trace(&scene, &scene.scene.cameras[0], FILM, &coefficients, &config, &go_on).expect("nobody stops it");
-    blocks(&pixels.into_iter().map(|rgb| f64::from(rgb[1])).collect::<Vec<_>>())
+    blocks(&pictures::traced(&scene, FILM, &coefficients, (256, seed)))
 }
 
 fn baked(stage: Stage, setting: Option<&SkySetting>, seed: u64) -> Vec<f64> {
     let scene = Arc::new(stage.prepared_under(&SkyRequest { light: light(), form: SkyForm::Patches(1) }));
     let config = BakeConfig { spp: 64, tolerance_db: 50.0, seed, ..BakeConfig::default() };
-    let camera = scene.scene.cameras[0].clone();
-    let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
-    let bake = job.run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it");
+    let bake = pictures::baked(&scene, FILM, config);
     let rig = LightRig { sky: setting.cloned(), ..LightRig::default() };
     let coefficients = bake.header.coefficients(&rig);
     let mut pixels = vec![0.0; FILM.n_pixels()];
@@ -97,8 +91,8 @@ fn the_baked_sky_throws_the_shadows_of_a_traced_one() {
     let as_baked = off(stage, None);
     assert!(as_baked < 0.01, "{as_baked}");
     let brighter = SkySetting { rotation_deg: 75.0, intensity: 2.5, ..SkySetting::default() };
-    let dimmed = off(stage, Some(&brighter));
-    assert!(dimmed < 0.01, "{dimmed}");
+    let as_baked = off(stage, Some(&brighter));
+    assert!(as_baked < 0.01, "{as_baked}");
     // Turned, its shadows are those of patches.
     let turned = off(stage, Some(&SkySetting { rotation_deg: 160.0, ..SkySetting::default() }));
     assert!(turned > 0.012 && turned < 0.2, "{turned}");

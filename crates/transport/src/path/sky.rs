@@ -1,12 +1,10 @@
 //! Walks that leave the scene, and connections to what lies beyond it.
 
-use std::ops::Range;
-
 use glam::{Vec2, Vec3};
 
 use super::{Deposit, Integrator, LightPlan, LightPoint, Walk, power_heuristic};
 use crate::emitters::{Emitter, Lighting};
-use crate::sky::{DomeEmitter, SunEmitter, sun_solid_angle};
+use crate::sky::{SunEmitter, sun_solid_angle};
 
 /// Indices of the sources that a walk may meet behind all surfaces.
 pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
@@ -14,16 +12,6 @@ pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
         matches!(emitter, Emitter::Sky | Emitter::Environment(_) | Emitter::Dome(_) | Emitter::Sun(_))
     };
     (0u32..).zip(&lighting.emitters).filter(|(_, e)| is_beyond(e)).map(|(idx, _)| idx).collect()
-}
-
-/// The columns of the patches of a sky, if it has any; the one behind them is that of the map as it is baked.
-pub(super) fn dome_of(lighting: &Lighting) -> Option<(Range<u32>, &DomeEmitter)> {
-    lighting.basis.sources.iter().zip(&lighting.emitters).find_map(|(source, emitter)| match emitter {
-        Emitter::Dome(emitter) => {
-            Some((source.columns.start..source.columns.start + emitter.dome.n_patches(), emitter))
-        }
-        _ => None,
-    })
 }
 
 impl<P: LightPlan> Integrator<'_, P> {
@@ -57,10 +45,9 @@ impl<P: LightPlan> Integrator<'_, P> {
     }
 
     fn arrive_at(&self, walk: &Walk, column: u32, pdf: impl FnOnce() -> f32, value: Vec3, deposit: &mut impl Deposit) {
-        let as_baked = self.sky_as_baked(column, walk.direction);
         if walk.specular {
             deposit.seen(column, value);
-            if let Some((whole, radiance)) = as_baked {
+            if let Some((whole, radiance)) = self.sky_as_baked(column, walk.direction) {
                 deposit.seen(whole, value * radiance);
             }
         } else {

@@ -5,39 +5,56 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::environment::direction_at;
+use super::environment::direction_of_pixel;
 use super::{Dome, Environment, MapSampler, SUN_RADIUS_RAD, SkyLight, Turn, sun_solid_angle};
 use crate::light::luminance;
+
+/// A map as it is turned.
+#[derive(Clone, Debug)]
+struct TurnedMap {
+    map: Arc<Environment>,
+    turn: Turn,
+}
+
+impl TurnedMap {
+    fn of(light: &SkyLight) -> TurnedMap {
+        TurnedMap { map: light.map.clone(), turn: light.turn() }
+    }
+
+    /// Radiance from a unit direction of the scene, nit.
+    fn radiance(&self, direction: Vec3) -> Vec3 {
+        self.map.radiance(self.turn.sky_from_world(direction))
+    }
+}
 
 /// A map as it is, one column.
 #[derive(Clone, Debug)]
 pub struct MapEmitter {
-    map: Arc<Environment>,
+    turned: TurnedMap,
     sampler: Arc<MapSampler>,
-    turn: Turn,
 }
 
 impl MapEmitter {
     /// Of a sky as it is turned; its intensity is the column's.
     pub fn new(light: &SkyLight) -> MapEmitter {
         let sampler = Arc::new(MapSampler::new(&light.map));
-        MapEmitter { map: light.map.clone(), sampler, turn: light.turn() }
+        MapEmitter { turned: TurnedMap::of(light), sampler }
     }
 
     /// Radiance from a unit direction, nit.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
-        self.map.radiance(self.turn.sky_from_world(direction))
+        self.turned.radiance(direction)
     }
 
     /// Solid-angle density of a unit direction.
     pub fn pdf(&self, direction: Vec3) -> f32 {
-        self.sampler.pdf(self.turn.sky_from_world(direction))
+        self.sampler.pdf(self.turned.turn.sky_from_world(direction))
     }
 
     /// A unit direction and its solid-angle density.
     pub fn sample(&self, u: Vec2) -> (Vec3, f32) {
         let (direction, pdf) = self.sampler.sample(u);
-        (self.turn.world_from_sky(direction), pdf)
+        (self.turned.turn.world_from_sky(direction), pdf)
     }
 
     /// Mean luminance over all directions, nit.
@@ -54,8 +71,7 @@ impl MapEmitter {
 pub struct DomeEmitter {
     /// The patches.
     pub dome: Dome,
-    map: Arc<Environment>,
-    turn: Turn,
+    turned: TurnedMap,
     /// Of each patch, summed shares of the map's light in its cells.
     cells: Arc<Vec<[f32; N_CELLS]>>,
     /// Mean luminance of the map over each patch, nit.
@@ -69,21 +85,15 @@ const N_CELLS: usize = CELLS * CELLS;
 impl DomeEmitter {
     /// A dome for a sky as it is turned.
     pub fn new(divisions: u32, light: &SkyLight) -> DomeEmitter {
-        let (dome, map, turn) = (Dome::new(divisions), light.map.clone(), light.turn());
-        let bright = |direction: Vec3| luminance(map.radiance(turn.sky_from_world(direction)));
-        let mut cells: Vec<[f32; N_CELLS]> = (0..dome.n_patches())
-            .into_par_iter()
-            .map(|patch| {
-                let middle =
-                    |cell: usize| (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + 0.5) / CELLS as f32;
-                std::array::from_fn(|cell| bright(dome.direction(patch, middle(cell))))
-            })
-            .collect();
+        let (dome, turned) = (Dome::new(divisions), TurnedMap::of(light));
+        let middle = |patch: u32, cell: usize| dome.direction(patch, place_in(cell, Vec2::splat(0.5)));
+        let bright = |patch: u32, cell: usize| luminance(turned.radiance(middle(patch, cell)));
+        let of_patch = |patch: u32| std::array::from_fn(|cell| bright(patch, cell));
+        let mut cells: Vec<[f32; N_CELLS]> = (0..dome.n_patches()).into_par_iter().map(of_patch).collect();
         // What lies between the middles of cells, such as a sun of few pixels.
-        let (width, last) = (map.width(), (map.height() - 1).max(1) as f32);
+        let TurnedMap { map, turn } = &turned;
         for (pixel, rgb) in map.pixels().iter().enumerate() {
-            let uv = Vec2::new(((pixel % width) as f32 + 0.5) / width as f32, (pixel / width) as f32 / last);
-            let toward = turn.world_from_sky(direction_at(uv));
+            let toward = turn.world_from_sky(direction_of_pixel(pixel, map.width(), map.height()));
             let (patch, within) = dome.place(toward);
             let cell = &mut cells[patch as usize][cell_of(within)];
             *cell = cell.max(luminance(Vec3::from(*rgb)));
@@ -96,13 +106,13 @@ impl DomeEmitter {
                 *cell = if total > 0.0 { (sum / total) as f32 } else { (nth + 1) as f32 / N_CELLS as f32 };
             }
         }
-        let luminances = dome.means(&map, turn).into_iter().map(|mean| luminance(Vec3::from(mean))).collect();
-        DomeEmitter { dome, map, turn, cells: Arc::new(cells), luminance: Arc::new(luminances) }
+        let luminances = dome.means(map, *turn).into_iter().map(|mean| luminance(Vec3::from(mean))).collect();
+        DomeEmitter { dome, turned, cells: Arc::new(cells), luminance: Arc::new(luminances) }
     }
 
     /// Radiance of the map as it is baked, from a unit direction, nit.
     pub fn radiance(&self, direction: Vec3) -> Vec3 {
-        self.map.radiance(self.turn.sky_from_world(direction))
+        self.turned.radiance(direction)
     }
 
     /// Mean luminance of the map as it is baked over each patch, nit.
@@ -126,7 +136,7 @@ impl DomeEmitter {
             let cell = cells.partition_point(|&sum| sum <= at).min(N_CELLS - 1);
             let before = if cell == 0 { 0.0 } else { cells[cell - 1] };
             let across = ((at - before) / (cells[cell] - before).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-            (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + Vec2::new(across, u.y)) / CELLS as f32
+            place_in(cell, Vec2::new(across, u.y))
         };
         (self.dome.direction(patch, within), self.density(patch, within))
     }
@@ -148,6 +158,11 @@ impl DomeEmitter {
 fn cell_of(within: Vec2) -> usize {
     let [x, y] = (within * CELLS as f32).to_array().map(|at| (at as usize).min(CELLS - 1));
     y * CELLS + x
+}
+
+/// The place in its patch, 0…1, of a place in a cell, 0…1.
+fn place_in(cell: usize, within: Vec2) -> Vec2 {
+    (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + within) / CELLS as f32
 }
 
 /// A disk of 1 lx, one column.
@@ -212,19 +227,22 @@ mod tests {
         // Rounding may carry a sample over the edge of its pixel.
         assert!(samples.iter().filter(|(d, pdf)| emitter.pdf(*d) == *pdf).count() > 95);
     }
-    /// A sun of one pixel in a dim sky, turned.
-    fn dome_with_a_sun() -> DomeEmitter {
+
+    /// A sun of one pixel in a dim sky, turned, and the patch it stands in.
+    fn dome_with_a_sun() -> (DomeEmitter, u32) {
         let sun = Vec3::new(0.4, 0.5, -0.6).normalize();
         let map = Environment::from_fn(256, 128, |d| Vec3::splat(if d.dot(sun) > 0.9998 { 3e4 } else { 1.0 + d.y }));
         assert!(map.pixels().iter().any(|rgb| rgb[0] > 1e4));
-        DomeEmitter::new(1, &SkyLight { rotation_deg: 33.0, ..SkyLight::new("sun", map) })
+        let emitter = DomeEmitter::new(1, &SkyLight { rotation_deg: 33.0, ..SkyLight::new("sun", map) });
+        let luminance = |patch: u32| emitter.luminances()[patch as usize];
+        let brightest = (0..290).max_by(|&a, &b| luminance(a).total_cmp(&luminance(b))).unwrap();
+        (emitter, brightest)
     }
 
     #[test]
     fn directions_of_a_patch_fall_where_their_density_says() {
-        let (emitter, n) = (dome_with_a_sun(), 20_000u32);
-        let brightest = (0..290).max_by(|&a, &b| emitter.luminances()[a].total_cmp(&emitter.luminances()[b])).unwrap();
-        for patch in [0, 17, 200, brightest as u32, 289] {
+        let ((emitter, brightest), n) = (dome_with_a_sun(), 20_000u32);
+        for patch in [0, 17, 200, brightest, 289] {
             let mut counts = [0.0; N_CELLS];
             for index in 0..n {
                 let (d, pdf) = emitter.sample(patch, Vec2::from(Sampler::new(3, u64::from(patch), index).next_2d()));
@@ -238,8 +256,8 @@ mod tests {
             assert!(lost < 0.01 * f64::from(n), "patch {patch}: {lost} samples beside their cell");
             let (mut chi_square, mut total) = (0.0, 0.0);
             for (cell, count) in counts.iter().enumerate() {
-                let within = (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + 0.5) / CELLS as f32;
-                let share = emitter.density(patch, within) * emitter.dome.solid_angle(patch) / N_CELLS as f32;
+                let share = emitter.density(patch, place_in(cell, Vec2::splat(0.5))) * emitter.dome.solid_angle(patch)
+                    / N_CELLS as f32;
                 let expected = f64::from(n) * f64::from(share);
                 chi_square += (count - expected) * (count - expected) / expected;
                 total += f64::from(share);
@@ -252,14 +270,13 @@ mod tests {
 
     #[test]
     fn half_of_the_directions_of_a_patch_go_where_a_sun_stands_in_it() {
-        let emitter = dome_with_a_sun();
-        let brightest = (0..290).max_by(|&a, &b| emitter.luminances()[a].total_cmp(&emitter.luminances()[b])).unwrap();
-        let sampled = |i| emitter.sample(brightest as u32, Vec2::from(Sampler::new(2, 3, i).next_2d()));
+        let (emitter, brightest) = dome_with_a_sun();
+        let sampled = |i| emitter.sample(brightest, Vec2::from(Sampler::new(2, 3, i).next_2d()));
         let samples: Vec<_> = (0..1000).map(sampled).collect();
         let bright = samples.iter().filter(|(d, _)| emitter.radiance(*d).x > 1e3).count();
         assert!(bright > 100, "{bright} of 1000 near the sun");
         // No sample of a patch of 1 nit counts more than twice its share.
-        let least = 0.499 / emitter.dome.solid_angle(brightest as u32);
+        let least = 0.499 / emitter.dome.solid_angle(brightest);
         assert!(samples.iter().all(|(_, pdf)| *pdf > least));
         // What samples tell of the map is its mean over the patch.
         let n = 100_000;
@@ -267,9 +284,9 @@ mod tests {
             (0..n).map(sampled).map(|(d, pdf)| f64::from(luminance(emitter.radiance(d)) / pdf) / f64::from(n)).sum();
         let fine = 400;
         let at = |i: u32| (Vec2::new((i % fine) as f32, (i / fine) as f32) + 0.5) / fine as f32;
-        let seen = |i| luminance(emitter.radiance(emitter.dome.direction(brightest as u32, at(i))));
+        let seen = |i| luminance(emitter.radiance(emitter.dome.direction(brightest, at(i))));
         let expected: f64 = (0..fine * fine).map(|i| f64::from(seen(i)) / f64::from(fine * fine)).sum();
-        let expected = expected * f64::from(emitter.dome.solid_angle(brightest as u32));
+        let expected = expected * f64::from(emitter.dome.solid_angle(brightest));
         assert!((mean / expected - 1.0).abs() < 0.03, "{mean} for {expected}");
     }
 

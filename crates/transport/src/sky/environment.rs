@@ -93,11 +93,7 @@ impl Environment {
 
     /// Sampled at the centers of its pixels.
     pub fn from_fn(width: usize, height: usize, radiance: impl Fn(Vec3) -> Vec3) -> Environment {
-        let at = |idx: usize| {
-            let u = ((idx % width) as f32 + 0.5) / width as f32;
-            let v = (idx / width) as f32 / (height - 1).max(1) as f32;
-            radiance(direction_at(Vec2::new(u, v))).max(Vec3::ZERO).to_array()
-        };
+        let at = |idx: usize| radiance(direction_of_pixel(idx, width, height)).max(Vec3::ZERO).to_array();
         Environment::of_clean(width, height, (0..width * height).map(at).collect())
     }
 
@@ -204,6 +200,13 @@ pub(super) fn level_irradiance<'a>(rows: impl Iterator<Item = ([f64; 2], &'a [[f
         mean * std::f64::consts::PI * (high * high - low * low)
     };
     rows.map(row).sum::<DVec3>().as_vec3()
+}
+
+/// Direction of the center of a pixel of a map, row-major from the zenith down.
+#[expect(clippy::arithmetic_side_effects, reason = "sides and places of maps that `is_size` has let in")]
+pub(super) fn direction_of_pixel(idx: usize, width: usize, height: usize) -> Vec3 {
+    let u = ((idx % width) as f32 + 0.5) / width as f32;
+    direction_at(Vec2::new(u, (idx / width) as f32 / (height - 1).max(1) as f32))
 }
 
 /// Unit direction at (u, v) of a map.

@@ -4,7 +4,7 @@
 //! connected to afterwards, and later vertices connect to a patch the more often the more of its light came in. No light is
 //! lost: walks that escape to a patch by themselves count the more the less it is connected to.
 
-use crate::emitters::{Emitter, Lighting};
+use crate::emitters::Lighting;
 use crate::path::Pick;
 use crate::sampler::Sampler;
 
@@ -36,17 +36,11 @@ pub struct SkyPicks {
 impl SkyPicks {
     /// All patches; none where there is no dome.
     pub fn new(lighting: &Lighting) -> SkyPicks {
-        let sources = lighting.basis.sources.iter().zip(&lighting.emitters);
-        let mut domes = sources.filter_map(|(source, emitter)| match emitter {
-            Emitter::Dome(dome) => Some((source.columns.start, dome.luminances())),
-            _ => None,
-        });
-        let Some((first, shining)) = domes.next() else { return SkyPicks::default() };
-        let all = SkyPicks::of((first..).zip(shining).map(|(column, _)| (column, 1.0)).collect());
-        SkyPicks { shining: shining.to_vec(), ..all }
+        let Some((columns, dome)) = lighting.dome() else { return SkyPicks::default() };
+        SkyPicks { shining: dome.luminances().to_vec(), ..SkyPicks::of(columns.map(|column| (column, 1.0)).collect()) }
     }
 
-    /// Some columns in order, each with its brightness.
+    /// Some columns in order, each with its brightness, under an even map.
     fn of(patches: Vec<(u32, f32)>) -> SkyPicks {
         let total: f64 = patches.iter().map(|&(_, light)| f64::from(light)).sum();
         let alike = f64::from(ALIKE) / patches.len().max(1) as f64;
@@ -56,7 +50,8 @@ impl SkyPicks {
             sum as f32
         });
         let summed = summed.collect();
-        SkyPicks { columns: patches.into_iter().map(|(column, _)| column).collect(), summed, shining: Vec::new() }
+        let shining = vec![1.0; patches.len()];
+        SkyPicks { columns: patches.into_iter().map(|(column, _)| column).collect(), summed, shining }
     }
 
     /// What pilots saw of each patch. Nothing changes where there is nothing to tell. Half of the picks go by what a patch of
@@ -66,10 +61,7 @@ impl SkyPicks {
             let even: Vec<f32> = reach.iter().map(|light| light.max(0.0)).collect();
             let mapped: Vec<f32> = even.iter().zip(&self.shining).map(|(light, shining)| light * shining).collect();
             let [of_even, of_mapped] = [&even, &mapped].map(|all| 1.0 / all.iter().sum::<f32>().max(f32::MIN_POSITIVE));
-            let both = even
-                .iter()
-                .enumerate()
-                .map(|(patch, light)| light * of_even + mapped.get(patch).map_or(0.0, |light| light * of_mapped));
+            let both = even.iter().zip(&mapped).map(|(even, mapped)| even * of_even + mapped * of_mapped);
             let patches = self.columns.iter().copied().zip(both);
             *self = SkyPicks::of(patches.filter(|&(_, light)| unseen == Unseen::Kept || light > 0.0).collect());
         }

@@ -12,7 +12,7 @@ use clerestory_transport::prepared::PreparedScene;
 use rayon::prelude::*;
 
 use super::desk::Desk;
-use super::errors::{ColumnErrors, Sum, decibels, quantile};
+use super::errors::{ColumnErrors, Sum, beside_two, quantile};
 
 /// Samples of each pixel around one that is compared: whether a light is seen there.
 const NEAR_SAMPLES: u32 = 4;
@@ -153,14 +153,8 @@ impl Reference {
         let [a, b] = self.halves.each_ref().map(|half| self.relit(half, light));
         let lit: Vec<usize> = (0..self.n_cols).filter(|&column| light[column] != [0.0; 3]).collect();
         let is_left_out = |row: usize| lit.iter().any(|&column| self.is_seen(row, column));
-        let rows: Vec<usize> = (0..self.n_rows()).filter(|&row| !is_left_out(row)).collect();
-        let peak = quantile(rows.iter().map(|&row| f64::from(a[row] + b[row]) / 2.0).collect());
-        let mut sum = Sum::default();
-        for row in rows {
-            let [x, a, b] = [picture[row], a[row], b[row]].map(f64::from);
-            sum.add((x - a) * (x - b));
-        }
-        (sum.mean() > 0.0).then(|| decibels(peak, sum.mean()))
+        let rows = (0..self.n_rows()).filter(|&row| !is_left_out(row));
+        beside_two(rows.map(|row| [picture[row], a[row], b[row]].map(f64::from)))
     }
 }
 
@@ -243,6 +237,7 @@ fn around(film: Film, pixel: u32) -> impl Iterator<Item = u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::errors::decibels;
 
     #[test]
     fn each_compared_pixel_stands_for_a_square_of_its_own() {

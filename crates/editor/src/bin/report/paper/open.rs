@@ -6,7 +6,7 @@ use clerestory_relight::Radiance;
 use serde_json::{Value, json};
 
 use crate::desk::{Desk, clerestory, number};
-use crate::errors::{decibels, quantile};
+use crate::errors::beside_two;
 use crate::prints::jpeg;
 
 /// Turns of the sky in degrees.
@@ -47,12 +47,12 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         let (shown, traced) = (read_exr(relit.as_ref())?, [traced("7")?, traced("8")?]);
         let moved = compare(&shown, first.get_or_insert_with(|| shown.clone()))?.psnr_db;
         let moved = moved.map_or("the same".into(), |db| format!("{db:.1}"));
-        let off = |channel: usize| {
+        let percent_off = |channel: usize| {
             let mean = |picture: &Radiance| picture.pixels.iter().map(|rgb| f64::from(rgb[channel])).sum::<f64>();
             format!("{:+.1}", 100.0 * (2.0 * mean(&shown) / (mean(&traced[0]) + mean(&traced[1])) - 1.0))
         };
         let (own, of_trace) = (db(&shown, &traced), db(&traced[0], &[shown.clone(), traced[1].clone()]));
-        let colors = [off(0), off(1), off(2)].join(" / ");
+        let colors = [0, 1, 2].map(percent_off).join(" / ");
         rows += &format!("| {turn}° | {own} | {of_trace} | {colors} | {moved} |\n");
         if turn != TURNS_DEG[1] {
             let [traced, _] = traced;
@@ -72,12 +72,10 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     ))
 }
 
-/// How far the error of a picture lies below the square of the 99.5 percentile of what it is held against: two pictures whose
-/// noise is their own.
+/// How far a picture is off two pictures whose noise is their own.
 fn db(picture: &Radiance, [a, b]: &[Radiance; 2]) -> String {
     let all = |picture: &Radiance| picture.pixels.iter().flatten().map(|&x| f64::from(x)).collect::<Vec<_>>();
     let [x, a, b] = [picture, a, b].map(all);
-    let square = x.iter().zip(&a).zip(&b).map(|((x, a), b)| (x - a) * (x - b)).sum::<f64>() / x.len() as f64;
-    let peak = quantile(a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)).collect());
-    if square > 0.0 { format!("{:.1}", decibels(peak, square)) } else { "within noise".into() }
+    let entries = x.iter().zip(&a).zip(&b).map(|((x, a), b)| [*x, *a, *b]);
+    beside_two(entries).map_or("within noise".into(), |db| format!("{db:.1}"))
 }
