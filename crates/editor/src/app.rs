@@ -354,11 +354,17 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         self.dialogs_ui(&ctx);
         // The worker starts on the new picture while this frame is still being painted.
+        let are_lights_edited = self.look.lights != before.lights || self.lights.solo != solo_before;
+        if self.look.display != before.display {
+            self.follower.release_exposure();
+        } else if are_lights_edited {
+            self.follower.hold_exposure(&ctx);
+        }
         let is_edited = (&self.look.lights, &self.look.display) != (&before.lights, &before.display);
         if is_edited {
             self.looks.player.stop();
         }
-        if is_edited || self.lights.solo != solo_before {
+        if is_edited || are_lights_edited {
             self.follow(&ctx);
         }
         if !self.actions.is_empty() || self.look != before {

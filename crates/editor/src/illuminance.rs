@@ -87,6 +87,7 @@ pub fn lux_words(lux: f64) -> String {
     match lux {
         lux if lux >= 100.0 => format!("{lux:.0}"),
         lux if lux >= 1.0 => format!("{lux:.1}"),
+        0.0 => "0".into(),
         lux => format!("{lux:.3}"),
     }
 }

@@ -243,3 +243,41 @@ fn board_and_table_edit_the_same_look() {
     window.get_by_label("Group Counter intensity");
     wait(&mut window, App::is_settled);
 }
+
+#[test]
+fn a_light_that_is_dragged_is_seen_to_change_and_metered_once_it_rests() {
+    let mut window = lit();
+    let ev = window.state().shown_ev();
+    let fader = window.get_by_label("lamp intensity").rect();
+    window.hover_at(fader.center());
+    window.run_steps(2);
+    window.drag_at(fader.center());
+    window.run_steps(2);
+    let pictures = window.state().n_pictures();
+    window.hover_at(pos2(fader.right(), fader.center().y));
+    wait(&mut window, |app| app.n_pictures() > pictures);
+    // However long it is held.
+    window.run_steps(40);
+    assert!(intensity(&window, "lamp") > 4.0);
+    assert_eq!(window.state().shown_ev(), ev, "what a brighter lamp does is not metered away");
+    window.drop_at(pos2(fader.right(), fader.center().y));
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.5);
+}
+
+#[test]
+fn the_rows_of_lights_and_groups_share_their_columns() {
+    let mut window = lit();
+    for width in [1440.0, 960.0] {
+        window.set_size(eframe::egui::vec2(width, 900.0));
+        window.run_steps(4);
+        let place = |label: &str| window.get_by_label(label).rect();
+        let [group, member, single] =
+            ["Group Counter intensity", "left intensity", "lamp intensity"].map(|label| place(label).x_range());
+        assert_eq!([group, member], [single; 2], "the faders in a window of {width} points");
+        assert!(single.span() >= 72.0, "{}", single.span());
+        let letters = ["Mute group Counter", "Mute left", "Mute lamp"].map(|label| place(label).left());
+        assert_eq!([letters[0], letters[1]], [letters[2]; 2], "the letters in a window of {width} points");
+        let color = place("lamp color");
+        assert!(color.right() < 0.5 * width && single.max <= color.right() + 0.5, "{color} {single:?}");
+    }
+}

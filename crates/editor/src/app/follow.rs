@@ -31,6 +31,17 @@ struct Asked {
     sky: u64,
 }
 
+/// How long lights rest before the exposure is metered again, seconds.
+const HOLD_SECS: f64 = 0.6;
+
+/// An exposure that stays as it is.
+#[derive(Clone, Copy)]
+struct Hold {
+    ev: f32,
+    /// When it ends, unless something is dragged still; seconds of the window.
+    until: f64,
+}
+
 /// Asks for pictures and keeps the newest.
 pub(super) struct Follower {
     worker: Worker,
@@ -46,6 +57,8 @@ pub(super) struct Follower {
     texture: Option<TextureHandle>,
     gpu_picture: Option<(TextureId, [u32; 2])>,
     shown: DisplayParams,
+    /// Lasts while lights are set by hand: what they do would be metered away.
+    hold: Option<Hold>,
     metered_ev: f32,
     millis: Option<f32>,
     n_pictures: u64,
@@ -67,6 +80,7 @@ impl Follower {
             texture: None,
             gpu_picture: None,
             shown: DisplayParams::default(),
+            hold: None,
             metered_ev: 0.0,
             millis: None,
             n_pictures: 0,
@@ -79,9 +93,33 @@ impl Follower {
         self.n_pictures
     }
 
-    /// Whether the last order was answered, and lamps that stand still are as smooth as they get.
+    /// Keeps the exposure that is shown until the lights have rested for a moment.
+    pub fn hold_exposure(&mut self, ctx: &Context) {
+        let ev = self.hold.map_or(self.shown.exposure_ev, |hold| hold.ev);
+        let until = ctx.input(|input| input.time) + HOLD_SECS;
+        self.hold = Some(Hold { ev, until }).filter(|_| self.asked.is_some());
+    }
+
+    /// Meters at once.
+    pub fn release_exposure(&mut self) {
+        self.hold = None;
+    }
+
+    /// The exposure that is held. The end of a hold that waits for it only is what wakes the window.
+    fn held_ev(&mut self, ctx: &Context) -> Option<f32> {
+        let hold = self.hold?;
+        let (now, is_pressed) = ctx.input(|input| (input.time, input.pointer.any_down()));
+        if !is_pressed && now >= hold.until {
+            self.hold = None;
+        } else if !is_pressed {
+            ctx.request_repaint_after(std::time::Duration::from_secs_f64(hold.until - now));
+        }
+        self.hold.map(|hold| hold.ev)
+    }
+
+    /// Whether the last order was answered, the exposure is metered, and lamps that stand still are as smooth as they get.
     pub fn is_idle(&self) -> bool {
-        self.n_orders == self.last_answered && self.lamplight.is_idle() && self.sky.is_idle()
+        self.n_orders == self.last_answered && self.hold.is_none() && self.lamplight.is_idle() && self.sky.is_idle()
     }
 
     /// The light of free lamps that is shown.
@@ -171,7 +209,7 @@ impl Follower {
     }
 
     fn start_over(&mut self) {
-        self.asked = None;
+        (self.asked, self.hold) = (None, None);
         if let Some(gpu) = &mut self.gpu {
             gpu.forget();
         }
@@ -200,6 +238,7 @@ impl Follower {
             None => None,
         };
         let changed = session.take_changed();
+        let held_ev = self.held_ev(ctx);
         // Before the first block there is nothing to see.
         let has_blocks = |shown: &&Shown| shown.frame.groups.iter().any(|g| g.blocks.iter().any(Option::is_some));
         if let Some(shown) = session.shown.as_ref().filter(has_blocks) {
@@ -214,7 +253,7 @@ impl Follower {
                 problem = Some(words);
                 u64::MAX
             });
-            let asked = Asked { rig, display: showable(shown, look), layer, sky };
+            let asked = Asked { rig, display: showable(shown, look, held_ev), layer, sky };
             let gpu = self.gpu.as_ref().filter(|_| self.uses_gpu());
             // What a lost device was last asked for never comes, so it is asked for again, and fails.
             let gpu_waits = gpu.is_some_and(|gpu| gpu.has_waiting() || gpu.is_lost());
@@ -338,9 +377,10 @@ fn is_as_large(light: &LampLight, shown: &Shown) -> bool {
     (light.direct.width, light.direct.height) == (shown.header.width, shown.header.height)
 }
 
-/// The display of a look, without the false color of what was not baked.
-fn showable(shown: &Shown, look: &Look) -> Display {
-    if shown.pixel_irradiance().is_some() { look.display } else { look.display.of_seen_light() }
+/// The display of a look, without the false color of what was not baked, at the exposure that is held where it is metered.
+fn showable(shown: &Shown, look: &Look, held_ev: Option<f32>) -> Display {
+    let display = if shown.pixel_irradiance().is_some() { look.display } else { look.display.of_seen_light() };
+    Display { exposure_ev: display.exposure_ev.or(held_ev), ..display }
 }
 
 /// Whether a picture metered anew would be another one.

@@ -17,6 +17,8 @@ use crate::viewport::{Viewed, viewport_ui};
 
 /// Points that picture and right panel keep when the lights take room.
 const PICTURE_LEAST: f32 = 660.0;
+/// Least widths of the panel of lights and of the right panel, points.
+const PANELS_LEAST: [f32; 2] = [272.0, 228.0];
 
 impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
@@ -46,9 +48,14 @@ impl App {
     pub(super) fn side_panels_ui(&mut self, ui: &mut Ui) {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
         // Where there is little room, what the panels need least is left to the picture.
-        let most = (ui.available_width() - PICTURE_LEAST).clamp(320.0, 900.0);
-        let (left, right) = (320.0..=most, 240.0..=(0.25 * ui.available_width()).clamp(240.0, 460.0));
-        Panel::left("lights").frame(frame).default_size(most.min(404.0)).size_range(left).show(ui, |ui| {
+        let [lights_least, right_least] = PANELS_LEAST;
+        let most = (ui.available_width() - PICTURE_LEAST).clamp(lights_least, 900.0);
+        let right = right_least..=(0.25 * ui.available_width()).clamp(right_least, 460.0);
+        let (view, wanted) = (self.lights.layout.view, self.lights.layout.view.width());
+        // Each view keeps a width of its own, and large letters do not leave a narrow panel behind.
+        let id = egui::Id::unique(("lights", view, most < wanted));
+        let panel = Panel::left(id).frame(frame).default_size(wanted.min(most)).size_range(lights_least..=most);
+        panel.show(ui, |ui| {
             if let Some(basis) = self.session.basis().cloned() {
                 self.sky_ui(ui, &basis);
                 let choice = self.lamp_choice();

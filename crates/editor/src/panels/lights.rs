@@ -2,6 +2,7 @@
 //! selected.
 
 mod board;
+mod columns;
 mod editor;
 mod fader;
 mod group_row;
@@ -36,7 +37,7 @@ pub use solo::{heard, solo_banner_ui};
 use table::Sorting;
 
 /// How the lights are laid out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum LightsView {
     /// A row each.
     #[default]
@@ -45,6 +46,17 @@ pub enum LightsView {
     Board,
     /// A line of numbers each.
     Table,
+}
+
+impl LightsView {
+    /// Width of the panel that shows it, points.
+    pub fn width(self) -> f32 {
+        match self {
+            LightsView::List => 404.0,
+            LightsView::Board => 600.0,
+            LightsView::Table => 760.0,
+        }
+    }
 }
 
 /// How a person likes the panel; it outlasts scenes.

@@ -62,7 +62,7 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
             let mut centers = Vec::new();
             for idx in 0..look.snapshots.len() {
                 if idx < look.snapshots.len() {
-                    centers.push(card_ui(ui, idx, look, state, view));
+                    centers.push(card_ui(ui, idx, look, state, view, actions));
                 }
             }
             drop_ui(ui, look, state, &centers);
@@ -87,6 +87,7 @@ pub fn looks_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &Loo
 
 fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView, actions: &mut Vec<Action>) {
     ui.horizontal_wrapped(|ui| {
+        ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
         ui.label(RichText::new("Looks").heading().strong());
         ui.add_space(6.0);
         let hint = "Keep the lights and the display as they are now under a name";
@@ -100,7 +101,7 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
         });
         if look.snapshots.is_empty() {
             ui.add_space(6.0);
-            ui.label(RichText::new("A click on a look that you kept brings it back").weak());
+            ui.add(egui::Label::new(RichText::new("A click on a look that you kept brings it back").weak()).wrap());
         } else {
             ui.separator();
             tools_ui(ui, look, state);

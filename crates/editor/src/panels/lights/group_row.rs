@@ -1,16 +1,20 @@
 //! A group in the list: a row with a master that turns all of its lights.
 
 use clerestory_transport::light::LightSetting;
-use eframe::egui::{self, Align, Key, Label, Layout, Response, RichText, Sense, Shape, Stroke, Ui, vec2};
+use eframe::egui::{self, Key, Label, Response, RichText, Sense, Shape, Stroke, Ui, vec2};
 
+use super::columns::{INDENT, Part, columns_ui};
 use super::fader::{More, fader_ui};
 use super::groups::{Group, master, own_name, set_master};
 use super::mix::Mix;
 use super::names::renaming_ui;
-use super::row::{HEIGHT, NAME, NUMBER, letter_ui, mark_ui, name_label_ui};
-use super::scale::{Shown, number_ui};
+use super::row::{HEIGHT, NUMBER, letter_ui, mark_ui, name_label_ui};
+use super::scale::{Measure, Shown, number_ui};
 use super::solo;
 use crate::theme;
+
+/// Width of the number of its lights.
+const COUNT: f32 = 22.0;
 
 /// Draws the row of a group. Answers whether its lights are shown below it.
 pub(super) fn group_row_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) -> bool {
@@ -18,11 +22,18 @@ pub(super) fn group_row_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) -> bool {
         let background = ui.painter().add(Shape::Noop);
         let row = ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 5.0;
-            fold_ui(ui, mix, group);
             mark_ui(ui, differs(mix, group), "Something in it differs from the file");
             letters_ui(ui, mix, group);
-            name_ui(ui, mix, group);
-            level_ui(ui, mix, group);
+            columns_ui(ui, mix, |ui, mix, part| match part {
+                Part::Color => {}
+                Part::Name(width) => name_ui(ui, mix, group, width),
+                Part::Number => set_ui(ui, mix, group, |ui, measure, intensity| {
+                    number_ui(ui, &format!("Group {}", group.name), (measure, Shown::WithUnit), intensity, NUMBER);
+                }),
+                Part::Fader(size) => set_ui(ui, mix, group, |ui, _, intensity| {
+                    fader_ui(ui, &format!("Group {} intensity", group.name), (size, More::Right), intensity);
+                }),
+            });
         });
         let fill = ui.visuals().faint_bg_color;
         ui.painter().set(background, Shape::rect_filled(row.response.rect.expand2(vec2(2.0, 1.0)), 3.0, fill));
@@ -38,7 +49,7 @@ fn differs(mix: &Mix, group: &Group) -> bool {
 /// The triangle that folds and unfolds; left and right do so as well.
 fn fold_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
     let is_open = !mix.state.collapsed.contains(&group.key);
-    let (rect, response) = ui.allocate_exact_size(vec2(14.0, HEIGHT - 2.0), Sense::click());
+    let (rect, response) = ui.allocate_exact_size(vec2(INDENT - 5.0, HEIGHT - 2.0), Sense::click());
     let words = format!("{} {}", if is_open { "Collapse" } else { "Expand" }, group.name);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, ui.is_enabled(), &words));
     let openness = if is_open { 1.0 } else { 0.0 };
@@ -77,8 +88,11 @@ pub(super) fn letters_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
     }
 }
 
-fn name_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
-    let width = (ui.available_width() * NAME).max(60.0);
+/// The triangle, the name and the number of lights.
+fn name_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, width: f32) {
+    ui.spacing_mut().item_spacing.x = 5.0;
+    fold_ui(ui, mix, group);
+    let width = width - INDENT;
     let of = (group.key.as_str(), own_name(&group.key));
     let is_named =
         ui.allocate_ui(vec2(width, HEIGHT), |ui| renaming_ui(ui, of, mix.look, &mut mix.state.renaming, &[])).inner;
@@ -87,8 +101,11 @@ fn name_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
     }
     let text = RichText::new(&group.name).strong();
     let is_dark = group.lights.iter().all(|idx| mix.is_dark(&mix.lights[*idx].key));
-    let name = name_label_ui(ui, if is_dark { text.weak() } else { text }, width - 30.0);
-    ui.add_sized([25.0, HEIGHT - 2.0], Label::new(RichText::new(group.lights.len().to_string()).weak().small()));
+    let name = name_label_ui(ui, if is_dark { text.weak() } else { text }, width - COUNT - 5.0);
+    ui.add_sized(
+        [COUNT, ui.available_height()],
+        Label::new(RichText::new(group.lights.len().to_string()).weak().small()),
+    );
     group_response(ui, mix, group, name);
 }
 
@@ -147,19 +164,12 @@ fn hand_down(mix: &mut Mix, group: &Group) {
     mix.look.lights.groups.remove(&group.key);
 }
 
-fn level_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) {
-    ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-        ui.spacing_mut().item_spacing.x = 6.0;
-        // In line with the numbers of the lights.
-        ui.add_space(34.0);
-        let mut own = master(mix.look, group, mix.lights);
-        let before = own.intensity;
-        let measure = mix.state.layout.scale.of_group();
-        number_ui(ui, &format!("Group {}", group.name), (measure, Shown::WithUnit), &mut own.intensity, NUMBER);
-        let size = vec2((ui.available_width() - 2.0).max(36.0), HEIGHT - 2.0);
-        fader_ui(ui, &format!("Group {} intensity", group.name), (size, More::Right), &mut own.intensity);
-        if own.intensity != before {
-            set_master(mix.look, &group.key, own);
-        }
-    });
+/// Lets a widget change the master of a group.
+fn set_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, add: impl FnOnce(&mut Ui, Measure, &mut f32)) {
+    let mut own = master(mix.look, group, mix.lights);
+    let before = own.intensity;
+    add(ui, mix.state.layout.scale.of_group(), &mut own.intensity);
+    if own.intensity != before {
+        set_master(mix.look, &group.key, own);
+    }
 }

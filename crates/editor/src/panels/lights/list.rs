@@ -3,14 +3,13 @@
 use clerestory_transport::light::LightRig;
 use eframe::egui::{RichText, ScrollArea, Ui};
 
+use super::columns::INDENT;
 use super::groups::{Item, own_name};
 use super::mix::Mix;
 use super::{group_row, row};
 
 /// Lists from this long draw only the rows that are seen.
 const LONG_FROM: usize = 300;
-/// How far the lights of a group are set in, points.
-const INDENT: f32 = 12.0;
 
 /// Draws the list.
 pub(super) fn list_ui(ui: &mut Ui, mix: &mut Mix) {

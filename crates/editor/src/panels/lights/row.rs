@@ -6,11 +6,12 @@ use eframe::egui::{
     self, Align, Button, Color32, Label, Layout, Rect, Response, RichText, Sense, Shape, Ui, pos2, vec2,
 };
 
+use super::columns::{Part, columns_ui};
 use super::fader::{More, fader_ui};
 use super::listed::{LightOf, Listed};
 use super::mix::Mix;
 use super::names::renaming_ui;
-use super::scale::{Scale, Shown, number_ui};
+use super::scale::{Measure, Scale, Shown, number_ui};
 use super::solo;
 use crate::action::Action;
 use crate::panels::color::{Tint, tint_ui};
@@ -22,8 +23,6 @@ use crate::theme;
 pub(super) const HEIGHT: f32 = 24.0;
 /// Width of a number with its unit.
 pub(super) const NUMBER: f32 = 62.0;
-/// Width of a name, of what is left of a row.
-pub(super) const NAME: f32 = 0.36;
 /// Width of the mark in front of what differs from the file.
 const MARK: f32 = 8.0;
 /// Texels a side of a panel that is chosen in the window.
@@ -36,12 +35,22 @@ pub(super) fn row_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, indent: f32) {
         let background = ui.painter().add(Shape::Noop);
         let row = ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 5.0;
-            ui.add_space(indent);
             let tip = "Differs from the file";
             mark_ui(ui, mix.differs(light), tip);
             letters_ui(ui, mix, &light.name, &[key.to_owned()]);
-            name_ui(ui, mix, light);
-            level_ui(ui, mix, light);
+            columns_ui(ui, mix, |ui, mix, part| match part {
+                Part::Color => color_ui(ui, mix, light),
+                Part::Name(width) => {
+                    ui.add_space(indent);
+                    name_ui(ui, mix, light, width - indent);
+                }
+                Part::Number => set_ui(ui, mix, light, |ui, measure, intensity| {
+                    number_ui(ui, &light.name, (measure, Shown::WithUnit), intensity, NUMBER);
+                }),
+                Part::Fader(size) => set_ui(ui, mix, light, |ui, _, intensity| {
+                    fader_ui(ui, &format!("{} intensity", light.name), (size, More::Right), intensity);
+                }),
+            });
         });
         let rect = row.response.rect;
         if mix.state.selection.has(key) {
@@ -119,8 +128,7 @@ pub(super) fn name_text(ui: &Ui, mix: &Mix, light: &Listed) -> RichText {
     }
 }
 
-fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
-    let width = (ui.available_width() * NAME).max(60.0);
+fn name_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, width: f32) {
     let of = (light.key.as_str(), light.key.as_str());
     let is_named = ui
         .allocate_ui(vec2(width, HEIGHT), |ui| renaming_ui(ui, of, mix.look, &mut mix.state.renaming, mix.lights))
@@ -220,20 +228,14 @@ fn panel_menu(ui: &mut Ui, key: &str, actions: &mut Vec<Action>) {
     ui.label(RichText::new("Spots of light can be moved on it\nThe scene is baked again").weak().small());
 }
 
-/// Color, number and fader, from the right so that they line up.
-fn level_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
-    ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-        ui.spacing_mut().item_spacing.x = 6.0;
-        color_ui(ui, mix, light);
-        let mut setting = mix.setting(light);
-        let measure = mix.measure(light, &setting);
-        number_ui(ui, &light.name, (measure, Shown::WithUnit), &mut setting.intensity, NUMBER);
-        let size = vec2((ui.available_width() - 2.0).max(36.0), HEIGHT - 2.0);
-        fader_ui(ui, &format!("{} intensity", light.name), (size, More::Right), &mut setting.intensity);
-        if setting != mix.setting(light) {
-            mix.look.lights.set(&light.key, setting);
-        }
-    });
+/// Lets a widget change the intensity of a light.
+fn set_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, add: impl FnOnce(&mut Ui, Measure, &mut f32)) {
+    let mut setting = mix.setting(light);
+    let measure = mix.measure(light, &setting);
+    add(ui, measure, &mut setting.intensity);
+    if setting != mix.setting(light) {
+        mix.look.lights.set(&light.key, setting);
+    }
 }
 
 /// The swatch of a light.

@@ -6,6 +6,7 @@ use eframe::egui::{
 };
 
 use super::{LooksState, LooksView};
+use crate::action::Action;
 use crate::look::Look;
 use crate::look::snapshot::Mark;
 use crate::theme;
@@ -18,7 +19,14 @@ const NAME_HEIGHT: f32 = 20.0;
 pub const WITH_KEY: usize = 9;
 
 /// Draws a card and lets it be used; answers where its middle is from the left, points.
-pub(super) fn card_ui(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut LooksState, view: &LooksView) -> f32 {
+pub(super) fn card_ui(
+    ui: &mut Ui,
+    idx: usize,
+    look: &mut Look,
+    state: &mut LooksState,
+    view: &LooksView,
+    actions: &mut Vec<Action>,
+) -> f32 {
     let size = PICTURE + vec2(0.0, NAME_HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     let snapshot = &look.snapshots[idx];
@@ -41,7 +49,7 @@ pub(super) fn card_ui(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut Look
         state.dragged = Some(idx);
     }
     if response.clicked() || (response.has_focus() && ui.input(|input| input.key_pressed(Key::Enter))) {
-        look.take(idx);
+        actions.push(Action::TakeLook(idx));
     }
     if response.double_clicked() {
         state.renaming = Some((idx, name.clone()));

@@ -70,16 +70,20 @@ pub(super) fn timeline_ui(
     actions: &mut Vec<Action>,
 ) {
     player.chosen = player.chosen.filter(|idx| *idx < look.timeline.keys.len());
+    // A line for what is always there and one for the key: nothing moves away under the pointer.
     ui.horizontal_wrapped(|ui| {
-        play_ui(ui, look, player, view);
+        play_ui(ui, look, player);
+        frames_ui(ui, look, view, actions);
+        moment_ui(ui, look, player, view);
+    });
+    ui.horizontal_wrapped(|ui| {
         add_ui(ui, look, player);
         key_ui(ui, look, player);
-        frames_ui(ui, look, view, actions);
     });
     track_ui(ui, look, player);
 }
 
-fn play_ui(ui: &mut Ui, look: &mut Look, player: &mut Player, view: &LooksView) {
+fn play_ui(ui: &mut Ui, look: &Look, player: &mut Player) {
     let has_keys = !look.timeline.keys.is_empty();
     let words = if player.playing { "Pause" } else { "Play" };
     let play = ui.add_enabled(has_keys, Button::new(words)).accessible_name("Play the timeline");
@@ -90,6 +94,10 @@ fn play_ui(ui: &mut Ui, look: &mut Look, player: &mut Player, view: &LooksView) 
     if back.on_hover_text("Stop, and show the lights as they are now").clicked() {
         player.stop();
     }
+}
+
+/// The moment that is shown, where one is.
+fn moment_ui(ui: &mut Ui, look: &mut Look, player: &mut Player, view: &LooksView) {
     let Some(secs) = player.playhead else { return };
     let frame = (secs * look.timeline.fps).round();
     ui.label(RichText::new(format!("{secs:.2} s, frame {frame}")).color(theme::accent_text(ui)));
@@ -129,7 +137,11 @@ fn add_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
 
 /// The key that is chosen.
 fn key_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
-    let Some(idx) = player.chosen else { return };
+    let Some(idx) = player.chosen else {
+        let words = if look.timeline.keys.is_empty() { "" } else { "Click a key to change it" };
+        _ = ui.label(RichText::new(words).weak());
+        return;
+    };
     ui.separator();
     let Key { mut secs, look: name, ease } = look.timeline.keys[idx].clone();
     let number = DragValue::new(&mut secs).range(0.0..=*SECS.end() as f32).speed(0.02).suffix(" s").max_decimals(3);
@@ -261,7 +273,10 @@ fn paint(ui: &Ui, ruler: &Ruler, timeline: &Timeline, player: &Player) {
         let (secs, x) = (mark as f32 * step, ruler.x(mark as f32 * step));
         painter.vline(x, rect.top()..=rect.top() + 5.0, Stroke::new(1.0, weak));
         let words = if step < 1.0 { format!("{secs:.1} s") } else { format!("{secs:.0} s") };
-        painter.text(pos2(x + 3.0, rect.top() + 1.0), Align2::LEFT_TOP, words, FontId::proportional(10.5), weak);
+        let words = painter.layout_no_wrap(words, FontId::proportional(10.5), weak);
+        if x + 3.0 + words.size().x <= rect.right() {
+            painter.galley(pos2(x + 3.0, rect.top() + 1.0), words, weak);
+        }
     }
     for pair in timeline.keys.windows(2) {
         let [from, to] = [&pair[0], &pair[1]].map(|key| ruler.x(key.secs));
