@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
 
-use crate::platform;
+use crate::platform::{self, ThreadTimes};
 
 /// Names the file that frames are told to; it is written anew.
 pub const VARIABLE: &str = "CLERESTORY_PULSE";
@@ -31,8 +31,8 @@ pub struct Pulse {
 /// A frame that has begun.
 struct Frame {
     at: Instant,
-    /// How long the thread had waited for a core until then.
-    waited: Option<Duration>,
+    /// What the thread had done until then.
+    times: Option<ThreadTimes>,
 }
 
 impl Pulse {
@@ -53,24 +53,28 @@ impl Pulse {
 
     /// A frame begins.
     pub fn begin(&mut self) {
-        self.frame = Some(Frame { at: Instant::now(), waited: platform::waited_for_a_core() });
+        self.frame = Some(Frame { at: Instant::now(), times: platform::thread_times() });
     }
 
     /// It ends.
     pub fn end(&mut self) {
         let Some(frame) = self.frame.take() else { return };
-        self.count(frame.at.elapsed(), frame.waited.zip(platform::waited_for_a_core()).map(|(a, b)| b - a));
+        let lasted = frame.at.elapsed();
+        let times = frame.times.zip(platform::thread_times());
+        self.count(lasted, times.map(|(a, b)| ThreadTimes { ran: b.ran - a.ran, waited: b.waited - a.waited }));
     }
 
-    /// Counts a frame; a machine with other work than ours makes it wait for a core, which is told apart.
-    fn count(&mut self, lasted: Duration, waited: Option<Duration>) {
-        let own = lasted.saturating_sub(waited.unwrap_or_default());
+    /// Counts a frame; a machine with other work than ours makes it wait for a core, which is told apart. What is neither that nor
+    /// work of its own is a wait for another thread or for the system.
+    fn count(&mut self, lasted: Duration, times: Option<ThreadTimes>) {
+        let own = lasted.saturating_sub(times.map(|times| times.waited).unwrap_or_default());
         self.n_frames += 1;
         self.slowest = self.slowest.max(own);
         let secs = self.began.elapsed().as_secs_f32();
         if own > STALL {
             self.n_stalls += 1;
-            self.say(&format!("{secs:.1} s: stall of {} ms in {} ms", own.as_millis(), lasted.as_millis()));
+            let ran = times.map(|times| format!(", at work for {} ms", times.ran.as_millis())).unwrap_or_default();
+            self.say(&format!("{secs:.1} s: stall of {} ms in {} ms{ran}", own.as_millis(), lasted.as_millis()));
         }
         if self.counted.elapsed() >= COUNTED_EVERY {
             let megabytes = platform::resident_bytes().unwrap_or_default() >> 20;
@@ -106,8 +110,8 @@ mod tests {
         let path = folder.path().join("pulse");
         let mut pulse = Pulse::new(&path).unwrap();
         let ms = Duration::from_millis;
-        for (lasted, waited) in [(16, None), (140, Some(60)), (140, Some(20)), (101, None)] {
-            pulse.count(ms(lasted), waited.map(ms));
+        for (lasted, times) in [(16, None), (140, Some((80, 60))), (140, Some((50, 20))), (101, None)] {
+            pulse.count(ms(lasted), times.map(|(ran, waited)| ThreadTimes { ran: ms(ran), waited: ms(waited) }));
         }
         pulse.counted -= COUNTED_EVERY;
         pulse.begin();
@@ -115,7 +119,8 @@ mod tests {
         let lines = std::fs::read_to_string(&path).unwrap();
         let [first, second, third] = lines.lines().collect::<Vec<_>>()[..] else { panic!("{lines}") };
         assert!(
-            first.ends_with("stall of 120 ms in 140 ms") && second.ends_with("stall of 101 ms in 101 ms"),
+            first.ends_with("stall of 120 ms in 140 ms, at work for 50 ms")
+                && second.ends_with("stall of 101 ms in 101 ms"),
             "{lines}"
         );
         assert!(third.contains(": 5 frames, 2 stalls, slowest 120 ms, "), "{lines}");

@@ -13,6 +13,7 @@ use eframe::egui::{self, Context, Ui, ViewportCommand};
 use eframe::{CreationContext, NativeOptions, Storage, wgpu};
 
 use super::{App, Start};
+use crate::platform;
 
 /// For soaks: the device is lost every so many seconds.
 const LOSS_VARIABLE: &str = "CLERESTORY_LOSE_DEVICE";
@@ -42,6 +43,7 @@ type Left = Rc<RefCell<Option<(App, Context)>>>;
 /// If there is no display or no graphics driver; [`WindowLost`] if there was a window, but its device is lost again and again.
 pub(super) fn run_windows(options: impl Fn() -> NativeOptions, start: Start) -> Result<()> {
     let every = loss_every(std::env::var(LOSS_VARIABLE).ok())?;
+    platform::return_freed_memory();
     let left = Left::default();
     let (mut start, mut lost_at) = (Some(start), Vec::new());
     loop {

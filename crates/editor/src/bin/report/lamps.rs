@@ -42,9 +42,14 @@ struct Case {
     has_sky: bool,
 }
 
-/// Sums over the places of a lamp.
+/// Noise of a reference of the indirect light, beyond which its place says nothing.
+const MOST_NOISE: f64 = 0.5;
+
+/// What was measured at the places of a lamp.
 #[derive(Default)]
 struct Errors {
+    /// Places whose indirect light drowns in the noise of its references.
+    n_drowned: u32,
     /// Relative L2 of the indirect light, and of the reference's own noise, of each place.
     indirect: Vec<[f64; 2]>,
     /// Share of the indirect light that is found, of each place.
@@ -58,11 +63,12 @@ pub fn write(desk: &Desk) -> Result<String> {
     let mut text = "A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
         direct light at what is seen and at what narrow lobes show there, plus what the patches make of its irradiance. It is held \
         against two independent traced pictures of the same look, direct light taken off by two independent live pictures, so that \
-        their noise does not count as error; how large that noise is stands beside it. Energy is the sum of the indirect light over that \
+        their noise does not count as error; how large the noise of their mean is stands beside it. Places whose indirect light drowns in \
+        that noise (more than half of it) are counted and left out of its columns. Medians (and the worst) over the places. Energy is the sum of the indirect light over that \
         of the reference. The peak of PSNR is the 99.5 percentile of the whole. Bytes of patches are those of their columns' blocks, and \
         of their table.\n\n\
-        | scene | places | indirect L2, mean (worst) | noise | energy, least to most | whole PSNR, mean (worst) | noise | patches | columns \
-        | bytes without | of patches | bake without | of patches |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
+        | scene | places | drowned | indirect L2 | noise | energy, least to most | whole PSNR | noise | patches | columns | bytes without \
+        | of patches | bake without | of patches |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_string();
     let mut steps = "\nA step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of \
         all patches. Shadow rays that nothing needs are not cast.\n\n\
@@ -70,7 +76,8 @@ pub fn write(desk: &Desk) -> Result<String> {
         .to_string();
     for case in cases(desk) {
         desk.say(&format!("lamps in {}", case.name));
-        let (row, more) = measure(desk, &case).with_context(|| format!("cannot move lamps in {}", case.name))?;
+        let measured = || measure(desk, &case).with_context(|| format!("cannot move lamps in {}", case.name));
+        let (row, more): (String, String) = desk.part("lamps", case.name, measured)?;
         text += &row;
         steps += &more;
     }
@@ -116,7 +123,7 @@ struct Traced {
 
 impl Traced {
     fn find(desk: &Desk, case: &Case, (scene, camera, film): (&PreparedScene, &Camera, Film)) -> Result<Traced> {
-        let (n_places, spp) = desk.choose((3, 256), (10, 512));
+        let (n_places, spp) = desk.choose((3, 256), (10, 2048));
         let coefficients = scene.lighting.basis.project(&LightRig::default());
         let of_file = traced(scene, film, &coefficients, spp, [1, 2])?;
         let (mut lamps, mut of_lamps) = (Vec::new(), Vec::new());
@@ -137,7 +144,7 @@ impl Traced {
 fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
     let (scene, camera) = prepared(&case.path, case.has_sky)?;
     let scene = Arc::new(scene);
-    let film = Film::of_width(desk.choose(64, 96), &camera);
+    let film = Film::of_width(64, &camera);
     let bake_spp = desk.choose(64, 256);
     let traced = Traced::find(desk, case, (&scene, &camera, film))?;
     let (plain, plain_secs) = bake(&scene, &camera, film, bake_spp, 0)?;
@@ -173,7 +180,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
             file_mib - plain_mib,
             secs - plain_secs,
         );
-        desk.say(&rows);
+        desk.say(&format!("{} with {} patches: {:.3?}", case.name, patches.n_patches(), errors.indirect));
         step = steps(case.name, &scene, &camera, &|lamps| {
             std::hint::black_box(lamps.light_on_patches(&scene, patches));
         })?;
@@ -264,27 +271,42 @@ impl Errors {
         whole.sort_by(f32::total_cmp);
         let peak = f64::from(whole[whole.len() * 995 / 1000]);
         let db = |sum: f64| 10.0 * (peak * peak * whole.len() as f64 / sum.max(1e-12 * peak * peak)).log10();
-        self.indirect.push([off.max(0.0), noise].map(|sum| (sum / light.max(f64::MIN_POSITIVE)).sqrt()));
-        self.energy.push(found / there);
         self.psnr.push([db(whole_off), db(whole_noise)]);
+        if noise > MOST_NOISE * MOST_NOISE * light {
+            self.n_drowned += 1;
+            return;
+        }
+        self.indirect.push([off.max(0.0), noise].map(|sum| (sum / light).sqrt()));
+        self.energy.push(found / there);
     }
 
     fn words(&self) -> String {
-        let mean = |values: &[[f64; 2]], which: usize| {
-            values.iter().map(|value| value[which]).sum::<f64>() / values.len().max(1) as f64
+        let sorted = |values: &[[f64; 2]], which: usize| {
+            let mut values: Vec<f64> = values.iter().map(|value| value[which]).collect();
+            values.sort_by(f64::total_cmp);
+            values
         };
-        let worst = self.indirect.iter().map(|value| value[0]).fold(0.0, f64::max);
-        let least = self.psnr.iter().map(|value| value[0]).fold(f64::INFINITY, f64::min);
+        let percents = |which: usize| {
+            let values = sorted(&self.indirect, which);
+            let Some(worst) = values.last() else { return "not measured".to_string() };
+            format!("{:.1} % ({:.1} %)", 100.0 * values[values.len() / 2], 100.0 * worst)
+        };
+        let decibels = |which: usize| {
+            let values = sorted(&self.psnr, which);
+            values
+                .first()
+                .map(|worst| format!("{:.1} dB ({worst:.1} dB)", values[values.len() / 2]))
+                .unwrap_or_default()
+        };
         let lowest = self.energy.iter().copied().fold(f64::INFINITY, f64::min);
         let highest = self.energy.iter().copied().fold(0.0, f64::max);
         format!(
-            "{:.1} % ({:.1} %) | {:.1} % | {lowest:.3} to {highest:.3} | {:.1} dB ({:.1} dB) | {:.1} dB",
-            100.0 * mean(&self.indirect, 0),
-            100.0 * worst,
-            100.0 * mean(&self.indirect, 1),
-            mean(&self.psnr, 0),
-            least,
-            mean(&self.psnr, 1),
+            "{} | {} | {} | {lowest:.3} to {highest:.3} | {} | {}",
+            self.n_drowned,
+            percents(0),
+            percents(1),
+            decibels(0),
+            decibels(1),
         )
     }
 }
