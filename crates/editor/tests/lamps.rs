@@ -204,6 +204,7 @@ fn solo_darkens_what_is_not_soloed_among_lamps_and_lights_alike() {
     click(&mut window, "Solo lamp");
     wait(&mut window, |app| app.is_settled() && app.shown_ev() > ev + 0.2);
     let of_file = window.state().shown_ev();
+    assert!(window.query_by_label("Lamps: lighting").is_none(), "nobody waits for a lamp that is not heard");
     click(&mut window, "Solo lamp");
     click(&mut window, "Solo Point lamp 1");
     wait(&mut window, |app| app.is_settled() && app.shown_ev() > ev + 0.05 && (app.shown_ev() - of_file).abs() > 0.05);

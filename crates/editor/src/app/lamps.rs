@@ -15,6 +15,7 @@ use super::App;
 use crate::action::FileTask;
 use crate::look::{groups, numbered_name};
 use crate::panels::lamps::{LampChoice, kind_words};
+use crate::panels::lights::heard;
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
@@ -42,10 +43,13 @@ impl App {
 
     /// What there is to say about the light of free lamps.
     pub(super) fn lamp_note(&self) -> LampNote {
-        let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
-        let Some(shown) = self.session.shown.as_ref().filter(|_| shines && self.session.lamp_scene().is_some()) else {
+        let Some(shown) = self.session.shown.as_ref().filter(|_| self.session.lamp_scene().is_some()) else {
             return LampNote::None;
         };
+        let heard = heard(&shown.header.basis, &self.look.lights, &self.lights.solo);
+        if heard.lit_lamps().iter().all(|lamp| lamp.setting.muted) {
+            return LampNote::None;
+        }
         match self.follower.lamp_light() {
             None => LampNote::Pending,
             Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(problems[0].clone()),
@@ -105,6 +109,8 @@ impl App {
 
     fn push_lamp(&mut self, lamp: FreeLamp) {
         self.say(format!("Added {}", lamp.key));
+        // Whoever adds a lamp wants to move it next: what marks is put down.
+        self.view.marking.tool = None;
         self.lights.lamps.chosen = Some(lamp.key.clone());
         self.look.lights.lamps.push(lamp);
     }

@@ -11,7 +11,7 @@ pub(super) const INDENT: f32 = 14.0;
 const SWATCH: f32 = 28.0;
 const SPACING: f32 = 6.0;
 /// Part of what letters, number and color leave of a row that the fader takes; the name has the rest.
-const FADER: f32 = 0.44;
+const FADER: f32 = 0.4;
 /// Room that name and fader need side by side; with less the fader has a line of its own.
 const BESIDE: f32 = 176.0;
 /// Height of a fader in a line of its own.

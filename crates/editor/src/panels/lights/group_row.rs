@@ -14,7 +14,7 @@ use super::solo;
 use crate::theme;
 
 /// Width of the number of its lights.
-const COUNT: f32 = 22.0;
+const COUNT: f32 = 18.0;
 
 /// Draws the row of a group. Answers whether its lights are shown below it.
 pub(super) fn group_row_ui(ui: &mut Ui, mix: &mut Mix, group: &Group) -> bool {
