@@ -137,7 +137,7 @@ impl App {
         if let Some(name) = self.look.snapshots.get(idx).map(|snapshot| snapshot.name.clone()) {
             self.looks.player.stop();
             self.as_one_step(|app| app.look.take(idx));
-            self.say(format!("Look {name}"));
+            self.say(format!("Look {name} is on"));
         }
     }
 
