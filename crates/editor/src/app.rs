@@ -202,7 +202,7 @@ impl App {
 
     /// Whether no bake runs and the picture shows the look as it is.
     pub fn is_settled(&self) -> bool {
-        !self.session.bake.is_running() && self.follower.is_idle() && self.prints.is_idle()
+        !self.session.bake.is_running() && self.follower.is_idle() && self.prints.is_idle() && self.daylight.is_idle()
     }
 
     /// Exposure of the picture that is shown, EV.

@@ -65,6 +65,7 @@ fn copied(window: &mut Window) -> eframe::egui::ColorImage {
 fn choose(window: &mut Window, combo: &str, item: &str) {
     click(window, combo);
     click(window, item);
+    settle(window);
 }
 
 #[test]
@@ -92,6 +93,7 @@ fn the_sun_is_dragged_on_the_dome_and_says_that_it_is_soft_there() {
     let before = copied(&mut window);
     let dome = window.get_by_label("Dome of the sky").rect().center();
     drag(&mut window, dome + vec2(40.0, 0.0), dome + vec2(0.0, 32.0));
+    settle(&mut window);
     let (azimuth, elevation) = angles(&window);
     // Half of the way from the zenith to the horizon, on the side of +Z.
     assert!((azimuth - 180.0).abs() < 0.1 && (elevation - 45.0).abs() < 0.1, "{azimuth} {elevation}");
@@ -154,6 +156,7 @@ fn a_sky_without_a_sun_is_turned_by_hand_and_kept_in_looks() {
 fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
     let mut window = under_the_sky();
     click(&mut window, "By date and place");
+    settle(&mut window);
     let hour = |window: &Window| match sky(window).sun.unwrap().place {
         SunPlace::Time { time, .. } => time.hour,
         SunPlace::Angles { .. } => panic!("the sun stands by angle"),
@@ -166,8 +169,9 @@ fn the_sun_follows_the_clock_and_a_played_day_is_one_step() {
         SunPlace::Angles { .. } => false,
     });
     click(&mut window, "Play the day");
+    settle(&mut window);
     let evening = hour(&window);
-    wait(&mut window, |app| app.is_settled());
+    window.run_steps(20);
     assert_eq!(hour(&window), evening, "it stays where it was paused");
     assert!(window.state().shown_ev() > ev + 0.5, "an evening is darker: {} {ev}", window.state().shown_ev());
     assert!(sky(&window).map.unwrap() != at_ten.map.clone().unwrap(), "the sky goes with its sun");
@@ -188,6 +192,7 @@ fn kinds_of_sky_intensity_and_days_are_set_by_their_fields() {
         window.event(Event::Text(text.into()));
         window.key_press(eframe::egui::Key::Enter);
         window.run_steps(3);
+        settle(window);
     };
     typed(&mut window, "Intensity of the sky in EV", "2");
     assert_eq!(sky(&window).intensity, 4.0);
@@ -196,6 +201,7 @@ fn kinds_of_sky_intensity_and_days_are_set_by_their_fields() {
     assert_eq!(sky(&window), SkySetting { intensity: 4.0, ..SkySetting::default() });
     choose(&mut window, "Kind of sky", "Sun and clear sky");
     click(&mut window, "By date and place");
+    settle(&mut window);
     typed(&mut window, "Day", "31");
     choose(&mut window, "Month", "February");
     let SunPlace::Time { time, .. } = sky(&window).sun.unwrap().place else { panic!("by angle") };

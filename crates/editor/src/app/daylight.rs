@@ -1,4 +1,4 @@
-//! The sky in the window: read from files beside it, baked, and played over a day.
+//! The sky in the window: read from files and made beside it, baked, and played over a day.
 
 use std::path::Path;
 
@@ -23,26 +23,37 @@ const MOST_HEIGHT: f32 = 0.62;
 /// A sky that was read, and what is odd about it.
 type Read = Result<(SkySetting, Vec<String>), String>;
 
+/// A sky that was made.
+struct Made {
+    /// The sky of the look that it replaces.
+    over: Option<SkySetting>,
+    /// What was asked for.
+    asked: SkySetting,
+    /// None where that cannot be, such as a sun on the 30th of February.
+    sky: Option<SkySetting>,
+}
+
 /// What the window knows of the sky and no look holds.
 pub(super) struct Daylight {
     wake: Wake,
     reading: Aside<Read>,
     /// Whether what is being read is still wanted.
     is_wanted: bool,
+    making: Aside<Made>,
     state: SkyState,
-    /// Whether the day played in the frame before.
-    was_playing: bool,
+    /// Whether in the frame before the day played, or the sky was being changed.
+    was_changing: bool,
 }
 
 impl Daylight {
     pub fn new(wake: Wake) -> Daylight {
-        let (reading, state) = (Aside::default(), SkyState::default());
-        Daylight { wake, reading, is_wanted: false, state, was_playing: false }
+        let (reading, making, state) = (Aside::default(), Aside::default(), SkyState::default());
+        Daylight { wake, reading, is_wanted: false, making, state, was_changing: false }
     }
 
     /// Another scene is open.
     pub fn forget(&mut self) {
-        (self.is_wanted, self.state, self.was_playing) = (false, SkyState::default(), false);
+        (self.is_wanted, self.state, self.was_changing) = (false, SkyState::default(), false);
     }
 
     /// Has the dome painted again.
@@ -50,14 +61,19 @@ impl Daylight {
         self.state.forget_picture();
     }
 
-    /// Whether the hours pass.
-    pub fn is_playing(&self) -> bool {
-        self.state.playing.is_some()
+    /// Whether the hours pass, or a drag of the sun goes on: all of it is one step.
+    pub fn is_changing(&self) -> bool {
+        self.was_changing || self.state.playing.is_some() || !self.is_idle()
     }
 
-    /// Stays at the hour that it is.
+    /// Whether the sky of the look is the one that was asked for last.
+    pub fn is_idle(&self) -> bool {
+        self.state.wanted.is_none()
+    }
+
+    /// Stays at the sky that it is.
     pub fn stop(&mut self) {
-        self.state.playing = None;
+        (self.state.playing, self.state.wanted, self.was_changing) = (None, None, false);
     }
 }
 
@@ -142,31 +158,79 @@ impl App {
         {
             self.take_sky(read.and_then(|read| read));
         }
-        if self.daylight.is_playing() != self.daylight.was_playing {
-            // From the first picture to the last it is one step.
-            self.daylight.was_playing = self.daylight.is_playing();
+        self.take_made_sky(ctx);
+        self.play_day(ctx);
+        self.make_sky();
+        // From the first picture to the last it is one step.
+        let is_held = self.daylight.was_changing && ctx.input(|input| input.pointer.any_down());
+        let is_changing = is_held || self.daylight.state.playing.is_some() || !self.daylight.is_idle();
+        if is_changing != self.daylight.was_changing {
+            self.daylight.was_changing = is_changing;
             self.undoer.add_undo(&self.look);
         }
-        let Some(hour) = &mut self.daylight.state.playing else { return };
+    }
+
+    fn play_day(&mut self, ctx: &Context) {
+        let Daylight { state, .. } = &mut self.daylight;
+        let Some(hour) = &mut state.playing else { return };
         *hour += HOURS_PER_SEC * f64::from(ctx.input(|input| input.stable_dt).min(LONGEST_STEP_SECS));
-        let hour = *hour;
-        match self.look.lights.sky.as_ref().and_then(|sky| at_hour(sky, hour)) {
+        let shown = state.wanted.as_ref().or(self.look.lights.sky.as_ref());
+        match shown.and_then(|sky| at_hour(sky, *hour)) {
             Some(sky) => {
-                self.look.lights.sky = Some(sky);
+                state.wanted = Some(sky);
                 ctx.request_repaint();
             }
             None => self.daylight.stop(),
         }
     }
+
+    /// Takes over a sky that was made. Another look, or an undo, goes before it.
+    fn take_made_sky(&mut self, ctx: &Context) {
+        let Some(made) = self.daylight.making.take() else { return };
+        let wanted = &mut self.daylight.state.wanted;
+        let Made { over, asked, sky } = match made {
+            Ok(made) => made,
+            Err(words) => {
+                *wanted = None;
+                return self.complain(words);
+            }
+        };
+        let counts = wanted.is_some() && over == self.look.lights.sky;
+        if !counts || *wanted == Some(asked) {
+            *wanted = None;
+        }
+        if let Some(sky) = sky.filter(|_| counts) {
+            if self.daylight.state.playing.is_none() {
+                self.follower.hold_exposure(ctx);
+            }
+            self.looks.player.stop();
+            self.look.lights.sky = Some(sky).filter(|sky| *sky != SkySetting::default());
+        }
+    }
+
+    /// Has the sky made that was asked for last, unless one is being made: each takes some milliseconds.
+    fn make_sky(&mut self) {
+        let Daylight { making, state, wake, .. } = &mut self.daylight;
+        let Some(asked) = state.wanted.clone().filter(|_| !making.is_busy()) else { return };
+        let over = self.look.lights.sky.clone();
+        let make = move || {
+            let sky = sky::remade(&over.clone().unwrap_or_default(), asked.clone()).ok();
+            Made { over, asked, sky }
+        };
+        if let Err(words) = making.start("make sky", wake, make) {
+            state.wanted = None;
+            self.complain(words);
+        }
+    }
 }
 
-/// The sky at an hour of its day, to the minute; `None` where its sun does not stand by time.
+/// The sky at an hour of its day, to the minute, its map still to be made; `None` where its sun does not stand by time.
 fn at_hour(sky: &SkySetting, hour: f64) -> Option<SkySetting> {
     let sun = sky.sun?;
     let SunPlace::Time { mut time, north_deg } = sun.place else { return None };
     time.hour = (60.0 * hour).round().rem_euclid(24.0 * 60.0) / 60.0;
     let sun = SunSetting { place: SunPlace::Time { time, north_deg }, ..sun };
-    sky::remade(sky, SkySetting { sun: Some(sun), ..sky.clone() }).ok()
+    Some(SkySetting { sun: Some(sun), ..sky.clone() })
 }
 
 /// Reads a map, and makes of it what relighting needs.

@@ -13,6 +13,7 @@ impl App {
     }
 
     pub(super) fn redo(&mut self) {
+        self.daylight.stop();
         if let Some(look) = self.undoer.redo(&self.look).cloned() {
             self.look = look;
         }
@@ -22,7 +23,7 @@ impl App {
     pub(super) fn feed_undoer(&mut self, ctx: &Context) {
         let (now, is_down, came_up) =
             ctx.input(|input| (input.time, input.pointer.any_down(), input.pointer.any_released()));
-        if self.daylight.is_playing() {
+        if self.daylight.is_changing() {
             return;
         }
         if is_down {

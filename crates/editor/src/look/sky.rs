@@ -36,11 +36,16 @@ pub fn load(sky: &mut SkySetting, folder: &Path) -> Result<Vec<String>> {
 /// # Errors
 /// A sun on a day that does not exist.
 pub fn remade(before: &SkySetting, mut sky: SkySetting) -> Result<SkySetting, SkyError> {
-    let needs_no_file = sky.file.as_deref().is_none_or(|file| file == "uniform");
-    if needs_no_file && (&before.file, before.sun) != (&sky.file, sky.sun) {
+    if is_made_anew(before, &sky) {
         sky.load(|_| Ok::<_, SkyError>(Environment::default()))?;
     }
     Ok(sky)
+}
+
+/// Whether the map of a sky that was changed is computed anew.
+pub fn is_made_anew(before: &SkySetting, sky: &SkySetting) -> bool {
+    let needs_no_file = sky.file.as_deref().is_none_or(|file| file == "uniform");
+    needs_no_file && (&before.file, before.sun) != (&sky.file, sky.sun)
 }
 
 /// Names the file of a sky from the root, so that the look can be saved elsewhere.

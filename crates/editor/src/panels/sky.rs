@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use crate::action::{Action, FileTask};
 use crate::illuminance::lux_words;
-use crate::look::sky::remade;
+use crate::look::sky::is_made_anew;
 use dome::{DomePicture, dome_ui};
 pub use sun::NEW_SUN;
 use sun::{sun_of, sun_ui};
@@ -30,6 +30,8 @@ pub struct SkyView<'a> {
 pub struct SkyState {
     /// The hour that it is while the day plays.
     pub playing: Option<f64>,
+    /// A sky that was asked for, whose map is being made; the section shows it already.
+    pub wanted: Option<SkySetting>,
     /// Divisions of the patches of the next bake.
     divisions: u32,
     /// Place and moment that were set before the sun was set by angle, and the azimuth of north.
@@ -39,7 +41,7 @@ pub struct SkyState {
 
 impl Default for SkyState {
     fn default() -> Self {
-        SkyState { playing: None, divisions: 1, before: None, dome: DomePicture::default() }
+        SkyState { playing: None, wanted: None, divisions: 1, before: None, dome: DomePicture::default() }
     }
 }
 
@@ -86,7 +88,8 @@ pub fn sky_ui(ui: &mut Ui, view: &SkyView, rig: &mut LightRig, state: &mut SkySt
         let Some((key, divisions)) = dome else { return missing_ui(ui, view, state, actions) };
         let Some(light) = view.basis.sky_light(rig) else { return };
         let before = rig.sky.clone().unwrap_or_default();
-        let mut sky = before.clone();
+        let shown = state.wanted.clone().unwrap_or_else(|| before.clone());
+        let mut sky = shown.clone();
         kind_ui(ui, view, (&mut sky, &light), actions);
         ui.horizontal_top(|ui| {
             dome_ui(ui, &mut sky, &light, &mut state.dome);
@@ -97,11 +100,14 @@ pub fn sky_ui(ui: &mut Ui, view: &SkyView, rig: &mut LightRig, state: &mut SkySt
         });
         sun_ui(ui, &mut sky, (&mut state.playing, &mut state.before));
         columns_ui(ui, view, (&light, divisions), state, actions);
-        // What cannot be, such as the 30th of February, is not taken over.
-        if sky != before
-            && let Ok(sky) = remade(&before, sky)
-        {
-            rig.sky = Some(sky).filter(|sky| *sky != SkySetting::default());
+        if sky != shown {
+            if is_made_anew(&before, &sky) {
+                state.wanted = Some(sky);
+            } else {
+                // A map that is not made anew is the one that is there.
+                let sky = SkySetting { map: before.map, ..sky };
+                (rig.sky, state.wanted) = (Some(sky).filter(|sky| *sky != SkySetting::default()), None);
+            }
         }
     });
 }
