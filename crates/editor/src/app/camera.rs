@@ -8,7 +8,7 @@ use eframe::{CreationContext, Storage};
 use super::App;
 use crate::look::numbered_name;
 use crate::panels::camera::{CameraEdit, CameraView, camera_ui};
-use crate::session::preview::{PreviewOrder, Previewer};
+use crate::session::preview::{self, PreviewOrder, Previewer};
 use crate::session::views::sees_alike;
 use crate::session::{Session, Wake};
 use crate::viewport::flight::{FlightView, Habits, flight_ui, pivot_m};
@@ -39,7 +39,7 @@ impl CameraDesk {
             is_moving: false,
             pivot_m: FAR_M,
             habits: cc.storage.and_then(|s| eframe::get_value(s, HABITS_KEY)).unwrap_or_default(),
-            previewer: Previewer::start(wake)?,
+            previewer: preview::start(wake)?,
             texture: None,
             ordered: None,
         })

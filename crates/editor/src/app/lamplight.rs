@@ -8,7 +8,7 @@ use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 
 use crate::look::Quantity;
-use crate::session::lamps::{LampLight, LampOrder, LampView, LampWorker};
+use crate::session::lamps::{self, LampLight, LampOrder, LampView, LampWorker};
 use crate::session::{Session, Wake};
 
 /// Keeps the light of the lamps in step.
@@ -35,7 +35,7 @@ struct Ordered {
 
 impl Lamplight {
     pub fn new(wake: Wake) -> Result<Lamplight> {
-        let worker = LampWorker::start(wake)?;
+        let worker = lamps::start(wake)?;
         let (view, header, ordered, answered, light) = (None, None, None, LightRig::default(), None);
         Ok(Lamplight { worker, view, header, ordered, answered, light, n_orders: 0, oldest: 0 })
     }

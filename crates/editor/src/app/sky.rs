@@ -10,7 +10,7 @@ use clerestory_transport::light::LightRig;
 use clerestory_transport::sky::Backdrop;
 use glam::Vec3;
 
-use crate::session::sky::{SkyOrder, SkyWorker, Weights};
+use crate::session::sky::{self, SkyOrder, SkyWorker, Weights};
 use crate::session::{Shown, Wake};
 
 /// Keeps the sky behind the picture in step.
@@ -38,7 +38,7 @@ type MadeOf = (u64, [f32; 3], Option<Arc<Radiance>>);
 impl SkyLayer {
     pub fn new(wake: Wake) -> Result<SkyLayer> {
         Ok(SkyLayer {
-            worker: SkyWorker::start(wake)?,
+            worker: sky::start(wake)?,
             header: None,
             blocks: Vec::new(),
             backdrop: None,

@@ -135,29 +135,17 @@ enum Work {
     Refines,
 }
 
-/// The worker; it ends when this is dropped.
-pub struct LampWorker(Clerk<LampOrder, LampLight>);
+/// The worker; it ends when this is dropped. What is being done for an older order is given up.
+pub type LampWorker = Clerk<LampOrder, LampLight>;
 
 type LampMailbox = Mailbox<LampOrder, LampLight>;
 
-impl LampWorker {
-    /// Starts the thread.
-    ///
-    /// # Errors
-    /// If the system gives no thread.
-    pub fn start(wake: Wake) -> std::io::Result<LampWorker> {
-        Clerk::start("lamps", wake, work).map(LampWorker)
-    }
-
-    /// Leaves an order; what is being done for an older one is given up.
-    pub fn order(&self, order: LampOrder) {
-        self.0.order(|_| order);
-    }
-
-    /// The newest light, once.
-    pub fn take(&self) -> Option<LampLight> {
-        self.0.take()
-    }
+/// Starts the thread.
+///
+/// # Errors
+/// If the system gives no thread.
+pub fn start(wake: Wake) -> std::io::Result<LampWorker> {
+    Clerk::start("lamps", wake, work)
 }
 
 /// Whether the work at hand is stale. What makes the first picture of an order is only so in another view: a lamp that

@@ -63,7 +63,7 @@ impl<O, A> Mailbox<O, A> {
 }
 
 /// A thread with a mailbox; it ends when this is dropped.
-pub(super) struct Clerk<O, A> {
+pub struct Clerk<O, A> {
     mailbox: Arc<Mailbox<O, A>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -73,7 +73,11 @@ impl<O: Send + 'static, A: Send + 'static> Clerk<O, A> {
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub fn start(name: &str, wake: Wake, work: impl FnOnce(&Mailbox<O, A>) + Send + 'static) -> std::io::Result<Self> {
+    pub(super) fn start(
+        name: &str,
+        wake: Wake,
+        work: impl FnOnce(&Mailbox<O, A>) + Send + 'static,
+    ) -> std::io::Result<Self> {
         let mail = Mutex::new(Mail { order: None, answer: None, closed: false });
         let mailbox = Arc::new(Mailbox { mail, posted: Condvar::new(), wake });
         let own = mailbox.clone();
@@ -83,8 +87,13 @@ impl<O: Send + 'static, A: Send + 'static> Clerk<O, A> {
 }
 
 impl<O, A> Clerk<O, A> {
+    /// Leaves an order; one that was not begun yet is replaced.
+    pub fn order(&self, order: O) {
+        self.order_after(|_| order);
+    }
+
     /// Leaves an order, made of the one that was not begun yet, if any.
-    pub fn order(&self, make: impl FnOnce(Option<O>) -> O) {
+    pub(super) fn order_after(&self, make: impl FnOnce(Option<O>) -> O) {
         let mut mail = self.mailbox.lock();
         let older = mail.order.take();
         mail.order = Some(make(older));

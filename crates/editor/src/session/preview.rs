@@ -36,27 +36,16 @@ pub struct Preview {
 /// Longest side of a preview, coarse and fine, pixels.
 const SIDES: [u32; 2] = [160, 640];
 
-/// Draws previews; the thread ends when this is dropped.
-pub struct Previewer(Clerk<PreviewOrder, Preview>);
+/// Draws previews; the thread ends when this is dropped. What is being drawn for an older order is given up once it was
+/// shown coarsely.
+pub type Previewer = Clerk<PreviewOrder, Preview>;
 
-impl Previewer {
-    /// Starts the thread.
-    ///
-    /// # Errors
-    /// If the system gives no thread.
-    pub fn start(wake: Wake) -> std::io::Result<Previewer> {
-        Clerk::start("preview", wake, work).map(Previewer)
-    }
-
-    /// Leaves an order; what is being drawn for an older one is given up once it was shown coarsely.
-    pub fn order(&self, order: PreviewOrder) {
-        self.0.order(|_| order);
-    }
-
-    /// The newest preview, once.
-    pub fn take(&self) -> Option<Preview> {
-        self.0.take()
-    }
+/// Starts the thread.
+///
+/// # Errors
+/// If the system gives no thread.
+pub fn start(wake: Wake) -> std::io::Result<Previewer> {
+    Clerk::start("preview", wake, work)
 }
 
 fn work(mailbox: &Mailbox<PreviewOrder, Preview>) {
@@ -105,7 +94,7 @@ mod tests {
         let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
         let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
         let camera = scene.scene.cameras[0].clone();
-        let worker = Previewer::start(Arc::new(|_| {})).unwrap();
+        let worker = start(Arc::new(|_| {})).unwrap();
         let film = Film { width: 1600, height: 800 };
         worker.order(PreviewOrder { scene, camera: camera.clone(), film });
         let mut sizes = Vec::new();

@@ -31,26 +31,14 @@ pub struct SkySeen {
 }
 
 /// The worker; it ends when this is dropped.
-pub struct SkyWorker(Clerk<SkyOrder, SkySeen>);
+pub type SkyWorker = Clerk<SkyOrder, SkySeen>;
 
-impl SkyWorker {
-    /// Starts the thread.
-    ///
-    /// # Errors
-    /// If the system gives no thread.
-    pub fn start(wake: Wake) -> std::io::Result<SkyWorker> {
-        Clerk::start("sky", wake, work).map(SkyWorker)
-    }
-
-    /// Leaves an order; one that was not begun yet is replaced.
-    pub fn order(&self, order: SkyOrder) {
-        self.0.order(|_| order);
-    }
-
-    /// The newest answer, once.
-    pub fn take(&self) -> Option<SkySeen> {
-        self.0.take()
-    }
+/// Starts the thread.
+///
+/// # Errors
+/// If the system gives no thread.
+pub fn start(wake: Wake) -> std::io::Result<SkyWorker> {
+    Clerk::start("sky", wake, work)
 }
 
 fn work(mailbox: &Mailbox<SkyOrder, SkySeen>) {

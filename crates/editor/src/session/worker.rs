@@ -70,7 +70,7 @@ impl Worker {
 
     /// Leaves an order; one that was not begun yet is replaced.
     pub fn order(&self, mut order: Order) {
-        self.0.order(|older| {
+        self.0.order_after(|older| {
             if let Some(older) = older {
                 let mut changed = older.changed;
                 changed.absorb(order.changed);

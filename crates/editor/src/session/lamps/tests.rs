@@ -28,7 +28,7 @@ fn worker() -> (LampWorker, Arc<AtomicU32>) {
     let wake = move |_| {
         own.fetch_add(1, Ordering::Relaxed);
     };
-    (LampWorker::start(Arc::new(wake)).unwrap(), n_woken)
+    (start(Arc::new(wake)).unwrap(), n_woken)
 }
 
 fn wait(worker: &LampWorker, until: impl Fn(&LampLight) -> bool) -> LampLight {
