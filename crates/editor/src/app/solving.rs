@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use clerestory_transport::basis::SourceKind;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::lamps::PreparedLamps;
+use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::Ui;
@@ -20,9 +20,9 @@ use crate::panels::measure::{MeasureView, ScheduleState, measure_ui};
 use crate::panels::solve::{SolveState, SolveView, solve_ui};
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
-use crate::session::lamps::LampLight;
+use crate::session::lamps::{LampLight, LampPart};
 use crate::session::{Session, Shown, Wake};
-use crate::solve::{AtPixel, LampColumn, Place, Scene, Solution, Target, parse, solve};
+use crate::solve::{AtPixel, LampColumn, Place, Scene, Solution, Target, at_point, parse, solve};
 
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
@@ -254,16 +254,10 @@ impl App {
         let request = self.solving.state.request(&self.free_lights());
         let rig = self.look.lights.clone();
         let parts = self.follower.lamp_light().map(|light| light.parts.clone()).unwrap_or_default();
-        let lamp = |part: crate::session::lamps::LampPart| LampColumn {
-            key: part.key.clone(),
-            of_patches: part.of_patches().collect(),
-            arriving: part.is_measured().then(|| {
-                let part = part.clone();
-                Arc::new(move |pixel| part.arriving(pixel)) as AtPixel
-            }),
-            direct: Arc::new(move |pixel| part.direct(pixel)),
-        };
-        let lamps = parts.into_iter().map(lamp).collect();
+        let lit = rig.lit_lamps();
+        let stage = self.session.lamp_scene();
+        let lamps = stage.map(|stage| parts.into_iter().filter_map(|part| column(part, &lit, stage)).collect());
+        let lamps = lamps.unwrap_or_default();
         let seen = self.solving.seen(View::of(&self.session).as_ref());
         let scene = Scene { bake: shown.bake(), rig: rig.clone(), lamps, seen };
         (self.solving.state.solution, self.solving.state.problem) = (None, None);
@@ -395,4 +389,18 @@ impl App {
         };
         solve_ui(ui, &mut self.solving.state, &mut self.view.marking, &view, &mut self.actions);
     }
+}
+
+/// What a free lamp brings; none of one that cannot shine.
+fn column(part: LampPart, lit: &[FreeLamp], scene: &Arc<PreparedScene>) -> Option<LampColumn> {
+    let lamp = lit.iter().find(|lamp| lamp.key == part.key)?;
+    let (prepared, _) = PreparedLamps::new(std::slice::from_ref(lamp), None).ok()?;
+    let measured = part.is_measured().then(|| part.clone());
+    Some(LampColumn {
+        key: part.key.clone(),
+        of_patches: part.of_patches().collect(),
+        arriving: measured.map(|part| Arc::new(move |pixel| part.arriving(pixel)) as AtPixel),
+        at_point: at_point(scene.clone(), prepared),
+        direct: Arc::new(move |pixel| part.direct(pixel)),
+    })
 }

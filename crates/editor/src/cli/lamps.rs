@@ -53,6 +53,9 @@ pub(super) struct LampLight {
     pub arriving: Option<Radiance>,
     /// Coefficients of the patches of the bake; none without patches.
     pub of_patches: Vec<[f32; 3]>,
+    /// The lamp alone, and where it shines.
+    pub prepared: PreparedLamps,
+    pub scene: Arc<PreparedScene>,
 }
 
 /// Whether the light that arrives at what pixels see is found as well.
@@ -103,6 +106,7 @@ impl LampLight {
     ) -> Result<Vec<LampLight>> {
         let lamps = &look.lights.lit_lamps();
         let Some((scene, camera)) = stage(bake, lamps, scene, console)? else { return Ok(Vec::new()) };
+        let scene = Arc::new(scene);
         let alone = |lamp: &FreeLamp| prepared(std::slice::from_ref(lamp), path, &mut *console);
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
         let film = Film { width: bake.header.width, height: bake.header.height };
@@ -116,13 +120,15 @@ impl LampLight {
             Arriving::Left => vec![None; each.len()],
             Arriving::Measured => arriving_light(&scene, &camera, film, &each).into_iter().map(Some).collect(),
         };
-        let lights = lamps.iter().zip(&each).zip(direct).zip(measured);
-        type Of<'a> = (((&'a FreeLamp, &'a PreparedLamps), Radiance), Option<Radiance>);
+        let lights = lamps.iter().zip(each).zip(direct).zip(measured);
+        type Of<'a> = (((&'a FreeLamp, PreparedLamps), Radiance), Option<Radiance>);
         let light = |(((lamp, prepared), direct), arriving): Of| LampLight {
             key: lamp.key.clone(),
             direct,
             arriving,
-            of_patches: of_patches(prepared),
+            of_patches: of_patches(&prepared),
+            prepared,
+            scene: scene.clone(),
         };
         Ok(lights.map(light).collect())
     }

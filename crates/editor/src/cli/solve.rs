@@ -21,7 +21,7 @@ use crate::look::Look;
 use crate::marks::Seen;
 use crate::output::{PendingFile, spare_inputs};
 use crate::solve::parse::{self, Surroundings};
-use crate::solve::{AtPixel, Freedom, LampColumn, Place, Request, Scene, Wish, solve};
+use crate::solve::{AtPixel, Freedom, LampColumn, Place, Request, Scene, Wish, at_point, solve};
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
@@ -88,6 +88,7 @@ fn lamps(args: &SolveArgs, bake: &Bake, look: &Look, console: &mut Console) -> R
         of_patches: light.of_patches.into_iter().map(Vec3::from).collect(),
         direct: at_pixel(light.direct),
         arriving: light.arriving.map(at_pixel),
+        at_point: at_point(light.scene, light.prepared),
     };
     Ok(lights.into_iter().map(column).collect())
 }

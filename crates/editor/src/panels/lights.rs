@@ -54,7 +54,7 @@ impl LightsView {
         match self {
             LightsView::List => 404.0,
             LightsView::Board => 600.0,
-            LightsView::Table => 760.0,
+            LightsView::Table => 712.0,
         }
     }
 }
@@ -183,14 +183,14 @@ fn heading_ui(ui: &mut Ui, state: &mut LightsState, lamps: &LampChoice, actions:
     ui.add_space(4.0);
     ui.horizontal(|ui| {
         ui.label(RichText::new("Lights").heading().strong());
-        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            add_button(ui, lamps, actions);
-            ui.add_space(4.0);
+        ui.add_space(8.0);
+        // On the left, where they stay under the pointer while the panel changes its width.
+        ui.scope(|ui| {
             ui.spacing_mut().item_spacing.x = 2.0;
             for (view, name, tip) in [
-                (LightsView::Table, "Table", "All numbers of each light"),
-                (LightsView::Board, "Board", "A mixer with a fader for each light and a master for each group"),
                 (LightsView::List, "List", "A row for each light"),
+                (LightsView::Board, "Board", "A mixer with a fader for each light and a master for each group"),
+                (LightsView::Table, "Table", "All numbers of each light"),
             ] {
                 let button = ui.selectable_label(state.layout.view == view, RichText::new(name).small());
                 if button.on_hover_text(tip).clicked() {
@@ -198,6 +198,7 @@ fn heading_ui(ui: &mut Ui, state: &mut LightsState, lamps: &LampChoice, actions:
                 }
             }
         });
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| add_button(ui, lamps, actions));
     });
     ui.separator();
 }

@@ -340,18 +340,15 @@ fn notes(scene: &Scene, request: &Request, film: Film) -> Vec<String> {
     let unknown_lamps =
         scene.rig.lamps.iter().filter(|lamp| shines(&lamp.key) && !scene.lamps.iter().any(|l| l.key == lamp.key));
     notes.extend(unknown_lamps.map(|lamp| format!("the light of {} is not known here: it counts as dark", lamp.key)));
-    let is_lux = |wish: &Wish| matches!(wish.target, Target::Illuminance(_)) || matches!(wish.place, Place::Grid(_));
-    let is_of_grid = |wish: &Wish| matches!(wish.place, Place::Grid(_));
-    if scene.lamps.iter().any(|lamp| shines(&lamp.key)) && request.wishes.iter().any(is_of_grid) {
-        notes.push("wishes for sensor grids do not count the light of free lamps".into());
-    }
+    let set_of = |wish: &Wish| match (&wish.place, &wish.target) {
+        (Place::Grid(set), _) => Some(*set),
+        (_, Target::Illuminance(_)) => scene.bake.pixel_irradiance(),
+        _ => None,
+    };
     let is_partly = |set: usize| {
         scene.bake.header.patches.is_some() && !scene.bake.header.holds_patches(&scene.bake.irradiance[set])
     };
-    if !scene.lamps.is_empty()
-        && request.wishes.iter().any(is_lux)
-        && scene.bake.pixel_irradiance().is_some_and(is_partly)
-    {
+    if !scene.lamps.is_empty() && request.wishes.iter().filter_map(set_of).any(is_partly) {
         notes.push("of free lamps wishes for lux count the direct light only: bake again".into());
     }
     if !scene.lamps.is_empty() && scene.bake.header.patches.is_none() {

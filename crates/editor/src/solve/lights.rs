@@ -4,13 +4,23 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use clerestory_transport::basis::{LightSource, SourceKind};
+use clerestory_transport::lamps::PreparedLamps;
 use clerestory_transport::light::{LightRig, LightSetting, luminance};
+use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 
 use super::{Freedom, Request, Scene};
 
 /// Light at a pixel.
 pub type AtPixel = Arc<dyn Fn(u32) -> Vec3 + Send + Sync>;
+
+/// What arrives straight at a point of a surface with a normal, lux per channel.
+pub type AtPoint = Arc<dyn Fn(Vec3, Vec3) -> Vec3 + Send + Sync>;
+
+/// What lamps send to any point of their scene.
+pub fn at_point(scene: Arc<PreparedScene>, lamps: PreparedLamps) -> AtPoint {
+    Arc::new(move |point, normal| lamps.irradiance(&scene, point, normal))
+}
 
 /// The light of a free lamp as it is set.
 #[derive(Clone)]
@@ -21,6 +31,8 @@ pub struct LampColumn {
     pub direct: AtPixel,
     /// What of it arrives straight at what a pixel sees, lux, where that is known.
     pub arriving: Option<AtPixel>,
+    /// The same at any point.
+    pub at_point: AtPoint,
     /// Its coefficients of the columns of patches; empty without patches.
     pub of_patches: Vec<Vec3>,
 }

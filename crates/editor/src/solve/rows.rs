@@ -3,10 +3,11 @@
 use anyhow::{Context, Result, bail};
 use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::weighed_row;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::lights::{Unknown, unit_rig};
-use super::{AtPixel, LampColumn, Scene};
+use super::{LampColumn, Scene};
 use crate::marks::weighed;
 
 /// A mean, RGB: what stays, and what each unknown brings at 1.
@@ -67,7 +68,7 @@ impl<'a> Rows<'a> {
         let sums: Vec<[f32; 3]> = sums.context(NOT_BAKED)?.into_iter().flatten().collect();
         let mut row = self.reduced(&sums, &self.coefficients);
         for lamp in &self.scene.lamps {
-            self.add_lamp(&mut row, (lamp, &lamp.direct), &pixels, &sums);
+            self.add_lamp(&mut row, (lamp, &*lamp.direct), &pixels, &sums);
         }
         Ok(row)
     }
@@ -88,18 +89,24 @@ impl<'a> Rows<'a> {
         let (mut row, sums) = self.of_set(set, &pixels)?;
         for lamp in &self.scene.lamps {
             if let Some(arriving) = &lamp.arriving {
-                self.add_lamp(&mut row, (lamp, arriving), &pixels, &sums);
+                self.add_lamp(&mut row, (lamp, &**arriving), &pixels, &sums);
             }
         }
         Ok(row)
     }
 
-    /// The mean irradiance over a sensor grid, lux; free lamps do not count.
+    /// The mean irradiance over a sensor grid, lux.
     pub fn grid(&self, set: usize) -> Result<Row> {
-        let points = self.scene.bake.grids().find(|(of_grid, _)| *of_grid == set).map(|(_, grid)| {
-            (0..grid.n_points() as u32).filter(|number| grid.point(*number).is_some()).collect::<Vec<u32>>()
-        });
-        Ok(self.of_set(set, &weighed(&points.context("the bake has no such sensor grid")?, None))?.0)
+        let grid = self.scene.bake.grids().find(|(of_grid, _)| *of_grid == set);
+        let (_, grid) = grid.context("the bake has no such sensor grid")?;
+        let measured: Vec<u32> = (0..grid.n_points() as u32).filter(|number| grid.point(*number).is_some()).collect();
+        let points = weighed(&measured, None);
+        let (mut row, sums) = self.of_set(set, &points)?;
+        for lamp in &self.scene.lamps {
+            let straight = |number| grid.point(number).map_or(Vec3::ZERO, |point| (lamp.at_point)(point, grid.normal));
+            self.add_lamp(&mut row, (lamp, &straight), &points, &sums);
+        }
+        Ok(row)
     }
 
     /// What the lights of the scene bring, and the sums of the columns.
@@ -124,16 +131,16 @@ impl<'a> Rows<'a> {
     fn add_lamp(
         &self,
         row: &mut Row,
-        (lamp, straight): (&LampColumn, &AtPixel),
+        (lamp, straight): (&LampColumn, &dyn Fn(u32) -> Vec3),
         pixels: &[(u32, f32)],
         sums: &[[f32; 3]],
     ) {
-        let mut light = glam::DVec3::ZERO;
+        let mut light = DVec3::ZERO;
         for &(pixel, weight) in pixels {
             light += straight(pixel).as_dvec3() * f64::from(weight);
         }
         for (sum, x) in sums[self.first_patch..].iter().zip(&lamp.of_patches) {
-            light += glam::Vec3::from(*sum).as_dvec3() * x.as_dvec3();
+            light += Vec3::from(*sum).as_dvec3() * x.as_dvec3();
         }
         let owner = self.unknowns.iter().position(|unknown| unknown.key == lamp.key);
         let (to, present) = match owner {

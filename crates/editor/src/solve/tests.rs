@@ -5,14 +5,17 @@ use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
 use clerestory_transport::irradiance::IrradianceRows;
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sensors::SensorGrid;
+use glam::Vec3;
 use serde_json::{Value, json};
 
 use super::*;
 use crate::cli::relight::Relighter;
 use crate::export::{ExportOptions, Picture};
-use crate::illuminance::{AddedLux, seen_irradiance};
+use crate::illuminance::{AddedLux, LuxFigures, of_grid, seen_irradiance};
 use crate::look::Look;
 use crate::marks::Marks;
 
@@ -20,6 +23,15 @@ const FILM: Film = Film { width: 32, height: 24 };
 
 /// The closed room of the process tests with three lamps: left, right, and a dim one at the back.
 fn room() -> Bake {
+    let scene = prepared();
+    let camera = scene.scene.cameras[0].clone();
+    let config = BakeConfig { spp: 16, tolerance_db: 60.0, ..BakeConfig::default() };
+    let irradiance = vec![IrradianceRows::Pixels, IrradianceRows::Grid(table())];
+    let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::FinalOnly, irradiance };
+    job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
+}
+
+fn prepared() -> Arc<PreparedScene> {
     let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
     for (name, x, z, light) in [("right", 0.8, 0.3, 0), ("back", 0.0, -0.8, 1)] {
         let lamp =
@@ -32,12 +44,13 @@ fn room() -> Bake {
     let lights = gltf["extensions"]["KHR_lights_punctual"]["lights"].as_array_mut().unwrap();
     lights.push(json!({"type": "point", "intensity": 1.0, "color": [1.0, 0.8, 0.6]}));
     let scene = import::load_bytes("room", &serde_json::to_vec(&gltf).unwrap()).unwrap().scene;
-    let camera = scene.cameras[0].clone();
-    let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
-    let config = BakeConfig { spp: 16, tolerance_db: 60.0, ..BakeConfig::default() };
-    let irradiance = vec![IrradianceRows::Pixels];
-    let job = BakeJob { scene, camera, film: FILM, config, passes: Passes::FinalOnly, irradiance };
-    job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
+    Arc::new(PreparedScene::new(scene, &[]).unwrap().0)
+}
+
+/// Sensors in the middle of the room.
+fn table() -> SensorGrid {
+    let (origin, u_edge, v_edge) = (Vec3::new(-0.3, 0.0, -0.3), 0.6 * Vec3::X, 0.6 * Vec3::Z);
+    SensorGrid { name: "table".into(), origin, u_edge, v_edge, normal: Vec3::Y, size: [4, 3], left_out: vec![0] }
 }
 
 fn at(rig: LightRig) -> Scene {
@@ -101,6 +114,37 @@ fn wishes_for_luminance_and_for_times_as_bright_are_met_together() {
     assert!((nit(&scene.bake, &solved.rig) / wanted - 1.0).abs() < 0.02);
     assert!(solved.outcomes.iter().all(|outcome| outcome.is_met), "{}", solved.words());
     assert!((solved.outcomes[1].wanted / solved.outcomes[1].before - 1.2).abs() < 1e-9);
+}
+
+#[test]
+fn a_wish_for_sensors_counts_a_free_lamp_at_each_of_them() {
+    let mut scene = at(LightRig::default());
+    let setting = LightSetting { intensity: 2.0, ..LightSetting::default() };
+    let (position, aim) = (Vec3::new(0.2, 0.6, 0.1), Vec3::ZERO);
+    let (shape, unit) = (LampShape::Point, LampUnit::Candela);
+    scene.rig.lamps = vec![FreeLamp { key: "new".into(), shape, position, aim, strength: 3.0, unit, setting }];
+    let stage = prepared();
+    let lit = |rig: &LightRig| PreparedLamps::new(&rig.lit_lamps(), None).unwrap().0;
+    let dark: AtPixel = Arc::new(|_| Vec3::ZERO);
+    let at_point = at_point(stage.clone(), lit(&scene.rig));
+    scene.lamps =
+        vec![LampColumn { key: "new".into(), direct: dark, arriving: None, at_point, of_patches: Vec::new() }];
+    let (set, grid) = scene.bake.grids().next().unwrap();
+    let lux = |rig: &LightRig| {
+        let added = AddedLux::of_lamps(&scene.bake, stage.clone(), lit(rig));
+        let points = of_grid(&scene.bake, (set, grid), (rig, &added)).unwrap();
+        LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0))).average
+    };
+    let before = lux(&scene.rig);
+    let request = Request {
+        lights: Some(vec!["new".into()]),
+        ..of(vec![wish(Place::Grid(set), Target::Illuminance(1.5 * before))])
+    };
+    let solved = solve(&scene, &request).unwrap();
+    let told = &solved.outcomes[0];
+    assert!((told.before / before - 1.0).abs() < 1e-3, "{} {before}", told.before);
+    assert!(told.is_met && (lux(&solved.rig) / told.reached - 1.0).abs() < 1e-3, "{}", solved.words());
+    assert!(solved.rig.own_setting("new").intensity > 2.0);
 }
 
 #[test]
