@@ -127,6 +127,8 @@ pub enum Action {
     ForgetView(u64),
     /// Show a pixel of the picture on each pixel of the screen.
     OneToOne,
+    /// Hides all panels but the bars, or shows them again.
+    TogglePanels,
     /// Show or hide the list of keyboard shortcuts.
     ToggleShortcuts,
     /// Close the window, whatever was not saved.

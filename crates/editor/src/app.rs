@@ -96,6 +96,8 @@ pub struct App {
     /// Where the lamp goes whose profile is being asked for.
     profile_at_px: Option<[f32; 2]>,
     shortcuts: bool,
+    /// Only the picture is shown between the bars.
+    is_bare: bool,
     /// How pictures are written.
     export: ExportOptions,
     heat_map: HeatMap,
@@ -160,6 +162,7 @@ impl App {
             after_saving: None,
             profile_at_px: None,
             shortcuts: false,
+            is_bare: false,
             export: cc.storage.and_then(|storage| eframe::get_value(storage, EXPORT_KEY)).unwrap_or_default(),
             heat_map: HeatMap::default(),
             heat: None,
@@ -296,6 +299,7 @@ impl App {
             Action::ShowView(id) => self.show_view(id),
             Action::ForgetView(id) => self.session.forget_view(id),
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
+            Action::TogglePanels => self.is_bare = !self.is_bare,
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
         }
@@ -348,8 +352,10 @@ impl eframe::App for App {
         let before = self.look.clone();
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
         self.bars_ui(ui);
-        self.side_panels_ui(ui);
-        self.looks_ui(ui);
+        if !self.is_bare {
+            self.side_panels_ui(ui);
+            self.looks_ui(ui);
+        }
         self.picture_ui(ui);
         let ctx = ui.ctx().clone();
         self.dialogs_ui(&ctx);

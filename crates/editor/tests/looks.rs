@@ -44,6 +44,25 @@ fn at_one_and_a_half_times_the_size_everything_of_the_strip_can_be_clicked() {
 }
 
 #[test]
+fn with_large_letters_the_picture_keeps_room_and_the_panels_can_go() {
+    let mut window = two_looks();
+    for label in ["Timeline", "Compare", "Cross-fade", "Text size", "200 %"] {
+        click(&mut window, label);
+    }
+    window.run_steps(4);
+    let whole = window.ctx.content_rect();
+    let picture = |window: &Window| window.get_by_label("Picture").rect();
+    let narrow = picture(&window);
+    assert!(narrow.height() > 0.2 * whole.height() && narrow.width() > 0.25 * whole.width(), "{narrow} of {whole}");
+    window.key_press(Key::H);
+    window.run_steps(4);
+    assert!(picture(&window).width() > 0.98 * whole.width(), "{}", picture(&window));
+    assert!(window.query_by_label("Metering").is_none() && window.query_by_label("Timeline").is_none());
+    click(&mut window, "Panels");
+    window.get_by_label("Metering");
+}
+
+#[test]
 fn the_list_of_keys_fits_the_window_and_esc_closes_it() {
     let mut window = baked();
     click(&mut window, "Shortcuts");

@@ -18,7 +18,7 @@ use crate::viewport::{Viewed, viewport_ui};
 /// Points that picture and right panel keep when the lights take room.
 const PICTURE_LEAST: f32 = 660.0;
 /// Least widths of the panel of lights and of the right panel, points.
-const PANELS_LEAST: [f32; 2] = [272.0, 228.0];
+const PANELS_LEAST: [f32; 2] = [300.0, 228.0];
 
 impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
@@ -110,6 +110,7 @@ impl App {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 7));
         Panel::top("toolbar").frame(frame).show(ui, |ui| {
             let state = ToolbarState {
+                has_panels: !self.is_bare,
                 can_undo: self.undoer.has_undo(&self.look),
                 can_redo: self.undoer.has_redo(&self.look),
                 has_picture: self.follower.picture().is_some(),

@@ -23,6 +23,8 @@ use crate::viewport::compare::{Compared, Way};
 
 /// Width of a thumbnail in pixels: as wide as a card at twice the usual scale.
 const THUMBNAIL_PX: u32 = 232;
+/// Part of the height between the bars that the strip may take.
+const MOST_HEIGHT: f32 = 0.6;
 
 /// Keeps the pictures of looks in step with them.
 pub(super) struct Prints {
@@ -118,6 +120,7 @@ impl App {
     /// The strip of looks below the picture.
     pub(super) fn looks_ui(&mut self, ui: &mut Ui) {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 5));
+        let most = MOST_HEIGHT * ui.available_height();
         Panel::bottom("looks").frame(frame).show(ui, |ui| {
             let prints = &self.prints;
             let thumbnail = |name: &str| prints.picture(&Slot::Thumbnail(name.to_owned()));
@@ -128,7 +131,10 @@ impl App {
                 can_export: self.session.shown.is_some(),
                 is_scene: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
             };
-            looks_ui(ui, &mut self.look, &mut self.looks, &view, &mut self.actions);
+            let area = egui::ScrollArea::vertical().id_salt("strip").max_height(most).min_scrolled_height(most);
+            area.auto_shrink([false, true]).show(ui, |ui| {
+                looks_ui(ui, &mut self.look, &mut self.looks, &view, &mut self.actions);
+            });
         });
     }
 

@@ -29,6 +29,7 @@ const PLAY: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::L);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
 const FIT_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Home);
 const ONE_TO_ONE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Num1);
+const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::H);
 const CAMERA: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::C);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
@@ -65,6 +66,7 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&FIT, Action::FitPicture);
     take(&FIT_TOO, Action::FitPicture);
     take(&ONE_TO_ONE, Action::OneToOne);
+    take(&PANELS, Action::TogglePanels);
     take(&CAMERA, Action::ToggleCamera);
     take(&DELETE, Action::DeleteLamp);
     take(&DELETE_TOO, Action::DeleteLamp);
@@ -126,6 +128,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("L"), "Play the timeline, or stay"),
         (words("F or Home"), "Show the whole picture"),
         (words("1"), "Show it pixel by pixel"),
+        (words("H"), "Hide the panels, show them again"),
         (words("Wheel, pinch"), "Zoom at the pointer"),
         (words("Z + drag"), "Zoom to a rectangle"),
         (words("Middle drag, Space + drag"), "Move the picture"),

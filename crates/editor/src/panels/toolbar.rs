@@ -16,6 +16,8 @@ pub struct ToolbarState<'a> {
     pub can_redo: bool,
     /// Whether there is a picture.
     pub has_picture: bool,
+    /// Whether the panels are shown.
+    pub has_panels: bool,
     /// Whether the look differs from its file.
     pub is_unsaved: bool,
     /// Files opened lately, newest first.
@@ -23,7 +25,7 @@ pub struct ToolbarState<'a> {
 }
 
 /// Width in points that all buttons have room in.
-const WIDE: f32 = 980.0;
+const WIDE: f32 = 1050.0;
 
 /// Draws it.
 pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
@@ -31,14 +33,14 @@ pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) 
     if ui.available_width() < WIDE {
         ui.horizontal_wrapped(|ui| {
             look_buttons(ui, state, actions);
-            window_buttons(ui, actions);
+            window_buttons(ui, state, actions);
         });
         return;
     }
     ui.horizontal(|ui| {
         look_buttons(ui, state, actions);
         let layout = egui::Layout::right_to_left(egui::Align::Center);
-        ui.with_layout(layout, |ui| window_buttons(ui, actions));
+        ui.with_layout(layout, |ui| window_buttons(ui, state, actions));
     });
 }
 
@@ -57,12 +59,15 @@ fn look_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
 }
 
 /// What is about the window.
-fn window_buttons(ui: &mut Ui, actions: &mut Vec<Action>) {
+fn window_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     if ui.button("Shortcuts").on_hover_text("F1").clicked() {
         actions.push(Action::ToggleShortcuts);
     }
     ui.menu_button("Theme", theme_menu);
     ui.menu_button("Text size", size_menu);
+    if ui.selectable_label(state.has_panels, "Panels").on_hover_text("Hide the panels, show them again, H").clicked() {
+        actions.push(Action::TogglePanels);
+    }
 }
 
 fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
