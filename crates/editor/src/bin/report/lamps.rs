@@ -15,7 +15,7 @@ use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
-use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
+use clerestory_transport::patches::DEFAULT_PATCHES;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::{Sampler, uniform_hash};
 use clerestory_transport::sky::{SkyForm, SkyLight};
@@ -30,16 +30,11 @@ use super::rendered::rendered;
 const LUMEN: f32 = 1500.0;
 /// Passes of the live light that is held against a reference.
 const PASSES: u32 = 64;
-/// Size of the picture whose steps are timed.
-const STEP: Film = Film { width: 1024, height: 768 };
-/// Steps that are timed, the median counts.
-const STEPS: u32 = 7;
-
 /// A scene in which a lamp is moved.
-struct Case {
-    name: &'static str,
-    path: PathBuf,
-    has_sky: bool,
+pub(super) struct Case {
+    pub name: &'static str,
+    pub path: PathBuf,
+    pub has_sky: bool,
 }
 
 /// Noise of a reference of the indirect light, beyond which its place says nothing.
@@ -58,7 +53,7 @@ struct Errors {
     psnr: Vec<[f64; 2]>,
 }
 
-/// A table of scenes, and one of steps.
+/// A table of scenes.
 pub fn write(desk: &Desk) -> Result<String> {
     let mut text = "A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
         direct light at what is seen and at what narrow lobes show there, plus what the patches make of its irradiance. It is held \
@@ -70,21 +65,16 @@ pub fn write(desk: &Desk) -> Result<String> {
         | scene | places | drowned | indirect L2 | noise | energy, least to most | whole PSNR | noise | patches | columns | bytes without \
         | of patches | bake without | of patches |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_string();
-    let mut steps = "\nA step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of \
-        all patches. Shadow rays that nothing needs are not cast.\n\n\
-        | scene | lamp | direct | shadow rays | rays a second | patches |\n|---|---|---|---|---|---|\n"
-        .to_string();
     for case in cases(desk) {
         desk.say(&format!("lamps in {}", case.name));
         let measured = || measure(desk, &case).with_context(|| format!("cannot move lamps in {}", case.name));
-        let (row, more): (String, String) = desk.part("lamps", case.name, measured)?;
-        text += &row;
-        steps += &more;
+        let rows: String = desk.part("lamps", case.name, measured)?;
+        text += &rows;
     }
-    Ok(text + &steps)
+    Ok(text)
 }
 
-fn cases(desk: &Desk) -> Vec<Case> {
+pub(super) fn cases(desk: &Desk) -> Vec<Case> {
     let own = Some(desk.root.join("assets/scenes/gallery.glb"));
     let shared = |name: &str| desk.shared(&format!("scenes/{name}.glb"));
     let all = [
@@ -101,7 +91,7 @@ fn cases(desk: &Desk) -> Vec<Case> {
     found.filter_map(case).collect()
 }
 
-fn prepared(path: &Path, has_sky: bool) -> Result<(PreparedScene, Camera)> {
+pub(super) fn prepared(path: &Path, has_sky: bool) -> Result<(PreparedScene, Camera)> {
     let imported = import::load(path)?;
     let camera = imported.scene.cameras.first().context("no camera")?.clone();
     let sky = if has_sky { Some(SkyRequest { light: uniform_sky()?, form: SkyForm::Patches(1) }) } else { None };
@@ -141,14 +131,14 @@ impl Traced {
     }
 }
 
-fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
+fn measure(desk: &Desk, case: &Case) -> Result<String> {
     let (scene, camera) = prepared(&case.path, case.has_sky)?;
     let scene = Arc::new(scene);
     let film = Film::of_width(64, &camera);
     let bake_spp = desk.choose(64, 256);
     let traced = Traced::find(desk, case, (&scene, &camera, film))?;
     let (plain, plain_secs) = bake(&scene, &camera, film, bake_spp, 0)?;
-    let (mut rows, mut step) = (String::new(), String::new());
+    let mut rows = String::new();
     for n_patches in desk.choose(&[DEFAULT_PATCHES][..], &[1024, 2048, DEFAULT_PATCHES]) {
         let (bake, secs) = bake(&scene, &camera, film, bake_spp, *n_patches)?;
         let patches = bake.header.patches.as_ref().context("no patches")?;
@@ -181,11 +171,8 @@ fn measure(desk: &Desk, case: &Case) -> Result<(String, String)> {
             secs - plain_secs,
         );
         desk.say(&format!("{} with {} patches: {:.3?}", case.name, patches.n_patches(), errors.indirect));
-        step = steps(case.name, &scene, &camera, &|lamps| {
-            std::hint::black_box(lamps.light_on_patches(&scene, patches));
-        })?;
     }
-    Ok((rows, step))
+    Ok(rows)
 }
 
 /// Size of a bake as a file, MiB.
@@ -195,7 +182,13 @@ fn file_mib(desk: &Desk, bake: &Bake) -> Result<f64> {
     Ok(std::fs::metadata(path)?.len() as f64 / f64::from(1 << 20))
 }
 
-fn bake(scene: &Arc<PreparedScene>, camera: &Camera, film: Film, spp: u32, patches: u32) -> Result<(Bake, f64)> {
+pub(super) fn bake(
+    scene: &Arc<PreparedScene>,
+    camera: &Camera,
+    film: Film,
+    spp: u32,
+    patches: u32,
+) -> Result<(Bake, f64)> {
     let config = BakeConfig { spp, patches, ..BakeConfig::default() };
     let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
     let job = BakeJob { scene: scene.clone(), camera: camera.clone(), film, config, passes, irradiance };
@@ -311,7 +304,7 @@ impl Errors {
     }
 }
 
-fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
+pub(super) fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
     let (aim, unit, setting) = (position - Vec3::Y, LampUnit::Lumen, LightSetting::default());
     FreeLamp { key: "a lamp of the report".into(), shape, position, aim, strength: LUMEN, unit, setting }
 }
@@ -321,7 +314,7 @@ fn point_lamp(position: Vec3) -> Result<PreparedLamps> {
 }
 
 /// A place in the open space before the camera: between a surface that it sees and another one that is seen from there.
-fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
+pub(super) fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
     let u = |key: u64| uniform_hash(0x1A_4F00 + u64::from(nth) * 16 + key);
     let film_px = Vec2::new(u(0) * film.width as f32, u(1) * film.height as f32);
     let ray = |origin, direction| Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
@@ -335,42 +328,4 @@ fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32) -> Vec3 {
     let next = ray(hit.origin(normal), (aside + normal).normalize_or(normal));
     let free = scene.closest(&next, &mut sampler).map_or(1.0, |hit| hit.t);
     next.origin + next.direction * free * (0.1 + 0.8 * u(2))
-}
-
-/// Rows of the table of steps.
-fn steps(name: &str, scene: &PreparedScene, camera: &Camera, patches: &dyn Fn(&PreparedLamps)) -> Result<String> {
-    let points = VisiblePoints::new(
-        scene,
-        camera,
-        STEP,
-        VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() },
-        &|| false,
-    );
-    let points = points.context("nobody stopped it")?;
-    let mut rows = String::new();
-    for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {
-        let (mut direct_ms, mut patch_ms, mut n_rays) = (Vec::new(), Vec::new(), 0);
-        for nth in 0..STEPS {
-            let at = place(scene, camera, STEP, 0) + Vec3::X * 0.01 * nth as f32;
-            let lamps = PreparedLamps::new(&[lamp(shape.clone(), at)], None)?.0;
-            let (before, begun) = (points.n_rays(), Instant::now());
-            std::hint::black_box(points.direct(scene, &lamps, 0, &|| false));
-            direct_ms.push(begun.elapsed().as_secs_f64() * 1e3);
-            n_rays = points.n_rays() - before;
-            let begun = Instant::now();
-            patches(&lamps);
-            patch_ms.push(begun.elapsed().as_secs_f64() * 1e3);
-        }
-        let median = |times: &mut Vec<f64>| {
-            times.sort_by(f64::total_cmp);
-            times[times.len() / 2]
-        };
-        let (direct, of_patches) = (median(&mut direct_ms), median(&mut patch_ms));
-        rows += &format!(
-            "| {name} | {} | {direct:.0} ms | {n_rays} | {:.1} M | {of_patches:.0} ms |\n",
-            shape.name(),
-            n_rays as f64 / direct / 1e3,
-        );
-    }
-    Ok(rows)
 }

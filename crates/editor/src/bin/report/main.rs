@@ -35,6 +35,7 @@ mod rendered;
 mod sitting;
 mod skips;
 mod stability;
+mod steps;
 mod targets;
 mod time;
 mod under_way;
@@ -63,7 +64,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 16] = [
+const SECTIONS: [Section; 17] = [
     Section { name: "time", write: time::write },
     Section { name: "paper", write: paper::write },
     Section { name: "growth", write: growth::write },
@@ -80,6 +81,7 @@ const SECTIONS: [Section; 16] = [
     Section { name: "latency", write: latency::write },
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
+    Section { name: "steps", write: steps::write },
 ];
 
 /// What `--quick` alone measures: five minutes on two cores.

@@ -1,0 +1,78 @@
+//! What a picture takes after a lamp has moved.
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clerestory_transport::camera::{Camera, Film};
+use clerestory_transport::lamps::{LampShape, PreparedLamps};
+use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
+use glam::Vec3;
+
+use super::desk::Desk;
+use super::lamps::{bake, cases, lamp, place, prepared};
+
+/// Size of the picture whose steps are timed.
+const STEP: Film = Film { width: 1024, height: 768 };
+/// Steps that are timed, the median counts.
+const STEPS: u32 = 7;
+/// Width of the bake whose patches are lit.
+const SMALL: u32 = 32;
+
+/// A table of scenes and lamps.
+pub fn write(desk: &Desk) -> Result<String> {
+    let mut text = "A step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of \
+        all patches; medians. Shadow rays that nothing needs are not cast.\n\n\
+        | scene | lamp | direct | shadow rays | rays a second | patches |\n|---|---|---|---|---|---|\n"
+        .to_string();
+    for case in cases(desk) {
+        desk.say(&format!("steps in {}", case.name));
+        let (scene, camera) = prepared(&case.path, case.has_sky)?;
+        let scene = std::sync::Arc::new(scene);
+        let (bake, _) = bake(&scene, &camera, Film::of_width(SMALL, &camera), 1, DEFAULT_PATCHES)?;
+        let patches = bake.header.patches.as_ref().context("no patches")?;
+        text += &rows(case.name, &scene, &camera, &|lamps| {
+            std::hint::black_box(lamps.light_on_patches(&scene, patches));
+        })?;
+    }
+    Ok(text)
+}
+
+/// Rows of a scene.
+fn rows(name: &str, scene: &PreparedScene, camera: &Camera, patches: &dyn Fn(&PreparedLamps)) -> Result<String> {
+    let points = VisiblePoints::new(
+        scene,
+        camera,
+        STEP,
+        VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() },
+        &|| false,
+    );
+    let points = points.context("nobody stopped it")?;
+    let mut rows = String::new();
+    for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {
+        let (mut direct_ms, mut patch_ms, mut n_rays) = (Vec::new(), Vec::new(), 0);
+        for nth in 0..STEPS {
+            let at = place(scene, camera, STEP, 0) + Vec3::X * 0.01 * nth as f32;
+            let lamps = PreparedLamps::new(&[lamp(shape.clone(), at)], None)?.0;
+            let (before, begun) = (points.n_rays(), Instant::now());
+            std::hint::black_box(points.direct(scene, &lamps, 0, &|| false));
+            direct_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+            n_rays = points.n_rays() - before;
+            let begun = Instant::now();
+            patches(&lamps);
+            patch_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        }
+        let median = |times: &mut Vec<f64>| {
+            times.sort_by(f64::total_cmp);
+            times[times.len() / 2]
+        };
+        let (direct, of_patches) = (median(&mut direct_ms), median(&mut patch_ms));
+        rows += &format!(
+            "| {name} | {} | {direct:.0} ms | {n_rays} | {:.1} M | {of_patches:.0} ms |\n",
+            shape.name(),
+            n_rays as f64 / direct / 1e3,
+        );
+    }
+    Ok(rows)
+}
