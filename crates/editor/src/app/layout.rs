@@ -110,7 +110,7 @@ impl App {
         let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 7));
         Panel::top("toolbar").frame(frame).show(ui, |ui| {
             let state = ToolbarState {
-                has_panels: !self.is_bare,
+                is_bare: self.is_bare,
                 can_undo: self.undoer.has_undo(&self.look),
                 can_redo: self.undoer.has_redo(&self.look),
                 has_picture: self.follower.picture().is_some(),

@@ -16,8 +16,8 @@ pub struct ToolbarState<'a> {
     pub can_redo: bool,
     /// Whether there is a picture.
     pub has_picture: bool,
-    /// Whether the panels are shown.
-    pub has_panels: bool,
+    /// Whether the panels are hidden.
+    pub is_bare: bool,
     /// Whether the look differs from its file.
     pub is_unsaved: bool,
     /// Files opened lately, newest first.
@@ -65,7 +65,8 @@ fn window_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) 
     }
     ui.menu_button("Theme", theme_menu);
     ui.menu_button("Text size", size_menu);
-    if ui.selectable_label(state.has_panels, "Panels").on_hover_text("Hide the panels, show them again, H").clicked() {
+    let bare = ui.selectable_label(state.is_bare, "Picture only");
+    if bare.on_hover_text("Hide the panels, show them again, H").clicked() {
         actions.push(Action::TogglePanels);
     }
 }
