@@ -67,6 +67,7 @@ impl App {
         }
         let words = format!("Opened {}", path.display());
         let problem = format!("{}: {}", path.display(), warnings.join(", "));
+        self.daylight.stop();
         self.as_one_step(|app| app.look = look.clone());
         (self.saved_look, self.look_path, self.look_files.on_disk) = (look, Some(path), Some(on_disk));
         if warnings.is_empty() { self.say(words) } else { self.complain(problem) }

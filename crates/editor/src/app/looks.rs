@@ -142,6 +142,7 @@ impl App {
     pub(super) fn take_look(&mut self, idx: usize) {
         if let Some(name) = self.look.snapshots.get(idx).map(|snapshot| snapshot.name.clone()) {
             self.looks.player.stop();
+            self.daylight.stop();
             self.as_one_step(|app| app.look.take(idx));
             self.say(format!("Look {name} is on"));
         }
