@@ -28,15 +28,20 @@ fn two_looks() -> Window {
     window
 }
 
-#[test]
-fn at_one_and_a_half_times_the_size_everything_of_the_strip_can_be_clicked() {
+/// All that the strip of looks can show, in what letters of a size leave of a window of 1440 × 900 points.
+fn all_of_the_strip(letters: f32) -> Window {
     let mut window = two_looks();
     for label in ["Timeline", "Compare", "Cross-fade"] {
         click(&mut window, label);
     }
-    // What 150 % leaves of the window, in points.
-    window.set_size(eframe::egui::vec2(960.0, 600.0));
+    window.set_size(eframe::egui::vec2(1440.0, 900.0) / letters);
     window.run_steps(4);
+    window
+}
+
+#[test]
+fn at_one_and_a_half_times_the_size_everything_of_the_strip_can_be_clicked() {
+    let window = all_of_the_strip(1.5);
     let edge = window.get_by_label("Metering").rect().left();
     let ends = ["Timeline", "Contact sheet…", "Save as glTF…", "Side by side", "Fade to", "Export frames…"];
     for label in ends {
@@ -47,13 +52,7 @@ fn at_one_and_a_half_times_the_size_everything_of_the_strip_can_be_clicked() {
 
 #[test]
 fn with_large_letters_the_picture_keeps_room_and_the_panels_can_go() {
-    let mut window = two_looks();
-    for label in ["Timeline", "Compare", "Cross-fade"] {
-        click(&mut window, label);
-    }
-    // What 200 % leaves of the window, in points.
-    window.set_size(eframe::egui::vec2(720.0, 450.0));
-    window.run_steps(4);
+    let mut window = all_of_the_strip(2.0);
     let whole = window.ctx.content_rect();
     let picture = |window: &Window| window.get_by_label("Picture").rect();
     let narrow = picture(&window);

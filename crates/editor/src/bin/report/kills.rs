@@ -9,7 +9,7 @@ use clerestory_transport::archive::{PartState, part_of, part_state};
 
 use super::desk::Desk;
 
-/// Scene of the repository, and how it is baked: a second or two on two threads, 48 blocks.
+/// Scene of the repository, and how it is baked: some seconds on two threads, 48 blocks.
 const SCENE: &str = "crates/editor/tests/room.gltf";
 const OPTIONS: [&str; 6] = ["--size", "128x96", "--spp", "128", "--threads", "2"];
 /// Blocks under way at any moment: one a thread.

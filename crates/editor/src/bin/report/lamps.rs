@@ -30,15 +30,15 @@ use super::rendered::rendered;
 const LUMEN: f32 = 1500.0;
 /// Passes of the live light that is held against a reference.
 const PASSES: u32 = 64;
+/// Noise of a reference of the indirect light, beyond which its place says nothing.
+const MOST_NOISE: f64 = 0.5;
+
 /// A scene in which a lamp is moved.
 pub(super) struct Case {
     pub name: &'static str,
     pub path: PathBuf,
     pub has_sky: bool,
 }
-
-/// Noise of a reference of the indirect light, beyond which its place says nothing.
-const MOST_NOISE: f64 = 0.5;
 
 /// What was measured at the places of a lamp.
 #[derive(Default)]
