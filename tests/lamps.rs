@@ -64,8 +64,17 @@ fn without_patches_a_picture_shows_direct_light_and_says_so() {
     let warnings = relit["warnings"].to_string();
     assert!(warnings.contains("--patches"), "{warnings}");
     desk.json(&format!("trace @room.glb --look @a.look -o @traced.exr {VIEW} --spp 512 --bounces 0"));
-    let compared = desk.json("compare @relit.exr @traced.exr");
-    assert!(compared["psnr_db"].as_f64().unwrap() > 35.0, "{compared}");
+    let psnr_db = || desk.json("compare @relit.exr @traced.exr")["psnr_db"].as_f64().unwrap();
+    let as_asked = psnr_db();
+    assert!(as_asked > 35.0, "{as_asked}");
+    let with_samples = |n: u32| {
+        desk.json(&format!(
+            "relight @room.transport --look @a.look --scene @room.glb -o @relit.exr --device cpu --lamp-samples {n}"
+        ));
+        psnr_db()
+    };
+    let (one, six, some) = (with_samples(1), with_samples(6), with_samples(32));
+    assert!(one + 2.0 < six && six < some && some == as_asked, "{one} {six} {some} {as_asked}");
 }
 
 #[test]

@@ -67,9 +67,6 @@ pub struct ViewState {
     pub marking: Marking,
 }
 
-/// How much of a picture a map of colors hides, of 255.
-const OVERLAY_ALPHA: u8 = 200;
-
 /// Draws picture and handles, or says in words what is going on.
 pub fn viewport_ui(
     ui: &mut Ui,
@@ -94,8 +91,7 @@ pub fn viewport_ui(
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
     if let Some(overlay) = viewed.overlay {
-        let covered = Rect::from_min_max(pos2(0.0, 0.0), pos2(overlay.covered[0], overlay.covered[1]));
-        painter.image(overlay.texture, image, covered, Color32::from_white_alpha(OVERLAY_ALPHA));
+        overlay.paint(&painter, image);
     }
     let marks = state.grab.is_none() && marking_ui(ui, &response, image, Film { width, height }, &mut state.marking);
     let mut is_free = !marks;
@@ -119,9 +115,10 @@ pub fn viewport_ui(
         let right = compare::right_area(whole, area);
         match compared.way {
             Way::SideBySide => {
-                compare::beside_ui(ui, compared, [area, right], [image, state.zoom.image_rect(right, size)]);
+                let images = [image, state.zoom.image_rect(right, size)];
+                compare::beside_ui(ui, (compared, viewed.overlay), [area, right], images);
             }
-            Way::Wipe => compare::wipe_ui(ui, compared, area, image, &mut state.divider),
+            Way::Wipe => compare::wipe_ui(ui, (compared, viewed.overlay), area, image, &mut state.divider),
         }
     }
     zoom::paint_region(ui, &response, state.grab.as_ref());

@@ -93,6 +93,7 @@ fn a_click_brings_a_look_back_and_is_one_step_of_undo() {
     wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() > 1e-2);
     click(&mut window, "Undo");
     assert!(is_muted(&window), "one click is one step");
+    assert!(window.query_by_label("Look Look is on").is_none(), "what was taken back is not told any more");
     window.key_press_modifiers(Modifiers::COMMAND, Key::Num1);
     window.run_steps(3);
     assert!(!is_muted(&window));

@@ -9,6 +9,7 @@ impl App {
         self.daylight.stop();
         if let Some(look) = self.undoer.undo(&self.look).cloned() {
             self.look = look;
+            self.say("Undone");
         }
     }
 
@@ -16,6 +17,7 @@ impl App {
         self.daylight.stop();
         if let Some(look) = self.undoer.redo(&self.look).cloned() {
             self.look = look;
+            self.say("Done again");
         }
     }
 

@@ -16,6 +16,7 @@ use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::{SkyForm, SkySetting};
 
 use super::gltf::ExportGltfArgs;
+use super::lamps::DEFAULT_SAMPLES;
 use super::looks::LookChoice;
 use super::picture::{CutArgs, DepthArgs};
 use super::sequence::FramesArgs;
@@ -327,6 +328,9 @@ pub struct RelightArgs {
     /// Scene that was baked: lamps of the look, which are free to be anywhere, light its surfaces.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Samples of a pixel for what these lamps light, in pictures and sheets: glints of polished surfaces take some hundreds.
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub lamp_samples: u32,
     /// Relight under each of these looks instead, and put the pictures on one sheet (PNG) with their names.
     #[arg(long, value_name = "FILE.look", num_args = 1.., conflicts_with = "look")]
     pub contact_sheet: Vec<PathBuf>,

@@ -19,11 +19,12 @@ use super::view::{View, load_scene};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
 
-/// Samples of a pixel that are kept at once, how often other ones take their place, and passes of each: as many in all as make
-/// a soft shadow smooth.
+/// Samples of a pixel that are kept at once; others take their place until there were enough.
 const SAMPLES: u32 = 4;
-const TURNS: u32 = 8;
+/// Passes of each.
 const ROUNDS: u32 = 2;
+/// Samples of a pixel where nothing is said: what makes a soft shadow smooth.
+pub(super) const DEFAULT_SAMPLES: u32 = 32;
 
 /// The lamps of a look that shine.
 pub(super) fn prepared(lamps: &[FreeLamp], look: Option<&Path>, console: &mut Console) -> Result<PreparedLamps> {
@@ -101,7 +102,7 @@ impl LampLight {
         bake: &Bake,
         look: &Look,
         (path, scene): (Option<&Path>, Option<&Path>),
-        arriving: Arriving,
+        (arriving, n_samples): (Arriving, u32),
         console: &mut Console,
     ) -> Result<Vec<LampLight>> {
         let lamps = &look.lights.lit_lamps();
@@ -111,7 +112,7 @@ impl LampLight {
         let each: Vec<PreparedLamps> = lamps.iter().map(alone).collect::<Result<_>>()?;
         let film = Film { width: bake.header.width, height: bake.header.height };
         let narrow_alpha = bake.header.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
-        let direct = direct(&scene, &camera, (film, narrow_alpha), &each);
+        let direct = direct(&scene, &camera, (film, narrow_alpha), &each, n_samples);
         let of_patches = |lamps: &PreparedLamps| {
             let patches = bake.header.patches.as_ref();
             patches.map_or_else(Vec::new, |patches| lamps.light_on_patches(&scene, patches))
@@ -175,18 +176,18 @@ fn direct(
     camera: &Camera,
     (film, narrow_alpha): (Film, f32),
     lamps: &[PreparedLamps],
+    n_samples: u32,
 ) -> Vec<Radiance> {
     let Film { width, height } = film;
     let mut sums = vec![Radiance { width, height, pixels: vec![[0.0; 3]; film.n_pixels()] }; lamps.len()];
-    let n_passes = SAMPLES * ROUNDS;
-    for turn in 0..TURNS {
-        let config =
-            VisibleConfig { samples: SAMPLES, first: turn * SAMPLES, narrow_alpha, ..VisibleConfig::default() };
+    for first in (0..n_samples).step_by(SAMPLES as usize) {
+        let samples = SAMPLES.min(n_samples - first);
+        let config = VisibleConfig { samples, first, narrow_alpha, ..VisibleConfig::default() };
         let Some(points) = VisiblePoints::new(scene, camera, film, config, &|| false) else { continue };
         for (sum, lamps) in sums.iter_mut().zip(lamps) {
-            for picture in (0..n_passes).filter_map(|pass| points.direct(scene, lamps, pass, &|| false)) {
+            for picture in (0..samples * ROUNDS).filter_map(|pass| points.direct(scene, lamps, pass, &|| false)) {
                 for (pixel, rgb) in sum.pixels.iter_mut().zip(picture) {
-                    (0..3).for_each(|c| pixel[c] += rgb[c] / (n_passes * TURNS) as f32);
+                    (0..3).for_each(|c| pixel[c] += rgb[c] / (n_samples * ROUNDS) as f32);
                 }
             }
         }

@@ -41,7 +41,8 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     warn_of_unknown_lights(&bake.header.basis, &target.look, console);
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
     let measures = target.options.irradiance || target.look.shows_irradiance(target.format);
-    let lamps = LampLight::of(&bake, &target.look, paths, Arriving::of(&bake, measures), console)?;
+    let quality = (Arriving::of(&bake, measures), args.lamp_samples);
+    let lamps = LampLight::of(&bake, &target.look, paths, quality, console)?;
     target.finish(&bake, &lamps, &args.options, console)
 }
 

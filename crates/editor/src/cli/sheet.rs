@@ -46,8 +46,8 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
     let (mut prints, mut told) = (Vec::new(), Vec::new());
     for (name, path, look) in looks {
         warn_of_unknown_lights(&bake.header.basis, &look, console);
-        let arriving = Arriving::of(&bake, look.shows_irradiance(format));
-        let lamps = LampLight::of(&bake, &look, (Some(path), args.scene.as_deref()), arriving, console)?;
+        let quality = (Arriving::of(&bake, look.shows_irradiance(format)), args.lamp_samples);
+        let lamps = LampLight::of(&bake, &look, (Some(path), args.scene.as_deref()), quality, console)?;
         let lit = Lit::new(&bake, &look, &lamps, gpu.as_ref())?;
         let irradiance = irradiance_for(&bake, &look, &added_lux(&lamps), format, &options)?;
         let picture = Picture { radiance: &lit.radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };

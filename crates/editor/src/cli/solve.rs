@@ -15,7 +15,7 @@ use serde_json::json;
 use super::args::SolveArgs;
 use super::bake::merge;
 use super::console::{Answer, Console};
-use super::lamps::{Arriving, LampLight, open};
+use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
 use super::view::{load_look, spare_look, warn_of_unknown_lights};
 use crate::look::Look;
 use crate::marks::Seen;
@@ -82,7 +82,8 @@ fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<See
 /// The light of the look's lamps, where the scene is named.
 fn lamps(args: &SolveArgs, bake: &Bake, look: &Look, console: &mut Console) -> Result<Vec<LampColumn>> {
     let Some(scene) = args.scene.as_deref() else { return Ok(Vec::new()) };
-    let lights = LampLight::of(bake, look, (args.look.as_deref(), Some(scene)), Arriving::of(bake, true), console)?;
+    let quality = (Arriving::of(bake, true), DEFAULT_SAMPLES);
+    let lights = LampLight::of(bake, look, (args.look.as_deref(), Some(scene)), quality, console)?;
     let column = |light: LampLight| LampColumn {
         key: light.key,
         of_patches: light.of_patches.into_iter().map(Vec3::from).collect(),

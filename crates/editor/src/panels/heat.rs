@@ -1,7 +1,7 @@
 //! Which map of colors lies over the picture.
 
 use clerestory_transport::error_maps::BlockMap;
-use eframe::egui::{ComboBox, TextureId, Ui};
+use eframe::egui::{Color32, ComboBox, Painter, Rect, TextureId, Ui, pos2};
 
 use crate::legend::ScaleBar;
 
@@ -28,6 +28,17 @@ pub struct Overlay {
     pub covered: [f32; 2],
     /// What its colors mean.
     pub bar: ScaleBar,
+}
+
+/// How much of a picture a map of colors hides, of 255.
+const ALPHA: u8 = 200;
+
+impl Overlay {
+    /// Draws it over a picture that lies in a rectangle.
+    pub fn paint(&self, painter: &Painter, image: Rect) {
+        let covered = Rect::from_min_max(pos2(0.0, 0.0), pos2(self.covered[0], self.covered[1]));
+        painter.image(self.texture, image, covered, Color32::from_white_alpha(ALPHA));
+    }
 }
 
 impl HeatMap {

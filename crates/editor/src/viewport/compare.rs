@@ -5,6 +5,7 @@ use eframe::egui::{
     pos2, vec2,
 };
 
+use crate::panels::heat::Overlay;
 use crate::theme;
 
 /// How two pictures are shown.
@@ -48,16 +49,22 @@ pub fn right_area(area: Rect, left: Rect) -> Rect {
     Rect::from_min_max(pos2(left.right() + GAP, area.top()), area.max)
 }
 
-/// Draws the picture on the right beside the left one, and a name on each. `areas` hold the pictures' places, `images` the pictures.
-pub fn beside_ui(ui: &Ui, compared: &Compared, areas: [Rect; 2], images: [Rect; 2]) {
-    ui.painter_at(areas[1]).image(compared.right, images[1], WHOLE, Color32::WHITE);
+/// Draws the picture on the right beside the left one, under the map of colors that the left one has, and a name on each. `areas` hold
+/// the pictures' places, `images` the pictures.
+pub fn beside_ui(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), areas: [Rect; 2], images: [Rect; 2]) {
+    let painter = ui.painter_at(areas[1]);
+    painter.image(compared.right, images[1], WHOLE, Color32::WHITE);
+    if let Some(overlay) = overlay {
+        overlay.paint(&painter, images[1]);
+    }
     for ((area, image), words) in areas.into_iter().zip(images).zip(&compared.names) {
         name(ui, area.intersect(image), words, Align2::LEFT_BOTTOM);
     }
 }
 
-/// Draws what is right of the divider, and the divider. `offset` is its way from the middle, in widths of the picture.
-pub fn wipe_ui(ui: &Ui, compared: &Compared, area: Rect, image: Rect, offset: &mut f32) {
+/// Draws what is right of the divider, under the map of colors that the left has, and the divider. `offset` is its way from the middle,
+/// in widths of the picture.
+pub fn wipe_ui(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), area: Rect, image: Rect, offset: &mut f32) {
     let seen = image.intersect(area);
     if !seen.is_positive() {
         return;
@@ -85,6 +92,9 @@ pub fn wipe_ui(ui: &Ui, compared: &Compared, area: Rect, image: Rect, offset: &m
     let painter = ui.painter_at(area);
     let right = Rect::from_min_max(pos2(x, image.top()), image.max);
     painter.image(compared.right, right, Rect::from_min_max(pos2(share, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+    if let Some(overlay) = overlay {
+        overlay.paint(&ui.painter_at(right.intersect(area)), image);
+    }
     let is_held = response.hovered() || response.dragged() || response.has_focus();
     let color = if is_held { theme::ACCENT } else { Color32::WHITE };
     painter.vline(x, seen.y_range(), Stroke::new(3.5, Color32::from_black_alpha(110)));

@@ -3,13 +3,12 @@
 use std::borrow::Cow;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use gltf::json::texture::{MagFilter, WrappingMode};
 use gltf::json::validation::Checked;
 use gltf::json::{self, Root};
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use image::{DynamicImage, ImageDecoder, ImageReader, Limits, RgbaImage, imageops};
 use rayon::prelude::*;
 
 use super::container::Buffers;
@@ -28,8 +27,19 @@ const NO_SOURCE: usize = u32::MAX as usize;
 /// Most bytes that decoding one image may take.
 const MAX_DECODE_BYTES: u64 = 2 << 30;
 
-/// Most texels of all images of a file together.
-const MAX_TEXELS: u64 = 1 << 30;
+/// Texels that all images of a file together may keep, 2 GiB of them: beyond that the largest are halved until they fit.
+const MAX_TEXELS: u64 = 1 << 29;
+
+/// Images of more texels than this are decoded one after another.
+const LARGE_TEXELS: u64 = 1 << 26;
+
+/// How much of the images may be in memory.
+struct Room {
+    /// Longest side that an image keeps.
+    side: u32,
+    /// Held while a large one is decoded.
+    large: Mutex<()>,
+}
 
 /// Decodes the images of some textures, given by their indices in the file, each image once.
 pub(super) fn decode(
@@ -46,11 +56,15 @@ pub(super) fn decode(
     let name_of =
         |index: usize| called("image", index, document.images.get(index).and_then(|image| image.name.as_ref()));
     let placeholder = Arc::new(checkerboard());
-    let n_texels_left = AtomicU64::new(MAX_TEXELS);
+    let sizes: Vec<[u32; 2]> = wanted
+        .par_iter()
+        .filter_map(|sources| sources.iter().find_map(|&index| size_of(document, index, buffers, locator)))
+        .collect();
+    let room = Room { side: side_within(&sizes, MAX_TEXELS), large: Mutex::default() };
     let first_readable = |sources: &Vec<usize>| {
         let mut notes = Notes::default();
         for (&index, next) in sources.iter().zip(1..) {
-            match decode_image(document, index, buffers, locator, &n_texels_left) {
+            match decode_image(document, index, buffers, locator, &room) {
                 Ok(image) => return (Arc::new(image), notes),
                 Err(reason) => {
                     let name = name_of(index);
@@ -61,6 +75,13 @@ pub(super) fn decode(
         }
         (Arc::clone(&placeholder), notes)
     };
+    let n_smaller = sizes.iter().filter(|&&size| shrunk(size, room.side) != size).count();
+    if n_smaller > 0 {
+        notes.warn(format!(
+            "{n_smaller} images are shown smaller, with sides of at most {} texels: all images of the file together have more than {MAX_TEXELS}",
+            room.side
+        ));
+    }
     let decoded: Vec<(Arc<Image>, Notes)> = wanted.par_iter().map(|sources| first_readable(sources)).collect();
     let mut images = Vec::with_capacity(decoded.len());
     for (image, lines) in decoded {
@@ -93,12 +114,40 @@ pub(super) fn sources_of(document: &Root, index: usize) -> Vec<usize> {
         .collect()
 }
 
+/// Width and height of an image that can be decoded, from its first bytes.
+fn size_of(document: &Root, index: usize, buffers: &Buffers, locator: &Locator) -> Option<[u32; 2]> {
+    size_in(&fetch(document.images.get(index)?, buffers, locator).ok()?)
+}
+
+fn size_in(bytes: &[u8]) -> Option<[u32; 2]> {
+    let (width, height) = ImageReader::new(Cursor::new(bytes)).with_guessed_format().ok()?.into_dimensions().ok()?;
+    (width.max(height) <= MAX_SIDE).then_some([width, height])
+}
+
+/// The longest side, a power of two, to which images must be brought so that they have no more texels than that together.
+fn side_within(sizes: &[[u32; 2]], most: u64) -> u32 {
+    let texels_within = |side: u32| {
+        sizes.iter().map(|&size| shrunk(size, side).map(u64::from)).fold(0_u64, |sum, [width, height]| {
+            // A product of two 32-bit numbers.
+            sum.saturating_add(width.saturating_mul(height))
+        })
+    };
+    let halved = std::iter::successors(Some(MAX_SIDE), |&side| (side > 1).then_some(side / 2));
+    halved.into_iter().find(|&side| texels_within(side) <= most).unwrap_or(1)
+}
+
+/// A size halved until no side is longer than that.
+fn shrunk([width, height]: [u32; 2], side: u32) -> [u32; 2] {
+    let halvings = (0..32).find(|&n| width.max(height) >> n <= side).unwrap_or(31);
+    [(width >> halvings).max(1), (height >> halvings).max(1)]
+}
+
 fn decode_image(
     document: &Root,
     index: usize,
     buffers: &Buffers,
     locator: &Locator,
-    n_texels_left: &AtomicU64,
+    room: &Room,
 ) -> Result<Image, String> {
     let source = document.images.get(index).ok_or("it does not exist")?;
     let bytes = fetch(source, buffers, locator)?;
@@ -109,11 +158,11 @@ fn decode_image(
         );
     }
     // A fault of a decoder in a single image must not take the whole scene with it.
-    let decoded = catch_unwind(AssertUnwindSafe(|| decode_bytes(&bytes, n_texels_left, &locator.stop)));
+    let decoded = catch_unwind(AssertUnwindSafe(|| decode_bytes(&bytes, room, &locator.stop)));
     decoded.unwrap_or_else(|_| Err("it cannot be decoded (its decoder failed)".to_owned()))
 }
 
-fn decode_bytes(bytes: &[u8], n_texels_left: &AtomicU64, stop: &Stop) -> Result<Image, String> {
+fn decode_bytes(bytes: &[u8], room: &Room, stop: &Stop) -> Result<Image, String> {
     let mut reader = ImageReader::new(stop.reader(Cursor::new(bytes)))
         .with_guessed_format()
         .map_err(|error| format!("it cannot be read ({error})"))?;
@@ -126,30 +175,38 @@ fn decode_bytes(bytes: &[u8], n_texels_left: &AtomicU64, stop: &Stop) -> Result<
     let mut decoder = reader.into_decoder().map_err(undecodable)?;
     decoder.set_limits(limits).map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
-    #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
-    let n_texels = u64::from(width) * u64::from(height);
     if decoder.total_bytes() > MAX_DECODE_BYTES {
         return Err(format!("its {width}×{height} pixels are too large"));
     }
-    let left = |left: u64| left.checked_sub(n_texels);
-    if n_texels_left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, left).is_err() {
-        return Err(format!("all images together have more than {MAX_TEXELS} pixels"));
-    }
-    let pixels = DynamicImage::from_decoder(decoder).map_err(undecodable)?.into_rgba8();
-    stop.check().map_err(|stopped| stopped.to_string())?;
-    let (width, height) = pixels.dimensions();
     if width == 0 || height == 0 {
         return Err("it is empty".to_owned());
     }
-    Ok(Image { width, height, texels: pixels.into_raw().as_chunks::<4>().0.to_vec() })
+    #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
+    let is_large = u64::from(width) * u64::from(height) > LARGE_TEXELS;
+    let _turn = is_large.then(|| room.large.lock().unwrap_or_else(PoisonError::into_inner));
+    let pixels = DynamicImage::from_decoder(decoder).map_err(undecodable)?.into_rgba8();
+    stop.check().map_err(|stopped| stopped.to_string())?;
+    Ok(kept(pixels, room.side))
+}
+
+/// What is kept of an image: one of a single color is a single texel.
+fn kept(pixels: RgbaImage, side: u32) -> Image {
+    let size = <[u32; 2]>::from(pixels.dimensions());
+    let is_plain = pixels.as_raw().as_chunks::<4>().0.windows(2).all(|pair| pair[0] == pair[1]);
+    let [width, height] = shrunk(size, if is_plain { 1 } else { side });
+    let pixels = match [width, height] == size {
+        true => pixels,
+        false if is_plain => RgbaImage::from_pixel(width, height, *pixels.get_pixel(0, 0)),
+        false => imageops::thumbnail(&pixels, width, height),
+    };
+    let texels = bytemuck::allocation::try_cast_vec(pixels.into_raw());
+    Image { width, height, texels: texels.unwrap_or_else(|(_, bytes)| bytes.as_chunks::<4>().0.to_vec()) }
 }
 
 /// Width and height of an image that lies in a buffer; others are not read for that.
 pub(super) fn dimensions(document: &Root, index: usize, buffers: &Buffers) -> Option<[u32; 2]> {
     let view = document.images.get(index).filter(|image| image.uri.is_none())?.buffer_view?;
-    let (bytes, _) = buffers.view(view.value()).ok()?;
-    let (width, height) = ImageReader::new(Cursor::new(bytes)).with_guessed_format().ok()?.into_dimensions().ok()?;
-    (width.max(height) <= MAX_SIDE).then_some([width, height])
+    size_in(buffers.view(view.value()).ok()?.0)
 }
 
 fn fetch<'a>(source: &json::Image, buffers: &'a Buffers, locator: &Locator) -> Result<Cow<'a, [u8]>, String> {
@@ -180,4 +237,34 @@ fn checkerboard() -> Image {
     #[expect(clippy::arithmetic_side_effects, reason = "there are 64")]
     let texel = |i: usize| if (i % 8 + i / 8).is_multiple_of(2) { [255, 0, 255, 255] } else { [96, 96, 96, 255] };
     Image { width: 8, height: 8, texels: (0..64).map(texel).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::Rgba;
+
+    use super::*;
+
+    #[test]
+    fn what_is_too_much_together_is_halved_from_the_largest_on() {
+        let sizes = [[4096, 4096], [2048, 1024], [64, 64]];
+        let n_texels =
+            |side| sizes.map(|size| shrunk(size, side)).map(|[width, height]| u64::from(width * height)).iter().sum();
+        assert_eq!(side_within(&sizes, n_texels(MAX_SIDE)), MAX_SIDE);
+        assert_eq!(side_within(&sizes, n_texels(4096) - 1), 2048);
+        assert_eq!(side_within(&sizes, n_texels(512)), 512);
+        assert_eq!(side_within(&sizes, 2), 1, "nothing is ever left out");
+        assert_eq!([[4096, 1], [300, 200], [8, 8]].map(|size| shrunk(size, 64)), [[64, 1], [37, 25], [8, 8]]);
+    }
+
+    #[test]
+    fn a_smaller_image_has_the_mean_of_the_larger_one_and_a_plain_one_is_one_texel() {
+        let stripes =
+            RgbaImage::from_fn(16, 4, |x, _| Rgba(if x % 2 == 0 { [200, 0, 40, 255] } else { [100, 0, 60, 255] }));
+        let image = kept(stripes.clone(), 8);
+        assert_eq!((image.width, image.height, image.texels), (8, 2, vec![[150, 0, 50, 255]; 16]));
+        assert_eq!(kept(stripes, 16).texels.len(), 64);
+        let plain = kept(RgbaImage::from_pixel(300, 200, Rgba([1, 2, 3, 4])), MAX_SIDE);
+        assert_eq!((plain.width, plain.height, plain.texels), (1, 1, vec![[1, 2, 3, 4]]));
+    }
 }
