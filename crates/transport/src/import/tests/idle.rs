@@ -55,10 +55,11 @@ fn textures_that_are_multiplied_by_zero_are_not_decoded_and_nothing_changes() {
     let [with, without] = [Skips::default(), Skips::default().without(Skip::IdleTextures)]
         .map(|skips| load_bytes_with("test.gltf", &textured(), skips).expect("a loadable file"));
     assert_eq!((with.scene.textures.len(), without.scene.textures.len()), (2, 4));
-    let sides: Vec<u32> = with.scene.textures.iter().map(|texture| texture.image.width).collect();
+    let colors: Vec<[u8; 4]> = with.scene.textures.iter().map(|texture| texture.image.texels[0]).collect();
     let material = &with.scene.materials[0];
-    let of = |slot: Option<crate::scene::TextureRef>| slot.map(|texture| sides[texture.texture as usize]);
-    assert_eq!((of(material.base_color_texture), of(material.emissive_texture)), (Some(3), Some(1)));
+    let of = |slot: Option<crate::scene::TextureRef>| slot.map(|texture| colors[texture.texture as usize]);
+    assert_eq!(of(material.base_color_texture), Some([250, 120, 30, 255]));
+    assert_eq!(of(material.emissive_texture), Some([0, 200, 0, 255]));
     assert!(material.metallic_roughness_texture.is_none() && material.transmission_texture.is_none());
     assert_eq!((with.scene.idle_images, without.scene.idle_images), (4, 0));
     assert_eq!(with.scene.idle_bytes, 4 * (4 + 16 + 25 + 36));
