@@ -13,6 +13,7 @@ mod lamps;
 mod layout;
 mod look_files;
 mod looks;
+mod memory;
 mod probe;
 mod recovery;
 mod rest;
@@ -52,6 +53,7 @@ use follow::Follower;
 pub use host::WindowLost;
 use look_files::LookFiles;
 use looks::Prints;
+use memory::MemoryWatch;
 use probe::Prober;
 use recovery::Recovery;
 use solving::Solving;
@@ -108,8 +110,7 @@ pub struct App {
     /// The scene that is being opened is the same one, changed.
     keeps_look: bool,
     is_new_here: bool,
-    /// Memory in use, and when it was asked for, seconds.
-    memory: (Option<u64>, f64),
+    memory: MemoryWatch,
     recent: Vec<PathBuf>,
     title: String,
     /// Times frames where that is asked for.
@@ -171,7 +172,7 @@ impl App {
             watched: strips::Watched::default(),
             keeps_look: false,
             is_new_here: start.welcome && !was_welcomed,
-            memory: (None, f64::MIN),
+            memory: MemoryWatch::new(),
             recent,
             title: String::new(),
             pulse: Pulse::of_environment()?,

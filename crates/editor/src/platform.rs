@@ -50,6 +50,20 @@ pub fn return_freed_memory() {
     }
 }
 
+/// Gives back to the system what was freed in small pieces, which the allocator of GNU/Linux keeps: of 277 MB after some minutes of opening
+/// and baking, 101. Takes some milliseconds.
+#[cfg_attr(
+    all(target_os = "linux", target_env = "gnu"),
+    expect(unsafe_code, reason = "the C library has no safe name for it")
+)]
+pub fn trim_freed_memory() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: it works on what is free, under the allocator's locks.
+    unsafe {
+        libc::malloc_trim(0);
+    }
+}
+
 /// What the operating system counts of this thread.
 #[derive(Clone, Copy)]
 pub struct ThreadTimes {

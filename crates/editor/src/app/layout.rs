@@ -133,7 +133,7 @@ impl App {
                 millis: self.follower.millis(),
                 lamps: self.lamp_note(),
                 error_db: self.session.error_db.map(|error| error.total),
-                memory_bytes: self.memory.0,
+                memory_bytes: self.memory.bytes(),
             };
             status_ui(ui, &status, &mut self.actions);
         });
