@@ -36,6 +36,7 @@ fn main() -> Result<()> {
     };
     let config = BakeConfig { spp, indirect: Indirect::Shared, ..BakeConfig::default() };
     let settings = BakeSettings { camera_idx: 0, film: FILM, config, illuminance: false };
+    println!("baking the built-in scene with {spp} samples per pixel, which takes minutes");
     let start = Start::alone(Source::BuiltIn, Some(settings));
     let mut window: Window = Harness::builder()
         .with_size(vec2(1440.0, 900.0))

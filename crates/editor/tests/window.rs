@@ -230,6 +230,8 @@ fn an_opened_bake_tells_the_figures_of_its_file() {
     ] {
         assert!(window.query_all_by_label(&words).next().is_some(), "{words:?} is not told");
     }
+    click(&mut window, "Recent");
+    assert!(window.query_by_label("room.transport").is_some(), "what the command line opened is recent, too");
 }
 
 /// A folder of three gray pictures of 32 × 24 pixels and a file that is none.
@@ -286,6 +288,9 @@ fn a_folder_that_is_no_stack_is_told_in_words() {
     let mut window = open(Source::File(folder.path().into()));
     wait(&mut window, |app| matches!(app.session().stage, Stage::Failed(..)));
     assert_eq!(window.query_all_by_label_contains("wrong.png` has 8 × 8").count(), 1);
+    let name = folder.path().file_name().unwrap().to_string_lossy().into_owned();
+    click(&mut window, "Recent");
+    assert!(window.query_by_label("Built-in gallery").is_some() && window.query_by_label(&name).is_none());
 }
 
 #[test]

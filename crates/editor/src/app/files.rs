@@ -32,11 +32,16 @@ impl App {
     }
 
     pub(super) fn open(&mut self, path: PathBuf) {
-        let absolute = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+        self.session.open(Source::File(path));
+    }
+
+    /// What is open now is the first of the recent files, however it was asked for.
+    pub(super) fn remember_opened(&mut self) {
+        let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };
+        let absolute = std::path::absolute(&path).unwrap_or(path);
         self.recent.retain(|other| *other != absolute);
         self.recent.insert(0, absolute);
         self.recent.truncate(MAX_RECENT);
-        self.session.open(Source::File(path));
     }
 
     pub(super) fn answered(&mut self, answer: Option<Option<PathBuf>>) {

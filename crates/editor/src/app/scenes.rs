@@ -20,6 +20,7 @@ impl App {
         }
         (self.export.width_px, self.export.region) = (None, None);
         self.watch_opened();
+        self.remember_opened();
         self.lights = LightsState::new(self.lights.layout);
         self.view = ViewState::default();
         self.camera.put_down();
