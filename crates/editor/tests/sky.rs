@@ -88,6 +88,20 @@ fn a_scene_without_a_sky_gets_one_by_a_button_and_the_sun_keeps_its_column() {
 }
 
 #[test]
+fn a_sky_over_closed_rooms_says_that_it_lights_nothing() {
+    let room = Source::Bytes { name: "room.gltf".into(), bytes: include_bytes!("room.gltf").to_vec() };
+    for (source, is_shut_out) in [(room, true), (court(), false)] {
+        let mut window = open(source);
+        settle(&mut window);
+        click(&mut window, "Sky");
+        click(&mut window, "Bake with sky");
+        wait(&mut window, |app| app.session().shown.as_ref().is_some_and(|shown| shown.header.basis.sky.is_some()));
+        settle(&mut window);
+        assert_eq!(window.query_by_label_contains("rooms are closed").is_some(), is_shut_out);
+    }
+}
+
+#[test]
 fn the_sun_is_dragged_on_the_dome_and_says_that_it_is_soft_there() {
     let mut window = under_the_sky();
     let before = copied(&mut window);

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use clerestory_transport::basis::LightBasis;
+use clerestory_transport::bake::BakeHeader;
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::sky::{SkyForm, SkySetting, SunPlace, SunSetting};
 use eframe::egui::{Context, Panel, ScrollArea, Ui};
@@ -77,6 +78,13 @@ impl Daylight {
     }
 }
 
+/// Whether what the sky could light was found to be closed.
+fn is_sky_dark(header: &BakeHeader) -> bool {
+    let source = |idx: &u32| header.basis.sources.get(*idx as usize);
+    let is_dome = |source: &LightSource| matches!(source.kind, SourceKind::Dome { .. });
+    header.spared.dark_sources.iter().filter_map(source).any(is_dome)
+}
+
 impl App {
     /// The sky below the lights.
     pub(super) fn sky_ui(&mut self, ui: &mut Ui, basis: &LightBasis) {
@@ -85,6 +93,7 @@ impl App {
         }
         let view = SkyView {
             basis,
+            is_shut_out: self.session.shown.as_ref().is_some_and(|shown| is_sky_dark(&shown.header)),
             can_bake: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
             is_reading: self.daylight.reading.is_busy() && self.daylight.is_wanted,
         };

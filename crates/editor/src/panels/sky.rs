@@ -24,6 +24,8 @@ pub struct SkyView<'a> {
     pub can_bake: bool,
     /// Whether a map is being read.
     pub is_reading: bool,
+    /// Whether the bake that is shown found that no sky lights anything.
+    pub is_shut_out: bool,
 }
 
 /// What the section remembers and no look holds.
@@ -76,6 +78,8 @@ impl Kind {
 const MOST_EV: f32 = 20.0;
 /// Width in degrees of a patch of the undivided dome.
 const PATCH_DEG: f32 = 12.0;
+
+const SHUT_OUT: &str = "These rooms are closed: no sky lights what is seen";
 
 /// Draws it.
 pub fn sky_ui(ui: &mut Ui, view: &SkyView, rig: &mut LightRig, state: &mut SkyState, actions: &mut Vec<Action>) {
@@ -239,6 +243,7 @@ fn columns_ui(
          Bake it for sharp ones"
     );
     let words = match light.sun {
+        _ if view.is_shut_out => SHUT_OUT.into(),
         None => format!("Patches of the sky are {width:.0}° wide"),
         Some(_) if view.basis.keeps_its_sun(light) => "This sun has its own column, and sharp shadows".into(),
         Some(_) => soft.clone(),
