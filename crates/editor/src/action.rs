@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clerestory_transport::camera::Camera;
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::lamps::LampShape;
+use serde::{Deserialize, Serialize};
 
 use crate::picture::DeviceWish;
 
@@ -129,10 +130,21 @@ pub enum Action {
     OneToOne,
     /// Hides all panels but the bars, or shows them again.
     TogglePanels,
+    /// Closes one of the panels at the sides, or opens it.
+    TogglePanel(Side),
     /// Show or hide the list of keyboard shortcuts.
     ToggleShortcuts,
     /// Close the window, whatever was not saved.
     Quit,
+}
+
+/// A panel beside the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Side {
+    /// Sky, lights and lamps, at the left.
+    Lights,
+    /// Display, camera, wishes and bake, at the right.
+    Settings,
 }
 
 /// What a file is wanted for.

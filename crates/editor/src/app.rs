@@ -18,6 +18,7 @@ mod probe;
 mod recovery;
 mod rest;
 mod scenes;
+mod sides;
 mod sky;
 mod solving;
 mod start;
@@ -56,6 +57,7 @@ use looks::Prints;
 use memory::MemoryWatch;
 use probe::Prober;
 use recovery::Recovery;
+use sides::Sides;
 use solving::Solving;
 use start::default_settings;
 pub use start::{Start, run};
@@ -65,6 +67,7 @@ const DEFAULT_WIDTH_PX: u32 = 640;
 const RECENT_KEY: &str = "recent";
 const LIGHTS_KEY: &str = "lights";
 const EXPORT_KEY: &str = "export";
+const PANELS_KEY: &str = "panels";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
 
@@ -100,6 +103,7 @@ pub struct App {
     shortcuts: bool,
     /// Only the picture is shown between the bars.
     is_bare: bool,
+    sides: Sides,
     /// How pictures are written.
     export: ExportOptions,
     heat_map: HeatMap,
@@ -164,6 +168,7 @@ impl App {
             profile_at_px: None,
             shortcuts: false,
             is_bare: false,
+            sides: cc.storage.and_then(|storage| eframe::get_value(storage, PANELS_KEY)).unwrap_or_default(),
             export: cc.storage.and_then(|storage| eframe::get_value(storage, EXPORT_KEY)).unwrap_or_default(),
             heat_map: HeatMap::default(),
             heat: None,
@@ -301,6 +306,7 @@ impl App {
             Action::ForgetView(id) => self.session.forget_view(id),
             Action::OneToOne => self.view.zoom.one_to_one(ctx.pixels_per_point()),
             Action::TogglePanels => self.is_bare = !self.is_bare,
+            Action::TogglePanel(side) => self.toggle_panel(ctx, side),
             Action::ToggleShortcuts => self.shortcuts = !self.shortcuts,
             Action::Quit => self.quit(ctx),
         }
@@ -384,6 +390,7 @@ impl eframe::App for App {
         eframe::set_value(storage, RECENT_KEY, &self.recent);
         eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
         eframe::set_value(storage, EXPORT_KEY, &self.export);
+        eframe::set_value(storage, PANELS_KEY, &self.sides);
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

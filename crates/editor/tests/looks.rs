@@ -56,13 +56,40 @@ fn with_large_letters_the_picture_keeps_room_and_the_panels_can_go() {
     let whole = window.ctx.content_rect();
     let picture = |window: &Window| window.get_by_label("Picture").rect();
     let narrow = picture(&window);
-    assert!(narrow.height() > 0.2 * whole.height() && narrow.width() > 0.25 * whole.width(), "{narrow} of {whole}");
+    assert!(narrow.height() > 0.2 * whole.height() && narrow.width() > 0.5 * whole.width(), "{narrow} of {whole}");
     window.key_press(Key::H);
     window.run_steps(4);
     assert!(picture(&window).width() > 0.98 * whole.width(), "{}", picture(&window));
-    assert!(window.query_by_label("Metering").is_none() && window.query_by_label("Timeline").is_none());
+    let is_there = |window: &Window, label: &str| window.query_by_label(label).is_some();
+    assert!(!is_there(&window, "Mute lamp") && !is_there(&window, "Timeline"));
     click(&mut window, "Picture only");
-    window.get_by_label("Metering");
+    assert!(is_there(&window, "Mute lamp") && is_there(&window, "Timeline"));
+}
+
+#[test]
+fn a_narrow_window_has_room_for_one_panel_and_both_are_at_hand() {
+    let mut window = all_of_the_strip(2.0);
+    let seen = |window: &Window| ["Mute lamp", "Metering"].map(|label| window.query_by_label(label).is_some());
+    assert_eq!(seen(&window), [true, false]);
+    click(&mut window, "Settings panel");
+    window.run_steps(4);
+    assert_eq!(seen(&window), [false, true]);
+    let picture = window.get_by_label("Picture").rect();
+    assert!(picture.width() > 0.5 * window.ctx.content_rect().width(), "{picture}");
+    window.key_press(Key::T);
+    window.run_steps(4);
+    assert_eq!(seen(&window), [true, false]);
+    window.set_size(eframe::egui::vec2(1440.0, 900.0));
+    window.run_steps(4);
+    assert_eq!(seen(&window), [true, true]);
+    window.key_press(Key::N);
+    window.run_steps(4);
+    assert_eq!(seen(&window), [true, false]);
+    click(&mut window, "Panels");
+    window.run_steps(4);
+    click(&mut window, "Settings panel");
+    window.run_steps(4);
+    assert_eq!(seen(&window), [true, true]);
 }
 
 #[test]

@@ -26,7 +26,7 @@ impl App {
 
     pub(super) fn export(&mut self, path: PathBuf) {
         self.say(format!("Writing {}", path.display()));
-        let (look, light) = (self.seen_look(), self.follower.lamp_light().cloned());
+        let (look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
         self.session.export(look, light, path, self.export);
     }
 
@@ -35,7 +35,7 @@ impl App {
             self.complain("There is no picture to copy yet; start the bake");
             return;
         }
-        let (look, light) = (self.seen_look(), self.follower.lamp_light().cloned());
+        let (look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
         self.session.copy(look, light);
     }
 

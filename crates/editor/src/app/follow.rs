@@ -127,6 +127,11 @@ impl Follower {
         self.lamplight.light()
     }
 
+    /// The same once it gets no smoother, and belongs to the lamps as they are.
+    pub fn final_lamp_light(&self) -> Option<&LampLight> {
+        self.lamplight.light().filter(|_| self.lamplight.is_idle())
+    }
+
     /// The lighting that is shown.
     pub fn rig(&self) -> Option<&LightRig> {
         self.asked.as_ref().map(|asked| &asked.rig)

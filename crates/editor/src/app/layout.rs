@@ -3,7 +3,7 @@
 use eframe::egui::{self, Context, Panel, Ui};
 
 use super::App;
-use crate::action::Action;
+use crate::action::{Action, Side};
 use crate::panels::bake::{BakeView, bake_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
@@ -45,16 +45,39 @@ impl App {
         hovered_files_ui(ctx);
     }
 
+    /// Closes a panel at the side, or opens it, with all others that are hidden.
+    pub(super) fn toggle_panel(&mut self, ctx: &Context, side: Side) {
+        if std::mem::take(&mut self.is_bare) && self.sides.shows(side, ctx.content_rect().width()) {
+            return;
+        }
+        self.sides.toggle(side, ctx.content_rect().width());
+    }
+
+    /// Whether the panel of lights and that of settings are to be seen.
+    fn panels_seen(&self, ctx: &Context) -> [bool; 2] {
+        let width = ctx.content_rect().width();
+        [Side::Lights, Side::Settings].map(|side| !self.is_bare && self.sides.shows(side, width))
+    }
+
     pub(super) fn side_panels_ui(&mut self, ui: &mut Ui) {
-        let frame = egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6));
+        let [lights, settings] = self.panels_seen(ui.ctx());
+        if lights {
+            self.lights_panel_ui(ui, settings);
+        }
+        if settings {
+            self.settings_panel_ui(ui, lights);
+        }
+    }
+
+    fn lights_panel_ui(&mut self, ui: &mut Ui, has_other: bool) {
         // Where there is little room, what the panels need least is left to the picture.
-        let [lights_least, right_least] = PANELS_LEAST;
-        let most = (ui.available_width() - PICTURE_LEAST).clamp(lights_least, 900.0);
-        let right = right_least..=(0.25 * ui.available_width()).clamp(right_least, 460.0);
+        let [least, right_least] = PANELS_LEAST;
+        let picture = PICTURE_LEAST - if has_other { 0.0 } else { right_least };
+        let most = (ui.available_width() - picture).clamp(least, 900.0);
         let (view, wanted) = (self.lights.layout.view, self.lights.layout.view.width());
         // Each view keeps a width of its own, and large letters do not leave a narrow panel behind.
         let id = egui::Id::unique(("lights", view, most < wanted));
-        let panel = Panel::left(id).frame(frame).default_size(wanted.min(most)).size_range(lights_least..=most);
+        let panel = Panel::left(id).frame(side_frame(ui)).default_size(wanted.min(most)).size_range(least..=most);
         panel.show(ui, |ui| {
             if let Some(basis) = self.session.basis().cloned() {
                 self.sky_ui(ui, &basis);
@@ -65,7 +88,13 @@ impl App {
             }
             ui.take_available_space();
         });
-        Panel::right("bake").frame(frame).default_size(316.0).size_range(right).show(ui, |ui| {
+    }
+
+    fn settings_panel_ui(&mut self, ui: &mut Ui, has_other: bool) {
+        let share = if has_other { 0.25 } else { 0.4 };
+        let [_, least] = PANELS_LEAST;
+        let range = least..=(share * ui.available_width()).clamp(least, 460.0);
+        Panel::right("bake").frame(side_frame(ui)).default_size(316.0).size_range(range).show(ui, |ui| {
             // What is too wide for one frame (a grid that is new) must not widen the panel for ever.
             let room = ui.available_rect_before_wrap();
             let inner = &mut ui.new_child(egui::UiBuilder::new().max_rect(room));
@@ -111,6 +140,7 @@ impl App {
         Panel::top("toolbar").frame(frame).show(ui, |ui| {
             let state = ToolbarState {
                 is_bare: self.is_bare,
+                panels_seen: self.panels_seen(ui.ctx()),
                 can_undo: self.undoer.has_undo(&self.look),
                 can_redo: self.undoer.has_redo(&self.look),
                 has_picture: self.follower.picture().is_some(),
@@ -167,6 +197,10 @@ impl App {
             solo_banner_ui(ui, area, &self.look, &mut self.lights.solo);
         });
     }
+}
+
+fn side_frame(ui: &Ui) -> egui::Frame {
+    egui::Frame::side_top_panel(ui.style()).inner_margin(egui::Margin::symmetric(12, 6))
 }
 
 fn hovered_files_ui(ctx: &Context) {

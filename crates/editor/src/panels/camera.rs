@@ -130,10 +130,12 @@ fn view_ui(ui: &mut Ui, view: &ViewEntry, actions: &mut Vec<Action>) {
     if close.on_hover_text("Free its memory").accessible_name(format!("Forget view {}", view.name)).clicked() {
         actions.push(Action::ForgetView(view.id));
     }
-    let figures = match (view.is_baking, view.error_db) {
-        (true, _) => "baking".into(),
-        (_, Some(db)) => format!("{db:.1} dB"),
-        (_, None) => "stopped".into(),
+    let figures = match (view.is_baking, view.is_done, view.error_db) {
+        (true, ..) => "baking".into(),
+        (_, true, Some(db)) => format!("{db:.1} dB"),
+        (_, true, None) => String::new(),
+        (_, false, Some(db)) => format!("{db:.1} dB, stopped"),
+        (_, false, None) => "stopped".into(),
     };
     ui.label(RichText::new(figures).weak());
     let size = format!("{} × {}", view.film.width, view.film.height);

@@ -4,7 +4,7 @@ use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
-use crate::action::{Action, FileTask};
+use crate::action::{Action, FileTask, Side};
 
 const fn command(key: Key) -> KeyboardShortcut {
     KeyboardShortcut::new(Modifiers::COMMAND, key)
@@ -29,7 +29,12 @@ const PLAY: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::L);
 const FIT: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F);
 const FIT_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Home);
 const ONE_TO_ONE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Num1);
-const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::H);
+/// Hides all panels, or shows them again.
+pub const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::H);
+/// Closes the panel of lights, or opens it.
+pub const LIGHTS_PANEL: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::T);
+/// Closes the panel of display, camera and bake, or opens it.
+pub const SETTINGS_PANEL: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::N);
 const CAMERA: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::C);
 const DELETE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Delete);
 const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Backspace);
@@ -67,6 +72,8 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&FIT_TOO, Action::FitPicture);
     take(&ONE_TO_ONE, Action::OneToOne);
     take(&PANELS, Action::TogglePanels);
+    take(&LIGHTS_PANEL, Action::TogglePanel(Side::Lights));
+    take(&SETTINGS_PANEL, Action::TogglePanel(Side::Settings));
     take(&CAMERA, Action::ToggleCamera);
     take(&DELETE, Action::DeleteLamp);
     take(&DELETE_TOO, Action::DeleteLamp);
@@ -129,6 +136,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("F or Home"), "Show the whole picture"),
         (words("1"), "Show it pixel by pixel"),
         (words("H"), "Hide the panels, show them again"),
+        (words("T, N"), "The panel of lights, the panel of settings"),
         (words("Wheel, pinch"), "Zoom at the pointer"),
         (words("Z + drag"), "Zoom to a rectangle"),
         (words("Middle drag, Space + drag"), "Move the picture"),

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use eframe::egui::{self, Button, ThemePreference, Ui};
 
 use super::shortcuts;
-use crate::action::{Action, FileTask};
+use crate::action::{Action, FileTask, Side};
 use egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT};
 
 /// What the toolbar needs to know.
@@ -18,6 +18,8 @@ pub struct ToolbarState<'a> {
     pub has_picture: bool,
     /// Whether the panels are hidden.
     pub is_bare: bool,
+    /// Whether the panel of lights and that of settings are seen.
+    pub panels_seen: [bool; 2],
     /// Whether the look differs from its file.
     pub is_unsaved: bool,
     /// Files opened lately, newest first.
@@ -33,14 +35,18 @@ pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) 
     if ui.available_width() < WIDE {
         ui.horizontal_wrapped(|ui| {
             look_buttons(ui, state, actions);
-            window_buttons(ui, state, actions);
+            window_buttons(ui, actions);
+            panel_buttons(ui, state, actions);
         });
         return;
     }
     ui.horizontal(|ui| {
         look_buttons(ui, state, actions);
         let layout = egui::Layout::right_to_left(egui::Align::Center);
-        ui.with_layout(layout, |ui| window_buttons(ui, state, actions));
+        ui.with_layout(layout, |ui| {
+            window_buttons(ui, actions);
+            ui.menu_button("Panels", |ui| panel_buttons(ui, state, actions));
+        });
     });
 }
 
@@ -59,15 +65,28 @@ fn look_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
 }
 
 /// What is about the window.
-fn window_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
+fn window_buttons(ui: &mut Ui, actions: &mut Vec<Action>) {
     if ui.button("Shortcuts").on_hover_text("F1").clicked() {
         actions.push(Action::ToggleShortcuts);
     }
     ui.menu_button("Theme", theme_menu);
     ui.menu_button("Text size", size_menu);
-    let bare = ui.selectable_label(state.is_bare, "Picture only");
-    if bare.on_hover_text("Hide the panels, show them again, H").clicked() {
-        actions.push(Action::TogglePanels);
+}
+
+/// Which panels there are: in a small window at hand, since it has room for one of them.
+fn panel_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
+    let [lights, settings] = state.panels_seen;
+    let rows = [
+        (lights, "Lights panel", &shortcuts::LIGHTS_PANEL, Action::TogglePanel(Side::Lights)),
+        (settings, "Settings panel", &shortcuts::SETTINGS_PANEL, Action::TogglePanel(Side::Settings)),
+        (state.is_bare, "Picture only", &shortcuts::PANELS, Action::TogglePanels),
+    ];
+    for (is_on, name, keys, action) in rows {
+        let button = ui.add(Button::selectable(is_on, name));
+        if button.on_hover_text(ui.ctx().format_shortcut(keys)).clicked() {
+            actions.push(action);
+            ui.close();
+        }
     }
 }
 

@@ -1,19 +1,20 @@
 //! The picture that is seen, made once more for a file or the clipboard.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
 use clerestory_transport::bake::Bake;
 use eframe::egui::{Color32, ColorImage};
 
-use super::Shown;
-use super::lamps::LampLight;
+use super::lamps::{LampLight, StillLamps};
 use crate::cli::relight::{frame_of, irradiance_for};
 use crate::export::layers::{FREE_LAMPS, LayerSet};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
+use crate::stills::Subject;
 
 /// A bake under a look, with the light of its free lamps.
 pub(super) struct Seen {
@@ -24,10 +25,19 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Of the matrix that is shown.
-    pub fn of(shown: &Shown, look: Look, light: Option<LampLight>) -> Seen {
-        let coefficients = shown.coefficients(&look.lights, light.as_ref());
-        Seen { bake: shown.bake(), coefficients, look, light }
+    /// Of the matrix that is shown. Without `light`, its free lamps are traced as finely as the window does while they stand still.
+    pub fn of(subject: Subject, look: Look, light: Option<LampLight>) -> Seen {
+        let Subject { bake, view } = subject;
+        let lamps = look.lights.lit_lamps();
+        let shines = lamps.iter().any(|lamp| !lamp.setting.muted);
+        // Who asked for a file waits for it, a window that is being closed too.
+        let traced = || StillLamps::fine(Arc::new(view.filter(|_| shines)?)).light(&lamps, &|| false);
+        let light = light.or_else(traced);
+        let mut coefficients = bake.header.coefficients(&look.lights);
+        if let Some(light) = &light {
+            bake.header.add_of_patches(&mut coefficients, &light.of_patches);
+        }
+        Seen { bake, coefficients, look, light }
     }
 
     /// Writes it.

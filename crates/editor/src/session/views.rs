@@ -46,6 +46,8 @@ pub struct ViewEntry {
     pub is_shown: bool,
     /// Whether it is being baked.
     pub is_baking: bool,
+    /// Whether all of it was baked.
+    pub is_done: bool,
 }
 
 impl Session {
@@ -60,6 +62,7 @@ impl Session {
             error_db: error_db.map(|error| error.total),
             is_shown: id == self.views.shown,
             is_baking: is_running && self.views.aside.unwrap_or(self.views.shown) == id,
+            is_done: shown.packed.is_some(),
         };
         let kept = self.views.kept.iter();
         let mut views: Vec<ViewEntry> =

@@ -15,19 +15,17 @@ use crate::look::snapshot::Snapshot;
 use crate::sequence::Sequence;
 
 impl Session {
-    /// Writes the picture under `look` in the background, with the light of its free lamps.
+    /// Writes the picture under `look` in the background, with the light of its free lamps; without `light` that is traced.
     pub fn export(&mut self, look: Look, light: Option<LampLight>, path: PathBuf, options: ExportOptions) {
-        let Some(shown) = &self.shown else { return };
-        let seen = Seen::of(shown, look, light);
-        self.write(path.clone(), move || seen.save(&path, &options));
+        let Some(subject) = self.subject() else { return };
+        self.write(path.clone(), move || Seen::of(subject, look, light).save(&path, &options));
     }
 
-    /// Makes the picture under `look` for the clipboard in the background; it comes as a notice.
+    /// Makes the same picture for the clipboard in the background; it comes as a notice.
     pub fn copy(&mut self, look: Look, light: Option<LampLight>) {
-        let Some(shown) = &self.shown else { return };
-        let seen = Seen::of(shown, look, light);
+        let Some(subject) = self.subject() else { return };
         let task = self.spawn("copy", move |post| {
-            let developed = seen.develop().map_err(|error| format!("{error:#}"));
+            let developed = Seen::of(subject, look, light).develop().map_err(|error| format!("{error:#}"));
             let _ = post.send(Fact::Developed(developed), Duration::ZERO);
         });
         self.others.extend(task);

@@ -17,8 +17,10 @@ use super::{LampLight, LampOrder, LampPart, LampView, Work};
 
 /// Passes after which a soft shadow is as smooth as it gets.
 const SOFT_PASSES: u32 = 64;
-/// Samples of a pixel for smooth edges: as many as fit into so much memory.
+/// Samples of a pixel that are kept, for lamps that move: as many as fit into so much memory.
 const SAMPLES: std::ops::RangeInclusive<usize> = 2..=8;
+/// Samples of a pixel where lamps stand still, for smooth edges; those that are not kept are looked for again by each pass.
+const STILL_SAMPLES: u32 = 32;
 const MOST_BYTES: usize = 256 << 20;
 /// Time between two pictures while nothing moves.
 const POST_EVERY: Duration = Duration::from_millis(250);
@@ -28,6 +30,10 @@ pub(super) struct Bench {
     pub view: Arc<LampView>,
     /// What the pixels see in each of their samples, as far as it was needed.
     points: Vec<VisiblePoints>,
+    /// The sample that was looked for last and is not kept, and its number.
+    spare: Option<(usize, VisiblePoints)>,
+    /// Samples of a pixel that are looked for at most, those that are not kept included.
+    most_samples: u32,
     /// Where light arrives in each of their samples, as far as it was needed.
     arriving: Vec<ArrivingPoints>,
     shows_arriving: bool,
@@ -119,19 +125,14 @@ fn samples_within(most_bytes: usize, sample_bytes: usize) -> usize {
     (most_bytes / sample_bytes.max(1)).clamp(*SAMPLES.start(), *SAMPLES.end())
 }
 
-/// Passes that a lamp takes, of what is seen and of what arrives.
-fn most_passes(lamp: &FreeLamp, view: &LampView, n_samples: usize) -> (u32, u32) {
-    let n_samples = n_samples as u32;
-    let seen = if lamp.shape.has_surface() { SOFT_PASSES } else { n_samples };
-    (seen, if view.measures { n_samples } else { 0 })
-}
-
 impl Bench {
     /// Of a view, before the first lamp.
     pub fn new(view: Arc<LampView>) -> Bench {
         Bench {
             view,
             points: Vec::new(),
+            spare: None,
+            most_samples: STILL_SAMPLES,
             arriving: Vec::new(),
             shows_arriving: false,
             n_samples: *SAMPLES.end(),
@@ -155,7 +156,7 @@ impl Bench {
             match PreparedLamps::new(&[white(&lamp)], None) {
                 Ok((prepared, warnings)) => {
                     self.problems.extend(warnings);
-                    let (most_passes, most_arriving) = most_passes(&lamp, &self.view, self.n_samples);
+                    let (most_passes, most_arriving) = self.most_passes(&lamp);
                     let (sum, arriving, n_passes, n_arriving) = (Arc::default(), Arc::default(), 0, 0);
                     let lit = Lit {
                         lamp,
@@ -173,6 +174,13 @@ impl Bench {
                 Err(error) => self.problems.push(error.to_string()),
             }
         }
+    }
+
+    /// Passes that a lamp takes, of what is seen and of what arrives.
+    fn most_passes(&self, lamp: &FreeLamp) -> (u32, u32) {
+        let kept = self.n_samples as u32;
+        let seen = if lamp.shape.has_surface() { SOFT_PASSES } else { kept.max(self.most_samples) };
+        (seen, if self.view.measures { kept } else { 0 })
     }
 
     /// The lamp that lacks most, and what of it; none where all have enough.
@@ -200,22 +208,44 @@ impl Bench {
 
     /// One more pass of what is seen of a lamp's light; `None` when `stop` asked to.
     fn see(&mut self, idx: usize, view: &LampView, stop: &(dyn Fn() -> bool + Sync)) -> Option<()> {
-        let lit = &self.lamps[idx];
-        let (sample, round) = (lit.n_passes as usize % self.n_samples, lit.n_passes / self.n_samples as u32);
-        if sample >= self.points.len() {
-            let narrow_alpha = view.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
-            let config = VisibleConfig { samples: 1, first: sample as u32, narrow_alpha, ..VisibleConfig::default() };
-            self.points.push(VisiblePoints::new(&view.scene, &view.camera, view.film, config, stop)?);
-            if sample == 0 {
-                self.keep_within(MOST_BYTES);
-            }
-        }
+        let (sample, round) = self.sample_of(self.lamps[idx].n_passes);
+        self.look(sample, view, stop)?;
+        let spare = self.spare.as_ref().filter(|(nth, _)| *nth == sample).map(|(_, points)| points);
+        let points = self.points.get(sample).or(spare)?;
         let lit = &mut self.lamps[idx];
-        add_pass(&mut lit.sum, self.points[sample].direct(&view.scene, &lit.prepared, round, stop)?);
+        add_pass(&mut lit.sum, points.direct(&view.scene, &lit.prepared, round, stop)?);
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
             lit.of_patches = Some(Arc::new(lit.prepared.light_on_patches(&view.scene, patches)));
         }
         lit.n_passes += 1;
+        Some(())
+    }
+
+    /// Which sample of the pixels a pass takes, and how often it was taken before: first each that there is, then those that are kept.
+    fn sample_of(&self, pass: u32) -> (usize, u32) {
+        let kept = self.n_samples as u32;
+        let round = if pass < self.most_samples.max(kept) { 0 } else { pass / kept };
+        (if round == 0 { pass } else { pass % kept } as usize, round)
+    }
+
+    /// Looks at what the pixels see in a sample, if that is not known; `None` when `stop` asked to.
+    fn look(&mut self, sample: usize, view: &LampView, stop: &(dyn Fn() -> bool + Sync)) -> Option<()> {
+        let is_spare = self.spare.as_ref().is_some_and(|(nth, _)| *nth == sample);
+        if sample < self.points.len() || is_spare {
+            return Some(());
+        }
+        let narrow_alpha = view.patches.as_ref().map_or(0.0, Patches::narrow_alpha);
+        let config = VisibleConfig { samples: 1, first: sample as u32, narrow_alpha, ..VisibleConfig::default() };
+        self.spare = None;
+        let points = VisiblePoints::new(&view.scene, &view.camera, view.film, config, stop)?;
+        if sample == self.points.len() && sample < self.n_samples {
+            self.points.push(points);
+        } else {
+            self.spare = Some((sample, points));
+        }
+        if sample == 0 {
+            self.keep_within(MOST_BYTES);
+        }
         Some(())
     }
 
@@ -224,8 +254,9 @@ impl Bench {
         let Some(points) = self.points.first() else { return };
         self.n_samples =
             samples_within(most_bytes, points.n_bytes() + arriving::POINT_BYTES * self.view.film.n_pixels());
-        for lit in &mut self.lamps {
-            (lit.most_passes, lit.most_arriving) = most_passes(&lit.lamp, &self.view, self.n_samples);
+        let most: Vec<_> = self.lamps.iter().map(|lit| self.most_passes(&lit.lamp)).collect();
+        for (lit, most) in self.lamps.iter_mut().zip(most) {
+            (lit.most_passes, lit.most_arriving) = most;
         }
     }
 
@@ -300,8 +331,13 @@ pub struct StillLamps {
 }
 
 impl StillLamps {
-    /// In a view.
+    /// In a view, as smooth as frames want it.
     pub fn new(view: Arc<LampView>) -> StillLamps {
+        StillLamps { bench: Bench { most_samples: *SAMPLES.end() as u32, ..Bench::new(view) } }
+    }
+
+    /// The same, as fine as the window shows lamps that stand still.
+    pub fn fine(view: Arc<LampView>) -> StillLamps {
         StillLamps { bench: Bench::new(view) }
     }
 
@@ -346,7 +382,7 @@ mod tests {
         let (strength, unit) = (100.0, LampUnit::Lumen);
         let lamp = FreeLamp { key: "a".into(), shape, position, aim: position - Vec3::Y, strength, unit, setting };
         let mut bench = Bench::new(view.clone());
-        bench.take(LampOrder { view: view.clone(), lamps: vec![lamp], shows_arriving: true, serial: 1 });
+        bench.take(LampOrder { view: view.clone(), lamps: vec![lamp.clone()], shows_arriving: true, serial: 1 });
         bench.step(&|_, _| false);
         let each = bench.points[0].n_bytes() + arriving::POINT_BYTES * view.film.n_pixels();
         assert!(each > 64 * view.film.n_pixels(), "{each}");
@@ -355,6 +391,9 @@ mod tests {
             bench.step(&|_, _| false);
         }
         assert_eq!((bench.points.len(), bench.arriving.len(), bench.n_samples), (3, 3, 3));
-        assert_eq!((bench.lamps[0].n_passes, bench.lamps[0].n_arriving), (3, 3));
+        assert_eq!((bench.lamps[0].n_passes, bench.lamps[0].n_arriving), (STILL_SAMPLES, 3));
+        assert_eq!(bench.spare.as_ref().map(|(nth, _)| *nth), Some(31), "samples that do not fit are looked for again");
+        let all_kept = StillLamps::fine(view).light(&[lamp], &|| false).unwrap();
+        assert!(bench.news().unwrap().direct.pixels == all_kept.direct.pixels, "and give the same light");
     }
 }
