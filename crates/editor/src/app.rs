@@ -214,6 +214,11 @@ impl App {
         !self.session.bake.is_running() && self.follower.is_idle() && self.prints.is_idle() && self.daylight.is_idle()
     }
 
+    /// Whether the picture shows the lights as they are, though a hand may still be on them and hold the exposure.
+    pub fn is_answered(&self) -> bool {
+        self.follower.is_answered()
+    }
+
     /// Exposure of the picture that is shown, EV.
     pub fn shown_ev(&self) -> f32 {
         self.follower.shown_ev()

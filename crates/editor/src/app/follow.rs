@@ -119,7 +119,12 @@ impl Follower {
 
     /// Whether the last order was answered, the exposure is metered, and lamps that stand still are as smooth as they get.
     pub fn is_idle(&self) -> bool {
-        self.n_orders == self.last_answered && self.hold.is_none() && self.lamplight.is_idle() && self.sky.is_idle()
+        self.is_answered() && self.hold.is_none() && self.lamplight.is_idle() && self.sky.is_idle()
+    }
+
+    /// Whether the last order was answered.
+    pub fn is_answered(&self) -> bool {
+        self.n_orders == self.last_answered
     }
 
     /// The light of free lamps that is shown.

@@ -124,6 +124,8 @@ struct Window {
     frame: eframe::Frame,
     /// When somebody wants another frame.
     woken: Receiver<Instant>,
+    /// When the last frame wanted another one; who asks again for that moment is not heard.
+    due: Instant,
     begun: Instant,
     /// Where the slider of the first lamp is.
     slider: Rect,
@@ -141,7 +143,8 @@ impl Window {
         let creation = eframe::CreationContext::_new_kittest(ctx.clone());
         let app = App::new(&creation, Start::alone(Source::File(path), None))?;
         let frame = eframe::Frame::_new_kittest();
-        let mut window = Window { ctx, app, frame, woken, begun: Instant::now(), slider: Rect::NOTHING };
+        let mut window =
+            Window { ctx, app, frame, woken, due: Instant::now(), begun: Instant::now(), slider: Rect::NOTHING };
         window.draw_until(Vec::new(), |app| app.n_pictures() > 0 && app.is_settled())?;
         let output = window.draw(Vec::new());
         let nodes = output.platform_output.accesskit_update.context("the window has no names for its parts")?.nodes;
@@ -170,6 +173,8 @@ impl Window {
         });
         let shapes = std::mem::take(&mut output.shapes);
         std::hint::black_box(self.ctx.tessellate(shapes, output.pixels_per_point));
+        let wanted = output.viewport_output.values().map(|viewport| viewport.repaint_delay).min();
+        self.due = Instant::now() + wanted.unwrap_or(PATIENCE).min(PATIENCE);
         output
     }
 
@@ -194,9 +199,9 @@ impl Window {
         }
     }
 
-    /// Waits until the soonest frame that anybody wants is due.
+    /// Waits until the soonest frame that anybody wants is due: the last frame itself, or somebody since.
     fn sleep(&self) {
-        let mut due = Instant::now() + PATIENCE;
+        let mut due = self.due;
         while let Ok(wanted) = self.woken.recv_timeout(due.saturating_duration_since(Instant::now())) {
             due = due.min(wanted);
         }
@@ -212,13 +217,13 @@ impl Window {
             pressed: true,
             modifiers: egui::Modifiers::default(),
         };
-        self.draw_until(vec![Event::PointerMoved(places[0]), press], App::is_settled)?;
+        self.draw_until(vec![Event::PointerMoved(places[0]), press], App::is_answered)?;
         let (mut whole, mut frames) = (Vec::new(), Vec::new());
         for place in &places[1..] {
             let (n_before, before) = (self.app.n_pictures(), self.app.look().clone());
             let start = Instant::now();
             let drawn = self.draw_until(vec![Event::PointerMoved(*place)], |app| {
-                (app.n_pictures() > n_before && app.is_settled()) || *app.look() == before
+                (app.n_pictures() > n_before && app.is_answered()) || *app.look() == before
             })?;
             if *self.app.look() != before {
                 whole.push(start.elapsed().as_secs_f64());
