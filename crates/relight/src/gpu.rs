@@ -151,6 +151,11 @@ impl Gpu {
         self.lost.get()
     }
 
+    /// An error once the device is gone.
+    pub(crate) fn alive(&self) -> Result<(), RelightError> {
+        self.loss().map_or(Ok(()), |reason| Err(RelightError::Device(reason.clone())))
+    }
+
     /// Runs `job` and turns whatever the device reports meanwhile into an error.
     pub(crate) fn guarded<T>(&self, job: impl FnOnce() -> Result<T, RelightError>) -> Result<T, RelightError> {
         use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
@@ -162,10 +167,9 @@ impl Gpu {
             pollster::block_on(memory.pop()),
             pollster::block_on(internal.pop()),
         ];
-        match (reports.into_iter().flatten().next(), self.loss()) {
-            (Some(error), _) => Err(RelightError::Device(error.to_string())),
-            (None, Some(reason)) => Err(RelightError::Device(reason.clone())),
-            (None, None) => result,
+        match reports.into_iter().flatten().next() {
+            Some(error) => Err(RelightError::Device(error.to_string())),
+            None => self.alive().and(result),
         }
     }
 }

@@ -126,7 +126,8 @@ impl GpuRelighter {
         let shown = display.is_none_or(|display| self.shown.as_ref() == Some(display));
         let gpu = self.gpu.clone();
         let result = if lit && shown {
-            Ok(())
+            // A picture that is there already vanished with its device.
+            gpu.alive()
         } else {
             self.stats.n_submitted = 1;
             gpu.guarded(|| {

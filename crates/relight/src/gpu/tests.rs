@@ -210,6 +210,8 @@ fn a_lost_device_is_an_error() {
     // It is told once what was submitted before is done with.
     let _ = gpu.wait();
     assert!(gpu.is_lost());
+    let lost = relighter.relight_to_texture(&recipe.coefficients(2), &DisplayParams::default());
+    assert!(matches!(lost, Err(RelightError::Device(_))), "nothing is new, and still it is told");
     let lost = relighter.relight_to_texture(&recipe.coefficients(3), &DisplayParams::default());
     assert!(matches!(lost, Err(RelightError::Device(_))), "nothing is read back, and still it is told");
     let lost = relighter.relight(&recipe.coefficients(1), &mut Radiance::default());
