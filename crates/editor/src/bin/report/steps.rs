@@ -22,7 +22,8 @@ const SMALL: u32 = 32;
 
 /// A table of scenes and lamps.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut text = "A step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of \
+    let mut text = "## Steps of a moved lamp\n\n\
+        A step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of\n\
         all patches; medians. Shadow rays that nothing needs are not cast.\n\n\
         | scene | lamp | direct | shadow rays | rays a second | patches |\n|---|---|---|---|---|---|\n"
         .to_string();
