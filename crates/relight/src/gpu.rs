@@ -3,11 +3,13 @@
 mod chunk;
 pub(crate) mod copy_pass;
 mod group;
+mod lamplight;
 mod output;
 mod pack;
 mod relighter;
 mod stages;
 
+pub use lamplight::{LampWords, Lamplight, LitSample, TreeWords};
 pub use relighter::GpuRelighter;
 
 use std::sync::{Arc, OnceLock};

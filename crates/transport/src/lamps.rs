@@ -8,6 +8,7 @@ mod prepared;
 mod rectangle;
 mod source;
 mod units;
+mod words;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -18,6 +19,7 @@ pub(crate) use self::body::{Body, BodyPoint};
 pub use self::light::Lamp;
 pub(crate) use self::light::Lit;
 pub use self::prepared::{LampError, PreparedLamps};
+pub use self::words::LampWords;
 pub(crate) use self::prepared::{PreparedLamp, lattice};
 pub(crate) use self::units::lumen_per_candela;
 

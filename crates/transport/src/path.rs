@@ -478,12 +478,18 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let roulette = bits_of(sampler.next_1d());
         let outward = hit.outward(-walk.direction);
         let joint = Joint { walk, vertex, rivals, hit, bsdf, outward, jitter, roulette };
-        let onlooker = if self.scene.is_airy() { joint.onlooker() } else { None };
+        // The weights of many lights at once know nothing of a solid that attenuates around the surface.
+        let onlooker = if walk.extinction == Vec3::ZERO { joint.onlooker() } else { None };
         let mut fan = Fan::new(hit.origin(outward));
         let Scratch { picks, later } = scratch;
         for (first, picks) in (0u32..).step_by(BATCH).zip(picks.chunks(BATCH)) {
             let batch = onlooker.as_ref().and_then(|onlooker| Some((onlooker, Batch::of(picks, &self.plates)?)));
             if let Some((onlooker, batch)) = batch {
+                if !self.scene.slabs.is_empty() {
+                    for (nth, pick) in (first..).zip(picks) {
+                        self.connect_behind_slabs(&joint, (nth, *pick), None, deposit);
+                    }
+                }
                 let points = batch.points(onlooker, first);
                 self.connect_batch(&joint, (first, picks), &points, &mut fan, later, deposit);
                 continue;
@@ -545,23 +551,14 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         later: &mut [u64; 2],
         deposit: &mut impl Deposit,
     ) {
-        let Joint { walk, vertex, rivals, hit, bsdf, outward, jitter, .. } = *joint;
+        let Joint { walk, vertex, hit, outward, jitter, .. } = *joint;
         let u = jittered(jitter, nth);
         let light = self.light_point(pick.column, hit.position, u);
-        let arriving = |light: &LightPoint| {
-            let f_cos = rivals.weigh(bsdf, light.wi, light.spread_sr * pick.inverse_rate);
-            walk.throughput * f_cos * light.factor * pick.inverse_rate
-        };
-        if !self.scene.slabs.is_empty()
-            && let Some((light, route)) = self.light_behind_slabs(walk, (pick.column, hit.position, u), light.as_ref())
-            && let Some(value) = self.worth_it(joint, arriving(&light), nth, pick.column, light.shining)
-            && value.max_element() > 0.0
-        {
-            let passed = self.passed_along(walk, hit, &light, &route);
-            self.give(pick.column, light.wi, value * passed, deposit);
+        if !self.scene.slabs.is_empty() {
+            self.connect_behind_slabs(joint, (nth, pick), light.as_ref(), deposit);
         }
         let Some(light) = light else { return };
-        let mut value = arriving(&light);
+        let mut value = joint.arriving(&light, pick);
         if value.max_element() <= 0.0 {
             return;
         }
@@ -580,6 +577,26 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         } else {
             let behind = hit.origin(-outward);
             self.give(pick.column, light.wi, value * self.scene.transmittance(behind, light.target), deposit);
+        }
+    }
+
+    /// Connects a vertex to a point of one light through the slabs on the way, if there are any; `straight` is what there is of
+    /// the light without them.
+    fn connect_behind_slabs(
+        &self,
+        joint: &Joint<'_>,
+        (nth, pick): (u32, Pick),
+        straight: Option<&LightPoint>,
+        deposit: &mut impl Deposit,
+    ) {
+        let Joint { walk, hit, jitter, .. } = *joint;
+        let at = (pick.column, hit.position, jittered(jitter, nth));
+        if let Some((light, route)) = self.light_behind_slabs(walk, at, straight)
+            && let Some(value) = self.worth_it(joint, joint.arriving(&light, pick), nth, pick.column, light.shining)
+            && value.max_element() > 0.0
+        {
+            let passed = self.passed_along(walk, hit, &light, &route);
+            self.give(pick.column, light.wi, value * passed, deposit);
         }
     }
 
@@ -667,6 +684,13 @@ struct Joint<'a> {
 }
 
 impl Joint<'_> {
+    /// What a connection to a point of a light brings if nothing is in the way, per unit of the light's column.
+    #[inline]
+    fn arriving(&self, light: &LightPoint, pick: Pick) -> Vec3 {
+        let f_cos = self.rivals.weigh(self.bsdf, light.wi, light.spread_sr * pick.inverse_rate);
+        self.walk.throughput * f_cos * light.factor * pick.inverse_rate
+    }
+
     /// What a plain diffuse surface sees; `None` for any other.
     fn onlooker(&self) -> Option<Onlooker> {
         let rivals = match self.rivals {

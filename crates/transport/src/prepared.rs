@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::bsdf::{self, Bsdf, FinishParams, Frame, SurfaceParams};
-use crate::bvh::{Aabb, Bvh, Hit, Ray};
+use crate::bsdf::{self, Bsdf, FinishParams, Frame, SurfaceParams, coat_table};
+use crate::bvh::{Aabb, Bvh, Hit, Ray, TreeWords};
 use crate::clearance::{clearance, nearer, offset_origin, rounding, shortening};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
@@ -150,9 +150,14 @@ impl PreparedScene {
         self.scene.materials.iter().any(Material::casts_caustics)
     }
 
-    /// Whether light goes straight and undimmed between surfaces, clear panes and what has alpha aside.
-    pub(crate) fn is_airy(&self) -> bool {
-        !self.attenuates && self.slabs.is_empty()
+    /// What rays of a device meet, in plain words; `None` where light also comes through solid panes, which only the CPU follows.
+    pub fn tree_words(&self) -> Option<TreeWords> {
+        self.slabs.is_empty().then(|| TreeWords::new(&self.solid, self.sheer.as_deref()))
+    }
+
+    /// What coats leave to what is below them, as a table for a device.
+    pub fn coat_table(&self) -> Vec<f32> {
+        coat_table()
     }
 
     /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.

@@ -15,6 +15,7 @@ mod bodies;
 mod follow;
 mod point;
 mod shade;
+mod words;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -22,6 +23,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use self::follow::{Found, Trail};
+pub use self::words::SampleWords;
 use crate::camera::{Camera, Film};
 use crate::lamps::PreparedLamps;
 use crate::prepared::PreparedScene;
@@ -110,9 +112,21 @@ impl VisiblePoints {
         pass: u32,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<Vec<[f32; 3]>> {
-        let (sample, round) = (pass % self.bands.len() as u32, pass / self.bands.len() as u32);
+        self.complete(scene, lamps, pass, vec![Vec3::ZERO; self.film.n_pixels()], |_| true, stop)
+    }
+
+    /// Adds what lacks of a pass: the light at pixels that are wanted, and the bodies at all of them.
+    fn complete(
+        &self,
+        scene: &PreparedScene,
+        lamps: &PreparedLamps,
+        pass: u32,
+        mut pixels: Vec<Vec3>,
+        is_wanted: impl Fn(u32) -> bool + Sync,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Vec<[f32; 3]>> {
+        let (sample, round) = self.turn(pass);
         let (stopped, rows) = (AtomicBool::new(false), TILE * self.film.width);
-        let mut pixels = vec![Vec3::ZERO; self.film.n_pixels()];
         let views = bodies::views(lamps, &self.camera, self.film);
         let bands = pixels.par_chunks_mut(rows as usize).zip(&self.bands[sample as usize]).enumerate();
         bands.for_each(|(nth, (pixels, band))| {
@@ -121,12 +135,18 @@ impl VisiblePoints {
                 return;
             }
             let shading = shade::Shading::new(scene, lamps);
-            let n_rays =
-                shading.shade(band, (nth as u32 * rows, self.config.seed, [self.config.first + sample, round]), pixels);
+            let key = (nth as u32 * rows, self.config.seed, [self.config.first + sample, round]);
+            let n_rays = shading.shade(band, key, &is_wanted, pixels);
             self.n_rays.fetch_add(n_rays, Ordering::Relaxed);
             self.show_bodies(lamps, &views, (nth as u32, self.config.first + sample), band, pixels);
         });
         (!stopped.into_inner()).then(|| pixels.into_iter().map(|rgb| rgb.to_array()).collect())
+    }
+
+    /// Sample and round of a pass.
+    fn turn(&self, pass: u32) -> (u32, u32) {
+        let n_samples = self.bands.len() as u32;
+        (pass % n_samples, pass / n_samples)
     }
 }
 

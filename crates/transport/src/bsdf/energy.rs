@@ -98,6 +98,13 @@ fn place(cos: f32) -> (usize, f32) {
     (column, at - column as f32)
 }
 
+/// What [`Coat::allowance`] looks up, in plain numbers: albedos per f0 and f90 by roughness (24) and by cosine (32), then the mean of
+/// `(1 − V·H)⁵` by cosine.
+pub(crate) fn table() -> Vec<f32> {
+    let Albedos { coat, grazing } = &*ALBEDOS;
+    coat.as_flattened().as_flattened().iter().chain(grazing).copied().collect()
+}
+
 impl Albedos {
     fn integrate() -> Albedos {
         let wo = |column: usize| {

@@ -4,15 +4,15 @@ use glam::Vec3;
 
 /// Reflectance of a layer after Schlick: `f0` at normal incidence, `f90` at grazing. \[Schlick1994\]
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Schlick {
-    pub(super) f0: Vec3,
-    pub(super) f90: f32,
+pub(crate) struct Schlick {
+    pub(crate) f0: Vec3,
+    pub(crate) f90: f32,
 }
 
 impl Schlick {
     /// Reflectance of a dielectric as KHR_materials_specular and KHR_materials_ior define it. An index of exactly 1 is no
     /// interface at all, also not at grazing angles.
-    pub(super) fn dielectric(ior: f32, specular: f32, specular_color: Vec3) -> Schlick {
+    pub(crate) fn dielectric(ior: f32, specular: f32, specular_color: Vec3) -> Schlick {
         if is_matched(ior) {
             return Schlick { f0: Vec3::ZERO, f90: 0.0 };
         }

@@ -35,7 +35,8 @@ use glam::Vec3;
 pub use self::finish::{FinishParams, Frame, finish_params};
 pub use self::params::{SurfaceParams, alpha, shading_normal, surface_params};
 
-pub(crate) use self::fresnel::is_matched;
+pub(crate) use self::energy::table as coat_table;
+pub(crate) use self::fresnel::{Schlick, is_matched};
 pub(crate) use self::layers::is_mirror;
 
 use self::film::NoFilm;

@@ -20,6 +20,7 @@ mod stack;
 mod tests;
 mod traverse;
 mod triangle;
+mod words;
 
 use glam::Vec3;
 
@@ -27,6 +28,7 @@ use build::Tree;
 use dispatch::Instructions;
 use fan::{FAN, Fan};
 use node::{Block, Node};
+pub use words::TreeWords;
 
 use crate::stop::{Stop, Stopped};
 

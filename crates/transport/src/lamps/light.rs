@@ -49,7 +49,7 @@ pub(crate) struct Lit {
 /// A lamp without size has this one next to it: closer than that it is not brighter, m.
 const POINT_RADIUS_M: f32 = 0.01;
 /// Bodies within so many of their radii are sampled by the angle that they fill.
-const NEAR: f32 = 3.0;
+pub(super) const NEAR: f32 = 3.0;
 
 impl Lamp {
     /// A point with uniform density over a body; `far` is a distance beyond all surfaces, m.

@@ -1,9 +1,10 @@
 //! A point that a pixel sees, in 64 bytes.
 
 use glam::{Vec2, Vec3};
+use half::f16;
 
-use crate::bsdf::{Bsdf, SurfaceParams};
-use crate::clearance::offset_origin;
+use crate::bsdf::{Bsdf, Schlick, SurfaceParams};
+use crate::clearance::{offset_origin, shortening};
 use crate::prepared::{Appearance, PreparedScene, SurfaceHit};
 use crate::scene::Material;
 
@@ -34,7 +35,14 @@ pub(super) struct Special {
     /// Scattering as a whole.
     bsdf: Bsdf,
     /// Extinction on the viewer's side and on the other one, 1/m.
-    pub extinction: [Vec3; 2],
+    extinction: [Vec3; 2],
+}
+
+impl Special {
+    /// Extinction on the way in a direction, given the normal on the viewer's side, 1/m.
+    pub fn extinction_towards(&self, ng: Vec3, wi: Vec3) -> Vec3 {
+        self.extinction[usize::from(wi.dot(ng) <= 0.0)]
+    }
 }
 
 /// Seen from the back of its triangle.
@@ -120,6 +128,30 @@ impl Point {
         offset_origin(self.position + normal * self.clearance, normal, scene.extent())
     }
 
+    /// For a device: `group` and `nth` tell which point of a lamp it is lit from. Points of which a device knows too little are marked as
+    /// the CPU's.
+    pub fn words(&self, scene: &PreparedScene, group: u32, nth: u32) -> [[u32; 4]; 4] {
+        let ng = self.normal();
+        let origin = self.origin(scene, ng);
+        let is_left = self.may_transmit() || shortening(origin, scene.extent()) > 0.0;
+        let number = (group & 15) << 8 | (nth & 15) << 4 | u32::from(is_left);
+        let Vec3 { x, y, z } = self.throughput;
+        let [x, y, z] = [x, y, z].map(f32::to_bits);
+        let mut looks = [[0; 4]; 2];
+        if !is_left {
+            let material = &scene.scene.materials[self.material as usize];
+            let params = self.params(material);
+            let coat = Schlick::dielectric(params.ior, params.specular, params.specular_color);
+            let [r, g, b, metallic, roughness, ..] = self.surface;
+            looks = [
+                [self.wo.word(), pair([r, g]), pair([b, metallic]), u32::from(roughness)],
+                [halves([coat.f0.x, coat.f0.y]), halves([coat.f0.z, coat.f90]), 0, self.ns.word()],
+            ];
+        }
+        let place = origin.to_array().map(f32::to_bits);
+        [[place[0], place[1], place[2], x], [y, z, number, self.ng.word()], looks[0], looks[1]]
+    }
+
     fn params(&self, material: &Material) -> SurfaceParams {
         let [r, g, b, metallic, roughness, transmission, specular, _] = self.surface.map(|x| f32::from(x) / 65_535.0);
         SurfaceParams {
@@ -138,6 +170,15 @@ impl Point {
 /// Least cosine of a viewer that is kept.
 const GRAZING: f32 = 1e-4;
 
+/// Two numbers in one word, the first one low.
+fn pair([low, high]: [u16; 2]) -> u32 {
+    u32::from(low) | u32::from(high) << 16
+}
+
+fn halves(numbers: [f32; 2]) -> u32 {
+    pair(numbers.map(|number| f16::from_f32(number).to_bits()))
+}
+
 fn unit_u16(x: f32) -> u16 {
     (x.clamp(0.0, 1.0) * 65_535.0).round() as u16
 }
@@ -147,6 +188,11 @@ fn unit_u16(x: f32) -> u16 {
 struct Octahedral([i16; 2]);
 
 impl Octahedral {
+    /// Both coordinates in one word, the first one low.
+    fn word(self) -> u32 {
+        pair(self.0.map(|coordinate| coordinate as u16))
+    }
+
     fn new(v: Vec3) -> Octahedral {
         let p = Vec2::new(v.x, v.y) / (v.x.abs() + v.y.abs() + v.z.abs());
         let p = if v.z < 0.0 { fold(p) } else { p };

@@ -11,7 +11,7 @@ use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 
 /// Points that are shaded together, as many as a fan has.
-const GROUP: usize = 16;
+pub(super) const GROUP: usize = 16;
 /// Stream of random numbers that nobody else uses.
 const STREAM: u64 = 15 << 58;
 
@@ -20,8 +20,6 @@ pub(super) struct Shading<'a> {
     scene: &'a PreparedScene,
     lamps: &'a PreparedLamps,
     far: f32,
-    /// No solid between things changes light.
-    is_airy: bool,
 }
 
 /// Shadow rays of a group to a point that they share.
@@ -34,22 +32,29 @@ struct Fan {
 
 impl<'a> Shading<'a> {
     pub fn new(scene: &'a PreparedScene, lamps: &'a PreparedLamps) -> Shading<'a> {
-        Shading { scene, lamps, far: scene.far(), is_airy: scene.is_airy() }
+        Shading { scene, lamps, far: scene.far() }
     }
 
-    /// Adds the light of all lamps to the pixels of a band, which begin with the one of number `first`. Returns the number
-    /// of shadow rays.
-    pub fn shade(&self, band: &Band, (first, seed, [sample, round]): (u32, u64, [u32; 2]), pixels: &mut [Vec3]) -> u64 {
+    /// Adds the light of all lamps to those pixels of a band that are wanted; the band begins with the one of number `first`. Returns
+    /// the number of shadow rays.
+    pub fn shade(
+        &self,
+        band: &Band,
+        (first, seed, [sample, round]): (u32, u64, [u32; 2]),
+        is_wanted: impl Fn(u32) -> bool,
+        pixels: &mut [Vec3],
+    ) -> u64 {
         let (points, specials) = (&band.found.points, band.found.specials.as_slice());
         let mut n_rays = 0;
         for (tile, ends) in band.tiles.windows(2).enumerate() {
-            let key = u64::from(first) << 12 | tile as u64;
             for (nth, group) in points[ends[0] as usize..ends[1] as usize].chunks(GROUP).enumerate() {
+                if !group.iter().any(|point| is_wanted(point.pixel)) {
+                    continue;
+                }
                 for (lamp_idx, lamp) in self.lamps.lamps().iter().enumerate() {
-                    let stream = STREAM + (key << 8) + lamp_idx as u64;
-                    let shift = Vec2::from(Sampler::new(seed, stream, sample).next_2d());
-                    let u = (shift + hammersley(nth as u32) + lattice(round)).fract();
-                    n_rays += self.shade_group((group, specials), lamp, u, first, pixels);
+                    let shift = shift((first, tile), lamp_idx, (seed, [sample, round]));
+                    let u = (shift + hammersley(nth as u32)).fract();
+                    n_rays += self.shade_group((group, specials), (lamp, u), (first, &is_wanted), pixels);
                 }
             }
         }
@@ -59,20 +64,18 @@ impl<'a> Shading<'a> {
     fn shade_group(
         &self,
         (group, specials): (&[Point], &[Special]),
-        lamp: &PreparedLamp,
-        u: Vec2,
-        first: u32,
+        (lamp, u): (&PreparedLamp, Vec2),
+        (first, is_wanted): (u32, &impl Fn(u32) -> bool),
         pixels: &mut [Vec3],
     ) -> u64 {
-        let shared = lamp.lamp.point(u).filter(|_| self.is_airy && !lamp.lamp.is_ball());
+        let shared = lamp.lamp.point(u).filter(|_| !lamp.lamp.is_ball());
         let mut fan = Fan { n: 0, places: [Vec3::ZERO; GROUP], values: [Vec3::ZERO; GROUP], pixels: [0; GROUP] };
         let mut n_rays = 0;
-        for (nth, point) in group.iter().enumerate() {
+        for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
-            if !self.is_airy {
+            if let Some(passed) = self.through_slabs((point, specials), lamp, spread(u, nth)) {
                 n_rays += 1;
-                pixels[at] += self.through_solids((point, specials), (lamp, spread(u, nth)));
-                continue;
+                pixels[at] += passed;
             }
             let shared = shared.as_ref().filter(|_| !lamp.lamp.is_near(point.position));
             let lit = match shared {
@@ -105,6 +108,24 @@ impl<'a> Shading<'a> {
         lamp: &PreparedLamp,
         lit: &Lit,
     ) -> Option<Vec3> {
+        let value = self.scattered((point, specials), ng, lamp, lit)?;
+        match point.special(specials) {
+            Some(special) if !lamp.lamp.is_beyond() => {
+                Some(value * (-special.extinction_towards(ng, lit.wi) * lit.target.distance(point.position)).exp())
+            }
+            _ => Some(value),
+        }
+    }
+
+    /// What a point sends to its pixel of light that nothing dims.
+    #[inline]
+    fn scattered(
+        &self,
+        (point, specials): (&Point, &[Special]),
+        ng: Vec3,
+        lamp: &PreparedLamp,
+        lit: &Lit,
+    ) -> Option<Vec3> {
         if lit.wi.dot(ng) <= 0.0 && !point.may_transmit() {
             return None;
         }
@@ -112,44 +133,29 @@ impl<'a> Shading<'a> {
         (luminance(value) > 0.0).then_some(value)
     }
 
-    /// The light of a lamp at a point among solids: on the straight way, dimmed by what attenuates, and through slabs.
-    fn through_solids(&self, (point, specials): (&Point, &[Special]), (lamp, u): (&PreparedLamp, Vec2)) -> Vec3 {
-        let (scene, position, ng) = (self.scene, point.position, point.normal());
-        let straight = lamp.lamp.lit_well(position, u, self.far);
-        let special = point.special(specials);
-        let extinction = |wi: Vec3| special.map_or(Vec3::ZERO, |s| s.extinction[usize::from(wi.dot(ng) <= 0.0)]);
-        let origin = |wi: Vec3| point.origin(scene, if wi.dot(ng) > 0.0 { ng } else { -ng });
-        let mut sum = Vec3::ZERO;
-        if let Some(lit) = &straight
-            && let Some(value) = self.arriving((point, specials), ng, lamp, lit)
-        {
-            let dimmed = if lamp.lamp.is_beyond() {
-                Vec3::ONE
-            } else {
-                (-extinction(lit.wi) * lit.target.distance(position)).exp()
-            };
-            sum += value * dimmed * scene.transmittance(origin(lit.wi), lit.target);
-        }
+    /// The light of a lamp at a point through the slabs on the way; `None` where there are none.
+    fn through_slabs(&self, (point, specials): (&Point, &[Special]), lamp: &PreparedLamp, u: Vec2) -> Option<Vec3> {
+        let (scene, position) = (self.scene, point.position);
         if scene.slabs.is_empty() {
-            return sum;
+            return None;
         }
-        let (end, route) = match straight.filter(|_| lamp.lamp.is_beyond()) {
-            Some(lit) => (None, scene.slabs.route_beyond(position, lit.wi, self.far)),
-            None => {
-                let end = lamp.lamp.point(u).map(|point| point.position);
-                (end, end.and_then(|end| scene.slabs.route(position, end)))
-            }
+        let (end, route) = if lamp.lamp.is_beyond() {
+            let wi = lamp.lamp.lit_well(position, u, self.far)?.wi;
+            (None, scene.slabs.route_beyond(position, wi, self.far)?)
+        } else {
+            let end = lamp.lamp.point(u)?.position;
+            (Some(end), scene.slabs.route(position, end)?)
         };
-        let Some(route) = route else { return sum };
         // From there the lamp looks, without slabs, as it does from here through them.
         let eye = end.map_or(position, |end| end - route.direction / route.closeness.sqrt());
-        if let Some(lit) = lamp.lamp.lit(eye, u, self.far)
-            && let Some(value) = self.arriving((point, specials), ng, lamp, &lit)
-        {
-            let start = (position, origin(route.direction));
-            sum += value * passed_along(scene, start, extinction(route.direction), (&route, end, self.far));
-        }
-        sum
+        let lit = lamp.lamp.lit(eye, u, self.far)?;
+        let ng = point.normal();
+        let value = self.scattered((point, specials), ng, lamp, &lit)?;
+        let extinction =
+            point.special(specials).map_or(Vec3::ZERO, |special| special.extinction_towards(ng, route.direction));
+        let outward = if route.direction.dot(ng) > 0.0 { ng } else { -ng };
+        let start = (position, point.origin(scene, outward));
+        Some(value * passed_along(scene, start, extinction, (&route, end, self.far)))
     }
 }
 
@@ -166,6 +172,13 @@ impl Fan {
             pixels[self.pixels[i] as usize] += self.values[i] * passed[i];
         }
     }
+}
+
+/// Offset of the points of a lamp for the points of a tile of a band.
+pub(super) fn shift((first, tile): (u32, usize), lamp_idx: usize, (seed, [sample, round]): (u64, [u32; 2])) -> Vec2 {
+    let key = u64::from(first) << 12 | tile as u64;
+    let random = Vec2::from(Sampler::new(seed, STREAM + (key << 8) + lamp_idx as u64, sample).next_2d());
+    (random + lattice(round)).fract()
 }
 
 /// The point of a group's member that has one of its own.

@@ -1,0 +1,135 @@
+//! Direct light of lamps on the device: rays through a tree that the host gives as plain words.
+
+use bytemuck::Pod;
+
+use super::chunk::{storage, working};
+use super::output::uniform;
+use super::stages::{bind, pipeline};
+use crate::gpu::Gpu;
+use crate::layout::{LAMPLIGHT, LampRecord};
+use crate::relight::RelightError;
+
+/// What rays meet, as `lamplight.wgsl` reads it.
+#[derive(Clone, Copy, Debug)]
+pub struct TreeWords<'a> {
+    /// Eight boxes and what is in them: 56 words each.
+    pub nodes: &'a [[u32; 4]],
+    /// Four triangles: 40 words each.
+    pub blocks: &'a [[u32; 4]],
+    /// First node of what lets some light pass, if there is any.
+    pub sheer: Option<u32>,
+    /// Table of what coats leave to what is below them.
+    pub coats: &'a [f32],
+}
+
+/// A lamp as `lamplight.wgsl` reads it; width, height and `sheer` are filled in here.
+pub type LampWords = [u32; 24];
+
+/// A scene on the device, to be lit by lamps.
+#[derive(Debug)]
+pub struct Lamplight {
+    gpu: Gpu,
+    stage: wgpu::ComputePipeline,
+    nodes: wgpu::Buffer,
+    blocks: wgpu::Buffer,
+    coats: wgpu::Buffer,
+    sheer: Option<u32>,
+}
+
+/// What the pixels see in one of their samples, on the device.
+#[derive(Debug)]
+pub struct LitSample {
+    width: u32,
+    height: u32,
+    lamp: wgpu::Buffer,
+    shifts: wgpu::Buffer,
+    lit: wgpu::Buffer,
+    bindings: wgpu::BindGroup,
+}
+
+/// Pixels along a side of a workgroup.
+const SIDE: u32 = 8;
+/// Pixels along a side of a tile, which shares a random offset.
+const TILE: u32 = 16;
+
+impl Lamplight {
+    /// Takes the scene to the device.
+    ///
+    /// # Errors
+    /// [`RelightError::TooLarge`] where the device does not take buffers of that size, [`RelightError::Device`] where it fails.
+    pub fn new(gpu: &Gpu, tree: TreeWords<'_>) -> Result<Self, RelightError> {
+        gpu.guarded(|| {
+            let nodes = filled(gpu, "the tree of the scene", tree.nodes)?;
+            let blocks = filled(gpu, "the triangles of the scene", tree.blocks)?;
+            let coats = filled(gpu, "the table of coats", tree.coats)?;
+            let (name, source) = LAMPLIGHT;
+            Ok(Self { gpu: gpu.clone(), stage: pipeline(gpu, name, source), nodes, blocks, coats, sheer: tree.sheer })
+        })
+    }
+
+    /// Takes what pixels see to the device: `starts` says where the points of each pixel begin, row by row, and how many there are; a point
+    /// has 16 words.
+    ///
+    /// # Errors
+    /// As [`Lamplight::new`].
+    pub fn sample(&self, [width, height]: [u32; 2], starts: &[u32], points: &[[u32; 4]]) -> Result<LitSample, RelightError> {
+        let gpu = &self.gpu;
+        gpu.guarded(|| {
+            let points = filled(gpu, "what the pixels see", points)?;
+            let starts = filled(gpu, "the list of pixels", starts)?;
+            let n_pixels = u64::from(width) * u64::from(height);
+            check(gpu, "the light of the pixels", 16 * n_pixels)?;
+            let n_tiles = u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE));
+            let shifts = storage(gpu, "shifts", 8 * n_tiles, wgpu::BufferUsages::COPY_DST);
+            let lit = working(gpu, "lit", 16 * n_pixels, wgpu::BufferUsages::COPY_SRC);
+            let lamp = uniform(gpu, "lamp", size_of::<LampRecord>());
+            let buffers = [&lamp, &self.nodes, &self.blocks, &points, &starts, &self.coats, &shifts, &lit];
+            let bindings = bind(gpu, &self.stage, 0, &buffers.map(|buffer| buffer.as_entire_binding()));
+            Ok(LitSample { width, height, lamp, shifts, lit, bindings })
+        })
+    }
+
+    /// Light of a lamp at each pixel, RGB and a fourth number: 1 where the CPU has to find it, else 0. `shifts` are offsets of
+    /// the points on the lamp, one for each tile of 16 × 16 pixels.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`] where the device fails.
+    pub fn light(&self, sample: &LitSample, lamp: &LampWords, shifts: &[[f32; 2]]) -> Result<Vec<[f32; 4]>, RelightError> {
+        let (gpu, width, height) = (&self.gpu, sample.width, sample.height);
+        let sheer = self.sheer.unwrap_or(u32::MAX);
+        let record = LampRecord { width, height, sheer, ..bytemuck::cast(*lamp) };
+        let n_bytes = 16 * u64::from(width) * u64::from(height);
+        let bytes = gpu.read_back(n_bytes, |encoder, buffer| {
+            gpu.queue.write_buffer(&sample.lamp, 0, bytemuck::bytes_of(&record));
+            gpu.queue.write_buffer(&sample.shifts, 0, bytemuck::cast_slice(shifts));
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.stage);
+            pass.set_bind_group(0, &sample.bindings, &[]);
+            pass.dispatch_workgroups(width.div_ceil(SIDE), height.div_ceil(SIDE), 1);
+            drop(pass);
+            encoder.copy_buffer_to_buffer(&sample.lit, 0, buffer, 0, n_bytes);
+        })?;
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+}
+
+fn check(gpu: &Gpu, what: &'static str, size: u64) -> Result<(), RelightError> {
+    let limits = gpu.device.limits();
+    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    if size > limit { Err(RelightError::TooLarge { what, size, limit }) } else { Ok(()) }
+}
+
+fn filled<T: Pod>(gpu: &Gpu, what: &'static str, content: &[T]) -> Result<wgpu::Buffer, RelightError> {
+    let bytes: &[u8] = bytemuck::cast_slice(content);
+    check(gpu, what, bytes.len() as u64)?;
+    let buffer = storage(gpu, what, bytes.len() as u64, wgpu::BufferUsages::COPY_DST);
+    if !bytes.is_empty() {
+        gpu.queue.write_buffer(&buffer, 0, bytes);
+    }
+    Ok(buffer)
+}

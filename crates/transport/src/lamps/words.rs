@@ -1,0 +1,74 @@
+//! A lamp in plain words for a device.
+
+use glam::Vec3;
+
+use super::PreparedLamps;
+use super::body::Body;
+use super::light::{Form, NEAR};
+use crate::prepared::PreparedScene;
+use crate::scene::PunctualKind;
+
+/// As a device takes it: kind (0 point, 1 spot, 2 parallel light, 3 rectangle, 4 disk, 5 sphere) and three words that are its own; then
+/// bits of f32: place and area; axis or normal, and cosine of a spot's outer angle; half of each side of a flat body, beside them one over the
+/// difference of a spot's cosines and the squared distance within which the CPU decides (of a sphere its squared radius); emission, and a distance beyond
+/// everything.
+pub type LampWords = [u32; 24];
+
+/// The same before it is packed.
+#[derive(Clone, Copy, Default)]
+struct Plain {
+    kind: u32,
+    position: Vec3,
+    area: f32,
+    axis: Vec3,
+    cos_outer: f32,
+    half: [Vec3; 2],
+    per_cos: f32,
+    near: f32,
+}
+
+impl PreparedLamps {
+    /// The lamp, if it is one alone and no measured distribution.
+    pub fn words(&self, scene: &PreparedScene) -> Option<LampWords> {
+        let [lamp] = self.lamps() else { return None };
+        let plain = plain(&lamp.lamp.form)?;
+        let rows = [
+            plain.position.extend(plain.area),
+            plain.axis.extend(plain.cos_outer),
+            plain.half[0].extend(plain.per_cos),
+            plain.half[1].extend(plain.near),
+            lamp.emission.extend(scene.far()),
+        ];
+        let mut words = [0; 24];
+        words[0] = plain.kind;
+        let numbers = rows.iter().flat_map(|row| row.to_array());
+        words[4..].iter_mut().zip(numbers).for_each(|(word, number)| *word = number.to_bits());
+        Some(words)
+    }
+}
+
+fn plain(form: &Form) -> Option<Plain> {
+    match form {
+        Form::Point { profile: Some(_), .. } => None,
+        Form::Point { light, .. } => {
+            let plain = Plain { position: light.position, axis: light.direction, ..Plain::default() };
+            Some(match light.kind {
+                PunctualKind::Spot { inner_rad, outer_rad } => {
+                    let cos_outer = outer_rad.cos();
+                    Plain { kind: 1, cos_outer, per_cos: 1.0 / (inner_rad.cos() - cos_outer).max(0.001), ..plain }
+                }
+                PunctualKind::Point | PunctualKind::Directional => plain,
+            })
+        }
+        Form::Distant(axis) => Some(Plain { kind: 2, axis: *axis, ..Plain::default() }),
+        Form::Body(body) => {
+            let (position, radius) = body.ball();
+            let (kind, axis, half, reach) = match body {
+                Body::Rectangle { half, normal, .. } => (3, *normal, *half, NEAR * radius),
+                Body::Disk { radii, normal, .. } => (4, *normal, *radii, NEAR * radius),
+                Body::Sphere { .. } => (5, Vec3::ZERO, [Vec3::ZERO; 2], radius),
+            };
+            Some(Plain { kind, position, area: body.area(), axis, half, near: reach * reach, ..Plain::default() })
+        }
+    }
+}
