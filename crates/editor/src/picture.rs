@@ -121,6 +121,11 @@ impl GpuPainter {
         }
     }
 
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
     /// Whether it is a real graphics device.
     pub fn is_hardware(&self) -> bool {
         !self.gpu.is_software()

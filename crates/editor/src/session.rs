@@ -243,6 +243,7 @@ impl Session {
             film: shown.film(),
             patches: shown.patches().cloned(),
             measures: shown.pixel_irradiance().is_some(),
+            device: None,
         });
         Some(Subject { bake: shown.bake(), view })
     }

@@ -256,6 +256,7 @@ impl Follower {
                 session,
                 &heard(&shown.header.basis, &look.lights, solo),
                 look.display.quantity(),
+                self.gpu.as_ref().filter(|_| self.uses_gpu()).map(GpuPainter::gpu),
             );
             let light = self.shown_lamp_light(shown).cloned();
             let layer = light.as_ref().map(|light| (light.serial, Arc::as_ptr(&light.direct).addr()));

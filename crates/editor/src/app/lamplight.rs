@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Result;
+use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
@@ -54,8 +55,16 @@ impl Lamplight {
     /// Takes in what came and orders what is new. Answers the lighting to show: while the light of lamps that were added,
     /// moved, or taken away is on its way, the picture keeps the lighting that goes with the light it has. So a lamp of
     /// the file that becomes movable does not go out in between.
-    pub fn follow(&mut self, session: &Session, rig: &LightRig, shown: Option<Quantity>) -> LightRig {
-        let view = self.current_view(session);
+    ///
+    /// `device` lights what is seen, if there is one to do it.
+    pub fn follow(
+        &mut self,
+        session: &Session,
+        rig: &LightRig,
+        shown: Option<Quantity>,
+        device: Option<&Gpu>,
+    ) -> LightRig {
+        let view = self.current_view(session, device);
         if view.as_ref().map(Arc::as_ptr) != self.view.as_ref().map(Arc::as_ptr) {
             self.look_elsewhere(view);
         }
@@ -107,7 +116,7 @@ impl Lamplight {
     }
 
     /// The view of the picture, the same as long as nothing of it changes; none without a scene.
-    fn current_view(&mut self, session: &Session) -> Option<Arc<LampView>> {
+    fn current_view(&mut self, session: &Session, device: Option<&Gpu>) -> Option<Arc<LampView>> {
         let (scene, shown) = (session.lamp_scene()?, session.shown.as_ref()?);
         let (camera, film) = (shown.camera.as_ref()?, shown.film());
         let is_of_header = self.header.as_ref().is_some_and(|header| Arc::ptr_eq(header, &shown.header));
@@ -116,14 +125,21 @@ impl Lamplight {
             Arc::ptr_eq(&view.scene, scene)
                 && (&view.camera, view.film, view.measures) == (camera, film, shown.pixel_irradiance().is_some())
                 && (is_of_header || view.patches.as_ref() == shown.patches())
+                && is_lit_by(view, device)
         };
         let kept = self.view.as_ref().filter(is_it).cloned();
         Some(kept.unwrap_or_else(|| {
             let (camera, patches) = (camera.clone(), shown.patches().cloned());
             let measures = shown.pixel_irradiance().is_some();
-            Arc::new(LampView { scene: scene.clone(), camera, film, patches, measures })
+            Arc::new(LampView { scene: scene.clone(), camera, film, patches, measures, device: device.cloned() })
         }))
     }
+}
+
+/// Whether a view is lit by a device, or by none, as it should be; one that was lost makes way for one that was not.
+fn is_lit_by(view: &LampView, device: Option<&Gpu>) -> bool {
+    let is_lost = |gpu: Option<&Gpu>| gpu.is_some_and(Gpu::is_lost);
+    view.device.is_some() == device.is_some() && (!is_lost(view.device.as_ref()) || is_lost(device))
 }
 
 /// Whether two views are the same but for their patches.

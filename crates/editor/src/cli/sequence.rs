@@ -105,6 +105,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         film: Film { width: header.width, height: header.height },
         patches: header.patches.clone(),
         measures,
+        device: None,
     });
     let mut stills = Stills::new(Arc::new(Subject { bake, view }), gpu);
     let (begun, n_frames, bar) = (Instant::now(), sequence.n_frames(), console.start_progress("frames"));

@@ -4,10 +4,11 @@
 //! color and intensity only weigh what is there. A pass of a lamp that has moved on is given up at once.
 
 mod bench;
+mod device;
 
 use std::sync::Arc;
 
-use clerestory_relight::Radiance;
+use clerestory_relight::{Gpu, Radiance};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::patches::Patches;
@@ -35,6 +36,8 @@ pub struct LampView {
     pub patches: Option<Patches>,
     /// Whether the light that arrives is measured: the bake holds that of the other lights.
     pub measures: bool,
+    /// The device that lights what is seen, if one is to; the CPU otherwise.
+    pub device: Option<Gpu>,
 }
 
 /// Lamps in a view.

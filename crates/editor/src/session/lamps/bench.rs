@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use clerestory_relight::Radiance;
+use clerestory_relight::{Radiance, RelightError};
 use clerestory_transport::arriving::{self, ArrivingPoints};
 use clerestory_transport::camera::Film;
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
@@ -13,6 +13,7 @@ use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::device::LampDevice;
 use super::{LampLight, LampOrder, LampPart, LampView, Work};
 
 /// Passes after which a soft shadow is as smooth as it gets.
@@ -40,6 +41,10 @@ pub(super) struct Bench {
     n_samples: usize,
     lamps: Vec<Lit>,
     problems: Vec<String>,
+    /// The graphics device, while it lights the view.
+    device: Option<LampDevice>,
+    /// Why it does not, although there is one.
+    device_problem: Option<String>,
     pub serial: u64,
     /// The light that was posted last: of which order, how far, when.
     posted: Option<(u64, u32, Instant)>,
@@ -115,6 +120,11 @@ fn add_pass(sum: &mut Arc<Vec<[f32; 3]>>, pass: Vec<[f32; 3]>) {
     sums.for_each(|(sum, more)| *sum += more);
 }
 
+/// That lamps are lit by the CPU, and why.
+fn on_cpu(error: &RelightError) -> String {
+    format!("the CPU lights the lamps, since {error}")
+}
+
 /// The lamp without what only weighs its light.
 fn white(lamp: &FreeLamp) -> FreeLamp {
     FreeLamp { setting: LightSetting::default(), ..lamp.clone() }
@@ -128,8 +138,12 @@ fn samples_within(most_bytes: usize, sample_bytes: usize) -> usize {
 impl Bench {
     /// Of a view, before the first lamp.
     pub fn new(view: Arc<LampView>) -> Bench {
+        let opened = view.device.as_ref().map_or(Ok(None), |gpu| LampDevice::new(gpu, &view));
+        let (device, device_problem) = opened.map_or_else(|error| (None, Some(on_cpu(&error))), |device| (device, None));
         Bench {
             view,
+            device,
+            device_problem,
             points: Vec::new(),
             spare: None,
             most_samples: STILL_SAMPLES,
@@ -146,7 +160,7 @@ impl Bench {
     /// Takes over other lamps; what is known of those that stay is kept.
     pub fn take(&mut self, order: LampOrder) {
         (self.serial, self.shows_arriving) = (order.serial, order.shows_arriving);
-        self.problems.clear();
+        self.problems = self.device_problem.iter().cloned().collect();
         let mut before = std::mem::take(&mut self.lamps);
         for lamp in order.lamps {
             if let Some(idx) = before.iter().position(|lit| lit.is_like(&lamp)) {
@@ -210,15 +224,38 @@ impl Bench {
     fn see(&mut self, idx: usize, view: &LampView, stop: &(dyn Fn() -> bool + Sync)) -> Option<()> {
         let (sample, round) = self.sample_of(self.lamps[idx].n_passes);
         self.look(sample, view, stop)?;
-        let spare = self.spare.as_ref().filter(|(nth, _)| *nth == sample).map(|(_, points)| points);
-        let points = self.points.get(sample).or(spare)?;
+        let pass = self.direct(idx, (sample, round), view, stop)?;
         let lit = &mut self.lamps[idx];
-        add_pass(&mut lit.sum, points.direct(&view.scene, &lit.prepared, round, stop)?);
+        add_pass(&mut lit.sum, pass);
         if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
             lit.of_patches = Some(Arc::new(lit.prepared.light_on_patches(&view.scene, patches)));
         }
         lit.n_passes += 1;
         Some(())
+    }
+
+    /// Direct light of a lamp in a sample: by the device where it keeps that sample, else by the CPU; `None` when `stop` asked to.
+    fn direct(
+        &mut self,
+        idx: usize,
+        (sample, round): (usize, u32),
+        view: &LampView,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Vec<[f32; 3]>> {
+        let lamp = &self.lamps[idx].prepared;
+        if let (Some(device), Some(points)) = (&mut self.device, self.points.get(sample)) {
+            match device.direct((sample, points), lamp, round, stop) {
+                Ok(Some(light)) => return Some(light),
+                Ok(None) if stop() => return None,
+                Ok(None) => {}
+                Err(error) => {
+                    (self.device, self.device_problem) = (None, Some(on_cpu(&error)));
+                    self.problems.extend(self.device_problem.clone());
+                }
+            }
+        }
+        let spare = self.spare.as_ref().filter(|(nth, _)| *nth == sample).map(|(_, points)| points);
+        self.points.get(sample).or(spare)?.direct(&view.scene, lamp, round, stop)
     }
 
     /// Which sample of the pixels a pass takes, and how often it was taken before: first each that there is, then those that are kept.
@@ -376,7 +413,7 @@ mod tests {
         let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
         let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
         let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
-        let view = Arc::new(LampView { scene, camera, film, patches: None, measures: true });
+        let view = Arc::new(LampView { scene, camera, film, patches: None, measures: true, device: None });
         let position = Vec3::new(0.0, 0.2, -0.3);
         let (shape, setting) = (LampShape::Point, LightSetting::default());
         let (strength, unit) = (100.0, LampUnit::Lumen);

@@ -1,0 +1,176 @@
+//! The light of lamps on the graphics device, as far as that knows it; the CPU does the rest.
+
+use std::sync::Arc;
+
+use clerestory_relight::gpu::{Gpu, Lamplight, LitSample, TreeWords};
+use clerestory_relight::RelightError;
+use clerestory_transport::lamps::PreparedLamps;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::visible::VisiblePoints;
+
+use super::LampView;
+
+/// A view on the device.
+pub(super) struct LampDevice {
+    scene: Arc<PreparedScene>,
+    lamplight: Lamplight,
+    size: [u32; 2],
+    /// What the pixels see in each of their samples, as far as it was needed.
+    samples: Vec<LitSample>,
+}
+
+impl LampDevice {
+    /// Takes a scene to the device; `None` where light comes through solid panes, which only the CPU follows.
+    ///
+    /// # Errors
+    /// A device that fails, or does not take so large a scene.
+    pub fn new(gpu: &Gpu, view: &LampView) -> Result<Option<LampDevice>, RelightError> {
+        let Some(words) = view.scene.tree_words() else { return Ok(None) };
+        let coats = view.scene.coat_table();
+        let tree = TreeWords { nodes: &words.nodes, blocks: &words.blocks, sheer: words.second, coats: &coats };
+        let lamplight = Lamplight::new(gpu, tree)?;
+        let size = [view.film.width, view.film.height];
+        Ok(Some(LampDevice { scene: view.scene.clone(), lamplight, size, samples: Vec::new() }))
+    }
+
+    /// A pass of a lamp at the points of a sample that is kept, each the first time in order; `None` where the CPU has to do it
+    /// all, or when `stop` asked to.
+    ///
+    /// # Errors
+    /// A device that fails, or is out of memory.
+    pub fn direct(
+        &mut self,
+        (sample, points): (usize, &VisiblePoints),
+        lamp: &PreparedLamps,
+        pass: u32,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Option<Vec<[f32; 3]>>, RelightError> {
+        let Some(found) = self.found((sample, points), lamp, pass)? else { return Ok(None) };
+        Ok(points.completed(&self.scene, lamp, pass, &found, stop))
+    }
+
+    /// What the device finds of it.
+    fn found(
+        &mut self,
+        (sample, points): (usize, &VisiblePoints),
+        lamp: &PreparedLamps,
+        pass: u32,
+    ) -> Result<Option<Vec<[f32; 4]>>, RelightError> {
+        let Some(words) = lamp.words(&self.scene) else { return Ok(None) };
+        if sample == self.samples.len() {
+            let seen = points.words(&self.scene, 0);
+            self.samples.push(self.lamplight.sample(self.size, &seen.starts, &seen.points)?);
+        }
+        let Some(kept) = self.samples.get(sample) else { return Ok(None) };
+        self.lamplight.light(kept, &words, &points.shifts(pass)).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_relight::DeviceChoice;
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+    use clerestory_transport::light::LightSetting;
+    use clerestory_transport::patches::NARROW_ALPHA;
+    use clerestory_transport::visible::VisibleConfig;
+    use glam::Vec3;
+
+    use super::*;
+
+    const FILM: Film = Film { width: 72, height: 50 };
+
+    fn view(name: &str, bytes: &[u8]) -> LampView {
+        let scene = import::load_bytes(name, bytes).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let camera = scene.scene.cameras[0].clone();
+        LampView { scene, camera, film: FILM, patches: None, measures: false, device: None }
+    }
+
+    fn lamps(position: Vec3, aim: Vec3) -> Vec<PreparedLamps> {
+        let (inner_rad, outer_rad) = (0.3, 0.6);
+        let shapes = [
+            (LampShape::Point, LampUnit::Lumen),
+            (LampShape::Spot { inner_rad, outer_rad }, LampUnit::Lumen),
+            (LampShape::Directional, LampUnit::Lux),
+            (LampShape::Rectangle { size_m: [0.3, 0.2] }, LampUnit::Lumen),
+            (LampShape::Disk { radius_m: 0.15 }, LampUnit::Lumen),
+            (LampShape::Sphere { radius_m: 0.05 }, LampUnit::Lumen),
+        ];
+        let lamp = |(shape, unit)| {
+            let setting = LightSetting::default();
+            let lamp = FreeLamp { key: "lamp".into(), shape, position, aim, strength: 500.0, unit, setting };
+            PreparedLamps::new(&[lamp], None).unwrap().0
+        };
+        shapes.map(lamp).into()
+    }
+
+    /// Pixels that differ by more than rounding does, and the sums of both.
+    fn compare(found: &[[f32; 3]], expected: &[[f32; 3]]) -> (usize, [f32; 2]) {
+        let peak = expected.as_flattened().iter().fold(0.0f32, |most, x| most.max(*x));
+        let differs = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).any(|c| (a[c] - b[c]).abs() > 2e-3 * b[c] + 1e-4 * peak);
+        let n_different = found.iter().zip(expected).filter(|(a, b)| differs((*a, *b))).count();
+        (n_different, [found, expected].map(|light| light.as_flattened().iter().sum()))
+    }
+
+    #[test]
+    fn every_device_finds_the_light_that_the_cpu_finds() {
+        let required = std::env::var("CLERESTORY_REQUIRE_GPU").as_deref() == Ok("1");
+        let gpus = Gpu::all_headless(DeviceChoice::Any);
+        assert!(!gpus.is_empty() || !required, "no adapter");
+        let assets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes");
+        let scenes = ["gallery", "caustics", "diffuse"].map(|name| std::fs::read(format!("{assets}/{name}.glb")).unwrap());
+        for (gpu, bytes) in gpus.iter().flat_map(|gpu| scenes.iter().map(move |bytes| (gpu, bytes))) {
+            let view = view("scene.glb", bytes);
+            let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
+            let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+            let mut device = LampDevice::new(gpu, &view).unwrap().unwrap();
+            let ahead = view.camera.direction(FILM, glam::Vec2::new(36.0, 25.0));
+            let at = view.camera.position() + ahead * 1.5;
+            for (nth, lamp) in lamps(at, at + ahead - Vec3::Y).iter().enumerate() {
+                for pass in [0, 3] {
+                    let found = device.direct((0, &points), lamp, pass, &|| false).unwrap().unwrap();
+                    let expected = points.direct(&view.scene, lamp, pass, &|| false).unwrap();
+                    let (n_different, [sum, expected_sum]) = compare(&found, &expected);
+                    assert!(n_different <= FILM.n_pixels() / 200, "lamp {nth}, pass {pass}: {n_different} pixels");
+                    assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "lamp {nth}: {sum}, {expected_sum}");
+                }
+                let raw = device.found((0, &points), lamp, 0).unwrap().unwrap();
+                let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
+                assert!(n_left < FILM.n_pixels() / 2, "lamp {nth}: {n_left} pixels are left to the CPU");
+                // Parallel light does not get into rooms.
+                let n_lit = raw.iter().filter(|rgb| rgb[..3] != [0.0; 3]).count();
+                assert!(n_lit > FILM.n_pixels() / 20 || nth == 2, "lamp {nth}: {n_lit} pixels are lit by the device");
+            }
+        }
+    }
+
+    #[test]
+    fn parallel_light_is_found_and_what_a_device_does_not_know_is_left() {
+        let Some(gpu) = Gpu::all_headless(DeviceChoice::Any).into_iter().next() else { return };
+        // The first wall of the room, the left one, alone.
+        let wall = include_str!("../../../tests/room.gltf").replace(r#""count": 36"#, r#""count": 6"#);
+        let view = view("wall.gltf", wall.as_bytes());
+        let config = VisibleConfig { samples: 1, ..VisibleConfig::default() };
+        let points = VisiblePoints::new(&view.scene, &view.camera, FILM, config, &|| false).unwrap();
+        let mut device = LampDevice::new(&gpu, &view).unwrap().unwrap();
+        let eye = view.camera.position();
+        let lamp = &lamps(eye, eye + Vec3::new(-1.0, -0.1, -0.2))[2];
+        let found = device.direct((0, &points), lamp, 0, &|| false).unwrap().unwrap();
+        let (n_different, [sum, _]) = compare(&found, &points.direct(&view.scene, lamp, 0, &|| false).unwrap());
+        assert!(n_different <= FILM.n_pixels() / 200 && sum > 0.0, "{n_different} pixels differ, {sum}");
+        assert!(device.direct((5, &points), lamp, 0, &|| false).unwrap().is_none(), "that sample is not kept");
+        let two = [lamp, lamp].map(|_| FreeLamp {
+            key: "two".into(),
+            shape: LampShape::Point,
+            position: eye,
+            aim: eye - Vec3::Y,
+            strength: 1.0,
+            unit: LampUnit::Lumen,
+            setting: LightSetting::default(),
+        });
+        let two = PreparedLamps::new(&[two[0].clone(), FreeLamp { key: "other".into(), ..two[1].clone() }], None).unwrap().0;
+        assert!(device.direct((0, &points), &two, 0, &|| false).unwrap().is_none(), "lamps are lit one by one");
+    }
+}
