@@ -52,6 +52,12 @@ fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
     window.get_by_label("Graphics device").click();
     wait(&mut window, |window| window.query_by_label_contains("Relight: llvmpipe").is_some());
 
+    // The device lights lamps that are added, too.
+    window.get_by_label("Add lamp").click();
+    window.run_steps(3);
+    window.get_by_label("Point").click();
+    wait(&mut window, |window| window.state().is_settled() && window.state().look().lights.lamps.len() == 1);
+
     let slider = window.get_by_label("lamp intensity").rect();
     let at = |share: f32| pos2(slider.left() + share * slider.width(), slider.center().y);
     window.drag_at(at(0.6));
@@ -71,4 +77,6 @@ fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
     assert!(window.state().look().lights.lights["lamp"].intensity > 2.0, "the drag went on");
     // Held while the hand was on the fader, metered by the CPU now.
     wait(&mut window, |window| window.state().shown_ev() < ev_before - 0.1);
+    wait(&mut window, |window| window.state().is_settled());
+    assert!(window.query_by_label_contains("the CPU lights the lamps").is_none(), "they have a CPU's view now");
 }
