@@ -10,7 +10,8 @@
 //!
 //! *Display* then applies exposure, white balance, a tone curve and the sRGB encoding, or false color. Each stage exists twice under the same name: as
 //! WGSL in `shaders/`, and in Rust. The CPU twin defines the answer ([`CpuRelighter`]); the GPU is right when it agrees
-//! ([`GpuRelighter`]). The crate borrows the device of its host, opens no window and knows no scene.
+//! ([`GpuRelighter`]). The crate borrows the device of its host, opens no window and knows no scene. Direct light of lamps that no bake
+//! knew is traced on the device as well ([`gpu::Lamplight`]), through words that its host packs; the twin of that is the host's.
 //!
 //! Decided: factors stay f16 on both sides, since the product is bound by memory. Sums over segments of columns are
 //! kept, so that one light of many reads its own segment alone. Refused: updating `z` by the difference of two coefficients,
