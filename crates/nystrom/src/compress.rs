@@ -50,6 +50,9 @@ pub struct ColumnGroup {
     pub tolerance: Tolerance,
     /// One weight per column: the product with these weights comes out as it was sampled, whatever the rank. Empty: none.
     pub preserved: Vec<f32>,
+    /// Share of an absolute tolerance that truncation may take, 0…1: little where one column alone may be asked for, since the
+    /// mean over many that hold nothing in a block hides what that one lacks. Samples are asked for by the whole.
+    pub share: f32,
 }
 
 /// How many samples each row gets, per half: `min`, then twice as many, until the tolerance is met.

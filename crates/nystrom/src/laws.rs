@@ -106,7 +106,7 @@ fn decaying(n_rows: usize, n_cols: usize, rank: usize, decay: f32, rng: &mut Ran
 }
 
 fn config(tolerance: Tolerance, n_cols: usize, n_samples: u32) -> CompressConfig {
-    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new() }];
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 }];
     let samples = SamplePlan { batch: n_samples, min: 1, max: n_samples };
     CompressConfig { groups, samples, max_rank: 1000, ..CompressConfig::default() }
 }
@@ -395,9 +395,19 @@ fn one_and_three_threads_give_the_same_bytes() {
     let matrix = Known::new(decaying(12 * 11 * 3, 64, 8, 0.6, &mut Random::new([39, 0])), 3, 0.3);
     let mut config = config(Tolerance::AbsoluteMeanSquare(0.02), 0, 0);
     config.groups = vec![
-        ColumnGroup { columns: 0..60, tolerance: Tolerance::AbsoluteMeanSquare(0.003), preserved: Vec::new() },
-        ColumnGroup { columns: 60..62, tolerance: Tolerance::AbsoluteMeanSquare(0.02), preserved: Vec::new() },
-        ColumnGroup { columns: 63..64, tolerance: Tolerance::Rank(1), preserved: Vec::new() },
+        ColumnGroup {
+            columns: 0..60,
+            tolerance: Tolerance::AbsoluteMeanSquare(0.003),
+            preserved: Vec::new(),
+            share: 1.0,
+        },
+        ColumnGroup {
+            columns: 60..62,
+            tolerance: Tolerance::AbsoluteMeanSquare(0.02),
+            preserved: Vec::new(),
+            share: 1.0,
+        },
+        ColumnGroup { columns: 63..64, tolerance: Tolerance::Rank(1), preserved: Vec::new(), share: 1.0 },
     ];
     config.samples = SamplePlan { batch: 2, min: 1, max: 12 };
     let [one, three] = [1, 3].map(|n_threads| compress_all(&matrix, &config, n_threads));
@@ -503,7 +513,12 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
     let (a, b) = (half(), half());
     let weights: Vec<f32> = (0..n_cols).map(|c| 0.5 + (c % 3) as f32).collect();
     for rank in [0, 1, 3] {
-        let group = ColumnGroup { columns: 0..n_cols, tolerance: Tolerance::Rank(rank), preserved: weights.clone() };
+        let group = ColumnGroup {
+            columns: 0..n_cols,
+            tolerance: Tolerance::Rank(rank),
+            preserved: weights.clone(),
+            share: 1.0,
+        };
         let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
         let samples = BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
         let factors = compress_block(&samples, &config, 0).unwrap().remove(0);

@@ -33,7 +33,7 @@ pub(crate) fn factor(
     rng: Random,
 ) -> Unpacked {
     let ColumnGroup { preserved, .. } = group;
-    let tolerance = group.tolerance.shaded(means, config.bright);
+    let tolerance = group.tolerance.shaded(means, config.bright, group.share);
     let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, tolerance, config, rng);
     let measured = measured(means, [&of_a, &of_b], tolerance, config);
     of_mean.keep(measured.rank);
@@ -62,12 +62,15 @@ pub(crate) fn measured(
 }
 
 impl Tolerance {
-    /// What is asked of the rank of a block: more where it is dark. Samples are asked for by the plain tolerance.
-    pub(crate) fn shaded(self, means: &Means, bright: f32) -> Self {
+    /// What is asked of the rank of a block: a share of the tolerance, and more where it is dark. Samples are asked for by the plain
+    /// tolerance.
+    pub(crate) fn shaded(self, means: &Means, bright: f32, share: f32) -> Self {
         match self {
             Tolerance::AbsoluteMeanSquare(allowed) => {
                 let energy = means.cross.iter().sum::<f64>() * means.unit * means.unit;
-                Tolerance::AbsoluteMeanSquare((f64::from(allowed) * shade(energy / means.n_entries(), bright)) as f32)
+                Tolerance::AbsoluteMeanSquare(
+                    (f64::from(allowed * share) * shade(energy / means.n_entries(), bright)) as f32,
+                )
             }
             other => other,
         }

@@ -653,6 +653,7 @@ impl BakeJob {
             columns: g.columns.start as usize..g.columns.end as usize,
             tolerance: Tolerance::AbsoluteMeanSquare(tolerance),
             preserved: file_light[g.columns.start as usize..g.columns.end as usize].to_vec(),
+            share: truncation_share(g.kind),
         });
         let first_look = match self.config.indirect {
             Indirect::Shared => FIRST_LOOK_SHARED,
@@ -686,6 +687,15 @@ fn check_tolerance(tolerance_db: f32) -> Result<(), BakeError> {
 fn mean_square(tolerance_db: f32) -> f32 {
     10f32.powf(-tolerance_db / 10.0)
 }
+
+/// Share of the tolerance that truncation and packing may take of columns of a kind. A sun that is moved puts all of its light into one
+/// patch of the sky, and most patches hold nothing in most blocks: their mean error hides that of the one.
+fn truncation_share(kind: ColumnKind) -> f32 {
+    if kind == ColumnKind::Sky { SKY_SHARE } else { 1.0 }
+}
+
+/// 7 dB.
+const SKY_SHARE: f32 = 0.2;
 
 /// Blocks from the middle of the picture outwards, where people look first.
 fn from_the_center(partition: &Partition) -> Vec<u32> {

@@ -19,9 +19,9 @@ pub(crate) use self::body::{Body, BodyPoint};
 pub use self::light::Lamp;
 pub(crate) use self::light::Lit;
 pub use self::prepared::{LampError, PreparedLamps};
-pub use self::words::LampWords;
 pub(crate) use self::prepared::{PreparedLamp, lattice};
 pub(crate) use self::units::lumen_per_candela;
+pub use self::words::LampWords;
 
 /// A lamp of a look. It shines from `position` towards `aim`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

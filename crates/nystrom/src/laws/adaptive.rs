@@ -67,7 +67,7 @@ fn rare_bright_samples_are_worth_as_much_whenever_sampling_stops() {
         let matrix = Bright { n_rows: 12000, seed: seed as u64 };
         let partition = Partition { width: 12000, height: 1, tile: 4 };
         let blocks: Vec<u32> = (0..partition.n_blocks() as u32).collect();
-        let group = ColumnGroup { columns: 0..N_LIT + 1, tolerance, preserved: vec![1.0; N_LIT + 1] };
+        let group = ColumnGroup { columns: 0..N_LIT + 1, tolerance, preserved: vec![1.0; N_LIT + 1], share: 1.0 };
         let config = CompressConfig { groups: vec![group], samples: plan, ..CompressConfig::default() };
         let (mut low_rank, mut sparse, mut n_samples) = (0.0, 0.0, 0.0);
         let flow = compress(&matrix, &partition, &blocks, &config, |_, mut factors| {
@@ -139,7 +139,7 @@ fn one_sided(noisy: Half, samples: SamplePlan) -> (Vec<BlockFactors>, [usize; 2]
     let matrix = OneSided { noisy, sampled: Default::default() };
     let group = |columns: Range<usize>| {
         let preserved = vec![1.0; columns.len()];
-        ColumnGroup { columns, tolerance: Tolerance::AbsoluteMeanSquare(1e-3), preserved }
+        ColumnGroup { columns, tolerance: Tolerance::AbsoluteMeanSquare(1e-3), preserved, share: 1.0 }
     };
     let config = CompressConfig { groups: vec![group(0..2), group(2..5)], samples, ..CompressConfig::default() };
     let mut found = Vec::new();
@@ -186,7 +186,7 @@ fn a_single_sample_says_nothing_of_its_noise() {
 fn who_leaves_in_the_middle_of_a_block_is_not_sampled_for() {
     let matrix = OneSided { noisy: Half::A, sampled: Default::default() };
     let taken = || matrix.sampled.iter().map(|n| n.load(Ordering::Relaxed)).sum::<usize>();
-    let group = ColumnGroup { columns: 0..2, tolerance: Tolerance::Rank(2), preserved: Vec::new() };
+    let group = ColumnGroup { columns: 0..2, tolerance: Tolerance::Rank(2), preserved: Vec::new(), share: 1.0 };
     let samples = SamplePlan { batch: 1, min: 1 << 12, max: 1 << 12 };
     let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
     let guide = Guide { order: &|_| 0, goes_on: &|| taken() < 8 };

@@ -297,7 +297,7 @@ fn compressed(halves: [&DMatrix<f64>; 2], method: Method, tolerance: Tolerance) 
     let n_cols = halves[0].ncols();
     let samples =
         BlockSamples { halves: [&sums[0], &sums[1]], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
-    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new() }];
+    let groups = vec![ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 }];
     let config = CompressConfig { groups, method, ..CompressConfig::default() };
     compress_block(&samples, &config, 0).unwrap().swap_remove(0)
 }
@@ -346,7 +346,7 @@ fn methods_without_factors_are_refused_with_a_reason() {
         let samples =
             BlockSamples { halves: [&[1.0; 12]; 2], sparse: [&[]; 2], n_cols: 4, bundle_len: 3, n_samples: [1; 2] };
         let tolerance = Tolerance::RelativeFrobenius(0.1);
-        let groups = vec![ColumnGroup { columns: 0..4, tolerance, preserved: Vec::new() }];
+        let groups = vec![ColumnGroup { columns: 0..4, tolerance, preserved: Vec::new(), share: 1.0 }];
         let config = CompressConfig { groups, method, ..CompressConfig::default() };
         let Err(CompressError::Config(words)) = compress_block(&samples, &config, 0) else { panic!("{method}") };
         assert!(words.contains(&method.to_string()) && words.contains("factors"), "{words}");

@@ -36,7 +36,8 @@ fn smoothing() -> Smoothing {
 
 fn compressed(halves: [&[f32]; 2], smoothing: Option<Smoothing>, preserved: Vec<f32>) -> BlockFactors {
     let samples = BlockSamples { halves, sparse: [&[]; 2], n_cols: N_COLS, bundle_len: 3, n_samples: [1; 2] };
-    let group = ColumnGroup { columns: 0..N_COLS, tolerance: Tolerance::AbsoluteMeanSquare(1e-4), preserved };
+    let group =
+        ColumnGroup { columns: 0..N_COLS, tolerance: Tolerance::AbsoluteMeanSquare(1e-4), preserved, share: 1.0 };
     let smoothing = smoothing.map(Arc::new);
     let config = CompressConfig { groups: vec![group], smoothing, ..CompressConfig::default() };
     compress_block(&samples, &config, 1).unwrap().swap_remove(0)
@@ -96,8 +97,12 @@ fn a_smoothing_for_another_matrix_is_refused() {
     let truth = signal();
     let samples =
         BlockSamples { halves: [&truth; 2], sparse: [&[]; 2], n_cols: N_COLS, bundle_len: 3, n_samples: [1; 2] };
-    let group =
-        |n: usize| ColumnGroup { columns: 0..n, tolerance: Tolerance::AbsoluteMeanSquare(1.0), preserved: Vec::new() };
+    let group = |n: usize| ColumnGroup {
+        columns: 0..n,
+        tolerance: Tolerance::AbsoluteMeanSquare(1.0),
+        preserved: Vec::new(),
+        share: 1.0,
+    };
     for (block_idx, bundle_len, n) in [(2, 3, N_COLS), (0, 1, N_COLS), (0, 3, N_COLS - 1)] {
         let config = CompressConfig {
             groups: vec![group(n)],

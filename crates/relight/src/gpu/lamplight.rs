@@ -72,7 +72,12 @@ impl Lamplight {
     ///
     /// # Errors
     /// As [`Lamplight::new`].
-    pub fn sample(&self, [width, height]: [u32; 2], starts: &[u32], points: &[[u32; 4]]) -> Result<LitSample, RelightError> {
+    pub fn sample(
+        &self,
+        [width, height]: [u32; 2],
+        starts: &[u32],
+        points: &[[u32; 4]],
+    ) -> Result<LitSample, RelightError> {
         let gpu = &self.gpu;
         gpu.guarded(|| {
             let points = filled(gpu, "what the pixels see", points)?;
@@ -94,7 +99,12 @@ impl Lamplight {
     ///
     /// # Errors
     /// [`RelightError::Device`] where the device fails.
-    pub fn light(&self, sample: &LitSample, lamp: &LampWords, shifts: &[[f32; 2]]) -> Result<Vec<[f32; 4]>, RelightError> {
+    pub fn light(
+        &self,
+        sample: &LitSample,
+        lamp: &LampWords,
+        shifts: &[[f32; 2]],
+    ) -> Result<Vec<[f32; 4]>, RelightError> {
         let (gpu, width, height) = (&self.gpu, sample.width, sample.height);
         let sheer = self.sheer.unwrap_or(u32::MAX);
         let record = LampRecord { width, height, sheer, ..bytemuck::cast(*lamp) };

@@ -7,7 +7,7 @@ use clerestory_nystrom::{BlockLowRank, PackPlan, PackedMatrix};
 
 use super::focus::Focus;
 use super::patches::PATCH_TOLERANCE_DB;
-use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, mean_square};
+use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, mean_square, truncation_share};
 use crate::basis::{ColumnGroup, ColumnKind};
 
 impl Bake {
@@ -40,7 +40,7 @@ impl BakeHeader {
     pub(crate) fn pack_plans(&self) -> Vec<Vec<PackPlan>> {
         let allowed = |kind: ColumnKind| match kind {
             ColumnKind::Patch => mean_square(PATCH_TOLERANCE_DB),
-            _ => mean_square(self.config.tolerance_db),
+            kind => mean_square(self.config.tolerance_db) * truncation_share(kind),
         };
         let of_matrix = |column_scale: &[f32]| {
             let file_light = self.basis.file_light(column_scale);

@@ -132,7 +132,7 @@ impl BakeJob {
         let max = (self.config.spp / 2).max(1);
         let tolerance = Tolerance::AbsoluteMeanSquare(mean_square(PATCH_TOLERANCE_DB) * gain);
         CompressConfig {
-            groups: vec![ColumnGroup { columns: 0..n_columns, tolerance, preserved: Vec::new() }],
+            groups: vec![ColumnGroup { columns: 0..n_columns, tolerance, preserved: Vec::new(), share: 1.0 }],
             samples: SamplePlan { batch: max.min(8), min: max.min(FIRST_LOOK), max },
             seed: self.config.seed,
             bright: BRIGHT,

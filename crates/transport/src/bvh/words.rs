@@ -38,9 +38,8 @@ impl TreeWords {
         for node in &tree.nodes {
             let planes = node.planes.as_flattened().as_chunks::<4>().0;
             self.nodes.extend(planes.iter().map(|row| row.map(|plane| plane.clamp(-FAR_OUT, FAR_OUT).to_bits())));
-            let children = node.children.map(|child| {
-                child.bits() + if child.is_block() { n_blocks } else { n_nodes } as u32
-            });
+            let children =
+                node.children.map(|child| child.bits() + if child.is_block() { n_blocks } else { n_nodes } as u32);
             self.nodes.extend(children.as_chunks::<4>().0);
         }
         for block in &tree.blocks {

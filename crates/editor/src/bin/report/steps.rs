@@ -29,7 +29,9 @@ pub fn write(desk: &Desk) -> Result<String> {
         device, the way back to memory and what it leaves to the CPU included; none where light comes through solid panes.\n"
         .to_string();
     let gpu = Gpu::headless(DeviceChoice::Any).ok();
-    text += &gpu.as_ref().map_or("No graphics device was found.\n".into(), |gpu| format!("The device: {}.\n", gpu.description()));
+    text += &gpu
+        .as_ref()
+        .map_or("No graphics device was found.\n".into(), |gpu| format!("The device: {}.\n", gpu.description()));
     text += "\n| scene | lamp | direct | shadow rays | rays a second | patches | device | left to the CPU |\n|---|---|---|---|---|---|---|---|\n";
     for case in cases(desk) {
         desk.say(&format!("steps in {}", case.name));

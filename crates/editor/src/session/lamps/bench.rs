@@ -139,7 +139,8 @@ impl Bench {
     /// Of a view, before the first lamp.
     pub fn new(view: Arc<LampView>) -> Bench {
         let opened = view.device.as_ref().map_or(Ok(None), |gpu| LampDevice::new(gpu, &view));
-        let (device, device_problem) = opened.map_or_else(|error| (None, Some(on_cpu(&error))), |device| (device, None));
+        let (device, device_problem) =
+            opened.map_or_else(|error| (None, Some(on_cpu(&error))), |device| (device, None));
         Bench {
             view,
             device,

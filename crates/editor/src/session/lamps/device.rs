@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use clerestory_relight::gpu::{Gpu, Lamplight, LitSample, TreeWords};
 use clerestory_relight::RelightError;
+use clerestory_relight::gpu::{Gpu, Lamplight, LitSample, TreeWords};
 use clerestory_transport::lamps::PreparedLamps;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::VisiblePoints;
@@ -120,7 +120,8 @@ mod tests {
         let gpus = Gpu::all_headless(DeviceChoice::Any);
         assert!(!gpus.is_empty() || !required, "no adapter");
         let assets = concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/scenes");
-        let scenes = ["gallery", "caustics", "diffuse"].map(|name| std::fs::read(format!("{assets}/{name}.glb")).unwrap());
+        let scenes =
+            ["gallery", "caustics", "diffuse"].map(|name| std::fs::read(format!("{assets}/{name}.glb")).unwrap());
         for (gpu, bytes) in gpus.iter().flat_map(|gpu| scenes.iter().map(move |bytes| (gpu, bytes))) {
             let view = view("scene.glb", bytes);
             let config = VisibleConfig { samples: 1, narrow_alpha: NARROW_ALPHA, ..VisibleConfig::default() };
@@ -170,7 +171,8 @@ mod tests {
             unit: LampUnit::Lumen,
             setting: LightSetting::default(),
         });
-        let two = PreparedLamps::new(&[two[0].clone(), FreeLamp { key: "other".into(), ..two[1].clone() }], None).unwrap().0;
+        let two =
+            PreparedLamps::new(&[two[0].clone(), FreeLamp { key: "other".into(), ..two[1].clone() }], None).unwrap().0;
         assert!(device.direct((0, &points), &two, 0, &|| false).unwrap().is_none(), "lamps are lit one by one");
     }
 }

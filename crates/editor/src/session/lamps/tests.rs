@@ -11,7 +11,14 @@ fn view() -> Arc<LampView> {
     let scene = import::load_bytes("room.gltf", include_bytes!("../../../tests/room.gltf")).unwrap().scene;
     let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
     let camera = scene.scene.cameras[0].clone();
-    Arc::new(LampView { scene, camera, film: Film { width: 32, height: 24 }, patches: None, measures: true, device: None })
+    Arc::new(LampView {
+        scene,
+        camera,
+        film: Film { width: 32, height: 24 },
+        patches: None,
+        measures: true,
+        device: None,
+    })
 }
 
 fn lamp(key: &str, x: f32) -> FreeLamp {

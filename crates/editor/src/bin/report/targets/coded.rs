@@ -100,6 +100,7 @@ impl Subject {
             columns: 0..n_cols,
             tolerance: Tolerance::AbsoluteMeanSquare(share * allowed),
             preserved: vec![1.0; n_cols],
+            share: 1.0,
         };
         let side = n_cols.isqrt() as u32;
         let grid = vec![ColumnRun::Grid { width: side, height: side }];

@@ -61,6 +61,7 @@ fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
         columns: 0..n_cols,
         tolerance: Tolerance::AbsoluteMeanSquare(1e-4),
         preserved: vec![1.0; n_cols],
+        share: 1.0,
     };
     let smoothing = Some(Arc::new(Smoothing::new(partition.clone(), CHANNELS, vec![runs])));
     let config = CompressConfig { groups: vec![group], bright: 0.25, smoothing, ..CompressConfig::default() };
