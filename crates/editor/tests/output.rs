@@ -122,6 +122,10 @@ fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
     let names: Vec<String> = header.channels.list.iter().map(|channel| channel.name.to_string()).collect();
     assert_eq!(names, ["B", "G", "R", "lamps.B", "lamps.G", "lamps.R", "panels.B", "panels.G", "panels.R"]);
     assert_eq!((header.layer_size.0, header.shared_attributes.display_window.size.0), (16, 32));
+    let colors = header.shared_attributes.chromaticities.expect("primaries are told");
+    assert_eq!((colors.red.0, colors.green.1, colors.white.0), (0.64, 0.6, 0.3127));
+    let interop = exr::prelude::AttributeValue::Text("lin_rec709_scene".into());
+    assert!(header.shared_attributes.other.values().any(|value| *value == interop), "and the space by name");
 
     for (name, intensity) in [("dim", 0.2), ("bright", 3.0), ("as it is", 1.0)] {
         let look = format!(r#"{{"clerestory": 1, "lights": {{"lamp": {{"intensity": {intensity}}}}}}}"#);

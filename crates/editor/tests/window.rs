@@ -187,8 +187,7 @@ fn white_balance_metering_and_false_color_are_part_of_the_look() {
     click(&mut window, "False color");
     assert_eq!(window.query_all_by_label("Illuminance").count(), 1, "only the box of the bake panel: it was not baked");
     click(&mut window, "Luminance");
-    let shown = window.state().n_pictures();
-    wait(&mut window, |app| app.is_settled() && app.n_pictures() >= shown);
+    wait(&mut window, App::is_settled);
     let display = window.state().look().display;
     assert_eq!(display.metering, clerestory_relight::display::Metering::LogAverage);
     assert_eq!(display.white.map(|white| white.kelvin), Some(6504.0));

@@ -13,7 +13,8 @@ use crate::session::Source;
 /// Seconds between two looks at the file, while something is drawn anyway.
 const LOOK_EVERY_SECS: f64 = 1.0;
 
-const WELCOME: &str = "Drag lamps in the picture, or sliders on the left. Drop a glTF file here to light your own room";
+const WELCOME: &str =
+    "Drag lights in the picture, or sliders on the left. Drop a glTF file here, or press Open…, to light your own room";
 
 /// When a file was written last, and its length.
 type Stamp = (Option<SystemTime>, u64);

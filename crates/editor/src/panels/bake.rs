@@ -185,12 +185,14 @@ fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
 fn size_ui(ui: &mut Ui, film: &mut Film) {
     ui.horizontal(|ui| {
         let aspect = film.width as f32 / film.height as f32;
-        let width = ui.add(DragValue::new(&mut film.width).range(16..=MAX_SIDE)).accessible_name("Width");
+        let width = ui.add(DragValue::new(&mut film.width).range(16..=MAX_SIDE));
+        let width = width.on_hover_text("Pixels across; the height keeps the proportions").accessible_name("Width");
         if width.changed() {
             film.height = ((film.width as f32 / aspect).round() as u32).clamp(16, MAX_SIDE);
         }
         ui.label("×");
-        ui.add(DragValue::new(&mut film.height).range(16..=MAX_SIDE)).accessible_name("Height");
+        let height = ui.add(DragValue::new(&mut film.height).range(16..=MAX_SIDE));
+        height.on_hover_text("Pixels down").accessible_name("Height");
     });
 }
 

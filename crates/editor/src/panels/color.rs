@@ -98,7 +98,8 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
         .fixed_decimals(0)
         .suffix(" K")
         .trailing_fill(false);
-    if ui.add(slider).accessible_name(format!("{label} kelvin")).changed() {
+    let response = ui.add(slider).on_hover_text("Color temperature in kelvin: 2700 K is warm, 6500 K is daylight");
+    if response.accessible_name(format!("{label} kelvin")).changed() {
         tint.kelvin = Some(kelvin.clamp(*KELVIN_RANGE.start(), *KELVIN_RANGE.end()));
     }
     ui.horizontal_wrapped(|ui| {

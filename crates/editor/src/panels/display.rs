@@ -120,7 +120,8 @@ fn exposure_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
         .trailing_fill(false)
         .fixed_decimals(2)
         .suffix(" EV");
-    let response = ui.add(slider).accessible_name("Exposure");
+    let response = ui.add(slider).on_hover_text("Stops (EV): one more shows everything twice as bright");
+    let response = response.accessible_name("Exposure");
     if response.changed() {
         display.exposure_ev = Some(ev.clamp(-60.0, 60.0));
     }

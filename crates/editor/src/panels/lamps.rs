@@ -169,7 +169,8 @@ fn strength_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
     ui.horizontal(|ui| {
         let speed = (0.01 * f64::from(lamp.strength)).max(0.01);
         let number = DragValue::new(&mut lamp.strength).range(0.0..=1e9).speed(speed).max_decimals(2);
-        ui.add(number).accessible_name(format!("{} strength", lamp.key));
+        let tip = format!("Strength at intensity 1×, in {}", lamp.unit.name());
+        ui.add(number).on_hover_text(tip).accessible_name(format!("{} strength", lamp.key));
         let (before, mut unit) = (lamp.unit, lamp.unit);
         let combo = ComboBox::from_id_salt("unit").width(56.0).selected_text(unit.name()).show_ui(ui, |ui| {
             for one in lamp.shape.units() {

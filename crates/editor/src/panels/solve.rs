@@ -228,7 +228,8 @@ fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
                 Some(value) => {
                     let speed = (0.01 * *value).max(0.01);
                     let drag = DragValue::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
-                    ui.add(drag).accessible_name(name);
+                    let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
+                    ui.add(drag).on_hover_text(tip).accessible_name(name);
                 }
                 None if unit.is_empty() => {}
                 None => {

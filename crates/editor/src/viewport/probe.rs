@@ -7,6 +7,7 @@ use eframe::egui::{
 };
 use glam::Vec3;
 
+use crate::illuminance::FOOT_CANDLE_LX;
 use crate::legend::number_words;
 use crate::look::Look;
 use crate::panels::color::swatch_color;
@@ -66,11 +67,14 @@ const WIDTH: f32 = 268.0;
 const BESIDE: f32 = 18.0;
 
 impl Reading {
-    /// Luminance and illuminance, with their units.
+    /// Luminance and illuminance, with their units; illuminance in foot-candles as well.
     pub fn words(&self) -> String {
         let luminance = format!("{} cd/m²", number_words(luminance(self.radiance)));
         match self.lux {
-            Some(lux) => format!("{luminance}, {} lx", number_words(lux)),
+            Some(lux) => {
+                let foot_candles = f64::from(lux) / FOOT_CANDLE_LX;
+                format!("{luminance}, {} lx ({} fc)", number_words(lux), number_words(foot_candles as f32))
+            }
             None => luminance,
         }
     }

@@ -213,7 +213,13 @@ pub(super) fn number_ui(
         Shown::Mixed => "mixed".into(),
         Shown::WithUnit | Shown::Bare => measure.digits(number),
     });
-    let response = ui.add_sized([width, 22.0], drag).accessible_name(format!("{label} {}", unit_words(measure)));
+    let tip = match measure {
+        Measure::Factor => "Times the light of the file".to_owned(),
+        Measure::Stops => "Stops (EV) above the light of the file: one more is twice as bright".to_owned(),
+        Measure::Amount { unit, .. } => format!("In {unit}"),
+    };
+    let response = ui.add_sized([width, 22.0], drag).on_hover_text(tip);
+    let response = response.accessible_name(format!("{label} {}", unit_words(measure)));
     if response.changed() {
         *intensity = measure.intensity(number);
     }
