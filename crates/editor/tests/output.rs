@@ -125,7 +125,8 @@ fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
     let colors = header.shared_attributes.chromaticities.expect("primaries are told");
     assert_eq!((colors.red.0, colors.green.1, colors.white.0), (0.64, 0.6, 0.3127));
     let interop = exr::prelude::AttributeValue::Text("lin_rec709_scene".into());
-    assert!(header.shared_attributes.other.values().any(|value| *value == interop), "and the space by name");
+    let told = &header.own_attributes.other;
+    assert!(told.values().any(|value| *value == interop), "the space by its name");
 
     for (name, intensity) in [("dim", 0.2), ("bright", 3.0), ("as it is", 1.0)] {
         let look = format!(r#"{{"clerestory": 1, "lights": {{"lamp": {{"intensity": {intensity}}}}}}}"#);
