@@ -20,6 +20,8 @@ pub(super) const HALVES: usize = FAN / WIDTH;
 
 /// Slopes from which on a beam asks its members about each box: wider ones meet boxes that none of their members meets.
 const WIDE: f32 = 0.12;
+/// Nodes after which a beam gives up: among many small triangles it meets what none of its members does that are not blocked yet.
+const LONG: u32 = 16;
 /// Fewest segments that are worth a beam.
 const FEWEST: u32 = 3;
 
@@ -77,10 +79,8 @@ impl Fan {
         let mut occluded = 0;
         while pending != 0 {
             let beam = self.beam(&kinds, pending);
-            occluded |= match beam.occluded::<W, Q>(tree, room.lent()) {
-                Some(occluded) => occluded,
-                None => self.one_by_one::<W, Q>(beam.members, tree, &mut room),
-            };
+            let [found, undecided] = beam.occluded::<W, Q>(tree, room.lent());
+            occluded |= found | self.one_by_one::<W, Q>(undecided, tree, &mut room);
             pending &= !beam.members;
         }
         occluded
@@ -152,17 +152,21 @@ impl Fan {
 }
 
 impl Beam {
-    /// The members that hit something; `None` for a beam that is not worth it.
+    /// The members that hit something, and those for which a beam is not worth it.
     #[inline(always)]
-    fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, room: Room) -> Option<u16> {
+    fn occluded<W: Lanes<WIDTH>, Q: Lanes<BLOCK>>(&self, tree: &Tree, room: Room) -> [u16; 2] {
         if self.members.count_ones() < FEWEST {
-            return None;
+            return [0, self.members];
         }
         let shears = self.shears::<W>();
         let slopes_of = |i: usize| Interval::of(&[shears[0].slopes[i].store(), shears[1].slopes[i].store()]);
         let slopes = [slopes_of(0), slopes_of(1)];
-        let members =
-            if slopes[0].width().max(slopes[1].width()) > WIDE { Some(BoxMembers::<W>::new(self)?) } else { None };
+        let is_wide = slopes[0].width().max(slopes[1].width()) > WIDE;
+        let members = if is_wide { BoxMembers::<W>::new(self) } else { None };
+        if is_wide && members.is_none() {
+            return [0, self.members];
+        }
+        let mut n_nodes = 0;
         let boxes = BoxBeam::<W>::new(self, slopes);
         let triangles = TriangleBeam::<W, Q>::new(self, slopes, shears);
         let mut free = self.members;
@@ -172,6 +176,10 @@ impl Beam {
             let mut child = unpack(top).1;
             while !child.is_block() {
                 let node = &tree.nodes[child.index()];
+                n_nodes += 1;
+                if n_nodes > LONG {
+                    return [self.members & !free, free];
+                }
                 let mut entered = boxes.enter(node);
                 if let Some(members) = &members {
                     entered = members.confirm(node, entered, free);
@@ -188,7 +196,7 @@ impl Beam {
                 }
             }
         }
-        Some(self.members & !free)
+        [self.members & !free, 0]
     }
 
     #[inline(always)]
