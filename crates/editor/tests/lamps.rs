@@ -79,6 +79,10 @@ fn a_lamp_that_stands_still_costs_nothing_in_the_end() {
     std::thread::sleep(std::time::Duration::from_millis(400));
     window.run_steps(5);
     assert!(window.state().is_settled() && window.state().n_pictures() == shown, "no picture is made any more");
+    // Frames that were asked for meanwhile end as well: the window sleeps.
+    window.run_steps(60);
+    let asked = window.output().viewport_output.values().map(|viewport| viewport.repaint_delay).min();
+    assert!(asked.is_none_or(|delay| delay >= std::time::Duration::from_secs(1)), "the next frame is due in {asked:?}");
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod cancel;
 mod cases;
 mod desk;
 mod errors;
+mod files;
 mod fit;
 mod fronts;
 mod growth;
@@ -64,7 +65,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 17] = [
+const SECTIONS: [Section; 18] = [
     Section { name: "time", write: time::write },
     Section { name: "paper", write: paper::write },
     Section { name: "growth", write: growth::write },
@@ -79,6 +80,7 @@ const SECTIONS: [Section; 17] = [
     Section { name: "targets", write: targets::write },
     Section { name: "relight", write: relight::write },
     Section { name: "latency", write: latency::write },
+    Section { name: "files", write: files::write },
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
     Section { name: "steps", write: steps::write },

@@ -1,0 +1,54 @@
+//! From a file to a picture: the command line as a script calls it, start of the process included.
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+
+use super::desk::{Desk, clerestory, number};
+
+/// Times that each picture is written.
+const TRIES: usize = 9;
+
+/// Bakes two scenes and relights their files to pictures.
+///
+/// # Errors
+/// If a scene cannot be baked.
+pub fn write(desk: &Desk) -> Result<String> {
+    let size = desk.choose("192x144", "1024x768");
+    let spp = desk.choose("4", "16");
+    let own = Some(desk.root.join("assets/scenes/gallery.glb"));
+    let scenes = [("gallery", own), ("conference-panel", desk.shared("scenes/conference-panel.glb"))];
+    let mut rows = String::new();
+    for (name, path) in scenes.into_iter().filter_map(|(name, path)| Some((name, path?))) {
+        desk.say(&format!("baking {name}"));
+        let transport = desk.file(&format!("{name}-{size}.transport"));
+        clerestory(&["bake", &path.display().to_string(), "-o", &transport, "--size", size, "--spp", spp, "--json"])?;
+        let told = clerestory(&["info", &transport, "--json"])?;
+        for kind in ["exr", "png"] {
+            let picture = desk.file(&format!("{name}.{kind}"));
+            let mut secs = Vec::new();
+            for _ in 0..TRIES {
+                let begun = Instant::now();
+                clerestory(&["relight", &transport, "-o", &picture, "--device", "cpu", "--json"])?;
+                secs.push(begun.elapsed().as_secs_f64());
+            }
+            secs.sort_by(f64::total_cmp);
+            let [least, median, most] = [0, TRIES / 2, TRIES - 1].map(|nth| secs[nth]);
+            let bytes = std::fs::metadata(&picture).with_context(|| format!("cannot read {picture}"))?.len();
+            rows += &format!(
+                "| {name} | {:.2} MB | {:.0} | {} | {median:.2} s | {least:.2} to {most:.2} s | {:.1} MB |\n",
+                number(&told, "/file_bytes") / 1e6,
+                number(&told, "/columns"),
+                kind.to_uppercase(),
+                bytes as f64 / 1e6,
+            );
+        }
+    }
+    Ok(format!(
+        "## From a file to a picture\n\n\
+         `clerestory relight FILE.transport -o PICTURE` at {} pixels on the CPU, from the start of the process to its end: median of\n\
+         {TRIES}, and least to most. Bakes of at most {spp} samples.\n\n\
+         | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}",
+        size.replace('x', " × "),
+    ))
+}
