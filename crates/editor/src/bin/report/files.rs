@@ -15,7 +15,7 @@ const TRIES: usize = 9;
 /// If a scene cannot be baked.
 pub fn write(desk: &Desk) -> Result<String> {
     let size = desk.choose("192x144", "1024x768");
-    let spp = desk.choose("4", "16");
+    let spp = "4";
     let own = Some(desk.root.join("assets/scenes/gallery.glb"));
     let scenes = [("gallery", own), ("conference-panel", desk.shared("scenes/conference-panel.glb"))];
     let mut rows = String::new();
