@@ -24,6 +24,8 @@ mod measured;
 mod pipeline;
 /// Columns of an earlier bake, taken over.
 mod rebake;
+/// Forty powers of ten of light through every stage behind a bake.
+mod ranges;
 /// `trace` against pictures that another renderer made.
 mod references;
 /// The sky: turned, exchanged, in patches and sharp behind the picture.

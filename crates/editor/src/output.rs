@@ -42,15 +42,25 @@ impl PendingFile {
     /// # Errors
     /// If anything cannot be written (a full disk, for instance); the partial file is gone then.
     pub fn commit(mut self, write: impl FnOnce(&mut BufWriter<File>) -> Result<()>) -> Result<()> {
-        let problem = format!("cannot write {}: check that there is room on the disk", self.path.display());
+        let path = self.path.display().to_string();
         let file = self.file.take().expect("only commit takes the file, and it consumes the place");
         let mut writer = BufWriter::new(file);
-        write(&mut writer).with_context(|| problem.clone())?;
-        let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error).with_context(|| problem.clone())?;
-        file.sync_all().with_context(|| problem.clone())?;
-        drop(file);
-        fs::rename(&self.temporary, &self.path).with_context(|| problem)
+        write(&mut writer).map_err(|error| unwritten(&path, error))?;
+        let kept = (|| {
+            let file = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+            file.sync_all()?;
+            drop(file);
+            fs::rename(&self.temporary, &self.path)
+        })();
+        kept.map_err(|error| unwritten(&path, error.into()))
     }
+}
+
+/// What went wrong with a file; the disk is suspected where the system refused, not where the contents are at fault.
+fn unwritten(path: &str, error: anyhow::Error) -> anyhow::Error {
+    let is_system = error.chain().any(|cause| cause.is::<std::io::Error>());
+    let remedy = if is_system { ": check that there is room on the disk" } else { "" };
+    error.context(format!("cannot write {path}{remedy}"))
 }
 
 impl PendingFile {

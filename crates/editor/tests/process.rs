@@ -298,6 +298,49 @@ fn a_disk_that_fills_up_costs_nothing_but_time() {
     assert!(std::fs::read(folder.path().join("b.transport")).unwrap() == reference);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_disk_without_room_keeps_every_kind_of_old_file() {
+    let folder = desk();
+    succeeds(folder.path(), "bake room.gltf --size 32x24 --spp 4 --irradiance --work-plane 0.5:0.4 -o room.transport");
+    let (wishes, look) = (
+        r#"{"wishes": [{"sensors": "work plane 0.5 m", "times": 2}]}"#,
+        r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.5}}}"#,
+    );
+    std::fs::write(folder.path().join("wishes.json"), wishes).unwrap();
+    std::fs::write(folder.path().join("dim.look"), look).unwrap();
+    let commands = [
+        "relight room.transport -o old.exr --layers lights",
+        "relight room.transport -o old.png --bits 16",
+        "relight room.transport --contact-sheet dim.look dim.look -o old.png",
+        "trace room.gltf --size 32x24 --spp 1 -o old.exr",
+        "render room.gltf --size 32x24 --spp 1 -o old.exr",
+        "sensors room.transport -o old.csv",
+        "solve room.transport --wishes wishes.json -o old.look",
+        "schedule room.gltf -o old.csv",
+        "export-gltf room.gltf --look dim.look -o old.glb",
+    ];
+    for name in ["old.exr", "old.png", "old.csv", "old.look", "old.glb"] {
+        std::fs::write(folder.path().join(name), b"the old file").unwrap();
+    }
+    let before = names_in(folder.path());
+    for line in commands {
+        // No file may grow at all.
+        let script = format!("trap '' XFSZ; ulimit -f 0; exec \"$0\" {line}");
+        let mut limited = Command::new("sh");
+        limited.current_dir(folder.path()).args(["-c", &script, env!("CARGO_BIN_EXE_clerestory")]);
+        let output = limited.stdin(Stdio::null()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{line}: {said}");
+        let name = line.split("-o ").nth(1).unwrap().split(' ').next().unwrap();
+        assert!(said.contains(&format!("cannot write {name}: check that there is room on the disk")), "{line}: {said}");
+        assert_eq!(std::fs::read(folder.path().join(name)).unwrap(), b"the old file", "{line}");
+        assert_eq!(names_in(folder.path()), before, "{line}");
+        succeeds(folder.path(), line);
+        std::fs::write(folder.path().join(name), b"the old file").unwrap();
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_folder_that_cannot_be_written_is_found_out_at_once() {

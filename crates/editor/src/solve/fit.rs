@@ -6,7 +6,7 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::light::LightSetting;
 
 use super::lights::{Unknown, with};
-use super::report::{Change, Outcome, Solution};
+use super::report::{Change, Outcome, Solution, size_of};
 use super::rows::{Row, Rows, luminance};
 use super::{Exposure, Freedom, Place, Request, Scene, Target, Wish};
 
@@ -180,7 +180,7 @@ fn mean<'a>(scene: &Scene, wish: &'a Wish, rows: &Rows, layout: &Layout) -> Resu
 
 /// A wish counts by its miss over what is wanted.
 fn add_mean(problem: &mut BoundedLeastSquares, mean: &Mean, layout: &Layout) {
-    let size = mean.wanted.abs().max(0.01 * mean.before.abs()).max(1e-9);
+    let size = size_of(mean.wanted, mean.before);
     let b = mean.wanted - luminance(mean.row.fixed);
     problem.add(&layout.luminance(&mean.row), b, mean.wish.weight / (size * size));
 }

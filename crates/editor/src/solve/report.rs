@@ -59,6 +59,11 @@ pub struct Solution {
     pub notes: Vec<String>,
 }
 
+/// What the miss of a mean is measured by: what is wanted, at least a hundredth of what there was, of any size but zero.
+pub(super) fn size_of(wanted: f64, before: f64) -> f64 {
+    wanted.abs().max(0.01 * before.abs()).max(f64::from(f32::MIN_POSITIVE))
+}
+
 impl Outcome {
     /// Of a mean that lights can bring to any value of a range.
     pub(super) fn of_mean(
@@ -67,7 +72,7 @@ impl Outcome {
         [least, most]: [f64; 2],
         [_, upper]: [f64; 2],
     ) -> Outcome {
-        let is_met = (reached - wanted).abs() <= MET * wanted.abs().max(1e-9);
+        let is_met = (reached - wanted).abs() <= MET * size_of(wanted, before);
         let remark = (!is_met).then(|| {
             if wanted > most {
                 let most = number_words(most as f32);
@@ -108,7 +113,7 @@ impl Outcome {
     pub fn miss(&self) -> f64 {
         match self.exposure_ev {
             Some(_) => 0.01 * self.reached,
-            None => (self.reached - self.wanted).abs() / self.wanted.abs().max(1e-9),
+            None => (self.reached - self.wanted).abs() / size_of(self.wanted, self.before),
         }
     }
 

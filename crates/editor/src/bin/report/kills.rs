@@ -42,28 +42,38 @@ pub fn write(desk: &Desk) -> Result<String> {
     // The shorter of two, so that the last kills meet bakes that are under way.
     let run_secs = first_secs.min(bench.finish("uninterrupted-again")?.1);
     let n_kills = desk.choose(5, 50);
-    let mut kills = Vec::new();
-    for nth in 0..n_kills {
-        // One moment in each n-th of the run.
-        let share = (nth as f64 + uniform(SEED, nth)) / n_kills as f64;
+    let mut kills: Vec<Kill> = Vec::new();
+    let (mut n_late, mut longest) = (0, run_secs);
+    while kills.len() < n_kills {
+        // One moment in each n-th of the run; a draw that meets a bake which has ended is not a kill and is drawn again.
+        let nth = kills.len();
+        let share = (nth as f64 + uniform(SEED, nth + n_late * n_kills)) / n_kills as f64;
         desk.say(&format!("kill {} of {n_kills}, at {:.0} % of the run", nth + 1, 100.0 * share));
-        kills.push(bench.kill(&format!("killed-{nth}"), share * run_secs, &reference)?);
+        let kill = bench.kill(&format!("killed-{nth}"), share * longest, &reference)?;
+        if kill.ended {
+            // That bake was shorter, so all later moments are.
+            longest = longest.min(kill.at_secs);
+            n_late += 1;
+            ensure!(n_late < 4 * n_kills, "the bakes end before they can be killed");
+        } else {
+            kills.push(kill);
+        }
     }
-    Ok(words(desk, &kills, run_secs))
+    Ok(words(desk, &kills, n_late, run_secs))
 }
 
-fn words(desk: &Desk, kills: &[Kill], run_secs: f64) -> String {
+fn words(desk: &Desk, kills: &[Kill], n_late: usize, run_secs: f64) -> String {
     let found = || kills.iter().filter_map(|kill| kill.found.as_ref());
     let n_blocks = found().map(|state| state.n_blocks).max().unwrap_or(0);
     let kept = found().map(|state| state.n_done);
     let (least, most) = (kept.clone().min().unwrap_or(0), kept.max().unwrap_or(0));
     let n_torn = found().filter(|state| state.n_torn_bytes > 0).count();
     let count = |what: fn(&Kill) -> bool| kills.iter().filter(|kill| what(kill)).count();
-    let wasted = kills.iter().filter(|kill| !kill.ended).map(|kill| kill.at_secs + kill.resume_secs - run_secs);
+    let wasted = kills.iter().map(|kill| kill.at_secs + kill.resume_secs - run_secs);
     let rows = [
         ("kills (SIGKILL, one in each part of the run, moments drawn from a seed)", kills.len().to_string()),
-        ("of them before anything was kept", count(|kill| kill.found.is_none() && !kill.ended).to_string()),
-        ("of them after the bake had ended", count(|kill| kill.ended).to_string()),
+        ("of them before anything was kept", count(|kill| kill.found.is_none()).to_string()),
+        ("further draws that met a bake which had ended, and were drawn again", n_late.to_string()),
         ("finished bakes that equal the uninterrupted one byte for byte", count(|kill| kill.same_bytes).to_string()),
         ("blocks of the bake", n_blocks.to_string()),
         ("blocks that were kept, least and most", format!("{least}, {most}")),

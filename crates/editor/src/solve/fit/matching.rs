@@ -18,6 +18,8 @@ use super::{Cell, DARK, Exposure, Layout, Target, Wish};
 const MOST_ROUNDS: usize = 24;
 /// Change of an unknown, of its size, that ends them.
 const SETTLED: f64 = 1e-4;
+/// Light below this counts as this: the least that single precision holds in full.
+const LEAST: f64 = f32::MIN_POSITIVE as f64;
 /// Cauchy's weights halve at so many standard deviations: 95 % as good as least squares where misses are normal.
 const CAUCHY: f64 = 2.385;
 /// Standard deviation over median miss of normal misses.
@@ -43,13 +45,13 @@ impl Matching {
         let Target::Picture(picture, exposure) = &wish.target else { return None };
         let means: Vec<Mean> = cells.iter().map(|cell| picture.mean(film, cell.rect)).collect();
         let level = means.iter().map(|mean| luminance(mean.rgb)).sum::<f64>() / means.len().max(1) as f64;
-        let per_size = means.iter().map(|mean| 1.0 / (luminance(mean.rgb) + DARK * level).max(1e-12)).collect();
+        let per_size = means.iter().map(|mean| 1.0 / (luminance(mean.rgb) + DARK * level).max(LEAST)).collect();
         let now: Vec<f64> = cells.iter().map(|cell| luminance(layout.value(&cell.row, &layout.start))).collect();
         let (nit, is_free) = match exposure {
             Exposure::Ev(ev) => ((-ev).exp2(), false),
             Exposure::Free => {
                 let wanted: Vec<f64> = means.iter().map(|mean| luminance(mean.rgb)).collect();
-                let ratio = median(now) / median(wanted).max(1e-12);
+                let ratio = median(now) / median(wanted).max(LEAST);
                 (if ratio > 0.0 && ratio.is_finite() { ratio } else { 1.0 }, true)
             }
         };
