@@ -78,7 +78,8 @@ pub(super) fn build_geometry(
     for node in placed {
         names.push(called("node", node.index, document.nodes[node.index].name.as_ref()));
     }
-    let (mut jobs, mut load) = (Vec::new(), Load::default());
+    check_load(reader, scene, placed, indices)?;
+    let mut jobs = Vec::new();
     for ((placed, node_idx), name) in placed.iter().zip(indices).zip(&names) {
         let node = &document.nodes[placed.index];
         let (Some(mesh_idx), Some(node_idx), true) = (node.mesh, *node_idx, placed.visible) else { continue };
@@ -86,8 +87,6 @@ pub(super) fn build_geometry(
             notes.warn(format!("{name}: mesh {mesh_idx} does not exist: it is left out"));
             continue;
         };
-        // Before anything is read or multiplied.
-        load.add(&Load::of_mesh(reader, mesh), n_copies(reader, node)).check(&scene.name)?;
         let weights = node.weights.as_ref().or(mesh.weights.as_ref()).map_or(&[][..], Vec::as_slice);
         for world_from_mesh in transforms(reader, node, placed, name, notes) {
             jobs.extend(mesh.primitives.iter().map(|primitive| {
@@ -98,6 +97,22 @@ pub(super) fn build_geometry(
         }
     }
     Ok(jobs.par_iter().map(|job| geometry::build(reader, job)).collect())
+}
+
+/// Refuses what all nodes together would make too much of, before anything is read or multiplied.
+fn check_load(
+    reader: &Reader,
+    scene: &Scene,
+    placed: &[PlacedNode],
+    indices: &[Option<u32>],
+) -> Result<(), ImportError> {
+    let mut load = Load::default();
+    for (placed, _) in placed.iter().zip(indices).filter(|(placed, index)| placed.visible && index.is_some()) {
+        let node = &reader.document.nodes[placed.index];
+        let Some(mesh) = node.mesh.and_then(|mesh| reader.document.get(mesh)) else { continue };
+        load.add(&Load::of_mesh(reader, mesh), n_copies(reader, node)).check(&scene.name)?;
+    }
+    Ok(())
 }
 
 /// What building geometry takes, at most.

@@ -226,3 +226,78 @@ fn a_transform_beyond_single_precision_is_not_finite() {
     let report = fixture.load().report;
     assert!(report.warnings.iter().any(|line| line.contains("not finite")), "{:?}", report.warnings);
 }
+
+/// A PNG that says it is of that size, and has the pixels of a single one.
+fn png_of(width: u32, height: u32) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let image = image::RgbaImage::from_pixel(1, 1, image::Rgba([9, 8, 7, 255]));
+    image.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png).expect("a PNG");
+    bytes[16..20].copy_from_slice(&width.to_be_bytes());
+    bytes[20..24].copy_from_slice(&height.to_be_bytes());
+    // The checksum of a chunk is of its name and contents.
+    let checksum = bytes[12..29].iter().fold(!0_u32, |sum, byte| {
+        (0..8).fold(sum ^ u32::from(*byte), |sum, _| (sum >> 1) ^ (0xEDB8_8320 & (sum & 1).wrapping_neg()))
+    });
+    bytes[29..33].copy_from_slice(&(!checksum).to_be_bytes());
+    bytes
+}
+
+/// A triangle that shows an image.
+fn shows(image: &[u8]) -> Fixture {
+    let mut fixture = Fixture::triangle();
+    let view = fixture.view(image);
+    let uvs = fixture.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
+    fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
+    fixture.root["textures"] = json!([{"source": 0}]);
+    fixture.material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}))
+}
+
+#[test]
+fn an_image_that_claims_to_be_huge_is_replaced_before_memory_is_asked_for() {
+    let sound = shows(&png_of(1, 1)).load();
+    assert_eq!(sound.scene.textures[0].image.texels, [[9, 8, 7, 255]]);
+    assert_eq!(sound.report.warnings, Vec::<String>::new());
+    for [width, height] in [[16_385, 1], [1, 20_000], [60_000, 60_000], [u32::MAX / 2, u32::MAX / 2], [0, 0]] {
+        let imported = shows(&png_of(width, height)).load();
+        let warnings = &imported.report.warnings;
+        assert!(warnings.iter().any(|line| line.contains("a checkerboard is shown")), "{width} × {height}: {warnings:?}");
+        assert_eq!(imported.scene.textures[0].image.width, 8, "{width} × {height}");
+    }
+}
+
+#[test]
+fn nesting_without_end_is_refused_in_words() {
+    for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
+        let nested = format!("{}0{}", open.repeat(200_000), close.repeat(200_000));
+        let text = format!(r#"{{"asset": {{"version": "2.0"}}, "extras": {nested}}}"#);
+        let error = load_bytes("deep.gltf", text.as_bytes()).expect_err("refused");
+        assert!(error.to_string().contains("deep.gltf") && error.to_string().contains("recursion"), "{error}");
+    }
+}
+
+#[test]
+fn compressed_views_that_are_too_much_together_are_left_out_before_they_are_decoded() {
+    // Each of a gibibyte is possible; the third is one too many, and its mesh alone is left out.
+    let mut fixture = Fixture::triangle();
+    let stream = fixture.view(&[0; 1 << 20]);
+    let offset = fixture.root["bufferViews"][stream]["byteOffset"].clone();
+    for _ in 0..3 {
+        let view = json!({"buffer": 1, "byteLength": 12, "extensions": {"EXT_meshopt_compression": {"buffer": 0,
+            "byteOffset": offset, "byteLength": 1 << 20, "byteStride": 256, "count": 1 << 22, "mode": "ATTRIBUTES"}}});
+        fixture.root["bufferViews"].as_array_mut().expect("views").push(view);
+    }
+    let last = fixture.root["bufferViews"].as_array().expect("views").len() - 1;
+    let position = json!({"bufferView": last, "componentType": 5126, "count": 3, "type": "VEC3"});
+    fixture.root["accessors"].as_array_mut().expect("accessors").push(position);
+    fixture.root["meshes"][0]["primitives"]
+        .as_array_mut()
+        .expect("primitives")
+        .push(json!({"attributes": {"POSITION": 1}}));
+    let mut glb = fixture;
+    glb.root["buffers"] = json!([{}, {"byteLength": 12}]);
+    let imported = load_bytes("flood.glb", &glb.glb()).expect("the other mesh is sound");
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    let warnings = &imported.report.warnings;
+    assert!(warnings.iter().any(|line| line.contains("all views together have more than")), "{warnings:?}");
+}
