@@ -99,6 +99,9 @@ pub(super) fn build_geometry(
     Ok(jobs.par_iter().map(|job| geometry::build(reader, job)).collect())
 }
 
+/// Least bytes of JSON that place a node.
+const BYTES_OF_A_NODE: u64 = 16;
+
 /// Refuses what all nodes together would make too much of, before anything is read or multiplied.
 fn check_load(
     reader: &Reader,
@@ -106,11 +109,15 @@ fn check_load(
     placed: &[PlacedNode],
     indices: &[Option<u32>],
 ) -> Result<(), ImportError> {
+    let n_bytes = reader.buffers.n_bytes().saturating_add(BYTES_OF_A_NODE.saturating_mul(placed.len() as u64));
+    let most = Load::FEW_TRIANGLES
+        .saturating_add(Load::TRIANGLES_OF_A_BYTE.saturating_mul(n_bytes))
+        .min(Load::MAX_TRIANGLES);
     let mut load = Load::default();
     for (placed, _) in placed.iter().zip(indices).filter(|(placed, index)| placed.visible && index.is_some()) {
         let node = &reader.document.nodes[placed.index];
         let Some(mesh) = node.mesh.and_then(|mesh| reader.document.get(mesh)) else { continue };
-        load.add(&Load::of_mesh(reader, mesh), n_copies(reader, node)).check(&scene.name)?;
+        load.add(&Load::of_mesh(reader, mesh), n_copies(reader, node)).check(&scene.name, most)?;
     }
     Ok(())
 }
@@ -126,6 +133,9 @@ struct Load {
 
 impl Load {
     const MAX_TRIANGLES: u64 = 1 << 26;
+    /// What copies make of a file without bytes worth the name, and of each byte beyond: a forest has some fifty.
+    const FEW_TRIANGLES: u64 = 1 << 20;
+    const TRIANGLES_OF_A_BYTE: u64 = 256;
     const MAX_ELEMENTS: u64 = 1 << 31;
 
     /// One copy of a mesh.
@@ -152,10 +162,10 @@ impl Load {
         self
     }
 
-    fn check(&self, name: &str) -> Result<(), ImportError> {
+    fn check(&self, name: &str, most_triangles: u64) -> Result<(), ImportError> {
         let refuse = |what, most| Err(ImportError::TooMuch { name: name.to_owned(), what, most });
         match () {
-            () if self.triangles > Load::MAX_TRIANGLES => refuse("triangles", Load::MAX_TRIANGLES),
+            () if self.triangles > most_triangles => refuse("triangles", most_triangles),
             () if self.elements > Load::MAX_ELEMENTS => refuse("vertices", Load::MAX_ELEMENTS),
             () => Ok(()),
         }

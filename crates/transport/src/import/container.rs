@@ -122,6 +122,11 @@ impl<'a> Buffers<'a> {
         Ok(Buffers { buffers, views: &document.buffer_views, decoded })
     }
 
+    /// Bytes of all buffers, as they lie in the file.
+    pub fn n_bytes(&self) -> u64 {
+        self.buffers.iter().fold(0, |sum: u64, buffer| sum.saturating_add(buffer.len() as u64))
+    }
+
     /// Bytes of a view and its stride, or a reason in words.
     pub fn view(&self, index: usize) -> Result<(&[u8], Option<usize>), String> {
         let view = self.views.get(index).ok_or_else(|| format!("buffer view {index} does not exist"))?;
