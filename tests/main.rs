@@ -22,10 +22,10 @@ mod linearity;
 mod measured;
 /// glTF in, EXR out, through the command line.
 mod pipeline;
-/// Columns of an earlier bake, taken over.
-mod rebake;
 /// Forty powers of ten of light through every stage behind a bake.
 mod ranges;
+/// Columns of an earlier bake, taken over.
+mod rebake;
 /// `trace` against pictures that another renderer made.
 mod references;
 /// The sky: turned, exchanged, in patches and sharp behind the picture.

@@ -70,9 +70,8 @@ impl Figures {
         let pictures = pictures.collect();
         let read = desk.json("sensors @room.transport");
         let grid = &read["grids"][0];
-        let lux: Vec<f32> = ["average_lux", "minimum_lux", "maximum_lux"]
-            .map(|name| grid[name].as_f64().unwrap() as f32)
-            .into();
+        let lux: Vec<f32> =
+            ["average_lux", "minimum_lux", "maximum_lux"].map(|name| grid[name].as_f64().unwrap() as f32).into();
         // Three times the light that there is.
         let wish = json!({ "wishes": [{ "sensors": grid["name"], "times": 3 }], "factor": [0, 50] });
         std::fs::write(desk.path("wishes.json"), wish.to_string()).unwrap();
@@ -142,9 +141,11 @@ fn ranges_of_sky_and_of_free_lamps_change_no_more_than_rounding_does() {
         pixels(&desk, "lamp.exr")
     };
     let table = Shape::quad(Vec3::new(-1.0, 0.0, 1.0), Vec3::X * 2.0, Vec3::NEG_Z * 2.0);
-    let open = SceneFile::default()
-        .surface("table", &table, SceneFile::lambert([0.8; 3], [0.0; 3]))
-        .camera("front", Vec3::new(0.0, 0.6, 2.5), 0.9);
+    let open = SceneFile::default().surface("table", &table, SceneFile::lambert([0.8; 3], [0.0; 3])).camera(
+        "front",
+        Vec3::new(0.0, 0.6, 2.5),
+        0.9,
+    );
     std::fs::write(desk.path("open.glb"), open.glb()).unwrap();
     desk.json("bake @open.glb -o @open.transport --size 24x18 --spp 16 --seed 7 --sky uniform");
     let sky = |intensity: f32| {

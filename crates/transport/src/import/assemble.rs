@@ -110,9 +110,8 @@ fn check_load(
     indices: &[Option<u32>],
 ) -> Result<(), ImportError> {
     let n_bytes = reader.buffers.n_bytes().saturating_add(BYTES_OF_A_NODE.saturating_mul(placed.len() as u64));
-    let most = Load::FEW_TRIANGLES
-        .saturating_add(Load::TRIANGLES_OF_A_BYTE.saturating_mul(n_bytes))
-        .min(Load::MAX_TRIANGLES);
+    let most =
+        Load::FEW_TRIANGLES.saturating_add(Load::TRIANGLES_OF_A_BYTE.saturating_mul(n_bytes)).min(Load::MAX_TRIANGLES);
     let mut load = Load::default();
     for (placed, _) in placed.iter().zip(indices).filter(|(placed, index)| placed.visible && index.is_some()) {
         let node = &reader.document.nodes[placed.index];

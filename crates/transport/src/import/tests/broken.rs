@@ -265,7 +265,10 @@ fn an_image_that_claims_to_be_huge_is_replaced_before_memory_is_asked_for() {
     for [width, height] in [[16_385, 1], [1, 20_000], [60_000, 60_000], [u32::MAX / 2, u32::MAX / 2], [0, 0]] {
         let imported = shows(&png_of(width, height)).load();
         let warnings = &imported.report.warnings;
-        assert!(warnings.iter().any(|line| line.contains("a checkerboard is shown")), "{width} × {height}: {warnings:?}");
+        assert!(
+            warnings.iter().any(|line| line.contains("a checkerboard is shown")),
+            "{width} × {height}: {warnings:?}"
+        );
         assert_eq!(imported.scene.textures[0].image.width, 8, "{width} × {height}");
     }
 }
