@@ -72,6 +72,13 @@ pub enum Action {
     AddProfile(PathBuf),
     /// Put a free lamp in the place of a lamp of the file.
     MakeMovable(String),
+    /// The same for one that the pointer pulls at: it is held from then on.
+    PullLamp {
+        /// Key of the lamp.
+        key: String,
+        /// Where the pointer went down, points.
+        at: [f32; 2],
+    },
     /// Add a copy of the chosen lamp.
     DuplicateLamp,
     /// Take the chosen lamp away.
@@ -108,8 +115,6 @@ pub enum Action {
     Undo,
     /// Do again what was taken back.
     Redo,
-    /// Everything as the scene has it.
-    ResetLook,
     /// Relight on another device.
     UseDevice(DeviceWish),
     /// Show the whole picture.

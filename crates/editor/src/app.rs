@@ -31,13 +31,12 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use clerestory_transport::bake::BakeConfig;
-use clerestory_transport::light::LightRig;
 use eframe::egui::{Context, ThemePreference, Ui, util::undoer::Undoer};
 use eframe::{CreationContext, Storage};
 
 use crate::action::{Action, dropped};
 use crate::export::ExportOptions;
-use crate::look::{Display, Look};
+use crate::look::Look;
 use crate::panels::dialogs::{FileDialogs, FileQuestion};
 use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
@@ -281,6 +280,7 @@ impl App {
             Action::AskProfile { at_px } => self.ask_profile(at_px),
             Action::AddProfile(path) => self.add_profile(path),
             Action::MakeMovable(key) => self.make_movable(&key),
+            Action::PullLamp { key, at } => self.pull_lamp(&key, at),
             Action::DuplicateLamp => self.duplicate_lamp(),
             Action::DeleteLamp => self.delete_lamp(),
             Action::AimLamp => self.aim_lamp(),
@@ -299,7 +299,6 @@ impl App {
             Action::UseScene(path) => self.session.find_scene(path),
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
-            Action::ResetLook => (self.look.lights, self.look.display) = (LightRig::default(), Display::default()),
             Action::UseDevice(wish) => self.follower.use_device(wish),
             Action::FitPicture => self.view.zoom.fit(),
             Action::LeaveCamera => self.leave_camera(),

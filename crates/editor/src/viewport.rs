@@ -104,7 +104,7 @@ pub fn viewport_ui(
         is_free = !lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
         if !lights.lamps.aiming && lights.lamps.drag.is_none() {
             drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
-            is_free &= !names::marks_ui(ui, &response, &sight, look, &mut lights.chosen);
+            is_free &= !names::marks_ui(ui, &response, &sight, look, &mut lights.chosen, actions);
             names::surface_hint(ui, &response, &sight, look);
         }
         picker.paint(&painter, look, lights.spot.as_ref());

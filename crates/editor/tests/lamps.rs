@@ -244,6 +244,27 @@ fn a_lamp_of_the_file_is_made_movable_and_shines_as_before() {
 }
 
 #[test]
+fn a_lamp_of_the_file_is_dragged_as_it_hangs_and_comes_back_by_one_undo() {
+    let mut window = baked();
+    let (at, wall) = (Vec3::new(0.3, 0.6, -0.2), Vec3::new(-1.0, -0.2, -0.8));
+    let (from, to) = (on_screen(&window, at), on_screen(&window, wall));
+    window.hover_at(from);
+    window.run_steps(3);
+    window.get_by_label("lamp in the picture");
+    drag(&mut window, from, to);
+    let look = window.state().look().clone();
+    assert!(look.lights.lights["lamp"].muted, "its own light is off");
+    let [lamp] = &look.lights.lamps[..] else { panic!("{:?}", look.lights.lamps) };
+    assert_eq!((lamp.key.as_str(), lamp.strength, lamp.unit), ("lamp movable 1", 3.0, LampUnit::Candela));
+    let off = lamp.position - wall;
+    assert!(off.y.abs() < 0.04 && off.z.abs() < 0.04 && off.x > 0.0 && off.x < 0.31, "{off}");
+    // It is chosen, and goes on as any free lamp.
+    window.get_by_label("Move lamp movable 1 along X");
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default(), "the exchange and the way at once");
+}
+
+#[test]
 fn with_patches_a_lamp_that_becomes_movable_leaves_the_picture_as_it_is() {
     let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
     let mut window =

@@ -164,11 +164,27 @@ impl App {
         self.lights.lamps.aiming = can_aim && !self.lights.lamps.aiming;
     }
 
-    /// Mutes a lamp of the file and puts a free one of the same light in its place.
+    /// Mutes a lamp of the file and puts a free one of the same light in its place, in one step of undo.
     pub(super) fn make_movable(&mut self, key: &str) {
+        if let Some(lamp) = self.movable_twin(key) {
+            self.as_one_step(|app| app.exchange(key, lamp));
+        }
+    }
+
+    /// The same while the pointer is down, which makes one step of all that it does; the lamp is in its hand then.
+    pub(super) fn pull_lamp(&mut self, key: &str, at: [f32; 2]) {
+        if let Some(lamp) = self.movable_twin(key) {
+            self.exchange(key, lamp);
+            self.lights.lamps.pulled_at = Some(at.into());
+        }
+    }
+
+    /// A free lamp of the same light as one of the file; complains where there can be none.
+    fn movable_twin(&mut self, key: &str) -> Option<FreeLamp> {
+        let name = self.look.name_of(key).to_owned();
         let Some((scene, ..)) = self.lamp_view() else {
-            self.complain(format!("{key} can be made movable once the scene is open"));
-            return;
+            self.complain(format!("{name} can be made movable once the scene is open"));
+            return None;
         };
         let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
         let found = lights.filter_map(|(source, emitter)| match emitter {
@@ -176,16 +192,17 @@ impl App {
             _ => None,
         });
         let setting = self.look.lights.lights.get(key).copied().unwrap_or_default();
-        let name = self.free_name(&format!("{key} movable"));
-        let lamp = found.map(|(source, light)| FreeLamp::from_source(&name, source, light, setting)).next().flatten();
-        let Some(lamp) = lamp else {
-            self.complain(format!("{key} cannot be made movable: its distribution lies in the file of the scene"));
-            return;
-        };
-        self.as_one_step(|app| {
-            groups::join(&mut app.look.lights, key, &lamp.key);
-            app.look.lights.lights.entry(key.to_owned()).or_default().muted = true;
-            app.push_lamp(lamp);
-        });
+        let free = self.free_name(&format!("{name} movable"));
+        let lamp = found.map(|(source, light)| FreeLamp::from_source(&free, source, light, setting)).next().flatten();
+        if lamp.is_none() {
+            self.complain(format!("{name} cannot be made movable: its distribution lies in the file of the scene"));
+        }
+        lamp
+    }
+
+    fn exchange(&mut self, key: &str, lamp: FreeLamp) {
+        groups::join(&mut self.look.lights, key, &lamp.key);
+        self.look.lights.lights.entry(key.to_owned()).or_default().muted = true;
+        self.push_lamp(lamp);
     }
 }

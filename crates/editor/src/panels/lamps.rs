@@ -24,6 +24,8 @@ pub struct LampState {
     pub drag: Option<Drag>,
     /// Where the pointer was seen last while it drags.
     pub dragged_to: Option<Pos2>,
+    /// Where the chosen lamp was pulled out of the file, before it is held.
+    pub pulled_at: Option<Pos2>,
     /// Where the menu of the picture was opened.
     pub menu_at: Option<Pos2>,
     /// A name that is being typed.

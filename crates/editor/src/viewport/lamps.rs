@@ -38,6 +38,7 @@ pub fn lamps_ui(
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let mut touched = aim_by_click(ui, picture, sight, lamps, state);
     cancel(ui, lamps, state);
+    hold_pulled(sight, lamps, state);
     drag_on(ui, sight, lamps, state);
     // The chosen lamp comes last, and so lies on top.
     let mut order: Vec<usize> = (0..lamps.len()).collect();
@@ -221,6 +222,15 @@ fn take_hold(
     state.drag = Some(Drag::begin(sight, lamp, part, pressed));
     state.dragged_to = Some(pressed);
     true
+}
+
+/// Takes hold of a lamp that was pulled out of the file a moment ago.
+fn hold_pulled(sight: &Sight, lamps: &[FreeLamp], state: &mut LampState) {
+    let Some(at) = state.pulled_at.take() else { return };
+    if let Some(lamp) = lamps.iter().find(|lamp| state.is_chosen(&lamp.key)) {
+        state.drag = Some(Drag::begin(sight, lamp, Part::Body, at));
+        state.dragged_to = Some(at);
+    }
 }
 
 /// Carries a lamp on that is held, and lets go of it where the button comes up.

@@ -5,11 +5,12 @@ use clerestory_transport::bvh::Ray;
 use clerestory_transport::emitters::{Emitter, Lighting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::Sampler;
-use eframe::egui::{self, Color32, CursorIcon, Id, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2};
+use eframe::egui::{self, Color32, CursorIcon, Id, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2};
 use glam::Vec3;
 
 use super::gizmo::Sight;
 use super::lamps::hint;
+use crate::action::Action;
 use crate::look::Look;
 use crate::theme;
 
@@ -20,22 +21,35 @@ const RADIUS: f32 = 4.0;
 /// Share of the light of a lamp behind glass that must come through for its mark to be seen.
 const SEEN: f32 = 0.05;
 
-/// Draws a mark where each lamp of the file is seen while the pointer is in the picture; a click on one chooses it.
-/// Answers whether one is under the pointer.
-pub fn marks_ui(ui: &Ui, picture: &Response, sight: &Sight, look: &Look, chosen: &mut Option<String>) -> bool {
+/// Draws a mark where each lamp of the file is seen while the pointer is in the picture; a click on one chooses it, a drag takes
+/// it along. Answers whether one is under the pointer.
+pub fn marks_ui(
+    ui: &Ui,
+    picture: &Response,
+    sight: &Sight,
+    look: &Look,
+    chosen: &mut Option<String>,
+    actions: &mut Vec<Action>,
+) -> bool {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let is_near = ui.input(|input| input.pointer.hover_pos()).is_some_and(|at| picture.rect.contains(at));
     let mut touched = false;
     for (source, position) in lamps(sight.scene) {
         let name = look.name_of(&source.key);
         let is_chosen = chosen.as_deref() == Some(&source.key);
+        // Where a free lamp took its place its mark would lie below.
+        let is_replaced = look.lights.setting(&source.key).muted
+            && look.lights.lamps.iter().any(|lamp| lamp.position.distance(position) < 1e-3 * sight.scene.diameter());
+        if is_replaced {
+            continue;
+        }
         if !is_near && !is_chosen {
             continue;
         }
         let seen = sight.seen_at(position).filter(|at| painter.clip_rect().contains(*at));
         let Some(at) = seen.filter(|_| is_seen(sight, position)) else { continue };
         let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
-        let response = ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click());
+        let response = ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click_and_drag());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("{name} in the picture")));
         let strength = if response.hovered() || is_chosen { 1.0 } else { 0.55 };
         let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
@@ -43,7 +57,11 @@ pub fn marks_ui(ui: &Ui, picture: &Response, sight: &Sight, look: &Look, chosen:
         painter.circle_stroke(at, RADIUS, Stroke::new(1.4, color.gamma_multiply(strength)));
         if response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
-            hint(ui, picture.rect, &format!("{name}, click to choose it"));
+            hint(ui, picture.rect, &format!("{name}, click to choose it, drag to move it"));
+        }
+        if response.drag_started_by(PointerButton::Primary) {
+            let at = ui.input(|input| input.pointer.press_origin()).unwrap_or(at);
+            actions.push(Action::PullLamp { key: source.key.clone(), at: at.into() });
         }
         if response.clicked() {
             *chosen = Some(source.key.clone());
