@@ -225,7 +225,7 @@ impl FileTask {
 
     /// Whether more than the file's name is asked, so that the desktop's dialog waits until it is wanted.
     pub fn asks_more(self) -> bool {
-        self == FileTask::Export
+        matches!(self, FileTask::Export | FileTask::ExportFrames)
     }
 
     /// Whether a file is written.

@@ -67,6 +67,7 @@ const RECENT_KEY: &str = "recent";
 const LIGHTS_KEY: &str = "lights";
 const EXPORT_KEY: &str = "export";
 const PANELS_KEY: &str = "panels";
+const DEVICE_KEY: &str = "device";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
 
@@ -140,6 +141,10 @@ impl App {
         session.cache = start.cache;
         session.open(start.source);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
+        let mut follower = Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?;
+        if let Some(wish) = cc.storage.and_then(|storage| eframe::get_value(storage, DEVICE_KEY)) {
+            follower.use_device(wish);
+        }
         Ok(App {
             session,
             look: Look::default(),
@@ -152,7 +157,7 @@ impl App {
             stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
             lights,
             view: ViewState::default(),
-            follower: Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?,
+            follower,
             looks: LooksState::default(),
             prints: Prints::new(wake.clone())?,
             solving: Solving::new(wake.clone()),
@@ -395,6 +400,7 @@ impl eframe::App for App {
         eframe::set_value(storage, LIGHTS_KEY, &self.lights.layout);
         eframe::set_value(storage, EXPORT_KEY, &self.export);
         eframe::set_value(storage, PANELS_KEY, &self.sides);
+        eframe::set_value(storage, DEVICE_KEY, &self.follower.wish());
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

@@ -8,9 +8,11 @@ use clerestory_relight::{
 use eframe::egui::{Color32, ColorImage, TextureId};
 use eframe::egui_wgpu::RenderState;
 use eframe::wgpu;
+use serde::{Deserialize, Serialize};
 
 /// Which device a person wants.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum DeviceWish {
     /// The graphics device if it is a real one, else the CPU.
     #[default]

@@ -57,6 +57,11 @@ impl Pattern {
     }
 }
 
+/// Number of the last frame of a look's timeline, counted from 0.
+pub fn last_frame(look: &Look, fps: f32) -> u32 {
+    (look.timeline.end_secs() * fps).round() as u32
+}
+
 /// Frames of a look that are to be written.
 pub struct Sequence {
     /// The document with snapshots and timeline.
@@ -86,8 +91,7 @@ impl Sequence {
             bail!("the look has no timeline: add keys to it in the editor, or write them into its `timeline`");
         }
         let fps = fps.unwrap_or(look.timeline.fps);
-        let last = (look.timeline.end_secs() * fps).round() as u32;
-        let frames = frames.unwrap_or(0..=last);
+        let frames = frames.unwrap_or(0..=last_frame(&look, fps));
         let n_frames = u64::from(*frames.end()) + 1 - u64::from(*frames.start()).min(u64::from(*frames.end()));
         if frames.is_empty() || n_frames > u64::from(MOST_FRAMES) {
             bail!("frames {} to {}: give 1 to {MOST_FRAMES} in rising order", frames.start(), frames.end());

@@ -101,7 +101,7 @@ pub fn viewport_ui(
         let film = Film { width, height };
         let picker = PanelPicker { scene, camera, film, image };
         let sight = Sight { scene, camera, film, image };
-        is_free = !lamps::lamps_ui(ui, &response, &sight, &mut look.lights.lamps, &mut lights.lamps, actions);
+        is_free = !lamps::lamps_ui(ui, &response, &sight, look, &mut lights.lamps, actions);
         if !lights.lamps.aiming && lights.lamps.drag.is_none() {
             drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
             is_free &= !names::marks_ui(ui, &response, &sight, look, &mut lights.chosen, actions);

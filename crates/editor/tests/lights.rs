@@ -11,7 +11,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, click, drag, open, room, wait};
+use desk::{Window, baked, click, drag, open, room, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {
@@ -280,4 +280,20 @@ fn the_rows_of_lights_and_groups_share_their_columns() {
         let color = place("lamp color");
         assert!(color.right() < 0.5 * width && single.max <= color.right() + 0.5, "{color} {single:?}");
     }
+}
+
+#[test]
+fn what_a_right_click_offers_is_there_for_the_keyboard_too() {
+    let mut window = baked();
+    select(&mut window, &["lamp"]);
+    let more = window.get_by_label("More for lamp");
+    more.focus();
+    window.run_steps(2);
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+    for name in ["Solo this alone", "Rename…", "Make movable"] {
+        window.get_by_label(name);
+    }
+    click(&mut window, "Make movable");
+    assert_eq!(window.state().look().lights.lamps[0].key, "lamp movable 1");
 }

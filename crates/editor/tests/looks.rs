@@ -8,7 +8,7 @@ use clerestory::look::snapshot::Mark;
 use eframe::egui::{Key, Modifiers, PointerButton};
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, baked, click, drag, save_as, wait};
+use desk::{Window, ask_for, baked, click, drag, save_as, wait};
 
 fn names(window: &Window) -> Vec<&str> {
     window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
@@ -252,6 +252,22 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     save_as(&mut window, "Export frames…", &folder.path().join("f_###.png"));
     wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("f_048.png").exists());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 49);
+    // A part that a single picture was cut to is none of the frames', and what is there is told before it is replaced.
+    ask_for(&mut window, "Export…", &folder.path().join("one.png"));
+    click(&mut window, "Region");
+    window.get_by_label("Region width");
+    click(&mut window, "Cancel");
+    ask_for(&mut window, "Export frames…", &folder.path().join("f_###.png"));
+    window.get_by_label_contains("49 files of these names are there");
+    window.get_by_label("49 of 24 in a second");
+    window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("f.png").display().to_string());
+    window.run_steps(3);
+    window.get_by_label_contains("write # for the digits");
+    window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("g_##.png").display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Save");
+    wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("g_48.png").exists());
+    assert_eq!(image::image_dimensions(folder.path().join("g_48.png")).unwrap(), (64, 48));
 }
 
 #[test]

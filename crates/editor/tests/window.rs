@@ -4,13 +4,16 @@
 
 mod desk;
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
-use clerestory::app::App;
+use clerestory::app::{App, Start};
 use clerestory::look::Look;
-use clerestory::session::{BakeState, Source, Stage};
+use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive;
+use clerestory_transport::camera::Film;
 use eframe::egui::{Key, Modifiers, ViewportEvent, pos2, vec2};
+use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
@@ -34,6 +37,67 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+/// What a window leaves for the next one.
+#[derive(Default)]
+struct Kept(HashMap<String, String>);
+
+impl eframe::Storage for Kept {
+    fn get_string(&self, key: &str) -> Option<String> {
+        self.0.get(key).cloned()
+    }
+
+    fn set_string(&mut self, key: &str, value: String) {
+        self.0.insert(key.into(), value);
+    }
+
+    fn remove_string(&mut self, key: &str) {
+        self.0.remove(key);
+    }
+
+    fn flush(&mut self) {}
+}
+
+#[test]
+fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
+    let opened = |kept: Kept| {
+        // A window borrows it for as long as it lives.
+        let kept: &'static Kept = Box::leak(Box::new(kept));
+        let settings =
+            BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config: quick(), illuminance: false };
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let start = Start { welcome: true, ..Start::alone(source, Some(settings)) };
+        let builder = Harness::builder().with_size(vec2(1440.0, 900.0));
+        let mut window: Window = builder.build_eframe(|cc| {
+            cc.storage = Some(kept);
+            App::new(cc, start).unwrap()
+        });
+        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+        window
+    };
+    let left = |window: &mut Window| {
+        let mut kept = Kept::default();
+        eframe::App::save(window.state_mut(), &mut kept);
+        kept
+    };
+    let mut window = opened(Kept::default());
+    // Who did not read the welcome yet finds it again.
+    let mut window_again = opened(left(&mut window));
+    drop(window);
+    click(&mut window_again, "Got it");
+    window_again.get_by_label("Mute lamp");
+    window_again.key_press(Key::T);
+    window_again.run_steps(3);
+    let kept = left(&mut window_again);
+    drop(window_again);
+    assert_eq!(kept.0["device"], "auto");
+    let mut window = opened(kept);
+    assert!(window.query_by_label("Got it").is_none() && window.query_by_label("Mute lamp").is_none());
+    let kept = Kept(HashMap::from([("device".into(), "cpu".into())]));
+    drop(window);
+    window = opened(kept);
+    assert_eq!(left(&mut window).0["device"], "cpu", "the choice of a device stays");
 }
 
 #[test]

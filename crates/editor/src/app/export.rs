@@ -7,7 +7,8 @@ use eframe::egui::{ColorImage, Context};
 use super::App;
 use crate::action::FileTask;
 use crate::look::Look;
-use crate::panels::export::{ExportView, export_ui};
+use crate::panels::export::{ExportView, export_ui, frames_ui};
+use crate::sequence::last_frame;
 
 impl App {
     /// How pictures are written.
@@ -55,6 +56,12 @@ impl App {
                 let (options, actions) = (&mut self.export, &mut self.actions);
                 options.irradiance &= view.has_illuminance;
                 question.ui(ctx, |ui, path| export_ui(ui, path, options, &view, actions))
+            }
+            (FileTask::ExportFrames, Some(shown)) => {
+                let (baked, timeline) = ([shown.header.width, shown.header.height], &self.look.timeline);
+                let (frames, fps) = (0..=last_frame(&self.look, timeline.fps), timeline.fps);
+                let options = &mut self.export;
+                question.ui(ctx, |ui, path| frames_ui(ui, path, options, baked, (frames, fps)))
             }
             _ => question.ui(ctx, |_, _| None),
         };

@@ -154,8 +154,8 @@ impl App {
             let lamp = app.look.lights.lamps.remove(idx);
             app.lights.solo.remove(&lamp.key);
             groups::leave(&mut app.look.lights, &lamp.key);
-            app.look.names.remove(&lamp.key);
-            app.say(format!("Deleted {}", lamp.key));
+            let name = app.look.names.remove(&lamp.key).unwrap_or(lamp.key);
+            app.say(format!("Deleted {name}"));
         });
     }
 

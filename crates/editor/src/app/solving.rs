@@ -379,6 +379,7 @@ impl App {
         let grids = shown.into_iter().flat_map(|shown| shown.header.grids(shown.irradiance.len()));
         let grids = grids.map(|(set, grid)| (set, grid.name.clone())).collect();
         let view = SolveView {
+            look: &self.look,
             lights: self.free_lights(),
             is_busy: self.solving.solving.is_busy(),
             has_illuminance,

@@ -19,7 +19,7 @@ use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
 use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
 use super::{picture, sheet::sheet};
-use crate::export::layers::{FREE_LAMPS, LayerSet};
+use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::{AddedLux, seen_irradiance};
 use crate::look::Look;
@@ -108,14 +108,14 @@ impl Target {
     ) -> Result<Answer> {
         let irradiance = irradiance_for(bake, &self.look, &lamps::added_lux(lamps), self.format, &self.options)?;
         let mut lit = Lit::new(bake, &self.look, lamps, self.gpu.as_ref())?;
-        let layers = lit.layers(bake, lamps, self.options.layers)?;
+        let look = self.told.as_ref().unwrap_or(&self.look);
+        let layers = lit.layers(bake, look, lamps, self.options.layers)?;
         let has_lamps = irradiance.is_some() && !lamps.is_empty();
         if has_lamps && bake.pixel_irradiance().is_some_and(|set| !bake.header.holds_patches(&bake.irradiance[set])) {
             console.warn(DIRECT_LUX);
         }
         let Lit { radiance, relighter, relight_secs, .. } = lit;
         let irradiance = irradiance.as_ref();
-        let look = self.told.as_ref().unwrap_or(&self.look);
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look };
         let shown = picture.write(self.place, self.format, &self.options)?;
         let window = self.options.window([radiance.width, radiance.height])?;
@@ -162,9 +162,9 @@ impl Lit {
     }
 
     /// Its light in parts.
-    fn layers(&mut self, bake: &Bake, lamps: &[LampLight], set: LayerSet) -> Result<Vec<LightLayer>> {
+    fn layers(&mut self, bake: &Bake, look: &Look, lamps: &[LampLight], set: LayerSet) -> Result<Vec<LightLayer>> {
         let relighter = &mut self.relighter;
-        let mut layers = set.layers(&bake.header.basis, &self.coefficients, |c| relighter.relight(c))?;
+        let mut layers = set.layers(&bake.header.basis, look, &self.coefficients, |c| relighter.relight(c))?;
         let mut of_lamps = if set == LayerSet::None { Vec::new() } else { relighter.lamp_layers(bake, lamps)? };
         if set == LayerSet::Groups
             && let Some((first, others)) = of_lamps.split_first_mut()
@@ -173,6 +173,7 @@ impl Lit {
             first.key = FREE_LAMPS.into();
             of_lamps.truncate(1);
         }
+        of_lamps.iter_mut().filter(|_| set == LayerSet::Lights).for_each(|lamp| lamp.key = layer_name(&lamp.key, look));
         layers.extend(of_lamps);
         Ok(layers)
     }

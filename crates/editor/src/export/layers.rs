@@ -6,12 +6,15 @@ use anyhow::Result;
 use clap::ValueEnum;
 use clerestory_relight::Radiance;
 use clerestory_transport::basis::{LightBasis, SourceKind};
+use clerestory_transport::light::LightRig;
 use serde::{Deserialize, Serialize};
+
+use crate::look::Look;
 
 /// What one light or kind of light adds to a picture.
 #[derive(Clone, Debug)]
 pub struct LightLayer {
-    /// Key of the light, or name of the kind.
+    /// Name of the light, the group or the kind.
     pub key: String,
     /// Its part of the picture.
     pub radiance: Radiance,
@@ -24,9 +27,9 @@ pub enum LayerSet {
     /// None.
     #[default]
     None,
-    /// By kind: lamps, luminous surfaces, panels, sky, unlit surfaces, free lamps.
+    /// By group of the look; lights without one by kind: lamps, luminous surfaces, panels, sky, unlit surfaces, free lamps.
     Groups,
-    /// By light.
+    /// By light, as the look calls them.
     Lights,
 }
 
@@ -45,19 +48,33 @@ fn kind_of(kind: SourceKind) -> &'static str {
     }
 }
 
+/// What the layer of a light is called: as the look calls it, its key where the look calls another light so.
+pub fn layer_name(key: &str, look: &Look) -> String {
+    let name = look.name_of(key);
+    let is_shared = look.names.iter().any(|(other, of_other)| other != key && of_other == name);
+    if is_shared { key.to_owned() } else { name.to_owned() }
+}
+
+/// The first group that holds a light.
+fn group_of<'a>(key: &str, rig: &'a LightRig) -> Option<&'a str> {
+    rig.groups.iter().find(|(_, group)| group.lights.contains(key)).map(|(name, _)| name.as_str())
+}
+
 impl LayerSet {
     /// Names of the parts, and the columns of each, in the order of the columns; free lamps have none.
-    pub fn parts(self, basis: &LightBasis) -> Vec<(String, Vec<Range<u32>>)> {
+    pub fn parts(self, basis: &LightBasis, look: &Look) -> Vec<(String, Vec<Range<u32>>)> {
         let mut parts: Vec<(String, Vec<Range<u32>>)> = Vec::new();
         for source in &basis.sources {
-            let kind = kind_of(source.kind);
-            match self {
-                LayerSet::None => {}
-                LayerSet::Lights => parts.push((source.key.clone(), vec![source.columns.clone()])),
-                LayerSet::Groups => match parts.iter_mut().find(|(name, _)| name == kind) {
-                    Some((_, columns)) => columns.push(source.columns.clone()),
-                    None => parts.push((kind.into(), vec![source.columns.clone()])),
-                },
+            let name = match self {
+                LayerSet::None => continue,
+                LayerSet::Lights => layer_name(&source.key, look),
+                LayerSet::Groups => {
+                    group_of(&source.key, &look.lights).unwrap_or_else(|| kind_of(source.kind)).to_owned()
+                }
+            };
+            match parts.iter_mut().find(|(other, _)| *other == name) {
+                Some((_, columns)) => columns.push(source.columns.clone()),
+                None => parts.push((name, vec![source.columns.clone()])),
             }
         }
         parts
@@ -71,6 +88,7 @@ impl LayerSet {
     pub fn layers(
         self,
         basis: &LightBasis,
+        look: &Look,
         coefficients: &[Vec<[f32; 3]>],
         mut relight: impl FnMut(&[Vec<[f32; 3]>]) -> Result<Radiance>,
     ) -> Result<Vec<LightLayer>> {
@@ -83,7 +101,7 @@ impl LayerSet {
             });
             group.collect()
         };
-        let parts = self.parts(basis).into_iter();
+        let parts = self.parts(basis, look).into_iter();
         parts.map(|(key, columns)| Ok(LightLayer { key, radiance: relight(&alone(&columns))? })).collect()
     }
 }
@@ -91,6 +109,7 @@ impl LayerSet {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::basis::LightSource;
+    use clerestory_transport::light::LightGroup;
     use clerestory_transport::origin::LightOrigin;
     use glam::Vec3;
 
@@ -120,13 +139,23 @@ mod tests {
     #[test]
     fn kinds_gather_their_lights_and_every_column_is_in_one_part() {
         let basis = basis();
-        let names = |set: LayerSet| set.parts(&basis).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        let names =
+            |set: LayerSet| set.parts(&basis, &Look::default()).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
         assert_eq!(names(LayerSet::Groups), ["lamps", "surfaces", "sky", "panels"]);
         assert_eq!(names(LayerSet::Lights), ["desk", "screen", "wall", "sky", "ceiling"]);
         assert!(names(LayerSet::None).is_empty());
+        let mut look = Look::default();
+        let lights = ["desk", "ceiling"].map(String::from).into();
+        look.lights.groups.insert("work".into(), LightGroup { lights, intensity: 1.0, muted: false });
+        look.names.insert("desk".into(), "Desk lamp".into());
+        look.names.insert("wall".into(), "screen".into());
+        look.names.insert("screen".into(), "screen".into());
+        let names = |set: LayerSet| set.parts(&basis, &look).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        assert_eq!(names(LayerSet::Groups), ["work", "surfaces", "lamps", "sky"]);
+        assert_eq!(names(LayerSet::Lights), ["Desk lamp", "screen", "wall", "sky", "ceiling"]);
         for set in [LayerSet::Groups, LayerSet::Lights] {
             let mut columns: Vec<u32> =
-                set.parts(&basis).into_iter().flat_map(|(_, ranges)| ranges).flatten().collect();
+                set.parts(&basis, &look).into_iter().flat_map(|(_, ranges)| ranges).flatten().collect();
             columns.sort_unstable();
             assert_eq!(columns, (0..basis.n_cols() as u32).collect::<Vec<_>>());
         }
@@ -140,7 +169,7 @@ mod tests {
             let sum = coefficients.iter().flatten().fold([0.0; 3], |sum, c| std::array::from_fn(|i| sum[i] + c[i]));
             Ok(Radiance { width: 1, height: 1, pixels: vec![sum] })
         };
-        let layers = LayerSet::Groups.layers(&basis, &all, sum).unwrap();
+        let layers = LayerSet::Groups.layers(&basis, &Look::default(), &all, sum).unwrap();
         let reds: Vec<f32> = layers.iter().map(|layer| layer.radiance.pixels[0][0]).collect();
         assert_eq!(reds, [2.0, 1.0, 1.0, 16.0]);
     }

@@ -1,5 +1,6 @@
 //! What is asked about a picture file beside its name.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use eframe::egui::{self, ComboBox, DragValue, RichText, Ui};
@@ -8,6 +9,8 @@ use crate::action::Action;
 use crate::export::ImageFormat;
 use crate::export::layers::LayerSet;
 use crate::export::options::{ExportOptions, ExrCompression, ExrSamples, PngDepth, Region};
+use crate::legend::number_words;
+use crate::sequence::Pattern;
 
 /// What the questions are about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +22,7 @@ pub struct ExportView {
 }
 
 const LAYERS: [(LayerSet, &str); 3] =
-    [(LayerSet::None, "None"), (LayerSet::Groups, "By kind of light"), (LayerSet::Lights, "By light")];
+    [(LayerSet::None, "None"), (LayerSet::Groups, "By group of lights"), (LayerSet::Lights, "By light")];
 
 /// Asks; changes the ending of the path where the format is another one. Answers what is wrong, in words.
 pub fn export_ui(
@@ -60,6 +63,46 @@ pub fn export_ui(
     options.window(view.baked).err().map(|error| error.to_string())
 }
 
+/// Most frames that are looked for before they are written.
+const MOST_LOOKED_FOR: usize = 2000;
+
+/// Asks how frames are written; says how many there will be, and how many files they replace.
+pub fn frames_ui(
+    ui: &mut Ui,
+    path: &mut String,
+    options: &mut ExportOptions,
+    baked: [u32; 2],
+    (frames, fps): (RangeInclusive<u32>, f32),
+) -> Option<String> {
+    let format = ImageFormat::of(Path::new(path.trim())).ok();
+    egui::Grid::new("frames").num_columns(2).spacing([14.0, 7.0]).show(ui, |ui| {
+        ui.label("Frames");
+        ui.label(format!("{} of {} in a second", frames.end() - frames.start() + 1, number_words(fps)));
+        ui.end_row();
+        ui.label("Format");
+        ui.horizontal(|ui| format_ui(ui, path, format));
+        ui.end_row();
+        match format {
+            Some(ImageFormat::Exr) => numbers_rows(ui, options),
+            _ => png_rows(ui, options),
+        }
+        ui.label("Size");
+        ui.horizontal(|ui| width_ui(ui, options, baked));
+        ui.end_row();
+    });
+    ui.add_space(4.0);
+    let pattern = match Pattern::new(Path::new(path.trim())) {
+        Ok(pattern) => pattern,
+        Err(error) => return Some(error.to_string()),
+    };
+    let there = frames.take(MOST_LOOKED_FOR).filter(|frame| pattern.file(*frame).exists()).count();
+    if there > 0 {
+        let words = format!("{there} files of these names are there; saving replaces them");
+        ui.colored_label(ui.visuals().warn_fg_color, words);
+    }
+    None
+}
+
 fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {
     let choices = [
         (ImageFormat::Png, "PNG", "png", "A picture for people: sRGB, as it is seen"),
@@ -83,6 +126,26 @@ fn png_rows(ui: &mut Ui, options: &mut ExportOptions) {
 }
 
 fn exr_rows(ui: &mut Ui, options: &mut ExportOptions, view: &ExportView) {
+    numbers_rows(ui, options);
+    let label = ui.label("Layers");
+    let current = LAYERS.iter().find(|(set, _)| *set == options.layers).map_or("", |(_, name)| *name);
+    let combo = ComboBox::from_id_salt("layers").selected_text(current).show_ui(ui, |ui| {
+        for (set, name) in LAYERS {
+            ui.selectable_value(&mut options.layers, set, name);
+        }
+    });
+    combo.response.labelled_by(label.id).on_hover_text("They add up to the picture");
+    ui.end_row();
+    ui.label("");
+    let lux =
+        ui.add_enabled_ui(view.has_illuminance, |ui| ui.checkbox(&mut options.irradiance, "Illuminance layer")).inner;
+    lux.on_hover_text("The light that arrives, in lux per channel")
+        .on_disabled_hover_text("This bake holds no illuminance");
+    ui.end_row();
+}
+
+/// How an EXR keeps its numbers.
+fn numbers_rows(ui: &mut Ui, options: &mut ExportOptions) {
     let is_lossy = options.compression == ExrCompression::Dwaa;
     ui.label("Numbers");
     ui.horizontal(|ui| {
@@ -105,21 +168,6 @@ fn exr_rows(ui: &mut Ui, options: &mut ExportOptions, view: &ExportView) {
         }
     });
     combo.response.labelled_by(label.id);
-    ui.end_row();
-    let label = ui.label("Layers");
-    let current = LAYERS.iter().find(|(set, _)| *set == options.layers).map_or("", |(_, name)| *name);
-    let combo = ComboBox::from_id_salt("layers").selected_text(current).show_ui(ui, |ui| {
-        for (set, name) in LAYERS {
-            ui.selectable_value(&mut options.layers, set, name);
-        }
-    });
-    combo.response.labelled_by(label.id).on_hover_text("They add up to the picture");
-    ui.end_row();
-    ui.label("");
-    let lux =
-        ui.add_enabled_ui(view.has_illuminance, |ui| ui.checkbox(&mut options.irradiance, "Illuminance layer")).inner;
-    lux.on_hover_text("The light that arrives, in lux per channel")
-        .on_disabled_hover_text("This bake holds no illuminance");
     ui.end_row();
 }
 

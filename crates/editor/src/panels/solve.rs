@@ -9,6 +9,7 @@ use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, Ri
 use super::display::tone_name;
 use super::measure::{missing_ui, tools_ui};
 use crate::action::{Action, FileTask};
+use crate::look::Look;
 use crate::solve::{Exposure, Freedom, Place, Request, Solution, Target, TargetPicture, Wish};
 use crate::theme::{self, Fold};
 use crate::viewport::marking::Marking;
@@ -81,6 +82,8 @@ impl Default for SolveState {
 
 /// What the panel needs to know.
 pub struct SolveView<'a> {
+    /// What lights are called.
+    pub look: &'a Look,
     /// Keys of all lights that are not muted.
     pub lights: Vec<String>,
     /// Whether a solution is being looked for.
@@ -151,7 +154,7 @@ pub fn solve_ui(
         if let Some(problem) = &state.problem {
             ui.colored_label(ui.visuals().error_fg_color, problem);
         }
-        solution_ui(ui, state, actions);
+        solution_ui(ui, state, view.look, actions);
     });
 }
 
@@ -287,7 +290,8 @@ fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
         ScrollArea::vertical().id_salt("free list").max_height(160.0).show(ui, |ui| {
             for key in &view.lights {
                 let mut is_free = !state.held.contains(key);
-                let check = ui.add(Checkbox::new(&mut is_free, key)).accessible_name(format!("{key} may change"));
+                let name = view.look.name_of(key);
+                let check = ui.add(Checkbox::new(&mut is_free, name)).accessible_name(format!("{name} may change"));
                 match (check.changed(), is_free) {
                     (true, true) => drop(state.held.remove(key)),
                     (true, false) => drop(state.held.insert(key.clone())),
@@ -344,7 +348,7 @@ fn run_ui(ui: &mut Ui, state: &SolveState, view: &SolveView, actions: &mut Vec<A
     });
 }
 
-fn solution_ui(ui: &mut Ui, state: &mut SolveState, actions: &mut Vec<Action>) {
+fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut Vec<Action>) {
     let Some(solution) = &state.solution else { return };
     ui.add_space(4.0);
     for outcome in &solution.outcomes {
@@ -357,7 +361,7 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, actions: &mut Vec<Action>) {
     let title = format!("{} of {} lights change", changed.len(), solution.changes.len());
     CollapsingHeader::new(title).id_salt("changes").show(ui, |ui| {
         for change in changed {
-            ui.label(change.words());
+            ui.label(change.words(look.name_of(&change.key)));
         }
     });
     for note in &solution.notes {

@@ -89,7 +89,7 @@ impl Seen {
             relighter.relight(coefficients, &mut radiance)?;
             Ok(radiance)
         };
-        let mut layers = set.layers(&self.bake.header.basis, &self.coefficients, &mut relight)?;
+        let mut layers = set.layers(&self.bake.header.basis, &self.look, &self.coefficients, &mut relight)?;
         if let Some(light) = &self.light {
             let mut of_lamps: Vec<Vec<[f32; 3]>> =
                 self.coefficients.iter().map(|group| vec![[0.0; 3]; group.len()]).collect();

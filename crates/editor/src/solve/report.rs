@@ -149,8 +149,8 @@ impl Change {
             || self.before.kelvin != self.after.kelvin
     }
 
-    /// In words: from, to, and whether a bound holds it.
-    pub fn words(&self) -> String {
+    /// In words, for a light of that name: from, to, and whether a bound holds it.
+    pub fn words(&self, name: &str) -> String {
         let number = |x: f32| number_words(x);
         let color = match self.after.color {
             Some([r, g, b]) if self.after.color != self.before.color => {
@@ -164,7 +164,7 @@ impl Change {
             Some(_) => ", its most",
             None => "",
         };
-        format!("{}: {}× to {}×{color}{bound}", self.key, number(self.before.intensity), number(self.after.intensity))
+        format!("{name}: {}× to {}×{color}{bound}", number(self.before.intensity), number(self.after.intensity))
     }
 }
 
@@ -173,7 +173,8 @@ impl Solution {
     pub fn words(&self) -> String {
         let mut lines: Vec<String> = self.outcomes.iter().map(Outcome::words).collect();
         lines.push(format!("Residual {:.2} %", 100.0 * self.misfit));
-        let changed: Vec<String> = self.changes.iter().filter(|change| change.is_change()).map(Change::words).collect();
+        let changed: Vec<String> =
+            self.changes.iter().filter(|change| change.is_change()).map(|change| change.words(&change.key)).collect();
         lines.push(format!("{} of {} lights change", changed.len(), self.changes.len()));
         lines.extend(changed.into_iter().map(|line| format!("  {line}")));
         lines.join("\n")

@@ -135,7 +135,7 @@ impl PanelPicker<'_> {
     /// What can be done where the pointer is.
     pub fn hint(&self, at: Pos2, look: &Look) -> Option<String> {
         if let Some((key, idx)) = self.handle(at, look) {
-            return Some(format!("{key}, spot {}, drag to move it", idx + 1));
+            return Some(format!("{}, spot {}, drag to move it", look.name_of(key), idx + 1));
         }
         let (key, _) = self.hit(at)?;
         let has_spots = look.lights.panels.get(key).is_some_and(|spots| !spots.is_empty());
@@ -144,7 +144,7 @@ impl PanelPicker<'_> {
         } else {
             "drag to place a spot of light"
         };
-        Some(format!("{key}, {what}"))
+        Some(format!("{}, {what}", look.name_of(key)))
     }
 
     /// Draws a handle for each spot, and the outline of the chosen one on its panel.

@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, frame};
 use crate::action::Action;
-
+use crate::look::Look;
 use crate::panels::lamps::{LampState, add_menu, lamp_menu, shown_color};
 use crate::theme;
 
@@ -31,12 +31,14 @@ pub fn lamps_ui(
     ui: &mut Ui,
     picture: &Response,
     sight: &Sight,
-    lamps: &mut [FreeLamp],
+    look: &mut Look,
     state: &mut LampState,
     actions: &mut Vec<Action>,
 ) -> bool {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
-    let mut touched = aim_by_click(ui, picture, sight, lamps, state);
+    let (names, lamps) = (&look.names, &mut look.lights.lamps[..]);
+    let name_of = |lamp: &FreeLamp| names.get(&lamp.key).unwrap_or(&lamp.key).clone();
+    let mut touched = aim_by_click(ui, picture, sight, lamps, state, &name_of);
     cancel(ui, lamps, state);
     hold_pulled(sight, lamps, state);
     drag_on(ui, sight, lamps, state);
@@ -48,16 +50,16 @@ pub fn lamps_ui(
         let Some(center) = sight.seen_at(lamp.position).filter(|center| painter.clip_rect().contains(*center)) else {
             continue;
         };
-        let is_chosen = state.is_chosen(&lamp.key);
+        let (is_chosen, name) = (state.is_chosen(&lamp.key), name_of(&lamp));
         if is_chosen {
             paint_shape(&painter, sight, &lamp);
         }
         if is_chosen && !state.aiming {
             for (part, at) in parts(sight, &lamp, center) {
-                touched |= part_ui(ui, &painter, (sight, picture), (part, at, center), &lamp, state);
+                touched |= part_ui(ui, &painter, (sight, picture), (part, at, center), (&lamp, &name), state);
             }
         }
-        touched |= body_ui(ui, &painter, (sight, picture), center, &lamp, state, actions);
+        touched |= body_ui(ui, &painter, (sight, picture), center, (&lamp, &name), state, actions);
     }
     if picture.clicked() && !touched && !state.aiming {
         // With handles on the screen a click beside them puts them away, and that is all.
@@ -81,7 +83,14 @@ fn film_px(sight: &Sight, at: Pos2) -> [f32; 2] {
 }
 
 /// While a lamp is to be aimed, or with Ctrl, a click says at what. Answers whether one did.
-fn aim_by_click(ui: &Ui, picture: &Response, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) -> bool {
+fn aim_by_click(
+    ui: &Ui,
+    picture: &Response,
+    sight: &Sight,
+    lamps: &mut [FreeLamp],
+    state: &mut LampState,
+    name_of: &impl Fn(&FreeLamp) -> String,
+) -> bool {
     let chosen = lamps.iter_mut().find(|lamp| state.is_chosen(&lamp.key)).filter(|lamp| lamp.shape.is_aimed());
     let Some(lamp) = chosen else {
         state.aiming = false;
@@ -93,7 +102,7 @@ fn aim_by_click(ui: &Ui, picture: &Response, sight: &Sight, lamps: &mut [FreeLam
     }
     if let Some(at) = picture.hover_pos() {
         ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
-        hint(ui, picture.rect, &format!("Click what {} is to light, Esc to leave it", lamp.key));
+        hint(ui, picture.rect, &format!("Click what {} is to light, Esc to leave it", name_of(lamp)));
         if picture.clicked_by(PointerButton::Primary)
             && let Some(surface) = sight.surface(at)
         {
@@ -142,12 +151,12 @@ fn parts(sight: &Sight, lamp: &FreeLamp, center: Pos2) -> Vec<(Part, Pos2)> {
 }
 
 /// What a part does, for people.
-fn part_words(part: Part, key: &str) -> String {
+fn part_words(part: Part, name: &str) -> String {
     match part {
-        Part::Axis(axis) => format!("Move {key} along {}", AXIS_NAMES[axis]),
-        Part::Plane(axis) => format!("Move {key} across {}", AXIS_NAMES[axis]),
-        Part::Body => format!("Move {key} over surfaces"),
-        Part::Aim => format!("Aim {key}"),
+        Part::Axis(axis) => format!("Move {name} along {}", AXIS_NAMES[axis]),
+        Part::Plane(axis) => format!("Move {name} across {}", AXIS_NAMES[axis]),
+        Part::Body => format!("Move {name} over surfaces"),
+        Part::Aim => format!("Aim {name}"),
     }
 }
 
@@ -157,11 +166,11 @@ fn part_ui(
     painter: &Painter,
     (sight, picture): (&Sight, &Response),
     (part, at, center): (Part, Pos2, Pos2),
-    lamp: &FreeLamp,
+    (lamp, name): (&FreeLamp, &str),
     state: &mut LampState,
 ) -> bool {
-    let words = part_words(part, &lamp.key);
-    let response = handle(ui, at, Id::unique(("lamp part", words.as_str())), &words);
+    let words = part_words(part, name);
+    let response = handle(ui, at, Id::unique(("lamp part", part_words(part, &lamp.key))), &words);
     let is_held = state.drag.as_ref().is_some_and(|drag| drag.key == lamp.key && drag.part == part);
     paint_part(painter, (part, at, center), if response.hovered() || is_held { 1.0 } else { 0.75 });
     take_hold(ui, [&response, picture], sight, part, lamp, state) || response.hovered() || response.clicked()
@@ -173,12 +182,12 @@ fn body_ui(
     painter: &Painter,
     (sight, picture): (&Sight, &Response),
     center: Pos2,
-    lamp: &FreeLamp,
+    (lamp, name): (&FreeLamp, &str),
     state: &mut LampState,
     actions: &mut Vec<Action>,
 ) -> bool {
     let is_chosen = state.is_chosen(&lamp.key);
-    let words = if is_chosen { part_words(Part::Body, &lamp.key) } else { format!("{} in the picture", lamp.key) };
+    let words = if is_chosen { part_words(Part::Body, name) } else { format!("{name} in the picture") };
     let response = handle(ui, center, Id::unique(("lamp", lamp.key.as_str())), &words);
     let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
     paint_body(painter, (center, if response.hovered() { 7.0 } else { 6.0 }), lamp, rim);
@@ -187,7 +196,7 @@ fn body_ui(
         state.chosen = Some(lamp.key.clone());
     }
     if response.hovered() && state.drag.is_none() {
-        hint(ui, painter.clip_rect(), &format!("{}, drag to move it over surfaces, with Alt freely", lamp.key));
+        hint(ui, painter.clip_rect(), &format!("{name}, drag to move it over surfaces, with Alt freely"));
     }
     response.context_menu(|ui| lamp_menu(ui, lamp, state, actions));
     is_held || response.hovered() || response.clicked()

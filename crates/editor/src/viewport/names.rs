@@ -49,7 +49,8 @@ pub fn marks_ui(
         let seen = sight.seen_at(position).filter(|at| painter.clip_rect().contains(*at));
         let Some(at) = seen.filter(|_| is_seen(sight, position)) else { continue };
         let rect = Rect::from_center_size(at, Vec2::splat(2.0 * REACH));
-        let response = ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click_and_drag());
+        let response =
+            ui.interact(rect, Id::unique(("lamp of the file", source.key.as_str())), Sense::click_and_drag());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("{name} in the picture")));
         let strength = if response.hovered() || is_chosen { 1.0 } else { 0.55 };
         let color = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };

@@ -65,6 +65,11 @@ fn heading_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
             if reset.accessible_name("Reset selected lights").clicked() {
                 keys.iter().for_each(|key| mix.reset(key));
             }
+            if let [one] = selected {
+                let (light, lights) = (&mix.lights[*one], mix.lights);
+                let more = ui.menu_button("More", |ui| row::menu_ui(ui, mix, &lights[*one])).response;
+                more.accessible_name(format!("More for {}", light.name));
+            }
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 ui.add(eframe::egui::Label::new(RichText::new(title).strong()).truncate());
             });

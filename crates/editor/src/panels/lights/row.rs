@@ -188,7 +188,8 @@ fn about(mix: &Mix, light: &Listed) -> String {
     words.join("\n")
 }
 
-fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+/// What else can be done with a light.
+pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     let key = &light.key;
     if ui.button("Reset").on_hover_text("As in the file").clicked() {
         mix.reset(key);
