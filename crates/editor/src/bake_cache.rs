@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use anyhow::{Context, Result};
-use clerestory_transport::archive::{self, beside};
-use clerestory_transport::bake::{Bake, BakeJob};
+use clerestory_transport::archive::{self, UnderWay, beside};
+use clerestory_transport::bake::{Bake, BakeJob, HalfDone};
 
 /// Bytes that the folder may hold if nobody says otherwise.
 pub const DEFAULT_LIMIT_BYTES: u64 = 4 << 30;
@@ -20,6 +20,8 @@ pub const FOLDER_VARIABLE: &str = "CLERESTORY_CACHE";
 pub const LIMIT_VARIABLE: &str = "CLERESTORY_CACHE_MB";
 
 const ENDING: &str = "transport";
+/// Ending of a bake that is under way, or was when its editor ended.
+const PART: &str = "part";
 /// Bakes that are read to find one whose columns can be taken over.
 const MOST_RELATIVES: usize = 2;
 /// Ending of an entry that could not be read.
@@ -122,6 +124,20 @@ impl BakeCache {
         }
     }
 
+    /// A file for the blocks of a bake as they come, and those that an editor left there that ended before its bake did. None
+    /// where nothing is kept.
+    ///
+    /// # Errors
+    /// If the folder cannot be made or written, or another editor makes the same bake.
+    pub fn under_way(&self, Place(path): &Place) -> Result<Option<(UnderWay, Option<HalfDone>)>> {
+        if self.limit_bytes == 0 {
+            return Ok(None);
+        }
+        let problem = || format!("the bake is not kept while it runs: cannot write to {}", self.folder.display());
+        fs::create_dir_all(&self.folder).with_context(problem)?;
+        UnderWay::beside(path).map(Some).with_context(problem)
+    }
+
     /// Keeps a finished bake, and lets go of the oldest ones where that is over the limit. Returns whether it was kept: one
     /// that is larger than the limit is not.
     ///
@@ -183,7 +199,8 @@ impl BakeCache {
         let mut entries = Vec::new();
         for file in listed.flatten() {
             let path = file.path();
-            let is_kept = path.extension().is_some_and(|ending| ending == ENDING || ending == DAMAGED);
+            let is_kept =
+                path.extension().is_some_and(|ending| ending == ENDING || ending == DAMAGED || ending == PART);
             let is_ours = is_kept || beside::is_left_over(&path);
             // A file that another editor removes in between is no entry.
             if let (true, Ok(of)) = (is_ours, file.metadata()) {

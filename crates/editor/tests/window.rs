@@ -5,12 +5,14 @@
 mod desk;
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
-use clerestory_transport::archive;
+use clerestory_transport::archive::{self, part_state};
+use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{Key, Modifiers, ViewportEvent, pos2, vec2};
 use egui_kittest::Harness;
@@ -37,6 +39,43 @@ fn a_dragged_slider_relights_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, intensity);
+}
+
+/// Files in the cache of a home with some ending.
+fn in_cache(home: &Path, ending: &str) -> Vec<PathBuf> {
+    let listed = std::fs::read_dir(home.join("bakes")).into_iter().flatten().flatten().map(|file| file.path());
+    listed.filter(|path| path.extension().is_some_and(|found| found == ending)).collect()
+}
+
+#[test]
+fn a_bake_goes_on_where_an_editor_ended_and_ends_with_the_same_bytes() {
+    let [whole, broken] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+    let config = BakeConfig { spp: 128, tolerance_db: 60.0, ..BakeConfig::default() };
+    let opened =
+        |home: &Path| open_with(Source::Bytes { name: "room.gltf".into(), bytes: room() }, config.clone(), Some(home));
+    let finished = |home: &Path| {
+        let mut window = opened(home);
+        wait(&mut window, |app| app.session().bake == BakeState::Done && !in_cache(home, "transport").is_empty());
+        let report = window.state().session().opened.as_ref().unwrap().report.join("; ");
+        drop(window);
+        (std::fs::read(&in_cache(home, "transport")[0]).unwrap(), report)
+    };
+    const TAKEN_UP: &str = "blocks were baked before the editor ended";
+    let (reference, report) = finished(whole.path());
+    assert!(!report.contains(TAKEN_UP), "{report}");
+    let mut window = opened(broken.path());
+    let has_blocks = |home: &Path| {
+        let parts = in_cache(home, "part");
+        parts.first().and_then(|part| part_state(part).ok()).is_some_and(|state| state.n_done > 1)
+    };
+    wait(&mut window, |_| has_blocks(broken.path()));
+    assert!(window.state().session().bake.is_running(), "it ended before it could be given up: make it longer");
+    drop(window);
+    assert!(has_blocks(broken.path()) && in_cache(broken.path(), "transport").is_empty());
+    let (bytes, report) = finished(broken.path());
+    assert!(report.contains(TAKEN_UP), "{report}");
+    assert!(bytes == reference, "an interrupted bake has other bytes");
+    assert_eq!(in_cache(broken.path(), "part"), Vec::<PathBuf>::new());
 }
 
 /// What a window leaves for the next one.

@@ -15,6 +15,7 @@ mod header;
 mod part;
 #[cfg(test)]
 mod tests;
+mod under_way;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -28,6 +29,7 @@ use header::{Blocks, header_bytes, parse_header};
 use part::{Done, Part};
 pub use part::{PartState, part_state};
 use thiserror::Error;
+pub use under_way::UnderWay;
 
 use crate::bake::focus::Focus;
 use crate::bake::reuse::Reuse;

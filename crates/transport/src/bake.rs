@@ -182,6 +182,8 @@ pub enum Passes {
     PreviewAndFinal,
     /// All samples at once.
     FinalOnly,
+    /// What was begun before, as it is; of the rest a preview, then all samples: for somebody who has not seen it yet.
+    Again,
     /// A preview, then passes of four times the samples each, until then at the latest: blocks that the pass under way has not
     /// reached stay as the pass before left them. What comes out depends on the speed of the machine.
     Until(Instant),
@@ -602,7 +604,7 @@ impl BakeJob {
         }
         for (pass, &samples) in passes.iter().enumerate() {
             let mut blocks = from_the_center(&partition);
-            if pass as u32 == last || run.deadline.is_some() {
+            if pass as u32 == last || run.deadline.is_some() || self.passes == Passes::Again {
                 blocks.retain(|b| !done.iter().any(|(d, _)| *d == *b as usize));
             }
             if run.pass(pass as u32, samples, &blocks, &mut clock, &mut on_event)?.is_break() {
@@ -638,6 +640,7 @@ impl BakeJob {
                 let growing = growing.take_while(|n| *n < all).map(Some);
                 [None].into_iter().chain(growing).chain([Some(all)]).collect()
             }
+            Passes::Again => vec![None, Some(all)],
             _ if !from_scratch => vec![Some(all)],
             Passes::Progressive if all >= 32 => vec![None, Some(all / 16), Some(all)],
             Passes::Progressive | Passes::PreviewAndFinal => vec![None, Some(all)],

@@ -8,12 +8,12 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::{Context, Result};
-use clerestory_transport::archive;
+use clerestory_transport::archive::{self, UnderWay};
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::reuse::Reuse;
 use clerestory_transport::bake::stack::StackJob;
-use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeJob, HalfDone};
+use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeJob, HalfDone, Passes};
 use clerestory_transport::emitters::LightingError;
 use clerestory_transport::import::{self, stack::ImageStack};
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
@@ -250,11 +250,11 @@ const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 
 /// Bakes on all cores but one, which stays with the window.
 ///
-/// One that is in the cache is not made again; one that is new is kept there. What an earlier one has in common with it is
-/// taken over.
+/// One that is in the cache is not made again; one that is new is kept there, block by block as it comes, so that an editor that
+/// ends before its bake loses no more than the blocks under way. What an earlier one has in common with it is taken over.
 pub(super) fn bake(
-    job: BakeJob,
-    (begun, mut earlier): (Option<HalfDone>, Vec<Bake>),
+    mut job: BakeJob,
+    (mut begun, mut earlier): (Option<HalfDone>, Vec<Bake>),
     cache: Option<BakeCache>,
     focus: &Focus,
     post: Post,
@@ -276,18 +276,40 @@ pub(super) fn bake(
             Found::Nothing => {}
         }
     }
+    let mut kept = None;
+    match cached.as_ref().map(|(place, cache)| cache.under_way(place)) {
+        Some(Ok(Some((under_way, left)))) => {
+            kept = Some(under_way);
+            if let (None, Some(left)) = (&begun, left) {
+                remarks
+                    .push(format!("{} blocks were baked before the editor ended; the rest follows", left.blocks.len()));
+                (begun, job.passes) = (Some(left), Passes::Again);
+            }
+        }
+        Some(Err(error)) => remarks.push(format!("{error:#}")),
+        Some(Ok(None)) | None => {}
+    }
     let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
     let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(Reuse::n_traced_columns);
+    let on_event = |event| {
+        if let Some(Err(error)) = kept.as_mut().map(|kept| kept.heed(&event)) {
+            kept = None;
+            let words = format!("the bake goes on, but is not kept while it runs: {error}");
+            let _ = post.send(Fact::Remarks(vec![words]), BLOCKS_WITHIN);
+        }
+        tell(&post, event)
+    };
     let result = beside_the_window(|| match &reuse {
-        Some(reuse) => job.run_reusing(reuse, focus, begun, |event| tell(&post, event)),
-        None => job.run_toward(focus, begun, |event| tell(&post, event)),
+        Some(reuse) => job.run_reusing(reuse, focus, begun, on_event),
+        None => job.run_toward(focus, begun, on_event),
     });
     let baked = result.as_ref().ok().cloned().flatten();
     let _ = post.send(Fact::BakeEnded(result), Duration::ZERO);
-    if let (Some((place, cache)), Some(bake)) = (cached, baked)
-        && let Err(error) = cache.keep(&place, &bake)
-    {
-        let _ = post.send(Fact::Written(Err(format!("{error:#}"))), Duration::ZERO);
+    if let (Some((place, cache)), Some(bake)) = (cached, baked) {
+        match cache.keep(&place, &bake) {
+            Ok(_) => kept.into_iter().for_each(UnderWay::remove),
+            Err(error) => drop(post.send(Fact::Written(Err(format!("{error:#}"))), Duration::ZERO)),
+        }
     }
 }
 

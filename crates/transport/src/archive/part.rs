@@ -17,7 +17,7 @@ use super::{ArchiveError, Restart, at, damaged, read_block};
 use crate::bake::BakeHeader;
 use crate::irradiance::locate;
 
-const MAGIC: &[u8; 8] = b"CLERPAR2";
+pub(super) const MAGIC: &[u8; 8] = b"CLERPAR2";
 /// Of programs whose records had no checksum of their own.
 const OLD_MAGIC: &[u8; 8] = b"CLERPART";
 const CHECKSUM_LEN: usize = 8;
@@ -54,7 +54,7 @@ const INDEX_LEN: usize = 4;
 
 /// How records end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Seal {
+pub(super) enum Seal {
     /// With their last block.
     Nothing,
     /// With FNV-1a over the number and the blocks.
@@ -63,9 +63,9 @@ enum Seal {
 
 /// A half-done bake that this process writes to, and no other.
 pub(super) struct Part {
-    path: PathBuf,
-    file: File,
-    seal: Seal,
+    pub path: PathBuf,
+    pub file: File,
+    pub seal: Seal,
     pub header: Arc<BakeHeader>,
 }
 
@@ -118,7 +118,7 @@ impl Part {
 }
 
 /// The file under a path, created if need be, with its lock held.
-fn locked(path: &Path) -> Result<File, ArchiveError> {
+pub(super) fn locked(path: &Path) -> Result<File, ArchiveError> {
     loop {
         let options = OpenOptions::new().read(true).write(true).create(true).truncate(false).clone();
         let file = options.open(path).map_err(at("cannot create", path))?;
@@ -153,7 +153,7 @@ fn is_at(_: &File, _: &Path) -> io::Result<bool> {
 }
 
 /// Header, start of the records and their kind; `None` where nothing was begun that could be taken up.
-fn understood(bytes: &[u8], path: &Path) -> Result<Option<(BakeHeader, usize, Seal)>, ArchiveError> {
+pub(super) fn understood(bytes: &[u8], path: &Path) -> Result<Option<(BakeHeader, usize, Seal)>, ArchiveError> {
     for (magic, seal) in [(MAGIC, Seal::Checksum), (OLD_MAGIC, Seal::Nothing)] {
         match parse_header(magic, bytes, path) {
             Ok((header, offset, Blocks::Plain)) => return Ok(Some((header, offset, seal))),
@@ -182,7 +182,7 @@ fn record(number: usize, factors: &[Arc<BlockFactors>], seal: Seal) -> Vec<u8> {
 }
 
 /// Whole records of a half-done bake, and where they end.
-fn read_records(bytes: &[u8], mut offset: usize, seal: Seal, header: &BakeHeader) -> (Done, usize) {
+pub(super) fn read_records(bytes: &[u8], mut offset: usize, seal: Seal, header: &BakeHeader) -> (Done, usize) {
     let (mut done, mut matrices) = (Done::new(), header.empty_matrices());
     let partitions = header.partitions();
     while let Some((index, blocks)) = bytes[offset..].split_first_chunk::<INDEX_LEN>() {
@@ -216,7 +216,7 @@ fn sealed_end(bytes: &[u8], content: std::ops::Range<usize>, seal: Seal) -> Opti
 }
 
 /// What differs between a half-done bake and the one that is asked for, in words.
-fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
+pub(super) fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<String> {
     let (column_scale, sky_reach) = (found.column_scale.clone(), found.sky_reach.clone());
     let same_rows = found.irradiance.iter().map(|set| &set.rows).eq(asked.irradiance.iter().map(|set| &set.rows));
     let irradiance = if same_rows { found.irradiance.clone() } else { asked.irradiance.clone() };

@@ -144,7 +144,8 @@ impl BakeJob {
         let of_new_alone = |(number, factors): (usize, Vec<Arc<BlockFactors>>)| {
             (number, factors[n_kept..n_kept + of_new.basis.groups.len()].to_vec())
         };
-        let done: Vec<_> = begun.into_iter().map(of_new_alone).collect();
+        // Rows of irradiance have other groups.
+        let done: Vec<_> = begun.into_iter().filter(|(number, _)| *number < n_blocks).map(of_new_alone).collect();
         let bake = job.run_from(of_new.clone(), &done, focus, |event| on_event(reuse.whole(event, &header)))?;
         Ok(bake.map(|new| reuse.join(Some(new))))
     }
