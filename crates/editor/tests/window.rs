@@ -262,6 +262,12 @@ fn a_spot_is_placed_and_dragged_in_the_picture() {
     let [u, v] = spots[0].position;
     assert!((u - 0.75).abs() < 0.02 && (v - 0.75).abs() < 0.02, "{u} {v}");
 
+    // What is painted alone is told to those who cannot see it.
+    window.get_by_label("panel, spot 1 at 75 %, 75 %");
+    window.hover_at(to);
+    window.run_steps(3);
+    window.get_by_label("panel, spot 1, drag to move it");
+
     click(&mut window, "Add spot to panel");
     assert_eq!(window.state().look().lights.panels["panel"].len(), 2);
     click(&mut window, "Delete spot of panel");

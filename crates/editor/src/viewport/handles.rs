@@ -4,9 +4,11 @@ use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::PanelEmitter;
 use clerestory_transport::light::PanelSpot;
 use clerestory_transport::prepared::PreparedScene;
-use eframe::egui::{Color32, Painter, Pos2, Rect, Shape, Stroke, vec2};
+use eframe::egui::accesskit::Role;
+use eframe::egui::{Color32, Id, Painter, Pos2, Rect, Shape, Stroke, vec2};
 use glam::Vec2;
 
+use super::lamps::tell;
 use crate::look::Look;
 use crate::panels::spots::{HANDLE_REACH, NEW_SPOT, nearest};
 use crate::theme;
@@ -163,6 +165,10 @@ impl PanelPicker<'_> {
                 painter.circle_stroke(center, HANDLE_RADIUS, Stroke::new(4.0, Color32::from_black_alpha(130)));
                 painter.circle_stroke(center, HANDLE_RADIUS, Stroke::new(2.0, color));
                 painter.circle_filled(center, 2.0, color);
+                let [u, v] = spot.position.map(|at| 100.0 * at);
+                let words = format!("{}, spot {} at {u:.0} %, {v:.0} %", look.name_of(key), idx + 1);
+                let place = Rect::from_center_size(center, vec2(2.0, 2.0) * HANDLE_RADIUS);
+                tell(painter.ctx(), Id::unique(("spot in the picture", key, idx)), (Role::Mark, &words), place);
             }
         }
     }

@@ -1,9 +1,10 @@
 //! Free lamps in the picture: handles that are clicked, dragged along axes, planes and surfaces, and aimed.
 
 use clerestory_transport::lamps::{FreeLamp, LampShape};
+use eframe::egui::accesskit::{self, Role};
 use eframe::egui::{
-    self, Align2, Color32, CursorIcon, FontId, Id, Key, Painter, PointerButton, Pos2, Rect, Response, Sense, Shape,
-    Stroke, Ui, Vec2, vec2,
+    self, Align2, Color32, Context, CursorIcon, FontId, Id, Key, Painter, PointerButton, Pos2, Rect, Response, Sense,
+    Shape, Stroke, Ui, Vec2, vec2,
 };
 use glam::Vec3;
 
@@ -335,4 +336,15 @@ pub(super) fn hint(ui: &Ui, area: Rect, words: &str) {
     let place = Align2::LEFT_BOTTOM.anchor_size(area.left_bottom() + vec2(12.0, -10.0), galley.size());
     painter.rect_filled(place.expand2(vec2(7.0, 4.0)), 4.0, Color32::from_black_alpha(170));
     painter.galley(place.min, galley, Color32::WHITE);
+    tell(ui.ctx(), Id::unique("picture hint"), (Role::Status, words), place);
+}
+
+/// Tells those who read the window with other means of what is only painted.
+pub(super) fn tell(ctx: &Context, id: Id, (role, words): (Role, &str), place: Rect) {
+    ctx.accesskit_node_builder(id, |node| {
+        node.set_role(role);
+        node.set_label(words);
+        let [x0, y0, x1, y1] = [place.min.x, place.min.y, place.max.x, place.max.y].map(f64::from);
+        node.set_bounds(accesskit::Rect { x0, y0, x1, y1 });
+    });
 }
