@@ -79,6 +79,8 @@ pub struct App {
     look_path: Option<PathBuf>,
     look_files: LookFiles,
     undoer: Undoer<Look>,
+    /// Whether a button came up in the frame before.
+    has_let_go: bool,
     settings: BakeSettings,
     fixed_settings: Option<BakeSettings>,
     /// How pictures are baked: no machine is too slow for a fine tolerance.
@@ -152,6 +154,7 @@ impl App {
             look_path: None,
             look_files: LookFiles::new(wake.clone()),
             undoer: Undoer::default(),
+            has_let_go: false,
             settings: start.settings.clone().unwrap_or_else(default_settings),
             fixed_settings: start.settings,
             stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },

@@ -103,8 +103,10 @@ pub fn viewport_ui(
         let sight = Sight { scene, camera, film, image };
         is_free = !lamps::lamps_ui(ui, &response, &sight, look, &mut lights.lamps, actions);
         if !lights.lamps.aiming && lights.lamps.drag.is_none() {
-            drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
-            is_free &= !names::marks_ui(ui, &response, &sight, look, &mut lights.chosen, actions);
+            is_free &= !names::marks_ui(ui, &response, &sight, look, lights, actions);
+            if lights.lamps.pulled_at.is_none() {
+                drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
+            }
             names::surface_hint(ui, &response, &sight, look);
         }
         picker.paint(&painter, look, lights.spot.as_ref());

@@ -265,6 +265,27 @@ fn a_lamp_of_the_file_is_dragged_as_it_hangs_and_comes_back_by_one_undo() {
 }
 
 #[test]
+fn what_moves_in_the_frame_of_the_release_is_part_of_the_step() {
+    let mut window = with_lamp("Point");
+    let before = window.state().look().clone();
+    let from = middle(&window, "Move Point lamp 1 over surfaces");
+    let [half, to] = [Vec3::new(-0.4, -0.2, -1.0), Vec3::new(-1.0, -0.2, -0.8)].map(|at| on_screen(&window, at));
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    window.hover_at(half);
+    window.run_steps(2);
+    // A slow frame gets both at once.
+    window.event(eframe::egui::Event::PointerMoved(to));
+    window.drop_at(to);
+    window.run_steps(3);
+    assert!(lamps(&window)[0].position.x < -0.6, "{}", lamps(&window)[0].position);
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), before, "one drag is one step");
+}
+
+#[test]
 fn with_patches_a_lamp_that_becomes_movable_leaves_the_picture_as_it_is() {
     let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
     let mut window =

@@ -173,9 +173,10 @@ impl App {
 
     /// The same while the pointer is down, which makes one step of all that it does; the lamp is in its hand then.
     pub(super) fn pull_lamp(&mut self, key: &str, at: [f32; 2]) {
-        if let Some(lamp) = self.movable_twin(key) {
+        let twin = self.movable_twin(key);
+        self.lights.lamps.pulled_at = twin.is_some().then(|| at.into());
+        if let Some(lamp) = twin {
             self.exchange(key, lamp);
-            self.lights.lamps.pulled_at = Some(at.into());
         }
     }
 

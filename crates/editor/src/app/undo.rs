@@ -21,8 +21,12 @@ impl App {
         }
     }
 
-    /// One drag is one step: while a button is down nothing is fed, when it comes up the state is kept at once.
+    /// One drag is one step: while a button is down nothing is fed. What the frame does in which it comes up belongs to the drag, so
+    /// the state is kept at the next one.
     pub(super) fn feed_undoer(&mut self, ctx: &Context) {
+        if std::mem::take(&mut self.has_let_go) {
+            self.undoer.add_undo(&self.look);
+        }
         let (now, is_down, came_up) =
             ctx.input(|input| (input.time, input.pointer.any_down(), input.pointer.any_released()));
         if self.daylight.is_changing() {
@@ -35,10 +39,12 @@ impl App {
             }
             return;
         }
-        self.undoer.feed_state(now, &self.look);
         if came_up {
-            self.undoer.add_undo(&self.look);
+            self.has_let_go = true;
+            ctx.request_repaint();
+            return;
         }
+        self.undoer.feed_state(now, &self.look);
     }
 
     /// What an edit that no pointer makes is: one step of undo.

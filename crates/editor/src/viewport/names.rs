@@ -12,6 +12,7 @@ use super::gizmo::Sight;
 use super::lamps::hint;
 use crate::action::Action;
 use crate::look::Look;
+use crate::panels::lights::LightsState;
 use crate::theme;
 
 /// Half a side of what is taken hold of, points.
@@ -28,7 +29,7 @@ pub fn marks_ui(
     picture: &Response,
     sight: &Sight,
     look: &Look,
-    chosen: &mut Option<String>,
+    lights: &mut LightsState,
     actions: &mut Vec<Action>,
 ) -> bool {
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
@@ -36,7 +37,7 @@ pub fn marks_ui(
     let mut touched = false;
     for (source, position) in lamps(sight.scene) {
         let name = look.name_of(&source.key);
-        let is_chosen = chosen.as_deref() == Some(&source.key);
+        let is_chosen = lights.chosen.as_deref() == Some(&source.key);
         // Where a free lamp took its place its mark would lie below.
         let is_replaced = look.lights.setting(&source.key).muted
             && look.lights.lamps.iter().any(|lamp| lamp.position.distance(position) < 1e-3 * sight.scene.diameter());
@@ -60,12 +61,16 @@ pub fn marks_ui(
             ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
             hint(ui, picture.rect, &format!("{name}, click to choose it, drag to move it"));
         }
-        if response.drag_started_by(PointerButton::Primary) {
-            let at = ui.input(|input| input.pointer.press_origin()).unwrap_or(at);
+        // Who presses before the mark is known to be under the pointer has hold of the picture.
+        let pressed = ui.input(|input| input.pointer.press_origin()).unwrap_or(at);
+        let of_picture = picture.drag_started_by(PointerButton::Primary) && rect.contains(pressed);
+        if response.drag_started_by(PointerButton::Primary) || of_picture {
+            let at = pressed;
+            lights.lamps.pulled_at = Some(at);
             actions.push(Action::PullLamp { key: source.key.clone(), at: at.into() });
         }
         if response.clicked() {
-            *chosen = Some(source.key.clone());
+            lights.chosen = Some(source.key.clone());
         }
         touched |= response.hovered() || response.clicked();
     }
