@@ -28,3 +28,5 @@ struct Group {
 @group(1) @binding(0) var<storage, read> blocks: array<Block>;
 
 const THREADS: u32 = 64u;
+// Workgroups of a row of the grid.
+const ROW: u32 = 32768u;

@@ -26,16 +26,21 @@ const ADD: u32 = 0u;
 const SET_MOVED: u32 = 2u;
 
 @compute @workgroup_size(THREADS)
-fn expand(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+fn expand(
+    @builtin(workgroup_id) id: vec3<u32>,
+    @builtin(num_workgroups) n_groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+) {
     let block = blocks[id.y];
-    let pixel = id.x * THREADS + thread;
-    if pixel >= block.n_pixels {
-        return;
-    }
     if group.mode == SET_MOVED && block.n_sparse == 0u && (block.rank == 0u || z[block.z].w == 0.0) {
         return;
     }
+    for (var pixel = id.x * THREADS + thread; pixel < block.n_pixels; pixel += n_groups.x * THREADS) {
+        expand_pixel(block, pixel);
+    }
+}
 
+fn expand_pixel(block: Block, pixel: u32) {
     var sum = vec3<f32>(0.0);
     let n_pairs = (block.rank + 1u) / 2u;
     for (var k = 0u; k < n_pairs; k += 1u) {

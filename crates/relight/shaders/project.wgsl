@@ -1,5 +1,5 @@
-// Project: right · x over one segment of columns, one workgroup per component of a block and segment. Twin of
-// src/cpu/project.rs; gather.wgsl sums the segments.
+// Project: right · x over one segment of columns, one workgroup per component and segment, so that no block waits for one of
+// higher rank. Twin of src/cpu/project.rs; gather.wgsl sums the segments.
 
 // One per column, padded with zeros to an even number.
 @group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
@@ -11,12 +11,20 @@
 // Of a block segment by segment, component by component (an even number of them).
 @group(1) @binding(2) var<storage, read_write> partials: array<vec4<f32>>;
 
+// The block of each component.
+@group(1) @binding(3) var<storage, read> owners: array<u32>;
+
 var<workgroup> partial: array<vec3<f32>, THREADS>;
 
 @compute @workgroup_size(THREADS)
 fn project(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let block = blocks[id.y];
-    let component = id.x;
+    let at = id.y * ROW + id.x;
+    if at >= arrayLength(&owners) {
+        return;
+    }
+    let block = blocks[owners[at]];
+    // Beyond the last component there is none of any block.
+    let component = at - block.z;
     let segment = segments[id.z];
     let n_pairs = (group.n_cols + 1u) / 2u;
 

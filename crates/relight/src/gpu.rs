@@ -1,5 +1,6 @@
 //! The device, borrowed from the host or opened without a window, and relighting on it.
 
+mod buffers;
 mod chunk;
 pub(crate) mod copy_pass;
 mod group;
@@ -9,12 +10,15 @@ mod pack;
 mod relighter;
 mod stages;
 
+pub use buffers::DeviceMemory;
 pub use lamplight::{LampWords, Lamplight, LitSample, TreeWords};
-pub use relighter::GpuRelighter;
+pub use relighter::{GpuRelighter, device_bytes};
 
 use std::sync::{Arc, OnceLock};
 
 use crate::relight::RelightError;
+use buffers::Refusals;
+use relighter::STORAGE_BUFFERS;
 
 /// A device and its queue; clones share both.
 #[derive(Clone, Debug)]
@@ -23,6 +27,7 @@ pub struct Gpu {
     pub(crate) queue: wgpu::Queue,
     /// Why the device was lost, once it was: commands for such a device vanish without an error.
     lost: Arc<OnceLock<String>>,
+    refusals: Arc<Refusals>,
 }
 
 /// Which adapter a device without a window may come from.
@@ -64,7 +69,7 @@ impl Gpu {
             // Lost is lost: the first reason stays.
             let _ = told.set(format!("it was lost, {reason:?}: {words}"));
         });
-        Self { device, queue, lost }
+        Self { device, queue, lost, refusals: Arc::default() }
     }
 
     /// Opens a device without a window, for tests and the command line.
@@ -82,9 +87,14 @@ impl Gpu {
     }
 
     fn open(adapter: &wgpu::Adapter) -> Result<Self, RelightError> {
+        Self::open_within(adapter, adapter.limits())
+    }
+
+    /// A device that keeps to limits, which the adapter may exceed.
+    fn open_within(adapter: &wgpu::Adapter, required_limits: wgpu::Limits) -> Result<Self, RelightError> {
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("relight"),
-            required_limits: adapter.limits(),
+            required_limits,
             ..Default::default()
         });
         let (device, queue) = pollster::block_on(request).map_err(|error| RelightError::NoDevice {
@@ -121,12 +131,8 @@ impl Gpu {
     ) -> Result<Vec<u8>, RelightError> {
         let gpu = self;
         gpu.guarded(|| {
-            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("read back"),
-                size: n_bytes,
-                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-                mapped_at_creation: false,
-            });
+            let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+            let buffer = gpu.buffer("read back", n_bytes, usage);
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             copy(&mut encoder, &buffer);
             gpu.queue.submit([encoder.finish()]);
@@ -164,12 +170,13 @@ impl Gpu {
         let scopes = [Internal, OutOfMemory, Validation].map(|filter| self.device.push_error_scope(filter));
         let result = job();
         let [internal, memory, validation] = scopes;
-        let reports = [
-            pollster::block_on(validation.pop()),
-            pollster::block_on(memory.pop()),
-            pollster::block_on(internal.pop()),
-        ];
-        match reports.into_iter().flatten().next() {
+        let reports = [validation, memory, internal].map(|scope| pollster::block_on(scope.pop()));
+        let [validation, memory, internal] = reports;
+        // A buffer that is not there is misused by all that follows, which is reported as well.
+        if memory.is_some() || self.refusals.take() {
+            return Err(RelightError::OutOfMemory);
+        }
+        match validation.or(internal) {
             Some(error) => Err(RelightError::Device(error.to_string())),
             None => self.alive().and(result),
         }
@@ -188,7 +195,7 @@ fn adapters(choice: DeviceChoice) -> Vec<wgpu::Adapter> {
 fn computes(adapter: &wgpu::Adapter) -> bool {
     let needed = wgpu::DownlevelFlags::COMPUTE_SHADERS | wgpu::DownlevelFlags::SHADER_F16_IN_F32;
     adapter.get_downlevel_capabilities().flags.contains(needed)
-        && adapter.limits().max_storage_buffers_per_shader_stage >= 8
+        && adapter.limits().max_storage_buffers_per_shader_stage >= STORAGE_BUFFERS
 }
 
 /// Order of preference; OpenGL last within its kind.
@@ -214,6 +221,8 @@ fn describe(info: &wgpu::AdapterInfo) -> String {
     format!("{} ({kind}, {:?}, {} {})", info.name, info.backend, info.driver, info.driver_info)
 }
 
+#[cfg(test)]
+mod refusal_tests;
 #[cfg(test)]
 pub(crate) mod tests;
 #[cfg(test)]

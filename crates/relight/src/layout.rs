@@ -156,6 +156,9 @@ pub(crate) const COPY: (&str, &str) = ("copy", include_str!("../shaders/copy.wgs
 /// Threads of a workgroup of `project`, `gather` and `expand`.
 pub(crate) const THREADS: u32 = 64;
 
+/// Workgroups of a row of a grid, as many as every device takes.
+pub(crate) const ROW: u32 = 32_768;
+
 /// Columns of a segment: a pair for each thread of `project`.
 pub(crate) const SEGMENT: u32 = 2 * THREADS;
 

@@ -87,6 +87,9 @@ pub enum RelightError {
         /// The device's limit in the same unit.
         limit: u64,
     },
+    /// The device has no memory left.
+    #[error("the graphics device is out of memory; close other programs, use a smaller frame, or relight on the CPU")]
+    OutOfMemory,
     /// The device failed or was lost.
     #[error("the graphics device failed: {0}; relight on the CPU, or open the frame again")]
     Device(String),

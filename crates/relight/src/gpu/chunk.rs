@@ -1,28 +1,38 @@
-//! A run of blocks that shares its buffers: small enough for one binding, and for uploading again when a block changes.
+//! A run of blocks that shares its buffers: as long as the device's limits let it be.
 
-use bytemuck::Pod;
 use clerestory_nystrom::BlockLowRank;
 use std::ops::Range;
 
-use super::pack::{Packed, largest_buffer, pack};
+use super::buffers::{filled, largest_storage, storage, working};
+use super::pack::{Packed, cut, pack};
 use super::stages::{Stages, bind};
 use crate::gpu::Gpu;
-use crate::layout::{SEGMENT, THREADS};
+use crate::layout::{ROW, SEGMENT, THREADS};
 use crate::relight::RelightError;
 
 /// How much a chunk may hold.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ChunkLimits {
     pub n_blocks: usize,
     /// Largest buffer in bytes.
     pub n_bytes: u64,
 }
 
+/// Blocks that are uploaded with one that changed.
+const COMPANY: usize = 128;
+/// Bytes in which 32 bits find every word.
+const ADDRESSED: u64 = 4 << 32;
+
 impl ChunkLimits {
-    pub(super) fn of(gpu: &Gpu) -> Self {
-        let limits = gpu.device.limits();
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(128 << 20);
-        Self { n_blocks: 128, n_bytes: most - most % 16 }
+    /// What a device takes.
+    pub(super) fn of(limits: &wgpu::Limits) -> Self {
+        let n_blocks = limits.max_compute_workgroups_per_dimension as usize;
+        Self { n_blocks, n_bytes: largest_storage(limits).min(ADDRESSED) }
+    }
+
+    /// Shorter runs, for blocks that change again and again while they are baked.
+    pub(super) fn of_changing(self) -> Self {
+        Self { n_blocks: self.n_blocks.min(COMPANY), ..self }
     }
 }
 
@@ -35,6 +45,8 @@ pub(super) struct Chunk {
     pub n_right_bytes: u64,
     /// Bytes of left factors and sparse terms, which expand reads.
     pub n_left_bytes: u64,
+    /// Bytes of all its buffers.
+    pub n_bytes: u64,
     /// Blocks with content.
     pub n_blocks: u32,
     /// None where no block has content.
@@ -46,9 +58,10 @@ struct Bindings {
     project: wgpu::BindGroup,
     gather: wgpu::BindGroup,
     expand: wgpu::BindGroup,
-    /// Largest rank, rounded up to a pair.
-    most_components: u32,
+    /// Of all blocks.
+    n_components: u32,
     most_pixels: u32,
+    n_bytes: u64,
 }
 
 impl Chunk {
@@ -61,44 +74,34 @@ impl Chunk {
         run: Range<usize>,
         chunks: &mut Vec<Self>,
     ) -> Result<(), RelightError> {
-        let size = largest_buffer(low_rank, run.clone());
-        if run.len() > limits.n_blocks {
-            let cut = run.start + limits.n_blocks;
-            Self::upload(gpu, stages, limits, low_rank, run.start..cut, chunks)?;
-            return Self::upload(gpu, stages, limits, low_rank, cut..run.end, chunks);
+        for run in cut(low_rank, run, limits)? {
+            chunks.push(Self::new(gpu, stages, run.clone(), &pack(low_rank, run), low_rank.n_cols));
         }
-        if size > limits.n_bytes {
-            if run.len() == 1 {
-                return Err(RelightError::TooLarge { what: "one block of the frame", size, limit: limits.n_bytes });
-            }
-            let cut = run.start + run.len() / 2;
-            Self::upload(gpu, stages, limits, low_rank, run.start..cut, chunks)?;
-            return Self::upload(gpu, stages, limits, low_rank, cut..run.end, chunks);
-        }
-        let n_segments = low_rank.n_cols.div_ceil(SEGMENT);
-        chunks.push(Self::new(gpu, stages, run.clone(), &pack(low_rank, run), n_segments));
         Ok(())
     }
 
-    fn new(gpu: &Gpu, stages: &Stages, run: Range<usize>, packed: &Packed, n_segments: u32) -> Self {
-        let n_right_bytes = 4 * (packed.right.len() + 4 * packed.components.len()) as u64;
-        let n_left_bytes = 4 * (packed.left.len() + 2 * packed.sparse_terms.len()) as u64;
+    fn new(gpu: &Gpu, stages: &Stages, run: Range<usize>, packed: &Packed<'_>, n_cols: u32) -> Self {
+        let n_right_bytes = 4 * packed.n_right + 16 * packed.components.len() as u64;
+        let n_left_bytes = 4 * packed.n_left + 8 * packed.sparse_terms.len() as u64;
         let n_blocks = packed.blocks.len() as u32;
+        let n_segments = n_cols.div_ceil(SEGMENT);
         let bindings = (n_blocks > 0).then(|| Bindings::new(gpu, stages, packed, n_segments));
-        Self { run, n_right_bytes, n_left_bytes, n_blocks, bindings }
+        let n_bytes = bindings.as_ref().map_or(0, |bindings| bindings.n_bytes);
+        Self { run, n_right_bytes, n_left_bytes, n_bytes, n_blocks, bindings }
     }
 
     /// Records `right · x` for all blocks, over as many segments as the group names.
     pub(super) fn project(&self, pass: &mut wgpu::ComputePass<'_>, n_segments: u32) {
-        if let Some(bindings) = self.bindings.as_ref().filter(|b| b.most_components > 0) {
+        if let Some(bindings) = self.bindings.as_ref().filter(|b| b.n_components > 0) {
+            let n = bindings.n_components;
             pass.set_bind_group(1, &bindings.project, &[]);
-            pass.dispatch_workgroups(bindings.most_components, self.n_blocks, n_segments);
+            pass.dispatch_workgroups(n.min(ROW), n.div_ceil(ROW), n_segments);
         }
     }
 
     /// Records `z = scale · sum of the segments` for all blocks where that is seen.
     pub(super) fn gather(&self, pass: &mut wgpu::ComputePass<'_>) {
-        if let Some(bindings) = self.bindings.as_ref().filter(|b| b.most_components > 0) {
+        if let Some(bindings) = self.bindings.as_ref().filter(|b| b.n_components > 0) {
             pass.set_bind_group(1, &bindings.gather, &[]);
             pass.dispatch_workgroups(self.n_blocks, 1, 1);
         }
@@ -108,60 +111,91 @@ impl Chunk {
     pub(super) fn expand(&self, pass: &mut wgpu::ComputePass<'_>) {
         if let Some(bindings) = &self.bindings {
             pass.set_bind_group(1, &bindings.expand, &[]);
-            pass.dispatch_workgroups(bindings.most_pixels.div_ceil(THREADS), self.n_blocks, 1);
+            pass.dispatch_workgroups(bindings.most_pixels.div_ceil(THREADS).min(ROW), self.n_blocks, 1);
         }
     }
 }
 
 impl Bindings {
-    fn new(gpu: &Gpu, stages: &Stages, packed: &Packed, n_segments: u32) -> Self {
+    fn new(gpu: &Gpu, stages: &Stages, packed: &Packed<'_>, n_segments: u32) -> Self {
         let blocks = filled(gpu, "blocks", &packed.blocks);
-        let [left, right] =
-            [("left", &packed.left), ("right", &packed.right)].map(|(name, words)| filled(gpu, name, words));
+        let left = filled_in_parts(gpu, "left", packed.n_left, packed.left_parts());
+        let right = filled_in_parts(gpu, "right", packed.n_right, packed.right_parts());
         let components = filled(gpu, "components", &packed.components);
+        let owners = filled(gpu, "owners", &packed.owners);
         let n_components = packed.components.len() as u64;
         let z = working(gpu, "z", 16 * n_components, wgpu::BufferUsages::empty());
         let n_partials = n_components * u64::from(n_segments);
         let partials = working(gpu, "partials", 16 * n_partials, wgpu::BufferUsages::empty());
         let starts = filled(gpu, "sparse_starts", &packed.sparse_starts);
         let terms = filled(gpu, "sparse_terms", &packed.sparse_terms);
-        let project = [&blocks, &right, &partials].map(|buffer| buffer.as_entire_binding());
+        let all = [&blocks, &left, &right, &components, &owners, &z, &partials, &starts, &terms];
+        let project = [&blocks, &right, &partials, &owners].map(|buffer| buffer.as_entire_binding());
         let gather = [&blocks, &components, &partials, &z].map(|buffer| buffer.as_entire_binding());
         let expand = [&blocks, &left, &z, &starts, &terms].map(|buffer| buffer.as_entire_binding());
         Self {
             project: bind(gpu, &stages.project, 1, &project),
             gather: bind(gpu, &stages.gather, 1, &gather),
             expand: bind(gpu, &stages.expand, 1, &expand),
-            most_components: packed.blocks.iter().map(|b| b.rank.next_multiple_of(2)).max().unwrap_or(0),
+            n_components: n_components as u32,
             most_pixels: packed.blocks.iter().map(|b| b.n_pixels).max().unwrap_or(0),
+            n_bytes: all.iter().map(|buffer| buffer.size()).sum(),
         }
     }
 }
 
-/// A storage buffer that stages write before others read it; in tests it holds no numbers until then.
-pub(super) fn working(gpu: &Gpu, name: &str, n_bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-    let buffer = storage(gpu, name, n_bytes, usage | wgpu::BufferUsages::COPY_DST);
-    if cfg!(test) {
-        gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&vec![f32::NAN; buffer.size() as usize / 4]));
+/// A storage buffer of words, written part after part, each with its position.
+fn filled_in_parts(gpu: &Gpu, name: &str, n_words: u64, parts: impl Iterator<Item = (u32, Vec<u32>)>) -> wgpu::Buffer {
+    let buffer = storage(gpu, name, 4 * n_words, wgpu::BufferUsages::COPY_DST);
+    for (position, words) in parts.filter(|(_, words)| !words.is_empty()) {
+        gpu.queue.write_buffer(&buffer, 4 * u64::from(position), bytemuck::cast_slice(&words));
+        // What was written is on its way before more of it is packed.
+        gpu.queue.submit([]);
     }
     buffer
 }
 
-/// A storage buffer; an empty one still gets one element, since nothing cannot be bound.
-pub(super) fn storage(gpu: &Gpu, name: &str, n_bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-    gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(name),
-        size: n_bytes.next_multiple_of(16).max(64),
-        usage: usage | wgpu::BufferUsages::STORAGE,
-        mapped_at_creation: false,
-    })
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::{Ranks, Recipe};
 
-fn filled<T: Pod>(gpu: &Gpu, name: &str, content: &[T]) -> wgpu::Buffer {
-    let bytes: &[u8] = bytemuck::cast_slice(content);
-    let buffer = storage(gpu, name, bytes.len() as u64, wgpu::BufferUsages::COPY_DST);
-    if !bytes.is_empty() {
-        gpu.queue.write_buffer(&buffer, 0, bytes);
+    #[test]
+    fn limits_of_an_adapter_are_those_of_its_chunks() {
+        let limits = |binding, buffer| wgpu::Limits {
+            max_storage_buffer_binding_size: binding,
+            max_buffer_size: buffer,
+            max_compute_workgroups_per_dimension: 700,
+            ..wgpu::Limits::default()
+        };
+        for (limits, n_bytes) in [
+            (limits(1 << 20, 3 << 20), 1 << 20),
+            (limits(2 << 30, (1 << 20) + 7), 1 << 20),
+            (limits(3 << 30, 5 << 30), 3 << 30),
+            (limits(1 << 40, 1 << 41), ADDRESSED),
+        ] {
+            assert_eq!(ChunkLimits::of(&limits), ChunkLimits { n_blocks: 700, n_bytes });
+        }
     }
-    buffer
+
+    #[test]
+    fn runs_hold_every_block_once_and_no_buffer_more_than_it_may() {
+        let recipe = Recipe { width: 97, height: 61, n_cols: vec![300], rank: Ranks::Mixed(24), ..Recipe::default() };
+        let low_rank = &recipe.frame().groups[0];
+        let n_blocks = low_rank.blocks.len();
+        let whole = ChunkLimits { n_blocks: 1 << 20, n_bytes: 1 << 40 };
+        assert_eq!(cut(low_rank, 0..n_blocks, whole).unwrap().len(), 1);
+        for limits in [ChunkLimits { n_blocks: 7, ..whole }, ChunkLimits { n_bytes: 40_000, ..whole }] {
+            let runs = cut(low_rank, 3..n_blocks, limits).unwrap();
+            assert!(runs.iter().flat_map(Clone::clone).eq(3..n_blocks), "{runs:?}");
+            assert!(runs.len() > 3 && runs.iter().all(|run| run.len() <= limits.n_blocks), "{runs:?}");
+            for run in runs {
+                let packed = pack(low_rank, run);
+                let partials = 16 * 3 * packed.components.len() as u64;
+                assert!((4 * packed.n_left.max(packed.n_right)).max(partials) <= limits.n_bytes);
+            }
+        }
+        let narrow = cut(low_rank, 0..n_blocks, ChunkLimits { n_bytes: 4000, ..whole });
+        assert!(matches!(narrow, Err(RelightError::TooLarge { limit: 4000, .. })), "{narrow:?}");
+    }
 }

@@ -1,6 +1,6 @@
 //! A kernel that copies, to measure what memory of a device can do.
 
-use super::chunk::storage;
+use super::buffers::storage;
 use super::stages::{bind, pipeline};
 use crate::gpu::Gpu;
 use crate::layout::COPY;
@@ -11,9 +11,7 @@ const ROW: u64 = 32_768;
 
 /// Both buffers, filled, and the kernel; with the bytes of each.
 pub(crate) fn prepare(gpu: &Gpu, n_bytes: u64) -> (u64, [wgpu::Buffer; 2], wgpu::ComputePipeline) {
-    let limits = gpu.device.limits();
-    let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    let n_bytes = n_bytes.min(most) / 1024 * 1024;
+    let n_bytes = n_bytes.min(gpu.largest_storage()) / 1024 * 1024;
     let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let buffers = ["from", "to"].map(|name| storage(gpu, name, n_bytes, usage));
     gpu.queue.write_buffer(&buffers[0], 0, &content(n_bytes));

@@ -2,8 +2,8 @@
 
 use clerestory_nystrom::BlockLowRank;
 
-use super::chunk::{Chunk, ChunkLimits, storage};
-use super::output::uniform;
+use super::buffers::{storage, uniform};
+use super::chunk::{Chunk, ChunkLimits};
 use super::stages::{Stages, bind};
 use crate::frame::Frame;
 use crate::gpu::Gpu;
@@ -75,7 +75,7 @@ impl GroupBuffers {
         Ok(Self { chunks, params, content, coefficients, segments, project, gather, expand, projected, behind, lit })
     }
 
-    /// Uploads the chunks that hold any of `blocks`.
+    /// Uploads the chunks that hold any of `blocks`, as shorter ones where they were long.
     pub(super) fn upload_again(
         &mut self,
         gpu: &Gpu,
@@ -87,12 +87,18 @@ impl GroupBuffers {
         self.forget();
         for chunk in std::mem::take(&mut self.chunks) {
             if blocks.iter().any(|block| chunk.run.contains(block)) {
-                Chunk::upload(gpu, stages, limits, low_rank, chunk.run, &mut self.chunks)?;
+                Chunk::upload(gpu, stages, limits.of_changing(), low_rank, chunk.run, &mut self.chunks)?;
             } else {
                 self.chunks.push(chunk);
             }
         }
         Ok(())
+    }
+
+    /// Bytes of its buffers.
+    pub(super) fn n_bytes(&self) -> u64 {
+        let own = [&self.params, &self.coefficients, &self.segments].map(|buffer| buffer.size());
+        own.iter().sum::<u64>() + self.chunks.iter().map(|chunk| chunk.n_bytes).sum::<u64>()
     }
 
     /// All of `z` must be projected.

@@ -2,8 +2,7 @@
 
 use bytemuck::Pod;
 
-use super::chunk::{storage, working};
-use super::output::uniform;
+use super::buffers::{self, check_storage, storage, uniform, working};
 use super::stages::{bind, pipeline};
 use crate::gpu::Gpu;
 use crate::layout::{LAMPLIGHT, LampRecord};
@@ -83,7 +82,7 @@ impl Lamplight {
             let points = filled(gpu, "what the pixels see", points)?;
             let starts = filled(gpu, "the list of pixels", starts)?;
             let n_pixels = u64::from(width) * u64::from(height);
-            check(gpu, "the light of the pixels", 16 * n_pixels)?;
+            check_storage(gpu, "the light of the pixels", 16 * n_pixels)?;
             let n_tiles = u64::from(width.div_ceil(TILE)) * u64::from(height.div_ceil(TILE));
             let shifts = storage(gpu, "shifts", 8 * n_tiles, wgpu::BufferUsages::COPY_DST);
             let lit = working(gpu, "lit", 16 * n_pixels, wgpu::BufferUsages::COPY_SRC);
@@ -128,18 +127,7 @@ impl Lamplight {
     }
 }
 
-fn check(gpu: &Gpu, what: &'static str, size: u64) -> Result<(), RelightError> {
-    let limits = gpu.device.limits();
-    let limit = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-    if size > limit { Err(RelightError::TooLarge { what, size, limit }) } else { Ok(()) }
-}
-
 fn filled<T: Pod>(gpu: &Gpu, what: &'static str, content: &[T]) -> Result<wgpu::Buffer, RelightError> {
-    let bytes: &[u8] = bytemuck::cast_slice(content);
-    check(gpu, what, bytes.len() as u64)?;
-    let buffer = storage(gpu, what, bytes.len() as u64, wgpu::BufferUsages::COPY_DST);
-    if !bytes.is_empty() {
-        gpu.queue.write_buffer(&buffer, 0, bytes);
-    }
-    Ok(buffer)
+    check_storage(gpu, what, size_of_val(content) as u64)?;
+    Ok(buffers::filled(gpu, what, content))
 }

@@ -1,6 +1,6 @@
 //! What the stages write: radiance, and the picture for the display.
 
-use super::chunk::{storage, working};
+use super::buffers::{storage, uniform, working};
 use super::stages::{Stages, bind};
 use crate::frame::Frame;
 use crate::gpu::Gpu;
@@ -45,6 +45,13 @@ impl Output {
         Self { radiance, settled, texture, view, display_params, display, layer }
     }
 
+    /// Bytes of its buffers and of the texture.
+    pub(super) fn n_bytes(&self) -> u64 {
+        let buffers = [&self.radiance, &self.settled, &self.display_params, &self.layer].map(|buffer| buffer.size());
+        let size = self.texture.size();
+        buffers.iter().sum::<u64>() + 4 * u64::from(size.width) * u64::from(size.height)
+    }
+
     /// Uploads a layer; the display takes it from then on.
     pub(super) fn write_layer(&mut self, gpu: &Gpu, stages: &Stages, pixels: &[[f32; 3]]) {
         let bytes: &[u8] = bytemuck::cast_slice(pixels);
@@ -75,14 +82,4 @@ fn bind_display(
 
 pub(super) fn radiance_bytes(frame: &Frame) -> u64 {
     16 * u64::from(frame.width) * u64::from(frame.height)
-}
-
-/// A buffer of parameters.
-pub(super) fn uniform(gpu: &Gpu, name: &str, n_bytes: usize) -> wgpu::Buffer {
-    gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(name),
-        size: n_bytes as u64,
-        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    })
 }

@@ -1,64 +1,123 @@
-//! Brings a run of blocks into the form the shaders read.
+//! Brings runs of blocks into the form the shaders read, cut where a device's buffers end.
 
 use clerestory_nystrom::{BlockFactors, BlockLowRank};
 use half::f16;
 use rayon::prelude::*;
 use std::ops::Range;
 
+use super::chunk::ChunkLimits;
 use crate::layout::{Block, SEGMENT, SparseTerm};
+use crate::relight::RelightError;
 
-/// The buffers of a chunk, before upload.
+/// What the buffers of a chunk hold, before upload.
 #[derive(Debug, Default)]
-pub(super) struct Packed {
+pub(super) struct Packed<'a> {
     /// Blocks with content; the others are left out.
     pub blocks: Vec<Block>,
-    /// Pairs of f16: of each block pair by pair, channel by channel, pixel by pixel.
-    pub left: Vec<u32>,
-    /// Pairs of f16: of each block row by row.
-    pub right: Vec<u32>,
+    /// Their factors.
+    factors: Vec<&'a BlockFactors>,
+    /// Words of left factors, which [`Self::left_parts`] packs.
+    pub n_left: u64,
+    /// Words of right factors, which [`Self::right_parts`] packs.
+    pub n_right: u64,
     /// Largest magnitude of the left factor per channel, and scale; one per component, of an even number of them per block.
     pub components: Vec<[f32; 4]>,
+    /// The block of each component.
+    pub owners: Vec<u32>,
     /// Of each block with sparse terms, where the terms of its pixels start, and where the last ends.
     pub sparse_starts: Vec<u32>,
     pub sparse_terms: Vec<SparseTerm>,
 }
 
-/// Size in bytes of the largest buffer that a run of blocks needs.
-pub(super) fn largest_buffer(low_rank: &BlockLowRank, run: Range<usize>) -> u64 {
-    let mut sizes = [0u64; 5];
-    let n_segments = u64::from(low_rank.n_cols.div_ceil(SEGMENT));
-    for f in low_rank.blocks[run].iter().flatten() {
-        let (n_pixels, n_cols) = (u64::from(f.n_rows) / 3, u64::from(f.n_cols));
-        let n_pairs = u64::from(f.rank).div_ceil(2);
-        let n_sparse = f.sparse.len() as u64;
-        let right = 4 * u64::from(f.rank) * n_cols.div_ceil(2);
-        let own = [12 * n_pairs * n_pixels, right, 32 * n_pairs, 32 * n_pairs * n_segments, 8 * n_sparse];
-        sizes.iter_mut().zip(own).for_each(|(size, own)| *size += own);
+/// Words that are packed at a time, so that little of a large frame lies in memory twice.
+const PART_WORDS: u32 = 8 << 20;
+
+/// Bytes of the buffers that a run of blocks needs: blocks, left, right, components (which are as many as `z`), partials, owners,
+/// starts and terms of sparse entries.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Sizes([u64; 8]);
+
+impl Sizes {
+    fn of(factors: &BlockFactors) -> Self {
+        let (n_pixels, n_cols) = (u64::from(factors.n_rows) / 3, u64::from(factors.n_cols));
+        let n_pairs = u64::from(factors.rank).div_ceil(2);
+        let n_sparse = factors.sparse.len() as u64;
+        if n_pairs == 0 && n_sparse == 0 {
+            return Self::default();
+        }
+        let starts = if n_sparse > 0 { 4 * (n_pixels + 1) } else { 0 };
+        Self([
+            size_of::<Block>() as u64,
+            12 * n_pairs * n_pixels,
+            4 * u64::from(factors.rank) * n_cols.div_ceil(2),
+            32 * n_pairs,
+            32 * n_pairs * n_cols.div_ceil(SEGMENT.into()),
+            8 * n_pairs,
+            starts,
+            8 * n_sparse,
+        ])
     }
-    sizes.into_iter().max().unwrap_or(0)
+
+    fn with(self, more: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] + more.0[i]))
+    }
+
+    pub(super) fn largest(self) -> u64 {
+        self.0.into_iter().max().unwrap_or(0)
+    }
+
+    /// Bytes of all of them; the components count twice.
+    fn total(self) -> u64 {
+        self.0.into_iter().sum::<u64>() + self.0[3]
+    }
+}
+
+/// Bytes that the factors of a group take on a device, without the edges of buffers.
+pub(super) fn group_bytes(low_rank: &BlockLowRank) -> u64 {
+    low_rank.blocks.iter().flatten().map(|factors| Sizes::of(factors).total()).sum()
+}
+
+/// Cuts a run of blocks where a buffer would get too large.
+///
+/// # Errors
+/// [`RelightError::TooLarge`] where one block alone is.
+pub(super) fn cut(
+    low_rank: &BlockLowRank,
+    run: Range<usize>,
+    limits: ChunkLimits,
+) -> Result<Vec<Range<usize>>, RelightError> {
+    let (mut runs, mut start, mut sizes) = (Vec::new(), run.start, Sizes::default());
+    for block in run.clone() {
+        let own = low_rank.blocks[block].as_ref().map_or_else(Sizes::default, |factors| Sizes::of(factors));
+        let (size, limit) = (own.largest(), limits.n_bytes);
+        if size > limit {
+            return Err(RelightError::TooLarge { what: "one block of the frame", size, limit });
+        }
+        if sizes.with(own).largest() > limit || block - start == limits.n_blocks {
+            runs.push(start..block);
+            (start, sizes) = (block, Sizes::default());
+        }
+        sizes = sizes.with(own);
+    }
+    runs.push(start..run.end);
+    Ok(runs)
 }
 
 /// Packs a run of blocks of one group.
-pub(super) fn pack(low_rank: &BlockLowRank, run: Range<usize>) -> Packed {
+pub(super) fn pack(low_rank: &BlockLowRank, run: Range<usize>) -> Packed<'_> {
     let mut packed = Packed::default();
-    let mut with_content = Vec::new();
     for block_idx in run {
         let Some(factors) = &low_rank.blocks[block_idx] else { continue };
         if factors.rank > 0 || !factors.sparse.is_empty() {
-            packed.push_entry(factors, low_rank.partition.rect(block_idx));
-            with_content.push(&**factors);
+            packed.push(factors, low_rank.partition.rect(block_idx));
         }
     }
-
-    // The entries say where each block's share lies; left and right are most of the bytes and are filled by all cores.
-    fill(&packed.blocks, &with_content, &mut packed.left, |b| b.left, pack_left);
-    fill(&packed.blocks, &with_content, &mut packed.right, |b| b.right, |f, _, words| pack_right(f, words));
     packed
 }
 
-impl Packed {
+impl<'a> Packed<'a> {
     /// Appends the table entry and the small parts of a block, and makes room for the large ones.
-    fn push_entry(&mut self, factors: &BlockFactors, [x, y, width, height]: [u32; 4]) {
+    fn push(&mut self, factors: &'a BlockFactors, [x, y, width, height]: [u32; 4]) {
         let n_pairs = factors.rank.div_ceil(2);
         let n_pixels = width * height;
         self.blocks.push(Block {
@@ -67,19 +126,52 @@ impl Packed {
             x,
             y,
             width,
-            left: self.left.len() as u32,
-            right: self.right.len() as u32,
+            left: self.n_left as u32,
+            right: self.n_right as u32,
             z: self.components.len() as u32,
             sparse: self.sparse_starts.len() as u32,
             n_sparse: factors.sparse.len() as u32,
         });
-        self.left.resize(self.left.len() + (3 * n_pairs * n_pixels) as usize, 0);
-        self.right.resize(self.right.len() + (factors.rank * factors.n_cols.div_ceil(2)) as usize, 0);
+        self.n_left += 3 * u64::from(n_pairs) * u64::from(n_pixels);
+        self.n_right += u64::from(factors.rank) * u64::from(factors.n_cols.div_ceil(2));
+        self.owners.resize(self.owners.len() + 2 * n_pairs as usize, self.factors.len() as u32);
+        self.factors.push(factors);
         self.components.extend(components(factors));
-        self.components.resize(self.components.len().next_multiple_of(2), [0.0; 4]);
+        self.components.resize(self.owners.len(), [0.0; 4]);
         if !factors.sparse.is_empty() {
             self.push_sparse(factors, n_pixels);
         }
+    }
+
+    /// Pairs of f16, of each block pair by pair, channel by channel, pixel by pixel; with the position of each part.
+    pub(super) fn left_parts(&self) -> impl Iterator<Item = (u32, Vec<u32>)> {
+        self.parts(self.n_left, |block| block.left, pack_left)
+    }
+
+    /// Pairs of f16, of each block row by row; with the position of each part.
+    pub(super) fn right_parts(&self) -> impl Iterator<Item = (u32, Vec<u32>)> {
+        self.parts(self.n_right, |block| block.right, |factors, _, words| pack_right(factors, words))
+    }
+
+    /// Some blocks after the other, each by all cores. Entries say where each block's share lies.
+    fn parts(
+        &self,
+        n_words: u64,
+        start: impl Fn(&Block) -> u32,
+        pack_block: impl Fn(&BlockFactors, usize, &mut [u32]) + Sync,
+    ) -> impl Iterator<Item = (u32, Vec<u32>)> {
+        let mut first = 0;
+        std::iter::from_fn(move || {
+            let from = start(self.blocks.get(first)?);
+            let within = |block: &Block| start(block) - from < PART_WORDS;
+            let n_blocks = self.blocks[first..].iter().take_while(|block| within(block)).count();
+            let end = self.blocks.get(first + n_blocks).map_or(n_words, |next| start(next).into());
+            let mut words = vec![0; (end - u64::from(from)) as usize];
+            let run = first..first + n_blocks;
+            fill(&self.blocks[run.clone()], &self.factors[run], &mut words, &start, &pack_block);
+            first += n_blocks;
+            Some((from, words))
+        })
     }
 
     fn push_sparse(&mut self, factors: &BlockFactors, n_pixels: u32) {

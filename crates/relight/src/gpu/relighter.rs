@@ -8,14 +8,16 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::buffers::check_storage;
 use super::chunk::ChunkLimits;
 use super::group::{GroupBuffers, Lit, WHATEVER};
 use super::output::{Output, radiance_bytes};
+use super::pack::group_bytes;
 use super::stages::Stages;
 use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::gpu::Gpu;
-use crate::layout::{Display, ExpandMode, Layered};
+use crate::layout::{Display, ExpandMode, Layered, SEGMENT};
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_same_layer};
 
 /// Relights on a device.
@@ -50,7 +52,7 @@ impl GpuRelighter {
     /// # Errors
     /// A frame that does not fit together or is too large for the device; a failing device.
     pub fn new(gpu: &Gpu, frame: &Frame) -> Result<Self, RelightError> {
-        Self::with_limits(gpu, frame, ChunkLimits::of(gpu))
+        Self::with_limits(gpu, frame, ChunkLimits::of(&gpu.device.limits()))
     }
 
     pub(super) fn with_limits(gpu: &Gpu, frame: &Frame, limits: ChunkLimits) -> Result<Self, RelightError> {
@@ -100,6 +102,11 @@ impl GpuRelighter {
     /// The display-encoded picture that [`Self::relight_to_texture`] writes: rgba8unorm, width × height.
     pub fn texture(&self) -> &wgpu::Texture {
         &self.output.texture
+    }
+
+    /// Memory of the device that the frame and its picture take, bytes.
+    pub fn device_bytes(&self) -> u64 {
+        self.output.n_bytes() + self.groups.iter().map(GroupBuffers::n_bytes).sum::<u64>()
     }
 
     /// Reads the display-encoded picture back: RGBA, 4 bytes per pixel, row by row.
@@ -278,8 +285,24 @@ impl Relight for GpuRelighter {
     }
 }
 
+/// Memory that a device needs to relight a frame and show its picture, bytes: factors, sums of columns, radiance twice and the
+/// picture, but neither layers nor what the driver rounds up.
+pub fn device_bytes(frame: &Frame) -> u64 {
+    let n_pixels = u64::from(frame.width) * u64::from(frame.height);
+    2 * radiance_bytes(frame) + 4 * n_pixels + frame.groups.iter().map(group_bytes).sum::<u64>()
+}
+
+/// Storage buffers that expand and display bind, of which expand needs more.
+pub(super) const STORAGE_BUFFERS: u32 = 8;
+
+/// Whether the device takes a frame, as far as its size says.
 fn check_size(gpu: &Gpu, frame: &Frame) -> Result<(), RelightError> {
     let limits = gpu.device.limits();
+    let n_buffers = limits.max_storage_buffers_per_shader_stage;
+    if n_buffers < STORAGE_BUFFERS {
+        let (size, limit) = (STORAGE_BUFFERS.into(), n_buffers.into());
+        return Err(RelightError::TooLarge { what: "the number of buffers of a kernel", size, limit });
+    }
     let (side, most) = (frame.width.max(frame.height), limits.max_texture_dimension_2d);
     if side > most {
         return Err(RelightError::TooLarge {
@@ -288,9 +311,11 @@ fn check_size(gpu: &Gpu, frame: &Frame) -> Result<(), RelightError> {
             limit: most.into(),
         });
     }
-    let (size, limit) = (radiance_bytes(frame), limits.max_storage_buffer_binding_size.min(limits.max_buffer_size));
-    if size > limit {
-        return Err(RelightError::TooLarge { what: "the frame's radiance", size, limit });
+    let n_segments = frame.groups.iter().map(|group| group.n_cols.div_ceil(SEGMENT)).max().unwrap_or(0);
+    let most = limits.max_compute_workgroups_per_dimension;
+    if n_segments > most {
+        let (size, limit) = [n_segments, most].map(|n| u64::from(n) * u64::from(SEGMENT)).into();
+        return Err(RelightError::TooLarge { what: "the number of columns of a group", size, limit });
     }
-    Ok(())
+    check_storage(gpu, "the frame's radiance", radiance_bytes(frame))
 }

@@ -72,7 +72,7 @@ fn changed_coefficients_and_blocks_show() {
     let Some(gpu) = gpu() else { return };
     let recipe = Recipe { n_cols: vec![19, 1, 40], ..Recipe::default() };
     let mut frame = recipe.frame();
-    let limits = ChunkLimits { n_blocks: 4, ..ChunkLimits::of(&gpu) };
+    let limits = ChunkLimits { n_blocks: 4, ..ChunkLimits::of(&gpu.device.limits()) };
     let mut relighter = GpuRelighter::with_limits(&gpu, &frame, limits).unwrap();
     let mut x = recipe.coefficients(1);
     assert_twins_agree(&mut relighter, &frame, &x);
