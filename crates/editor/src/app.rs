@@ -30,6 +30,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Result;
+use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
 use eframe::egui::{Context, ThemePreference, Ui, util::undoer::Undoer};
 use eframe::{CreationContext, Storage};
@@ -224,6 +225,11 @@ impl App {
     /// Whether the picture shows the lights as they are, though a hand may still be on them and hold the exposure.
     pub fn is_answered(&self) -> bool {
         self.follower.is_answered()
+    }
+
+    /// The window's graphics device, whether it relights or not.
+    pub fn graphics(&self) -> Option<&Gpu> {
+        self.follower.graphics()
     }
 
     /// Exposure of the picture that is shown, EV.

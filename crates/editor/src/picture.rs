@@ -143,6 +143,11 @@ impl GpuPainter {
         self.gpu.description()
     }
 
+    /// Memory of the device that the picture takes, bytes; none before the first frame.
+    pub fn device_bytes(&self) -> Option<u64> {
+        self.relighter.as_ref().map(GpuRelighter::device_bytes)
+    }
+
     /// Starts over with the next frame.
     pub fn forget(&mut self) {
         self.relighter = None;

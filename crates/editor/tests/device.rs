@@ -1,16 +1,25 @@
-//! A graphics device that fails under the window's hands.
+//! A graphics device that fails under the window's hands, refuses what is asked of it, or has no memory left.
 
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use clerestory::app::{App, Start};
 use clerestory::session::{BakeSettings, BakeState, Source};
-use clerestory_transport::bake::BakeConfig;
+use clerestory_relight::gpu::DeviceMemory;
+use clerestory_transport::archive;
+use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
-use eframe::egui::{pos2, vec2};
-use eframe::egui_wgpu::RendererOptions;
+use clerestory_transport::import;
+use clerestory_transport::prepared::PreparedScene;
+use eframe::egui::{DroppedFile, Pos2, pos2, vec2};
+use eframe::egui_wgpu::{RenderState, RendererOptions, WgpuSetup};
+use eframe::wgpu;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use egui_kittest::wgpu::{WgpuTestRenderer, create_render_state, default_wgpu_setup};
+
+const ROOM: &[u8] = include_bytes!("room.gltf");
 
 type Window = Harness<'static, App>;
 
@@ -28,12 +37,19 @@ fn wait(window: &mut Window, until: impl Fn(&Window) -> bool) {
     panic!("it never came about; the bake: {:?}", window.state().session().bake);
 }
 
-#[test]
-fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
-    let state = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
+/// The baked room, relit on a device of the test's.
+fn relit_on(state: &RenderState) -> Window {
+    let mut window = baked_on(state);
+    choose_device(&mut window);
+    wait(&mut window, |window| window.query_by_label_contains("Relight: llvmpipe").is_some());
+    window
+}
+
+/// The same, relit on the CPU.
+fn baked_on(state: &RenderState) -> Window {
     let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
     let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config, illuminance: false };
-    let room = Source::Bytes { name: "room.gltf".into(), bytes: include_bytes!("room.gltf").to_vec() };
+    let room = Source::Bytes { name: "room.gltf".into(), bytes: ROOM.to_vec() };
     let start = Start::alone(room, Some(settings));
     let renderer = WgpuTestRenderer::from_render_state(state.clone());
     let mut window: Window = Harness::builder()
@@ -45,24 +61,43 @@ fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
         app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled()
     };
     wait(&mut window, is_done);
+    window
+}
 
-    // The test's device is none of hardware, so it must be asked for.
+/// The test's device is none of hardware, so it must be asked for.
+fn choose_device(window: &mut Window) {
     window.get_by_label_contains("Relight: CPU").click();
     window.run_steps(3);
     window.get_by_label("Graphics device").click();
-    wait(&mut window, |window| window.query_by_label_contains("Relight: llvmpipe").is_some());
+    window.run_steps(3);
+}
 
-    // The device lights lamps that are added, too.
+fn add_lamp(window: &mut Window) {
     window.get_by_label("Add lamp").click();
     window.run_steps(3);
     window.get_by_label("Point").click();
-    wait(&mut window, |window| window.state().is_settled() && window.state().look().lights.lamps.len() == 1);
+}
 
+/// Takes the fader of the room's lamp in hand; where it is for a share of its length.
+fn take_fader(window: &mut Window) -> impl Fn(f32) -> Pos2 + use<> {
     let slider = window.get_by_label("lamp intensity").rect();
-    let at = |share: f32| pos2(slider.left() + share * slider.width(), slider.center().y);
+    let at = move |share: f32| pos2(slider.left() + share * slider.width(), slider.center().y);
     window.drag_at(at(0.6));
     window.hover_at(at(0.7));
     window.run_steps(2);
+    at
+}
+
+#[test]
+fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
+    let state = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
+    let mut window = relit_on(&state);
+
+    // The device lights lamps that are added, too.
+    add_lamp(&mut window);
+    wait(&mut window, |window| window.state().is_settled() && window.state().look().lights.lamps.len() == 1);
+
+    let at = take_fader(&mut window);
     let (n_before, ev_before) = (window.state().n_pictures(), window.state().shown_ev());
     assert!(window.query_by_label_contains("Relight: llvmpipe").is_some(), "it still works");
 
@@ -79,4 +114,95 @@ fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
     wait(&mut window, |window| window.state().shown_ev() < ev_before - 0.1);
     wait(&mut window, |window| window.state().is_settled());
     assert!(window.query_by_label_contains("the CPU lights the lamps").is_none(), "they have a CPU's view now");
+}
+
+#[test]
+fn a_device_without_memory_leaves_the_picture_to_the_cpu_and_takes_it_up_again() {
+    let state = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
+    let mut window = relit_on(&state);
+    let on_cpu = |window: &Window| window.query_by_label_contains("Relight: CPU").is_some();
+    let told = "The CPU goes on: the graphics device is out of memory";
+    assert!(window.query_by_label_contains("on the device").is_some(), "what it takes of the device");
+
+    // In the middle of a drag the light of a new lamp asks for memory that is not there.
+    let at = take_fader(&mut window);
+    window.state().graphics().unwrap().set_memory(DeviceMemory::Exhausted);
+    window.hover_at(at(0.8));
+    window.run_steps(3);
+    assert!(!on_cpu(&window), "light that moves needs none");
+    window.drop_at(at(0.8));
+    add_lamp(&mut window);
+    wait(&mut window, |window| on_cpu(window) && window.query_by_label_contains(told).is_some());
+    assert!(window.query_by_label_contains("on the device").is_none());
+    let n_before = window.state().n_pictures();
+    wait(&mut window, |window| window.state().n_pictures() > n_before && window.state().is_settled());
+
+    // Tried again in vain, and then not.
+    let intensity = |window: &Window| window.state().look().lights.lights["lamp"].intensity;
+    let before = intensity(&window);
+    window.run_steps(20);
+    let at = take_fader(&mut window);
+    wait(&mut window, |window| on_cpu(window) && window.query_by_label_contains(told).is_some());
+    window.state().graphics().unwrap().set_memory(DeviceMemory::Available);
+    for turn in 0..400 {
+        window.hover_at(at(0.5 + 0.3 * (turn % 2) as f32));
+        window.run_steps(2);
+        if !on_cpu(&window) {
+            break;
+        }
+    }
+    assert!(!on_cpu(&window) && window.query_by_label_contains("The graphics device relights again").is_some());
+    window.drop_at(at(0.3));
+    window.run_steps(3);
+    assert!(intensity(&window) < before, "the drag went on");
+    assert!(!window.state().graphics().unwrap().is_lost());
+}
+
+#[test]
+fn a_device_that_refuses_a_frame_leaves_it_to_the_cpu_and_takes_a_smaller_one() {
+    let mut setup = default_wgpu_setup();
+    let WgpuSetup::CreateNew(new) = &mut setup else { panic!("the test makes its own device") };
+    new.device_descriptor = Arc::new(|adapter| {
+        let required_limits = wgpu::Limits { max_storage_buffer_binding_size: 40_000, ..adapter.limits() };
+        wgpu::DeviceDescriptor { required_limits, ..Default::default() }
+    });
+    let state = create_render_state(setup, RendererOptions::PREDICTABLE);
+    let mut window = baked_on(&state);
+    choose_device(&mut window);
+    let told = "The CPU goes on: the frame's radiance takes 49152, the graphics device allows 40000";
+    wait(&mut window, |window| window.query_by_label_contains(told).is_some());
+    assert!(window.query_by_label_contains("Relight: CPU").is_some());
+    wait(&mut window, |window| window.state().is_settled());
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("small.transport");
+    archive::write(&small_bake(), &path).unwrap();
+    window.input_mut().dropped_files.push(Arc::new(Dropped(path)));
+    wait(&mut window, |window| window.query_by_label_contains("Relight: llvmpipe").is_some());
+    let small = |window: &Window| window.state().session().shown.as_ref().is_some_and(|s| s.header.width == 32);
+    assert!(small(&window), "the smaller frame is on the device");
+}
+
+/// A file on its way into the window.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+/// The room in a picture that a narrow device takes.
+fn small_bake() -> Bake {
+    let scene = import::load_bytes("room.gltf", ROOM).unwrap().scene;
+    let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+    let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
+    let config = BakeConfig { spp: 1, tolerance_db: 10.0, ..BakeConfig::default() };
+    let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+    job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
 }

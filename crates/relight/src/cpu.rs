@@ -12,7 +12,7 @@
 mod expand;
 mod kernel;
 mod left;
-mod prefetch;
+pub(crate) mod prefetch;
 mod project;
 mod quad;
 mod row;

@@ -1,5 +1,7 @@
 //! Keeps the picture in step with look and matrix: asks for a new one whenever either changed, shows the newest.
 
+mod device;
+
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -49,6 +51,8 @@ pub(super) struct Follower {
     wish: DeviceWish,
     /// Lasts while the graphics device has failed and the CPU does its work.
     rest: Rest,
+    /// It works again, and nobody was told yet.
+    is_back: bool,
     /// The worker metered another exposure or scale than the graphics device shows.
     metering_moved: bool,
     asked: Option<Asked>,
@@ -73,6 +77,7 @@ impl Follower {
             gpu: state.map(GpuPainter::new),
             wish: DeviceWish::Auto,
             rest: Rest::default(),
+            is_back: false,
             metering_moved: false,
             asked: None,
             sky: SkyLayer::new(wake.clone())?,
@@ -163,51 +168,6 @@ impl Follower {
 
     pub fn millis(&self) -> Option<f32> {
         self.millis
-    }
-
-    pub fn wish(&self) -> DeviceWish {
-        self.wish
-    }
-
-    /// What multiplies, for people.
-    pub fn device(&self) -> String {
-        match self.painter_name() {
-            Some(name) => name,
-            None => match rayon::current_num_threads() {
-                1 => "CPU (1 thread)".into(),
-                n => format!("CPU ({n} threads)"),
-            },
-        }
-    }
-
-    fn painter_name(&self) -> Option<String> {
-        self.uses_gpu().then(|| self.gpu.as_ref().map(GpuPainter::description)).flatten()
-    }
-
-    fn uses_gpu(&self) -> bool {
-        let Some(gpu) = self.gpu.as_ref().filter(|_| !self.rest.lasts()) else { return false };
-        match self.wish {
-            DeviceWish::Auto => gpu.is_hardware(),
-            DeviceWish::Cpu => false,
-            DeviceWish::Gpu => true,
-        }
-    }
-
-    /// Changes the device; the next picture comes from there.
-    pub fn use_device(&mut self, wish: DeviceWish) {
-        (self.wish, self.rest) = (wish, Rest::default());
-        self.start_over();
-    }
-
-    /// Whether the window's device is gone, and with it all that it draws.
-    pub fn is_device_lost(&self) -> bool {
-        self.gpu.as_ref().is_some_and(GpuPainter::is_lost)
-    }
-
-    /// Goes on in a window with another device.
-    pub fn move_to(&mut self, state: Option<&RenderState>) {
-        self.gpu = state.map(GpuPainter::new);
-        self.forget();
     }
 
     /// No picture of the last scene is left.
@@ -306,10 +266,13 @@ impl Follower {
         self.rest.try_again(now);
         if self.uses_gpu() {
             match self.paint(ctx, &frame, changed.clone(), (coefficients, layer), asked) {
-                Ok(()) => (wanted, self.rest) = (Wanted::Metering, Rest::default()),
+                Ok(()) => {
+                    self.is_back |= self.rest != Rest::default();
+                    (wanted, self.rest) = (Wanted::Metering, Rest::default());
+                }
                 Err(error) => {
                     self.rest.begin(now);
-                    self.gpu_picture = None;
+                    (self.gpu_picture, self.is_back) = (None, false);
                     self.gpu.iter_mut().for_each(GpuPainter::forget);
                     failed = Err(format!("The CPU goes on: {error}"));
                 }

@@ -119,6 +119,7 @@ impl App {
         let view = BakeView {
             state: &self.session.bake,
             figures: self.session.figures.as_ref(),
+            device_bytes: self.follower.device_bytes(),
             error_db: self.session.error_db,
             can_bake: opened.is_some_and(|opened| opened.scene.is_some() || opened.stack.is_some()),
             pictures: self.session.pictures(),
@@ -164,6 +165,7 @@ impl App {
                 lamps: self.lamp_note(),
                 error_db: self.session.error_db.map(|error| error.total),
                 memory_bytes: self.memory.bytes(),
+                device_bytes: self.follower.device_bytes(),
             };
             status_ui(ui, &status, &mut self.actions);
         });

@@ -176,6 +176,8 @@ impl App {
         let seen = self.seen();
         if let Err(words) = self.follower.follow(ctx, &mut self.session, &seen, &self.lights.solo) {
             self.complain(words);
+        } else if self.follower.take_return() {
+            self.say("The graphics device relights again");
         }
     }
 

@@ -4,17 +4,20 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use clerestory_relight::gpu::device_bytes;
 use clerestory_transport::archive;
 use clerestory_transport::basis::LightSource;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::Lighting;
+use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Material;
 use clerestory_transport::skips::Skips;
 use serde_json::{Value, json};
 
 use super::bake::{figure_words, irradiance_words, merge, open_stack};
-use super::console::{Answer, Console};
+use super::console::{Answer, Console, bytes_words};
+use super::relight::frame_of;
 use super::view::{fault_words, import_scene, unsupported_words};
 use crate::look::Look;
 
@@ -182,23 +185,25 @@ fn transport(path: &Path) -> Result<Answer> {
     let keys: Vec<&str> = header.basis.sources.iter().map(|source| source.key.as_str()).collect();
     let sky = header.basis.sky.as_ref().map_or("none", |sky| sky.name.as_str());
     let measured = header.basis.is_measured();
+    let on_device = device_bytes(&frame_of(&bake, &LightRig::default()));
     let what = match measured {
         true => format!("pictures in {}", header.scene),
         false => format!("{} seen by {}", header.scene, header.camera),
     };
     let words = format!(
-        "{}: {what}, {}×{}\nlights      {}\nsky         {sky}\n{}{}",
+        "{}: {what}, {}×{}\nlights      {}\nsky         {sky}\ndevice      {} of a graphics device while it relights\n{}{}",
         path.display(),
         header.width,
         header.height,
         listed(&keys),
+        bytes_words(on_device as f64),
         figure_words(&figures, &header.basis),
         irradiance_words(&irradiance),
     );
     let mut json = figures;
     let about = json!({
         "scene": header.scene, "camera": header.camera, "measured": measured, "width": header.width, "height": header.height,
-        "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
+        "device_bytes": on_device, "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
     });
     merge(&mut json, about);
     Ok(Answer { json, words })

@@ -212,6 +212,8 @@ pub(crate) fn frame_of(bake: &Bake, rig: &LightRig) -> Frame {
 pub(crate) struct Relighter {
     relight: Box<dyn Relight>,
     adapter: Option<String>,
+    /// Memory that it takes of a device.
+    device_bytes: Option<u64>,
 }
 
 impl Relighter {
@@ -219,11 +221,15 @@ impl Relighter {
     pub(crate) fn new(bake: &Bake, rig: &LightRig, gpu: Option<&Gpu>) -> Result<Relighter> {
         let frame = frame_of(bake, rig);
         let adapter = gpu.map(Gpu::description);
-        let relight: Box<dyn Relight> = match gpu {
-            Some(gpu) => Box::new(GpuRelighter::new(gpu, &frame)?),
-            None => Box::new(CpuRelighter::new(&frame)?),
+        let (relight, device_bytes): (Box<dyn Relight>, _) = match gpu {
+            Some(gpu) => {
+                let relighter = GpuRelighter::new(gpu, &frame)?;
+                let n_bytes = relighter.device_bytes();
+                (Box::new(relighter), Some(n_bytes))
+            }
+            None => (Box::new(CpuRelighter::new(&frame)?), None),
         };
-        Ok(Relighter { relight, adapter })
+        Ok(Relighter { relight, adapter, device_bytes })
     }
 
     /// The picture under the given coefficients, one RGB per column of each group.
@@ -252,6 +258,7 @@ impl Relighter {
     }
 
     pub(super) fn json(&self) -> Value {
-        json!({ "device": if self.adapter.is_some() { "gpu" } else { "cpu" }, "adapter": self.adapter })
+        let device = if self.adapter.is_some() { "gpu" } else { "cpu" };
+        json!({ "device": device, "adapter": self.adapter, "device_bytes": self.device_bytes })
     }
 }

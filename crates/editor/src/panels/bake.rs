@@ -43,6 +43,8 @@ pub struct BakeView<'a> {
     pub state: &'a BakeState,
     /// Ranks and bytes of what is shown.
     pub figures: Option<&'a Figures>,
+    /// Memory of the graphics device that the picture takes, bytes, while that relights.
+    pub device_bytes: Option<u64>,
     /// Error of the last pass.
     pub error_db: Option<ErrorDb>,
     /// Whether there is a scene or a stack, so that it can be baked.
@@ -93,7 +95,7 @@ fn content_ui(
     if let Some(figures) = view.figures {
         ui.add_space(2.0);
         heat_ui(ui, heat_map);
-        figures_ui(ui, figures, view.error_db, view.state, actions);
+        figures_ui(ui, (figures, view.device_bytes), view.error_db, view.state, actions);
     }
     if !view.report.is_empty() {
         report_ui(ui, view.report);
@@ -284,7 +286,13 @@ fn pass_words(pass: u32, n_passes: u32, pass_done: f32, secs_left: Option<f32>) 
     }
 }
 
-fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &BakeState, actions: &mut Vec<Action>) {
+fn figures_ui(
+    ui: &mut Ui,
+    (figures, device_bytes): (&Figures, Option<u64>),
+    error: Option<ErrorDb>,
+    state: &BakeState,
+    actions: &mut Vec<Action>,
+) {
     let rows = [
         ("Lights", format!("{} columns", figures.columns), "Columns of the matrix"),
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
@@ -310,8 +318,9 @@ fn figures_ui(ui: &mut Ui, figures: &Figures, error: Option<ErrorDb>, state: &Ba
     let n_reused = figures.skipped.reused_columns;
     let hint = "Columns of an earlier bake with the same surfaces, view and settings; the others were traced";
     let reused = (n_reused > 0).then(|| ("Taken over", format!("{n_reused} of {} columns", figures.columns), hint));
+    let on_device = device_bytes.map(|n| ("Graphics device", bytes(n as usize), "Its memory that the picture takes"));
     egui::Grid::new("figures").num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
-        for (name, value, hint) in rows.into_iter().chain(shared).chain(reused) {
+        for (name, value, hint) in rows.into_iter().chain(on_device).chain(shared).chain(reused) {
             ui.label(RichText::new(name).weak()).on_hover_text(hint);
             ui.label(value);
             ui.end_row();

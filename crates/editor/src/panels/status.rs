@@ -31,6 +31,8 @@ pub struct Status<'a> {
     pub error_db: Option<f32>,
     /// Memory of the program, bytes.
     pub memory_bytes: Option<u64>,
+    /// Memory of the graphics device that the picture takes, bytes, while that relights.
+    pub device_bytes: Option<u64>,
 }
 
 /// About the light of free lamps.
@@ -71,6 +73,11 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             }
             if let Some([width, height]) = status.size {
                 ui.label(RichText::new(format!("{width} × {height}")).weak());
+            }
+            if let Some(on_device) = status.device_bytes {
+                let words = format!("{} on the device", bytes(on_device as usize));
+                ui.label(RichText::new(words).weak())
+                    .on_hover_text("Memory of the graphics device that the picture takes");
             }
             if let Some(memory) = status.memory_bytes {
                 ui.label(RichText::new(bytes(memory as usize)).weak()).on_hover_text("Memory of the program");

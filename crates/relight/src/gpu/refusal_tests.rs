@@ -41,7 +41,8 @@ fn a_frame_larger_than_a_binding_is_cut_and_a_device_that_checks_agrees() {
 #[test]
 fn limits_that_no_cut_helps_against_are_told_in_words() {
     let frame = recipe().frame();
-    let cases: [(fn(&mut wgpu::Limits), &str); 4] = [
+    type Narrowing = fn(&mut wgpu::Limits);
+    let cases: [(Narrowing, &str); 4] = [
         (|limits| limits.max_storage_buffer_binding_size = 16_384, "the frame's radiance takes 29520"),
         (|limits| limits.max_storage_buffers_per_shader_stage = 6, "the number of buffers of a kernel takes 8"),
         (|limits| limits.max_texture_dimension_2d = 32, "the longer side of the frame takes 45"),
