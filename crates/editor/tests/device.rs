@@ -55,7 +55,7 @@ fn baked_on(state: &RenderState) -> Window {
     let mut window: Window = Harness::builder()
         .with_size(vec2(1440.0, 900.0))
         .renderer(renderer)
-        .build_eframe(|cc| App::new(cc, start).unwrap());
+        .build_eframe(|cc| App::new(cc, start).expect("the system gives threads"));
     let is_done = |window: &Window| {
         let app = window.state();
         app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled()
@@ -199,10 +199,11 @@ impl DroppedFile for Dropped {
 
 /// The room in a picture that a narrow device takes.
 fn small_bake() -> Bake {
-    let scene = import::load_bytes("room.gltf", ROOM).unwrap().scene;
-    let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+    let scene = import::load_bytes("room.gltf", ROOM).expect("the room is valid").scene;
+    let scene = Arc::new(PreparedScene::new(scene, &[]).expect("the room is valid").0);
     let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 32, height: 24 });
     let config = BakeConfig { spp: 1, tolerance_db: 10.0, ..BakeConfig::default() };
     let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
-    job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
+    let baked = job.run(|_| std::ops::ControlFlow::Continue(())).expect("the room can be baked");
+    baked.expect("nobody stopped it")
 }

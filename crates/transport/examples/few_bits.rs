@@ -17,6 +17,9 @@ const WIDTHS: [&[u32]; 2] = [&[4, 5, 6, 7, 8, 9, 10, 11, 12], &[4, 8, 12]];
 /// Bits of a vector that needs more.
 const HALF: u32 = 16;
 
+/// Mean square of the rounding of both factors to halves, relative to what they multiply to.
+const HALVES: f64 = 7e-8;
+
 /// Bytes and errors, summed over blocks.
 #[derive(Clone, Copy, Default)]
 struct Sum {
@@ -62,7 +65,33 @@ fn main() -> Result<(), archive::ArchiveError> {
             }
         }
     }
+    println!("\n| file | asked for, dB | halves add, below all of its error, dB | below that of the worst block, dB |");
+    println!("|---|---|---|---|");
+    for path in std::env::args().skip(1) {
+        let bake = archive::read(Path::new(&path))?;
+        let blocks: Vec<_> = bake.groups.iter().flat_map(|group| group.blocks.iter().flatten()).collect();
+        let errors: Vec<[f64; 2]> = blocks.par_iter().map(|block| halves(block)).collect();
+        let below = |[added, own]: [f64; 2]| 10.0 * (own / added).log10();
+        let all = errors.iter().fold([0.0; 2], |sum, error| [sum[0] + error[0], sum[1] + error[1]]);
+        let worst =
+            errors.iter().filter(|[added, _]| *added > 0.0).map(|error| below(*error)).fold(f64::INFINITY, f64::min);
+        println!("| {path} | {} | {:.1} | {worst:.1} |", bake.header.config.tolerance_db, below(all));
+    }
     Ok(())
+}
+
+/// Squared errors over all entries of a block: what halves add, and what is measured, their share included.
+fn halves(block: &BlockFactors) -> [f64; 2] {
+    let (rank, n_cols) = (block.rank as usize, block.n_cols as usize);
+    let kept = |k: usize| {
+        let left =
+            mean_square(block.left.iter().skip(k).step_by(rank).map(|x| x.to_f64()).collect::<Vec<_>>().into_iter());
+        let right = mean_square(block.right[k * n_cols..][..n_cols].iter().map(|x| x.to_f64()));
+        f64::from(block.scale[k]).powi(2) * left * right
+    };
+    let own = f64::from(block.error.truncation.max(0.0) + block.error.sampling.max(0.0));
+    let n_entries = f64::from(block.n_rows) * n_cols as f64;
+    [HALVES * (0..rank).map(kept).sum::<f64>(), own].map(|mean| mean * n_entries)
 }
 
 /// Every vector of a block gets the fewest bits with which it adds no more than its part.

@@ -2,8 +2,9 @@
 //! in tests, so nothing that was forgotten passes for a zero.
 
 use super::chunk::ChunkLimits;
-use super::tests::{assert_twins_agree, gpu};
+use super::tests::{assert_twins_agree, gpu, relit};
 use super::*;
+use crate::CpuRelighter;
 use crate::synthetic::{Ranks, Recipe};
 
 /// All that run here, on a second driver, too, where there is one.
@@ -52,6 +53,28 @@ fn every_device_agrees_with_the_cpu_over_bindings_of_any_size() {
                 assert_twins_agree(&mut relighter, &frame, &x);
                 x[1][139] = [2.0, 1.0, 0.0];
                 assert_twins_agree(&mut relighter, &frame, &x);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_device_agrees_with_the_cpu_on_factors_of_any_scale() {
+    for gpu in gpus() {
+        for exponent in [-80, -40, 40, 80] {
+            let recipe = Recipe { n_cols: vec![140, 3], rank: Ranks::Mixed(17), n_sparse: 0, ..Recipe::default() };
+            let mut frame = recipe.frame();
+            for block in frame.groups.iter_mut().flat_map(|group| group.blocks.iter_mut().flatten()) {
+                std::sync::Arc::make_mut(block).scale.iter_mut().for_each(|scale| *scale *= 2f32.powi(exponent));
+            }
+            let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+            let x = recipe.coefficients(9);
+            let (found, expected) = (relit(&mut relighter, &x), relit(&mut CpuRelighter::new(&frame).unwrap(), &x));
+            let values = || found.pixels.as_flattened().iter().zip(expected.pixels.as_flattened());
+            let largest = values().fold(0f32, |most, (_, b)| most.max(b.abs()));
+            assert!(largest > 2f32.powi(exponent) && largest.is_finite());
+            for (a, b) in values() {
+                assert!((a - b).abs() <= 1e-5 * largest, "2^{exponent}: {a} on the GPU, {b} on the CPU");
             }
         }
     }
