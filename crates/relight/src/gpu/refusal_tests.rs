@@ -83,7 +83,6 @@ fn a_device_without_memory_says_so_and_works_once_it_has_some_again() {
 
 #[test]
 fn a_driver_that_gives_no_buffer_is_told_from_one_that_fails() {
-    let mut n_refused = 0;
     for gpu in Gpu::all_headless(DeviceChoice::Any) {
         // OpenGL counts bytes in 31 bits and so refuses what its limits allow; where a driver gives it, nothing is learned.
         let size = gpu.device.limits().max_buffer_size.min(1 << 31);
@@ -93,11 +92,9 @@ fn a_driver_that_gives_no_buffer_is_told_from_one_that_fails() {
             Ok(())
         });
         assert!(made.is_ok() || made == Err(RelightError::OutOfMemory), "{}: {made:?}", gpu.description());
-        n_refused += usize::from(made.is_err());
         let recipe = Recipe::default();
         relit(&mut GpuRelighter::new(&gpu, &recipe.frame()).unwrap(), &recipe.coefficients(1));
     }
-    println!("{n_refused} devices refused a buffer of 2 GiB");
 }
 
 #[test]
