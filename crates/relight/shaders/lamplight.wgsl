@@ -39,7 +39,8 @@ struct Lamp {
 @group(0) @binding(3) var<storage, read> points: array<vec4u>;
 // Where the points of each pixel begin, and the number of points.
 @group(0) @binding(4) var<storage, read> starts: array<u32>;
-// Albedo of coats per f0 and f90, by roughness and by cosine; then the mean of (1 − cos)⁵ by cosine.
+// Albedo of coats per f0 and f90, by roughness and by cosine; then the mean of (1 − cos)⁵ by cosine; then factors of facets that
+// scatter light repeatedly, by roughness and by cosine.
 @group(0) @binding(5) var<storage, read> coats: array<f32>;
 // Random offset of the points on the lamp, by tile.
 @group(0) @binding(6) var<storage, read> shifts: array<vec2f>;
@@ -190,6 +191,16 @@ fn allowance(alpha: f32, f0: f32, f90: f32, cosine: f32) -> f32 {
     return min(max(1.0 - f0 * per[0] - f90 * per[1], 0.0) / passed, 1.0);
 }
 
+// Factor of a direction of facets that scatter light repeatedly.
+fn repeated(alpha: f32, cosine: f32) -> f32 {
+    let at = vec2f(sqrt(alpha) * f32(N_ROUGHNESS - 1u), sqrt(clamp(cosine, 0.0, 1.0)) * f32(N_COS - 1u));
+    let low = min(vec2u(at), vec2u(N_ROUGHNESS - 2u, N_COS - 2u));
+    let part = at - vec2f(low);
+    let first = (N_ROUGHNESS * 2u + 1u + low.x) * N_COS + low.y;
+    let second = first + N_COS;
+    return mix(mix(coats[first], coats[first + 1u], part.y), mix(coats[second], coats[second + 1u], part.y), part.x);
+}
+
 fn lambda(alpha: f32, cosine: f32) -> f32 {
     let x = alpha * alpha * max(1.0 - cosine * cosine, 0.0) / (cosine * cosine);
     return 0.5 * (sqrt(1.0 + x) - 1.0);
@@ -244,7 +255,13 @@ fn scattered(first: u32, ng: vec3f, wi: vec3f) -> vec3f {
         let spread = dot(across, across) + alpha * alpha * up * up;
         let facets = alpha * alpha / (PI * spread * spread);
         let masking = 1.0 / (1.0 + lambda(alpha, cos_o) + lambda(alpha, cos_i));
-        let reflected = dielectric * (1.0 - metal) + (base + (vec3f(1.0) - base) * grazing) * metal;
+        var of_metal = (base + (vec3f(1.0) - base) * grazing) * metal;
+        if metal > 0.0 {
+            let lossless = vec3f(repeated(alpha, cos_o) * repeated(alpha, cos_i));
+            let mean = base + (vec3f(1.0) - base) / 21.0;
+            of_metal *= lossless / (lossless - mean * (lossless - vec3f(1.0)));
+        }
+        let reflected = dielectric * (1.0 - metal) + of_metal;
         sum += reflected * (facets / (4.0 * cos_o) * masking);
     }
     return sum;

@@ -155,9 +155,9 @@ impl PreparedScene {
         self.slabs.is_empty().then(|| TreeWords::new(&self.solid, self.sheer.as_deref()))
     }
 
-    /// What coats leave to what is below them, as a table for a device.
+    /// What coats leave to what is below them, and what rough metal gets of light scattered repeatedly, as a table for a device.
     pub fn coat_table(&self) -> Vec<f32> {
-        coat_table()
+        coat_table(self.scene.facet_scattering())
     }
 
     /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.

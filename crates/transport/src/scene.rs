@@ -47,6 +47,18 @@ pub struct Scene {
     pub idle_bytes: u64,
 }
 
+impl Scene {
+    /// Makes all materials scatter light so.
+    pub fn set_facet_scattering(&mut self, scattering: FacetScattering) {
+        self.materials.iter_mut().for_each(|material| material.facet_scattering = scattering);
+    }
+
+    /// How its materials scatter light: the default without materials.
+    pub fn facet_scattering(&self) -> FacetScattering {
+        self.materials.first().map(|material| material.facet_scattering).unwrap_or_default()
+    }
+}
+
 /// A node of the file that carries a mesh, a lamp or a camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneNode {
@@ -142,6 +154,16 @@ pub enum AlphaMode {
     Blend,
 }
 
+/// How often the light that a rough surface scatters may meet its facets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FacetScattering {
+    /// Once: what other facets then stop is lost, as in the formulas of glTF's appendix B.
+    Single,
+    /// As often as it does: rough metal and glass that absorb nothing lose nothing. \[Turquin2019\]
+    #[default]
+    Multiple,
+}
+
 /// glTF 2.0 material with the extensions that are supported. Factors are linear.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -195,6 +217,8 @@ pub struct Material {
     pub attenuation_distance: f32,
     /// Clear coat, sheen, anisotropy, iridescence and diffuse transmission, where there is any.
     pub finish: Option<Box<Finish>>,
+    /// How rough metal and rough glass scatter.
+    pub facet_scattering: FacetScattering,
 }
 
 impl Default for Material {
@@ -226,6 +250,7 @@ impl Default for Material {
             attenuation_color: Vec3::ONE,
             attenuation_distance: f32::INFINITY,
             finish: None,
+            facet_scattering: FacetScattering::default(),
         }
     }
 }

@@ -45,6 +45,7 @@ mod tests {
 
     use crate::bsdf::{Bsdf, ScatterKind, SurfaceParams};
     use crate::sampler::{Sampler, uniform_sphere};
+    use crate::scene::FacetScattering;
 
     #[test]
     fn all_lobes_without_density_are_those_that_sampling_finds() {
@@ -60,6 +61,7 @@ mod tests {
                 specular: 1.0,
                 specular_color: Vec3::ONE,
                 thickness: [0.0, 0.1][case as usize / 9 % 2],
+                facet_scattering: FacetScattering::Multiple,
             };
             let wo = uniform_sphere(sampler.next_2d());
             let bsdf = Bsdf::new(&params, Vec3::Y, Vec3::Y, wo);

@@ -16,8 +16,8 @@ use super::ggx::Ggx;
 /// Directional albedo of the coat per unit of `f0` and of `f90`.
 type Split = [f32; 2];
 
-const N_COS: usize = 32;
-const N_ROUGHNESS: usize = 24;
+pub(super) const N_COS: usize = 32;
+pub(super) const N_ROUGHNESS: usize = 24;
 /// Samples along each axis of the integrals.
 const N_SIDE: usize = 20;
 
@@ -92,7 +92,7 @@ impl Coat {
 
 /// Column of a cosine and the weight of the next one.
 #[inline]
-fn place(cos: f32) -> (usize, f32) {
+pub(super) fn place(cos: f32) -> (usize, f32) {
     let at = cos.clamp(0.0, 1.0).sqrt() * (N_COS - 1) as f32;
     let column = (at as usize).min(N_COS - 2);
     (column, at - column as f32)
@@ -100,7 +100,7 @@ fn place(cos: f32) -> (usize, f32) {
 
 /// What [`Coat::allowance`] looks up, in plain numbers: albedos per f0 and f90 by roughness (24) and by cosine (32), then the mean of
 /// `(1 − V·H)⁵` by cosine.
-pub(crate) fn table() -> Vec<f32> {
+pub(super) fn table() -> Vec<f32> {
     let Albedos { coat, grazing } = &*ALBEDOS;
     coat.as_flattened().as_flattened().iter().chain(grazing).copied().collect()
 }

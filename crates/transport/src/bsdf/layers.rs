@@ -1,15 +1,19 @@
 //! Metal, coat and transmission in the frame whose z axis is the shading normal on the viewer's side.
 
+mod passing;
+
 use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 
+use super::compensation::{Compensation, Repeated};
 use super::energy::Coat;
 use super::film::{Film, NoFilm, ThinFilm};
 use super::fresnel::{self, Schlick, grazing};
 use super::ggx::Ggx;
 use super::pose::Pose;
 use super::{Parts, SurfaceParams, cosine_direction};
+use crate::scene::FacetScattering;
 
 /// Below this α a lobe is a mirror.
 pub(super) const MIRROR_ALPHA: f32 = 1e-3;
@@ -33,8 +37,14 @@ struct Choice {
     /// Microfacets: reflection, and transmission where that is broad too.
     facets: f32,
     mirror: f32,
+    /// What the facets of a rough solid scatter repeatedly.
+    repeated: f32,
     /// Clear transmission; what is left.
     clear: f32,
+}
+
+impl Choice {
+    const NONE: Choice = Choice { diffuse: 0.0, facets: 0.0, mirror: 0.0, repeated: 0.0, clear: 0.0 };
 }
 
 /// All lobes of a surface that is more than diffuse.
@@ -57,6 +67,10 @@ pub(super) struct Layers<F = NoFilm> {
     rough_pass: bool,
     coat: Coat,
     allowance_o: f32,
+    /// Of rough metal and rough thin walls.
+    compensation: Option<Compensation>,
+    /// Of rough solids.
+    repeated: Option<Repeated>,
     choice: Choice,
 }
 
@@ -81,6 +95,12 @@ impl<F: Film> Layers<F> {
         let coat_alpha = if rough_coat { pose.alpha[0].min(pose.alpha[1]) } else { 0.0 };
         let coat = Coat::new(coat_alpha, dielectric.f0.max_element(), dielectric.f90);
         let wo = Vec3::new(pose.wo.dot(tangent), pose.wo.dot(bitangent), pose.wo.dot(ns));
+        let passing = (1.0 - params.metallic) * params.transmission;
+        let follows = rough_coat && params.facet_scattering == FacetScattering::Multiple;
+        let is_wall = passing > 0.0 && !bends && !matched;
+        let compensation = (follows && (params.metallic > 0.0 || is_wall))
+            .then(|| Compensation::new(coat_alpha, wo.z, params.base_color));
+        let repeated = (follows && passing > 0.0 && bends).then(|| Repeated::new(coat_alpha, wo.z, pose.eta));
         Layers {
             frame: pose.frame,
             wo,
@@ -89,7 +109,7 @@ impl<F: Film> Layers<F> {
             film,
             metal: params.metallic,
             opaque: (1.0 - params.metallic) * (1.0 - params.transmission),
-            passing: (1.0 - params.metallic) * params.transmission,
+            passing,
             behind: if bends { Behind::Solid { eta: pose.eta } } else { Behind::ThinWall },
             ggx,
             lambda_o: ggx.lambda(wo),
@@ -97,7 +117,9 @@ impl<F: Film> Layers<F> {
             rough_pass: rough_coat && !matched,
             coat,
             allowance_o: coat.allowance(wo.z),
-            choice: Choice { diffuse: 0.0, facets: 0.0, mirror: 0.0, clear: 0.0 },
+            compensation,
+            repeated,
+            choice: Choice::NONE,
         }
     }
 
@@ -149,14 +171,29 @@ impl<F: Film> Layers<F> {
     /// Share of light that a facet reflects.
     #[inline]
     fn reflectance(&self, cos: f32) -> Vec3 {
-        let mut sum = self.passing_reflectance(cos) * self.passing;
+        self.reflectance_times(cos, 1.0, Vec3::ONE)
+    }
+
+    /// The same with what other facets add to it, of light from `wi`.
+    #[inline]
+    fn compensated_reflectance(&self, cos: f32, wi: Vec3) -> Vec3 {
+        let Some(more) = &self.compensation else { return self.reflectance(cos) };
+        let lossless = more.lossless(wi.z);
+        let passing = if self.repeated.is_some() { 1.0 } else { lossless };
+        self.reflectance_times(cos, passing, more.metal(lossless))
+    }
+
+    /// Share of light that a facet reflects: where it lets the rest pass times `passing`, as a metal times `metal`.
+    #[inline]
+    fn reflectance_times(&self, cos: f32, passing: f32, metal: Vec3) -> Vec3 {
+        let mut sum = self.passing_reflectance(cos) * (self.passing * passing);
         let grazing = grazing(cos);
         if self.film.film().is_none() || self.opaque > 0.0 {
             sum += self.dielectric_reflectance(cos, grazing) * self.opaque;
         }
         match self.film.film() {
-            None => sum += (self.base_color + (Vec3::ONE - self.base_color) * grazing) * self.metal,
-            Some(film) if self.metal > 0.0 => sum += film.metal(cos) * self.metal,
+            None => sum += (self.base_color + (Vec3::ONE - self.base_color) * grazing) * metal * self.metal,
+            Some(film) if self.metal > 0.0 => sum += film.metal(cos) * metal * self.metal,
             Some(_) => {}
         }
         sum
@@ -178,36 +215,13 @@ impl<F: Film> Layers<F> {
         }
     }
 
-    /// Share of light that a facet lets pass.
-    #[inline]
-    fn transmittance(&self, cos: f32) -> Vec3 {
-        if self.passing <= 0.0 {
-            return Vec3::ZERO;
-        }
-        self.base_color * (self.passing * (1.0 - self.passing_reflectance(cos).max_element()))
-    }
-
-    /// Share of light that goes straight on, through a thin wall that is smooth.
-    pub(super) fn straight_through(&self) -> Vec3 {
-        let clear = matches!(self.behind, Behind::ThinWall) && self.choice.clear > 0.0;
-        if clear { self.transmittance(self.wo.z) } else { Vec3::ZERO }
-    }
-
-    /// Share of radiance that goes on in the one direction of a smooth solid.
-    pub(super) fn refracted(&self) -> Vec3 {
-        match self.behind {
-            Behind::Solid { eta } if self.choice.clear > 0.0 => self.transmittance(self.wo.z) / (eta * eta),
-            _ => Vec3::ZERO,
-        }
-    }
-
     /// About the greatest `f·|cosθ|` of the facets' reflection.
     pub(super) fn facet_peak(&self) -> f32 {
         if !self.rough_coat {
             return 0.0;
         }
         let facing = self.ggx.d(Vec3::Z) / (4.0 * self.wo.z) * self.g2(self.wo);
-        self.reflectance(self.wo.z).max_element() * facing
+        self.compensated_reflectance(self.wo.z, self.wo).max_element() * facing
     }
 
     fn choose(&self, lambert: Vec3) -> Choice {
@@ -220,15 +234,18 @@ impl<F: Film> Layers<F> {
             facets += passed;
             clear = 0.0;
         }
-        let total = diffuse + facets + mirror + clear;
+        let repeated = self.repeated_albedo();
+        let total = diffuse + facets + mirror + repeated + clear;
         if total <= 0.0 {
-            return Choice { diffuse: 0.0, facets: 0.0, mirror: 0.0, clear: 0.0 };
+            return Choice::NONE;
         }
         if facets > 0.0 {
             facets = facets.max(MIN_COAT_SHARE * total);
         }
-        let scale = 1.0 / (diffuse + facets + mirror + clear);
-        Choice { diffuse: diffuse * scale, facets: facets * scale, mirror: mirror * scale, clear: clear * scale }
+        let scale = 1.0 / (diffuse + facets + mirror + repeated + clear);
+        let [diffuse, facets, mirror, repeated, clear] =
+            [diffuse, facets, mirror, repeated, clear].map(|share| share * scale);
+        Choice { diffuse, facets, mirror, repeated, clear }
     }
 
     /// Probability that a facet sampled as visible is asked to reflect.
@@ -260,7 +277,11 @@ impl<F: Film> Layers<F> {
         } else if wi.z < 0.0 && cos_g < 0.0 && self.transmits_broadly() {
             match self.behind {
                 Behind::ThinWall => self.eval_thin(wi),
-                Behind::Solid { eta } => self.eval_refraction(wi, eta),
+                Behind::Solid { eta } => {
+                    let ((facets, facets_pdf), (more, more_pdf)) =
+                        (self.eval_refraction(wi, eta), self.eval_repeated(wi));
+                    (facets + more, facets_pdf + more_pdf)
+                }
             }
         } else {
             (Vec3::ZERO, 0.0)
@@ -283,8 +304,13 @@ impl<F: Film> Layers<F> {
         }
         if self.rough_coat {
             let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
-            parts.coat = self.reflectance(cos_half) * (quarter * self.g2(wi));
+            parts.coat = self.compensated_reflectance(cos_half, wi) * (quarter * self.g2(wi));
             parts.coat_pdf = self.choice.facets * self.reflect_probability(cos_half) * quarter * self.g1();
+            if self.repeated.is_some() {
+                let (value, pdf) = self.eval_repeated(wi);
+                parts.coat += value;
+                parts.coat_pdf += pdf;
+            }
         }
         parts
     }
@@ -323,34 +349,6 @@ impl<F: Film> Layers<F> {
         self.coat.base_share(self.wo.z)
     }
 
-    /// A thin wall lets a facet's light out as if mirrored to the other side.
-    fn eval_thin(&self, wi: Vec3) -> (Vec3, f32) {
-        let mirrored = Vec3::new(wi.x, wi.y, -wi.z);
-        let wm = (mirrored + self.wo).normalize();
-        let cos_half = self.wo.dot(wm);
-        let quarter = self.ggx.d(wm) / (4.0 * self.wo.z);
-        let value = self.transmittance(cos_half) * (quarter * self.g2(mirrored));
-        let passed = 1.0 - self.reflect_probability(cos_half);
-        (value, self.choice.facets * passed * quarter * self.g1())
-    }
-
-    /// Refraction by facets \[Walter2007, eq. 21\], as radiance: squeezed by η² where it entered the denser side.
-    fn eval_refraction(&self, wi: Vec3, eta: f32) -> (Vec3, f32) {
-        let Some(wm) = (wi * eta + self.wo).try_normalize() else { return (Vec3::ZERO, 0.0) };
-        let wm = if wm.z < 0.0 { -wm } else { wm };
-        let (cos_o, cos_i) = (self.wo.dot(wm), wi.dot(wm));
-        // A facet refracts from its front to its back.
-        if cos_o <= 0.0 || cos_i >= 0.0 {
-            return (Vec3::ZERO, 0.0);
-        }
-        let root = cos_i + cos_o / eta;
-        let jacobian = -cos_i / (root * root);
-        let density = self.ggx.d(wm) * cos_o / self.wo.z * jacobian;
-        let value = self.transmittance(cos_o) * (density * self.g2(wi) / (eta * eta));
-        let passed = 1.0 - self.reflect_probability(cos_o);
-        (value, self.choice.facets * passed * density * self.g1())
-    }
-
     /// A local direction, with its weight if it came from a lobe without density.
     pub(super) fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<(Vec3, Option<Vec3>)> {
         let choice = &self.choice;
@@ -364,6 +362,10 @@ impl<F: Film> Layers<F> {
             return Some((self.sample_facet(u_lobe / choice.facets, u)?, None));
         }
         u_lobe -= choice.facets;
+        if u_lobe < choice.repeated {
+            return Some((self.sample_repeated(u_lobe / choice.repeated, u)?, None));
+        }
+        u_lobe -= choice.repeated;
         if u_lobe < choice.mirror || (choice.clear <= 0.0 && choice.mirror > 0.0) {
             let wi = Vec3::new(-self.wo.x, -self.wo.y, self.wo.z);
             return Some((wi, Some(self.reflectance(self.wo.z) / choice.mirror)));
@@ -423,10 +425,12 @@ impl<F: Film> Layers<F> {
                 self.base_color * per_f0 + Vec3::splat(per_f90),
             ],
         };
+        let metal = self.compensation.map_or(metal, |more| metal * more.metal_of_albedo(per_f0 + per_f90));
         let passing = self.passing_reflectance(cos) * self.passing + self.transmittance(cos);
         let unshadowed = match self.behind {
-            Behind::ThinWall => per_f0 + per_f90,
-            // What a facet of glass shadows of its reflection mostly refracts.
+            Behind::ThinWall if self.compensation.is_none() => per_f0 + per_f90,
+            Behind::ThinWall => 1.0,
+            // What a facet of glass shadows of its reflection mostly refracts, or comes back later.
             Behind::Solid { .. } => 1.0,
         };
         diffuse * self.coat.base_share(cos) + coated * self.opaque + metal * self.metal + passing * unshadowed

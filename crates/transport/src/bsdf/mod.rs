@@ -1,7 +1,8 @@
 //! How a surface scatters light: glTF 2.0 Appendix B with its transmission, volume, ior and specular extensions, and those
 //! of a [`crate::scene::Finish`].
 //!
-//! A metal is a GGX lobe with the base color as its reflectance. A dielectric is a GGX coat over a diffuse base that sees
+//! A metal is a GGX lobe with the base color as its reflectance. Rough metal and rough facets that let light pass also return
+//! what they scatter more than once (see `compensation`). A dielectric is a GGX coat over a diffuse base that sees
 //! `1 − F(V·H)` of the light (and no more than energy allows, see `energy`). Transmission takes a share of the diffuse
 //! base and lets it pass instead: straight through a thin wall, bent by a solid. The coat of a thin wall is Schlick's as
 //! in the opaque case; a solid has the exact reflectance of its index, so that total reflection is right, and ignores
@@ -13,11 +14,13 @@
 //! Directions are unit vectors in world space that point away from the surface. Surfaces scatter on both sides.
 
 mod clearcoat;
+mod compensation;
 mod delta;
 mod energy;
 mod film;
 mod finish;
 mod fresnel;
+mod furnace;
 mod ggx;
 mod layers;
 mod narrow;
@@ -33,9 +36,9 @@ use std::f32::consts::{FRAC_1_PI, PI, TAU};
 use glam::Vec3;
 
 pub use self::finish::{FinishParams, Frame, finish_params};
+pub use self::furnace::{FurnaceLoss, furnace_loss};
 pub use self::params::{SurfaceParams, alpha, shading_normal, surface_params};
 
-pub(crate) use self::energy::table as coat_table;
 pub(crate) use self::fresnel::{Schlick, is_matched};
 pub(crate) use self::layers::is_mirror;
 
@@ -43,6 +46,7 @@ use self::film::NoFilm;
 use self::layers::Layers;
 use self::pose::{Facing, Pose, turned_to_viewer};
 use self::stack::{Drawn, Stack};
+use crate::scene::FacetScattering;
 
 /// Scattering at one point towards one viewer.
 #[derive(Clone, Debug)]
@@ -403,6 +407,17 @@ impl Bsdf {
     pub fn shading_normal(&self) -> Vec3 {
         self.ns
     }
+}
+
+/// What a device looks up of coats and facets, in plain numbers: see [`energy::table`], then the factors of facets that scatter
+/// light repeatedly, by roughness (24) and by cosine (32): 1 where light is scattered once.
+pub(crate) fn coat_table(scattering: FacetScattering) -> Vec<f32> {
+    let mut table = energy::table();
+    match scattering {
+        FacetScattering::Multiple => table.extend(compensation::table()),
+        FacetScattering::Single => table.extend([1.0; energy::N_COS * energy::N_ROUGHNESS]),
+    }
+    table
 }
 
 /// Value of `f·|cosθ|`, 1/sr, from which a lobe shows a picture of what it reflects.

@@ -50,6 +50,7 @@ mod tests {
 
     use crate::bsdf::{Bsdf, FinishParams, SurfaceParams};
     use crate::sampler::{Sampler, uniform_sphere};
+    use crate::scene::FacetScattering;
 
     const ALPHA: f32 = 0.2;
 
@@ -63,6 +64,7 @@ mod tests {
             specular: 1.0,
             specular_color: Vec3::ONE,
             thickness: [0.0, 0.1][case as usize / 27 % 2],
+            facet_scattering: FacetScattering::Multiple,
         };
         let wo = (uniform_sphere(sampler.next_2d()) + Vec3::Y * 1.2).normalize();
         let finish = FinishParams { clearcoat: 0.8, clearcoat_roughness: 0.35, ..FinishParams::default() };

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::scene::{AlphaMode, Material, Texture};
+use crate::scene::{AlphaMode, FacetScattering, Material, Texture};
 
 /// What a point of a surface is made of, after textures. Colors are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +23,8 @@ pub struct SurfaceParams {
     pub specular_color: Vec3,
     /// Meters; 0 is a thin wall that does not bend light, more is a solid that does.
     pub thickness: f32,
+    /// How often rough metal and rough glass scatter light.
+    pub facet_scattering: FacetScattering,
 }
 
 /// Parameters of a point: factors times textures times vertex color.
@@ -53,6 +55,7 @@ pub fn surface_params(
         specular: (material.specular * channel(material.specular_texture, 3)).clamp(0.0, 1.0),
         specular_color: material.specular_color * tint,
         thickness: material.thickness,
+        facet_scattering: material.facet_scattering,
     }
 }
 

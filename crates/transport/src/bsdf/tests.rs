@@ -1,4 +1,5 @@
 mod finishes;
+mod furnace;
 
 use std::f32::consts::PI;
 
@@ -18,6 +19,7 @@ const WHITE: SurfaceParams = SurfaceParams {
     specular: 1.0,
     specular_color: Vec3::ONE,
     thickness: 0.0,
+    facet_scattering: FacetScattering::Multiple,
 };
 
 fn lambert() -> SurfaceParams {
@@ -263,7 +265,11 @@ fn white_surfaces_return_no_more_than_they_got() {
                     let wo = towards(cos.acos(), 0.3);
                     let bsdf = Bsdf::new(&params, Vec3::Z, Vec3::Z, wo);
                     let (mean, error) = energy(&bsdf, squeeze(&params, wo), 1024);
-                    assert!(mean <= 1.0 + 1e-3 + 4.0 * error, "{params:?} at {cos}: {mean} ± {error}");
+                    // Tables of what facets lose are that exact.
+                    assert!(mean <= 1.01 + 4.0 * error, "{params:?} at {cos}: {mean} ± {error}");
+                    let once = SurfaceParams { facet_scattering: FacetScattering::Single, ..params };
+                    let (mean, error) = energy(&Bsdf::new(&once, Vec3::Z, Vec3::Z, wo), squeeze(&params, wo), 1024);
+                    assert!(mean <= 1.0 + 1e-3 + 4.0 * error, "{once:?} at {cos}: {mean} ± {error}");
                     assert!(mean > 0.2, "{params:?} at {cos} is nearly black: {mean}");
                 }
             }

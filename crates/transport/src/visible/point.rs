@@ -163,6 +163,7 @@ impl Point {
             specular,
             specular_color: material.specular_color,
             thickness: material.thickness,
+            facet_scattering: material.facet_scattering,
         }
     }
 }
