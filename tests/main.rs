@@ -18,6 +18,8 @@ mod irradiance;
 mod lamps;
 /// Light adds up.
 mod linearity;
+/// Variants, and what rough metal loses.
+mod materials;
 /// A picture for each light in, any light out.
 mod measured;
 /// glTF in, EXR out, through the command line.

@@ -7,9 +7,8 @@ use clerestory_nystrom::rivals::Method;
 use clerestory_transport::bake::{Bake, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
-use clerestory_transport::import;
+use clerestory_transport::import::{self, Choice};
 use clerestory_transport::light::LightSetting;
-use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::SkyForm;
 use serde_json::json;
 
@@ -76,7 +75,7 @@ type Baked = (Bake, BakeTimes, BakeOptions, Vec<(&'static str, Look)>);
 
 fn scene_or_gallery(scene: Option<&Path>, name: &str, console: &mut Console) -> Result<Baked> {
     let imported = match scene {
-        Some(path) => load_scene(path, Skips::default(), console)?,
+        Some(path) => load_scene(path, &Choice::default(), console)?,
         None => import::load_bytes("gallery.glb", GALLERY).context("cannot load the built-in scene")?,
     };
     let mut options = options();
@@ -111,6 +110,9 @@ fn options() -> BakeOptions {
         panels: Vec::new(),
         ies: Vec::new(),
         unitless: false,
+        sun_size: None,
+        variant: None,
+        no_energy_compensation: false,
         sky: None,
         no_skip: None,
         seed: 0,

@@ -251,6 +251,7 @@ mod tests {
             profile: None,
             color: Vec3::ONE,
             intensity: CANDELA,
+            radius_rad: 0.0,
         };
         let camera = Camera::look_at("above", Vec3::new(3.0, 5.0, 4.0), Vec3::ZERO, 0.9, 4.0 / 3.0);
         let scene = Scene {

@@ -109,7 +109,7 @@ pub enum Emitter {
     Environment(MapEmitter),
     /// A dome of patches beyond all surfaces.
     Dome(DomeEmitter),
-    /// The disk of the sun.
+    /// The disk of the sun, or of a directional lamp that has a size.
     Sun(SunEmitter),
     /// Unlit surfaces.
     Constant,
@@ -449,7 +449,7 @@ fn add_sky(sky: &SkyRequest, keys: &mut KeyMaker, found: &mut Found) {
         let (kind, strength) = (SourceKind::Sun { direction }, sun.illuminance_lx * light.intensity);
         let (key, origin) = (keys.key(Some("sun"), 0), LightOrigin::default());
         let source = LightSource { key, kind, columns: 0..1, color: sun.color, strength, origin };
-        found.push((source, Emitter::Sun(SunEmitter { direction })));
+        found.push((source, Emitter::Sun(SunEmitter::new(direction))));
     }
 }
 

@@ -178,7 +178,7 @@ impl PreparedScene {
         nearest.map(|hit| self.surface_hit(&hit))
     }
 
-    /// Whether lamps may be hidden behind glass, so that preparing the scene can tell.
+    /// Whether light of lamps may be missing by glass or mirrors, so that preparing the scene can tell.
     pub fn may_hide_lamps(scene: &Scene) -> bool {
         hidden::may_hide(scene)
     }

@@ -53,6 +53,13 @@ impl Scene {
         self.materials.iter_mut().for_each(|material| material.facet_scattering = scattering);
     }
 
+    /// Gives all directional lamps the look of a disk, `radius_rad` from its middle to its rim; they send as much light as before
+    /// to what faces them. Returns how many there are.
+    pub fn set_sun_radius(&mut self, radius_rad: f32) -> usize {
+        let suns = self.punctual.iter_mut().filter(|light| light.kind == PunctualKind::Directional);
+        suns.map(|light| light.radius_rad = radius_rad).count()
+    }
+
     /// How its materials scatter light: the default without materials.
     pub fn facet_scattering(&self) -> FacetScattering {
         self.materials.first().map(|material| material.facet_scattering).unwrap_or_default()
@@ -395,4 +402,6 @@ pub struct PunctualLight {
     pub color: Vec3,
     /// Candela (with a profile: its largest), or lux for a directional lamp.
     pub intensity: f32,
+    /// Half of the angle under which a directional lamp is seen, radians; 0 for shadows without penumbra.
+    pub radius_rad: f32,
 }

@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clerestory_nystrom::rivals::Method;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::import::Choice;
 use clerestory_transport::patches::MOST_PATCHES;
 use clerestory_transport::sensors::{NodeGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
@@ -23,7 +24,8 @@ use super::sequence::FramesArgs;
 use super::viewpoint::{Viewpoint, parse_shift, parse_view};
 pub(super) use parse::parse_panel;
 use parse::{
-    parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_tolerance, parse_work_plane,
+    parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_sun_size, parse_tolerance,
+    parse_work_plane,
 };
 pub use tools::{CacheArgs, CompareArgs, InfoArgs, ScheduleArgs, SensorsArgs, SolveArgs};
 
@@ -147,6 +149,17 @@ pub struct ViewArgs {
     /// Take the numbers of lamps as watts per steradian (per m² if directional), not as candela and lux: 1 becomes 683.
     #[arg(long)]
     pub unitless: bool,
+    /// Angle in degrees under which the directional lamps of the file are seen, from rim to rim: 0.53 is the sun [default: 0,
+    /// shadows without penumbra].
+    #[arg(long, value_name = "DEG", value_parser = parse_sun_size)]
+    pub sun_size: Option<f32>,
+    /// Variant of the materials of the file, by its name (`info` lists them) [default: what the file shows].
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
+    /// Follow light on rough metal and rough glass to one facet only, as the formulas of glTF do: such surfaces lose up to 70 %
+    /// of the light that they would return.
+    #[arg(long)]
+    pub no_energy_compensation: bool,
     /// Sky: an equirectangular .hdr or .exr, `uniform`, or `sun:AZIMUTH,ELEVATION` in degrees.
     #[arg(long, value_name = "FILE|uniform|sun:AZ,EL", value_parser = crate::look::sky::typed, allow_hyphen_values = true)]
     pub sky: Option<SkySetting>,
@@ -166,6 +179,11 @@ impl ViewArgs {
     /// The work that is left out.
     pub fn skips(&self) -> Skips {
         self.no_skip.unwrap_or_default()
+    }
+
+    /// What of a file is loaded.
+    pub fn import_choice(&self) -> Choice {
+        Choice { skips: self.skips(), variant: self.variant.clone() }
     }
 }
 
@@ -216,7 +234,7 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 23] = [
+const OF_SCENES: [&str; 26] = [
     "scene",
     "camera",
     "viewpoint",
@@ -228,6 +246,9 @@ const OF_SCENES: [&str; 23] = [
     "panels",
     "ies",
     "unitless",
+    "sun_size",
+    "variant",
+    "no_energy_compensation",
     "sky",
     "no_skip",
     "sky_patches",

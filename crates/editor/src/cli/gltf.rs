@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 use clap::Args;
 use clerestory_transport::emitters::PanelRequest;
+use clerestory_transport::import::Choice;
 use clerestory_transport::lamp_units::assume_unitless;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::skips::Skips;
 use serde_json::json;
 
 use super::args::{OutputArgs, parse_panel};
@@ -47,7 +47,7 @@ pub(super) fn export_gltf(args: &ExportGltfArgs, console: &mut Console) -> Resul
     spare_inputs(&args.output, [("scene", args.scene.as_path())])?;
     let document = load_look(args.look.as_deref(), console)?;
     spare_look(&args.output, args.look.as_deref(), &document)?;
-    let mut scene = load_scene(&args.scene, Skips::default(), console)?.scene;
+    let mut scene = load_scene(&args.scene, &Choice::default(), console)?.scene;
     if args.unitless {
         assume_unitless(&mut scene);
     }

@@ -7,12 +7,13 @@ use anyhow::{Context, Result, bail};
 use clerestory_relight::gpu::device_bytes;
 use clerestory_transport::archive;
 use clerestory_transport::basis::LightSource;
+use clerestory_transport::bsdf::{FurnaceLoss, furnace_loss};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::Lighting;
+use clerestory_transport::import::Choice;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Material;
-use clerestory_transport::skips::Skips;
 use serde_json::{Value, json};
 
 use super::bake::{figure_words, irradiance_words, merge, open_stack};
@@ -35,12 +36,17 @@ enum FileKind {
     Look,
 }
 
-pub(super) fn info(path: &Path, console: &mut Console) -> Result<Answer> {
+/// `variant` is that of a scene.
+pub(super) fn info(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<Answer> {
     if path.is_dir() {
         return stack(path, console);
     }
-    match file_kind(path)? {
-        FileKind::Scene => scene(path, console),
+    let kind = file_kind(path)?;
+    if variant.is_some() && kind != FileKind::Scene {
+        bail!("--variant is for scenes (.gltf, .glb), and {} is none", path.display());
+    }
+    match kind {
+        FileKind::Scene => scene(path, variant, console),
         FileKind::Transport => transport(path),
         FileKind::Look => look(path, console),
     }
@@ -75,8 +81,9 @@ fn file_kind(path: &Path) -> Result<FileKind> {
     }
 }
 
-fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
-    let imported = import_scene(path, Skips::default())?;
+fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<Answer> {
+    let choice = Choice { variant: variant.map(str::to_owned), ..Choice::default() };
+    let imported = import_scene(path, &choice)?;
     // In the answer they stand under `unsupported`.
     console.say_all(unsupported_words(&imported, path));
     console.warn_all(fault_words(&imported, path));
@@ -107,6 +114,7 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
         name => name.to_owned(),
     };
     let caustic: Vec<String> = caustic.map(name).collect();
+    let furnace = furnace_loss(scene);
     // Of the file: those without area are there, though no light meets them.
     let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
     let json = json!({
@@ -120,11 +128,15 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
         "sensors": sensors,
         "materials": report.n_materials,
         "caustic_materials": caustic,
+        "variants": report.variants,
+        "furnace_loss": furnace.map(|loss| json!({
+            "materials": loss.n_materials, "at_most": loss.at_most, "without_compensation": loss.single,
+        })),
         "unsupported": report.unsupported,
         "warnings": console.warnings(),
     });
     let words = format!(
-        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}{}{}\nnot supported  {}",
+        "{}: {} triangles, {} nodes, {} materials\ncameras  {}\nlights   {}{}{}{}{}\nnot supported  {}",
         path.display(),
         triangles,
         report.n_nodes,
@@ -133,9 +145,22 @@ fn scene(path: &Path, console: &mut Console) -> Result<Answer> {
         listed(&sources.iter().map(light_words).collect::<Vec<_>>()),
         line_of("sensors", &sensors),
         line_of("cast caustics, which moved and added lamps lack", &caustic),
+        line_of("variants", &report.variants),
+        furnace.map_or(String::new(), furnace_words),
         listed(&report.unsupported),
     );
     Ok(Answer { json, words })
+}
+
+/// A line on what rough metals and glasses lose that ought to lose nothing.
+fn furnace_words(loss: FurnaceLoss) -> String {
+    let percent = |share: f32| 100.0 * share;
+    format!(
+        "\nrough metals and glasses  {}, which in a white furnace lose {:.1} % at most ({:.1} % without energy compensation)",
+        loss.n_materials,
+        percent(loss.at_most),
+        percent(loss.single)
+    )
 }
 
 fn light_detail(source: &LightSource) -> Value {

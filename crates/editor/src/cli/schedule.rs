@@ -2,9 +2,9 @@
 
 use anyhow::{Context, Result, ensure};
 use clerestory_transport::archive;
+use clerestory_transport::import::Choice;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sensors::floor_area_m2;
-use clerestory_transport::skips::Skips;
 use serde_json::json;
 
 use super::args::ScheduleArgs;
@@ -26,7 +26,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
         ensure!(!bake.header.basis.is_measured(), "{} is of pictures, whose lights are no lamps", args.file.display());
         (bake.header.basis.clone(), None)
     } else {
-        let imported = load_scene(&args.file, Skips::default(), console)?;
+        let imported = load_scene(&args.file, &Choice::default(), console)?;
         let (scene, warnings) = PreparedScene::new(imported.scene, &[])
             .with_context(|| format!("cannot prepare the scene {}", args.file.display()))?;
         console.warn_all(warnings);

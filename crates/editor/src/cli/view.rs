@@ -8,13 +8,13 @@ use anyhow::{Context, Result, bail};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::SkyRequest;
-use clerestory_transport::import::{self, Imported};
+use clerestory_transport::import::{self, Choice, Imported};
 use clerestory_transport::lamp_units::assume_unitless;
 use clerestory_transport::photometry::{PhotometricProfile, assign};
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::scene::Scene;
-use clerestory_transport::skips::Skips;
+use clerestory_transport::scene::{FacetScattering, Scene};
 use clerestory_transport::sky::{SkyForm, SkySetting};
+use clerestory_transport::stop::Stop;
 
 use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
@@ -34,16 +34,17 @@ pub(crate) struct View {
 }
 
 /// Loads a scene and says what was left behind; all of it is kept for the answer.
-pub(crate) fn load_scene(path: &Path, skips: Skips, console: &mut Console) -> Result<Imported> {
-    let imported = import_scene(path, skips)?;
+pub(crate) fn load_scene(path: &Path, choice: &Choice, console: &mut Console) -> Result<Imported> {
+    let imported = import_scene(path, choice)?;
     console.warn_all(unsupported_words(&imported, path));
     console.warn_all(fault_words(&imported, path));
     Ok(imported)
 }
 
 /// Loads a scene.
-pub(super) fn import_scene(path: &Path, skips: Skips) -> Result<Imported> {
-    import::load_with(path, skips).with_context(|| format!("cannot load the scene {}", path.display()))
+pub(super) fn import_scene(path: &Path, choice: &Choice) -> Result<Imported> {
+    import::load_chosen(path, choice, &Stop::default())
+        .with_context(|| format!("cannot load the scene {}", path.display()))
 }
 
 /// What of a scene is not shown.
@@ -76,7 +77,7 @@ pub(super) fn spare_look(output: &Path, path: Option<&Path>, look: &Look) -> Res
 
 /// Opens a scene for tracing under a sky, if any.
 pub(crate) fn open_view(path: &Path, args: &ViewArgs, sky: Option<&SkyRequest>, console: &mut Console) -> Result<View> {
-    let imported = load_scene(path, args.skips(), console)?;
+    let imported = load_scene(path, &args.import_choice(), console)?;
     prepare_view(imported, &path.display().to_string(), args, sky, console)
 }
 
@@ -109,6 +110,9 @@ pub(crate) fn prepare_view(
         bail!("{name} has no triangles, so there is nothing to see; give a scene with surfaces");
     }
     change_lamps(&mut scene, args, console)?;
+    if args.no_energy_compensation {
+        scene.set_facet_scattering(FacetScattering::Single);
+    }
     let camera = pick_camera(&scene.cameras, args.camera.as_deref()).with_context(|| format!("cannot see {name}"))?;
     let mut camera = args.viewpoint.map_or_else(|| camera.clone(), |viewpoint| viewpoint.camera(camera));
     camera.shift = args.shift.unwrap_or(camera.shift);
@@ -123,6 +127,10 @@ pub(crate) fn prepare_view(
 fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
     if args.unitless && assume_unitless(scene) == 0 {
         console.warn("--unitless changes nothing: no lamp of the scene counts in candela or lux of its own");
+    }
+    let radius_rad = args.sun_size.map(|degrees| (0.5 * degrees).to_radians());
+    if radius_rad.is_some_and(|radius_rad| scene.set_sun_radius(radius_rad) == 0) {
+        console.warn("--sun-size changes nothing: no lamp of the scene is directional");
     }
     for (nth, request) in args.ies.iter().enumerate() {
         let IesRequest { key, file } = request;

@@ -12,7 +12,7 @@ use clerestory_transport::emitters::{PanelRequest, SkyRequest};
 use clerestory_transport::import;
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::scene::{PunctualLight, Scene};
+use clerestory_transport::scene::{FacetScattering, PunctualLight, Scene};
 use clerestory_transport::skips::Skips;
 use clerestory_transport::sky::SkyForm;
 use clerestory_transport::stop::Stop;
@@ -117,13 +117,20 @@ fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScen
     let mut scene = import::load_until(&path, Skips::default(), stop)?.scene;
     let (lamps, mut chosen) = (scene.punctual.clone(), chosen_for(&header.basis));
     let camera = header.view.as_ref().or_else(|| Camera::named(&scene.cameras, &header.camera)).cloned();
-    let is_it = |scene: &Scene| camera.as_ref().is_some_and(|camera| header.is_of(scene, camera));
-    if !is_it(&scene) {
+    // With energy compensation, or baked without.
+    let is_it = |scene: &mut Scene| {
+        let Some(camera) = camera.as_ref() else { return false };
+        [FacetScattering::Multiple, FacetScattering::Single].into_iter().any(|scattering| {
+            scene.set_facet_scattering(scattering);
+            header.is_of(scene, camera)
+        })
+    };
+    if !is_it(&mut scene) {
         assume_unitless(&mut scene);
         chosen.units = LampUnits::Unitless;
     }
     anyhow::ensure!(
-        is_it(&scene),
+        is_it(&mut scene),
         "{} is another scene than was baked, or has changed since; bake it again",
         path.display()
     );

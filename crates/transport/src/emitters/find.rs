@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use super::{Emitter, LightingError, PANEL_RESOLUTION, PanelRequest, panel_emitter, panel_source, surface_source};
 use crate::basis::{KeyMaker, LightSource};
 use crate::origin::LightOrigin;
-use crate::scene::{PunctualLight, Scene, SceneNode};
+use crate::scene::{PunctualKind, PunctualLight, Scene, SceneNode};
+use crate::sky::SunEmitter;
 
 pub(super) type Found = Vec<(LightSource, Emitter)>;
 
@@ -63,7 +64,7 @@ pub(super) fn find_lights(
                 let (color, strength) = (light.color, light.intensity);
                 let origin = LightOrigin::of_lamp(scene, light);
                 let source = LightSource { key, kind: light.kind.into(), columns: 0..1, color, strength, origin };
-                (source, Emitter::Punctual(light.clone()))
+                (source, emitter_of(light))
             }
             CandidateKind::Surface { node, triangles } => {
                 match asked.or(node.panel).map(|m| panel_emitter(scene, &triangles, m)) {
@@ -79,6 +80,14 @@ pub(super) fn find_lights(
         });
     }
     Ok(found)
+}
+
+/// A directional lamp with a size is a disk behind everything.
+fn emitter_of(light: &PunctualLight) -> Emitter {
+    if light.kind == PunctualKind::Directional && light.radius_rad > 0.0 {
+        return Emitter::Sun(SunEmitter { direction: -light.direction, radius_rad: f64::from(light.radius_rad) });
+    }
+    Emitter::Punctual(light.clone())
 }
 
 /// Texels per side that are asked of each light. A key means its own light; the name of a node whose light has another

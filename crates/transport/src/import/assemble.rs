@@ -3,7 +3,7 @@
 use glam::DMat4;
 use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
-use gltf::json::{self, Index, Node, Root};
+use gltf::json::{self, Node, Root};
 use rayon::prelude::*;
 use serde_json::Value;
 
@@ -14,16 +14,19 @@ use super::geometry::{self, Built, Job};
 use super::hierarchy::{self, PlacedNode};
 use super::material::Converter;
 use super::report::Notes;
+use super::variants::Variant;
 use crate::scene::{Material, Scene};
 
 /// Index into `Scene::materials` for each material of the file, and for primitives that name none.
 pub(super) struct MaterialSlots {
+    variant: Variant,
     of_file: Vec<Option<u32>>,
     default: u32,
 }
 
 impl MaterialSlots {
-    fn of(&self, material: Option<Index<json::Material>>) -> u32 {
+    fn of(&self, primitive: &json::mesh::Primitive) -> u32 {
+        let material = self.variant.material(primitive);
         material.and_then(|index| self.of_file.get(index.value()).copied().flatten()).unwrap_or(self.default)
     }
 }
@@ -34,6 +37,7 @@ pub(super) fn add_materials(
     scene: &mut Scene,
     document: &Root,
     placed: &[PlacedNode],
+    variant: Variant,
     notes: &mut Notes,
 ) -> (MaterialSlots, Vec<usize>) {
     let visible = placed.iter().filter(|node| node.visible);
@@ -41,7 +45,7 @@ pub(super) fn add_materials(
     let mut used = vec![false; document.materials.len()];
     let mut needs_default = false;
     for primitive in meshes.flat_map(|mesh| &mesh.primitives) {
-        match primitive.material.map(|index| (index, used.get_mut(index.value()))) {
+        match variant.material(primitive).map(|index| (index, used.get_mut(index.value()))) {
             Some((_, Some(used))) => *used = true,
             Some((index, None)) => {
                 notes.warn(format!("material {index} does not exist: the default material is shown"));
@@ -61,7 +65,7 @@ pub(super) fn add_materials(
             scene.materials.push(converter.convert(index));
         }
     }
-    (MaterialSlots { of_file, default: 0 }, converter.textures)
+    (MaterialSlots { variant, of_file, default: 0 }, converter.textures)
 }
 
 /// Every primitive of every node, in node order.
@@ -90,7 +94,7 @@ pub(super) fn build_geometry(
         let weights = node.weights.as_ref().or(mesh.weights.as_ref()).map_or(&[][..], Vec::as_slice);
         for world_from_mesh in transforms(reader, node, placed, name, notes) {
             jobs.extend(mesh.primitives.iter().map(|primitive| {
-                let material = slots.of(primitive.material);
+                let material = slots.of(primitive);
                 let tangent_map = scene.materials[material as usize].tangent_map();
                 Job { primitive, weights, world_from_mesh, material, node: node_idx, tangent_map, name }
             }));

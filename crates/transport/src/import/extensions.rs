@@ -1,10 +1,10 @@
 //! Which extensions of a file are honored, in words.
 
 use gltf::json::{Material, Root};
-use serde_json::Value;
 
 use super::ImportError;
 use super::report::Notes;
+use super::variants::{VARIANTS, names};
 
 /// Extensions that are honored, or approximated with a line of their own.
 const HONORED: &[&str] = &[
@@ -34,9 +34,6 @@ const HONORED: &[&str] = &[
 /// Extensions that change nothing in the picture.
 const WITHOUT_EFFECT: &[&str] = &["KHR_xmp", "KHR_xmp_json_ld", "KHR_draco_mesh_compression"];
 
-/// Several materials for one surface, to choose from.
-const VARIANTS: &str = "KHR_materials_variants";
-
 /// What a known extension would have done, for the report.
 const LEFT_OUT: &[(&str, &str)] = &[
     ("EXT_lights_image_based", "its environment light is left out"),
@@ -61,7 +58,7 @@ pub(super) fn known() -> Vec<&'static str> {
 ///
 /// # Errors
 /// When a compression is required that cannot be undone here.
-pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<(), ImportError> {
+pub(super) fn check(name: &str, document: &Root, has_variant: bool, notes: &mut Notes) -> Result<(), ImportError> {
     if let Some(extension) = document.extensions_required.iter().find(|name| *name == "KHR_draco_mesh_compression") {
         return Err(ImportError::Extension {
             name: name.to_owned(),
@@ -74,7 +71,7 @@ pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<()
     names.dedup();
     for extension in names {
         let known = extension.as_str();
-        if HONORED.contains(&known) || WITHOUT_EFFECT.contains(&known) {
+        if HONORED.contains(&known) || WITHOUT_EFFECT.contains(&known) || (has_variant && known == VARIANTS) {
             continue;
         }
         let effect = LEFT_OUT.iter().find(|(name, _)| *name == known).map_or("it is ignored", |(_, effect)| effect);
@@ -87,9 +84,7 @@ pub(super) fn check(name: &str, document: &Root, notes: &mut Notes) -> Result<()
 
 /// `, not those of "a", "b" and 3 more`, or nothing if the file names no variants.
 fn variants(document: &Root) -> String {
-    let extension = document.extensions.as_ref().and_then(|all| all.others.get(VARIANTS)?.get("variants")?.as_array());
-    let named = |variant: &Value| Some(format!("\"{}\"", variant.get("name")?.as_str()?));
-    let names: Vec<String> = extension.into_iter().flatten().filter_map(named).collect();
+    let names: Vec<String> = names(document).into_iter().map(|name| format!("\"{name}\"")).collect();
     match names.len() {
         0 => String::new(),
         1..=4 => format!(", not those of {}", names.join(", ")),

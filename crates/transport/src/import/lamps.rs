@@ -55,6 +55,7 @@ pub(super) fn white_point(world_from_node: DMat4, node_idx: u32) -> PunctualLigh
         profile: None,
         color: Vec3::ONE,
         intensity: 1.0,
+        radius_rad: 0.0,
     }
 }
 

@@ -35,6 +35,7 @@ mod tangents;
 #[cfg(test)]
 mod tests;
 mod uri;
+mod variants;
 mod viewpoint;
 
 use std::path::{Path, PathBuf};
@@ -50,6 +51,7 @@ use profiles::Profiles;
 use report::Notes;
 use sensors::Sensors;
 use uri::Locator;
+use variants::Variant;
 
 pub use environment::{decode_sky, load_sky};
 pub use profiles::read_profile;
@@ -114,6 +116,16 @@ pub enum ImportError {
         /// What to do about it.
         remedy: String,
     },
+    /// It has no such variant.
+    #[error("{name} has no variant called `{wanted}`; there are: {known}")]
+    Variant {
+        /// Which file.
+        name: String,
+        /// What was asked for.
+        wanted: String,
+        /// The variants of the file.
+        known: String,
+    },
     /// It would fill the memory.
     #[error("{name} would have more than {most} {what}: leave out copies, or simplify its meshes")]
     TooMuch {
@@ -148,6 +160,21 @@ pub struct Imported {
     pub report: ImportReport,
 }
 
+/// What of a file is loaded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Choice {
+    /// Images that nothing samples are decoded unless these have [`Skip::IdleTextures`].
+    pub skips: Skips,
+    /// Variant of its materials \[glTF2, KHR_materials_variants\] by its name; what the file shows by default where there is none.
+    pub variant: Option<String>,
+}
+
+impl From<Skips> for Choice {
+    fn from(skips: Skips) -> Choice {
+        Choice { skips, variant: None }
+    }
+}
+
 /// Largest file that is opened; a GLB cannot be longer.
 const MAX_FILE_BYTES: u64 = 4 << 30;
 
@@ -164,7 +191,7 @@ pub fn load(path: &Path) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load`].
 pub fn load_with(path: &Path, skips: Skips) -> Result<Imported, ImportError> {
-    load_until(path, skips, &Stop::default())
+    load_chosen(path, &skips.into(), &Stop::default())
 }
 
 /// The same as [`load_with`], if nobody asks for a stop meanwhile.
@@ -172,11 +199,19 @@ pub fn load_with(path: &Path, skips: Skips) -> Result<Imported, ImportError> {
 /// # Errors
 /// As [`load`], and [`ImportError::Stopped`].
 pub fn load_until(path: &Path, skips: Skips, stop: &Stop) -> Result<Imported, ImportError> {
+    load_chosen(path, &skips.into(), stop)
+}
+
+/// The same of a choice of the file.
+///
+/// # Errors
+/// As [`load_until`], and [`ImportError::Variant`].
+pub fn load_chosen(path: &Path, choice: &Choice, stop: &Stop) -> Result<Imported, ImportError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     let locator = Locator::new(Some(path.parent().unwrap_or(Path::new(""))), stop);
     let bytes = files::read_until(path, MAX_FILE_BYTES, stop)
         .map_err(|source| ImportError::Read { path: path.to_owned(), source });
-    unless_stopped(bytes.and_then(|bytes| import(&name, &bytes, &locator, skips)), stop)
+    unless_stopped(bytes.and_then(|bytes| import(&name, &bytes, &locator, choice)), stop)
 }
 
 /// Loads a GLB, or a JSON glTF with data URIs, from memory.
@@ -200,7 +235,7 @@ pub fn load_bytes_with(name: &str, bytes: &[u8], skips: Skips) -> Result<Importe
 /// # Errors
 /// As [`load_bytes`], and [`ImportError::Stopped`].
 pub fn load_bytes_until(name: &str, bytes: &[u8], skips: Skips, stop: &Stop) -> Result<Imported, ImportError> {
-    unless_stopped(import(name, bytes, &Locator::new(None, stop), skips), stop)
+    unless_stopped(import(name, bytes, &Locator::new(None, stop), &skips.into()), stop)
 }
 
 /// What was read; whatever a stop left of it or said of it counts for nothing.
@@ -209,12 +244,13 @@ fn unless_stopped(read: Result<Imported, ImportError>, stop: &Stop) -> Result<Im
     read
 }
 
-fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<Imported, ImportError> {
+fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Result<Imported, ImportError> {
     let stop = &locator.stop;
     let container = container::split(name, bytes)?;
     let Document { root: document, n_animations, n_skins } = document::read(name, &container.json)?;
     let mut notes = Notes::default();
-    extensions::check(name, &document, &mut notes)?;
+    extensions::check(name, &document, choice.variant.is_some(), &mut notes)?;
+    let variant = Variant::find(name, &document, choice.variant.as_deref())?;
     let buffers = Buffers::fetch(name, &document, container.bin.as_deref(), locator, &mut notes)?;
     stop.check()?;
     let reader = Reader { document: &document, buffers: &buffers, stop };
@@ -224,8 +260,8 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
     let mut profiles = Profiles::new(&document, &buffers, locator);
     let (indices, ranged) = add_nodes(&mut scene, &document, &placed, &mut profiles, &mut notes);
     scene.profiles = profiles.loaded;
-    let (slots, mut textures) = assemble::add_materials(&mut scene, &document, &placed, &mut notes);
-    if skips.has(Skip::IdleTextures) {
+    let (slots, mut textures) = assemble::add_materials(&mut scene, &document, &placed, variant, &mut notes);
+    if choice.skips.has(Skip::IdleTextures) {
         idle::drop_idle(&mut scene.materials, &mut textures);
         idle::count_idle(&mut scene, &document, &textures, &buffers);
     }
@@ -265,6 +301,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, skips: Skips) -> Result<I
         n_punctual: AsRef::<[Light]>::as_ref(&document).len(),
         n_profiles: scene.profiles.len(),
         n_degenerate_triangles,
+        variants: variants::names(&document),
         made_camera: made_camera.is_some(),
     };
     scene.cameras.extend(made_camera);

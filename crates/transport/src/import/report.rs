@@ -25,6 +25,8 @@ pub struct ImportReport {
     pub n_profiles: usize,
     /// Triangles without area that were left out.
     pub n_degenerate_triangles: usize,
+    /// Variants of the file that can be chosen instead of what it shows by default.
+    pub variants: Vec<String>,
     /// Whether the scene's only camera is one that was made, as the file has none that can be used.
     pub made_camera: bool,
 }

@@ -239,6 +239,7 @@ fn prepare(
                 profile: profile.as_ref().map(|_| 0),
                 color: Vec3::ONE,
                 intensity: 1.0,
+                radius_rad: 0.0,
             };
             Form::Point { light, profile }
         }

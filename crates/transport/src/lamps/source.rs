@@ -59,6 +59,7 @@ mod tests {
             profile: None,
             color: Vec3::new(1.0, 0.5, 0.25),
             intensity: 40.0,
+            radius_rad: 0.0,
         }
     }
 

@@ -61,6 +61,18 @@ fn every_way_to_sample_lights_has_the_mean_of_plain_walks() {
 }
 
 #[test]
+fn connections_alone_without_any_weights_have_the_mean_of_plain_walks_and_of_weighed_ones() {
+    let scene = room_with_everything();
+    let weights = file_light(&scene);
+    let plain = walks(10, 12, Some(3), 1).plain(&scene, &weights);
+    let connected = walks(10, 12, Some(3), 6).connected(&scene, &weights);
+    assert_same_mean(&connected, &plain, 2.0 * SHARP, "connections alone, walks alone");
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let weighed = walks(10, 2, Some(3), 4).streams(&scene, &plan, &weights);
+    assert_same_mean(&connected, &weighed, 2.0 * SHARP, "connections alone, both weighed");
+}
+
+#[test]
 fn roulette_that_ends_walks_keeps_the_mean() {
     // The plain walks go on for a hundred surfaces: the rest is 0.6¹⁰⁰ of the light.
     let scene = room_with_everything();

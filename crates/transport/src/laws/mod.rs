@@ -19,4 +19,5 @@ mod sky;
 mod slabs;
 pub(crate) mod stage;
 mod stopped;
+mod suns;
 mod walks;

@@ -177,6 +177,29 @@ fn lamps_in_glass_of_other_shapes_are_named() {
 }
 
 #[test]
+fn lamps_without_size_whose_light_mirrors_throw_on_are_named() {
+    let mirror = |metallic, roughness| Material { metallic, roughness, ..Material::default() };
+    let above = quad(Vec3::new(-1.0, 2.0, -1.0), Vec3::X * 2.0, Vec3::Z * 2.0);
+    let scene = |material: Material| floor(lambert(ALBEDO, 0.0)).surface("mirror", &above, material);
+    let named = |stage: Stage| hidden::warnings(&stage.prepared());
+    let lamp = |material: Material| named(scene(material).lamp("bulb", Vec3::Y, 1.0));
+    let found = lamp(mirror(1.0, 0.0));
+    // A square of 2 m seen from 1 m below its middle takes a sixth of all directions, like the side of a cube around the lamp.
+    assert!(found.len() == 1 && found[0].contains("onto smooth mirrors"), "{found:?}");
+    assert!(found[0].contains("`bulb` sends 17 %"), "{found:?}");
+    let none: [String; 0] = [];
+    assert_eq!(lamp(mirror(1.0, 0.2)), none, "rough");
+    assert_eq!(lamp(mirror(0.0, 0.0)), none, "a coat");
+    // From far away: the mirror is in the way of a part of what the scene gets; with a size walks meet the lamp.
+    let sun = scene(mirror(1.0, 0.0)).distant("sun", Vec3::NEG_Y, 1.0);
+    let found = named(sun);
+    assert!(found.len() == 1 && found[0].contains("--sun-size"), "{found:?}");
+    let mut scene = scene(mirror(1.0, 0.0)).distant("sun", Vec3::NEG_Y, 1.0).into_scene();
+    scene.set_sun_radius(0.005);
+    assert_eq!(hidden::warnings(&PreparedScene::new(scene, &[]).unwrap().0), none, "a sun with a size");
+}
+
+#[test]
 fn only_thin_closed_bodies_of_smooth_glass_are_slabs() {
     let half = Vec3::new(1.0, 0.125, 1.0);
     let count =

@@ -73,8 +73,14 @@ impl Stage {
             profile: None,
             color: Vec3::ONE,
             intensity,
+            radius_rad: 0.0,
         });
         self
+    }
+
+    /// The scene as it is.
+    pub fn into_scene(self) -> Scene {
+        self.scene
     }
 
     /// The scene, ready for rays.

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::bsdf::ScatterKind;
 use crate::bvh::Ray;
 use crate::camera::Film;
+use crate::emitters::Emitter;
 use crate::light::LightRig;
 use crate::path::{Deposit, Integrator, LightPlan, Pick, Scratch, Vertex};
 use crate::prepared::PreparedScene;
@@ -152,6 +153,84 @@ fn plain_walk(
         (origin, direction) = (hit.origin(side), sample.wi);
     }
     sum
+}
+
+impl Walks {
+    /// The same as [`Walks::plain`] by [`connected_walk`].
+    pub fn connected(&self, scene: &PreparedScene, weights: &[f32]) -> Vec<f64> {
+        let camera = &scene.scene.cameras[0];
+        self.each(|pixel, mut sampler| {
+            let film_px = glam::Vec2::new(pixel[0] as f32, pixel[1] as f32) + glam::Vec2::from(sampler.next_2d());
+            let ray = (camera.position(), camera.direction(self.film, film_px));
+            connected_walk(scene, weights, ray, self.bounces.unwrap_or(100), &mut sampler)
+        })
+    }
+}
+
+/// Radiance along a ray by next-event estimation alone: every vertex is connected to a point of every light, nothing is weighed,
+/// and what a walk meets shines only where no connection could have found it, behind the camera, mirrors and clear glass.
+fn connected_walk(
+    scene: &PreparedScene,
+    weights: &[f32],
+    (mut origin, mut direction): (Vec3, Vec3),
+    bounces: u32,
+    sampler: &mut Sampler,
+) -> f64 {
+    let (mut throughput, mut sum, mut n_hits, mut alone) = (Vec3::ONE, 0.0, 0, true);
+    while let Some(hit) = scene.closest(&Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY }, sampler) {
+        if let Some((column, radiance)) = scene.emitted(&hit, -direction).filter(|_| alone) {
+            sum += f64::from((throughput * radiance).y * weights[column as usize]);
+        }
+        let bsdf = scene.bsdf(&hit, -direction);
+        let sample = bsdf.sample(sampler.next_1d(), sampler.next_2d());
+        let passes = sample.is_some_and(|sample| sample.kind == ScatterKind::Through);
+        if !passes || !scene.material(hit.triangle).is_clear_pane() {
+            n_hits += 1;
+            if n_hits - 1 > bounces {
+                break;
+            }
+        }
+        for (emitter, source) in scene.lighting.emitters.iter().zip(&scene.lighting.basis.sources) {
+            let u = glam::Vec2::from(sampler.next_2d());
+            let Some((target, normal, area, column, white)) = point_of(emitter, source.columns.start, u) else {
+                continue;
+            };
+            let toward = target - hit.position;
+            let wi = toward.normalize();
+            let side = if wi.dot(hit.normal) < 0.0 { -hit.normal } else { hit.normal };
+            let facing = (-wi.dot(normal)).max(0.0) * area / toward.length_squared();
+            let value = throughput * bsdf.eval(wi).0 * white * facing;
+            if value != Vec3::ZERO {
+                let passed = scene.transmittance(hit.origin(side), target);
+                sum += f64::from((value * passed).y * weights[column as usize]);
+            }
+        }
+        let Some(sample) = sample else { break };
+        alone = match sample.kind {
+            ScatterKind::Smooth => false,
+            ScatterKind::Delta => true,
+            ScatterKind::Through => alone,
+        };
+        throughput *= sample.weight;
+        let side = if sample.wi.dot(hit.normal) < 0.0 { -hit.normal } else { hit.normal };
+        (origin, direction) = (hit.origin(side), sample.wi);
+    }
+    sum
+}
+
+/// A point of a light without texture, uniform over its area: place, normal, area in m², column, radiance.
+fn point_of(emitter: &Emitter, first: u32, u: glam::Vec2) -> Option<(Vec3, Vec3, f32, u32, Vec3)> {
+    match emitter {
+        Emitter::Surface(surface) => {
+            let point = surface.sample(u);
+            Some((point.position, point.normal, surface.area, first, point.white))
+        }
+        Emitter::Panel(panel) => {
+            let area = panel.texel_area * (panel.resolution * panel.resolution) as f32;
+            Some((panel.point(u), panel.normal, area, first + panel.texel(u), Vec3::ONE))
+        }
+        _ => None,
+    }
 }
 
 /// The light of the file as one weight per column.

@@ -4,7 +4,6 @@ use glam::{Vec2, Vec3};
 
 use super::{Deposit, Integrator, LightPlan, LightPoint, Walk, power_heuristic};
 use crate::emitters::{Emitter, Lighting};
-use crate::sky::{SunEmitter, sun_solid_angle};
 
 /// Indices of the sources that a walk may meet behind all surfaces.
 pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
@@ -35,8 +34,8 @@ impl<P: LightPlan> Integrator<'_, P> {
                     self.arrive_at(walk, columns.start + patch, || pdf, walk.throughput, deposit);
                 }
                 Emitter::Sun(sun) if sun.contains(walk.direction) => {
-                    let pdf = || (1.0 / sun_solid_angle()) as f32;
-                    self.arrive_at(walk, columns.start, pdf, walk.throughput * SunEmitter::radiance(), deposit);
+                    let pdf = || sun.pdf();
+                    self.arrive_at(walk, columns.start, pdf, walk.throughput * sun.radiance(), deposit);
                 }
                 Emitter::Sky => deposit.scattered(columns.start, walk.throughput),
                 _ => {}
@@ -94,7 +93,7 @@ impl<P: LightPlan> Integrator<'_, P> {
                 shining = emitter.shining(nth, pdf);
                 (wi, pdf, Vec3::ONE)
             }
-            Emitter::Sun(sun) => (sun.sample(u), (1.0 / sun_solid_angle()) as f32, Vec3::splat(SunEmitter::radiance())),
+            Emitter::Sun(sun) => (sun.sample(u), sun.pdf(), Vec3::splat(sun.radiance())),
             _ => return None,
         };
         Some(LightPoint {

@@ -43,7 +43,8 @@ impl Backdrop {
         let light = basis.sky_light(rig)?;
         let sun = light.sun.filter(|_| !basis.keeps_its_sun(&light)).zip(light.sun_direction());
         let sun = sun.map(|(sun, direction)| {
-            (SunEmitter { direction }, sun.color * sun.illuminance_lx * SunEmitter::radiance())
+            let disk = SunEmitter::new(direction);
+            (disk, sun.color * sun.illuminance_lx * disk.radiance())
         });
         Some(Backdrop {
             group,

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::environment::direction_of_pixel;
-use super::{Dome, Environment, MapSampler, SUN_RADIUS_RAD, SkyLight, Turn, sun_solid_angle};
+use super::{Dome, Environment, MapSampler, SUN_RADIUS_RAD, SkyLight, Turn};
 use crate::light::luminance;
 
 /// A map as it is turned.
@@ -165,29 +165,42 @@ fn place_in(cell: usize, within: Vec2) -> Vec2 {
     (Vec2::new((cell % CELLS) as f32, (cell / CELLS) as f32) + within) / CELLS as f32
 }
 
-/// A disk of 1 lx, one column.
+/// A disk that sends 1 lx to what faces it, one column.
 #[derive(Clone, Copy, Debug)]
 pub struct SunEmitter {
     /// Unit vector towards its middle.
     pub direction: Vec3,
+    /// Angle from its middle to its rim, radians, more than 0 and less than π/2.
+    pub radius_rad: f64,
 }
 
 impl SunEmitter {
+    /// As large as the sun is seen from the earth.
+    pub fn new(direction: Vec3) -> SunEmitter {
+        SunEmitter { direction, radius_rad: SUN_RADIUS_RAD }
+    }
+
     /// Its radiance in nit.
-    pub fn radiance() -> f32 {
-        (1.0 / sun_solid_angle()) as f32
+    pub fn radiance(&self) -> f32 {
+        // Its solid angle, each part times its cosine.
+        (1.0 / (std::f64::consts::PI * self.radius_rad.sin().powi(2))) as f32
+    }
+
+    /// Density of a direction in the disk, 1/sr.
+    pub fn pdf(&self) -> f32 {
+        (1.0 / (2.0 * std::f64::consts::TAU * (0.5 * self.radius_rad).sin().powi(2))) as f32
     }
 
     /// Whether a unit direction meets the disk.
     pub fn contains(&self, direction: Vec3) -> bool {
         // The chord is exact where the cosine of so small an angle is not.
-        let chord = 2.0 * (0.5 * SUN_RADIUS_RAD).sin();
+        let chord = 2.0 * (0.5 * self.radius_rad).sin();
         (direction - self.direction).length_squared() <= (chord * chord) as f32
     }
 
     /// A unit direction, uniform over the disk.
     pub fn sample(&self, u: Vec2) -> Vec3 {
-        let below_one = u.x * (1.0 - SUN_RADIUS_RAD.cos()) as f32;
+        let below_one = u.x * (1.0 - self.radius_rad.cos()) as f32;
         let sin = (below_one * (2.0 - below_one)).sqrt();
         let (sin_phi, cos_phi) = (std::f32::consts::TAU * u.y).sin_cos();
         let (tangent, bitangent) = self.direction.any_orthonormal_pair();
@@ -202,7 +215,7 @@ mod tests {
 
     #[test]
     fn directions_of_the_sun_fill_its_disk_evenly() {
-        let sun = SunEmitter { direction: Vec3::new(0.3, 0.8, -0.5).normalize() };
+        let sun = SunEmitter::new(Vec3::new(0.3, 0.8, -0.5).normalize());
         let (n, mut inner) = (4096, 0);
         for i in 0..n {
             let d = sun.sample(Vec2::from(Sampler::new(1, 1, i).next_2d()));

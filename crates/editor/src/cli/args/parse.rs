@@ -45,6 +45,11 @@ pub(super) fn parse_ies(text: &str) -> Result<IesRequest, String> {
     }
 }
 
+pub(super) fn parse_sun_size(text: &str) -> Result<f32, String> {
+    let degrees = text.parse::<f32>().ok().filter(|degrees| (0.0..=90.0).contains(degrees));
+    degrees.ok_or_else(|| "write degrees from 0 to 90, such as 0.53".into())
+}
+
 pub(super) fn parse_sensors(text: &str) -> Result<NodeGrid, String> {
     let problem = || format!("write NODE=WxH such as Desk=16x8, each from 1 to {}", SensorGrid::MAX_SIDE);
     let (node, size) = text.rsplit_once('=').filter(|(node, _)| !node.is_empty()).ok_or_else(problem)?;

@@ -127,6 +127,9 @@ pub struct CompareArgs {
 pub struct InfoArgs {
     /// Scene, transport file, look, or folder of pictures.
     pub file: PathBuf,
+    /// Variant of the materials of a scene, by its name [default: what the file shows].
+    #[arg(long, value_name = "NAME")]
+    pub variant: Option<String>,
     /// How to answer.
     #[command(flatten)]
     pub answer: OutputArgs,

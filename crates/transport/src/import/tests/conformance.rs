@@ -67,6 +67,45 @@ fn the_table_of_features_has_every_extension_that_is_known() {
     }
 }
 
+/// Lines that are told of one file.
+const MOST_LINES: usize = 4;
+
+/// A row of the table of files: its place, what it has, and what is said of it.
+fn row(folder: &Path, file: &Path) -> String {
+    let place = file.strip_prefix(folder).expect("a file below").to_string_lossy().replace('\\', "/");
+    let cell = |text: String| text.replace('|', "\\|").replace('\n', " ");
+    let Imported { scene, report } = match load(file) {
+        Ok(imported) => imported,
+        Err(error) => return format!("| {place} | refused | {} |", cell(error.to_string())),
+    };
+    let lines: Vec<String> = report.unsupported.iter().chain(&report.warnings).cloned().map(cell).collect();
+    let more = lines.len().saturating_sub(MOST_LINES);
+    let mut told = lines[..lines.len() - more].join("; ");
+    if more > 0 {
+        told += &format!("; and {more} more");
+    }
+    let state = match (report.unsupported.is_empty(), report.warnings.is_empty()) {
+        (true, true) => "whole",
+        (false, true) => "in part",
+        (_, false) => "mended",
+    };
+    format!("| {place} | {state}, {} triangles | {told} |", scene.mesh.triangles.len())
+}
+
+#[test]
+fn the_table_of_files_says_what_becomes_of_each() {
+    let Some(shared) = shared() else { return };
+    let folder = shared.join("conformance");
+    let rows: Vec<String> = files_below(&folder).iter().map(|file| row(&folder, file)).collect();
+    let table = rows.join("\n");
+    let page = include_str!("../../../../../docs/conformance.md");
+    if !page.contains(&table) {
+        let written = std::env::temp_dir().join("conformance-files.md");
+        std::fs::write(&written, format!("{table}\n")).expect("a folder for temporary files");
+        panic!("docs/conformance.md has another table of files; what it should be is in {}", written.display());
+    }
+}
+
 #[test]
 fn triangle_counts_are_those_of_the_files() {
     let Some(shared) = shared() else { return };

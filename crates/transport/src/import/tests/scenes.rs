@@ -2,7 +2,12 @@ use glam::Vec3;
 use serde_json::json;
 
 use super::fixture::Fixture;
+use crate::camera::Camera;
+use crate::fingerprint::fingerprint;
+use crate::import::uri::Locator;
+use crate::import::{Choice, import};
 use crate::scene::PunctualKind;
+use crate::stop::Stop;
 
 #[test]
 fn lamps_shine_along_minus_z_of_their_node() {
@@ -135,6 +140,46 @@ fn hidden_nodes_show_nothing_but_carry_their_cameras() {
     assert_eq!((imported.scene.cameras.len(), imported.scene.nodes.len()), (1, 2));
     let [variants] = &imported.report.unsupported[..] else { panic!("{:?}", imported.report.unsupported) };
     assert!(variants.contains("\"beach\", \"street\""), "{variants}");
+}
+
+/// A triangle of material 0 with the variants "beach" (material 1), "street" (its own) and a nameless one (material 2).
+fn varied() -> Fixture {
+    let mut fixture = Fixture::triangle();
+    fixture.root["extensions"] =
+        json!({"KHR_materials_variants": {"variants": [{"name": "beach"}, {"name": "street"}, {}]}});
+    fixture.root["extensionsUsed"] = json!(["KHR_materials_variants"]);
+    let red = |x: f32| json!({"pbrMetallicRoughness": {"baseColorFactor": [x, 0, 0, 1]}});
+    fixture.root["materials"] = json!([red(0.25), red(0.5), red(0.75)]);
+    fixture.root["meshes"][0]["primitives"][0]["material"] = json!(0);
+    fixture.root["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_materials_variants":
+        {"mappings": [{"variants": [0], "material": 1}, {"variants": [9, 2], "material": 2}]}});
+    fixture
+}
+
+#[test]
+fn a_variant_is_shown_by_its_name_and_the_default_without_one() {
+    let load = |variant: Option<&str>| {
+        let choice = Choice { variant: variant.map(str::to_owned), ..Choice::default() };
+        import("test.gltf", &varied().json(), &Locator::new(None, &Stop::default()), &choice)
+    };
+    let red = |variant: Option<&str>| {
+        let imported = load(variant).unwrap();
+        let scene = &imported.scene;
+        let material = &scene.materials[scene.mesh.triangle_material[0] as usize];
+        assert_eq!(imported.report.variants, ["beach", "street", "variant:2"]);
+        (material.base_color.x, scene.materials.len(), imported.report.unsupported.len())
+    };
+    assert_eq!(red(None), (0.25, 1, 1));
+    assert_eq!(red(Some("beach")), (0.5, 1, 0));
+    assert_eq!(red(Some("street")), (0.25, 1, 0));
+    assert_eq!(red(Some("variant:2")), (0.75, 1, 0));
+    let error = load(Some("Beach")).unwrap_err().to_string();
+    assert!(error.contains("no variant called `Beach`; there are: beach, street, variant:2"), "{error}");
+    // A bake of one is not taken for that of another.
+    let camera = Camera::look_at("front", Vec3::Z, Vec3::ZERO, 1.0, 1.0);
+    let prints = [None, Some("beach"), Some("street"), Some("variant:2")]
+        .map(|variant| fingerprint(&load(variant).unwrap().scene, &camera));
+    assert!(prints[0] == prints[2] && prints[0] != prints[1] && prints[1] != prints[3], "{prints:?}");
 }
 
 #[test]
