@@ -61,7 +61,8 @@ fn a_variant_is_traced_by_its_name_and_white_metal_returns_all_light() {
 #[test]
 fn bakes_of_variants_and_without_compensation_are_told_apart_and_find_their_scene() {
     let desk = desk();
-    let lamp = r#"{"clerestory": 1, "lamps": [{"key": "bulb", "type": "point", "position": [0, 0, 1], "strength": 1}]}"#;
+    let lamp =
+        r#"{"clerestory": 1, "lamps": [{"key": "bulb", "type": "point", "position": [0, 0, 1], "strength": 1}]}"#;
     std::fs::write(desk.path("lamp.look"), lamp).unwrap();
     let prints = ["", "--variant black", "--no-energy-compensation"].map(|options| {
         desk.json(&format!("bake @square.gltf -o @a.transport --size 8x8 --spp 4 {options}"));

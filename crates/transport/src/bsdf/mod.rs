@@ -62,6 +62,7 @@ pub struct Bsdf {
 
 /// What there is besides a diffuse base.
 #[derive(Clone, Debug)]
+#[expect(clippy::large_enum_variant, reason = "each hit makes one and keeps it; a box would be one allocation a hit")]
 enum Lobes {
     /// Nothing.
     None,
