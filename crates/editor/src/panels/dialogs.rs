@@ -279,8 +279,13 @@ impl<A: Copy> Answers<A> {
                 }
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                     let button = Button::new(RichText::new(best_label).color(theme::ON_ACCENT)).fill(theme::ACCENT);
-                    if ui.add(button).clicked() {
+                    let button = ui.add(button);
+                    if button.clicked() {
                         chosen = Some(best);
+                    }
+                    // Enter keeps the work.
+                    if ui.memory(|memory| memory.focused().is_none()) {
+                        button.request_focus();
                     }
                     if ui.button(back_label).clicked() {
                         chosen = Some(back);
