@@ -40,6 +40,8 @@ pub enum Action {
     CancelOpening,
     /// Stop the bake and keep what was done.
     CancelBake,
+    /// Lets the program take no more memory than this, bytes, while it bakes; what the system has left without.
+    LimitMemory(Option<u64>),
     /// Turn an emissive rectangle into a panel of texels and bake again.
     ChoosePanel {
         /// Key of the light.

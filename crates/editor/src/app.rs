@@ -69,6 +69,7 @@ const LIGHTS_KEY: &str = "lights";
 const EXPORT_KEY: &str = "export";
 const PANELS_KEY: &str = "panels";
 const DEVICE_KEY: &str = "device";
+const MEMORY_KEY: &str = "memory";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
 
@@ -84,6 +85,8 @@ pub struct App {
     has_let_go: bool,
     settings: BakeSettings,
     fixed_settings: Option<BakeSettings>,
+    /// Width of pictures of the scenes that are opened.
+    width_px: u32,
     /// How pictures are baked: no machine is too slow for a fine tolerance.
     stack_settings: BakeSettings,
     lights: LightsState,
@@ -142,6 +145,8 @@ impl App {
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
         session.cache = start.cache;
+        session.memory_limit =
+            cc.storage.and_then(|storage| eframe::get_value(storage, MEMORY_KEY)).unwrap_or_default();
         session.open(start.source);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         let mut follower = Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?;
@@ -158,6 +163,7 @@ impl App {
             has_let_go: false,
             settings: start.settings.clone().unwrap_or_else(default_settings),
             fixed_settings: start.settings,
+            width_px: DEFAULT_WIDTH_PX,
             stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
             lights,
             view: ViewState::default(),
@@ -282,6 +288,7 @@ impl App {
                 self.keeps_look = false;
                 self.session.cancel_opening();
             }
+            Action::LimitMemory(limit) => self.session.memory_limit = limit,
             Action::CancelBake => {
                 self.session.cancel_bake();
                 self.adopt_view();
@@ -410,6 +417,7 @@ impl eframe::App for App {
         eframe::set_value(storage, EXPORT_KEY, &self.export);
         eframe::set_value(storage, PANELS_KEY, &self.sides);
         eframe::set_value(storage, DEVICE_KEY, &self.follower.wish());
+        eframe::set_value(storage, MEMORY_KEY, &self.session.memory_limit);
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

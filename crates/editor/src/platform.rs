@@ -15,14 +15,29 @@ pub fn peak_bytes_of(process: u32) -> Option<u64> {
     status_bytes(&process.to_string(), "VmHWM:")
 }
 
+/// Memory that programs can still take without others being put out to disk, bytes; `None` where the system is not asked.
+pub fn available_bytes() -> Option<u64> {
+    #[cfg(target_os = "linux")]
+    {
+        line_bytes(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemAvailable:")
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
+}
+
+/// The value of a line `name: N kB`.
+#[cfg(target_os = "linux")]
+fn line_bytes(lines: &str, name: &str) -> Option<u64> {
+    let line = lines.lines().find_map(|line| line.strip_prefix(name))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kilobytes * 1024)
+}
+
 /// A line of what Linux says of a process.
 fn status_bytes(process: &str, name: &str) -> Option<u64> {
     #[cfg(target_os = "linux")]
     {
-        let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-        let line = status.lines().find_map(|line| line.strip_prefix(name))?;
-        let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-        Some(kilobytes * 1024)
+        line_bytes(&std::fs::read_to_string(format!("/proc/{process}/status")).ok()?, name)
     }
     #[cfg(not(target_os = "linux"))]
     {

@@ -11,6 +11,7 @@ mod mailbox;
 mod opened;
 pub mod preview;
 pub mod prints;
+mod room;
 mod seen;
 pub mod shares;
 mod sheet;
@@ -182,6 +183,8 @@ pub struct Session {
     pub focus: Arc<Focus>,
     /// Where finished bakes of scenes are found and kept.
     pub cache: Option<BakeCache>,
+    /// The most memory that the whole program may take, bytes; what the system has left where nobody says.
+    pub memory_limit: Option<u64>,
 }
 
 impl Session {
@@ -220,6 +223,7 @@ impl Session {
             forecasting: Forecasting::default(),
             focus: Arc::default(),
             cache: None,
+            memory_limit: None,
         }
     }
 

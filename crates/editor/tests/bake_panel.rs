@@ -5,6 +5,8 @@
 #[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
+use std::sync::Arc;
+
 use clerestory::app::{App, Start};
 use clerestory::session::estimate::Forecast;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
@@ -14,7 +16,7 @@ use eframe::egui::{Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, baked, click, open, open_with, quick, room, wait};
+use desk::{Dropped, Window, baked, click, open, open_with, quick, room, wait};
 
 /// Clicks on something that may lie below what is seen of its panel.
 fn reach(window: &mut Window, label: &str) {
@@ -40,6 +42,48 @@ fn what_a_bake_will_take_is_told_before_it_starts() {
     window.get_by_label_contains("of memory, a file of");
     window.get_by_label("Tolerance").set_value_accesskit(f64::from(before));
     wait(&mut window, |app| *app.session().forecast() == Forecast::None);
+}
+
+#[test]
+fn a_bake_that_does_not_fit_the_memory_says_so_and_is_not_begun() {
+    let mut window = baked();
+    window.get_by_label("Tolerance").set_value_accesskit(26.0);
+    wait(&mut window, |app| matches!(app.session().forecast(), Forecast::Told(_)));
+    reach(&mut window, "At most");
+    assert_eq!(window.state().session().memory_limit, Some(8_000_000_000));
+    window.get_by_label("Memory limit").set_value_accesskit(0.02);
+    window.run_steps(3);
+    assert_eq!(window.state().session().memory_limit, Some(20_000_000));
+    // The program itself takes more.
+    window.get_by_label_contains("of memory, and 0 MB may be taken");
+    reach(&mut window, "Start bake");
+    let BakeState::Failed(why) = window.state().session().bake.clone() else { panic!() };
+    assert!(why.contains("make the picture smaller"), "{why}");
+    reach(&mut window, "At most");
+    assert_eq!(window.state().session().memory_limit, None);
+    reach(&mut window, "Start bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+}
+
+#[test]
+fn a_size_that_was_chosen_stays_for_the_next_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    std::fs::write(&path, room()).unwrap();
+    let start = Start::alone(source(), None);
+    let mut window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap());
+    wait(&mut window, |app| app.session().bake.is_running());
+    assert_eq!(window.state().settings().film.width, 640);
+    click(&mut window, "Stop the bake");
+    window.get_by_label("Width").set_value_accesskit(48.0);
+    window.get_by_label("Samples per pixel").set_value_accesskit(4.0);
+    window.run_steps(3);
+    let film = window.state().settings().film;
+    assert_eq!(film.width, 48);
+    window.input_mut().dropped_files.push(Arc::new(Dropped(path)));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(window.state().settings().film, film);
+    assert_eq!(window.state().session().shown.as_ref().unwrap().header.width, 48);
 }
 
 #[test]

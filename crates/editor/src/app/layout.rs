@@ -12,6 +12,7 @@ use crate::panels::shortcuts::shortcuts_ui;
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::Stage;
+use crate::session::estimate::Forecast;
 use crate::theme;
 use crate::viewport::{Viewed, viewport_ui};
 
@@ -127,12 +128,22 @@ impl App {
             report: opened.map_or(&[], |opened| &opened.report),
             n_resumable: self.session.n_resumable(&self.settings),
             forecast: self.session.forecast(),
+            threads: match self.session.forecast() {
+                Forecast::Told(estimate) => Some(self.session.threads_foreseen(estimate)),
+                _ => None,
+            },
+            memory_limit: self.session.memory_limit,
             history: &self.session.history,
         };
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
-        bake_ui(ui, of_file.as_mut().unwrap_or(own), &mut self.heat_map, &view, &mut self.actions);
+        let shown = of_file.as_mut().unwrap_or(own);
+        let width_px = shown.film.width;
+        bake_ui(ui, shown, &mut self.heat_map, &view, &mut self.actions);
+        if shown.film.width != width_px {
+            self.width_px = shown.film.width;
+        }
     }
 
     pub(super) fn bars_ui(&mut self, ui: &mut Ui) {

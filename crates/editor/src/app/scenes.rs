@@ -4,7 +4,7 @@ use clerestory_transport::bake::Passes;
 use clerestory_transport::camera::Film;
 use eframe::egui::util::undoer::Undoer;
 
-use super::{App, DEFAULT_WIDTH_PX};
+use super::App;
 use crate::look::Look;
 use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
@@ -33,7 +33,7 @@ impl App {
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             self.settings.camera_idx = 0;
-            self.settings.film = Film::of_width(DEFAULT_WIDTH_PX, camera);
+            self.settings.film = Film::of_width(self.width_px, camera);
         }
         self.take_up();
         if let (true, Some(basis)) = (keeps_look, self.session.basis()) {

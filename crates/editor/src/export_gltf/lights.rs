@@ -14,6 +14,8 @@ use super::raw::{Document, LAMPS, PROFILES, RawObject};
 const STRENGTH: &str = "KHR_materials_emissive_strength";
 /// Relative difference up to which light is the same.
 const SAME: f32 = 1e-6;
+/// Lights that a warning names.
+const MOST_NAMES: usize = 4;
 /// A spot that covers its panel.
 const WHOLE: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, color: None, intensity: 1.0 };
 
@@ -24,9 +26,13 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
     let gains = whole(basis, rig, Some([1.0; 3]));
     let mut shared = Shared::count(document);
     let mut warnings = Vec::new();
+    let mut dark = Vec::new();
     for (source, emitter) in basis.sources.iter().zip(&scene.lighting.emitters) {
         let first = source.columns.start as usize;
         let (now, file) = (Vec3::from(lit[first]), Vec3::from(plain[first]));
+        if now == Vec3::ZERO && file != Vec3::ZERO && source.kind != SourceKind::Constant {
+            dark.push(format!("`{}`", source.key));
+        }
         let node_of = |node: u32| scene.scene.nodes[node as usize].index as usize;
         match emitter {
             Emitter::Punctual(lamp) => {
@@ -47,6 +53,15 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
             _ if source.kind != SourceKind::Constant && !is_same(now, file) => warnings.push(left_out(source)),
             _ => {}
         }
+    }
+    if !dark.is_empty() {
+        let more = dark.len().saturating_sub(MOST_NAMES);
+        dark.truncate(MOST_NAMES);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        warnings.push(format!(
+            "off, and so dark in the file, which holds no switches: {}{more}; their strength stays in the scene they come from",
+            dark.join(", ")
+        ));
     }
     if rig.sky.is_some() {
         warnings.push("glTF holds no sky; open the file with the look, or bake it with --sky".into());

@@ -159,7 +159,11 @@ fn what_several_nodes_share_is_copied_and_muted_lights_stay_dark() {
     set(&mut look, "panel", LightSetting { intensity: 0.5, kelvin: Some(3000.0), ..LightSetting::default() });
     let spot = PanelSpot { position: [0.3, 0.6], radius: 0.4, color: None, intensity: 2.0 };
     look.lights.panels.insert("panel".into(), vec![spot, PanelSpot { color: Some([1.0, 0.0, 0.2]), ..spot }]);
-    save(&file, &scene, &look, &out);
+    let told = save(&file, &scene, &look, &out);
+    assert!(
+        told.len() == 1 && told[0].starts_with("off, and so dark in the file, which holds no switches: `lamp`;"),
+        "{told:?}"
+    );
     let again = open(&out);
     assert_same_light(&scene, &look, &again);
     let (before, after) = (parts(&file).0, parts(&out).0);

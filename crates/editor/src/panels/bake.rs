@@ -34,6 +34,8 @@ pub const QUALITIES: [Quality; 4] = [
     Quality { name: "High", spp: 1024, tolerance_db: 46.0 },
 ];
 
+/// What somebody who wants a limit begins with, bytes.
+const DEFAULT_LIMIT_BYTES: u64 = 8_000_000_000;
 /// Most pixels of a bake in the window.
 const MAX_SIDE: u32 = 8192;
 
@@ -59,6 +61,10 @@ pub struct BakeView<'a> {
     pub n_resumable: usize,
     /// What the bake will take.
     pub forecast: &'a Forecast,
+    /// On how many threads it would run, of how many, within the memory that may be taken; or why it does not fit.
+    pub threads: Option<Result<(usize, usize), String>>,
+    /// The most memory that the program may take, bytes.
+    pub memory_limit: Option<u64>,
     /// Seconds since the bake began, and its error at that time in dB.
     pub history: &'a [[f32; 2]],
 }
@@ -133,6 +139,9 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
                     lux, and false color";
         ui.checkbox(&mut settings.illuminance, "Illuminance").on_hover_text(hint);
         ui.end_row();
+        ui.label("Memory");
+        memory_ui(ui, view.memory_limit, actions);
+        ui.end_row();
         if let Some(units) = view.units {
             ui.label("");
             units_ui(ui, units, actions);
@@ -170,6 +179,28 @@ fn patches_ui(ui: &mut Ui, patches: &mut u32) {
         if movable {
             let number = DragValue::new(patches).range(64..=MOST_PATCHES).speed(16.0);
             number.ui(ui).on_hover_text("Patches of surface that are told apart").accessible_name("Patches");
+        }
+    });
+}
+
+/// How much memory all of the program may take while it bakes.
+fn memory_ui(ui: &mut Ui, limit: Option<u64>, actions: &mut Vec<Action>) {
+    const GIGABYTE: f64 = 1e9;
+    ui.horizontal(|ui| {
+        let mut is_limited = limit.is_some();
+        let hint = "Bakes on fewer threads where it would take more, and says so where that is not enough\nWithout a limit it may take \
+                    what the system has left";
+        if ui.checkbox(&mut is_limited, "At most").on_hover_text(hint).changed() {
+            actions.push(Action::LimitMemory(is_limited.then_some(DEFAULT_LIMIT_BYTES)));
+        }
+        if let Some(limit) = limit {
+            let mut gigabytes = limit as f64 / GIGABYTE;
+            let value = DragValue::new(&mut gigabytes).range(0.01..=4096.0).speed(0.05).max_decimals(2).suffix(" GB");
+            if ui.add(value).on_hover_text(hint).accessible_name("Memory limit").changed() {
+                actions.push(Action::LimitMemory(Some((gigabytes * GIGABYTE) as u64)));
+            }
+        } else {
+            ui.weak("what is free");
         }
     });
 }
@@ -216,12 +247,22 @@ fn forecast_ui(ui: &mut Ui, view: &BakeView) {
     if view.state.is_running() {
         return;
     }
+    if let Some(Err(why)) = &view.threads {
+        ui.add(egui::Label::new(RichText::new(why).color(ui.visuals().error_fg_color)).wrap());
+        return;
+    }
+    let threads = match view.threads {
+        Some(Ok((n_threads, most))) if n_threads < most => {
+            format!(", on {n_threads} of {most} threads to stay within the memory")
+        }
+        _ => String::new(),
+    };
     let words = match view.forecast {
         Forecast::None => return,
         Forecast::Trying => "Estimating time and memory".into(),
         Forecast::Failed(why) => why.clone(),
         Forecast::Told(estimate) => format!(
-            "About {}, {} of memory, a file of {}",
+            "About {}, {} of memory, a file of {}{threads}",
             duration(estimate.secs),
             bytes(estimate.memory_bytes as usize),
             bytes(estimate.file_bytes as usize)

@@ -33,24 +33,27 @@ impl Session {
         let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
             return;
         };
-        let job = match self.job(settings, camera.clone()) {
-            Ok(job) => job,
+        let job = self.job(settings, camera.clone());
+        let (n_threads, job) = match job.and_then(|job| Ok((self.threads_for(&job, settings)?, job))) {
+            Ok(ready) => ready,
             Err(why) => {
                 self.bake = BakeState::Failed(why);
                 return;
             }
         };
         self.begun = Some(Begun::new(scene, settings.clone(), camera));
-        self.begin(BakeJob { passes, ..job }, None);
+        self.begin(BakeJob { passes, ..job }, n_threads, None);
     }
 
     /// Goes on with a bake that was stopped, where that can be.
     pub fn resume_bake(&mut self, settings: &BakeSettings) {
-        if self.n_resumable(settings) > 0
-            && let Ok(job) = self.job(settings, self.begun.as_ref().and_then(Begun::camera))
-        {
-            let half_done = self.half_done();
-            self.begin(job, half_done);
+        if self.n_resumable(settings) == 0 {
+            return;
+        }
+        let job = self.job(settings, self.begun.as_ref().and_then(Begun::camera));
+        match job.and_then(|job| Ok((self.threads_for(&job, settings)?, job))) {
+            Ok((n_threads, job)) => self.begin(job, n_threads, self.half_done()),
+            Err(why) => self.bake = BakeState::Failed(why),
         }
     }
 
@@ -66,7 +69,7 @@ impl Session {
         Ok(BakeJob { scene, camera, film, config, passes, irradiance })
     }
 
-    pub(super) fn begin(&mut self, job: BakeJob, half_done: Option<HalfDone>) {
+    pub(super) fn begin(&mut self, job: BakeJob, n_threads: usize, half_done: Option<HalfDone>) {
         self.stop_baking();
         self.views.baking = Some(job.camera.clone());
         self.bake = BakeState::Preparing;
@@ -74,7 +77,7 @@ impl Session {
         self.bake_began = Instant::now();
         let (cache, focus) = (self.cache.clone(), self.focus.clone());
         let there = (half_done, self.earlier_bakes());
-        self.baking = self.spawn("bake", move |post| task::bake(job, there, cache, &focus, post));
+        self.baking = self.spawn("bake", move |post| task::bake((job, n_threads), there, cache, &focus, post));
     }
 
     /// Stops the bake; what was done stays.

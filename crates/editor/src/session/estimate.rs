@@ -45,6 +45,13 @@ impl Session {
         &self.forecasting.answer
     }
 
+    /// The same where it is of these settings.
+    pub(super) fn forecast_of(&self, settings: &BakeSettings) -> Option<&Forecast> {
+        let scene = self.opened.as_ref()?.scene.as_ref()?;
+        let (of, asked) = self.forecasting.asked.as_ref()?;
+        (Arc::ptr_eq(of, scene) && asked == settings).then_some(&self.forecasting.answer)
+    }
+
     /// Asks for a forecast where settings are not those of the bake that is there, once they have stayed for a while.
     pub fn foresee(&mut self, settings: &BakeSettings) {
         let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone());
@@ -52,8 +59,7 @@ impl Session {
             self.forget_forecast();
             return;
         };
-        let is_asked = |(of, asked): &(Arc<PreparedScene>, BakeSettings)| Arc::ptr_eq(of, &scene) && asked == settings;
-        if !self.forecasting.asked.as_ref().is_some_and(is_asked) {
+        if self.forecast_of(settings).is_none() {
             self.forget_forecast();
             self.forecasting.asked = Some((scene, settings.clone()));
             (self.forecasting.asked_at, self.forecasting.answer) = (Some(Instant::now()), Forecast::Trying);
@@ -63,10 +69,11 @@ impl Session {
         if !is_due || self.forecasting.task.is_some() || self.forecasting.answer != Forecast::Trying {
             return;
         }
-        match self.job(settings, None) {
-            Ok(job) => {
+        let job = self.job(settings, None);
+        match job.and_then(|job| Ok((self.threads_for(&job, settings)?, job))) {
+            Ok((n_threads, job)) => {
                 let focus = self.forecasting.focus.clone();
-                self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, &focus, &post));
+                self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, n_threads, &focus, &post));
             }
             Err(why) => self.forecasting.answer = Forecast::Failed(why),
         }
@@ -89,8 +96,8 @@ impl Session {
     }
 }
 
-fn estimate(job: &BakeJob, focus: &Focus, post: &Post) {
-    match beside_the_window(|| job.estimate(BUDGET, focus)) {
+fn estimate(job: &BakeJob, n_threads: usize, focus: &Focus, post: &Post) {
+    match beside_the_window(n_threads, || job.estimate(BUDGET, focus)) {
         Ok(None) => {}
         Ok(Some(estimate)) => {
             let _ = post.send(Fact::Foreseen(Ok(estimate)), Duration::ZERO);

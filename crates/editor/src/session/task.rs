@@ -24,6 +24,7 @@ use clerestory_transport::stop::Stop;
 use eframe::egui::ColorImage;
 
 use super::found::FoundScene;
+use super::room::all_threads;
 use super::{Chosen, Wake};
 use crate::bake_cache::{BakeCache, Found};
 use crate::export_gltf::Lit;
@@ -248,12 +249,12 @@ pub(super) fn prepare_again(
 /// How long facts about blocks may wait: a handful of repaints per second is enough to watch a bake.
 const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 
-/// Bakes on all cores but one, which stays with the window.
+/// Bakes on some threads; one core stays with the window.
 ///
 /// One that is in the cache is not made again; one that is new is kept there, block by block as it comes, so that an editor that
 /// ends before its bake loses no more than the blocks under way. What an earlier one has in common with it is taken over.
 pub(super) fn bake(
-    mut job: BakeJob,
+    (mut job, n_threads): (BakeJob, usize),
     (mut begun, mut earlier): (Option<HalfDone>, Vec<Bake>),
     cache: Option<BakeCache>,
     focus: &Focus,
@@ -299,7 +300,7 @@ pub(super) fn bake(
         }
         tell(&post, event)
     };
-    let result = beside_the_window(|| match &reuse {
+    let result = beside_the_window(n_threads, || match &reuse {
         Some(reuse) => job.run_reusing(reuse, focus, begun, on_event),
         None => job.run_toward(focus, begun, on_event),
     });
@@ -315,7 +316,7 @@ pub(super) fn bake(
 
 /// The same for a stack of pictures.
 pub(super) fn bake_stack(job: StackJob, post: Post) {
-    let result = beside_the_window(|| {
+    let result = beside_the_window(all_threads(), || {
         let Some(surveyed) = job.survey(&mut |event| tell(&post, event))? else { return Ok(None) };
         let _ = post.send(Fact::Remarks(surveyed.remarks()), BLOCKS_WITHIN);
         surveyed.run(|event| tell(&post, event))
@@ -329,10 +330,10 @@ fn tell(post: &Post, event: BakeEvent) -> ControlFlow<()> {
 }
 
 pub(super) fn beside_the_window<T: Send>(
+    n_threads: usize,
     bake: impl FnOnce() -> Result<Option<T>, BakeError> + Send,
 ) -> Result<Option<T>, String> {
-    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
-    match rayon::ThreadPoolBuilder::new().num_threads((n_cores - 1).max(1)).build() {
+    match rayon::ThreadPoolBuilder::new().num_threads(n_threads).build() {
         Ok(pool) => pool.install(bake).map_err(words),
         Err(error) => Err(words(error)),
     }
