@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use anyhow::Result;
-use clerestory_relight::{Gpu, Radiance};
+use clerestory_relight::Radiance;
 use clerestory_transport::bake::Bake;
 use clerestory_transport::camera::Film;
 use clerestory_transport::sky::Backdrop;
 
-use crate::cli::relight::Relighter;
+use crate::cli::relight::{Graphics, Relighter};
 use crate::export::{height_of, shrunk};
 use crate::illuminance::irradiance_of;
 use crate::look::{Display, Look, Quantity};
@@ -34,7 +34,7 @@ pub enum Size {
 /// Makes pictures of a subject. What two looks share is done once.
 pub struct Stills {
     subject: Arc<Subject>,
-    gpu: Option<Gpu>,
+    graphics: Option<Graphics>,
     relighter: Option<Relighter>,
     /// The sky that the relighter has behind its picture.
     backdrop: Option<Backdrop>,
@@ -44,8 +44,8 @@ pub struct Stills {
 
 impl Stills {
     /// On a graphics device, else on the CPU.
-    pub fn new(subject: Arc<Subject>, gpu: Option<Gpu>) -> Stills {
-        Stills { subject, gpu, relighter: None, backdrop: None, lamps: None }
+    pub(crate) fn new(subject: Arc<Subject>, graphics: Option<Graphics>) -> Stills {
+        Stills { subject, graphics, relighter: None, backdrop: None, lamps: None }
     }
 
     /// What multiplies.
@@ -71,7 +71,7 @@ impl Stills {
         let kept = self.relighter.take().filter(|_| is_same_sky);
         let relighter = match kept {
             Some(kept) => self.relighter.insert(kept),
-            None => self.relighter.insert(Relighter::new(&subject.bake, &look.lights, self.gpu.as_ref())?),
+            None => self.relighter.insert(Relighter::new(&subject.bake, &look.lights, self.graphics.as_ref())?),
         };
         self.backdrop = backdrop;
         let Some(light) = lamp_light(&mut self.lamps, &subject, (look, film), stop) else { return Ok(None) };

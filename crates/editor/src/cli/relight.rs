@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
-use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight};
+use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError};
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeJob, Passes};
 use clerestory_transport::irradiance::IrradianceRows;
@@ -82,7 +82,7 @@ struct Target {
     /// What files tell of it, where its lamps became lights of the scene.
     told: Option<Look>,
     options: ExportOptions,
-    gpu: Option<Gpu>,
+    graphics: Option<Graphics>,
 }
 
 impl Target {
@@ -96,7 +96,15 @@ impl Target {
         let document = load_look(options.look.as_deref(), console)?;
         spare_look(&options.output, options.look.as_deref(), &document)?;
         let look = options.choice.of(&document, None)?;
-        Ok(Target { format, place, document, look, told: None, options: file, gpu: open_gpu(options.device)? })
+        Ok(Target {
+            format,
+            place,
+            document,
+            look,
+            told: None,
+            options: file,
+            graphics: open_graphics(options.device)?,
+        })
     }
 
     fn finish(
@@ -107,7 +115,7 @@ impl Target {
         console: &mut Console,
     ) -> Result<Answer> {
         let irradiance = irradiance_for(bake, &self.look, &lamps::added_lux(lamps), self.format, &self.options)?;
-        let mut lit = Lit::new(bake, &self.look, lamps, self.gpu.as_ref())?;
+        let mut lit = Lit::new(bake, &self.look, lamps, self.graphics.as_ref())?;
         let look = self.told.as_ref().unwrap_or(&self.look);
         let layers = lit.layers(bake, look, lamps, self.options.layers)?;
         let has_lamps = irradiance.is_some() && !lamps.is_empty();
@@ -115,6 +123,7 @@ impl Target {
             console.warn(DIRECT_LUX);
         }
         let Lit { radiance, relighter, relight_secs, .. } = lit;
+        relighter.warn_of_refusal(console);
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look };
         let shown = picture.write(self.place, self.format, &self.options)?;
@@ -150,8 +159,8 @@ pub(super) struct Lit {
 }
 
 impl Lit {
-    pub fn new(bake: &Bake, look: &Look, lamps: &[LampLight], gpu: Option<&Gpu>) -> Result<Lit> {
-        let mut relighter = Relighter::new(bake, &look.lights, gpu)?;
+    pub fn new(bake: &Bake, look: &Look, lamps: &[LampLight], graphics: Option<&Graphics>) -> Result<Lit> {
+        let mut relighter = Relighter::new(bake, &look.lights, graphics)?;
         let mut coefficients = bake.header.coefficients(&look.lights);
         lamps.iter().for_each(|lamp| bake.header.add_of_patches(&mut coefficients, &lamp.of_patches));
         let begun = Instant::now();
@@ -191,16 +200,28 @@ pub(crate) fn irradiance_for(
     asked.then(|| seen_irradiance(bake, &look.lights, added)).transpose()
 }
 
-pub(super) fn open_gpu(device: Device) -> Result<Option<Gpu>> {
+/// A graphics device of the command line.
+pub(crate) struct Graphics {
+    pub gpu: Gpu,
+    /// Whether it was asked for by name; another one leaves to the CPU what it refuses.
+    pub is_asked_for: bool,
+}
+
+pub(super) fn open_graphics(device: Device) -> Result<Option<Graphics>> {
+    let of = |gpu: Gpu| Graphics { gpu, is_asked_for: device == Device::Gpu };
     match device {
         Device::Cpu => Ok(None),
         Device::Gpu => {
             let gpu = Gpu::headless(DeviceChoice::Any);
-            Ok(Some(gpu.context("--device gpu found no graphics device; use --device auto or --device cpu")?))
+            Ok(Some(of(gpu.context("--device gpu found no graphics device; use --device auto or --device cpu")?)))
         }
-        Device::Auto if may_have_gpu() => Ok(Gpu::headless(DeviceChoice::Hardware).ok()),
+        Device::Auto if may_have_gpu() => Ok(Gpu::headless(DeviceChoice::Hardware).ok().map(of)),
         Device::Auto => Ok(None),
     }
+}
+
+fn refusal(device: String, error: RelightError) -> String {
+    format!("{device} failed, and the CPU goes on: {error}")
 }
 
 /// The frame of a bake under a rig, as a relighter takes it. Blocks are shared but where the sky is seen.
@@ -214,29 +235,52 @@ pub(crate) struct Relighter {
     adapter: Option<String>,
     /// Memory that it takes of a device.
     device_bytes: Option<u64>,
+    /// What the CPU goes on with where the device refuses it.
+    spare: Option<Frame>,
+    /// Why it did.
+    refusal: Option<String>,
 }
 
 impl Relighter {
-    /// On the given GPU, else on the CPU; the sky is that of the rig.
-    pub(crate) fn new(bake: &Bake, rig: &LightRig, gpu: Option<&Gpu>) -> Result<Relighter> {
+    /// On the given device, else on the CPU; the sky is that of the rig.
+    pub(crate) fn new(bake: &Bake, rig: &LightRig, graphics: Option<&Graphics>) -> Result<Relighter> {
         let frame = frame_of(bake, rig);
-        let adapter = gpu.map(Gpu::description);
-        let (relight, device_bytes): (Box<dyn Relight>, _) = match gpu {
-            Some(gpu) => {
-                let relighter = GpuRelighter::new(gpu, &frame)?;
-                let n_bytes = relighter.device_bytes();
-                (Box::new(relighter), Some(n_bytes))
-            }
-            None => (Box::new(CpuRelighter::new(&frame)?), None),
-        };
-        Ok(Relighter { relight, adapter, device_bytes })
+        let Some(Graphics { gpu, is_asked_for }) = graphics else { return Relighter::on_cpu(&frame, None) };
+        match GpuRelighter::new(gpu, &frame) {
+            Ok(relighter) => Ok(Relighter {
+                adapter: Some(gpu.description()),
+                device_bytes: Some(relighter.device_bytes()),
+                relight: Box::new(relighter),
+                spare: (!is_asked_for).then_some(frame),
+                refusal: None,
+            }),
+            Err(error) if !is_asked_for => Relighter::on_cpu(&frame, Some(refusal(gpu.description(), error))),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn on_cpu(frame: &Frame, refusal: Option<String>) -> Result<Relighter> {
+        let relight = Box::new(CpuRelighter::new(frame)?);
+        Ok(Relighter { relight, adapter: None, device_bytes: None, spare: None, refusal })
     }
 
     /// The picture under the given coefficients, one RGB per column of each group.
     pub(crate) fn relight(&mut self, coefficients: &[Vec<[f32; 3]>]) -> Result<Radiance> {
         let mut radiance = Radiance::default();
-        self.relight.relight(coefficients, &mut radiance).context("cannot relight")?;
+        match (self.relight.relight(coefficients, &mut radiance), self.spare.take()) {
+            (Ok(_), spare) => self.spare = spare,
+            (Err(error), Some(frame)) => {
+                *self = Relighter::on_cpu(&frame, Some(refusal(self.adapter.take().unwrap_or_default(), error)))?;
+                return self.relight(coefficients);
+            }
+            (Err(error), None) => return Err(error).context("cannot relight"),
+        }
         Ok(radiance)
+    }
+
+    /// Says so if a device left the picture to the CPU.
+    pub(super) fn warn_of_refusal(&self, console: &mut Console) {
+        self.refusal.iter().for_each(|words| console.warn(words));
     }
 
     /// What each lamp of the look adds.
@@ -253,12 +297,62 @@ impl Relighter {
         lamps.iter().map(layer).collect()
     }
 
-    fn words(&self) -> String {
+    pub(super) fn words(&self) -> String {
         self.adapter.as_ref().map_or("CPU".into(), |name| format!("GPU ({name})"))
     }
 
     pub(super) fn json(&self) -> Value {
         let device = if self.adapter.is_some() { "gpu" } else { "cpu" };
         json!({ "device": device, "adapter": self.adapter, "device_bytes": self.device_bytes })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use clerestory_relight::gpu::DeviceMemory;
+    use clerestory_transport::bake::BakeConfig;
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::prepared::PreparedScene;
+
+    use super::*;
+
+    fn room() -> Bake {
+        let scene = import::load_bytes("room", include_bytes!("../../tests/room.gltf")).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let camera = scene.scene.cameras[0].clone();
+        let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
+        let film = Film { width: 20, height: 16 };
+        let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+        job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap()
+    }
+
+    #[test]
+    fn what_a_device_refuses_the_cpu_does_unless_the_device_was_asked_for() {
+        let gpu = match Gpu::headless(DeviceChoice::Any) {
+            Ok(gpu) => gpu,
+            Err(error) => {
+                assert!(std::env::var("CLERESTORY_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
+                return;
+            }
+        };
+        let (bake, rig) = (room(), LightRig::default());
+        let coefficients = bake.header.coefficients(&rig);
+        let wanted = Relighter::new(&bake, &rig, None).unwrap().relight(&coefficients).unwrap();
+        let mut graphics = Graphics { gpu, is_asked_for: false };
+        let mut on_device = Relighter::new(&bake, &rig, Some(&graphics)).unwrap();
+        assert!(on_device.refusal.is_none() && on_device.adapter.is_some());
+        on_device.relight(&coefficients).unwrap();
+        assert!(on_device.refusal.is_none() && on_device.spare.is_some());
+
+        graphics.gpu.set_memory(DeviceMemory::Exhausted);
+        let mut refused = Relighter::new(&bake, &rig, Some(&graphics)).unwrap();
+        assert_eq!(refused.relight(&coefficients).unwrap(), wanted);
+        let words = refused.refusal.clone().unwrap();
+        assert!(words.contains("failed, and the CPU goes on") && refused.json()["device"] == "cpu", "{words}");
+        graphics.is_asked_for = true;
+        assert!(Relighter::new(&bake, &rig, Some(&graphics)).is_err());
     }
 }

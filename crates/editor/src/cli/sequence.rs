@@ -7,7 +7,6 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
-use clerestory_relight::Gpu;
 use clerestory_transport::archive;
 use clerestory_transport::camera::Film;
 use serde_json::json;
@@ -17,7 +16,7 @@ use super::bake::merge;
 use super::console::{Answer, Console, advance, duration_words};
 use super::lamps;
 use super::picture;
-use super::relight::open_gpu;
+use super::relight::open_graphics;
 use super::view::{load_look, warn_of_unknown_lights};
 use crate::look::lamps::resolve;
 use crate::look::timeline::FPS;
@@ -87,8 +86,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     sequence.spare(&inputs)?;
 
     let interrupt = console.interrupt.heeded()?;
-    let gpu = open_gpu(options.device)?;
-    let device = gpu.as_ref().map_or("CPU".into(), |gpu: &Gpu| format!("GPU ({})", gpu.description()));
+    let graphics = open_graphics(options.device)?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let header = bake.header.clone();
@@ -107,7 +105,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
         measures,
         device: None,
     });
-    let mut stills = Stills::new(Arc::new(Subject { bake, view }), gpu);
+    let mut stills = Stills::new(Arc::new(Subject { bake, view }), graphics);
     let (begun, n_frames, bar) = (Instant::now(), sequence.n_frames(), console.start_progress("frames"));
     let mut on_frame = |n: u32| {
         advance(&bar, n as f32 / n_frames as f32);
@@ -119,13 +117,11 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     if n_written < n_frames {
         return Err(interrupt.stopped(format!("{n_written} of {n_frames} frames were written, each of them whole")));
     }
+    stills.relighter().into_iter().for_each(|relighter| relighter.warn_of_refusal(console));
+    let device = stills.relighter().map_or_else(String::new, |relighter| format!(" on the {}", relighter.words()));
     let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());
-    let words = format!(
-        "{output}: {n_frames} frames, {}×{}, in {} on the {device}",
-        header.width,
-        header.height,
-        duration_words(secs)
-    );
+    let words =
+        format!("{output}: {n_frames} frames, {}×{}, in {}{device}", header.width, header.height, duration_words(secs));
     let mut json = json!({
         "output": output, "frames": n_frames, "first": sequence.frames.start(), "last": sequence.frames.end(), "fps": sequence.fps,
         "width": header.width, "height": header.height, "relight_secs": secs, "warnings": console.warnings(),

@@ -41,14 +41,15 @@ pub(super) fn sheet(args: &RelightArgs, console: &mut Console) -> Result<Answer>
         .collect::<Result<_>>()?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
-    let gpu = super::relight::open_gpu(args.options.device)?;
+    let graphics = super::relight::open_graphics(args.options.device)?;
     let begun = Instant::now();
     let (mut prints, mut told) = (Vec::new(), Vec::new());
     for (name, path, look) in looks {
         warn_of_unknown_lights(&bake.header.basis, &look, console);
         let quality = (Arriving::of(&bake, look.shows_irradiance(format)), args.lamp_samples);
         let lamps = LampLight::of(&bake, &look, (Some(path), args.scene.as_deref()), quality, console)?;
-        let lit = Lit::new(&bake, &look, &lamps, gpu.as_ref())?;
+        let lit = Lit::new(&bake, &look, &lamps, graphics.as_ref())?;
+        lit.relighter.warn_of_refusal(console);
         let irradiance = irradiance_for(&bake, &look, &added_lux(&lamps), format, &options)?;
         let picture = Picture { radiance: &lit.radiance, layers: &[], irradiance: irradiance.as_ref(), look: &look };
         let (picture, shown) =

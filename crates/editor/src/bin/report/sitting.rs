@@ -70,7 +70,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## What a sitting costs\n\n\
          {} × {} pixels, indirect light shared, seconds by the clock, median (least…greatest) of {turns} sittings with seeds of their own: how long a stage takes, and when it is\n\
-         over, counted from opening the file. \"{TARGET_DB} dB\" is what the program tells of itself, at the end of a pass, after {PATIENCE_SECS} s at the latest. A drag is one light set\n\
+         over, counted from opening the file. \"{TARGET_DB} dB\" is what the program tells of itself, at the end of a pass, after {PATIENCE_SECS} s at the latest, where it is given up. A drag is one light set\n\
          anew, relit and brought to the display. {}\n{}\n| scene | stage | s | over after, s |\n|---|---|---|---|\n{rows}",
         film.width,
         film.height,
@@ -105,7 +105,8 @@ fn sitting(desk: &Desk, path: &std::path::Path, film: Film, turn: u64) -> Result
         told_db >= TARGET_DB
     })?;
     note("first preview", prepared, previewed);
-    note("35 dB", previewed, baked.ended);
+    let reached = if told_db >= TARGET_DB { format!("{TARGET_DB} dB") } else { format!("given up at {told_db:.0} dB") };
+    note(&reached, previewed, baked.ended);
 
     let frame = Frame { width: film.width, height: film.height, groups: baked.groups.clone() };
     let key = scene.lighting.basis.sources.first().map_or(String::new(), |source| source.key.clone());

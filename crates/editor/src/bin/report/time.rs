@@ -101,7 +101,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seeds 1 to 3; the references have their own. {}\n",
+         columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seed 1, each point once; the references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         load_words(),
     );
