@@ -210,11 +210,17 @@ fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &So
     });
 }
 
+/// Room for the name of a wish, points; what is longer is cut and told when it is pointed at.
+const NAME_WIDTH: f32 = 56.0;
+
 fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
     let mut gone = None;
     Grid::new("wishes").num_columns(4).spacing([8.0, 4.0]).show(ui, |ui| {
         for (idx, wish) in state.wishes.iter_mut().enumerate() {
-            ui.push_id(idx, |ui| ui.add(egui::Label::new(&wish.name).truncate()));
+            ui.push_id(idx, |ui| {
+                ui.set_min_width(NAME_WIDTH);
+                ui.add(egui::Label::new(&wish.name).truncate())
+            });
             let name = format!("{} wanted", wish.name);
             let (value, unit) = match &mut wish.target {
                 Target::Illuminance(lux) => (Some(lux), " lx"),

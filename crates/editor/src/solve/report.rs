@@ -123,10 +123,12 @@ impl Outcome {
         let remark = self.remark.as_ref().map_or(String::new(), |remark| format!("; {remark}"));
         match self.exposure_ev {
             Some(ev) => format!(
-                "{}: {} % off, was {} % (at {ev:+.2} EV){remark}",
+                "{}: {} % off, was {} % (at {:+.2} EV){remark}",
                 self.name,
                 number(self.reached),
-                number(self.before)
+                number(self.before),
+                // Not "-0.00".
+                (100.0 * ev).round() / 100.0 + 0.0
             ),
             None => format!(
                 "{}: {} {unit} of {} {unit} wanted, was {} {unit}{remark}",

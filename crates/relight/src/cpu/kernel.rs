@@ -41,8 +41,8 @@ pub(super) enum Kernel {
     Neon,
 }
 
-/// Halves from what is projected to what memory is asked for meanwhile: what was fastest of 4, 8 and 16 KB.
-const PROJECT_AHEAD: usize = 8192;
+/// Halves from what is projected to what memory is asked for meanwhile, line by line: what was fastest of 2 to 64 KB.
+const PROJECT_AHEAD: usize = 1024;
 
 /// The same for what is expanded.
 const EXPAND_AHEAD: usize = 2048;
@@ -50,8 +50,12 @@ const EXPAND_AHEAD: usize = 2048;
 /// Halves that are expanded, and asked for, in one go; at least one run.
 const EXPAND_LEN: usize = 1024;
 
-/// Up to four components of a right factor over one segment, in whole lanes.
-type Rows<'a, const N: usize> = [&'a [[f16; LANES]]; N];
+/// Up to four components of a right factor over one segment: lanes after lanes, of each all components.
+type Rows<'a, const N: usize> = &'a [[[f16; LANES]; N]];
+
+fn rows<const N: usize>(halves: &[f16]) -> Rows<'_, N> {
+    halves.as_chunks().0.as_chunks().0
+}
 
 impl Kernel {
     /// The fastest that this machine runs.
@@ -79,37 +83,36 @@ impl Kernel {
     }
 
     /// Sums over the columns of one segment of `right[component][col] · x[channel][col]`, quad by quad. `right` begins with
-    /// the segment of the block, row-major, rank × columns in whole lanes; what comes behind is read next.
+    /// the segment of the block, quad after quad, lanes after lanes; what comes behind is read next.
     pub(super) fn project(self, right: &[f16], (rank, n_cols): (usize, usize), cols: &Cols, sums: &mut [Quad]) {
         if cols.lit.is_empty() {
             return sums.fill(Quad::default());
         }
         let len = QUAD * n_cols;
-        for (quad, (rows, sums)) in right[..rank * n_cols].chunks(len).zip(sums).enumerate() {
-            prefetch(behind(right, quad * len + PROJECT_AHEAD, rows.len()));
-            let row = |k: usize| rows[k * n_cols..][..n_cols].as_chunks().0;
-            *sums = match rows.len() / n_cols {
-                1 => self.project_rows([row(0)], cols),
-                2 => self.project_rows([row(0), row(1)], cols),
-                3 => self.project_rows([row(0), row(1), row(2)], cols),
-                _ => self.project_rows([row(0), row(1), row(2), row(3)], cols),
+        for (quad, (halves, sums)) in right[..rank * n_cols].chunks(len).zip(sums).enumerate() {
+            let later = behind(right, quad * len + PROJECT_AHEAD, halves.len());
+            *sums = match halves.len() / n_cols {
+                1 => self.project_rows::<1>(rows(halves), rows(later), cols),
+                2 => self.project_rows::<2>(rows(halves), rows(later), cols),
+                3 => self.project_rows::<3>(rows(halves), rows(later), cols),
+                _ => self.project_rows::<QUAD>(rows(halves), rows(later), cols),
             };
         }
     }
 
     #[inline(always)]
-    fn project_rows<const N: usize>(self, rows: Rows<N>, cols: &Cols) -> Quad {
+    fn project_rows<const N: usize>(self, rows: Rows<N>, later: Rows<N>, cols: &Cols) -> Quad {
         match self {
-            Self::Plain => plain::project(rows, cols),
+            Self::Plain => plain::project(rows, later, cols),
             // SAFETY: this and the next variants exist only where `all` found the features.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => unsafe { avx2::project(rows, cols) },
+            Self::Avx2 => unsafe { avx2::project(rows, later, cols) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => unsafe { avx512::project(rows, cols) },
+            Self::Avx512 => unsafe { avx512::project(rows, later, cols) },
             // SAFETY: as above.
             #[cfg(target_arch = "aarch64")]
-            Self::Neon => unsafe { neon::project(rows, cols) },
+            Self::Neon => unsafe { neon::project(rows, later, cols) },
         }
     }
 
@@ -127,24 +130,23 @@ impl Kernel {
         let n_rows = RUN * (EXPAND_LEN / (RUN * rank)).max(1);
         for (i, out) in out.chunks_mut(n_rows).enumerate() {
             let (first, len) = (i * n_rows * rank, out.len() * rank);
-            prefetch(behind(left, first + EXPAND_AHEAD, len));
-            self.expand_runs(&left[first..first + len], patterns, out);
+            self.expand_runs(&left[first..first + len], behind(left, first + EXPAND_AHEAD, len), patterns, out);
         }
     }
 
     #[inline(always)]
-    fn expand_runs(self, left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+    fn expand_runs(self, left: &[f16], later: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
         match self {
-            Self::Plain => plain::expand(left, patterns, out),
+            Self::Plain => plain::expand(left, later, patterns, out),
             // SAFETY: as in `project_rows`.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => unsafe { avx2::expand(left, patterns, out) },
+            Self::Avx2 => unsafe { avx2::expand(left, later, patterns, out) },
             // SAFETY: as in `project_rows`.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => unsafe { avx512::expand(left, patterns, out) },
+            Self::Avx512 => unsafe { avx512::expand(left, later, patterns, out) },
             // SAFETY: as in `project_rows`.
             #[cfg(target_arch = "aarch64")]
-            Self::Neon => unsafe { neon::expand(left, patterns, out) },
+            Self::Neon => unsafe { neon::expand(left, later, patterns, out) },
         }
     }
 }

@@ -6,6 +6,7 @@ use super::quad::Quad;
 use super::store::Store;
 use super::{GroupInput, GroupState, Step};
 use crate::relight::RelightStats;
+use clerestory_nystrom::SparseEntry;
 
 /// What is kept of one row of tiles, per group.
 #[derive(Debug)]
@@ -138,7 +139,7 @@ impl Job<'_> {
             let (rank, is_settled) = (tile.rank, tile.is_shown && tile.behind <= self.step.tolerance);
             // The same `z` expands to the same pixels, and nearly the same to nearly the same, unless sparse entries carry
             // another coefficient past it.
-            let sparse = self.step.sparse(self.group, self.block_idx(store, tile_idx));
+            let sparse = self.sparse(store, tile_idx);
             let moves = (is_changed || !is_settled)
                 && store.settle(tile_idx, self.step.tolerance, planes.moves(sparse), &mut room.z);
             is_whole &= moves || (rank == 0 && sparse.is_empty());
@@ -165,7 +166,7 @@ impl Job<'_> {
             left: store.left_from(tile),
             rank: tile.rank,
             z: store.z_of(tile),
-            sparse: self.step.sparse(self.group, block_idx),
+            sparse: self.sparse(store, tile_idx),
             planes: &self.input.planes,
         };
         let n_bytes = scratch.expand(self.step.kernel, &source, (place, write), pixels);
@@ -175,6 +176,13 @@ impl Job<'_> {
         } else {
             stats.n_skipped += 1;
         }
+    }
+
+    fn sparse(&self, store: &Store, tile_idx: usize) -> &[SparseEntry] {
+        if !store.tiles[tile_idx].has_sparse {
+            return &[];
+        }
+        self.step.sparse(self.group, self.block_idx(store, tile_idx))
     }
 
     fn block_idx(&self, store: &Store, tile_idx: usize) -> usize {

@@ -17,7 +17,8 @@ pub(super) struct Store {
     pub tiles: Vec<Tile>,
     /// Tile after tile, runs × rank × [`RUN`]; the last run of a tile ends in zeros.
     left: Vec<f16>,
-    /// Segment after segment, tile after tile, rank × columns of the segment, which end in zeros where they do not fill their lanes.
+    /// Segment after segment, tile after tile, quad after quad, lanes after lanes, of each the components of the quad; columns that do
+    /// not fill their lanes end in zeros. Memory is read from front to back, in one stream.
     pub right: Vec<f16>,
     /// Columns of each segment, in whole lanes.
     pub widths: Vec<usize>,
@@ -39,6 +40,8 @@ pub(super) struct Tile {
     pub first: usize,
     /// Its first quad among those of the row.
     pub first_quad: usize,
+    /// Whether its block has sparse entries: where it has none, the block itself is not looked at, which memory would answer late.
+    pub has_sparse: bool,
     /// Its first half among the left factors of the row.
     first_left: usize,
     /// Whether `sums` are those of the coefficients that are cached.
@@ -150,7 +153,8 @@ fn tiles(partition: &Partition, blocks: &[usize], factors: &[Option<&BlockFactor
         first_quad += rank.div_ceil(QUAD);
         first_left += n_rows.next_multiple_of(RUN) * rank;
         let (first, first_quad, first_left) = at;
-        Tile { rank, first, first_quad, first_left, is_summed: false, is_shown: false, behind: 0.0 }
+        let has_sparse = factors.is_some_and(|factors| !factors.sparse.is_empty());
+        Tile { rank, first, first_quad, has_sparse, first_left, is_summed: false, is_shown: false, behind: 0.0 }
     };
     blocks.iter().zip(factors).map(of_block).collect()
 }
@@ -161,11 +165,15 @@ fn right(factors: &[Option<&BlockFactors>], widths: &[usize]) -> Vec<f16> {
     let mut right = Vec::with_capacity(n_components * widths.iter().sum::<usize>());
     for (segment, width) in widths.iter().enumerate() {
         for factors in factors.iter().flatten() {
-            for row in factors.right.chunks_exact(factors.n_cols as usize) {
-                let cols = &row[segment * SEGMENT..];
-                let cols = &cols[..cols.len().min(SEGMENT)];
-                right.extend_from_slice(cols);
-                right.resize(right.len() + width - cols.len(), f16::ZERO);
+            for rows in factors.right.chunks(QUAD * factors.n_cols as usize) {
+                for first in (0..*width).step_by(LANES) {
+                    for row in rows.chunks_exact(factors.n_cols as usize) {
+                        let cols = row.iter().skip(segment * SEGMENT + first).take(LANES);
+                        let len = right.len() + LANES;
+                        right.extend(cols);
+                        right.resize(len, f16::ZERO);
+                    }
+                }
             }
         }
     }

@@ -7,15 +7,16 @@ use super::*;
 
 /// All rows of the factor against all channels, twelve sums at a time.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
+pub(super) fn project<const N: usize>(rows: Rows<N>, later: Rows<N>, cols: &Cols) -> Quad {
     let x = cols.x;
     // Loops, not closures: sums whose address is taken would live in memory.
     let mut sums = [[_mm256_setzero_ps(); QUAD]; 3];
     for lanes in cols.lit {
+        later.get(lanes).into_iter().for_each(|later| prefetch(later));
         for half in 0..2 {
             let x = [load_half(&x[0][lanes], half), load_half(&x[1][lanes], half), load_half(&x[2][lanes], half)];
             for component in 0..N {
-                let right = load_f16(&rows[component][lanes].as_chunks().0[half]);
+                let right = load_f16(&rows[lanes][component].as_chunks().0[half]);
                 for channel in 0..3 {
                     sums[channel][component] = _mm256_fmadd_ps(right, x[channel], sums[channel][component]);
                 }
@@ -39,11 +40,13 @@ fn sum_lanes([a, b, c, d]: [__m256; QUAD]) -> __m128 {
 
 /// A run at a time, in six registers.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) fn expand(left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+pub(super) fn expand(left: &[f16], later: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+    let mut later = later.as_chunks::<RUN>().0.iter();
     let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
     for (left, out) in runs {
         let mut sums = [_mm256_setzero_ps(); RUN / 8];
         for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
+            later.next().into_iter().for_each(|later| prefetch(later));
             let z = z.as_chunks().0;
             let z = [load(&z[0]), load(&z[1]), load(&z[2])];
             for (i, left) in left.as_chunks().0.iter().enumerate() {

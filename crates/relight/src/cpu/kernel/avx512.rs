@@ -8,14 +8,15 @@ use super::*;
 /// All rows of the factor against all channels, so that a coefficient is loaded once for four components and a half once for
 /// three channels: twelve sums at a time.
 #[target_feature(enable = "avx512f")]
-pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
+pub(super) fn project<const N: usize>(rows: Rows<N>, later: Rows<N>, cols: &Cols) -> Quad {
     let x = cols.x;
     // Loops, not closures: sums whose address is taken would live in memory.
     let mut sums = [[_mm512_setzero_ps(); QUAD]; 3];
     for lanes in cols.lit {
+        later.get(lanes).into_iter().for_each(|later| prefetch(later));
         let x = [load(&x[0][lanes]), load(&x[1][lanes]), load(&x[2][lanes])];
         for component in 0..N {
-            let right = load_f16(&rows[component][lanes]);
+            let right = load_f16(&rows[lanes][component]);
             for channel in 0..3 {
                 sums[channel][component] = _mm512_fmadd_ps(right, x[channel], sums[channel][component]);
             }
@@ -54,11 +55,13 @@ fn transposed_sum([a, b, c, d]: [__m512; QUAD]) -> __m512 {
 
 /// A run at a time, in three registers.
 #[target_feature(enable = "avx512f")]
-pub(super) fn expand(left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+pub(super) fn expand(left: &[f16], later: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+    let mut later = later.as_chunks::<RUN>().0.iter();
     let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
     for (left, out) in runs {
         let mut sums = [_mm512_setzero_ps(); RUN / LANES];
         for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
+            later.next().into_iter().for_each(|later| prefetch(later));
             // Row 32 meets the same channel as row 8.
             let z = [load_at(z, 0), load_at(z, 16), load_at(z, 8)];
             for (i, left) in left.as_chunks().0.iter().enumerate() {

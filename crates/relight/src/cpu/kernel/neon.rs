@@ -7,11 +7,12 @@ use super::*;
 
 /// All rows of the factor against all channels, twelve sums at a time.
 #[target_feature(enable = "neon")]
-pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
+pub(super) fn project<const N: usize>(rows: Rows<N>, later: Rows<N>, cols: &Cols) -> Quad {
     let x = cols.x;
     // Loops, not closures: sums whose address is taken would live in memory.
     let mut sums = [[vdupq_n_f32(0.0); QUAD]; 3];
     for lanes in cols.lit {
+        later.get(lanes).into_iter().for_each(|later| prefetch(later));
         for quarter in 0..LANES / 4 {
             let x = [
                 load_quarter(&x[0][lanes], quarter),
@@ -19,7 +20,7 @@ pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
                 load_quarter(&x[2][lanes], quarter),
             ];
             for component in 0..N {
-                let right = load_f16(&rows[component][lanes].as_chunks().0[quarter]);
+                let right = load_f16(&rows[lanes][component].as_chunks().0[quarter]);
                 for channel in 0..3 {
                     sums[channel][component] = vfmaq_f32(sums[channel][component], right, x[channel]);
                 }
@@ -35,11 +36,13 @@ pub(super) fn project<const N: usize>(rows: Rows<N>, cols: &Cols) -> Quad {
 
 /// A run at a time, in twelve registers.
 #[target_feature(enable = "neon")]
-pub(super) fn expand(left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+pub(super) fn expand(left: &[f16], later: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+    let mut later = later.as_chunks::<RUN>().0.iter();
     let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
     for (left, out) in runs {
         let mut sums = [vdupq_n_f32(0.0); RUN / 4];
         for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
+            later.next().into_iter().for_each(|later| prefetch(later));
             let z = z.as_chunks().0;
             let z = [load(&z[0]), load(&z[1]), load(&z[2])];
             for (i, left) in left.as_chunks().0.iter().enumerate() {
