@@ -1,5 +1,8 @@
 //! A few rows with a few vectors: scalar products and combinations, with the vector instructions of the machine.
-#![expect(unsafe_code, reason = "AVX2 and FMA behind run-time detection; `plain` is the safe twin")]
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(unsafe_code, reason = "AVX2 and FMA behind run-time detection; `plain` is the safe twin")
+)]
 
 /// Rows that are worked on at a time.
 pub(crate) const TALL: usize = 6;
