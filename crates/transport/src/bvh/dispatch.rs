@@ -1,5 +1,8 @@
 //! Picks the vector instructions: the same code, compiled for what the machine has.
-#![expect(unsafe_code, reason = "calls of functions compiled for AVX2, after it was detected")]
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(unsafe_code, reason = "calls of functions compiled for AVX2, after it was detected")
+)]
 
 use super::build::Tree;
 use super::fan::Fan;
