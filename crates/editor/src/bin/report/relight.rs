@@ -96,7 +96,7 @@ impl Row {
         let [all, one, display] = self.secs.map(|secs| 1e3 * secs);
         let of_as_many = self
             .as_many
-            .map_or("| |".into(), |rate| format!("| {:.1} | {:.0} % |", rate / 1e9, share(0) * self.memory / rate));
+            .map_or("| | |".into(), |rate| format!("| {:.1} | {:.0} % |", rate / 1e9, share(0) * self.memory / rate));
         format!(
             "| relight/{width}x{height}/{n_cols}/{rank} | {:.0} | {all:.2} | {:.0} % | {:.1} | {one:.2} | {:.0} % | {display:.2} | {:.1} {of_as_many}\n",
             self.n_bytes[0] as f64 / 1e6,
