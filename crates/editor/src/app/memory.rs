@@ -45,7 +45,7 @@ impl MemoryWatch {
     }
 
     /// Something else is open now. What was before may have left freed memory behind, whatever else has taken some since.
-    fn is_open(&mut self, open: Open) {
+    fn has_opened(&mut self, open: Open) {
         if std::mem::replace(&mut self.open, open) != open {
             self.n_owed = TIMES_OWED;
         }
@@ -75,7 +75,7 @@ impl App {
         }
         (self.memory.asked_at, self.memory.comes_back) = (now, false);
         let is_running = self.session.bake.is_running();
-        self.memory.is_open(Open(self.session.n_whole, self.session.views().len(), is_running));
+        self.memory.has_opened(Open(self.session.n_whole, self.session.views().len(), is_running));
         let has_grown = self.memory.has_grown(resident_bytes());
         if (has_grown || self.memory.n_owed > 0) && !is_running {
             self.memory.n_owed = self.memory.n_owed.saturating_sub(1);
@@ -106,12 +106,12 @@ mod tests {
     #[test]
     fn what_was_replaced_is_given_back_whatever_came_since() {
         let mut watch = MemoryWatch::new();
-        watch.is_open(Open::default());
+        watch.has_opened(Open::default());
         assert_eq!(watch.n_owed, 0);
-        watch.is_open(Open(1, 1, false));
+        watch.has_opened(Open(1, 1, false));
         assert_eq!(watch.n_owed, TIMES_OWED);
         watch.n_owed = 0;
-        watch.is_open(Open(1, 1, false));
+        watch.has_opened(Open(1, 1, false));
         assert_eq!(watch.n_owed, 0);
     }
 }

@@ -33,9 +33,8 @@ impl Session {
         let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.clone()) else {
             return;
         };
-        let job = self.job(settings, camera.clone());
-        let (n_threads, job) = match job.and_then(|job| Ok((self.threads_for(&job, settings)?, job))) {
-            Ok(ready) => ready,
+        let (job, n_threads) = match self.fitting_job(settings, camera.clone()) {
+            Ok(fitting) => fitting,
             Err(why) => {
                 self.bake = BakeState::Failed(why);
                 return;
@@ -50,9 +49,8 @@ impl Session {
         if self.n_resumable(settings) == 0 {
             return;
         }
-        let job = self.job(settings, self.begun.as_ref().and_then(Begun::camera));
-        match job.and_then(|job| Ok((self.threads_for(&job, settings)?, job))) {
-            Ok((n_threads, job)) => self.begin(job, n_threads, self.half_done()),
+        match self.fitting_job(settings, self.begun.as_ref().and_then(Begun::camera)) {
+            Ok((job, n_threads)) => self.begin(job, n_threads, self.half_done()),
             Err(why) => self.bake = BakeState::Failed(why),
         }
     }

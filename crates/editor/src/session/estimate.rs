@@ -69,9 +69,8 @@ impl Session {
         if !is_due || self.forecasting.task.is_some() || self.forecasting.answer != Forecast::Trying {
             return;
         }
-        let job = self.job(settings, None);
-        match job.and_then(|job| Ok((self.threads_for(&job, settings)?, job))) {
-            Ok((n_threads, job)) => {
+        match self.fitting_job(settings, None) {
+            Ok((job, n_threads)) => {
                 let focus = self.forecasting.focus.clone();
                 self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, n_threads, &focus, &post));
             }

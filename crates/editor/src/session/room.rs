@@ -2,6 +2,7 @@
 
 use clerestory_transport::bake::BakeJob;
 use clerestory_transport::bake::estimate::BakeEstimate;
+use clerestory_transport::camera::Camera;
 
 use super::estimate::Forecast;
 use super::{BakeSettings, Session};
@@ -11,8 +12,8 @@ use crate::platform::{available_bytes, resident_bytes};
 const PART_OF_FREE: f64 = 0.9;
 
 /// Memory that is left for a bake, bytes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Room {
+#[derive(Clone, Copy, Debug)]
+struct Room {
     /// None where neither a person nor the system says.
     bytes: Option<u64>,
 }
@@ -74,19 +75,26 @@ pub(super) fn all_threads() -> usize {
 }
 
 impl Session {
-    /// On how many threads a bake may run now; what blocks that were tried took is heeded where it is known for these settings.
+    /// What would be baked with some settings, and on how many threads it may run now; what blocks that were tried took is heeded where it
+    /// is known for these settings.
     ///
     /// # Errors
-    /// In words, if it does not fit at all.
-    pub(super) fn threads_for(&self, job: &BakeJob, settings: &BakeSettings) -> Result<usize, String> {
+    /// In words, if nothing can be baked, or it does not fit at all.
+    pub(super) fn fitting_job(
+        &self,
+        settings: &BakeSettings,
+        camera: Option<Camera>,
+    ) -> Result<(BakeJob, usize), String> {
+        let job = self.job(settings, camera)?;
         let needs = match self.forecast_of(settings) {
             Some(Forecast::Told(estimate)) => Needs::estimated(estimate),
-            _ => Needs::at_least(job),
+            _ => Needs::at_least(&job),
         };
-        Room::now(self.memory_limit).threads(needs, all_threads())
+        let n_threads = Room::now(self.memory_limit).threads(needs, all_threads())?;
+        Ok((job, n_threads))
     }
 
-    /// The same for what was foreseen: on how many threads it would run, of how many.
+    /// On how many threads what was foreseen would run, of how many.
     ///
     /// # Errors
     /// In words, if it does not fit at all.

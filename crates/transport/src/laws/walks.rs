@@ -75,6 +75,9 @@ impl Deposit for Weighed<'_> {
     }
 }
 
+/// Radiance along a ray, given as its origin and direction, with at most so many bounces.
+type Walk = fn(&PreparedScene, &[f32], (Vec3, Vec3), u32, &mut Sampler) -> f64;
+
 impl Walks {
     /// The only pixel of a camera.
     pub fn of_one_pixel(streams: u64, bounces: Option<u32>) -> Walks {
@@ -107,11 +110,20 @@ impl Walks {
 
     /// The same as [`Walks::streams`] by [`plain_walk`]; without a limit of bounces by paths so long that they carry nothing.
     pub fn plain(&self, scene: &PreparedScene, weights: &[f32]) -> Vec<f64> {
+        self.walked(scene, weights, plain_walk)
+    }
+
+    /// The same by [`connected_walk`].
+    pub fn connected(&self, scene: &PreparedScene, weights: &[f32]) -> Vec<f64> {
+        self.walked(scene, weights, connected_walk)
+    }
+
+    fn walked(&self, scene: &PreparedScene, weights: &[f32], walk: Walk) -> Vec<f64> {
         let camera = &scene.scene.cameras[0];
         self.each(|pixel, mut sampler| {
             let film_px = glam::Vec2::new(pixel[0] as f32, pixel[1] as f32) + glam::Vec2::from(sampler.next_2d());
             let ray = (camera.position(), camera.direction(self.film, film_px));
-            plain_walk(scene, weights, ray, self.bounces.unwrap_or(100), &mut sampler)
+            walk(scene, weights, ray, self.bounces.unwrap_or(100), &mut sampler)
         })
     }
 
@@ -153,18 +165,6 @@ fn plain_walk(
         (origin, direction) = (hit.origin(side), sample.wi);
     }
     sum
-}
-
-impl Walks {
-    /// The same as [`Walks::plain`] by [`connected_walk`].
-    pub fn connected(&self, scene: &PreparedScene, weights: &[f32]) -> Vec<f64> {
-        let camera = &scene.scene.cameras[0];
-        self.each(|pixel, mut sampler| {
-            let film_px = glam::Vec2::new(pixel[0] as f32, pixel[1] as f32) + glam::Vec2::from(sampler.next_2d());
-            let ray = (camera.position(), camera.direction(self.film, film_px));
-            connected_walk(scene, weights, ray, self.bounces.unwrap_or(100), &mut sampler)
-        })
-    }
 }
 
 /// Radiance along a ray by next-event estimation alone: every vertex is connected to a point of every light, nothing is weighed,
