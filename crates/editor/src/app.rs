@@ -6,6 +6,7 @@ mod export;
 mod files;
 mod focus;
 mod follow;
+mod habits;
 mod heat;
 mod host;
 mod lamplight;
@@ -51,6 +52,7 @@ use crate::viewport::ViewState;
 use camera::CameraDesk;
 use daylight::Daylight;
 use follow::Follower;
+use habits::BakeHabits;
 pub use host::WindowLost;
 use look_files::LookFiles;
 use looks::Prints;
@@ -59,17 +61,15 @@ use probe::Prober;
 use recovery::Recovery;
 use sides::Sides;
 use solving::Solving;
-use start::default_settings;
 pub use start::{Start, run};
 
-/// Width of a picture that is baked without being asked for.
-const DEFAULT_WIDTH_PX: u32 = 640;
 const RECENT_KEY: &str = "recent";
 const LIGHTS_KEY: &str = "lights";
 const EXPORT_KEY: &str = "export";
 const PANELS_KEY: &str = "panels";
 const DEVICE_KEY: &str = "device";
 const MEMORY_KEY: &str = "memory";
+const BAKE_KEY: &str = "bake";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
 
@@ -85,8 +85,8 @@ pub struct App {
     has_let_go: bool,
     settings: BakeSettings,
     fixed_settings: Option<BakeSettings>,
-    /// Width of pictures of the scenes that are opened.
-    width_px: u32,
+    /// How scenes are baked that are opened.
+    habits: BakeHabits,
     /// How pictures are baked: no machine is too slow for a fine tolerance.
     stack_settings: BakeSettings,
     lights: LightsState,
@@ -141,6 +141,8 @@ impl App {
         let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
         let layout = cc.storage.and_then(|storage| eframe::get_value(storage, LIGHTS_KEY)).unwrap_or_default();
         let lights = LightsState::new(layout);
+        let habits: BakeHabits = cc.storage.and_then(|storage| eframe::get_value(storage, BAKE_KEY)).unwrap_or_default();
+        let habits = habits.within_reason();
         let ctx = cc.egui_ctx.clone();
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
@@ -161,10 +163,10 @@ impl App {
             look_files: LookFiles::new(wake.clone()),
             undoer: Undoer::default(),
             has_let_go: false,
-            settings: start.settings.clone().unwrap_or_else(default_settings),
+            settings: start.settings.clone().unwrap_or_else(|| habits.settings(None)),
             fixed_settings: start.settings,
-            width_px: DEFAULT_WIDTH_PX,
-            stack_settings: BakeSettings { config: BakeConfig::default(), ..default_settings() },
+            habits,
+            stack_settings: BakeSettings { config: BakeConfig::default(), ..habits.settings(None) },
             lights,
             view: ViewState::default(),
             follower,
@@ -248,11 +250,11 @@ impl App {
     }
 
     fn say(&mut self, words: impl Into<String>) {
-        self.message = (words.into(), MessageTone::Calm);
+        self.message = (self.look.renamed(&words.into()), MessageTone::Calm);
     }
 
     fn complain(&mut self, words: impl Into<String>) {
-        self.message = (in_brief(words.into()), MessageTone::Problem);
+        self.message = (self.look.renamed(&in_brief(words.into())), MessageTone::Problem);
     }
 
     fn notice(&mut self, ctx: &Context, notice: Notice) {
@@ -418,6 +420,7 @@ impl eframe::App for App {
         eframe::set_value(storage, PANELS_KEY, &self.sides);
         eframe::set_value(storage, DEVICE_KEY, &self.follower.wish());
         eframe::set_value(storage, MEMORY_KEY, &self.session.memory_limit);
+        eframe::set_value(storage, BAKE_KEY, &self.habits);
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

@@ -42,7 +42,7 @@ impl Lit<'_> {
         let mut warnings = lights::write(&mut document, self.scene, &self.look.lights)?;
         lamps::write(&mut document, self.scene, &self.look.lights.lit_lamps(), &mut warnings)?;
         container::save(&source, document, kind, self.folder, path)?;
-        Ok(warnings)
+        Ok(warnings.iter().map(|words| self.look.renamed(words)).collect())
     }
 }
 

@@ -86,6 +86,14 @@ impl Look {
         self.names.get(key).map_or(key, String::as_str)
     }
 
+    /// A sentence that names lights by their keys, `like this`, with what they are called here.
+    pub fn renamed(&self, sentence: &str) -> String {
+        let parts = sentence.split('`').enumerate();
+        // Every other part stands between two marks.
+        let called: Vec<&str> = parts.map(|(nth, part)| if nth % 2 == 1 { self.name_of(part) } else { part }).collect();
+        called.join("`")
+    }
+
     /// A sentence for each light that it sets without effect on a scene.
     pub fn unheeded(&self, basis: &LightBasis) -> Vec<String> {
         let words = |(key, why): (&str, Unheeded)| match why {
@@ -98,7 +106,7 @@ impl Look {
                 format!("the look has a lamp `{key}`, but a light of the scene has this name; rename the lamp")
             }
         };
-        basis.unheeded_keys(&self.lights).into_iter().map(words).collect()
+        basis.unheeded_keys(&self.lights).into_iter().map(words).map(|words| self.renamed(&words)).collect()
     }
 
     /// Reads a file and the sky that it names, relative to its folder; see [`Look::from_json`].
@@ -266,6 +274,16 @@ mod tests {
         assert_eq!(look.display.exposure_ev, Some(0.0));
         assert_eq!(look.lights.lamps[0].strength, 800.0);
         assert_eq!((look.lights.groups["Desks"].intensity, look.names["KEY"].as_str()), (0.5, "Desk lamp"));
+    }
+
+    #[test]
+    fn sentences_call_lights_by_their_names() {
+        let look = rich();
+        assert_eq!(look.renamed("`Dark` and `Ceiling` are off"), "`Wall, \"left\"` and `Ceiling` are off");
+        assert_eq!(look.renamed("it is Dark, `Dark"), "it is Dark, `Wall, \"left\"");
+        assert_eq!(look.renamed(""), "");
+        let of_nothing = look.unheeded(&LightBasis::new(Vec::new()));
+        assert!(of_nothing.iter().any(|words| words.contains("`Wall, \"left\"`")), "{of_nothing:?}");
     }
 
     #[test]

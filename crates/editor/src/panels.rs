@@ -11,6 +11,7 @@ pub mod lamps;
 pub mod lights;
 pub mod looks;
 pub mod measure;
+pub mod menu;
 pub mod plot;
 pub mod shortcuts;
 pub mod sky;

@@ -37,6 +37,7 @@ use eframe::egui::ColorImage;
 use self::begun::Begun;
 use self::estimate::Forecasting;
 use self::lamps::LampView;
+use self::room::RoomSeen;
 use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::picture::Changed;
@@ -179,6 +180,7 @@ pub struct Session {
     /// Bakes of the scene as it was before it was read or prepared again.
     earlier: Vec<Bake>,
     forecasting: Forecasting,
+    room_seen: RoomSeen,
     /// Where somebody looks while a bake runs.
     pub focus: Arc<Focus>,
     /// Where finished bakes of scenes are found and kept.
@@ -221,6 +223,7 @@ impl Session {
             begun: None,
             earlier: Vec::new(),
             forecasting: Forecasting::default(),
+            room_seen: RoomSeen::default(),
             focus: Arc::default(),
             cache: None,
             memory_limit: None,

@@ -16,7 +16,7 @@ use eframe::egui::{Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Window, baked, click, open, open_with, quick, room, wait};
+use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, room, wait};
 
 /// Clicks on something that may lie below what is seen of its panel.
 fn reach(window: &mut Window, label: &str) {
@@ -55,7 +55,7 @@ fn a_bake_that_does_not_fit_the_memory_says_so_and_is_not_begun() {
     window.run_steps(3);
     assert_eq!(window.state().session().memory_limit, Some(20_000_000));
     // The program itself takes more.
-    window.get_by_label_contains("of memory, and 0 MB may be taken");
+    window.get_by_label_contains("of memory, and 0 B may be taken");
     reach(&mut window, "Start bake");
     let BakeState::Failed(why) = window.state().session().bake.clone() else { panic!() };
     assert!(why.contains("make the picture smaller"), "{why}");
@@ -84,6 +84,41 @@ fn a_size_that_was_chosen_stays_for_the_next_scene() {
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
     assert_eq!(window.state().settings().film, film);
     assert_eq!(window.state().session().shown.as_ref().unwrap().header.width, 48);
+}
+
+#[test]
+fn the_size_and_the_quality_that_were_chosen_are_there_at_the_next_start() {
+    let opened = |kept: Kept| {
+        // A window borrows it for as long as it lives.
+        let kept: &'static Kept = Box::leak(Box::new(kept));
+        let builder = Harness::builder().with_size(vec2(1440.0, 900.0));
+        let mut window: Window = builder.build_eframe(|cc| {
+            cc.storage = Some(kept);
+            App::new(cc, Start::alone(source(), None)).unwrap()
+        });
+        wait(&mut window, |app| app.session().bake.is_running() || app.session().bake == BakeState::Done);
+        window
+    };
+    let mut window = opened(Kept::default());
+    assert_eq!(window.state().settings().film, Film { width: 640, height: 480 });
+    click(&mut window, "Stop the bake");
+    for (label, number) in [("Width", 48.0), ("Samples per pixel", 4.0), ("Tolerance", 18.0)] {
+        window.get_by_label(label).set_value_accesskit(number);
+        window.run_steps(3);
+    }
+    let kept = Kept::by(&mut window);
+    drop(window);
+    let mut window = opened(kept);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    let BakeSettings { film, config, .. } = window.state().settings().clone();
+    assert_eq!((film, config.spp, config.tolerance_db), (Film { width: 48, height: 36 }, 4, 18.0));
+    assert_eq!(window.state().session().shown.as_ref().unwrap().header.width, 48, "it is baked like that");
+    // A height of one's own stays as well.
+    window.get_by_label("Height").set_value_accesskit(20.0);
+    window.run_steps(3);
+    let kept = Kept::by(&mut window);
+    drop(window);
+    assert_eq!(opened(kept).state().settings().film, Film { width: 48, height: 20 });
 }
 
 #[test]

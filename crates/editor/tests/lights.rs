@@ -297,3 +297,107 @@ fn what_a_right_click_offers_is_there_for_the_keyboard_too() {
     click(&mut window, "Make movable");
     assert_eq!(window.state().look().lights.lamps[0].key, "lamp movable 1");
 }
+
+/// Gives the keyboard to something and has its menu opened by a key.
+fn menu_by_key(window: &mut Window, label: &str, modifiers: Modifiers, key: Key) {
+    window.get_by_label(label).focus();
+    window.run_steps(2);
+    window.key_press_modifiers(modifiers, key);
+    window.run_steps(4);
+}
+
+/// Presses a key and looks what comes of it.
+fn press(window: &mut Window, key: Key) {
+    window.key_press(key);
+    window.run_steps(3);
+}
+
+#[test]
+fn menus_open_choose_and_close_without_a_pointer() {
+    let mut window = lit();
+    window.hover_at(pos2(5.0, 400.0));
+    menu_by_key(&mut window, "lamp", Modifiers::SHIFT, Key::F10);
+    let (menu, row) = (window.get_by_label("Solo this alone").rect(), window.get_by_label("lamp").rect());
+    assert!((menu.left() - row.left()).abs() < 20.0 && menu.top() > row.top(), "below the name: {menu} {row}");
+    for key in [Key::ArrowDown, Key::ArrowDown, Key::Enter] {
+        press(&mut window, key);
+    }
+    window.get_by_label("Solo: lamp");
+    assert!(window.query_by_label("Rename…").is_none(), "what was chosen closes it");
+    click(&mut window, "Clear solo");
+
+    menu_by_key(&mut window, "Counter", Modifiers::NONE, Key::Menu);
+    window.get_by_label("Reset the master");
+    press(&mut window, Key::Escape);
+    assert!(window.query_by_label("Reset the master").is_none());
+    assert!(window.get_by_label("Counter").accesskit_node().is_focused(), "the keyboard goes on where it was");
+    // Without the key in the hand of anything no menu opens.
+    press(&mut window, Key::Tab);
+    window.get_by_label("Undo").focus();
+    window.run_steps(2);
+    press(&mut window, Key::Menu);
+    assert!(window.query_by_label("Reset the master").is_none() && window.query_by_label("Rename…").is_none());
+
+    click(&mut window, "Keep look");
+    menu_by_key(&mut window, "Look Look", Modifiers::NONE, Key::Menu);
+    click(&mut window, "Duplicate");
+    assert_eq!(window.state().look().snapshots.len(), 2);
+
+    menu_by_key(&mut window, "Picture", Modifiers::SHIFT, Key::F10);
+    press(&mut window, Key::ArrowDown);
+    press(&mut window, Key::ArrowRight);
+    click(&mut window, "Point");
+    let lamp = window.state().look().lights.lamps[0].clone();
+    assert!(lamp.position.x.abs() < 0.05, "in the middle of the view: {}", lamp.position);
+
+    press(&mut window, Key::F1);
+    window.get_by_label("The menu of what has the focus");
+}
+
+/// Gives a light another name.
+fn rename(window: &mut Window, from: &str, to: &str) {
+    let at = name(window, from);
+    from_menu(window, at, "Rename…");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    // The chosen lamp has a second field, which does not have the keyboard.
+    let label = format!("Name of {from}");
+    window.get_all_by_label(&label).find(|field| field.accesskit_node().is_focused()).unwrap().type_text(to);
+    window.run_steps(2);
+    press(window, Key::Enter);
+}
+
+#[test]
+fn a_light_that_was_renamed_is_called_so_everywhere() {
+    let mut window = baked();
+    rename(&mut window, "panel", "Wash");
+    click(&mut window, "Spots");
+    for label in ["Spots on Wash", "Wash spot radius", "Delete spot of Wash", "Add spot to Wash"] {
+        window.get_by_label(label);
+    }
+    let at = window.get_by_label_contains("Wash, spot 1 at").rect();
+    assert!(window.get_by_label("Picture").rect().contains_rect(at));
+
+    // Messages, and lamps that are made of others.
+    rename(&mut window, "lamp", "Pendant");
+    let at = name(&window, "Pendant");
+    from_menu(&mut window, at, "Make movable");
+    window.get_by_label("Added Pendant movable 1");
+    rename(&mut window, "Pendant movable 1", "Door");
+    for label in ["Door strength", "Door unit", "Door position X"] {
+        window.get_by_label(label);
+    }
+    click(&mut window, "Duplicate");
+    window.get_by_label("Added Door 1");
+    wait(&mut window, App::is_settled);
+    click(&mut window, "Solve for light");
+    let lights = window.get_by_label_contains("Lights that may change");
+    lights.scroll_to_me();
+    window.run_steps(6);
+    window.get_by_label_contains("Lights that may change").click();
+    window.run_steps(4);
+    for name in ["Wash", "Door", "Door 1"] {
+        window.get_by_label(&format!("{name} may change"));
+    }
+    press(&mut window, Key::Delete);
+    window.get_by_label("Deleted Door 1");
+}

@@ -252,10 +252,13 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     save_as(&mut window, "Export frames…", &folder.path().join("f_###.png"));
     wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("f_048.png").exists());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 49);
-    // A part that a single picture was cut to is none of the frames', and what is there is told before it is replaced.
+    // Frames are as large as a single picture would be, and the same part; what is there is told before it is replaced.
     ask_for(&mut window, "Export…", &folder.path().join("one.png"));
+    window.get_by_label("Width of the file").set_value_accesskit(32.0);
+    window.run_steps(3);
     click(&mut window, "Region");
-    window.get_by_label("Region width");
+    window.get_by_label("Region left").set_value_accesskit(20.0);
+    window.run_steps(3);
     click(&mut window, "Cancel");
     ask_for(&mut window, "Export frames…", &folder.path().join("f_###.png"));
     window.get_by_label_contains("49 files of these names are there");
@@ -265,9 +268,21 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     window.get_by_label_contains("write # for the digits");
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("g_##.png").display().to_string());
     window.run_steps(3);
+    window.get_by_label_contains("does not lie within the picture of 32 × 24");
+    assert!(window.get_by_label("Save").accesskit_node().is_disabled());
+    window.get_by_label("Region width").set_value_accesskit(12.0);
+    window.run_steps(3);
     click(&mut window, "Save");
     wait(&mut window, |app| app.session().frames().is_none() && folder.path().join("g_48.png").exists());
-    assert_eq!(image::image_dimensions(folder.path().join("g_48.png")).unwrap(), (64, 48));
+    let [part, whole] = ["g_48.png", "f_048.png"].map(|name| image::open(folder.path().join(name)).unwrap().to_rgb8());
+    assert_eq!((part.dimensions(), whole.dimensions()), ((12, 24), (64, 48)));
+    // Of the picture of half the size, the twelve columns at its right.
+    let mean = |x: u32, y: u32| (0..4).map(|i| f32::from(whole.get_pixel(2 * x + i % 2, 2 * y + i / 2)[1])).sum::<f32>() / 4.0;
+    let off = |left: u32| {
+        let pixels = (0..12 * 24).map(|i| (i % 12, i / 12));
+        pixels.map(|(x, y)| (mean(left + x, y) - f32::from(part.get_pixel(x, y)[1])).abs()).sum::<f32>()
+    };
+    assert!(off(20) < 0.5 * off(0), "{} {}", off(20), off(0));
 }
 
 #[test]

@@ -5,13 +5,20 @@
 #[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
+use std::collections::BTreeMap;
+
+use clerestory::app::App;
 use clerestory::compare::read_exr;
 use clerestory::export::layers::LayerSet;
+use clerestory::session::{BakeState, Source};
+use clerestory_transport::bake::BakeConfig;
 use eframe::egui::{Event, OutputCommand};
 use egui_kittest::kittest::{NodeT, Queryable};
 use exr::meta::MetaData;
+use exr::prelude::{ReadChannels, ReadLayers};
+use serde_json::json;
 
-use desk::{Window, ask_for, baked, click, room, wait};
+use desk::{Window, ask_for, baked, click, open_with, quick, room, wait};
 
 #[test]
 fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
@@ -45,6 +52,48 @@ fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     assert_eq!(header.shared_attributes.display_window.size.0, 64);
     let part = read_exr(&path).unwrap();
     assert_eq!((part.width, part.height), (4, 48));
+}
+
+/// Numbers of an EXR by the names of its channels.
+fn channels(path: &std::path::Path) -> BTreeMap<String, Vec<f32>> {
+    let image = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+    let image = image.all_attributes().from_file(path).unwrap();
+    let channels = image.layer_data.channel_data.list.into_iter();
+    channels.map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect())).collect()
+}
+
+#[test]
+fn each_lamp_that_was_added_has_a_layer_of_its_own_and_all_add_up_to_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.exr");
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+    // With patches, so that lamps light the room by way of its surfaces, too.
+    let mut window = open_with(source, BakeConfig { patches: 64, ..quick() }, None);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    for kind in ["Point", "Sphere"] {
+        click(&mut window, "Add lamp");
+        click(&mut window, kind);
+        wait(&mut window, App::is_settled);
+    }
+    ask_for(&mut window, "Export…", &path);
+    click(&mut window, "Layers");
+    click(&mut window, "By light");
+    click(&mut window, "Save");
+    wait(&mut window, |_| path.exists());
+    let channels = channels(&path);
+    let names = ["Globe 1", "Point lamp 1", "lamp", "panel"];
+    let found: Vec<&str> = channels.keys().filter_map(|name| name.strip_suffix(".G")).collect();
+    assert_eq!(found, names);
+    let lights = names.map(|name| &channels[&format!("{name}.G")]);
+    for (light, name) in lights.iter().zip(names) {
+        assert!(light.iter().any(|g| *g > 1e-3), "{name} lights something");
+    }
+    let whole = &channels["G"];
+    let brightest = whole.iter().fold(0.0f32, |most, g| most.max(*g));
+    for (idx, green) in whole.iter().enumerate() {
+        let sum: f32 = lights.iter().map(|light| light[idx]).sum();
+        assert!((sum - green).abs() < 1e-4 * brightest, "{sum} {green} at {idx}");
+    }
 }
 
 #[test]
@@ -127,6 +176,14 @@ fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
     let interop = exr::prelude::AttributeValue::Text("lin_rec709_scene".into());
     let told = &header.own_attributes.other;
     assert!(told.values().any(|value| *value == interop), "the space by its name");
+
+    let shots = json!({"clerestory": 1, "looks": [{"name": "A"}], "timeline": {"keys": [{"time": 0, "look": "A"}]}});
+    std::fs::write(at("shots.look"), shots.to_string()).unwrap();
+    let (frames, shots) = (at("frame_#.png"), at("shots.look"));
+    let line = ["relight", &bake, "--look", &shots, "-o", &frames, "--width", "32", "--region", "8,4,16,12"];
+    let told = answer(&line);
+    assert_eq!((&told["frames"], &told["width"], &told["height"]), (&1.into(), &16.into(), &12.into()), "{told}");
+    assert_eq!(image::image_dimensions(at("frame_0.png")).unwrap(), (16, 12));
 
     for (name, intensity) in [("dim", 0.2), ("bright", 3.0), ("as it is", 1.0)] {
         let look = format!(r#"{{"clerestory": 1, "lights": {{"lamp": {{"intensity": {intensity}}}}}}}"#);

@@ -73,7 +73,7 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     click(&mut window, "Solve");
     wait(&mut window, |app| app.solution().is_some());
     let found = window.state().solution().unwrap().clone();
-    assert!(found.outcomes[0].is_met, "{}", found.words());
+    assert!(found.outcomes[0].is_met, "{}", found.words(window.state().look()));
     assert!(window.query_all_by_label_contains("wanted, was").count() == 1);
     // The picture shows it, the look does not have it yet.
     wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.5);

@@ -19,7 +19,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Dropped, Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
+use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
 
 #[test]
 fn a_dragged_slider_relights_and_is_one_step_of_undo() {
@@ -78,26 +78,6 @@ fn a_bake_goes_on_where_an_editor_ended_and_ends_with_the_same_bytes() {
     assert_eq!(in_cache(broken.path(), "part"), Vec::<PathBuf>::new());
 }
 
-/// What a window leaves for the next one.
-#[derive(Default)]
-struct Kept(HashMap<String, String>);
-
-impl eframe::Storage for Kept {
-    fn get_string(&self, key: &str) -> Option<String> {
-        self.0.get(key).cloned()
-    }
-
-    fn set_string(&mut self, key: &str, value: String) {
-        self.0.insert(key.into(), value);
-    }
-
-    fn remove_string(&mut self, key: &str) {
-        self.0.remove(key);
-    }
-
-    fn flush(&mut self) {}
-}
-
 #[test]
 fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
     let opened = |kept: Kept| {
@@ -115,20 +95,15 @@ fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
         wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
         window
     };
-    let left = |window: &mut Window| {
-        let mut kept = Kept::default();
-        eframe::App::save(window.state_mut(), &mut kept);
-        kept
-    };
     let mut window = opened(Kept::default());
     // Who did not read the welcome yet finds it again.
-    let mut window_again = opened(left(&mut window));
+    let mut window_again = opened(Kept::by(&mut window));
     drop(window);
     click(&mut window_again, "Got it");
     window_again.get_by_label("Mute lamp");
     window_again.key_press(Key::T);
     window_again.run_steps(3);
-    let kept = left(&mut window_again);
+    let kept = Kept::by(&mut window_again);
     drop(window_again);
     assert_eq!(kept.0["device"], "auto");
     let mut window = opened(kept);
@@ -136,7 +111,7 @@ fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
     let kept = Kept(HashMap::from([("device".into(), "cpu".into())]));
     drop(window);
     window = opened(kept);
-    assert_eq!(left(&mut window).0["device"], "cpu", "the choice of a device stays");
+    assert_eq!(Kept::by(&mut window).0["device"], "cpu", "the choice of a device stays");
 }
 
 #[test]

@@ -52,7 +52,7 @@ impl App {
         }
         match self.follower.lamp_light() {
             None => LampNote::Pending,
-            Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(problems[0].clone()),
+            Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(self.look.renamed(&problems[0])),
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
             Some(_) if self.session.lamp_scene().is_some_and(|scene| scene.casts_caustics()) => LampNote::NoCaustics,
             Some(_) => LampNote::None,
@@ -119,6 +119,7 @@ impl App {
     fn free_name(&self, stem: &str) -> String {
         let is_taken = |name: &str| {
             self.look.lights.lamps.iter().any(|lamp| lamp.key == name)
+                || self.look.names.values().any(|other| other == name)
                 || self.session.basis().is_some_and(|basis| basis.source(name).is_some())
         };
         numbered_name(stem, is_taken)
@@ -132,7 +133,8 @@ impl App {
     pub(super) fn duplicate_lamp(&mut self) {
         let Some(idx) = self.chosen_lamp() else { return };
         let lamp = self.look.lights.lamps[idx].clone();
-        let stem = lamp.key.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
+        let name = self.look.name_of(&lamp.key);
+        let stem = name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
         let mut copy = FreeLamp { key: self.free_name(stem), ..lamp };
         // To the right in the picture, so that it is seen beside the first one.
         if let Some((_, camera, _)) = self.lamp_view() {

@@ -3,6 +3,7 @@
 use eframe::egui::{self, Context, Panel, Ui};
 
 use super::App;
+use super::habits::BakeHabits;
 use crate::action::{Action, Side};
 use crate::panels::bake::{BakeView, bake_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
@@ -137,12 +138,13 @@ impl App {
         };
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
+        let is_of_scene = view.can_bake && view.pictures.is_none();
         let own = if view.pictures.is_some() { &mut self.stack_settings } else { &mut self.settings };
         let shown = of_file.as_mut().unwrap_or(own);
-        let width_px = shown.film.width;
+        let before = shown.clone();
         bake_ui(ui, shown, &mut self.heat_map, &view, &mut self.actions);
-        if shown.film.width != width_px {
-            self.width_px = shown.film.width;
+        if *shown != before && is_of_scene {
+            self.habits = BakeHabits::of(shown, self.camera.camera.as_ref());
         }
     }
 

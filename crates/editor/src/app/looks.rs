@@ -236,8 +236,8 @@ impl App {
         let sequence = Pattern::new(path).and_then(|pattern| {
             let sequence = Sequence::new(self.look.clone(), pattern, None, None)?;
             sequence.spare(&read)?;
-            // Frames have no layers, and a light that arrives where it was baked alone; they are whole.
-            let options = ExportOptions { layers: LayerSet::None, irradiance: false, region: None, ..self.export };
+            // Frames have no layers, and a light that arrives where it was baked alone.
+            let options = ExportOptions { layers: LayerSet::None, irradiance: false, ..self.export };
             Ok(Sequence { options, ..sequence })
         });
         match sequence {

@@ -1,7 +1,6 @@
 //! What a scene that was opened or found brings along, and the bake that follows.
 
 use clerestory_transport::bake::Passes;
-use clerestory_transport::camera::Film;
 use eframe::egui::util::undoer::Undoer;
 
 use super::App;
@@ -32,8 +31,12 @@ impl App {
         self.daylight.forget();
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
-            self.settings.camera_idx = 0;
-            self.settings.film = Film::of_width(self.width_px, camera);
+            let own = self.habits.settings(Some(camera));
+            if keeps_look {
+                (self.settings.camera_idx, self.settings.film) = (own.camera_idx, own.film);
+            } else {
+                self.settings = own;
+            }
         }
         self.take_up();
         if let (true, Some(basis)) = (keeps_look, self.session.basis()) {

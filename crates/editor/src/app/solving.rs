@@ -363,7 +363,7 @@ impl App {
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
         let surface = self.solving.surface.clone();
-        let problem = self.solving.problem.clone();
+        let problem = self.solving.problem.as_ref().map(|words| self.look.renamed(words));
         let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
         let view = MeasureView {
             marked: figures.marked.filter(|_| self.view.marking.marks().is_some()),

@@ -4,22 +4,16 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::Result;
-use clerestory_transport::bake::BakeConfig;
-use clerestory_transport::camera::Film;
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuSetup, WgpuSetupCreateNew};
 use eframe::wgpu;
 
 use super::host::run_windows;
-use super::{DEFAULT_WIDTH_PX, recovery};
+use super::recovery;
 use crate::bake_cache::BakeCache;
 use crate::crash;
-use crate::panels::bake::QUALITIES;
 use crate::panels::dialogs::FileDialogs;
 use crate::session::{BakeSettings, Source};
-
-/// Cores from which the standard quality is what a bake starts with.
-const MANY_CORES: usize = 8;
 
 /// How the window starts.
 #[derive(Clone, Debug, PartialEq)]
@@ -86,13 +80,4 @@ fn options() -> eframe::NativeOptions {
 /// Everything that the adapter can do: factors of a large bake exceed the default limits.
 fn device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
     wgpu::DeviceDescriptor { label: Some("clerestory"), required_limits: adapter.limits(), ..Default::default() }
-}
-
-/// Quality that suits the machine, until a scene says which size.
-pub(super) fn default_settings() -> BakeSettings {
-    let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let quality = QUALITIES[if n_cores >= MANY_CORES { 2 } else { 1 }];
-    let config = BakeConfig { spp: quality.spp, tolerance_db: quality.tolerance_db, ..BakeConfig::default() };
-    let film = Film { width: DEFAULT_WIDTH_PX, height: DEFAULT_WIDTH_PX * 9 / 16 };
-    BakeSettings { camera_idx: 0, film, config, illuminance: false }
 }

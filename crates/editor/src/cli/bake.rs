@@ -17,11 +17,12 @@ use indicatif::ProgressBar;
 use serde_json::{Value, json};
 
 use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
-use super::console::{Answer, Console, advance, bytes_words, duration_words};
+use super::console::{Answer, Console, advance, duration_words};
 use super::estimate;
 use super::reuse::Earlier;
 use super::view::{View, inputs_of, on_threads, open_view, requested_sky};
 use crate::output::{PendingFile, spare_inputs};
+use crate::sizes::bytes_words;
 
 /// What a bake took.
 #[derive(Clone, Copy, Debug, Default)]
@@ -253,8 +254,8 @@ pub(crate) fn irradiance_words(figures: &[IrradianceFigures]) -> String {
             f.name,
             f.width,
             f.height,
-            bytes_words(f.bytes as f64),
-            bytes_words(f.dense_bytes as f64),
+            bytes_words(f.bytes as u64),
+            bytes_words(f.dense_bytes as u64),
             f.error_db.total,
         )
     };
@@ -264,6 +265,7 @@ pub(crate) fn irradiance_words(figures: &[IrradianceFigures]) -> String {
 /// The figures of a transport for people.
 pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
     let number = |name: &str| figures[name].as_f64().unwrap_or(f64::NAN);
+    let size = |name: &str| figures[name].as_u64().map_or("an unknown size".into(), bytes_words);
     format!(
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
@@ -274,9 +276,9 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         number("blocks"),
         number("mean_rank"),
         number("max_rank"),
-        figures["file_bytes"].as_f64().map_or(String::new(), |bytes| bytes_words(bytes) + " packed, "),
-        bytes_words(number("bytes")),
-        bytes_words(number("dense_bytes")),
+        figures["file_bytes"].as_u64().map_or(String::new(), |bytes| bytes_words(bytes) + " packed, "),
+        size("bytes"),
+        size("dense_bytes"),
         number("ratio"),
         error_words(&figures["error_db"], basis),
         patch_words(&figures["patches"]),
@@ -292,7 +294,7 @@ fn patch_words(figures: &Value) -> String {
         "\npatches     {patches} with {} points in {columns} columns, mean rank {:.2}{}; error {:.1} dB, of lamps never seen {:.1} %",
         number("samples").unwrap_or(f64::NAN),
         number("mean_rank").unwrap_or(f64::NAN),
-        number("file_bytes").map_or(String::new(), |bytes| format!(", {}", bytes_words(bytes))),
+        figures["file_bytes"].as_u64().map_or(String::new(), |bytes| format!(", {}", bytes_words(bytes))),
         figures["error_db"]["total"].as_f64().unwrap_or(f64::NAN),
         100.0 * number("held_out_error").unwrap_or(f64::NAN),
     )

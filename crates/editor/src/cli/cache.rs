@@ -4,8 +4,9 @@ use anyhow::{Context, Result};
 use serde_json::json;
 
 use super::args::CacheArgs;
-use super::console::{Answer, bytes_words};
+use super::console::Answer;
 use crate::bake_cache::{BakeCache, FOLDER_VARIABLE};
+use crate::sizes::bytes_words;
 
 pub(super) fn cache(args: &CacheArgs) -> Result<Answer> {
     let cache = BakeCache::of_user()?;
@@ -23,8 +24,8 @@ pub(super) fn cache(args: &CacheArgs) -> Result<Answer> {
     let words = format!(
         "{folder}: {} bakes {what}, {} of at most {}",
         usage.bakes,
-        bytes_words(usage.bytes as f64),
-        bytes_words(cache.limit_bytes() as f64)
+        bytes_words(usage.bytes),
+        bytes_words(cache.limit_bytes())
     );
     Ok(Answer { json, words })
 }

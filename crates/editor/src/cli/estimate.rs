@@ -10,10 +10,12 @@ use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::args::BakeArgs;
-use super::console::{Answer, Console, bytes_words, duration_words};
+use super::console::{Answer, Console, duration_words};
 use super::interrupt::nothing_kept;
 use super::view::on_threads;
 use crate::platform::{peak_bytes, resident_bytes};
+use crate::room::Needs;
+use crate::sizes::bytes_words;
 
 /// How long blocks of a pass are tried.
 const BUDGET: Duration = Duration::from_secs(20);
@@ -41,20 +43,17 @@ impl Forecast {
     /// The most threads on which a bake keeps to a limit, all of those that it was estimated for or fewer; `None` if a single one
     /// takes more.
     fn threads_within(&self, limit_bytes: u64) -> Option<usize> {
-        let held = self.held_bytes.unwrap_or(0);
-        if held + self.estimate.memory_bytes <= limit_bytes {
-            return Some(self.n_threads);
-        }
-        let room = limit_bytes.checked_sub(held + self.estimate.least_memory_bytes)?;
-        Some((1 + (room / self.estimate.thread_bytes.max(1)) as usize).min(self.n_threads))
+        let room = limit_bytes.checked_sub(self.held_bytes.unwrap_or(0))?;
+        Needs::estimated(&self.estimate, self.n_threads).threads_within(room, self.n_threads)
     }
 }
 
 /// Tries some blocks of a bake, on as many threads as were asked for and a limit of memory leaves room for.
 pub(super) fn forecast(job: &BakeJob, args: &BakeArgs, console: &mut Console) -> Result<Forecast> {
     let held_bytes = resident_bytes();
-    let room = args.memory.map(|limit| limit.saturating_sub(held_bytes.unwrap_or(0)) / job.thread_bytes().max(1));
-    let n_threads = asked_threads(args).min(room.unwrap_or(u64::MAX) as usize).max(1);
+    let room = args.memory.map(|limit| limit.saturating_sub(held_bytes.unwrap_or(0)));
+    let (asked, needs) = (asked_threads(args), Needs::at_least(job));
+    let n_threads = room.map_or(asked, |room| needs.threads_within(room, asked).unwrap_or(1));
     let interrupt = console.interrupt.heeded()?;
     let tried = interrupt.watched(&ProgressBar::hidden(), &nothing_kept, || {
         on_threads(u16::try_from(n_threads).ok(), || job.estimate(BUDGET, &Focus::default()))
@@ -76,8 +75,8 @@ pub(super) fn fit(limit_bytes: u64, job: &mut BakeJob, args: &BakeArgs, console:
     if read > limit_bytes {
         bail!(
             "reading the scene alone took {} of memory, more than the {} that --memory allows; allow more, or make the scene smaller",
-            bytes_words(read as f64),
-            bytes_words(limit_bytes as f64),
+            bytes_words(read),
+            bytes_words(limit_bytes),
         );
     }
     if held + job.thread_bytes() > limit_bytes {
@@ -92,7 +91,7 @@ pub(super) fn fit(limit_bytes: u64, job: &mut BakeJob, args: &BakeArgs, console:
     };
     let n_asked = asked_threads(args);
     if n_threads < n_asked {
-        let limit = bytes_words(limit_bytes as f64);
+        let limit = bytes_words(limit_bytes);
         console
             .note(&format!("{n_threads} of {n_asked} threads bake, to stay within the {limit} that --memory allows"));
     }
@@ -103,9 +102,9 @@ fn refusal(needed_bytes: u64, held_bytes: u64, limit_bytes: u64) -> anyhow::Erro
     anyhow!(
         "the bake would take about {} of memory on a single thread ({} of it for the scene), more than the {} that --memory allows; make the \
          picture smaller (--size), give panels and sky fewer parts (--panel NODE=8, --sky-patches 145), or allow more",
-        bytes_words(needed_bytes as f64),
-        bytes_words(held_bytes as f64),
-        bytes_words(limit_bytes as f64),
+        bytes_words(needed_bytes),
+        bytes_words(held_bytes),
+        bytes_words(limit_bytes),
     )
 }
 
@@ -119,10 +118,10 @@ pub(super) fn told(forecast: &Forecast, console: &Console) -> Answer {
          tried       {} of {} blocks",
         duration_words(f64::from(estimate.secs)),
         duration_words(f64::from(estimate.preview_secs)),
-        bytes_words(forecast.most_bytes() as f64),
-        held_bytes.map_or(String::new(), |held| format!(", {} of it for the scene", bytes_words(held as f64))),
-        bytes_words(estimate.result_bytes as f64),
-        bytes_words(estimate.file_bytes as f64),
+        bytes_words(forecast.most_bytes()),
+        held_bytes.map_or(String::new(), |held| format!(", {} of it for the scene", bytes_words(held))),
+        bytes_words(estimate.result_bytes),
+        bytes_words(estimate.file_bytes),
         estimate.n_tried,
         estimate.n_blocks,
     );

@@ -17,10 +17,11 @@ use clerestory_transport::scene::Material;
 use serde_json::{Value, json};
 
 use super::bake::{figure_words, irradiance_words, merge, open_stack};
-use super::console::{Answer, Console, bytes_words};
+use super::console::{Answer, Console};
 use super::relight::frame_of;
 use super::view::{fault_words, import_scene, unsupported_words};
 use crate::look::Look;
+use crate::sizes::bytes_words;
 
 /// First bytes of a transport file.
 const TRANSPORT_MAGIC: &[u8] = b"CLERTRAN";
@@ -221,7 +222,7 @@ fn transport(path: &Path) -> Result<Answer> {
         header.width,
         header.height,
         listed(&keys),
-        bytes_words(on_device as f64),
+        bytes_words(on_device),
         figure_words(&figures, &header.basis),
         irradiance_words(&irradiance),
     );

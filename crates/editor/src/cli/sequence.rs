@@ -90,6 +90,7 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
     let header = bake.header.clone();
+    let file = sequence.options.window([header.width, header.height])?;
     sequence
         .look
         .snapshots
@@ -121,10 +122,10 @@ pub(super) fn sequence(args: &RelightArgs, console: &mut Console) -> Result<Answ
     let device = stills.relighter().map_or_else(String::new, |relighter| format!(" on the {}", relighter.words()));
     let (secs, output) = (begun.elapsed().as_secs_f64(), options.output.display().to_string());
     let words =
-        format!("{output}: {n_frames} frames, {}×{}, in {}{device}", header.width, header.height, duration_words(secs));
+        format!("{output}: {n_frames} frames, {}×{}, in {}{device}", file.width, file.height, duration_words(secs));
     let mut json = json!({
         "output": output, "frames": n_frames, "first": sequence.frames.start(), "last": sequence.frames.end(), "fps": sequence.fps,
-        "width": header.width, "height": header.height, "relight_secs": secs, "warnings": console.warnings(),
+        "width": file.width, "height": file.height, "relight_secs": secs, "warnings": console.warnings(),
     });
     stills.relighter().into_iter().for_each(|relighter| merge(&mut json, relighter.json()));
     Ok(Answer { json, words })

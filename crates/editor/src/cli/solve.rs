@@ -43,13 +43,13 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let request = request(args, &bake, scene.as_ref())?;
     let seen = scene.map(|(_, seen)| seen);
     let solved = solve(&Scene { bake, rig: look.lights.clone(), lamps, seen }, &request)?;
-    console.warn_all(&solved.notes);
+    console.warn_all(solved.notes.iter().map(|note| look.renamed(note)));
     look.lights = solved.rig.clone();
     place.commit(|writer| Ok(writer.write_all(look.to_json().as_bytes())?))?;
     let output = args.output.display().to_string();
     let mut json = json!({ "output": output, "warnings": console.warnings() });
     merge(&mut json, solved.json());
-    Ok(Answer { json, words: format!("{}\n{output}", solved.words()) })
+    Ok(Answer { json, words: format!("{}\n{output}", solved.words(&look)) })
 }
 
 /// The wishes of the file and of the command line.

@@ -6,10 +6,10 @@ use anyhow::Result;
 use clap::ValueEnum;
 use clerestory_relight::Radiance;
 use clerestory_transport::basis::{LightBasis, SourceKind};
-use clerestory_transport::light::LightRig;
 use serde::{Deserialize, Serialize};
 
 use crate::look::Look;
+use crate::look::groups::own_name;
 
 /// What one light or kind of light adds to a picture.
 #[derive(Clone, Debug)]
@@ -55,9 +55,14 @@ pub fn layer_name(key: &str, look: &Look) -> String {
     if is_shared { key.to_owned() } else { name.to_owned() }
 }
 
-/// The first group that holds a light.
-fn group_of<'a>(key: &str, rig: &'a LightRig) -> Option<&'a str> {
-    rig.groups.iter().find(|(_, group)| group.lights.contains(key)).map(|(name, _)| name.as_str())
+/// What the layer of the first group is called that holds a light: as the panel of lights calls it, its key where it calls another one so.
+fn group_of(light: &str, look: &Look) -> Option<String> {
+    let name_of = |key: &'_ str| look.names.get(key).map_or_else(|| own_name(key).to_owned(), String::clone);
+    let groups = &look.lights.groups;
+    let (key, _) = groups.iter().find(|(_, group)| group.lights.contains(light))?;
+    let name = name_of(key);
+    let is_shared = groups.keys().any(|other| other != key && name_of(other) == name);
+    Some(if is_shared { key.clone() } else { name })
 }
 
 impl LayerSet {
@@ -69,7 +74,7 @@ impl LayerSet {
                 LayerSet::None => continue,
                 LayerSet::Lights => layer_name(&source.key, look),
                 LayerSet::Groups => {
-                    group_of(&source.key, &look.lights).unwrap_or_else(|| kind_of(source.kind)).to_owned()
+                    group_of(&source.key, look).unwrap_or_else(|| kind_of(source.kind).to_owned())
                 }
             };
             match parts.iter_mut().find(|(other, _)| *other == name) {
@@ -136,11 +141,14 @@ mod tests {
         ])
     }
 
+    fn names_of(set: LayerSet, basis: &LightBasis, look: &Look) -> Vec<String> {
+        set.parts(basis, look).into_iter().map(|(name, _)| name).collect()
+    }
+
     #[test]
     fn kinds_gather_their_lights_and_every_column_is_in_one_part() {
         let basis = basis();
-        let names =
-            |set: LayerSet| set.parts(&basis, &Look::default()).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        let names = |set: LayerSet| names_of(set, &basis, &Look::default());
         assert_eq!(names(LayerSet::Groups), ["lamps", "surfaces", "sky", "panels"]);
         assert_eq!(names(LayerSet::Lights), ["desk", "screen", "wall", "sky", "ceiling"]);
         assert!(names(LayerSet::None).is_empty());
@@ -150,9 +158,17 @@ mod tests {
         look.names.insert("desk".into(), "Desk lamp".into());
         look.names.insert("wall".into(), "screen".into());
         look.names.insert("screen".into(), "screen".into());
-        let names = |set: LayerSet| set.parts(&basis, &look).into_iter().map(|(name, _)| name).collect::<Vec<_>>();
+        let names = |set: LayerSet| names_of(set, &basis, &look);
         assert_eq!(names(LayerSet::Groups), ["work", "surfaces", "lamps", "sky"]);
         assert_eq!(names(LayerSet::Lights), ["Desk lamp", "screen", "wall", "sky", "ceiling"]);
+        look.lights.groups.insert("place:Hall/Table".into(), look.lights.groups["work"].clone());
+        look.lights.groups.remove("work");
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look)[0], "Table");
+        look.names.insert("place:Hall/Table".into(), "Work".into());
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look)[0], "Work");
+        let other = LightGroup { lights: ["sky".to_owned()].into(), intensity: 1.0, muted: false };
+        look.lights.groups.insert("name:Work".into(), other);
+        assert_eq!(names_of(LayerSet::Groups, &basis, &look)[..3], ["place:Hall/Table", "surfaces", "lamps"]);
         for set in [LayerSet::Groups, LayerSet::Lights] {
             let mut columns: Vec<u32> =
                 set.parts(&basis, &look).into_iter().flat_map(|(_, ranges)| ranges).flatten().collect();

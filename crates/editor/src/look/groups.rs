@@ -9,6 +9,9 @@ use serde_json::Value;
 use super::parse::{INTENSITY, Reader};
 use super::write::{member, value};
 
+/// Between the nodes of a place.
+pub const SEPARATOR: &str = "/";
+
 impl Reader<'_> {
     /// An entry of the member `groups`.
     pub(super) fn group(&mut self, value: &Value) -> Result<LightGroup> {
@@ -64,4 +67,10 @@ pub fn leave(rig: &mut LightRig, key: &str) {
         group.lights.remove(key);
     }
     rig.groups.retain(|_, group| !group.lights.is_empty());
+}
+
+/// What a group is called by itself: of a place its innermost node.
+pub fn own_name(key: &str) -> &str {
+    let (by, name) = key.split_once(':').unwrap_or(("", key));
+    if by == "place" { name.rsplit(SEPARATOR).next().unwrap_or(name) } else { name }
 }

@@ -1,5 +1,7 @@
 //! Quality and size of the bake, or the pictures that it is of; what it does, and what came of it.
 
+use std::ops::RangeInclusive;
+
 use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::Film;
 use clerestory_transport::figures::{ErrorDb, Figures};
@@ -13,6 +15,7 @@ use super::status::duration;
 use crate::action::{Action, FileTask};
 use crate::session::estimate::Forecast;
 use crate::session::{BakeSettings, BakeState};
+use crate::sizes::bytes_words;
 use crate::theme::{self, Fold};
 
 /// A name for samples per pixel and tolerance.
@@ -36,8 +39,12 @@ pub const QUALITIES: [Quality; 4] = [
 
 /// What somebody who wants a limit begins with, bytes.
 const DEFAULT_LIMIT_BYTES: u64 = 8_000_000_000;
-/// Most pixels of a bake in the window.
-const MAX_SIDE: u32 = 8192;
+/// Pixels along a side of a bake in the window.
+pub const SIDES_PX: RangeInclusive<u32> = 16..=8192;
+/// Most samples per pixel of a bake in the window.
+pub const MOST_SPP: u32 = 65_536;
+/// Fewest patches of surface that are worth being told apart.
+pub const FEWEST_PATCHES: u32 = 64;
 
 /// What the panel shows.
 pub struct BakeView<'a> {
@@ -118,7 +125,7 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
         ui.end_row();
         ui.label("");
         ui.horizontal(|ui| {
-            let spp = DragValue::new(&mut settings.config.spp).range(2..=65_536).suffix(" spp");
+            let spp = DragValue::new(&mut settings.config.spp).range(2..=MOST_SPP).suffix(" spp");
             ui.add(spp).on_hover_text("Samples per pixel, at most").accessible_name("Samples per pixel");
             tolerance_ui(ui, &mut settings.config);
         });
@@ -177,7 +184,7 @@ fn patches_ui(ui: &mut Ui, patches: &mut u32) {
             *patches = if movable { DEFAULT_PATCHES } else { 0 };
         }
         if movable {
-            let number = DragValue::new(patches).range(64..=MOST_PATCHES).speed(16.0);
+            let number = DragValue::new(patches).range(FEWEST_PATCHES..=MOST_PATCHES).speed(16.0);
             number.ui(ui).on_hover_text("Patches of surface that are told apart").accessible_name("Patches");
         }
     });
@@ -218,13 +225,13 @@ fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
 fn size_ui(ui: &mut Ui, film: &mut Film) {
     ui.horizontal(|ui| {
         let aspect = film.width as f32 / film.height as f32;
-        let width = ui.add(DragValue::new(&mut film.width).range(16..=MAX_SIDE));
+        let width = ui.add(DragValue::new(&mut film.width).range(SIDES_PX));
         let width = width.on_hover_text("Pixels across; the height keeps the proportions").accessible_name("Width");
         if width.changed() {
-            film.height = ((film.width as f32 / aspect).round() as u32).clamp(16, MAX_SIDE);
+            film.height = ((film.width as f32 / aspect).round() as u32).clamp(*SIDES_PX.start(), *SIDES_PX.end());
         }
         ui.label("×");
-        let height = ui.add(DragValue::new(&mut film.height).range(16..=MAX_SIDE));
+        let height = ui.add(DragValue::new(&mut film.height).range(SIDES_PX));
         height.on_hover_text("Pixels down").accessible_name("Height");
     });
 }
@@ -264,8 +271,8 @@ fn forecast_ui(ui: &mut Ui, view: &BakeView) {
         Forecast::Told(estimate) => format!(
             "About {}, {} of memory, a file of {}{threads}",
             duration(estimate.secs),
-            bytes(estimate.memory_bytes as usize),
-            bytes(estimate.file_bytes as usize)
+            bytes_words(estimate.memory_bytes),
+            bytes_words(estimate.file_bytes)
         ),
     };
     let hint = "A few blocks all over the picture were baked as the bake would, and counted for all";
@@ -338,8 +345,8 @@ fn figures_ui(
         ("Lights", format!("{} columns", figures.columns), "Columns of the matrix"),
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
         ("Rank", format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank), "Terms that each block needs"),
-        ("Memory", bytes(figures.bytes), "What relighting reads"),
-        ("File", figures.file_bytes.map_or("when the bake is done".into(), bytes), "The packed factors"),
+        ("Memory", bytes_words(figures.bytes as u64), "What relighting reads"),
+        ("File", figures.file_bytes.map_or("when the bake is done".into(), |n| bytes_words(n as u64)), "The packed factors"),
         (
             "Full matrix",
             format!("{:.0}× as large", figures.ratio),
@@ -359,7 +366,7 @@ fn figures_ui(
     let n_reused = figures.skipped.reused_columns;
     let hint = "Columns of an earlier bake with the same surfaces, view and settings; the others were traced";
     let reused = (n_reused > 0).then(|| ("Taken over", format!("{n_reused} of {} columns", figures.columns), hint));
-    let on_device = device_bytes.map(|n| ("Graphics device", bytes(n as usize), "Its memory that the picture takes"));
+    let on_device = device_bytes.map(|n| ("Graphics device", bytes_words(n), "Its memory that the picture takes"));
     egui::Grid::new("figures").num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
         for (name, value, hint) in rows.into_iter().chain(on_device).chain(shared).chain(reused) {
             ui.label(RichText::new(name).weak()).on_hover_text(hint);
@@ -394,15 +401,6 @@ fn decibels(db: Option<f32>) -> String {
     }
 }
 
-/// Memory for people.
-pub(super) fn bytes(n: usize) -> String {
-    match n as f64 {
-        n if n < 1e6 => format!("{:.0} kB", n / 1e3),
-        n if n < 1e9 => format!("{:.1} MB", n / 1e6),
-        n => format!("{:.2} GB", n / 1e9),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -418,10 +416,5 @@ mod tests {
         assert_eq!(pass_words(0, 3, 0.42, None), "Preview, 42 %");
         assert_eq!(pass_words(0, 1, 0.42, None), "Compressing, 42 %");
         assert_eq!(pass_words(1, 3, 0.42, Some(61.0)), "Pass 1 of 2, 1 min 1 s left");
-    }
-
-    #[test]
-    fn sizes_read_in_the_unit_that_fits() {
-        assert_eq!([5_000, 2_500_000, 3_000_000_000].map(bytes), ["5 kB", "2.5 MB", "3.00 GB"]);
     }
 }

@@ -3,10 +3,10 @@
 use clerestory_transport::camera::{Camera, Film, Pose};
 use eframe::egui::{self, Button, ComboBox, DragValue, Grid, RichText, TextEdit, Ui};
 
-use super::bake::bytes;
 use crate::action::Action;
 use crate::look::numbered_name;
 use crate::session::views::ViewEntry;
+use crate::sizes::bytes_words;
 use crate::theme::{self, Fold};
 use crate::viewport::flight::Habits;
 use crate::viewport::orbit::Navigation;
@@ -118,7 +118,7 @@ fn views_ui(ui: &mut Ui, views: &[ViewEntry], actions: &mut Vec<Action>) {
     }
     let total: usize = views.iter().filter_map(|view| view.bytes).sum();
     ui.add_space(2.0);
-    ui.label(RichText::new(format!("{} baked views, {} in memory", views.len(), bytes(total))).weak());
+    ui.label(RichText::new(format!("{} baked views, {} in memory", views.len(), bytes_words(total as u64))).weak());
     for view in views {
         row_ui(ui, |ui| view_ui(ui, view, actions));
     }
@@ -139,7 +139,7 @@ fn view_ui(ui: &mut Ui, view: &ViewEntry, actions: &mut Vec<Action>) {
     };
     ui.label(RichText::new(figures).weak());
     let size = format!("{} × {}", view.film.width, view.film.height);
-    let hint = view.bytes.map_or(size.clone(), |n| format!("{size}, {} in memory", bytes(n)));
+    let hint = view.bytes.map_or(size.clone(), |n| format!("{size}, {} in memory", bytes_words(n as u64)));
     ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
         let row = ui.add(Button::selectable(view.is_shown, &view.name).truncate());
         if row.on_hover_text(hint).accessible_name(format!("Show view {}", view.name)).clicked() {

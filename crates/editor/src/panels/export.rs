@@ -89,6 +89,9 @@ pub fn frames_ui(
         ui.label("Size");
         ui.horizontal(|ui| width_ui(ui, options, baked));
         ui.end_row();
+        ui.label("Part");
+        ui.horizontal(|ui| region_ui(ui, options, baked));
+        ui.end_row();
     });
     ui.add_space(4.0);
     let pattern = match Pattern::new(Path::new(path.trim())) {
@@ -100,7 +103,7 @@ pub fn frames_ui(
         let words = format!("{there} files of these names are there; saving replaces them");
         ui.colored_label(ui.visuals().warn_fg_color, words);
     }
-    None
+    options.window(baked).err().map(|error| error.to_string())
 }
 
 fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {

@@ -136,10 +136,11 @@ pub(super) fn details_ui(
                     name_field_ui(ui, (key, key), look, &mut state.naming, lights);
                 });
                 ui.end_row();
+                let name = look.name_of(key).to_owned();
                 let lamp = &mut look.lights.lamps[idx];
-                strength_ui(ui, lamp);
-                shape_ui(ui, lamp);
-                place_ui(ui, lamp, state);
+                strength_ui(ui, &name, lamp);
+                shape_ui(ui, &name, lamp);
+                place_ui(ui, &name, lamp, state);
             });
             buttons_ui(ui, &look.lights.lamps[idx], state, actions);
             ui.add_space(4.0);
@@ -166,20 +167,20 @@ fn buttons_ui(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut
     });
 }
 
-fn strength_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
+fn strength_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     ui.label(RichText::new("Strength").weak());
     ui.horizontal(|ui| {
         let speed = (0.01 * f64::from(lamp.strength)).max(0.01);
         let number = DragValue::new(&mut lamp.strength).range(0.0..=1e9).speed(speed).max_decimals(2);
         let tip = format!("Strength at intensity 1×, in {}", lamp.unit.name());
-        ui.add(number).on_hover_text(tip).accessible_name(format!("{} strength", lamp.key));
+        ui.add(number).on_hover_text(tip).accessible_name(format!("{name} strength"));
         let (before, mut unit) = (lamp.unit, lamp.unit);
         let combo = ComboBox::from_id_salt("unit").width(56.0).selected_text(unit.name()).show_ui(ui, |ui| {
             for one in lamp.shape.units() {
                 ui.selectable_value(&mut unit, *one, one.name());
             }
         });
-        combo.response.accessible_name(format!("{} unit", lamp.key)).on_hover_text("The light stays as it is");
+        combo.response.accessible_name(format!("{name} unit")).on_hover_text("The light stays as it is");
         if unit != before
             && let Some(strength) = lamp.strength_in(unit)
         {
@@ -189,11 +190,10 @@ fn strength_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
     ui.end_row();
 }
 
-fn shape_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
-    let key = lamp.key.clone();
+fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     let meters = |ui: &mut Ui, value: &mut f32, what: &str| {
         let number = DragValue::new(value).range(0.0..=1e4).speed(0.005).suffix(" m").max_decimals(3);
-        ui.add(number).on_hover_text(what).accessible_name(format!("{key} {}", what.to_lowercase()));
+        ui.add(number).on_hover_text(what).accessible_name(format!("{name} {}", what.to_lowercase()));
     };
     match &mut lamp.shape {
         LampShape::Spot { inner_rad, outer_rad } => {
@@ -202,11 +202,11 @@ fn shape_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
                 let mut outer = outer_rad.to_degrees();
                 let mut inner = inner_rad.to_degrees();
                 let number = ui.add(angle(&mut inner, outer)).on_hover_text("Of the full intensity");
-                if number.accessible_name(format!("{key} inner angle")).changed() {
+                if number.accessible_name(format!("{name} inner angle")).changed() {
                     *inner_rad = inner.to_radians().min(*outer_rad);
                 }
                 let number = ui.add(angle(&mut outer, 90.0)).on_hover_text("Where the light ends");
-                if number.accessible_name(format!("{key} outer angle")).changed() {
+                if number.accessible_name(format!("{name} outer angle")).changed() {
                     *outer_rad = outer.to_radians();
                     *inner_rad = inner_rad.min(*outer_rad);
                 }
@@ -225,8 +225,8 @@ fn shape_ui(ui: &mut Ui, lamp: &mut FreeLamp) {
         }
         LampShape::Profile { file } => {
             ui.label(RichText::new("Profile").weak());
-            let name = file.rsplit(['/', '\\']).next().unwrap_or(file);
-            ui.add(Label::new(name).truncate()).on_hover_text(file.as_str());
+            let file_name = file.rsplit(['/', '\\']).next().unwrap_or(file);
+            ui.add(Label::new(file_name).truncate()).on_hover_text(file.as_str());
         }
         LampShape::Point | LampShape::Directional => return,
     }
@@ -237,14 +237,13 @@ fn angle(degrees: &mut f32, most: f32) -> DragValue<'_> {
     DragValue::new(degrees).range(0.0..=most).speed(0.2).suffix("°").max_decimals(1)
 }
 
-fn place_ui(ui: &mut Ui, lamp: &mut FreeLamp, state: &mut LampState) {
-    let key = lamp.key.clone();
+fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState) {
     let numbers = |ui: &mut Ui, place: &mut Vec3, what: &str| {
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             for (value, axis) in place.as_mut().iter_mut().zip(["X", "Y", "Z"]) {
                 let number = DragValue::new(value).range(-MOST..=MOST).speed(0.01).fixed_decimals(2);
-                ui.add(number).on_hover_text(format!("{axis}, meters")).accessible_name(format!("{key} {what} {axis}"));
+                ui.add(number).on_hover_text(format!("{axis}, meters")).accessible_name(format!("{name} {what} {axis}"));
             }
         });
     };

@@ -4,6 +4,7 @@ use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
+use super::menu::MENU;
 use crate::action::{Action, FileTask, Side};
 
 const fn command(key: Key) -> KeyboardShortcut {
@@ -162,7 +163,8 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
         (words("F2"), "Rename the selected light"),
         (words("Double-click on a name"), "Reset the light"),
-        (words("Right-click on a name"), "More about the light"),
+        (words("Right-click on a name, a look, the picture"), "Its menu"),
+        (format!("{} or the menu key", keys(&MENU)), "The menu of what has the focus"),
         (words("Shift while dragging a fader or a number"), "Finer steps"),
         (words("F1 or ?"), "This list"),
     ]

@@ -152,7 +152,7 @@ pub fn solve_ui(
         ui.add_space(4.0);
         run_ui(ui, state, view, actions);
         if let Some(problem) = &state.problem {
-            ui.colored_label(ui.visuals().error_fg_color, problem);
+            ui.colored_label(ui.visuals().error_fg_color, view.look.renamed(problem));
         }
         solution_ui(ui, state, view.look, actions);
     });
@@ -371,7 +371,7 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
         }
     });
     for note in &solution.notes {
-        ui.label(RichText::new(note).weak());
+        ui.label(RichText::new(look.renamed(note)).weak());
     }
     ui.checkbox(&mut state.is_previewed, "Preview")
         .on_hover_text("Show the picture under these lights before they are taken over");

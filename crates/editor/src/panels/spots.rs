@@ -17,10 +17,10 @@ const PAD_SIDE: f32 = 120.0;
 /// Distance in points at which a handle is still touched.
 pub const HANDLE_REACH: f32 = 14.0;
 
-/// Draws the section of one panel. `chosen` is the panel and spot that were touched last.
+/// Draws the section of one panel, which is called `name`. `chosen` is the panel and spot that were touched last.
 pub fn spots_ui(
     ui: &mut Ui,
-    source: &LightSource,
+    (source, name): (&LightSource, &str),
     size_m: [f32; 2],
     panels: &mut BTreeMap<String, Vec<PanelSpot>>,
     chosen: &mut Option<(String, usize)>,
@@ -43,8 +43,8 @@ pub fn spots_ui(
     let before = idx;
     ui.horizontal_top(|ui| {
         ui.add_space(50.0);
-        pad_ui(ui, key, size_m, source.color, spots, &mut idx);
-        ui.vertical(|ui| spot_ui(ui, key, source.color, spots, &mut idx));
+        pad_ui(ui, name, size_m, source.color, spots, &mut idx);
+        ui.vertical(|ui| spot_ui(ui, name, source.color, spots, &mut idx));
     });
     if idx != before {
         *chosen = Some((key.clone(), idx));
@@ -52,11 +52,11 @@ pub fn spots_ui(
 }
 
 /// The panel from above, u to the right and v down.
-fn pad_ui(ui: &mut Ui, key: &str, size_m: [f32; 2], color: Vec3, spots: &mut [PanelSpot], idx: &mut usize) {
+fn pad_ui(ui: &mut Ui, name: &str, size_m: [f32; 2], color: Vec3, spots: &mut [PanelSpot], idx: &mut usize) {
     let longer = size_m[0].max(size_m[1]).max(1e-6);
     let size = (vec2(size_m[0], size_m[1]) / longer * PAD_SIDE).max(vec2(24.0, 24.0));
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, ui.is_enabled(), format!("Spots on {key}")));
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Slider, ui.is_enabled(), format!("Spots on {name}")));
     let pointer = response.interact_pointer_pos().map(|p| (p - rect.min) / rect.size());
     if let Some(at) = pointer {
         if response.drag_started() || response.clicked() {
@@ -89,7 +89,7 @@ fn paint_pad(ui: &Ui, rect: Rect, color: Vec3, spots: &[PanelSpot], chosen: usiz
     ui.painter().rect_stroke(rect, 3.0, ui.visuals().widgets.hovered.bg_stroke, StrokeKind::Outside);
 }
 
-fn spot_ui(ui: &mut Ui, key: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>, idx: &mut usize) {
+fn spot_ui(ui: &mut Ui, name: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>, idx: &mut usize) {
     ui.spacing_mut().item_spacing.y = 3.0;
     let n_spots = spots.len();
     ui.horizontal(|ui| {
@@ -104,27 +104,27 @@ fn spot_ui(ui: &mut Ui, key: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>,
         let radius = Slider::new(&mut spot.radius, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
         ui.add(radius)
             .on_hover_text("Radius, in shorter sides of the panel")
-            .accessible_name(format!("{key} spot radius"));
+            .accessible_name(format!("{name} spot radius"));
         ui.label(RichText::new("Intensity").small().weak());
         let mut level = spot.intensity;
         let intensity = Slider::new(&mut level, 0.0..=20.0).logarithmic(true).smallest_positive(0.02).fixed_decimals(2);
         let intensity = ui.add(intensity.clamping(egui::SliderClamping::Never)).on_hover_text("Intensity");
-        if intensity.accessible_name(format!("{key} spot intensity")).changed() {
+        if intensity.accessible_name(format!("{name} spot intensity")).changed() {
             spot.intensity = level.max(0.0);
         }
         ui.horizontal(|ui| {
             let mut tint = Tint { color: spot.color, kelvin: None };
-            if tint_ui(ui, &format!("{key} spot"), &mut tint, file_color, KelvinChoice::Hidden) {
+            if tint_ui(ui, &format!("{name} spot"), &mut tint, file_color, KelvinChoice::Hidden) {
                 spot.color = tint.color;
             }
-            is_deleted = ui.small_button("Delete").accessible_name(format!("Delete spot of {key}")).clicked();
+            is_deleted = ui.small_button("Delete").accessible_name(format!("Delete spot of {name}")).clicked();
         });
     }
     if is_deleted {
         spots.remove(*idx);
         *idx = idx.saturating_sub(1);
     }
-    if ui.small_button("Add spot").accessible_name(format!("Add spot to {key}")).clicked() {
+    if ui.small_button("Add spot").accessible_name(format!("Add spot to {name}")).clicked() {
         spots.push(beside(spots));
         *idx = spots.len() - 1;
     }

@@ -2,10 +2,10 @@
 
 use eframe::egui::{self, ProgressBar, RichText, Ui};
 
-use super::bake::bytes;
 use crate::action::Action;
 use crate::picture::DeviceWish;
 use crate::session::BakeState;
+use crate::sizes::bytes_words;
 
 /// What the bar shows.
 pub struct Status<'a> {
@@ -75,12 +75,12 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 ui.label(RichText::new(format!("{width} × {height}")).weak());
             }
             if let Some(on_device) = status.device_bytes {
-                let words = format!("{} on the device", bytes(on_device as usize));
+                let words = format!("{} on the device", bytes_words(on_device));
                 ui.label(RichText::new(words).weak())
                     .on_hover_text("Memory of the graphics device that the picture takes");
             }
             if let Some(memory) = status.memory_bytes {
-                ui.label(RichText::new(bytes(memory as usize)).weak()).on_hover_text("Memory of the program");
+                ui.label(RichText::new(bytes_words(memory)).weak()).on_hover_text("Memory of the program");
             }
             if let Some(db) = status.error_db {
                 let hint = "Error of the bake, below the peaks of the lights: more is better";

@@ -35,6 +35,8 @@ pub(super) struct Forecasting {
     asked: Option<(Arc<PreparedScene>, BakeSettings)>,
     asked_at: Option<Instant>,
     task: Option<Task>,
+    /// Threads on which blocks are tried.
+    pub(super) n_threads: usize,
     focus: Arc<Focus>,
     answer: Forecast,
 }
@@ -65,12 +67,16 @@ impl Session {
             (self.forecasting.asked_at, self.forecasting.answer) = (Some(Instant::now()), Forecast::Trying);
             (self.wake)(SETTLED);
         }
+        if matches!(self.forecasting.answer, Forecast::Told(_)) {
+            self.look_for_room();
+        }
         let is_due = self.forecasting.asked_at.is_some_and(|at| at.elapsed() >= SETTLED);
         if !is_due || self.forecasting.task.is_some() || self.forecasting.answer != Forecast::Trying {
             return;
         }
         match self.fitting_job(settings, None) {
             Ok((job, n_threads)) => {
+                self.forecasting.n_threads = n_threads;
                 let focus = self.forecasting.focus.clone();
                 self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, n_threads, &focus, &post));
             }

@@ -1,5 +1,7 @@
 //! How much memory a bake of the window may take, and on how many threads it stays within that.
 
+use std::time::{Duration, Instant};
+
 use clerestory_transport::bake::BakeJob;
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::camera::Camera;
@@ -7,13 +9,17 @@ use clerestory_transport::camera::Camera;
 use super::estimate::Forecast;
 use super::{BakeSettings, Session};
 use crate::platform::{available_bytes, resident_bytes};
+use crate::room::Needs;
+use crate::sizes::bytes_words;
 
 /// Part of the memory that the system has left which a bake may take: the window and other programs want some, too.
 const PART_OF_FREE: f64 = 0.9;
+/// How long what the system said counts for what is shown: a window draws many times a second.
+const SEEN_FOR: Duration = Duration::from_secs(1);
 
 /// Memory that is left for a bake, bytes.
-#[derive(Clone, Copy, Debug)]
-struct Room {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Room {
     /// None where neither a person nor the system says.
     bytes: Option<u64>,
 }
@@ -32,40 +38,35 @@ impl Room {
     /// In words, if a single thread takes more.
     fn threads(self, needs: Needs, most: usize) -> Result<usize, String> {
         let Some(bytes) = self.bytes else { return Ok(most) };
-        let beside = bytes.checked_sub(needs.one_thread).ok_or_else(|| {
+        needs.threads_within(bytes, most).ok_or_else(|| {
             format!(
                 "the bake would take about {} of memory, and {} may be taken; make the picture smaller, give panels and the sky fewer parts, \
                  or allow more memory",
-                megabytes(needs.one_thread),
-                megabytes(bytes)
+                bytes_words(needs.least_bytes()),
+                bytes_words(bytes)
             )
-        })?;
-        Ok(most.min(1 + (beside / needs.each_further.max(1)) as usize))
+        })
     }
 }
 
-/// Memory that a bake takes beside its scene, bytes.
-#[derive(Clone, Copy)]
-struct Needs {
-    one_thread: u64,
-    each_further: u64,
-}
+/// The room that was seen last, under which limit, and when.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct RoomSeen(Option<(Instant, Option<u64>, Room)>);
 
-impl Needs {
-    /// What is sure before any block was tried.
-    fn at_least(job: &BakeJob) -> Needs {
-        Needs { one_thread: job.thread_bytes() + job.shared_bytes(), each_further: job.thread_bytes() }
+impl RoomSeen {
+    /// Asks again where what was seen is old, or was seen under another limit.
+    fn look(&mut self, limit: Option<u64>, now: Instant, ask: impl FnOnce(Option<u64>) -> Room) {
+        let is_fresh = |(at, under, _): (Instant, Option<u64>, Room)| {
+            under == limit && now.saturating_duration_since(at) < SEEN_FOR
+        };
+        if !self.0.is_some_and(is_fresh) {
+            self.0 = Some((now, limit, ask(limit)));
+        }
     }
 
-    fn estimated(estimate: &BakeEstimate) -> Needs {
-        Needs { one_thread: estimate.least_memory_bytes, each_further: estimate.thread_bytes }
-    }
-}
-
-fn megabytes(bytes: u64) -> String {
-    match bytes as f64 / 1e6 {
-        small if small < 1000.0 => format!("{small:.0} MB"),
-        large => format!("{:.1} GB", large / 1e3),
+    /// What was seen; any where nobody has looked yet.
+    fn room(self) -> Room {
+        self.0.map_or(Room { bytes: None }, |(_, _, room)| room)
     }
 }
 
@@ -87,20 +88,25 @@ impl Session {
     ) -> Result<(BakeJob, usize), String> {
         let job = self.job(settings, camera)?;
         let needs = match self.forecast_of(settings) {
-            Some(Forecast::Told(estimate)) => Needs::estimated(estimate),
+            Some(Forecast::Told(estimate)) => Needs::estimated(estimate, self.forecasting.n_threads),
             _ => Needs::at_least(&job),
         };
         let n_threads = Room::now(self.memory_limit).threads(needs, all_threads())?;
         Ok((job, n_threads))
     }
 
-    /// On how many threads what was foreseen would run, of how many.
+    /// Sees how much room there is, for [`Session::threads_foreseen`].
+    pub(super) fn look_for_room(&mut self) {
+        self.room_seen.look(self.memory_limit, Instant::now(), Room::now);
+    }
+
+    /// On how many threads what was foreseen would run, of how many, in the room that was seen within the last second.
     ///
     /// # Errors
     /// In words, if it does not fit at all.
     pub fn threads_foreseen(&self, estimate: &BakeEstimate) -> Result<(usize, usize), String> {
-        let most = all_threads();
-        Ok((Room::now(self.memory_limit).threads(Needs::estimated(estimate), most)?, most))
+        let (needs, most) = (Needs::estimated(estimate, self.forecasting.n_threads), all_threads());
+        Ok((self.room_seen.room().threads(needs, most)?, most))
     }
 }
 
@@ -109,15 +115,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_bake_takes_as_many_threads_as_fit() {
-        let needs = Needs { one_thread: 3_000_000_000, each_further: 500_000_000 };
-        let threads = |bytes: Option<u64>| Room { bytes }.threads(needs, 7);
-        assert_eq!(threads(None), Ok(7));
-        assert_eq!(threads(Some(9_000_000_000)), Ok(7));
-        assert_eq!(threads(Some(4_100_000_000)), Ok(3));
-        assert_eq!(threads(Some(3_000_000_000)), Ok(1));
+    fn what_does_not_fit_is_told_in_words() {
+        let estimate = BakeEstimate {
+            secs: 1.0,
+            preview_secs: 0.1,
+            memory_bytes: 6_000_000_000,
+            least_memory_bytes: 3_000_000_000,
+            thread_bytes: 500_000_000,
+            ending_bytes: 0,
+            result_bytes: 0,
+            file_bytes: 1,
+            n_blocks: 1,
+            n_tried: 1,
+        };
+        let threads = |bytes: Option<u64>| Room { bytes }.threads(Needs::estimated(&estimate, 7), 7);
+        assert_eq!((threads(None), threads(Some(4_100_000_000))), (Ok(7), Ok(3)));
         let why = threads(Some(900_000_000)).unwrap_err();
-        assert!(why.contains("about 3.0 GB of memory, and 900 MB may be taken"), "{why}");
+        assert!(why.contains("about 3.00 GB of memory, and 900.0 MB may be taken"), "{why}");
     }
 
     #[test]
@@ -126,5 +140,22 @@ mod tests {
         let room = Room::now(Some(held + (64 << 20)));
         assert!(room.bytes.is_some_and(|bytes| bytes < 128 << 20), "{room:?}");
         assert_eq!(Room::now(Some(0)).bytes, Some(0));
+    }
+
+    #[test]
+    fn the_system_is_asked_once_a_second_and_when_the_limit_is_another() {
+        let (mut seen, start) = (RoomSeen::default(), Instant::now());
+        assert_eq!(seen.room(), Room { bytes: None });
+        let mut n_asked = 0;
+        let mut look = |limit, after_ms| {
+            seen.look(limit, start + Duration::from_millis(after_ms), |limit| {
+                n_asked += 1;
+                Room { bytes: limit }
+            });
+            (n_asked, seen.room().bytes)
+        };
+        assert_eq!([look(None, 0), look(None, 16), look(None, 990)], [(1, None); 3]);
+        assert_eq!([look(Some(7), 991), look(Some(7), 1980)], [(2, Some(7)); 2]);
+        assert_eq!(look(Some(7), 2000), (3, Some(7)));
     }
 }

@@ -7,10 +7,11 @@ use anyhow::{Result, ensure};
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
 use clerestory_transport::bake::Bake;
 use eframe::egui::{Color32, ColorImage};
+use glam::Vec3;
 
-use super::lamps::{LampLight, StillLamps};
+use super::lamps::{LampLight, LampPart, StillLamps};
 use crate::cli::relight::{frame_of, irradiance_for};
-use crate::export::layers::{FREE_LAMPS, LayerSet};
+use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
 use crate::illuminance::AddedLux;
 use crate::look::Look;
@@ -78,7 +79,7 @@ impl Seen {
         Ok((relighter, radiance))
     }
 
-    /// Its light in parts; free lamps are one of them.
+    /// Its light in parts. Free lamps are one of them, or one each where lights are told apart.
     fn layers(&self, relighter: &mut CpuRelighter, set: LayerSet) -> Result<Vec<LightLayer>> {
         if set == LayerSet::None {
             return Ok(Vec::new());
@@ -90,7 +91,12 @@ impl Seen {
             Ok(radiance)
         };
         let mut layers = set.layers(&self.bake.header.basis, &self.look, &self.coefficients, &mut relight)?;
-        if let Some(light) = &self.light {
+        let Some(light) = &self.light else { return Ok(layers) };
+        if set == LayerSet::Lights {
+            for part in &light.parts {
+                layers.push(self.layer_of(part, &mut relight)?);
+            }
+        } else {
             let mut of_lamps: Vec<Vec<[f32; 3]>> =
                 self.coefficients.iter().map(|group| vec![[0.0; 3]; group.len()]).collect();
             if let (Some(last), Some(lit)) = (of_lamps.last_mut(), self.coefficients.last())
@@ -104,5 +110,22 @@ impl Seen {
             layers.push(LightLayer { key: FREE_LAMPS.into(), radiance });
         }
         Ok(layers)
+    }
+
+    /// What a free lamp adds: its direct light, and what becomes of it by way of the patches.
+    fn layer_of(
+        &self,
+        lamp: &LampPart,
+        relight: impl FnOnce(&[Vec<[f32; 3]>]) -> Result<Radiance>,
+    ) -> Result<LightLayer> {
+        let mut coefficients: Vec<Vec<[f32; 3]>> =
+            self.coefficients.iter().map(|group| vec![[0.0; 3]; group.len()]).collect();
+        let of_patches: Vec<[f32; 3]> = lamp.of_patches().map(|light| light.to_array()).collect();
+        self.bake.header.add_of_patches(&mut coefficients, &of_patches);
+        let mut radiance = relight(&coefficients)?;
+        for (pixel, rgb) in (0..).zip(&mut radiance.pixels) {
+            *rgb = (Vec3::from(*rgb) + lamp.direct(pixel)).to_array();
+        }
+        Ok(LightLayer { key: layer_name(&lamp.key, &self.look), radiance })
     }
 }

@@ -339,7 +339,7 @@ fn notes(scene: &Scene, request: &Request, film: Film) -> Vec<String> {
     let shines = |key: &str| !scene.rig.setting(key).muted;
     let unknown_lamps =
         scene.rig.lamps.iter().filter(|lamp| shines(&lamp.key) && !scene.lamps.iter().any(|l| l.key == lamp.key));
-    notes.extend(unknown_lamps.map(|lamp| format!("the light of {} is not known here: it counts as dark", lamp.key)));
+    notes.extend(unknown_lamps.map(|lamp| format!("the light of `{}` is not known here: it counts as dark", lamp.key)));
     let set_of = |wish: &Wish| match (&wish.place, &wish.target) {
         (Place::Grid(set), _) => Some(*set),
         (_, Target::Illuminance(_)) => scene.bake.pixel_irradiance(),

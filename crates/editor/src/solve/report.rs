@@ -4,6 +4,7 @@ use clerestory_transport::light::{LightRig, LightSetting};
 use serde_json::{Value, json};
 
 use crate::legend::number_words;
+use crate::look::Look;
 
 /// A miss over what is wanted that counts as met.
 const MET: f64 = 0.02;
@@ -171,12 +172,12 @@ impl Change {
 }
 
 impl Solution {
-    /// A table for people.
-    pub fn words(&self) -> String {
+    /// A table for people, with lights as a look calls them.
+    pub fn words(&self, look: &Look) -> String {
         let mut lines: Vec<String> = self.outcomes.iter().map(Outcome::words).collect();
         lines.push(format!("Residual {:.2} %", 100.0 * self.misfit));
-        let changed: Vec<String> =
-            self.changes.iter().filter(|change| change.is_change()).map(|change| change.words(&change.key)).collect();
+        let changed = self.changes.iter().filter(|change| change.is_change());
+        let changed: Vec<String> = changed.map(|change| change.words(look.name_of(&change.key))).collect();
         lines.push(format!("{} of {} lights change", changed.len(), self.changes.len()));
         lines.extend(changed.into_iter().map(|line| format!("  {line}")));
         lines.join("\n")

@@ -112,7 +112,7 @@ fn wishes_for_luminance_and_for_times_as_bright_are_met_together() {
     let wishes = vec![wish(corner(), Target::Luminance(wanted)), wish(right, Target::Times(1.2))];
     let solved = solve(&scene, &of(wishes)).unwrap();
     assert!((nit(&scene.bake, &solved.rig) / wanted - 1.0).abs() < 0.02);
-    assert!(solved.outcomes.iter().all(|outcome| outcome.is_met), "{}", solved.words());
+    assert!(solved.outcomes.iter().all(|outcome| outcome.is_met), "{}", solved.words(&Look::default()));
     assert!((solved.outcomes[1].wanted / solved.outcomes[1].before - 1.2).abs() < 1e-9);
 }
 
@@ -143,7 +143,7 @@ fn a_wish_for_sensors_counts_a_free_lamp_at_each_of_them() {
     let solved = solve(&scene, &request).unwrap();
     let told = &solved.outcomes[0];
     assert!((told.before / before - 1.0).abs() < 1e-3, "{} {before}", told.before);
-    assert!(told.is_met && (lux(&solved.rig) / told.reached - 1.0).abs() < 1e-3, "{}", solved.words());
+    assert!(told.is_met && (lux(&solved.rig) / told.reached - 1.0).abs() < 1e-3, "{}", solved.words(&Look::default()));
     assert!(solved.rig.own_setting("new").intensity > 2.0);
 }
 
@@ -252,8 +252,8 @@ fn what_is_kept_has_no_outcome_and_wishes_of_one_name_have_their_own_weights() {
         solve(&scene, &of(wishes.collect())).unwrap()
     };
     let (low, high) = (twice([1e4, 1.0]), twice([1.0, 1e4]));
-    assert!(low.outcomes[0].is_met && !low.outcomes[1].is_met, "{}", low.words());
-    assert!(high.outcomes[1].is_met && !high.outcomes[0].is_met, "{}", high.words());
+    assert!(low.outcomes[0].is_met && !low.outcomes[1].is_met, "{}", low.words(&Look::default()));
+    assert!(high.outcomes[1].is_met && !high.outcomes[0].is_met, "{}", high.words(&Look::default()));
     assert!(low.misfit < 0.02 && high.misfit < 0.03, "{} {}", low.misfit, high.misfit);
 }
 
@@ -287,7 +287,7 @@ fn muted_lights_stay_dark_and_the_present_setting_breaks_ties() {
     let scene = at(rig.clone());
     let solved = solve(&scene, &of(vec![wish(corner(), Target::Times(1.0))])).unwrap();
     assert_eq!(solved.changes.len(), 2);
-    assert!(solved.rig.lights["lamp"].muted && !solved.changes.iter().any(Change::is_change), "{}", solved.words());
+    assert!(solved.rig.lights["lamp"].muted && !solved.changes.iter().any(Change::is_change), "{}", solved.words(&Look::default()));
     let refused = |lights: &[&str]| {
         let lights = Some(lights.iter().map(|key| (*key).to_owned()).collect());
         solve(&scene, &Request { lights, ..of(vec![wish(corner(), Target::Times(1.0))]) }).unwrap_err().to_string()

@@ -12,6 +12,7 @@ use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, frame};
 use crate::action::Action;
 use crate::look::Look;
 use crate::panels::lamps::{LampState, add_menu, lamp_menu, shown_color};
+use crate::panels::menu::{context_menu, is_asked};
 use crate::theme;
 
 /// Length of the arrows in points.
@@ -69,8 +70,11 @@ pub fn lamps_ui(
     }
     if picture.secondary_clicked() {
         state.menu_at = picture.interact_pointer_pos();
+    } else if is_asked(picture) {
+        // By the keyboard it is about the middle of the view.
+        state.menu_at = None;
     }
-    picture.context_menu(|ui| {
+    context_menu(picture, |ui| {
         let px = state.menu_at.map(|at| film_px(sight, at));
         ui.menu_button("Add lamp here", |ui| add_menu(ui, px, actions));
     });
@@ -199,7 +203,7 @@ fn body_ui(
     if response.hovered() && state.drag.is_none() {
         hint(ui, painter.clip_rect(), &format!("{name}, drag to move it over surfaces, with Alt freely"));
     }
-    response.context_menu(|ui| lamp_menu(ui, lamp, state, actions));
+    context_menu(&response, |ui| lamp_menu(ui, lamp, state, actions));
     is_held || response.hovered() || response.clicked()
 }
 

@@ -1,5 +1,6 @@
 //! What the tests of the window share: a tiny room with a lamp and a panel, opened and baked; clicks and drags.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -146,4 +147,35 @@ impl DroppedFile for Dropped {
     fn bytes(&self) -> Result<Vec<u8>, String> {
         std::fs::read(&self.0).map_err(|error| error.to_string())
     }
+}
+
+/// What a window leaves for the next one.
+#[derive(Default)]
+#[allow(dead_code, reason = "not every test of the window starts twice")]
+pub struct Kept(pub HashMap<String, String>);
+
+#[allow(dead_code, reason = "not every test of the window starts twice")]
+impl Kept {
+    /// What a window would leave if it were closed now.
+    pub fn by(window: &mut Window) -> Kept {
+        let mut kept = Kept::default();
+        eframe::App::save(window.state_mut(), &mut kept);
+        kept
+    }
+}
+
+impl eframe::Storage for Kept {
+    fn get_string(&self, key: &str) -> Option<String> {
+        self.0.get(key).cloned()
+    }
+
+    fn set_string(&mut self, key: &str, value: String) {
+        self.0.insert(key.into(), value);
+    }
+
+    fn remove_string(&mut self, key: &str) {
+        self.0.remove(key);
+    }
+
+    fn flush(&mut self) {}
 }

@@ -5,12 +5,14 @@ use eframe::egui::{self, Key, Label, Response, RichText, Sense, Shape, Stroke, U
 
 use super::columns::{INDENT, Part, columns_ui};
 use super::fader::{More, fader_ui};
-use super::groups::{Group, master, own_name, set_master};
+use super::groups::{Group, master, set_master};
 use super::mix::Mix;
 use super::names::renaming_ui;
 use super::row::{HEIGHT, NUMBER, letter_ui, mark_ui, name_label_ui};
 use super::scale::{Measure, Shown, number_ui};
 use super::solo;
+use crate::look::groups::own_name;
+use crate::panels::menu::context_menu;
 use crate::theme;
 
 /// Width of the number of its lights.
@@ -113,7 +115,7 @@ fn name_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, width: f32) {
 pub(super) fn group_response(ui: &Ui, mix: &mut Mix, group: &Group, name: Response) {
     let of = group.key.split_once(':').map_or(group.key.as_str(), |(_, of)| of);
     let name =
-        name.on_hover_text(format!("{of}\n{} lights\nClick to select them, right-click for more", group.lights.len()));
+        name.on_hover_text(format!("{of}\n{} lights\nClick to select them, right-click or menu key for more", group.lights.len()));
     let keys = mix.keys(&group.lights);
     if name.has_focus() {
         ui.painter().rect_stroke(name.rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);
@@ -126,7 +128,7 @@ pub(super) fn group_response(ui: &Ui, mix: &mut Mix, group: &Group, name: Respon
         mix.state.selection.click_group(&keys, ui.input(|input| input.modifiers));
         mix.state.choose_lamp(None);
     }
-    name.context_menu(|ui| {
+    context_menu(&name, |ui| {
         let chosen = |ui: &mut Ui, words: &str, tip: &str| {
             let clicked = ui.button(words).on_hover_text(tip).clicked();
             if clicked {

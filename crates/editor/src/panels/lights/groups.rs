@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::listed::{LightOf, Listed};
 use crate::look::Look;
+use crate::look::groups::{SEPARATOR, own_name};
 
 /// By what lights are sorted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -141,8 +142,6 @@ fn places(lights: &[Listed]) -> BTreeMap<String, usize> {
     places
 }
 
-/// Between the nodes of a place.
-const SEPARATOR: &str = "/";
 
 /// The group of a light; sky and free lamps keep to themselves however the others are sorted.
 fn group_key(light: &Listed, by: GroupBy, places: &BTreeMap<String, usize>) -> Option<String> {
@@ -186,12 +185,6 @@ fn kind_name(kind: SourceKind) -> &'static str {
         SourceKind::Constant => "Unlit surfaces",
         SourceKind::Image => "Pictures",
     }
-}
-
-/// What a group is called by itself: of a place its innermost node.
-pub(super) fn own_name(key: &str) -> &str {
-    let (by, name) = key.split_once(':').unwrap_or(("", key));
-    if by == "place" { name.rsplit(SEPARATOR).next().unwrap_or(name) } else { name }
 }
 
 /// A group as the look has it; without an entry all of it is as its lights are.

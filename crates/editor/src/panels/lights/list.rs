@@ -4,12 +4,13 @@ use clerestory_transport::light::LightRig;
 use eframe::egui::{RichText, ScrollArea, Ui};
 
 use super::columns::INDENT;
-use super::groups::{Item, own_name};
+use super::groups::Item;
 use super::mix::Mix;
 use super::{group_row, row};
+use crate::look::groups::own_name;
 
 /// Lists from this long draw only the rows that are seen.
-const LONG_FROM: usize = 300;
+pub(super) const LONG_FROM: usize = 300;
 
 /// Draws the list.
 pub(super) fn list_ui(ui: &mut Ui, mix: &mut Mix) {

@@ -16,6 +16,7 @@ use super::solo;
 use crate::action::Action;
 use crate::panels::color::{Tint, tint_ui};
 use crate::panels::lamps::{details_ui, lamp_menu};
+use crate::panels::menu::context_menu;
 use crate::panels::spots::spots_ui;
 use crate::theme;
 
@@ -153,7 +154,7 @@ pub(super) fn light_response(ui: &Ui, mix: &mut Mix, light: &Listed, name: Respo
     } else if name.clicked() {
         mix.click(ui, &light.key);
     }
-    name.context_menu(|ui| menu_ui(ui, mix, light));
+    context_menu(&name, |ui| menu_ui(ui, mix, light));
 }
 
 /// Name, kind, what the file and what the look give it, and how to go on.
@@ -184,7 +185,7 @@ fn about(mix: &Mix, light: &Listed) -> String {
     if all.intensity != setting.intensity && setting.intensity > 0.0 {
         words.push(format!("Its groups turn it by {:.2}×", all.intensity / setting.intensity));
     }
-    words.push("Double-click to reset, right-click for more".into());
+    words.push("Double-click to reset, right-click or menu key for more".into());
     words.join("\n")
 }
 
@@ -254,7 +255,8 @@ fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     match &light.light {
         LightOf::Scene(source) => {
             if let SourceKind::Panel { size_m, .. } = source.kind {
-                spots_ui(ui, source, size_m, &mut mix.look.lights.panels, &mut mix.state.spot);
+                let of = (*source, light.name.as_str());
+                spots_ui(ui, of, size_m, &mut mix.look.lights.panels, &mut mix.state.spot);
             }
         }
         LightOf::Look(lamp, _) if mix.state.lamps.is_chosen(&lamp.key) => {

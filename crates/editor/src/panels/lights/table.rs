@@ -1,10 +1,13 @@
-//! The lights as a table: everything about each in a line of its own.
+//! The lights as a table: everything about each in a line of its own. Letters and names stay in view while the numbers scroll sideways.
 
 use std::cmp::Ordering;
 
 use clerestory_transport::lamps::LampUnit;
 use clerestory_transport::light::LightSetting;
-use eframe::egui::{Button, Grid, Label, RichText, ScrollArea, Sense, Ui};
+use eframe::egui::{
+    Align, Button, FontSelection, Grid, Label, Layout, Rect, RichText, ScrollArea, Sense, TextStyle, Ui, UiBuilder,
+    WidgetText, pos2, vec2,
+};
 
 use super::listed::Listed;
 use super::mix::Mix;
@@ -29,18 +32,24 @@ pub(super) struct Sorting {
     descends: bool,
 }
 
-/// Titles of the columns, what they tell, and by what they sort.
-const COLUMNS: [(&str, &str, Option<Column>); 9] = [
-    ("", "", None),
-    ("Name", "Click to sort", Some(Column::Name)),
-    ("Kind", "Click to sort", Some(Column::Kind)),
+/// Titles of the columns behind the name, what they tell, and by what they sort.
+const COLUMNS: [(&str, &str, Option<Column>); 7] = [
     ("Value", "In the unit beside it, without masters of groups; click to sort", Some(Column::Value)),
     ("Unit", "Chosen above, else that of the file", None),
     ("Color", "", None),
     ("Kelvin", "Color temperature, K; click to sort", Some(Column::Kelvin)),
     ("lm", "Luminous flux with masters of groups, lumen; click to sort", Some(Column::Lumen)),
+    ("Kind", "Click to sort", Some(Column::Kind)),
     ("Position", "X, Y and Z in meters", None),
 ];
+
+/// Width of the mark, and of solo and mute.
+const LETTERS: f32 = 59.0;
+/// Least and greatest width of the names, and the part of the room that they take at most.
+const NAME: [f32; 2] = [60.0, 104.0];
+const NAME_PART: f32 = 0.5;
+/// Between columns, and between lines.
+const SPACING: [f32; 2] = [10.0, 3.0];
 
 /// Draws the table.
 pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
@@ -51,18 +60,63 @@ pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
             if sorting.descends { order.reverse() } else { order }
         });
     }
+    let names = name_width(ui, mix, &lines);
     ScrollArea::both().id_salt("table").auto_shrink([false, false]).show(ui, |ui| {
-        Grid::new("lights").striped(true).spacing([10.0, 3.0]).min_col_width(20.0).show(ui, |ui| {
+        let fixed = Fixed { seen: ui.clip_rect(), width: LETTERS + names };
+        Grid::new("lights").spacing(SPACING).min_col_width(20.0).show(ui, |ui| {
+            ui.set_clip_rect(fixed.beside());
+            fixed.show(ui, None, |ui| {
+                ui.spacing_mut().item_spacing.x = 0.0;
+                ui.add_space(LETTERS);
+                title_ui(ui, mix, "Name", "Click to sort", Some(Column::Name));
+            });
             for (title, tip, column) in COLUMNS {
                 title_ui(ui, mix, title, tip, column);
             }
             ui.end_row();
-            for idx in lines {
-                line_ui(ui, mix, &mix.lights[idx]);
+            for (nth, idx) in lines.into_iter().enumerate() {
+                line_ui(ui, mix, &mix.lights[idx], (&fixed, nth));
                 ui.end_row();
             }
         });
     });
+}
+
+/// Width of the longest name, within reason.
+fn name_width(ui: &Ui, mix: &Mix, lines: &[usize]) -> f32 {
+    let width = |idx: &usize| {
+        let text = WidgetText::from(RichText::new(&mix.lights[*idx].name).strong());
+        text.into_galley(ui, None, f32::INFINITY, FontSelection::Style(TextStyle::Body)).size().x
+    };
+    let longest = lines.iter().map(width).fold(NAME[0], f32::max);
+    longest.ceil().min(NAME[1]).min((NAME_PART * ui.available_width() - LETTERS).max(NAME[0]))
+}
+
+/// The column that stays at the left edge of what is seen, whatever is scrolled behind it.
+struct Fixed {
+    /// What is seen of the table.
+    seen: Rect,
+    width: f32,
+}
+
+impl Fixed {
+    /// What is seen of the other columns.
+    fn beside(&self) -> Rect {
+        Rect::from_min_max(pos2(self.seen.left() + self.width + SPACING[0], self.seen.top()), self.seen.max)
+    }
+
+    /// Draws a cell of it; every other line lies on a ground of its own, by its number.
+    fn show(&self, ui: &mut Ui, nth: Option<usize>, add: impl FnOnce(&mut Ui)) {
+        let (place, _) = ui.allocate_exact_size(vec2(self.width, row::HEIGHT - 2.0), Sense::hover());
+        let cell = Rect::from_min_size(pos2(self.seen.left(), place.top()), place.size());
+        if nth.is_some_and(|nth| nth % 2 == 0) {
+            let line = Rect::from_x_y_ranges(self.seen.x_range(), cell.y_range()).expand2(vec2(0.0, 0.5 * SPACING[1]));
+            ui.painter().with_clip_rect(self.seen).rect_filled(line, 2.0, ui.visuals().faint_bg_color);
+        }
+        let mut cell = ui.new_child(UiBuilder::new().max_rect(cell).layout(Layout::left_to_right(Align::Center)));
+        cell.set_clip_rect(self.seen);
+        add(&mut cell);
+    }
 }
 
 fn title_ui(ui: &mut Ui, mix: &mut Mix, title: &str, tip: &str, column: Option<Column>) {
@@ -109,19 +163,18 @@ fn lumens(mix: &Mix, light: &Listed) -> Option<f64> {
     Some(if setting.muted { 0.0 } else { lumens })
 }
 
-fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
-    ui.horizontal(|ui| {
+fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, (fixed, nth): (&Fixed, usize)) {
+    fixed.show(ui, Some(nth), |ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         row::mark_ui(ui, mix.differs(light), "Differs from the file");
         row::letters_ui(ui, mix, &light.name, std::slice::from_ref(&light.key));
+        let mut text = row::name_text(ui, mix, light);
+        if mix.state.selection.has(&light.key) {
+            text = text.background_color(ui.visuals().selection.bg_fill);
+        }
+        let name = row::name_label_ui(ui, text, ui.available_width());
+        row::light_response(ui, mix, light, name);
     });
-    let mut text = row::name_text(ui, mix, light);
-    if mix.state.selection.has(&light.key) {
-        text = text.background_color(ui.visuals().selection.bg_fill);
-    }
-    let name = ui.add(Label::new(text).extend().sense(Sense::click()).selectable(false));
-    row::light_response(ui, mix, light, name);
-    ui.add(Label::new(light.kind_words()).extend());
     let mut setting = mix.setting(light);
     let measure = mix.measure(light, &setting);
     number_ui(ui, &light.name, (measure, Shown::Bare), &mut setting.intensity, row::NUMBER);
@@ -136,6 +189,7 @@ fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
         mix.look.lights.set(&light.key, LightSetting { color: tint.color, kelvin: tint.kelvin, ..setting });
     }
     ui.label(lumens(mix, light).map_or("–".into(), digits));
+    ui.add(Label::new(light.kind_words()).extend());
     let place = |at: glam::Vec3| format!("{:.2}, {:.2}, {:.2}", at.x, at.y, at.z);
     ui.add(Label::new(light.position().map_or("–".into(), place)).extend());
 }

@@ -9,6 +9,7 @@ use super::{LooksState, LooksView};
 use crate::action::Action;
 use crate::look::Look;
 use crate::look::snapshot::Mark;
+use crate::panels::menu::context_menu;
 use crate::theme;
 
 /// Size of the picture in points.
@@ -61,8 +62,8 @@ pub(super) fn card_ui(
     };
     let keys = if idx < WITH_KEY { format!("\n{}", ui.ctx().format_shortcut(&take_keys(idx))) } else { String::new() };
     let response = response
-        .on_hover_text(format!("{name}\n{hint}{keys}\nDouble-click to rename, drag to reorder, right-click for more"));
-    response.context_menu(|ui| menu(ui, idx, look, state, mark));
+        .on_hover_text(format!("{name}\n{hint}{keys}\nDouble-click to rename, drag to reorder, right-click or menu key for more"));
+    context_menu(&response, |ui| menu(ui, idx, look, state, mark));
     rect.center().x
 }
 
