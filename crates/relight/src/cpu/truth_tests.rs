@@ -9,7 +9,7 @@ fn recipe(rank: u32) -> Recipe {
     let n_cols = vec![1 + 47 * (rank % 7), 1 + rank % 3];
     let (width, height) = (17 + rank % 5, 1 + rank % 23);
     let (rank, n_sparse, seed) = (Ranks::Fixed(rank), rank % 5, 70 + u64::from(rank));
-    Recipe { width, height, n_cols, tile: 16, rank, n_sparse, is_positive: false, seed }
+    Recipe { width, height, n_cols, tile: 16, rank, n_sparse, is_positive: false, truncation: 0.0, seed }
 }
 
 /// Into a picture of the right size whose pixels are no numbers, so that one which is forgotten is found.

@@ -25,7 +25,8 @@ fn every_device_agrees_with_the_cpu_at_every_rank() {
             let seed = 100 + u64::from(rank);
             let n_cols = vec![1 + 37 * (rank % 4), 1 + rank % 3];
             let (rank, n_sparse) = (Ranks::Fixed(rank), rank % 5);
-            let recipe = Recipe { width, height, tile: 16, n_cols, rank, n_sparse, is_positive: false, seed };
+            let recipe =
+                Recipe { width, height, tile: 16, n_cols, rank, n_sparse, is_positive: false, truncation: 0.0, seed };
             let frame = recipe.frame();
             let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
             let mut x = recipe.coefficients(seed);
