@@ -141,7 +141,8 @@ impl App {
         let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
         let layout = cc.storage.and_then(|storage| eframe::get_value(storage, LIGHTS_KEY)).unwrap_or_default();
         let lights = LightsState::new(layout);
-        let habits: BakeHabits = cc.storage.and_then(|storage| eframe::get_value(storage, BAKE_KEY)).unwrap_or_default();
+        let habits: BakeHabits =
+            cc.storage.and_then(|storage| eframe::get_value(storage, BAKE_KEY)).unwrap_or_default();
         let habits = habits.within_reason();
         let ctx = cc.egui_ctx.clone();
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use clerestory_relight::{
-    DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode_as, encode_into,
+    DisplayParams, Frame, Gpu, GpuRelighter, Precision, Radiance, Relight, RelightError, encode_as, encode_into,
 };
 use eframe::egui::{Color32, ColorImage, TextureId};
 use eframe::egui_wgpu::RenderState;
@@ -196,7 +196,7 @@ impl GpuPainter {
             (Some(relighter), Changed::Blocks(blocks)) => relighter.update(frame, &blocks),
             _ => {
                 self.relighter = None;
-                self.relighter = Some(GpuRelighter::new(&self.gpu, frame)?);
+                self.relighter = Some(GpuRelighter::with_precision(&self.gpu, frame, Precision::ByError)?);
                 Ok(())
             }
         }

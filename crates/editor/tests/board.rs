@@ -64,7 +64,10 @@ fn faders_are_long_enough_and_those_of_groups_and_members_line_up() {
         for light in ["clerestory 3", "pendant 2", "spot 4", "cove", "ceiling panel"] {
             for what in ["intensity", "factor", "color"] {
                 let columns = place(&window, &format!("{light} {what}")).x_range();
-                assert!(columns.min > 4.0 && columns.max < edge - 4.0, "{light} {what}: {columns:?} of {edge}, {letters}");
+                assert!(
+                    columns.min > 4.0 && columns.max < edge - 4.0,
+                    "{light} {what}: {columns:?} of {edge}, {letters}"
+                );
             }
         }
         let seen = Rangef::new(place(&window, "Group lights by").bottom(), place(&window, "Sky").top());

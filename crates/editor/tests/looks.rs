@@ -277,7 +277,8 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
     let [part, whole] = ["g_48.png", "f_048.png"].map(|name| image::open(folder.path().join(name)).unwrap().to_rgb8());
     assert_eq!((part.dimensions(), whole.dimensions()), ((12, 24), (64, 48)));
     // Of the picture of half the size, the twelve columns at its right.
-    let mean = |x: u32, y: u32| (0..4).map(|i| f32::from(whole.get_pixel(2 * x + i % 2, 2 * y + i / 2)[1])).sum::<f32>() / 4.0;
+    let mean =
+        |x: u32, y: u32| (0..4).map(|i| f32::from(whole.get_pixel(2 * x + i % 2, 2 * y + i / 2)[1])).sum::<f32>() / 4.0;
     let off = |left: u32| {
         let pixels = (0..12 * 24).map(|i| (i % 12, i / 12));
         pixels.map(|(x, y)| (mean(left + x, y) - f32::from(part.get_pixel(x, y)[1])).abs()).sum::<f32>()

@@ -6,7 +6,8 @@ use std::hint::black_box;
 
 use clerestory_relight::synthetic::{Ranks, Recipe};
 use clerestory_relight::{
-    CpuRelighter, DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode,
+    CpuRelighter, DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Precision, Radiance, Relight, RelightError,
+    encode,
 };
 use criterion::{BenchmarkId, Criterion, Throughput};
 
@@ -28,6 +29,11 @@ fn blind(recipe: &Recipe) -> Frame {
         *block = std::sync::Arc::new(clerestory_nystrom::BlockFactors { right, ..blind });
     }
     frame
+}
+
+/// A frame whose blocks say that they miss so much that bytes will do.
+fn coarse(job: [u32; 4]) -> Frame {
+    Recipe { truncation: f32::MAX, ..recipe(job) }.frame()
 }
 
 /// Runs a job under other coefficients each time: all of them others, or those of one light.
@@ -64,7 +70,9 @@ fn on_cpu(criterion: &mut Criterion) {
     for job in JOBS {
         let [.., n_cols, _] = job;
         let mut run = |name, frame: &Frame, job, n_changed| {
-            let mut relighter = CpuRelighter::new(frame).expect("a synthetic frame fits together");
+            let precision = Precision::ByError;
+            let mut relighter =
+                CpuRelighter::with_precision(frame, precision).expect("a synthetic frame fits together");
             bench(criterion, (name, "cpu"), job, n_changed, |x| {
                 relighter.relight(x, radiance)?;
                 Ok(relighter.stats().n_bytes)
@@ -73,6 +81,10 @@ fn on_cpu(criterion: &mut Criterion) {
         let frame = recipe(job).frame();
         run("relight", &frame, job, n_cols);
         run("one light", &frame, job, 1);
+        drop(frame);
+        let frame = coarse(job);
+        run("relight bytes", &frame, job, n_cols);
+        run("one light bytes", &frame, job, 1);
         drop(frame);
         run("project", &blind(&recipe(job)), job, n_cols);
         let [width, height, _, rank] = job;
@@ -94,7 +106,9 @@ fn on_device(criterion: &mut Criterion) {
         let [width, height, n_cols, rank] = *job;
         let mut display = DisplayParams::default();
         let mut run = |name, frame: &Frame, job, n_changed, ev_step: f32| {
-            let mut relighter = GpuRelighter::new(&gpu, frame).expect("a synthetic frame fits the device");
+            let precision = Precision::ByError;
+            let mut relighter =
+                GpuRelighter::with_precision(&gpu, frame, precision).expect("a synthetic frame fits the device");
             bench(criterion, (name, runner), job, n_changed, |x| {
                 display.exposure_ev += ev_step;
                 relighter.relight_to_texture(x, &display)?;
@@ -104,6 +118,8 @@ fn on_device(criterion: &mut Criterion) {
         };
         run("relight", &recipe(*job).frame(), *job, n_cols, 0.0);
         run("one light", &recipe(*job).frame(), *job, 1, 0.0);
+        run("relight bytes", &coarse(*job), *job, n_cols, 0.0);
+        run("one light bytes", &coarse(*job), *job, 1, 0.0);
         run("project", &blind(&recipe(*job)), *job, n_cols, 0.0);
         let narrow = [width, height, 1, rank];
         run("expand", &recipe(narrow).frame(), narrow, 1, 0.0);

@@ -11,6 +11,11 @@ struct Block {
     z: u32,
     sparse: u32,
     n_sparse: u32,
+    // Components of z, those included that fill the last word.
+    n_components: u32,
+    // Components that are halves, of the left factor and of the right; the rest are bytes.
+    left_halves: u32,
+    right_halves: u32,
 }
 
 struct Group {
@@ -30,3 +35,8 @@ struct Group {
 const THREADS: u32 = 64u;
 // Workgroups of a row of the grid.
 const ROW: u32 = 32768u;
+
+// Four bytes of a word, the lowest first.
+fn signed_bytes(word: u32) -> vec4<f32> {
+    return vec4<f32>(vec4<i32>(vec4<u32>(word) << vec4<u32>(24u, 16u, 8u, 0u)) >> vec4<u32>(24u));
+}

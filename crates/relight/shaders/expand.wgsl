@@ -13,8 +13,8 @@ struct SparseTerm {
 // The groups that do not move, summed.
 @group(0) @binding(3) var<storage, read> settled: array<vec4<f32>>;
 
-// Pairs of f16 (two components of one row). Of a block: pair by pair, channel by channel, pixel by pixel, so that
-// neighboring threads read neighboring words.
+// Pairs of f16 (two components of one row), then fours of bytes. Of a block: pair by pair and four by four, channel by
+// channel, pixel by pixel, so that neighboring threads read neighboring words.
 @group(1) @binding(1) var<storage, read> left: array<u32>;
 // The fourth component says whether those of the block moved.
 @group(1) @binding(2) var<storage, read> z: array<vec4<f32>>;
@@ -42,15 +42,25 @@ fn expand(
 
 fn expand_pixel(block: Block, pixel: u32) {
     var sum = vec3<f32>(0.0);
-    let n_pairs = (block.rank + 1u) / 2u;
-    for (var k = 0u; k < n_pairs; k += 1u) {
-        let at = block.left + 3u * k * block.n_pixels + pixel;
-        let r = unpack2x16float(left[at]);
-        let g = unpack2x16float(left[at + block.n_pixels]);
-        let b = unpack2x16float(left[at + 2u * block.n_pixels]);
-        let z_0 = z[block.z + 2u * k].xyz;
-        let z_1 = z[block.z + 2u * k + 1u].xyz;
+    var word = block.left + pixel;
+    for (var k = 0u; k < block.left_halves; k += 2u) {
+        let r = unpack2x16float(left[word]);
+        let g = unpack2x16float(left[word + block.n_pixels]);
+        let b = unpack2x16float(left[word + 2u * block.n_pixels]);
+        let z_0 = z[block.z + k].xyz;
+        let z_1 = z[block.z + k + 1u].xyz;
         sum += vec3<f32>(r.x, g.x, b.x) * z_0 + vec3<f32>(r.y, g.y, b.y) * z_1;
+        word += 3u * block.n_pixels;
+    }
+    // Where halves are followed by bytes they are a whole number of pairs.
+    for (var k = block.left_halves; k < block.rank; k += 4u) {
+        let r = signed_bytes(left[word]);
+        let g = signed_bytes(left[word + block.n_pixels]);
+        let b = signed_bytes(left[word + 2u * block.n_pixels]);
+        for (var i = 0u; i < 4u; i += 1u) {
+            sum += vec3<f32>(r[i], g[i], b[i]) * z[block.z + k + i].xyz;
+        }
+        word += 3u * block.n_pixels;
     }
 
     if block.n_sparse > 0u {

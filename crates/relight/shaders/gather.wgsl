@@ -1,8 +1,7 @@
 // Gather: z = scale · sum over segments, one workgroup per block; where the block would change by less than is seen, z stays
 // what it was expanded from. Twin of src/cpu/project.rs and src/cpu/left.rs.
 
-// One per component: the largest magnitude of its left factor per channel, and its scale; all 0 of the padding component
-// of an odd rank.
+// One per component: the largest magnitude of its left factor per channel, and its scale; all 0 of those that fill a word.
 @group(1) @binding(1) var<storage, read> components: array<vec4<f32>>;
 @group(1) @binding(2) var<storage, read> partials: array<vec4<f32>>;
 // What blocks are to be expanded from. The fourth component says whether that moved.
@@ -13,7 +12,7 @@ var<workgroup> behind: array<vec3<f32>, THREADS>;
 @compute @workgroup_size(THREADS)
 fn gather(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let block = blocks[id.x];
-    let n_components = 2u * ((block.rank + 1u) / 2u);
+    let n_components = block.n_components;
 
     // How far any pixel of the block is behind, at most.
     var most = vec3<f32>(0.0);
@@ -43,11 +42,10 @@ fn gather(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
 
 // In the order of the segments, whatever was projected just now.
 fn fresh(block: Block, component: u32) -> vec3<f32> {
-    let n_components = 2u * ((block.rank + 1u) / 2u);
     let first = block.z * group.n_segments + component;
     var sum = vec3<f32>(0.0);
     for (var segment = 0u; segment < group.n_segments; segment += 1u) {
-        sum += partials[first + segment * n_components].xyz;
+        sum += partials[first + segment * block.n_components].xyz;
     }
     return components[block.z + component].w * sum;
 }

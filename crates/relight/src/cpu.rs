@@ -25,6 +25,7 @@ use rayon::prelude::*;
 
 use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
+use crate::packing::Precision;
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_dark, is_same_layer};
 use kernel::Kernel;
 use project::Planes;
@@ -35,6 +36,7 @@ use row::TileRow;
 pub struct CpuRelighter {
     frame: Frame,
     kernel: Kernel,
+    precision: Precision,
     rows: Vec<TileRow>,
     /// Coefficients that the cached radiance of each group stands for; none before a group was first lit.
     cached: Vec<Option<Vec<[f32; 3]>>>,
@@ -62,16 +64,25 @@ impl CpuRelighter {
     /// # Errors
     /// A frame that does not fit together.
     pub fn new(frame: &Frame) -> Result<Self, RelightError> {
-        Self::with_kernel(frame, Kernel::detect())
+        Self::with_precision(frame, Precision::Halves)
     }
 
-    fn with_kernel(frame: &Frame, kernel: Kernel) -> Result<Self, RelightError> {
+    /// The same, with factors of a precision.
+    ///
+    /// # Errors
+    /// A frame that does not fit together.
+    pub fn with_precision(frame: &Frame, precision: Precision) -> Result<Self, RelightError> {
+        Self::with_kernel(frame, Kernel::detect(), precision)
+    }
+
+    fn with_kernel(frame: &Frame, kernel: Kernel, precision: Precision) -> Result<Self, RelightError> {
         frame.check()?;
         let partition = frame.partition();
         let tile_row = || TileRow::new(frame.groups.len(), partition.tiles_x() as usize);
         Ok(Self {
             frame: frame.clone(),
             kernel,
+            precision,
             rows: (0..partition.tiles_y()).map(|_| tile_row()).collect(),
             cached: vec![None; frame.groups.len()],
             layer: None,
@@ -108,7 +119,8 @@ impl CpuRelighter {
         let partition = self.frame.partition();
         let row_len = (partition.tile as usize).min(self.frame.height as usize) * self.frame.width as usize;
         let layer = self.layer.as_deref();
-        let step = Step { frame: &self.frame, kernel: self.kernel, tolerance: tolerance / inputs.len().max(1) as f32 };
+        let (kernel, precision, tolerance) = (self.kernel, self.precision, tolerance / inputs.len().max(1) as f32);
+        let step = Step { frame: &self.frame, kernel, precision, tolerance };
         self.stats = (self.rows.par_iter_mut(), out.pixels.par_chunks_mut(row_len))
             .into_par_iter()
             .enumerate()
@@ -147,7 +159,7 @@ impl CpuRelighter {
 impl Relight for CpuRelighter {
     fn update(&mut self, frame: &Frame, changed: &[(usize, usize)]) -> Result<(), RelightError> {
         if !self.frame.same_shape(frame) {
-            *self = Self::with_kernel(frame, self.kernel)?;
+            *self = Self::with_kernel(frame, self.kernel, self.precision)?;
             return Ok(());
         }
         self.frame.take_blocks(frame, changed)?;
@@ -179,6 +191,7 @@ impl Relight for CpuRelighter {
 struct Step<'a> {
     frame: &'a Frame,
     kernel: Kernel,
+    precision: Precision,
     /// Nit by which any channel of one group's radiance may miss the exact answer.
     tolerance: f32,
 }

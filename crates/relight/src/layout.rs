@@ -18,6 +18,11 @@ pub(crate) struct Block {
     pub z: u32,
     pub sparse: u32,
     pub n_sparse: u32,
+    /// Components of `z`, those included that fill the last word.
+    pub n_components: u32,
+    /// Components that are halves, of the left factor and of the right; the rest are bytes.
+    pub left_halves: u32,
+    pub right_halves: u32,
 }
 
 /// `Group` in `blocks.wgsl`.
@@ -181,7 +186,7 @@ mod tests {
 
     fn shapes() -> Vec<Shape> {
         vec![
-            shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse),
+            shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse, n_components, left_halves, right_halves),
             shape!(Group: n_cols, frame_width, n_segments, mode, unseen),
             shape!(SparseTerm: col_channel, value),
             shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit, layered),

@@ -13,7 +13,8 @@
 //! ([`GpuRelighter`]). The crate borrows the device of its host, opens no window and knows no scene. Direct light of lamps that no bake
 //! knew is traced on the device as well ([`gpu::Lamplight`]), through words that its host packs; the twin of that is the host's.
 //!
-//! Decided: factors stay f16 on both sides, since the product is bound by memory. Sums over segments of columns are
+//! Decided: factors stay f16 on both sides for what is written, and become bytes where a block's own error hides it for what is looked at
+//! ([`Precision`]), since the product is bound by memory. Sums over segments of columns are
 //! kept, so that one light of many reads its own segment alone. Refused: updating `z` by the difference of two coefficients,
 //! because the picture would then depend on the path a slider took.
 //!
@@ -34,6 +35,7 @@ pub mod display;
 pub mod frame;
 pub mod gpu;
 mod layout;
+pub mod packing;
 pub mod relight;
 pub mod rows;
 pub mod synthetic;
@@ -42,5 +44,6 @@ pub use cpu::CpuRelighter;
 pub use display::{DisplayParams, Tone, encode, encode_as, encode_into};
 pub use frame::{Frame, Radiance};
 pub use gpu::{DeviceChoice, Gpu, GpuRelighter};
+pub use packing::Precision;
 pub use relight::{Relight, RelightError, RelightStats};
 pub use rows::{mean_row, weighed_row};

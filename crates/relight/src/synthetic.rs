@@ -24,6 +24,8 @@ pub struct Recipe {
     pub n_sparse: u32,
     /// Whether no factor is negative, so that all radiance is light.
     pub is_positive: bool,
+    /// Mean square error that every block says it has; 0 says that none was measured.
+    pub truncation: f32,
     /// Same seed, same frame.
     pub seed: u64,
 }
@@ -42,7 +44,7 @@ pub enum Ranks {
 impl Default for Recipe {
     fn default() -> Self {
         let (n_cols, rank) = (vec![19, 1], Ranks::Mixed(40));
-        Self { width: 37, height: 23, tile: 8, n_cols, rank, n_sparse: 3, is_positive: false, seed: 1 }
+        Self { width: 37, height: 23, tile: 8, n_cols, rank, n_sparse: 3, is_positive: false, truncation: 0.0, seed: 1 }
     }
 }
 
@@ -88,7 +90,7 @@ impl Recipe {
             .collect();
         sparse.sort_by_key(|entry| (entry.row, entry.col));
         sparse.dedup_by_key(|entry| (entry.row, entry.col));
-        let error = BlockError::default();
+        let error = BlockError { truncation: self.truncation, ..BlockError::default() };
         Some(Arc::new(BlockFactors { n_rows, n_cols, rank, left, scale, right, sparse, n_samples: 0, error }))
     }
 }

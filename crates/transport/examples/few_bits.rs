@@ -11,9 +11,9 @@ use clerestory_transport::archive;
 use rayon::prelude::*;
 
 /// Shares of a block's own error that rounding may add.
-const SHARES: [f64; 2] = [1.0 / 16.0, 1.0 / 4.0];
+const SHARES: [f64; 2] = [1.0 / 32.0, 1.0 / 16.0];
 /// Bits of a vector: any, or those that lie in words without a seam.
-const WIDTHS: [&[u32]; 2] = [&[4, 5, 6, 7, 8, 9, 10, 11, 12], &[4, 8, 12]];
+const WIDTHS: [&[u32]; 3] = [&[4, 5, 6, 7, 8, 9, 10, 11, 12], &[4, 8, 12], &[8]];
 /// Bits of a vector that needs more.
 const HALF: u32 = 16;
 

@@ -52,7 +52,9 @@ impl App {
         }
         match self.follower.lamp_light() {
             None => LampNote::Pending,
-            Some(LampLight { problems, .. }) if !problems.is_empty() => LampNote::Problem(self.look.renamed(&problems[0])),
+            Some(LampLight { problems, .. }) if !problems.is_empty() => {
+                LampNote::Problem(self.look.renamed(&problems[0]))
+            }
             Some(_) if shown.patches().is_none() => LampNote::DirectOnly,
             Some(_) if self.session.lamp_scene().is_some_and(|scene| scene.casts_caustics()) => LampNote::NoCaustics,
             Some(_) => LampNote::None,

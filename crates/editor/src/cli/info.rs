@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
+use clerestory_relight::Precision;
 use clerestory_relight::gpu::device_bytes;
 use clerestory_transport::archive;
 use clerestory_transport::basis::LightSource;
@@ -211,25 +212,28 @@ fn transport(path: &Path) -> Result<Answer> {
     let keys: Vec<&str> = header.basis.sources.iter().map(|source| source.key.as_str()).collect();
     let sky = header.basis.sky.as_ref().map_or("none", |sky| sky.name.as_str());
     let measured = header.basis.is_measured();
-    let on_device = device_bytes(&frame_of(&bake, &LightRig::default()));
+    let frame = frame_of(&bake, &LightRig::default());
+    let [on_device, in_window] =
+        [Precision::Halves, Precision::ByError].map(|precision| device_bytes(&frame, precision));
     let what = match measured {
         true => format!("pictures in {}", header.scene),
         false => format!("{} seen by {}", header.scene, header.camera),
     };
     let words = format!(
-        "{}: {what}, {}×{}\nlights      {}\nsky         {sky}\ndevice      {} of a graphics device while it relights\n{}{}",
+        "{}: {what}, {}×{}\nlights      {}\nsky         {sky}\ndevice      {} of a graphics device while it relights, {} in the window\n{}{}",
         path.display(),
         header.width,
         header.height,
         listed(&keys),
         bytes_words(on_device),
+        bytes_words(in_window),
         figure_words(&figures, &header.basis),
         irradiance_words(&irradiance),
     );
     let mut json = figures;
     let about = json!({
         "scene": header.scene, "camera": header.camera, "measured": measured, "width": header.width, "height": header.height,
-        "device_bytes": on_device, "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
+        "device_bytes": on_device, "window_device_bytes": in_window, "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
     });
     merge(&mut json, about);
     Ok(Answer { json, words })

@@ -73,9 +73,7 @@ impl LayerSet {
             let name = match self {
                 LayerSet::None => continue,
                 LayerSet::Lights => layer_name(&source.key, look),
-                LayerSet::Groups => {
-                    group_of(&source.key, look).unwrap_or_else(|| kind_of(source.kind).to_owned())
-                }
+                LayerSet::Groups => group_of(&source.key, look).unwrap_or_else(|| kind_of(source.kind).to_owned()),
             };
             match parts.iter_mut().find(|(other, _)| *other == name) {
                 Some((_, columns)) => columns.push(source.columns.clone()),

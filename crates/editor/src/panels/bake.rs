@@ -346,7 +346,11 @@ fn figures_ui(
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
         ("Rank", format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank), "Terms that each block needs"),
         ("Memory", bytes_words(figures.bytes as u64), "What relighting reads"),
-        ("File", figures.file_bytes.map_or("when the bake is done".into(), |n| bytes_words(n as u64)), "The packed factors"),
+        (
+            "File",
+            figures.file_bytes.map_or("when the bake is done".into(), |n| bytes_words(n as u64)),
+            "The packed factors",
+        ),
         (
             "Full matrix",
             format!("{:.0}× as large", figures.ratio),

@@ -243,7 +243,9 @@ fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState)
             ui.spacing_mut().item_spacing.x = 3.0;
             for (value, axis) in place.as_mut().iter_mut().zip(["X", "Y", "Z"]) {
                 let number = DragValue::new(value).range(-MOST..=MOST).speed(0.01).fixed_decimals(2);
-                ui.add(number).on_hover_text(format!("{axis}, meters")).accessible_name(format!("{name} {what} {axis}"));
+                ui.add(number)
+                    .on_hover_text(format!("{axis}, meters"))
+                    .accessible_name(format!("{name} {what} {axis}"));
             }
         });
     };

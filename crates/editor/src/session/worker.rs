@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, RelightError};
+use clerestory_relight::{CpuRelighter, DisplayParams, Frame, Precision, Radiance, Relight, RelightError};
 use eframe::egui::ColorImage;
 use rayon::prelude::*;
 
@@ -118,7 +118,7 @@ impl Bench {
                 own.update(&order.frame, blocks)?;
                 own
             }
-            (slot, _) => slot.insert(CpuRelighter::new(&order.frame)?),
+            (slot, _) => slot.insert(CpuRelighter::with_precision(&order.frame, Precision::ByError)?),
         };
         relighter.set_layer(order.layer.as_ref())?;
         let display = if order.display.follows_every_pixel() {

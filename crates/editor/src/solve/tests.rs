@@ -287,7 +287,11 @@ fn muted_lights_stay_dark_and_the_present_setting_breaks_ties() {
     let scene = at(rig.clone());
     let solved = solve(&scene, &of(vec![wish(corner(), Target::Times(1.0))])).unwrap();
     assert_eq!(solved.changes.len(), 2);
-    assert!(solved.rig.lights["lamp"].muted && !solved.changes.iter().any(Change::is_change), "{}", solved.words(&Look::default()));
+    assert!(
+        solved.rig.lights["lamp"].muted && !solved.changes.iter().any(Change::is_change),
+        "{}",
+        solved.words(&Look::default())
+    );
     let refused = |lights: &[&str]| {
         let lights = Some(lights.iter().map(|key| (*key).to_owned()).collect());
         solve(&scene, &Request { lights, ..of(vec![wish(corner(), Target::Times(1.0))]) }).unwrap_err().to_string()

@@ -1,13 +1,11 @@
 //! Expand: `radiance = left · z + sparse · x` over the pixels of one block.
 
-use clerestory_nystrom::SparseEntry;
-use half::f16;
-
-use super::kernel::{Kernel, PATTERN};
+use super::kernel::{Kernel, Left, PATTERN};
 use super::left::RUN;
 use super::prefetch::prefetch;
 use super::project::Planes;
 use super::quad::{QUAD, Quad};
+use clerestory_nystrom::SparseEntry;
 
 /// Where a tile lies in its row of tiles, in pixels.
 #[derive(Clone, Copy)]
@@ -28,9 +26,7 @@ pub(super) enum Write {
 
 /// One block as expand reads it; without components and sparse entries it is black.
 pub(super) struct Source<'a> {
-    /// Begins with the block's runs × rank × [`RUN`].
-    pub left: &'a [f16],
-    pub rank: usize,
+    pub left: Left<'a>,
     pub z: &'a [Quad],
     pub sparse: &'a [SparseEntry],
     pub planes: &'a Planes,
@@ -66,8 +62,8 @@ impl Scratch {
         if is_lit {
             let pattern = |k: usize| pattern(source.z[k / QUAD].rgb(k % QUAD));
             self.patterns.clear();
-            self.patterns.extend((0..source.rank).map(pattern));
-            kernel.expand(source.left, &self.patterns, &mut self.rows);
+            self.patterns.extend((0..source.left.n.all()).map(pattern));
+            kernel.expand(&source.left, &self.patterns, &mut self.rows);
         } else {
             self.rows.fill(0.0);
         }
@@ -82,8 +78,8 @@ impl Scratch {
                 Write::Add => to.iter_mut().zip(from).for_each(|(to, from)| *to += from),
             }
         }
-        let n_left = if is_lit { n_rows * source.rank } else { 0 };
-        (2 * n_left + size_of_val(source.sparse)) as u64
+        let n_left = if is_lit { n_rows * source.left.n.n_bytes() } else { 0 };
+        (n_left + size_of_val(source.sparse)) as u64
     }
 }
 

@@ -1,6 +1,6 @@
 //! The two inner products: plain, for AVX2 with F16C, for AVX-512, and for NEON.
 //!
-//! Left and right factors are read once per picture, so the work is converting f16 at the speed of memory.
+//! Left and right factors are read once per picture, so the work is converting f16 and bytes at the speed of memory.
 #![cfg_attr(
     any(target_arch = "x86_64", target_arch = "aarch64"),
     expect(unsafe_code, reason = "calls of functions compiled for what was detected; `plain` is the safe twin")
@@ -16,10 +16,12 @@ mod plain;
 
 use half::f16;
 
+use super::expand::Write;
 use super::left::RUN;
 use super::prefetch::prefetch;
 use super::project::{Cols, LANES, SEGMENT};
 use super::quad::{QUAD, Quad};
+use super::store::Share;
 
 /// Floats of one component of `z` as the rows of a run meet it: red, green, blue, red, … as far as the vectors of AVX-512
 /// reach that start at the three places where a vector may start.
@@ -41,20 +43,42 @@ pub(super) enum Kernel {
     Neon,
 }
 
-/// Halves from what is projected to what memory is asked for meanwhile, line by line: what was fastest of 2 to 64 KB.
+/// Entries from what is projected to what memory is asked for meanwhile, line by line: what was fastest of 2 to 64 KB.
 const PROJECT_AHEAD: usize = 1024;
 
 /// The same for what is expanded.
 const EXPAND_AHEAD: usize = 2048;
 
-/// Halves that are expanded, and asked for, in one go; at least one run.
+/// Entries that are expanded, and asked for, in one go; at least one run.
 const EXPAND_LEN: usize = 1024;
 
 /// Up to four components of a right factor over one segment: lanes after lanes, of each all components.
-type Rows<'a, const N: usize> = &'a [[[f16; LANES]; N]];
+type Rows<'a, T, const N: usize> = &'a [[[T; LANES]; N]];
 
-fn rows<const N: usize>(halves: &[f16]) -> Rows<'_, N> {
-    halves.as_chunks().0.as_chunks().0
+fn rows<T, const N: usize>(entries: &[T]) -> Rows<'_, T, N> {
+    entries.as_chunks().0.as_chunks().0
+}
+
+/// What factors are made of: halves, or bytes whose steps are in the scales.
+#[cfg(target_arch = "x86_64")]
+pub(super) trait Entry: plain::Convert + avx2::Load + avx512::Load {}
+/// What factors are made of: halves, or bytes whose steps are in the scales.
+#[cfg(target_arch = "aarch64")]
+pub(super) trait Entry: plain::Convert + neon::Load {}
+/// What factors are made of: halves, or bytes whose steps are in the scales.
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+pub(super) trait Entry: plain::Convert {}
+
+impl Entry for f16 {}
+impl Entry for i8 {}
+
+/// The left factor of a block.
+#[derive(Clone, Copy)]
+pub(super) struct Left<'a> {
+    /// Begin with the block's runs × components × [`RUN`]; what comes behind is read next.
+    pub factors: (&'a [f16], &'a [i8]),
+    /// Components of both kinds; those that are halves come first.
+    pub n: Share,
 }
 
 impl Kernel {
@@ -84,24 +108,30 @@ impl Kernel {
 
     /// Sums over the columns of one segment of `right[component][col] · x[channel][col]`, quad by quad. `right` begins with
     /// the segment of the block, quad after quad, lanes after lanes; what comes behind is read next.
-    pub(super) fn project(self, right: &[f16], (rank, n_cols): (usize, usize), cols: &Cols, sums: &mut [Quad]) {
+    pub(super) fn project<T: Entry>(
+        self,
+        right: &[T],
+        (n_components, n_cols): (usize, usize),
+        cols: &Cols,
+        sums: &mut [Quad],
+    ) {
         if cols.lit.is_empty() {
             return sums.fill(Quad::default());
         }
         let len = QUAD * n_cols;
-        for (quad, (halves, sums)) in right[..rank * n_cols].chunks(len).zip(sums).enumerate() {
-            let later = behind(right, quad * len + PROJECT_AHEAD, halves.len());
-            *sums = match halves.len() / n_cols {
-                1 => self.project_rows::<1>(rows(halves), rows(later), cols),
-                2 => self.project_rows::<2>(rows(halves), rows(later), cols),
-                3 => self.project_rows::<3>(rows(halves), rows(later), cols),
-                _ => self.project_rows::<QUAD>(rows(halves), rows(later), cols),
+        for (quad, (entries, sums)) in right[..n_components * n_cols].chunks(len).zip(sums).enumerate() {
+            let later = behind(right, quad * len + PROJECT_AHEAD, entries.len());
+            *sums = match entries.len() / n_cols {
+                1 => self.project_rows::<T, 1>(rows(entries), rows(later), cols),
+                2 => self.project_rows::<T, 2>(rows(entries), rows(later), cols),
+                3 => self.project_rows::<T, 3>(rows(entries), rows(later), cols),
+                _ => self.project_rows::<T, QUAD>(rows(entries), rows(later), cols),
             };
         }
     }
 
     #[inline(always)]
-    fn project_rows<const N: usize>(self, rows: Rows<N>, later: Rows<N>, cols: &Cols) -> Quad {
+    fn project_rows<T: Entry, const N: usize>(self, rows: Rows<T, N>, later: Rows<T, N>, cols: &Cols) -> Quad {
         match self {
             Self::Plain => plain::project(rows, later, cols),
             // SAFETY: this and the next variants exist only where `all` found the features.
@@ -116,26 +146,50 @@ impl Kernel {
         }
     }
 
-    /// `out[row] = Σ left[row][k] · z[k][row % 3]`. `left` begins with the block's runs × rank × [`RUN`], what comes behind is
-    /// read next; `patterns` are one per component, `out` is as long as the runs together. Without components it is all zeros.
-    pub(super) fn expand(self, left: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
-        let rank = patterns.len();
+    /// `out[row] = Σ left[row][k] · z[k][row % 3]`. `patterns` are one per component, `out` is as long as the block's runs together.
+    /// Without components it is all zeros.
+    pub(super) fn expand(self, left: &Left<'_>, patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+        let ((halves, bytes), n) = (left.factors, left.n);
+        let all = n.times(out.len());
         assert!(
-            left.len() >= out.len() * rank && out.len().is_multiple_of(RUN),
-            "left factors of rank {rank} fit the rows"
+            halves.len() >= all.halves && bytes.len() >= all.bytes && out.len().is_multiple_of(RUN),
+            "left factors of {n:?} components fit the rows"
         );
+        let rank = n.all();
         if rank == 0 {
             return out.fill(0.0);
         }
+        let (of_halves, of_bytes) = patterns.split_at(n.halves);
         let n_rows = RUN * (EXPAND_LEN / (RUN * rank)).max(1);
         for (i, out) in out.chunks_mut(n_rows).enumerate() {
-            let (first, len) = (i * n_rows * rank, out.len() * rank);
-            self.expand_runs(&left[first..first + len], behind(left, first + EXPAND_AHEAD, len), patterns, out);
+            self.expand_part(halves, i * n_rows, of_halves, (Write::Set, out));
+            let write = if of_halves.is_empty() { Write::Set } else { Write::Add };
+            self.expand_part(bytes, i * n_rows, of_bytes, (write, out));
+        }
+    }
+
+    /// Those components of some rows, from `first_row` on, that are of one kind.
+    #[inline(always)]
+    fn expand_part<T: Entry>(
+        self,
+        left: &[T],
+        first_row: usize,
+        patterns: &[[f32; PATTERN]],
+        (write, out): (Write, &mut [f32]),
+    ) {
+        if !patterns.is_empty() {
+            let (first, len) = (first_row * patterns.len(), out.len() * patterns.len());
+            self.expand_runs(
+                &left[first..first + len],
+                behind(left, first + EXPAND_AHEAD, len),
+                patterns,
+                (write, out),
+            );
         }
     }
 
     #[inline(always)]
-    fn expand_runs(self, left: &[f16], later: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+    fn expand_runs<T: Entry>(self, left: &[T], later: &[T], patterns: &[[f32; PATTERN]], out: (Write, &mut [f32])) {
         match self {
             Self::Plain => plain::expand(left, later, patterns, out),
             // SAFETY: as in `project_rows`.
@@ -151,8 +205,8 @@ impl Kernel {
     }
 }
 
-/// So many halves from a place on, fewer where the stream ends.
-fn behind(stream: &[f16], first: usize, len: usize) -> &[f16] {
+/// So many entries from a place on, fewer where the stream ends.
+fn behind<T>(stream: &[T], first: usize, len: usize) -> &[T] {
     let first = stream.len().min(first);
     &stream[first..stream.len().min(first + len)]
 }

@@ -8,24 +8,36 @@ use clerestory_nystrom::BlockFactors;
 use half::f16;
 
 use super::quad::{QUAD, Quad};
+use super::store::Stream;
+use crate::packing::Side;
 
 /// Rows of a run: sixteen pixels.
 pub(super) const RUN: usize = 48;
 
-/// Appends the left factor of a block, runs × rank × [`RUN`] (the last run ends in zeros), and of each of its quads the largest
-/// magnitudes per channel.
-pub(super) fn append(factors: &BlockFactors, left: &mut Vec<f16>, largest: &mut Vec<Quad>) {
+/// Appends the left factor of a block, of halves and of bytes runs × components × [`RUN`] (the last run ends in zeros), and of each of
+/// its quads the largest magnitudes per channel, in steps where they are bytes.
+pub(super) fn append(factors: &BlockFactors, kept: &Side, left: &mut Stream, largest: &mut Vec<Quad>) {
     let (rank, n_rows) = (factors.rank as usize, factors.n_rows as usize);
-    let first = left.len();
-    left.resize(first + n_rows.next_multiple_of(RUN) * rank, f16::ZERO);
-    let left = &mut left[first..];
+    let (n_halves, n_bytes) = (kept.n_halves, rank - kept.n_halves);
+    let padded = n_rows.next_multiple_of(RUN);
+    let firsts = [left.halves.len(), left.bytes.len()];
+    left.halves.resize(firsts[0] + padded * n_halves, f16::ZERO);
+    left.bytes.resize(firsts[1] + padded * n_bytes, 0);
+    let (halves, bytes) = (&mut left.halves[firsts[0]..], &mut left.bytes[firsts[1]..]);
     let mut most = vec![[[0.0; 3]; QUAD]; rank.div_ceil(QUAD)];
     for (row, components) in factors.left.chunks_exact(rank.max(1)).enumerate() {
-        let first = row / RUN * RUN * rank + row % RUN;
-        for (k, (half, most)) in components.iter().zip(most.as_flattened_mut()).enumerate() {
-            left[first + k * RUN] = *half;
+        let (run, at) = (row / RUN * RUN, row % RUN);
+        for (k, (entry, most)) in components.iter().zip(most.as_flattened_mut()).enumerate() {
+            let magnitude = if let Some(k_byte) = k.checked_sub(n_halves) {
+                let byte = kept.byte(k, *entry);
+                bytes[run * n_bytes + k_byte * RUN + at] = byte;
+                f32::from(byte).abs()
+            } else {
+                halves[run * n_halves + k * RUN + at] = *entry;
+                entry.to_f32().abs()
+            };
             let most: &mut f32 = &mut most[row % 3];
-            *most = most.max(half.to_f32().abs());
+            *most = most.max(magnitude);
         }
     }
     largest.extend(most.into_iter().map(Quad::from_rgb));

@@ -6,7 +6,8 @@
 use clerestory_nystrom::SparseEntry;
 
 use super::kernel::Kernel;
-use super::store::Store;
+use super::quad::QUAD;
+use super::store::{Share, Store};
 
 /// Columns that are looked at together; one register of f32 where those are widest.
 pub(super) const LANES: usize = 16;
@@ -109,18 +110,20 @@ impl Iterator for Lit {
 /// Projects the segments of a row of tiles that changed, and all of tiles that have no sums yet; returns the bytes of factors read.
 pub(super) fn project(store: &mut Store, kernel: Kernel, planes: &Planes) -> u64 {
     let Store { tiles, right, widths, sums, .. } = store;
-    let n_components: usize = tiles.iter().map(|tile| tile.rank).sum();
+    let n_components = tiles.last().map_or(Share::default(), |tile| tile.first_right.plus(tile.right));
     let n_quads = tiles.last().map_or(0, |tile| tile.quads().end);
-    let (mut first, mut n_bytes) = (0, 0);
+    let (mut first, mut n_bytes) = (Share::default(), 0);
     for (segment, width) in widths.iter().enumerate() {
         let cols = planes.segment(segment);
         for tile in tiles.iter().filter(|tile| planes.changed[segment] || !tile.is_summed) {
-            let at = first + tile.first * width;
+            let (halves, bytes) = right.from(first.plus(tile.first_right.times(*width)));
             let sums = &mut sums[segment * n_quads..][tile.quads()];
-            kernel.project(&right[at..], (tile.rank, *width), &cols, sums);
-            n_bytes += 2 * tile.rank * planes.n_lit_cols(segment);
+            let (of_halves, of_bytes) = sums.split_at_mut(tile.right.halves.div_ceil(QUAD));
+            kernel.project(halves, (tile.right.halves, *width), &cols, of_halves);
+            kernel.project(bytes, (tile.right.bytes, *width), &cols, of_bytes);
+            n_bytes += tile.right.n_bytes() * planes.n_lit_cols(segment);
         }
-        first += n_components * width;
+        first = first.plus(n_components.times(*width));
     }
     tiles.iter_mut().for_each(|tile| tile.is_summed = true);
     n_bytes as u64

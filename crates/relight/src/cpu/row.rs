@@ -1,6 +1,7 @@
 //! One row of tiles: how it is brought up to date, and what is kept of its radiance.
 
 use super::expand::{Place, Scratch, Source, Write};
+use super::kernel::Left;
 use super::project::project;
 use super::quad::Quad;
 use super::store::Store;
@@ -95,7 +96,10 @@ impl GroupRow {
         let older = self.store.take();
         let mut store = match older {
             Some(store) if !self.stale.contains(&true) => store,
-            older => Store::new(job.step.frame, (job.group, job.row_idx), older.as_ref().map(|o| (o, &self.stale[..]))),
+            older => {
+                let older = older.as_ref().map(|store| (store, &self.stale[..]));
+                Store::new((job.step.frame, job.step.precision), (job.group, job.row_idx), older)
+            }
         };
         self.stale.fill(false);
 
@@ -163,8 +167,7 @@ impl Job<'_> {
         let place = Place { x: x as usize, width: width as usize, height: height as usize, stride };
         let tile = &store.tiles[tile_idx];
         let source = Source {
-            left: store.left_from(tile),
-            rank: tile.rank,
+            left: Left { factors: store.left_from(tile), n: tile.left },
             z: store.z_of(tile),
             sparse: self.sparse(store, tile_idx),
             planes: &self.input.planes,

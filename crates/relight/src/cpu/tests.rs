@@ -48,7 +48,7 @@ fn all_kernels_equal_the_dense_matrix() {
         let (frame, x) = (recipe.frame(), recipe.coefficients(3));
         let expected = dense(&frame, &x);
         for kernel in Kernel::all() {
-            let mut relighter = CpuRelighter::with_kernel(&frame, kernel).unwrap();
+            let mut relighter = CpuRelighter::with_kernel(&frame, kernel, Precision::Halves).unwrap();
             assert_near(&relit(&mut relighter, &x), &expected, 2e-6);
         }
     }

@@ -4,10 +4,11 @@ use clerestory_nystrom::BlockLowRank;
 use std::ops::Range;
 
 use super::buffers::{filled, largest_storage, storage, working};
-use super::pack::{Packed, cut, pack};
+use super::pack::{Packed, cut, items, pack};
 use super::stages::{Stages, bind};
 use crate::gpu::Gpu;
 use crate::layout::{ROW, SEGMENT, THREADS};
+use crate::packing::Precision;
 use crate::relight::RelightError;
 
 /// How much a chunk may hold.
@@ -69,13 +70,15 @@ impl Chunk {
     pub(super) fn upload(
         gpu: &Gpu,
         stages: &Stages,
-        limits: ChunkLimits,
+        (limits, precision): (ChunkLimits, Precision),
         low_rank: &BlockLowRank,
         run: Range<usize>,
         chunks: &mut Vec<Self>,
     ) -> Result<(), RelightError> {
-        for run in cut(low_rank, run, limits)? {
-            chunks.push(Self::new(gpu, stages, run.clone(), &pack(low_rank, run), low_rank.n_cols));
+        let (items, first) = (items(low_rank, run.clone(), precision), run.start);
+        for run in cut(&items, run, limits)? {
+            let packed = pack(&items[run.start - first..run.end - first]);
+            chunks.push(Self::new(gpu, stages, run, &packed, low_rank.n_cols));
         }
         Ok(())
     }
@@ -184,18 +187,20 @@ mod tests {
         let low_rank = &recipe.frame().groups[0];
         let n_blocks = low_rank.blocks.len();
         let whole = ChunkLimits { n_blocks: 1 << 20, n_bytes: 1 << 40 };
-        assert_eq!(cut(low_rank, 0..n_blocks, whole).unwrap().len(), 1);
+        let items = |run| items(low_rank, run, Precision::Halves);
+        assert_eq!(cut(&items(0..n_blocks), 0..n_blocks, whole).unwrap().len(), 1);
         for limits in [ChunkLimits { n_blocks: 7, ..whole }, ChunkLimits { n_bytes: 40_000, ..whole }] {
-            let runs = cut(low_rank, 3..n_blocks, limits).unwrap();
+            let runs = cut(&items(3..n_blocks), 3..n_blocks, limits).unwrap();
             assert!(runs.iter().flat_map(Clone::clone).eq(3..n_blocks), "{runs:?}");
             assert!(runs.len() > 3 && runs.iter().all(|run| run.len() <= limits.n_blocks), "{runs:?}");
             for run in runs {
-                let packed = pack(low_rank, run);
+                let items = items(run);
+                let packed = pack(&items);
                 let partials = 16 * 3 * packed.components.len() as u64;
                 assert!((4 * packed.n_left.max(packed.n_right)).max(partials) <= limits.n_bytes);
             }
         }
-        let narrow = cut(low_rank, 0..n_blocks, ChunkLimits { n_bytes: 4000, ..whole });
+        let narrow = cut(&items(0..n_blocks), 0..n_blocks, ChunkLimits { n_bytes: 4000, ..whole });
         assert!(matches!(narrow, Err(RelightError::TooLarge { limit: 4000, .. })), "{narrow:?}");
     }
 }

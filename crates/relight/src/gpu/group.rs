@@ -8,6 +8,7 @@ use super::stages::{Stages, bind};
 use crate::frame::Frame;
 use crate::gpu::Gpu;
 use crate::layout::{ExpandMode, Group, SEGMENT};
+use crate::packing::Precision;
 use crate::relight::{RelightError, RelightStats, is_dark};
 
 /// One group of columns on the device.
@@ -50,7 +51,7 @@ impl GroupBuffers {
     pub(super) fn new(
         gpu: &Gpu,
         stages: &Stages,
-        limits: ChunkLimits,
+        limits: (ChunkLimits, Precision),
         frame: &Frame,
         group: usize,
         [radiance, settled]: [&wgpu::Buffer; 2],
@@ -80,14 +81,15 @@ impl GroupBuffers {
         &mut self,
         gpu: &Gpu,
         stages: &Stages,
-        limits: ChunkLimits,
+        (limits, precision): (ChunkLimits, Precision),
         low_rank: &BlockLowRank,
         blocks: &[usize],
     ) -> Result<(), RelightError> {
         self.forget();
         for chunk in std::mem::take(&mut self.chunks) {
             if blocks.iter().any(|block| chunk.run.contains(block)) {
-                Chunk::upload(gpu, stages, limits.of_changing(), low_rank, chunk.run, &mut self.chunks)?;
+                let limits = (limits.of_changing(), precision);
+                Chunk::upload(gpu, stages, limits, low_rank, chunk.run, &mut self.chunks)?;
             } else {
                 self.chunks.push(chunk);
             }

@@ -3,6 +3,7 @@
 use super::relighter::device_bytes;
 use super::tests::{assert_twins_agree, gpu, relit};
 use super::*;
+use crate::packing::Precision;
 use crate::synthetic::{Ranks, Recipe};
 use crate::{DisplayParams, Relight};
 
@@ -28,7 +29,7 @@ fn a_frame_larger_than_a_binding_is_cut_and_a_device_that_checks_agrees() {
             (limits.max_storage_buffer_binding_size, limits.max_buffer_size) = (n_bytes, n_bytes + 5000);
         }) {
             let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
-            let factors: u64 = device_bytes(&frame);
+            let factors: u64 = device_bytes(&frame, Precision::Halves);
             assert!(factors > 8 * n_bytes, "nothing is cut: {factors} bytes");
             let mut x = recipe().coefficients(1);
             assert_twins_agree(&mut relighter, &frame, &x);
@@ -103,7 +104,8 @@ fn bytes_on_the_device_are_known_before_they_are_there() {
     let large = Recipe { width: 190, height: 120, tile: 16, n_cols: vec![300, 7], ..Recipe::default() };
     for recipe in [recipe(), large] {
         let frame = recipe.frame();
-        let (known, found) = (device_bytes(&frame), GpuRelighter::new(&gpu, &frame).unwrap().device_bytes());
+        let (known, found) =
+            (device_bytes(&frame, Precision::Halves), GpuRelighter::new(&gpu, &frame).unwrap().device_bytes());
         // Coefficients, parameters and the edges of buffers are left out.
         assert!(found >= known && found - known < 8192, "{known} known, {found} found");
     }

@@ -18,6 +18,7 @@ use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::gpu::Gpu;
 use crate::layout::{Display, ExpandMode, Layered, SEGMENT};
+use crate::packing::Precision;
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_same_layer};
 
 /// Relights on a device.
@@ -25,6 +26,7 @@ use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, ch
 pub struct GpuRelighter {
     gpu: Gpu,
     limits: ChunkLimits,
+    precision: Precision,
     stages: Stages,
     frame: Frame,
     groups: Vec<GroupBuffers>,
@@ -52,10 +54,22 @@ impl GpuRelighter {
     /// # Errors
     /// A frame that does not fit together or is too large for the device; a failing device.
     pub fn new(gpu: &Gpu, frame: &Frame) -> Result<Self, RelightError> {
-        Self::with_limits(gpu, frame, ChunkLimits::of(&gpu.device.limits()))
+        Self::with_precision(gpu, frame, Precision::Halves)
     }
 
-    pub(super) fn with_limits(gpu: &Gpu, frame: &Frame, limits: ChunkLimits) -> Result<Self, RelightError> {
+    /// The same, with factors of a precision.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with_precision(gpu: &Gpu, frame: &Frame, precision: Precision) -> Result<Self, RelightError> {
+        Self::with_limits(gpu, frame, (ChunkLimits::of(&gpu.device.limits()), precision))
+    }
+
+    pub(super) fn with_limits(
+        gpu: &Gpu,
+        frame: &Frame,
+        (limits, precision): (ChunkLimits, Precision),
+    ) -> Result<Self, RelightError> {
         frame.check()?;
         check_size(gpu, frame)?;
         gpu.guarded(|| {
@@ -64,12 +78,13 @@ impl GpuRelighter {
             let mut groups = Vec::new();
             for group in 0..frame.groups.len() {
                 let buffers = [&output.radiance, &output.settled];
-                groups.push(GroupBuffers::new(gpu, &stages, limits, frame, group, buffers)?);
+                groups.push(GroupBuffers::new(gpu, &stages, (limits, precision), frame, group, buffers)?);
             }
             gpu.queue.submit([]);
             Ok(Self {
                 gpu: gpu.clone(),
                 limits,
+                precision,
                 stages,
                 frame: frame.clone(),
                 groups,
@@ -235,7 +250,7 @@ impl GpuRelighter {
 impl Relight for GpuRelighter {
     fn update(&mut self, frame: &Frame, changed: &[(usize, usize)]) -> Result<(), RelightError> {
         if !self.frame.same_shape(frame) {
-            *self = Self::with_limits(&self.gpu, frame, self.limits)?;
+            *self = Self::with_limits(&self.gpu, frame, (self.limits, self.precision))?;
             return Ok(());
         }
         self.frame.take_blocks(frame, changed)?;
@@ -245,7 +260,8 @@ impl Relight for GpuRelighter {
                 let mut blocks = changed.iter().filter(|c| c.0 == group_idx).map(|c| c.1).peekable();
                 if blocks.peek().is_some() {
                     let blocks: Vec<_> = blocks.collect();
-                    group.upload_again(&gpu, &self.stages, self.limits, &self.frame.groups[group_idx], &blocks)?;
+                    let limits = (self.limits, self.precision);
+                    group.upload_again(&gpu, &self.stages, limits, &self.frame.groups[group_idx], &blocks)?;
                     self.state = OutputState::Stale;
                 }
             }
@@ -287,9 +303,11 @@ impl Relight for GpuRelighter {
 
 /// Memory that a device needs to relight a frame and show its picture, bytes: factors, sums of columns, radiance twice and the
 /// picture, but neither layers nor what the driver rounds up.
-pub fn device_bytes(frame: &Frame) -> u64 {
+pub fn device_bytes(frame: &Frame, precision: Precision) -> u64 {
     let n_pixels = u64::from(frame.width) * u64::from(frame.height);
-    2 * radiance_bytes(frame) + 4 * n_pixels + frame.groups.iter().map(group_bytes).sum::<u64>()
+    2 * radiance_bytes(frame)
+        + 4 * n_pixels
+        + frame.groups.iter().map(|group| group_bytes(group, precision)).sum::<u64>()
 }
 
 /// Storage buffers that expand and display bind, of which expand needs more.

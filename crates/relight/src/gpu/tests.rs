@@ -1,6 +1,7 @@
 use super::chunk::ChunkLimits;
 use super::*;
 use crate::display::{ColorScale, Dither, Spacing, WhitePoint};
+use crate::packing::Precision;
 use crate::synthetic::{Ranks, Recipe};
 use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
 
@@ -23,7 +24,16 @@ pub(super) fn relit(relighter: &mut impl Relight, x: &[Vec<[f32; 3]>]) -> Radian
 }
 
 pub(super) fn assert_twins_agree(gpu: &mut GpuRelighter, frame: &Frame, x: &[Vec<[f32; 3]>]) {
-    let expected = relit(&mut CpuRelighter::new(frame).unwrap(), x);
+    assert_precise_twins_agree(gpu, frame, Precision::Halves, x);
+}
+
+pub(super) fn assert_precise_twins_agree(
+    gpu: &mut GpuRelighter,
+    frame: &Frame,
+    precision: Precision,
+    x: &[Vec<[f32; 3]>],
+) {
+    let expected = relit(&mut CpuRelighter::with_precision(frame, precision).unwrap(), x);
     let found = relit(gpu, x);
     assert_eq!((found.width, found.height), (expected.width, expected.height));
     let largest = expected.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
@@ -60,10 +70,11 @@ fn chunks_of_any_size_give_the_same_picture() {
     let (frame, x) = (recipe.frame(), recipe.coefficients(2));
     let whole = relit(&mut GpuRelighter::new(&gpu, &frame).unwrap(), &x);
     for limits in [ChunkLimits { n_blocks: 3, n_bytes: 1 << 20 }, ChunkLimits { n_blocks: 64, n_bytes: 16384 }] {
-        let mut relighter = GpuRelighter::with_limits(&gpu, &frame, limits).unwrap();
+        let mut relighter = GpuRelighter::with_limits(&gpu, &frame, (limits, Precision::Halves)).unwrap();
         assert_eq!(relit(&mut relighter, &x), whole);
     }
-    let too_small = GpuRelighter::with_limits(&gpu, &frame, ChunkLimits { n_blocks: 3, n_bytes: 256 });
+    let limits = ChunkLimits { n_blocks: 3, n_bytes: 256 };
+    let too_small = GpuRelighter::with_limits(&gpu, &frame, (limits, Precision::Halves));
     assert!(matches!(too_small, Err(RelightError::TooLarge { .. })));
 }
 
@@ -73,7 +84,7 @@ fn changed_coefficients_and_blocks_show() {
     let recipe = Recipe { n_cols: vec![19, 1, 40], ..Recipe::default() };
     let mut frame = recipe.frame();
     let limits = ChunkLimits { n_blocks: 4, ..ChunkLimits::of(&gpu.device.limits()) };
-    let mut relighter = GpuRelighter::with_limits(&gpu, &frame, limits).unwrap();
+    let mut relighter = GpuRelighter::with_limits(&gpu, &frame, (limits, Precision::Halves)).unwrap();
     let mut x = recipe.coefficients(1);
     assert_twins_agree(&mut relighter, &frame, &x);
     x[2].fill([0.0; 3]);

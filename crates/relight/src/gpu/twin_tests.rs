@@ -2,9 +2,11 @@
 //! in tests, so nothing that was forgotten passes for a zero.
 
 use super::chunk::ChunkLimits;
-use super::tests::{assert_twins_agree, gpu, relit};
+use super::tests::{assert_precise_twins_agree, assert_twins_agree, gpu, relit};
 use super::*;
 use crate::CpuRelighter;
+use crate::packing::Precision;
+use crate::packing::tests::falling;
 use crate::synthetic::{Ranks, Recipe};
 
 /// All that run here, on a second driver, too, where there is one.
@@ -23,13 +25,36 @@ fn every_device_agrees_with_the_cpu_at_every_rank() {
             let seed = 100 + u64::from(rank);
             let n_cols = vec![1 + 37 * (rank % 4), 1 + rank % 3];
             let (rank, n_sparse) = (Ranks::Fixed(rank), rank % 5);
-            let recipe = Recipe { width, height, tile: 16, n_cols, rank, n_sparse, is_positive: false, seed };
+            let recipe =
+                Recipe { width, height, tile: 16, n_cols, rank, n_sparse, is_positive: false, truncation: 0.0, seed };
             let frame = recipe.frame();
             let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
             let mut x = recipe.coefficients(seed);
             assert_twins_agree(&mut relighter, &frame, &x);
             x[0][0] = [0.25, 0.0, 3.0];
             assert_twins_agree(&mut relighter, &frame, &x);
+        }
+    }
+}
+
+#[test]
+fn every_device_agrees_with_the_cpu_on_bytes() {
+    for gpu in gpus() {
+        for rank in [1, 2, 3, 5, 8, 13, 32] {
+            let n_cols = vec![1 + 37 * (rank % 4), 140, 1 + rank % 3];
+            let (n_sparse, seed) = (rank % 5, 100 + u64::from(rank));
+            let rank = Ranks::Fixed(rank);
+            let recipe = Recipe { width: 51, height: 33, n_cols, rank, n_sparse, seed, ..Recipe::default() };
+            let frame = falling(&recipe);
+            let limits = (ChunkLimits { n_blocks: 5, n_bytes: 1 << 20 }, Precision::ByError);
+            let mut relighter = GpuRelighter::with_limits(&gpu, &frame, limits).unwrap();
+            let halves = GpuRelighter::new(&gpu, &frame).unwrap().device_bytes();
+            let whole = GpuRelighter::with_precision(&gpu, &frame, Precision::ByError).unwrap().device_bytes();
+            assert!(whole < halves || rank == Ranks::Fixed(1), "{whole} bytes instead of {halves}");
+            let mut x = recipe.coefficients(seed);
+            assert_precise_twins_agree(&mut relighter, &frame, Precision::ByError, &x);
+            x[1][139] = [0.25, 0.0, 3.0];
+            assert_precise_twins_agree(&mut relighter, &frame, Precision::ByError, &x);
         }
     }
 }
@@ -48,7 +73,8 @@ fn every_device_agrees_with_the_cpu_over_bindings_of_any_size() {
                     ..Recipe::default()
                 };
                 let frame = recipe.frame();
-                let mut relighter = GpuRelighter::with_limits(&gpu, &frame, ChunkLimits { n_blocks, n_bytes }).unwrap();
+                let limits = (ChunkLimits { n_blocks, n_bytes }, Precision::Halves);
+                let mut relighter = GpuRelighter::with_limits(&gpu, &frame, limits).unwrap();
                 let mut x = recipe.coefficients(seed);
                 assert_twins_agree(&mut relighter, &frame, &x);
                 x[1][139] = [2.0, 1.0, 0.0];

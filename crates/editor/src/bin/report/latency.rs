@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context as _, Result, ensure};
 use clerestory::headless::GALLERY;
 use clerestory_relight::synthetic::{Ranks, Recipe};
-use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter};
+use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Precision};
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
@@ -134,7 +134,7 @@ fn with_lamps(mut scene: Scene, panel: &PanelRequest) -> Result<Scene> {
 fn submissions(gpu: &Gpu, bake: &Bake, n_events: usize) -> Result<Vec<f64>> {
     let film = Film { width: bake.header.width, height: bake.header.height };
     let frame = Frame { width: film.width, height: film.height, groups: bake.groups.clone() };
-    let mut relighter = GpuRelighter::new(gpu, &frame)?;
+    let mut relighter = GpuRelighter::with_precision(gpu, &frame, Precision::ByError)?;
     let mut rig = LightRig::default();
     let key = bake.header.basis.sources[0].key.clone();
     let mut secs = Vec::new();

@@ -6,23 +6,27 @@ use anyhow::Result;
 use clerestory_relight::bandwidth::{CopyProbe, ReadProbe};
 use clerestory_relight::synthetic::{Ranks, Recipe};
 use clerestory_relight::{
-    CpuRelighter, DeviceChoice, DisplayParams, Gpu, GpuRelighter, Radiance, Relight, RelightError, encode,
+    CpuRelighter, DeviceChoice, DisplayParams, Gpu, GpuRelighter, Precision, Radiance, Relight, RelightError, encode,
 };
 
 use super::desk::{Desk, cpu_name, load_words};
 
-/// Width, height, columns, rank.
-type Job = [u32; 4];
+/// Width, height, columns, rank, and how many bytes an entry of the factors takes.
+type Job = [u32; 5];
 
-const QUICK: [Job; 2] = [[512, 384, 256, 4], [1024, 768, 256, 8]];
-const FULL: [Job; 7] = [
-    [512, 384, 256, 4],
-    [1024, 768, 256, 4],
-    [1024, 768, 256, 8],
-    [1024, 768, 1024, 8],
-    [1920, 1080, 1024, 4],
-    [1920, 1080, 1024, 8],
-    [1920, 1080, 1024, 16],
+const QUICK: [Job; 3] = [[512, 384, 256, 4, 2], [1024, 768, 256, 8, 2], [1024, 768, 256, 8, 1]];
+const FULL: [Job; 11] = [
+    [512, 384, 256, 4, 2],
+    [1024, 768, 256, 4, 2],
+    [1024, 768, 256, 8, 2],
+    [1024, 768, 256, 8, 1],
+    [1024, 768, 1024, 8, 2],
+    [1024, 768, 1024, 8, 1],
+    [1920, 1080, 1024, 4, 2],
+    [1920, 1080, 1024, 8, 2],
+    [1920, 1080, 1024, 8, 1],
+    [1920, 1080, 1024, 16, 2],
+    [1920, 1080, 1024, 16, 1],
 ];
 /// Pixels of the largest job for a device that is none.
 const SOFTWARE_PIXELS: u32 = 1024 * 768;
@@ -47,9 +51,9 @@ pub fn write(desk: &Desk) -> Result<String> {
     let jobs = desk.choose(&QUICK[..], &FULL[..]);
     let mut text = format!(
         "## Relighting\n\n\
-         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere; `relight/<size>/<columns>/<rank>`. Best of\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
          {TURNS} turns: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
-         read (16-bit floats), and the radiance that is written. The share is that of what the same memory did in the same turns: read\n\
+         read (16-bit floats, or bytes with a scale per vector), and the radiance that is written. The share is that of what the same memory did in the same turns: read\n\
          by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves little comes from caches, faster than memory\n\
          is: the last two columns hold it against reading as many bytes again and again. {}\n",
         load_words(),
@@ -91,14 +95,14 @@ impl Row {
     }
 
     fn line(&self) -> String {
-        let [width, height, n_cols, rank] = self.job;
+        let [width, height, n_cols, rank, depth] = self.job;
         let share = |what: usize| 100.0 * self.n_bytes[what] as f64 / self.secs[what] / self.memory;
         let [all, one, display] = self.secs.map(|secs| 1e3 * secs);
         let of_as_many = self
             .as_many
             .map_or("| | |".into(), |rate| format!("| {:.1} | {:.0} % |", rate / 1e9, share(0) * self.memory / rate));
         format!(
-            "| relight/{width}x{height}/{n_cols}/{rank} | {:.0} | {all:.2} | {:.0} % | {:.1} | {one:.2} | {:.0} % | {display:.2} | {:.1} {of_as_many}\n",
+            "| relight/{width}x{height}/{n_cols}/{rank}/{depth} | {:.0} | {all:.2} | {:.0} % | {:.1} | {one:.2} | {:.0} % | {display:.2} | {:.1} {of_as_many}\n",
             self.n_bytes[0] as f64 / 1e6,
             share(0),
             self.n_bytes[1] as f64 / 1e6,
@@ -117,8 +121,19 @@ fn table(title: &str, rows: &[Row]) -> String {
     )
 }
 
-fn recipe([width, height, n_cols, rank]: Job) -> Recipe {
-    Recipe { width, height, tile: 16, n_cols: vec![n_cols], rank: Ranks::Fixed(rank), n_sparse: 0, ..Recipe::default() }
+fn recipe([width, height, n_cols, rank, depth]: Job) -> Recipe {
+    // Blocks that say they miss much are kept in bytes.
+    let truncation = if depth == 1 { f32::MAX } else { 0.0 };
+    Recipe {
+        truncation,
+        width,
+        height,
+        tile: 16,
+        n_cols: vec![n_cols],
+        rank: Ranks::Fixed(rank),
+        n_sparse: 0,
+        ..Recipe::default()
+    }
 }
 
 /// Coefficients of a turn: all of them others than before, then one.
@@ -137,7 +152,7 @@ fn on_cpu(desk: &Desk, jobs: &[Job]) -> Result<String> {
         desk.say(&format!("relighting {job:?} on the CPU"));
         let recipe = recipe(job);
         let n_written = RADIANCE_BYTES * u64::from(job[0]) * u64::from(job[1]);
-        let mut relighter = CpuRelighter::new(&recipe.frame())?;
+        let mut relighter = CpuRelighter::with_precision(&recipe.frame(), Precision::ByError)?;
         let (mut radiance, mut row) = (Radiance::default(), Row::new(job));
         relighter.relight(&recipe.coefficients(1000), &mut radiance)?;
         for turn in 0..TURNS {
@@ -168,7 +183,7 @@ fn on_device(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
         desk.say(&format!("relighting {job:?} on {}", gpu.description()));
         let recipe = recipe(job);
         let n_pixels = u64::from(job[0]) * u64::from(job[1]);
-        let mut relighter = GpuRelighter::new(gpu, &recipe.frame())?;
+        let mut relighter = GpuRelighter::with_precision(gpu, &recipe.frame(), Precision::ByError)?;
         let mut row = Row::new(job);
         let mut display = DisplayParams::default();
         relighter.relight_to_texture(&recipe.coefficients(1000), &display)?;

@@ -211,7 +211,10 @@ mod tests {
         assert_eq!((few.per_row, few.strip), (2, STRIP[1]), "no wider than they need");
         let two_rows = Sizes::fitting(16, room);
         assert_eq!(two_rows.per_row, 8);
-        assert!(two_rows.fader > FADER[0] && 2.0 * (two_rows.fader + REST + GAP) <= room.y + GAP + 0.01, "{two_rows:?}");
+        assert!(
+            two_rows.fader > FADER[0] && 2.0 * (two_rows.fader + REST + GAP) <= room.y + GAP + 0.01,
+            "{two_rows:?}"
+        );
         let many = Sizes::fitting(100, room);
         assert_eq!(many.fader, FADER[0]);
         for n in 1..40 {

@@ -114,8 +114,10 @@ fn name_ui(ui: &mut Ui, mix: &mut Mix, group: &Group, width: f32) {
 /// What the name of a group does wherever it stands.
 pub(super) fn group_response(ui: &Ui, mix: &mut Mix, group: &Group, name: Response) {
     let of = group.key.split_once(':').map_or(group.key.as_str(), |(_, of)| of);
-    let name =
-        name.on_hover_text(format!("{of}\n{} lights\nClick to select them, right-click or menu key for more", group.lights.len()));
+    let name = name.on_hover_text(format!(
+        "{of}\n{} lights\nClick to select them, right-click or menu key for more",
+        group.lights.len()
+    ));
     let keys = mix.keys(&group.lights);
     if name.has_focus() {
         ui.painter().rect_stroke(name.rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);

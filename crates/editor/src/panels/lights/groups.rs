@@ -142,7 +142,6 @@ fn places(lights: &[Listed]) -> BTreeMap<String, usize> {
     places
 }
 
-
 /// The group of a light; sky and free lamps keep to themselves however the others are sorted.
 fn group_key(light: &Listed, by: GroupBy, places: &BTreeMap<String, usize>) -> Option<String> {
     let LightOf::Scene(source) = &light.light else { return Some("kind:Added lamps".into()) };

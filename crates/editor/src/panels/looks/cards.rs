@@ -61,8 +61,9 @@ pub(super) fn card_ui(
         Mark::Changed => "This look was on; the lights were changed since",
     };
     let keys = if idx < WITH_KEY { format!("\n{}", ui.ctx().format_shortcut(&take_keys(idx))) } else { String::new() };
-    let response = response
-        .on_hover_text(format!("{name}\n{hint}{keys}\nDouble-click to rename, drag to reorder, right-click or menu key for more"));
+    let response = response.on_hover_text(format!(
+        "{name}\n{hint}{keys}\nDouble-click to rename, drag to reorder, right-click or menu key for more"
+    ));
     context_menu(&response, |ui| menu(ui, idx, look, state, mark));
     rect.center().x
 }

@@ -1,13 +1,38 @@
 //! Eight lanes at a time.
-#![expect(unsafe_code, reason = "f16 conversion and FMA behind run-time detection; `plain` is the safe twin")]
+#![expect(unsafe_code, reason = "conversion and FMA behind run-time detection; `plain` is the safe twin")]
 
 use std::arch::x86_64::*;
 
 use super::*;
 
+/// Entries in one register, as floats.
+pub(in crate::cpu) trait Load: Copy {
+    /// # Safety
+    /// Callers are compiled for the features of this function.
+    unsafe fn load(from: &[Self; 8]) -> __m256;
+}
+
+impl Load for f16 {
+    #[inline]
+    #[target_feature(enable = "avx2,fma,f16c")]
+    unsafe fn load(from: &[Self; 8]) -> __m256 {
+        // SAFETY: `from` holds 8 × 2 bytes, the load takes 16 and needs no alignment.
+        _mm256_cvtph_ps(unsafe { _mm_loadu_si128(from.as_ptr().cast()) })
+    }
+}
+
+impl Load for i8 {
+    #[inline]
+    #[target_feature(enable = "avx2,fma,f16c")]
+    unsafe fn load(from: &[Self; 8]) -> __m256 {
+        // SAFETY: `from` holds 8 bytes, which is what the load takes; it needs no alignment.
+        _mm256_cvtepi32_ps(_mm256_cvtepi8_epi32(unsafe { _mm_loadl_epi64(from.as_ptr().cast()) }))
+    }
+}
+
 /// All rows of the factor against all channels, twelve sums at a time.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) fn project<const N: usize>(rows: Rows<N>, later: Rows<N>, cols: &Cols) -> Quad {
+pub(super) fn project<T: Load, const N: usize>(rows: Rows<T, N>, later: Rows<T, N>, cols: &Cols) -> Quad {
     let x = cols.x;
     // Loops, not closures: sums whose address is taken would live in memory.
     let mut sums = [[_mm256_setzero_ps(); QUAD]; 3];
@@ -16,7 +41,8 @@ pub(super) fn project<const N: usize>(rows: Rows<N>, later: Rows<N>, cols: &Cols
         for half in 0..2 {
             let x = [load_half(&x[0][lanes], half), load_half(&x[1][lanes], half), load_half(&x[2][lanes], half)];
             for component in 0..N {
-                let right = load_f16(&rows[lanes][component].as_chunks().0[half]);
+                // SAFETY: this function is compiled for the same features.
+                let right = unsafe { T::load(&rows[lanes][component].as_chunks().0[half]) };
                 for channel in 0..3 {
                     sums[channel][component] = _mm256_fmadd_ps(right, x[channel], sums[channel][component]);
                 }
@@ -40,30 +66,27 @@ fn sum_lanes([a, b, c, d]: [__m256; QUAD]) -> __m128 {
 
 /// A run at a time, in six registers.
 #[target_feature(enable = "avx2,fma,f16c")]
-pub(super) fn expand(left: &[f16], later: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+pub(super) fn expand<T: Load>(left: &[T], later: &[T], patterns: &[[f32; PATTERN]], (write, out): (Write, &mut [f32])) {
     let mut later = later.as_chunks::<RUN>().0.iter();
     let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
     for (left, out) in runs {
         let mut sums = [_mm256_setzero_ps(); RUN / 8];
+        if write == Write::Add {
+            sums.iter_mut().zip(out.as_chunks().0).for_each(|(sum, out)| *sum = load(out));
+        }
         for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
             later.next().into_iter().for_each(|later| prefetch(later));
             let z = z.as_chunks().0;
             let z = [load(&z[0]), load(&z[1]), load(&z[2])];
             for (i, left) in left.as_chunks().0.iter().enumerate() {
-                sums[i] = _mm256_fmadd_ps(load_f16(left), z[i % 3], sums[i]);
+                // SAFETY: as in `project`.
+                sums[i] = _mm256_fmadd_ps(unsafe { T::load(left) }, z[i % 3], sums[i]);
             }
         }
         for (sum, out) in sums.into_iter().zip(out.as_chunks_mut().0) {
             store_all(out, sum);
         }
     }
-}
-
-#[inline]
-#[target_feature(enable = "avx2,fma,f16c")]
-fn load_f16(from: &[f16; 8]) -> __m256 {
-    // SAFETY: `from` holds 8 × 2 bytes, the load takes 16 and needs no alignment.
-    _mm256_cvtph_ps(unsafe { _mm_loadu_si128(from.as_ptr().cast()) })
 }
 
 #[inline]

@@ -4,11 +4,28 @@ use half::{f16, slice::HalfFloatSliceExt};
 
 use super::*;
 
-pub(super) fn project<const N: usize>(rows: Rows<N>, later: Rows<N>, cols: &Cols) -> Quad {
+/// Entries as floats.
+pub(in crate::cpu) trait Convert: Copy {
+    fn convert(entries: &[Self], floats: &mut [f32]);
+}
+
+impl Convert for f16 {
+    fn convert(entries: &[Self], floats: &mut [f32]) {
+        entries.convert_to_f32_slice(floats);
+    }
+}
+
+impl Convert for i8 {
+    fn convert(entries: &[Self], floats: &mut [f32]) {
+        floats.iter_mut().zip(entries).for_each(|(float, entry)| *float = f32::from(*entry));
+    }
+}
+
+pub(super) fn project<T: Convert, const N: usize>(rows: Rows<T, N>, later: Rows<T, N>, cols: &Cols) -> Quad {
     prefetch(later);
     let mut components = [[0.0; 3]; QUAD];
     let mut right = [[[0.0; LANES]; N]; SEGMENT / LANES];
-    rows.as_flattened().as_flattened().convert_to_f32_slice(right[..rows.len()].as_flattened_mut().as_flattened_mut());
+    T::convert(rows.as_flattened().as_flattened(), right[..rows.len()].as_flattened_mut().as_flattened_mut());
     for (component, rgb) in components.iter_mut().enumerate().take(N) {
         let mut sums = [[0.0; LANES]; 3];
         for lanes in cols.lit {
@@ -22,15 +39,22 @@ pub(super) fn project<const N: usize>(rows: Rows<N>, later: Rows<N>, cols: &Cols
     Quad::from_rgb(components)
 }
 
-pub(super) fn expand(left: &[f16], later: &[f16], patterns: &[[f32; PATTERN]], out: &mut [f32]) {
+pub(super) fn expand<T: Convert>(
+    left: &[T],
+    later: &[T],
+    patterns: &[[f32; PATTERN]],
+    (write, out): (Write, &mut [f32]),
+) {
     let mut later = later.as_chunks::<RUN>().0.iter();
     let runs = left.chunks_exact(patterns.len() * RUN).zip(out.as_chunks_mut::<RUN>().0);
     for (left, sums) in runs {
-        sums.fill(0.0);
+        if write == Write::Set {
+            sums.fill(0.0);
+        }
         for (left, z) in left.as_chunks::<RUN>().0.iter().zip(patterns) {
             later.next().into_iter().for_each(|later| prefetch(later));
             let mut rows = [0.0; RUN];
-            left.convert_to_f32_slice(&mut rows);
+            T::convert(left, &mut rows);
             for row in 0..RUN {
                 sums[row] += rows[row] * z[row % 24];
             }
