@@ -13,7 +13,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted};
-use crate::path::{Deposit, KnownAt, Scratch};
+use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::Sampler;
 
 pub(crate) use cells::Place;
@@ -79,7 +79,7 @@ fn scout(matrix: &TransportMatrix<'_>, places: &[Place], stream: u64) -> Vec<Pla
         let mut scout = Scout::default();
         for walk in 0..SCOUTS {
             let mut sampler = Sampler::new(matrix.seed, stream + nth as u64, walk);
-            matrix.integrator.gather_indirect((hit, *normal), &mut sampler, scratch, &mut scout);
+            matrix.integrator.gather_indirect((hit, *normal, Onto::Point), &mut sampler, scratch, &mut scout);
         }
         scout.found
     };

@@ -7,6 +7,7 @@ pub mod bsdf;
 pub mod bvh;
 mod cache;
 pub mod camera;
+mod casters;
 pub mod clearance;
 pub mod draft;
 pub mod emitters;

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::cache::{CachePlan, CachedDeposit, LightCache, Place};
 use crate::camera::Film;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, median};
-use crate::path::{Gathering, Scratch};
+use crate::path::{Gathering, Onto, Scratch};
 use crate::sampler::Sampler;
 
 /// Distance between nodes in pixels, of a picture that is at least [`FULL_WIDTH`] wide; less in smaller ones.
@@ -175,7 +175,7 @@ fn gather_node(
         let mut deposit = CachedDeposit { inner, cache, half };
         for walk in 0..walks {
             let mut sampler = Sampler::new(matrix.seed, stream_of(node) + u64::from(half == Half::B), walk);
-            matrix.integrator.gather_indirect((hit, *normal), &mut sampler, scratch, &mut deposit);
+            matrix.integrator.gather_indirect((hit, *normal, Onto::Pixel), &mut sampler, scratch, &mut deposit);
         }
         light.iter_mut().for_each(|x| *x /= walks as f32);
     }

@@ -4,6 +4,7 @@
 //! and how many, a [`LightPlan`] says), and emitters that the walk meets by itself are weighed against that with the power
 //! heuristic \[Veach1995\]. The first such vertex connects to every column, later ones to a few, stratified.
 
+mod caustics;
 mod gather;
 mod irradiance;
 mod lamps;
@@ -13,7 +14,7 @@ mod reuse;
 mod sky;
 mod slabs;
 
-pub(crate) use gather::Gathering;
+pub(crate) use gather::{Gathering, Onto};
 pub(crate) use irradiance::Receiver;
 pub(crate) use landings::{Landing, NoLights, Onward};
 pub(crate) use reuse::{Meeting, Start};
@@ -24,6 +25,7 @@ use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 
+use caustics::Guides;
 use plates::{BATCH, Batch, Onlooker, Points};
 
 use crate::bake::focus::Focus;
@@ -31,8 +33,10 @@ use crate::basis::SourceKind;
 use crate::bsdf::{Bsdf, BsdfSample, ScatterKind};
 use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
+use crate::casters::Casters;
 use crate::emitters::{Emitter, Plate, SurfacePoint, punctual_falloff};
 use crate::lamps::Body;
+use crate::matrix::median;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
@@ -116,6 +120,10 @@ pub struct Integrator<'a, P> {
     /// Bodies of free lamps, by column.
     bodies: Vec<(u32, Body)>,
     far: f32,
+    /// Peaks of a column, of a common one, that radiance 1 is.
+    peaks: f32,
+    /// Where walks are sent toward mirrors and clear bodies.
+    casters: Option<&'a Casters>,
     /// Who wants to know, if that can change.
     focus: Option<&'a Focus>,
 }
@@ -174,6 +182,10 @@ struct Walk {
     n_hits: u32,
     /// Extinction of the solid that the walk is in, 1/m.
     extinction: Vec3,
+    /// Guided walks that left the same place, while its next surface is not met; see [`caustics`].
+    guides: Guides,
+    /// Share of the light at the end of casters that falls to this walk.
+    caustic_share: f32,
 }
 
 /// A point on a light as seen from a vertex.
@@ -217,7 +229,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
         let (bounces, dome) = (bounces.unwrap_or(u32::MAX), scene.lighting.dome());
-        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, dome, bodies, far, focus: None }
+        let (casters, focus) = (scene.casters.as_deref(), None);
+        let worth = (0..basis.n_cols() as u32).map(|column| plan.worth(column)).filter(|worth| worth.is_finite());
+        let peaks = median(worth).unwrap_or(64.0);
+        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, dome, bodies, far, peaks, casters, focus }
     }
 
     /// The same for somebody who may leave: from then on every ray meets nothing, so that all walks end.
@@ -324,6 +339,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 self.connect(walk, (vertex, Rivals::All { splits: 1 }), (hit, bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(vertex);
             }
+            walk.guides = self.guide_walks(walk, splits, (hit, bsdf), sampler, scratch, deposit);
         }
         // All continuations but the last are walks of their own.
         for split in 1..splits {
@@ -362,11 +378,22 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             self.collect_beyond(walk, deposit);
             return None;
         };
+        self.meet(walk, hit, sampler, deposit)
+    }
+
+    /// The same at the surface that is the next one.
+    fn meet(
+        &self,
+        walk: &mut Walk,
+        hit: SurfaceHit,
+        sampler: &mut Sampler,
+        deposit: &mut impl Deposit,
+    ) -> Option<SurfaceHit> {
         walk.n_hits += 1;
         if walk.extinction != Vec3::ZERO {
             walk.throughput *= (-walk.extinction * hit.t).exp();
         }
-        self.collect_emission(walk, &hit, deposit);
+        self.share_caustic(walk, &hit, |walk| self.collect_emission(walk, &hit, deposit));
         let material = self.scene.material(hit.triangle);
         if material.unlit || (self.is_spent(walk) && !material.is_clear_pane()) {
             return None;
@@ -393,10 +420,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let area = match emitter {
             Emitter::Surface(surface) => surface.area,
             Emitter::Panel(panel) => panel.texel_area,
-            _ => return deposit.scattered(column, walk.throughput * radiance),
+            _ => return deposit.scattered(column, walk.carried() * radiance),
         };
         if walk.specular {
-            return deposit.seen(column, walk.throughput * radiance);
+            return deposit.seen(column, walk.carried() * radiance);
         }
         let weight = match walk.rival {
             Some(vertex) if walk.density > 0.0 => self.closeness(walk, hit.t, hit.position).map_or(1.0, |closeness| {
@@ -405,7 +432,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             }),
             _ => 1.0,
         };
-        deposit.scattered(column, walk.throughput * radiance * weight);
+        deposit.scattered(column, walk.carried() * radiance * weight);
     }
 
     /// Samples a direction to go on; false where the walk is absorbed.
@@ -418,6 +445,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         walk.throughput *= sample.weight;
         if walk.throughput.max_element() <= 0.0 {
             return false;
+        }
+        if sample.kind != ScatterKind::Smooth || sample.transmitted {
+            walk.guides = Guides::None;
         }
         if sample.kind == ScatterKind::Through && self.scene.material(hit.triangle).is_clear_pane() {
             // As shadow rays see it: the same path, a little dimmer, and no surface that counts.
@@ -511,7 +541,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         later: &mut [u64; 2],
         deposit: &mut impl Deposit,
     ) {
-        let color = joint.walk.throughput * joint.bsdf.base_albedo() * FRAC_1_PI;
+        let color = joint.walk.carried() * joint.bsdf.base_albedo() * FRAC_1_PI;
         for (slot, pick) in picks.iter().enumerate().filter(|(slot, _)| points.weight[*slot] > 0.0) {
             let white = self.plates[pick.column as usize].as_ref().map_or(Vec3::ZERO, |plate| plate.white);
             let value = color * white * points.weight[slot];
@@ -688,7 +718,7 @@ impl Joint<'_> {
     #[inline]
     fn arriving(&self, light: &LightPoint, pick: Pick) -> Vec3 {
         let f_cos = self.rivals.weigh(self.bsdf, light.wi, light.spread_sr * pick.inverse_rate);
-        self.walk.throughput * f_cos * light.factor * pick.inverse_rate
+        self.walk.carried() * f_cos * light.factor * pick.inverse_rate
     }
 
     /// What a plain diffuse surface sees; `None` for any other.
@@ -759,7 +789,15 @@ impl Walk {
             specular: true,
             n_hits: 0,
             extinction: Vec3::ZERO,
+            guides: Guides::None,
+            caustic_share: 1.0,
         }
+    }
+
+    /// What multiplies the light that the walk meets.
+    #[inline]
+    fn carried(&self) -> Vec3 {
+        self.throughput * self.caustic_share
     }
 
     fn ray(&self) -> Ray {

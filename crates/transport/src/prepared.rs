@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::bsdf::{self, Bsdf, FinishParams, Frame, SurfaceParams, coat_table};
 use crate::bvh::{Aabb, Bvh, Hit, Ray, TreeWords};
+use crate::casters::Casters;
 use crate::clearance::{clearance, nearer, offset_origin, rounding, shortening};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
 use crate::sampler::Sampler;
@@ -31,6 +32,8 @@ pub struct PreparedScene {
     pub attenuates: bool,
     /// Solid panes that connections pass.
     pub(crate) slabs: Arc<Slabs>,
+    /// Mirrors and clear bodies that walks are sent toward, `None` where they throw no light that a walk could meet.
+    pub(crate) casters: Option<Arc<Casters>>,
     /// Diagonal of all surfaces, m; infinite where there are none.
     extent: f32,
 }
@@ -139,7 +142,9 @@ impl PreparedScene {
         let slabs = Arc::new(Slabs::find(&scene));
         stop.check()?;
         let extent = diagonal(&solid, sheer.as_deref());
-        let prepared = PreparedScene { scene, lighting, skips, solid, sheer, attenuates, slabs, extent };
+        let mut prepared =
+            PreparedScene { scene, lighting, skips, solid, sheer, attenuates, slabs, casters: None, extent };
+        prepared.casters = Casters::find(&prepared, stop)?.map(Arc::new);
         warnings.extend(hidden::warnings(&prepared));
         stop.check()?;
         Ok((prepared, warnings))
@@ -262,6 +267,16 @@ impl PreparedScene {
         let extent = self.extent;
         let clearance = clearance(ab, ac, across) + rounding(position, normal, extent);
         SurfaceHit { triangle: hit.triangle, t: hit.t, position, barycentric, normal, clearance, extent }
+    }
+
+    /// The point of a triangle with two of its barycentric coordinates.
+    pub(crate) fn point_of(&self, triangle: u32, uv: Vec2) -> SurfaceHit {
+        self.surface_hit(&Hit { triangle, t: 0.0, u: uv.x, v: uv.y })
+    }
+
+    /// The same scene whose walks are sent toward no mirror and no clear body: noisier caustics, and the same mean.
+    pub fn without_guides(self) -> PreparedScene {
+        PreparedScene { casters: None, ..self }
     }
 
     /// The point of the first of some triangles in whose plane it lies that has it.

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use crate::cache::CachedDeposit;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::nodes::Nodes;
-use crate::path::{Deposit, KnownAt, Scratch};
+use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::{Sampler, uniform_hash};
 
 /// A matrix with nodes to take indirect light from.
@@ -50,7 +50,7 @@ impl SharedMatrix<'_> {
             let inner = RowDeposit::new(rows, n_cols, matrix.column_scale());
             let inner = CachedDeposit { inner, cache: &self.nodes.cache, half };
             let mut deposit = Weighted { inner, weight: at.albedo };
-            integrator.gather_indirect((&at.hit, at.normal), &mut sampler, scratch, &mut deposit);
+            integrator.gather_indirect((&at.hit, at.normal, Onto::Pixel), &mut sampler, scratch, &mut deposit);
         }
         sparse
     }

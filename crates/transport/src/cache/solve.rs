@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::cells::{Cells, POINTS, Place};
 use super::{CachePlan, STREAM};
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted};
-use crate::path::{Deposit, KnownAt, Scratch};
+use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::Sampler;
 
 /// Sweeps at most, and the change of a sweep at which the rest is not worth another.
@@ -64,7 +64,7 @@ fn receipt(
     for walk in 0..walks {
         let (hit, normal) = own[walk as usize % own.len()];
         let mut sampler = Sampler::new(matrix.seed, stream, walk);
-        matrix.integrator.gather_indirect((hit, *normal), &mut sampler, scratch, &mut deposit);
+        matrix.integrator.gather_indirect((hit, *normal, Onto::Point), &mut sampler, scratch, &mut deposit);
     }
     let mut shares = deposit.shares;
     shares.iter_mut().for_each(|share| share.weight /= walks as f32);

@@ -1,5 +1,6 @@
 //! Laws of light transport, on scenes small enough for their answer to be known by hand or by brute force.
 
+mod caustics;
 mod columns;
 mod cutoffs;
 mod deadline;

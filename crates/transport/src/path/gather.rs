@@ -4,6 +4,7 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
+use super::caustics::Guides;
 use super::{Deposit, Integrator, KnownAt, LightPlan, Rivals, Scratch, Vertex, Walk};
 use crate::bsdf::Bsdf;
 use crate::bvh::Ray;
@@ -18,6 +19,15 @@ pub(crate) struct Gathering {
     pub normal: Vec3,
     /// What multiplies the gathered light.
     pub albedo: Vec3,
+}
+
+/// Whose light a walk gathers that leaves a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Onto {
+    /// That of somebody who looks for caustics by walks of another kind.
+    Pixel,
+    /// That of a point for which it is the only one.
+    Point,
 }
 
 /// Clear panes that a node looks through.
@@ -42,6 +52,7 @@ impl<P: LightPlan> Integrator<'_, P> {
                 self.connect(&walk, (Vertex::First, Rivals::Coat), (&hit, &bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(Vertex::First);
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
+                self.gather_caustics(&walk, (&hit, &bsdf), sampler, scratch, deposit);
                 if !bsdf.is_diffuse()
                     && let Some(sample) = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d())
                     && self.leave(&mut walk, &hit, &sample, 1)
@@ -83,17 +94,15 @@ impl<P: LightPlan> Integrator<'_, P> {
     /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point from other surfaces.
     pub(crate) fn gather_indirect(
         &self,
-        (hit, normal): (&SurfaceHit, Vec3),
+        (hit, normal, onto): (&SurfaceHit, Vec3, Onto),
         sampler: &mut Sampler,
         scratch: &mut Scratch,
         deposit: &mut impl Deposit,
     ) {
-        let [u, v] = sampler.next_2d();
-        let (tangent, bitangent) = normal.any_orthonormal_pair();
-        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
-        let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
+        let direction = around(normal, sampler.next_2d());
         let outward = hit.outward(normal);
         let mut walk = Walk::from_camera(hit.origin(outward), direction);
+        walk.guides = self.guides_onto(onto);
         // Emitters that whoever asks has sampled count next to nothing here.
         walk.density = f32::MIN_POSITIVE;
         walk.sharpness = FRAC_1_PI;
@@ -103,6 +112,38 @@ impl<P: LightPlan> Integrator<'_, P> {
         walk.straight = false;
         walk.n_hits = 1;
         self.follow(walk, sampler, scratch, deposit);
+    }
+
+    /// Deposits what casters throw on the diffuse base of a pixel's first surface: what walks all around meet by chance, and what
+    /// guided ones find.
+    fn gather_caustics(
+        &self,
+        walk: &Walk,
+        (hit, bsdf): (&SurfaceHit, &Bsdf),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) {
+        let Some(casters) = self.casters else { return };
+        let normal = hit.outward(-walk.direction);
+        let guide = casters.guide(hit.position);
+        let n = self.n_guides(&guide, walk.throughput * bsdf.base_albedo());
+        let value = |wi: Vec3| (bsdf.eval_parts(wi).base, wi.dot(normal).max(0.0) * FRAC_1_PI);
+        self.guide(walk, (&guide, n), (hit, &value), sampler, scratch, deposit);
+        let mut own = sampler.fork(0, 1);
+        let direction = around(normal, own.next_2d());
+        let (f_cos, density) = value(direction);
+        let all = density + n * guide.pdf(direction);
+        if f_cos.max_element() > 0.0 && all > 0.0 {
+            let (origin, throughput) = (hit.origin(normal), walk.throughput * f_cos / all);
+            let sent = Walk { origin, direction, throughput, departed: hit.position, ..*walk };
+            self.follow_caustic(sent, &mut own, scratch, deposit);
+        }
+        sampler.next_1d();
+    }
+
+    fn guides_onto(&self, onto: Onto) -> Guides {
+        if onto == Onto::Pixel && self.casters.is_some() { Guides::All } else { Guides::None }
     }
 
     /// Deposits one sample of the mean radiance (weighted by the cosine) that reaches a point straight from all lights that
@@ -137,7 +178,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             return None;
         }
         let normal = self.scene.smooth_normal(hit, walk.direction);
-        let at = KnownAt { hit, normal, weight: walk.throughput * albedo, density: walk.sharpness };
+        let at = KnownAt { hit, normal, weight: walk.carried() * albedo, density: walk.sharpness };
         if !deposit.known(&at) {
             return None;
         }
@@ -149,4 +190,11 @@ impl<P: LightPlan> Integrator<'_, P> {
         let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
         Some(sample.is_some_and(|sample| self.leave(walk, hit, &sample, 1)))
     }
+}
+
+/// A direction with density cosθ/π around a normal.
+fn around(normal: Vec3, u: [f32; 2]) -> Vec3 {
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
+    tangent * (u[0].sqrt() * cos) + bitangent * (u[0].sqrt() * sin) + normal * (1.0 - u[0]).sqrt()
 }

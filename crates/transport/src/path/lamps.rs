@@ -21,7 +21,7 @@ impl<P: LightPlan> Integrator<'_, P> {
     pub(super) fn collect_bodies(&self, walk: &Walk, t_max: f32, deposit: &mut impl Deposit) {
         for (column, body) in &self.bodies {
             let Some((t, point)) = body.meet(walk.origin, walk.direction, t_max) else { continue };
-            let mut value = walk.throughput;
+            let mut value = walk.carried();
             if walk.extinction != Vec3::ZERO {
                 value *= (-walk.extinction * t).exp();
             }

@@ -70,6 +70,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             if is_straight && is_plain(&bsdf) && !self.is_spent(&walk) {
                 let throughput = walk.throughput;
                 self.connect_first(&mut walk, self.scouts, (&hit, &bsdf), &mut sampler, scratch, deposit);
+                walk.guides = self.guide_walks(&walk, self.scouts, (&hit, &bsdf), &mut sampler, scratch, deposit);
                 let origin = hit.origin(bsdf.geometric_normal());
                 return Some(Start { place, throughput, walk, hit, bsdf, origin, sampler });
             }
@@ -163,6 +164,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let vertex = Vertex::Close;
         self.connect(&walk, (vertex, Rivals::All { splits: 1 }), (&hit, &bsdf), &mut sampler, scratch, deposit);
         walk.sampled_at = Some(vertex);
+        walk.guides = self.guide_walks(&walk, 1, (&hit, &bsdf), &mut sampler, scratch, deposit);
         if self.scatter(&mut walk, &hit, &bsdf, 1, &mut sampler) {
             self.follow(walk, &mut sampler, scratch, deposit);
         }

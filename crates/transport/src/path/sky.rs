@@ -26,18 +26,18 @@ impl<P: LightPlan> Integrator<'_, P> {
             match &self.scene.lighting.emitters[source as usize] {
                 Emitter::Environment(map) => {
                     let weight = self.arrival_weight(walk, columns.start, || map.pdf(walk.direction));
-                    deposit.scattered(columns.start, walk.throughput * map.radiance(walk.direction) * weight);
+                    deposit.scattered(columns.start, walk.carried() * map.radiance(walk.direction) * weight);
                 }
-                Emitter::Dome(_) if walk.specular && walk.straight => deposit.seen(columns.end - 1, walk.throughput),
+                Emitter::Dome(_) if walk.specular && walk.straight => deposit.seen(columns.end - 1, walk.carried()),
                 Emitter::Dome(emitter) => {
                     let (patch, pdf) = emitter.place(walk.direction);
-                    self.arrive_at(walk, columns.start + patch, || pdf, walk.throughput, deposit);
+                    self.arrive_at(walk, columns.start + patch, || pdf, walk.carried(), deposit);
                 }
                 Emitter::Sun(sun) if sun.contains(walk.direction) => {
                     let pdf = || sun.pdf();
-                    self.arrive_at(walk, columns.start, pdf, walk.throughput * sun.radiance(), deposit);
+                    self.arrive_at(walk, columns.start, pdf, walk.carried() * sun.radiance(), deposit);
                 }
-                Emitter::Sky => deposit.scattered(columns.start, walk.throughput),
+                Emitter::Sky => deposit.scattered(columns.start, walk.carried()),
                 _ => {}
             }
         }
