@@ -226,6 +226,24 @@ fn mute_is_in_the_look_and_solo_is_not() {
 }
 
 #[test]
+fn a_lamp_that_is_off_in_the_file_is_muted_until_somebody_turns_it_on() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = 0.into();
+    gltf["nodes"][1]["extras"] =
+        serde_json::json!({"clerestory": {"muted": {"lamp": {"color": [1, 1, 1], "strength": 3}}}});
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    let file = window.state().look().clone();
+    assert!(file.lights.lights["lamp"].muted);
+    assert_eq!(window.state().session().basis().unwrap().source("lamp").unwrap().strength, 3.0);
+    assert!(window.query_by_label("Reset all lights").is_none(), "that is how the file has it");
+    click(&mut window, "Mute lamp");
+    assert_eq!(*window.state().look(), Look::default());
+    click(&mut window, "Reset all lights");
+    assert_eq!(*window.state().look(), file);
+}
+
+#[test]
 fn a_spot_is_placed_and_dragged_in_the_picture() {
     let mut window = baked();
     let panel = |x: f32, z: f32| Vec3::new(x, 0.4, z);
