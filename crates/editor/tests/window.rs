@@ -261,6 +261,25 @@ fn a_spot_is_placed_and_dragged_in_the_picture() {
     window.run_steps(3);
     window.get_by_label("panel, spot 1, drag to move it");
 
+    // Arrow keys go on from there, as it is seen from below: a quarter of one of 4 texels.
+    let position = |window: &Window| window.state().look().lights.panels["panel"][0].position;
+    let mut press = |modifiers, key, (du, dv): (f32, f32)| {
+        let [u, v] = position(&window);
+        window.key_press_modifiers(modifiers, key);
+        window.run_steps(2);
+        let [now_u, now_v] = position(&window);
+        assert!((now_u - u - du).abs() < 1e-5 && (now_v - v - dv).abs() < 1e-5, "{key:?}: {u} {v} to {now_u} {now_v}");
+    };
+    press(Modifiers::NONE, Key::ArrowRight, (0.0625, 0.0));
+    press(Modifiers::SHIFT, Key::ArrowLeft, (-0.00625, 0.0));
+    press(Modifiers::NONE, Key::ArrowDown, (0.0, -0.0625));
+    window.get_by_label("Spots on panel").focus();
+    window.run_steps(2);
+    let before = position(&window);
+    window.key_press(Key::ArrowDown);
+    window.run_steps(2);
+    assert_eq!(position(&window), [before[0], before[1] + 0.0625]);
+
     click(&mut window, "Add spot to panel");
     assert_eq!(window.state().look().lights.panels["panel"].len(), 2);
     click(&mut window, "Delete spot of panel");
