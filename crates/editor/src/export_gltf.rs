@@ -4,9 +4,12 @@
 //! extensions that this program does not know: an importer that wrote out what it understood would lose the rest.
 
 mod container;
+mod emission;
 mod lamps;
 mod lights;
+mod muted;
 mod raw;
+mod shared;
 
 use std::path::Path;
 

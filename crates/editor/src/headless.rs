@@ -8,7 +8,6 @@ use clerestory_transport::bake::{Bake, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
 use clerestory_transport::import::{self, Choice};
-use clerestory_transport::light::LightSetting;
 use clerestory_transport::sky::SkyForm;
 use serde_json::json;
 
@@ -134,12 +133,13 @@ fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {
 /// Three looks that make sense for any scene: as it is, all lamps warm, all lamps cool.
 fn plain_looks(basis: &LightBasis) -> Vec<(&'static str, Look)> {
     let tinted = |kelvin: f32| {
-        let mut look = Look::default();
-        let setting = LightSetting { kelvin: Some(kelvin), ..LightSetting::default() };
-        look.lights.lights = basis.sources.iter().map(|source| (source.key.clone(), setting)).collect();
+        let mut look = Look::of_file(basis);
+        for source in &basis.sources {
+            look.lights.lights.entry(source.key.clone()).or_default().kelvin = Some(kelvin);
+        }
         look
     };
-    vec![("as-designed", Look::default()), ("warm", tinted(2700.0)), ("cool", tinted(8000.0))]
+    vec![("as-designed", Look::of_file(basis)), ("warm", tinted(2700.0)), ("cool", tinted(8000.0))]
 }
 
 fn write_frame(bake: &Bake, name: &str, look: &Look, console: &mut Console) -> Result<[PathBuf; 2]> {

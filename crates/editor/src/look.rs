@@ -60,6 +60,11 @@ pub struct Look {
 }
 
 impl Look {
+    /// The look that a scene is opened with: what is off in its file is muted.
+    pub fn of_file(basis: &LightBasis) -> Look {
+        Look { lights: basis.file_rig(), ..Look::default() }
+    }
+
     /// Reads a look, and a sentence for each key that is not known.
     ///
     /// # Errors

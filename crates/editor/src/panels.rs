@@ -1,5 +1,6 @@
 //! The panels around the picture: free functions that edit the look in place and push requests.
 
+pub mod arrows;
 pub mod bake;
 pub mod camera;
 pub mod color;

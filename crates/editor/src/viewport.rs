@@ -21,8 +21,10 @@ use eframe::egui::{
 use crate::action::{Action, FileTask};
 use crate::legend::Legend;
 use crate::look::Look;
+use crate::panels::arrows::arrows;
 use crate::panels::heat::Overlay;
 use crate::panels::lights::LightsState;
+use crate::panels::spots::key_step;
 use crate::session::{BakeState, Stage};
 use crate::theme;
 use compare::{Compared, Way};
@@ -155,8 +157,10 @@ fn drag_spots(
             picker.drag(panel, *idx, at, look);
         }
         *chosen = Some((panel.clone(), *idx));
+        response.request_focus();
         ui.ctx().set_cursor_icon(CursorIcon::Grabbing);
     }
+    nudge_spot(ui, response, picker, look, chosen.as_ref());
     if response.double_clicked() {
         match response.interact_pointer_pos().and_then(|at| picker.add(at, look)) {
             Some(added) => *chosen = Some(added),
@@ -167,6 +171,15 @@ fn drag_spots(
     if let Some(hint) = response.hover_pos().filter(|_| idle).and_then(|at| picker.hint(at, look)) {
         ui.ctx().set_cursor_icon(CursorIcon::Grab);
         lamps::hint(ui, response.rect, &hint);
+    }
+}
+
+/// Arrow keys move the chosen spot while the picture has the focus, which a press on a spot gives it.
+fn nudge_spot(ui: &Ui, response: &Response, picker: &PanelPicker, look: &mut Look, chosen: Option<&(String, usize)>) {
+    let Some((panel, idx)) = chosen else { return };
+    let arrows = arrows(ui, response);
+    if arrows != egui::Vec2::ZERO {
+        picker.nudge(panel, *idx, arrows, |resolution| key_step(ui, resolution), look);
     }
 }
 

@@ -243,6 +243,17 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
         track.left_top() + eframe::egui::vec2(12.0, 8.0),
     );
     wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev_dark).abs() > 1e-2);
+    window.get_by_label_contains("0.00 s, frame 0");
+    for (modifiers, key, words) in [
+        (Modifiers::NONE, Key::ArrowRight, "0.04 s, frame 1"),
+        (Modifiers::SHIFT, Key::ArrowRight, "0.46 s, frame 11"),
+        (Modifiers::NONE, Key::ArrowLeft, "0.42 s, frame 10"),
+        (Modifiers::SHIFT, Key::ArrowLeft, "0.00 s, frame 0"),
+    ] {
+        window.key_press_modifiers(modifiers, key);
+        window.run_steps(3);
+        window.get_by_label(words);
+    }
     assert_eq!(*window.state().look(), look, "looking is no edit");
     click(&mut window, "Play the timeline");
     wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev_dark).abs() < 1e-3);

@@ -199,6 +199,32 @@ fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
 }
 
 #[test]
+fn a_lamp_that_is_off_is_written_dark_and_comes_back_muted() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let [scene, out, exr] = [at("room.gltf"), at("night.gltf"), at("night.exr")];
+    std::fs::write(&scene, room()).unwrap();
+    std::fs::write(
+        at("off.look"),
+        r#"{"clerestory": 1, "lights": {"lamp": {"muted": true}, "panel": {"muted": true}}}"#,
+    )
+    .unwrap();
+    std::fs::write(at("on.look"), r#"{"clerestory": 1}"#).unwrap();
+    let told = answer(&["export-gltf", &scene, "--look", &at("off.look"), "-o", &out]);
+    assert_eq!(told["warnings"], json!([]));
+    let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
+    assert_eq!(written["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"], 0.0);
+    assert_eq!(written["nodes"][1]["extras"]["clerestory"]["muted"]["lamp"]["strength"], 3.0);
+    // The look of the file has both off, a look that says nothing about them both on.
+    let seen = |look: &[&str]| {
+        answer(&[&["trace", &out, "-o", &exr, "--size", "8x6", "--spp", "1"], look].concat());
+        channels(exr.as_ref())["G"].iter().sum::<f32>()
+    };
+    assert_eq!(seen(&[]), 0.0);
+    assert!(seen(&["--look", &at("on.look")]) > 0.0);
+}
+
+#[test]
 fn a_bake_beyond_its_memory_is_refused_before_it_starts() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();

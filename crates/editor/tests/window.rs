@@ -226,6 +226,24 @@ fn mute_is_in_the_look_and_solo_is_not() {
 }
 
 #[test]
+fn a_lamp_that_is_off_in_the_file_is_muted_until_somebody_turns_it_on() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = 0.into();
+    gltf["nodes"][1]["extras"] =
+        serde_json::json!({"clerestory": {"muted": {"lamp": {"color": [1, 1, 1], "strength": 3}}}});
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    let file = window.state().look().clone();
+    assert!(file.lights.lights["lamp"].muted);
+    assert_eq!(window.state().session().basis().unwrap().source("lamp").unwrap().strength, 3.0);
+    assert!(window.query_by_label("Reset all lights").is_none(), "that is how the file has it");
+    click(&mut window, "Mute lamp");
+    assert_eq!(*window.state().look(), Look::default());
+    click(&mut window, "Reset all lights");
+    assert_eq!(*window.state().look(), file);
+}
+
+#[test]
 fn a_spot_is_placed_and_dragged_in_the_picture() {
     let mut window = baked();
     let panel = |x: f32, z: f32| Vec3::new(x, 0.4, z);
@@ -242,6 +260,25 @@ fn a_spot_is_placed_and_dragged_in_the_picture() {
     window.hover_at(to);
     window.run_steps(3);
     window.get_by_label("panel, spot 1, drag to move it");
+
+    // Arrow keys go on from there, as it is seen from below: a quarter of one of 4 texels.
+    let position = |window: &Window| window.state().look().lights.panels["panel"][0].position;
+    let mut press = |modifiers, key, (du, dv): (f32, f32)| {
+        let [u, v] = position(&window);
+        window.key_press_modifiers(modifiers, key);
+        window.run_steps(2);
+        let [now_u, now_v] = position(&window);
+        assert!((now_u - u - du).abs() < 1e-5 && (now_v - v - dv).abs() < 1e-5, "{key:?}: {u} {v} to {now_u} {now_v}");
+    };
+    press(Modifiers::NONE, Key::ArrowRight, (0.0625, 0.0));
+    press(Modifiers::SHIFT, Key::ArrowLeft, (-0.00625, 0.0));
+    press(Modifiers::NONE, Key::ArrowDown, (0.0, -0.0625));
+    window.get_by_label("Spots on panel").focus();
+    window.run_steps(2);
+    let before = position(&window);
+    window.key_press(Key::ArrowDown);
+    window.run_steps(2);
+    assert_eq!(position(&window), [before[0], before[1] + 0.0625]);
 
     click(&mut window, "Add spot to panel");
     assert_eq!(window.state().look().lights.panels["panel"].len(), 2);

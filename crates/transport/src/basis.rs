@@ -3,7 +3,7 @@
 //! Every column is baked white at intensity 1, so that a red lamp can turn blue afterwards. What the file says about a
 //! light stands beside it as `color` and `strength` and comes back in [`LightBasis::project`].
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::ops::Range;
 
 use clerestory_nystrom::ColumnRun;
@@ -156,6 +156,9 @@ pub struct LightBasis {
     /// Spots that the file marks on its panels, by key; a rig's own take their place.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub spots: BTreeMap<String, Vec<PanelSpot>>,
+    /// Keys of lights that are off in the file; see [`LightBasis::file_rig`].
+    #[serde(default, skip_serializing_if = "BTreeSet::is_empty")]
+    pub muted: BTreeSet<String>,
 }
 
 impl LightBasis {
@@ -180,7 +183,7 @@ impl LightBasis {
                 _ => groups.push(ColumnGroup { kind, columns: source.columns.clone() }),
             }
         }
-        LightBasis { sources, groups, sky: None, spots: BTreeMap::new() }
+        LightBasis { sources, groups, ..LightBasis::default() }
     }
 
     /// Number of columns.
@@ -231,12 +234,20 @@ impl LightBasis {
         coefficients
     }
 
+    /// The lighting that the file is opened with: lights that are off there are muted. A look that says nothing about a light
+    /// leaves it on.
+    pub fn file_rig(&self) -> LightRig {
+        let muted = LightSetting { muted: true, ..LightSetting::default() };
+        let known = self.muted.iter().filter(|key| self.source(key).is_some());
+        LightRig { lights: known.map(|key| (key.clone(), muted)).collect(), ..LightRig::default() }
+    }
+
     /// Spots of a panel under a rig: its own, else those of the file.
     pub fn spots_of<'a>(&'a self, rig: &'a LightRig, key: &str) -> Option<&'a Vec<PanelSpot>> {
         rig.panels.get(key).or_else(|| self.spots.get(key))
     }
 
-    /// Luminance of each column's coefficient under the light of the file: what a scene is first seen under. The column of the sky
+    /// Luminance of each column's coefficient under the light of the file, with all that is off turned on. The column of the sky
     /// that the camera sees is 0: none of it is scattered, so that factors know nothing of it.
     pub(crate) fn file_light(&self, column_scale: &[f32]) -> Vec<f32> {
         let light = self.project(&LightRig::default());

@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 use thiserror::Error;
 
 pub(crate) use self::find::lamp_keys;
-use self::find::{Found, find_lights};
+use self::find::{Found, find_lights, muted_keys};
 pub(crate) use self::surface::ShiningTriangle;
 pub use self::surface::SurfaceEmitter;
 pub(crate) use self::surface::SurfacePoint;
@@ -243,6 +243,7 @@ impl Lighting {
         let mut basis = LightBasis::new(found.iter().map(|(source, _)| source.clone()).collect());
         basis.sky = sky.map(|sky| sky.light);
         basis.spots = file_spots(scene, &found);
+        basis.muted = muted_keys(scene);
         let mut by_key: BTreeMap<String, Emitter> = found.into_iter().map(|(s, e)| (s.key, e)).collect();
         let emitters: Vec<Emitter> =
             basis.sources.iter().map(|s| by_key.remove(&s.key).expect("keys are unique")).collect();
@@ -256,6 +257,7 @@ impl Lighting {
         basis.sky.clone_from(&self.basis.sky);
         basis.spots.clone_from(&self.basis.spots);
         basis.spots.retain(|key, _| basis.sources.iter().any(|source| source.key == *key));
+        basis.muted.clone_from(&self.basis.muted);
         let emitters = sources.iter().map(|&source| self.emitters[source].clone()).collect();
         let place = |source: &u32| {
             let place = sources.iter().position(|&kept| kept == *source as usize);

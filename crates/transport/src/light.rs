@@ -74,6 +74,26 @@ pub struct PanelSpot {
     pub intensity: f32,
 }
 
+/// What a node of a file keeps of its lights while they are off: `extras: {"clerestory": {"muted": …}}`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MutedLights {
+    /// Its lamp.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lamp: Option<MutedLight>,
+    /// For each primitive of its mesh in order, none for those that do not shine.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<Option<MutedLight>>,
+}
+
+/// What a light that is off is when it is on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MutedLight {
+    /// Linear Rec. 709.
+    pub color: Vec3,
+    /// Candela, lux of directional lamps, nit of surfaces.
+    pub strength: f32,
+}
+
 fn one() -> f32 {
     1.0
 }

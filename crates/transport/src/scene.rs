@@ -5,7 +5,7 @@
 
 mod finish;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3, Vec4};
@@ -41,6 +41,10 @@ pub struct Scene {
     pub sensors: Vec<SensorGrid>,
     /// Spots of light that nodes of the file mark on their panels, by index into `nodes`.
     pub spots: BTreeMap<u32, Vec<PanelSpot>>,
+    /// Nodes, by index into `nodes`, whose lamp is off in the file. It stands here as it is when it is on.
+    pub muted_lamps: BTreeSet<u32>,
+    /// The same of nodes whose surfaces are off.
+    pub muted_surfaces: BTreeSet<u32>,
     /// Images of the file that were not decoded, as nothing samples them.
     pub idle_images: u32,
     /// Bytes of their texels, of those whose size was at hand.

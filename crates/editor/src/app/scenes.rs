@@ -13,7 +13,8 @@ impl App {
     pub(super) fn scene_opened(&mut self) {
         let keeps_look = std::mem::take(&mut self.keeps_look);
         if !keeps_look {
-            (self.look, self.saved_look, self.look_path) = (Look::default(), Look::default(), None);
+            let look = self.session.basis().map_or_else(Look::default, Look::of_file);
+            (self.look, self.saved_look, self.look_path) = (look.clone(), look, None);
             self.look_files.on_disk = None;
             self.undoer = Undoer::default();
         }

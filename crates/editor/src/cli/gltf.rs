@@ -13,7 +13,7 @@ use serde_json::json;
 use super::args::{OutputArgs, parse_panel};
 use super::console::{Answer, Console};
 use super::looks::LookChoice;
-use super::view::{load_look, load_scene, spare_look, warn_of_unknown_lights};
+use super::view::{load_look, load_scene, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::export_gltf::Lit;
 use crate::look::lamps::resolve;
 use crate::output::spare_inputs;
@@ -55,7 +55,7 @@ pub(super) fn export_gltf(args: &ExportGltfArgs, console: &mut Console) -> Resul
     let (scene, warnings) = PreparedScene::new(scene, &args.panels).with_context(problem)?;
     console.warn_all(warnings);
     let basis = &scene.lighting.basis;
-    let mut look = args.choice.of(&document, Some(basis))?;
+    let mut look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
     warn_of_unknown_lights(basis, &look, console);
     let folder = args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
     console.warn_all(resolve(&mut look.lights.lamps, folder));

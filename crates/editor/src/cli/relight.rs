@@ -6,6 +6,7 @@ use anyhow::{Context, Result, bail};
 use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight, RelightError};
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeJob, Passes};
+use clerestory_transport::basis::LightBasis;
 use clerestory_transport::irradiance::IrradianceRows;
 use clerestory_transport::light::LightRig;
 use indicatif::ProgressBar;
@@ -17,7 +18,7 @@ use super::console::{Answer, Console, duration_words};
 use super::interrupt::discarded;
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
-use super::view::{inputs_of, load_look, open_view, requested_sky, spare_look, warn_of_unknown_lights};
+use super::view::{inputs_of, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_unknown_lights};
 use super::{picture, sheet::sheet};
 use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
@@ -37,8 +38,7 @@ pub(super) fn relight(args: &RelightArgs, console: &mut Console) -> Result<Answe
     let mut target = Target::new(&args.options, console)?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
-    target.look = args.options.choice.of(&target.document, Some(&bake.header.basis))?;
-    warn_of_unknown_lights(&bake.header.basis, &target.look, console);
+    target.look = chosen(&target.document, &args.options, &bake.header.basis, console)?;
     let paths = (args.options.look.as_deref(), args.scene.as_deref());
     let measures = target.options.irradiance || target.look.shows_irradiance(target.format);
     let quality = (Arriving::of(&bake, measures), args.lamp_samples);
@@ -55,8 +55,7 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
     let mut view = interrupt
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.bake.view, sky.as_ref(), console))?;
-    target.look = args.relight.choice.of(&target.document, Some(&view.scene.lighting.basis))?;
-    warn_of_unknown_lights(&view.scene.lighting.basis, &target.look, console);
+    target.look = chosen(&target.document, &args.relight, &view.scene.lighting.basis, console)?;
     target.told = Some(target.look.clone());
     // Nothing is kept of this bake, so that its lamps need not be movable.
     lamps::install(&mut view, &mut target.look.lights, args.relight.look.as_deref(), console)?;
@@ -70,6 +69,13 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     merge(&mut answer.json, relit.json);
     answer.words = format!("{}\n{}", answer.words, relit.words);
     Ok(answer)
+}
+
+/// What was chosen of a look, now that the lights are known.
+fn chosen(document: &Look, options: &RelightOptions, basis: &LightBasis, console: &mut Console) -> Result<Look> {
+    let look = options.choice.of(&or_of_file(document.clone(), options.look.as_deref(), basis), Some(basis))?;
+    warn_of_unknown_lights(basis, &look, console);
+    Ok(look)
 }
 
 /// Everything about the output that can fail before the long work.

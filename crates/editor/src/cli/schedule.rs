@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::args::ScheduleArgs;
 use super::console::{Answer, Console};
-use super::view::{load_look, load_scene, spare_look, warn_of_unknown_lights};
+use super::view::{load_look, load_scene, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::legend::number_words;
 use crate::output::{PendingFile, spare_inputs};
 use crate::schedule::Schedule;
@@ -32,6 +32,7 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
         console.warn_all(warnings);
         (scene.lighting.basis.clone(), Some(scene))
     };
+    let look = or_of_file(look, args.look.as_deref(), &basis);
     warn_of_unknown_lights(&basis, &look, console);
     let floor = args.floor_m2.or_else(|| scene.as_ref().and_then(|scene| floor_area_m2(&scene.scene)).map(f64::from));
     let schedule = Schedule::new(&basis, scene.as_ref(), &look, args.efficacy, floor);

@@ -16,7 +16,7 @@ use serde_json::json;
 use super::args::SensorsArgs;
 use super::console::{Answer, Console};
 use super::lamps::{DIRECT_LUX, prepared, stage};
-use super::view::{load_look, spare_look, warn_of_unknown_lights};
+use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::illuminance::{AddedLux, FOOT_CANDLE_LX, LuxFigures, lux_words, of_grid, share_words};
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
@@ -55,7 +55,8 @@ pub(super) fn sensors(args: &SensorsArgs, console: &mut Console) -> Result<Answe
     let place = args.output.as_deref().map(PendingFile::create).transpose()?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
-    let look = args.choice.of(&document, Some(&bake.header.basis))?;
+    let basis = &bake.header.basis;
+    let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
     let added = added(args, &bake, &look, console)?;
     let all = readings(&bake, (&look.lights, &added))?;
     if all.is_empty() && bake.header.basis.is_measured() {

@@ -16,7 +16,7 @@ use super::args::SolveArgs;
 use super::bake::merge;
 use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
-use super::view::{load_look, spare_look, warn_of_unknown_lights};
+use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::look::Look;
 use crate::marks::Seen;
 use crate::output::{PendingFile, spare_inputs};
@@ -32,6 +32,7 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let place = PendingFile::create(&args.output)?;
     let bake = archive::read(&args.transport)
         .with_context(|| format!("cannot read the transport {}", args.transport.display()))?;
+    look = or_of_file(look, args.look.as_deref(), &bake.header.basis);
     warn_of_unknown_lights(&bake.header.basis, &look, console);
     let lamps = lamps(args, &bake, &look, console)?;
     let scene = args.scene.as_deref().map(|path| open(&bake.header, path, console)).transpose()?;

@@ -15,7 +15,9 @@ use super::console::{Answer, Console, advance, duration_words};
 use super::interrupt::discarded;
 use super::lamps;
 use super::picture::{CutArgs, options};
-use super::view::{inputs_of, load_look, on_threads, open_view, requested_sky, spare_look, warn_of_unknown_lights};
+use super::view::{
+    inputs_of, load_look, on_threads, open_view, or_of_file, requested_sky, spare_look, warn_of_unknown_lights,
+};
 use crate::export::{ImageFormat, Picture};
 use crate::output::{PendingFile, spare_inputs};
 
@@ -35,8 +37,9 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
     let mut view = interrupt
         .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.view, sky.as_ref(), console))?;
-    let look = args.choice.of(&document, Some(&view.scene.lighting.basis))?;
-    warn_of_unknown_lights(&view.scene.lighting.basis, &look, console);
+    let basis = &view.scene.lighting.basis;
+    let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
+    warn_of_unknown_lights(basis, &look, console);
     let mut rig = look.lights.clone();
     lamps::install(&mut view, &mut rig, args.look.as_deref(), console)?;
     let coefficients = view.scene.lighting.basis.project(&rig);

@@ -166,7 +166,7 @@ fn pick_camera<'a>(cameras: &'a [Camera], wanted: Option<&str>) -> Result<&'a Ca
     })
 }
 
-/// Reads a look, the scene's own if none is named, and reports what in it means nothing.
+/// Reads a look, an empty one if none is named, and reports what in it means nothing.
 pub(crate) fn load_look(path: Option<&Path>, console: &mut Console) -> Result<Look> {
     let Some(path) = path else {
         return Ok(Look::default());
@@ -174,6 +174,11 @@ pub(crate) fn load_look(path: Option<&Path>, console: &mut Console) -> Result<Lo
     let (look, warnings) = Look::load(path)?;
     console.warn_all(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
     Ok(look)
+}
+
+/// Where no look was named, that of the file.
+pub(crate) fn or_of_file(look: Look, path: Option<&Path>, basis: &LightBasis) -> Look {
+    if path.is_some() { look } else { Look::of_file(basis) }
 }
 
 /// A warning for each light that a look sets without effect.

@@ -11,7 +11,9 @@ use glam::{Mat3, Quat, Vec3};
 use serde_json::{Value, json};
 
 use super::lights::color_and_strength;
+use super::muted::{Part, darken, turned_on};
 use super::raw::{Document, LAMPS, PROFILES};
+use super::shared::Shared;
 
 /// Corners of a disk, and of a sphere from pole to pole; around it has twice as many.
 const DISK_CORNERS: u16 = 64;
@@ -27,23 +29,39 @@ pub(super) fn write(
     warnings: &mut Vec<String>,
 ) -> Result<()> {
     for lamp in lamps.iter().filter(|lamp| scene.lighting.basis.source(&lamp.key).is_none()) {
-        let prepared = PreparedLamps::new(std::slice::from_ref(lamp), None)?.0;
-        let light = prepared.emission(&lamp.key).unwrap_or(Vec3::ZERO);
-        let node = match &lamp.shape {
+        let on = FreeLamp { setting: turned_on(lamp.setting), ..lamp.clone() };
+        let [as_set, on] = [light_of(lamp)?, light_of(&on)?];
+        let is_off = as_set == Vec3::ZERO && on != Vec3::ZERO;
+        let light = if is_off { on } else { as_set };
+        let (node, part) = match &lamp.shape {
             LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } if light == Vec3::ZERO => {
-                warnings.push(format!("`{}` is dark and has a body, so it is not written", lamp.key));
+                warnings.push(format!("`{}` has a body and no strength, so it is not written", lamp.key));
                 continue;
             }
             LampShape::Rectangle { .. } | LampShape::Disk { .. } | LampShape::Sphere { .. } => {
-                body(document, lamp, light)
+                (body(document, lamp, light), Part::Surfaces)
             }
-            LampShape::Profile { file } => measured(document, lamp, light, Path::new(file))?,
-            LampShape::Point | LampShape::Spot { .. } | LampShape::Directional => punctual(document, lamp, light),
+            LampShape::Profile { file } => {
+                let (node, most_cd) = measured(document, lamp, light, Path::new(file))?;
+                (node, Part::Lamp(Some(most_cd)))
+            }
+            LampShape::Point | LampShape::Spot { .. } | LampShape::Directional => {
+                (punctual(document, lamp, light), Part::Lamp(None))
+            }
         };
         let node = document.push("nodes", &node);
         place(document, node)?;
+        if is_off {
+            darken(document, &mut Shared::default(), node, part)?;
+        }
     }
     Ok(())
+}
+
+/// What a lamp sends at most, channel by channel.
+fn light_of(lamp: &FreeLamp) -> Result<Vec3> {
+    let prepared = PreparedLamps::new(std::slice::from_ref(lamp), None)?.0;
+    Ok(prepared.emission(&lamp.key).unwrap_or(Vec3::ZERO))
 }
 
 /// Puts a node into the scene that is shown.
@@ -85,8 +103,8 @@ fn punctual(document: &mut Document, lamp: &FreeLamp, light: Vec3) -> Value {
     node(lamp, json!({ "extensions": { LAMPS: { "light": idx } } }))
 }
 
-/// A lamp with a measured distribution, which goes into the file.
-fn measured(document: &mut Document, lamp: &FreeLamp, light: Vec3, file: &Path) -> Result<Value> {
+/// A lamp with a measured distribution, which goes into the file, and the most that this sends, candela.
+fn measured(document: &mut Document, lamp: &FreeLamp, light: Vec3, file: &Path) -> Result<(Value, f32)> {
     let name = file.display().to_string();
     let bytes = std::fs::read(file).with_context(|| format!("cannot read the profile {name} of `{}`", lamp.key))?;
     let most = PhotometricProfile::parse(&bytes, &name)?.max_candela();
@@ -95,7 +113,7 @@ fn measured(document: &mut Document, lamp: &FreeLamp, light: Vec3, file: &Path) 
     let uri = data_uri(&bytes);
     let idx = document.push(PROFILES, &json!({ "name": lamp.key, "uri": uri }));
     let instance = json!({ "light": idx, "multiplier": candela / most.max(f32::MIN_POSITIVE), "color": color });
-    Ok(node(lamp, json!({ "extensions": { PROFILES: instance } })))
+    Ok((node(lamp, json!({ "extensions": { PROFILES: instance } })), most))
 }
 
 /// A black surface that shines, of the area that the lamp has.

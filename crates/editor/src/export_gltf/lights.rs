@@ -1,72 +1,79 @@
 //! Lamps and shining surfaces of the file, as they are set.
 
-use std::collections::BTreeMap;
-
 use anyhow::Result;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
-use clerestory_transport::emitters::{Emitter, share_of};
+use clerestory_transport::emitters::{Emitter, Lighting};
 use clerestory_transport::light::{LightRig, PanelSpot};
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::scene::Scene;
 use glam::Vec3;
 
-use super::raw::{Document, LAMPS, PROFILES, RawObject};
+use super::emission::{Emission, STRENGTH};
+use super::muted::{self, Part};
+use super::raw::{Document, LAMPS, OWN, PROFILES, RawObject};
+use super::shared::{Shared, lamp_of};
 
-const STRENGTH: &str = "KHR_materials_emissive_strength";
 /// Relative difference up to which light is the same.
 const SAME: f32 = 1e-6;
-/// Lights that a warning names.
-const MOST_NAMES: usize = 4;
 /// A spot that covers its panel.
 const WHOLE: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 100.0, color: None, intensity: 1.0 };
 
 /// Writes every light of the file as a rig has it. Answers a sentence for each thing that glTF cannot hold.
 pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightRig) -> Result<Vec<String>> {
-    let basis = &scene.lighting.basis;
-    let (lit, plain) = (whole(basis, rig, None), whole(basis, &LightRig::default(), None));
-    let gains = whole(basis, rig, Some([1.0; 3]));
+    let (Lighting { basis, emitters, .. }, scene) = (&scene.lighting, &scene.scene);
     let mut shared = Shared::count(document);
+    muted::switch_on(document, &mut shared, scene)?;
+    let rigs = [rig.clone(), muted::switched_on(rig)];
+    let plain = whole(basis, &LightRig::default(), None);
+    let lit = rigs.each_ref().map(|rig| whole(basis, rig, None));
+    let gains = rigs.each_ref().map(|rig| whole(basis, rig, Some([1.0; 3])));
     let mut warnings = Vec::new();
-    let mut dark = Vec::new();
-    for (source, emitter) in basis.sources.iter().zip(&scene.lighting.emitters) {
+    for (source, emitter) in basis.sources.iter().zip(emitters) {
         let first = source.columns.start as usize;
-        let (now, file) = (Vec3::from(lit[first]), Vec3::from(plain[first]));
-        if now == Vec3::ZERO && file != Vec3::ZERO && source.kind != SourceKind::Constant {
-            dark.push(format!("`{}`", source.key));
-        }
-        let node_of = |node: u32| scene.scene.nodes[node as usize].index as usize;
-        match emitter {
+        let [as_set, on] = lit.each_ref().map(|light| Vec3::from(light[first]));
+        // What is off is written as it is when it is on, and turned off then.
+        let is_off = as_set == Vec3::ZERO && on != Vec3::ZERO;
+        let (now, file) = (if is_off { on } else { as_set }, Vec3::from(plain[first]));
+        let (node, part) = match emitter {
             Emitter::Punctual(lamp) => {
-                write_lamp(document, &mut shared, node_of(lamp.node), lamp.profile.map(|_| source.strength), now)?;
+                let (node, most_cd) = (file_node(scene, lamp.node), muted::most_cd(scene, lamp));
+                write_lamp(document, &mut shared, node, most_cd.map(|_| source.strength), now)?;
+                (node, Part::Lamp(most_cd))
             }
             Emitter::Surface(surface) => {
-                let Some(triangle) = surface.triangles.first().map(|t| t.triangle) else { continue };
-                let node = node_of(scene.scene.mesh.triangle_node[triangle as usize]);
+                let Some(triangle) = surface.triangles.first() else { continue };
+                let node = file_node(scene, scene.mesh.triangle_node[triangle.triangle as usize]);
                 write_surface(document, &mut shared, node, (now, file))?;
+                (node, Part::Surfaces)
             }
             Emitter::Panel(panel) => {
-                let node = node_of(scene.scene.mesh.triangle_node[panel.triangle as usize]);
+                let node = file_node(scene, scene.mesh.triangle_node[panel.triangle as usize]);
                 let strength = write_surface(document, &mut shared, node, (now, file))?;
                 // A spot with a color of its own shines by strength alone.
-                let colored = if strength > 0.0 { gains[first][0] / strength } else { 1.0 };
+                let gain = gains[usize::from(is_off)][first][0];
+                let colored = if strength > 0.0 { gain / strength } else { 1.0 };
                 write_spots(document, node, panel.resolution, basis.spots_of(rig, &source.key), colored)?;
+                (node, Part::Surfaces)
             }
-            _ if source.kind != SourceKind::Constant && !is_same(now, file) => warnings.push(left_out(source)),
-            _ => {}
+            _ => {
+                let is_told = source.kind != SourceKind::Constant && !is_same(as_set, file);
+                warnings.extend(is_told.then(|| left_out(source)));
+                continue;
+            }
+        };
+        if is_off {
+            muted::darken(document, &mut shared, node, part)?;
         }
-    }
-    if !dark.is_empty() {
-        let more = dark.len().saturating_sub(MOST_NAMES);
-        dark.truncate(MOST_NAMES);
-        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        warnings.push(format!(
-            "off, and so dark in the file, which holds no switches: {}{more}; their strength stays in the scene they come from",
-            dark.join(", ")
-        ));
     }
     if rig.sky.is_some() {
         warnings.push("glTF holds no sky; open the file with the look, or bake it with --sky".into());
     }
     Ok(warnings)
+}
+
+/// Index in the file of a node of the scene.
+pub(super) fn file_node(scene: &Scene, node: u32) -> usize {
+    scene.nodes[node as usize].index as usize
 }
 
 fn left_out(source: &LightSource) -> String {
@@ -85,7 +92,7 @@ fn is_same(a: Vec3, b: Vec3) -> bool {
 }
 
 /// How many times more light it is, if it is of the same color.
-fn factor(now: Vec3, file: Vec3) -> Option<f32> {
+pub(super) fn factor(now: Vec3, file: Vec3) -> Option<f32> {
     let factor = now.max_element() / file.max_element();
     (factor.is_finite() && is_same(file * factor, now)).then_some(factor)
 }
@@ -94,38 +101,6 @@ fn factor(now: Vec3, file: Vec3) -> Option<f32> {
 pub(super) fn color_and_strength(light: Vec3) -> ([f32; 3], f32) {
     let strength = light.max_element();
     (if strength > 0.0 { (light / strength).to_array() } else { [1.0; 3] }, strength)
-}
-
-/// How often lamps, meshes and materials of a file are used: what is used once can be changed in place.
-struct Shared {
-    lamps: BTreeMap<usize, u32>,
-    meshes: BTreeMap<usize, u32>,
-    materials: BTreeMap<usize, u32>,
-}
-
-impl Shared {
-    fn count(document: &mut Document) -> Shared {
-        let mut shared = Shared { lamps: BTreeMap::new(), meshes: BTreeMap::new(), materials: BTreeMap::new() };
-        for node in 0..document.len("nodes") {
-            let node = document.item("nodes", node).unwrap_or_default();
-            lamp_of(&node).into_iter().for_each(|lamp| *shared.lamps.entry(lamp).or_default() += 1);
-            node.read("mesh").into_iter().for_each(|mesh| *shared.meshes.entry(mesh).or_default() += 1);
-        }
-        for mesh in 0..document.len("meshes") {
-            let mesh = document.item("meshes", mesh).unwrap_or_default();
-            let materials = primitives(&mesh).into_iter().filter_map(|primitive| primitive.read::<usize>("material"));
-            materials.for_each(|material| *shared.materials.entry(material).or_default() += 1);
-        }
-        shared
-    }
-}
-
-fn lamp_of(node: &RawObject) -> Option<usize> {
-    node.read::<RawObject>("extensions")?.read::<RawObject>(LAMPS)?.read("light")
-}
-
-fn primitives(mesh: &RawObject) -> Vec<RawObject> {
-    mesh.read("primitives").unwrap_or_default()
 }
 
 /// A lamp of KHR_lights_punctual, with the measured distribution of EXT_lights_ies or without. `measured_cd` is the most that
@@ -175,13 +150,7 @@ fn write_lamp(
         }
     }
     if let (Some(idx), Some(lamp)) = (lamp_idx, lamp) {
-        if shared.lamps.get(&idx).is_some_and(|n_uses| *n_uses > 1) {
-            *shared.lamps.entry(idx).or_default() -= 1;
-            let copy = document.push(LAMPS, &lamp);
-            node.change("extensions", |all| all.change(LAMPS, |own| own.set("light", &copy)));
-        } else {
-            document.put(LAMPS, idx, &lamp);
-        }
+        shared.put_lamp(document, &mut node, idx, &lamp);
     }
     document.put("nodes", node_idx, &node);
     Ok(())
@@ -195,89 +164,22 @@ fn write_surface(
     node_idx: usize,
     (now, file): (Vec3, Vec3),
 ) -> Result<f32> {
-    let mut node = document.item("nodes", node_idx)?;
-    let Some(mesh_idx) = node.read::<usize>("mesh") else { return Ok(0.0) };
-    let mut mesh = document.item("meshes", mesh_idx)?;
-    let mut parts = primitives(&mesh);
     let is_changed = !is_same(now, file);
-    let is_shared_mesh = is_changed && shared.meshes.get(&mesh_idx).is_some_and(|n_uses| *n_uses > 1);
-    let (mut written, mut strongest) = (BTreeMap::new(), 0.0f32);
-    for part in &mut parts {
-        let Some(idx) = part.read::<usize>("material") else { continue };
-        let material = document.item("materials", idx)?;
-        let Some(emission) = Emission::of(&material) else { continue };
+    let mut strongest = 0.0f32;
+    shared.change_materials(document, node_idx, |_, material| {
+        let emission = Emission::of(&material)?;
         if !is_changed {
             strongest = strongest.max(emission.strength);
-            continue;
+            return None;
         }
-        let (new_idx, strength) = *match written.get(&idx) {
-            Some(known) => known,
-            None => {
-                let (material, strength) = emission.lit(material, now, file);
-                let uses_here = parts_with(&mesh, idx);
-                let is_alone = !is_shared_mesh && shared.materials.get(&idx).is_none_or(|n_uses| *n_uses <= uses_here);
-                let new_idx = if is_alone {
-                    document.put("materials", idx, &material);
-                    idx
-                } else {
-                    document.push("materials", &material)
-                };
-                written.entry(idx).or_insert((new_idx, strength))
-            }
-        };
+        let (material, strength) = emission.lit(material, now, file);
         strongest = strongest.max(strength);
-        part.set("material", &new_idx);
-    }
+        Some(material)
+    })?;
     if is_changed {
         document.uses(STRENGTH);
-        mesh.set("primitives", &parts);
-        if is_shared_mesh {
-            *shared.meshes.entry(mesh_idx).or_default() -= 1;
-            let copy = document.push("meshes", &mesh);
-            node.set("mesh", &copy);
-            document.put("nodes", node_idx, &node);
-        } else {
-            document.put("meshes", mesh_idx, &mesh);
-        }
     }
     Ok(strongest)
-}
-
-fn parts_with(mesh: &RawObject, material: usize) -> u32 {
-    primitives(mesh).iter().filter(|part| part.read::<usize>("material") == Some(material)).count() as u32
-}
-
-/// How a material shines.
-struct Emission {
-    factor: Vec3,
-    strength: f32,
-}
-
-impl Emission {
-    /// None where it does not, or where no light is set by it: unlit surfaces show themselves.
-    fn of(material: &RawObject) -> Option<Emission> {
-        let extensions: RawObject = material.read("extensions").unwrap_or_default();
-        let factor = material.read::<[f32; 3]>("emissiveFactor").map(Vec3::from)?;
-        let strength =
-            extensions.read::<RawObject>(STRENGTH).and_then(|own| own.read("emissiveStrength")).unwrap_or(1.0);
-        let shines = (factor * strength).max_element() > 0.0 && extensions.get("KHR_materials_unlit").is_none();
-        shines.then_some(Emission { factor, strength })
-    }
-
-    /// The material when its light sends `now` instead of `file`, and its strength.
-    fn lit(&self, mut material: RawObject, now: Vec3, file: Vec3) -> (RawObject, f32) {
-        let strength = match factor(now, file) {
-            Some(by) => self.strength * by,
-            None => {
-                let (color, strength) = color_and_strength(now * share_of(self.factor * self.strength, file));
-                material.set("emissiveFactor", &color);
-                strength
-            }
-        };
-        let own = |own: &mut RawObject| own.set("emissiveStrength", &strength);
-        material.change("extensions", |all| all.change(STRENGTH, own));
-        (material, strength)
-    }
 }
 
 /// Marks a panel and its spots on its node. `colored` is how much brighter spots with a color of their own have to be.
@@ -289,13 +191,12 @@ fn write_spots(
     colored: f32,
 ) -> Result<()> {
     let mut node = document.item("nodes", node_idx)?;
-    let own =
-        node.read::<RawObject>("extras").and_then(|extras| extras.read::<RawObject>("clerestory")).unwrap_or_default();
+    let own = node.own_extras();
     if spots.is_none() && own.read::<f64>("panel") == Some(f64::from(resolution)) {
         return Ok(());
     }
     node.change("extras", |extras| {
-        extras.change("clerestory", |own| {
+        extras.change(OWN, |own| {
             own.set("panel", &resolution);
             if let Some(spots) = spots {
                 let brighter = |spot: &PanelSpot| {

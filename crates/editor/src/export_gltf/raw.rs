@@ -37,6 +37,24 @@ impl RawObject {
         }
     }
 
+    /// Sets a member, or takes it away.
+    pub fn set_or_remove(&mut self, key: &str, value: Option<&(impl Serialize + ?Sized)>) {
+        match value {
+            Some(value) => self.set(key, value),
+            None => self.0.retain(|(name, _)| name != key),
+        }
+    }
+
+    /// Whether it has no members.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// What the extras of a node say to us.
+    pub fn own_extras(&self) -> RawObject {
+        self.read::<RawObject>("extras").and_then(|extras| extras.read(OWN)).unwrap_or_default()
+    }
+
     /// Changes a member that is an object, or makes one.
     pub fn change(&mut self, key: &str, change: impl FnOnce(&mut RawObject)) {
         let mut object = self.read::<RawObject>(key).unwrap_or_default();
@@ -86,6 +104,8 @@ pub(super) struct Document {
 pub(super) const LAMPS: &str = "KHR_lights_punctual";
 /// Where the measured distributions of a file are.
 pub(super) const PROFILES: &str = "EXT_lights_ies";
+/// Member of a node's extras that is for us.
+pub(super) const OWN: &str = "clerestory";
 
 impl Document {
     /// # Errors

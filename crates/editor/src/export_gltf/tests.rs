@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
-use clerestory_transport::light::{LightSetting, PanelSpot};
+use clerestory_transport::light::{LightGroup, LightRig, LightSetting, PanelSpot};
 use glam::Vec3;
 use serde_json::{Value, json};
 
@@ -76,7 +76,7 @@ fn set_all(scene: &PreparedScene) -> Look {
 #[track_caller]
 fn assert_same_light(before: &PreparedScene, look: &Look, after: &PreparedScene) {
     let (was, is) = (&before.lighting.basis, &after.lighting.basis);
-    let (lit, written) = (was.project(&look.lights), is.project(&Look::default().lights));
+    let (lit, written) = (was.project(&look.lights), is.project(&is.file_rig()));
     for source in &was.sources {
         let expected = &lit[source.columns.start as usize..source.columns.end as usize];
         let Some(found) = is.source(&source.key) else {
@@ -146,7 +146,7 @@ fn shared() -> Vec<u8> {
 }
 
 #[test]
-fn what_several_nodes_share_is_copied_and_muted_lights_stay_dark() {
+fn what_several_nodes_share_is_copied_and_muted_lights_are_dark() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("in.gltf"), folder.path().join("out.gltf"));
     std::fs::write(&file, shared()).unwrap();
@@ -159,11 +159,7 @@ fn what_several_nodes_share_is_copied_and_muted_lights_stay_dark() {
     set(&mut look, "panel", LightSetting { intensity: 0.5, kelvin: Some(3000.0), ..LightSetting::default() });
     let spot = PanelSpot { position: [0.3, 0.6], radius: 0.4, color: None, intensity: 2.0 };
     look.lights.panels.insert("panel".into(), vec![spot, PanelSpot { color: Some([1.0, 0.0, 0.2]), ..spot }]);
-    let told = save(&file, &scene, &look, &out);
-    assert!(
-        told.len() == 1 && told[0].starts_with("off, and so dark in the file, which holds no switches: `lamp`;"),
-        "{told:?}"
-    );
+    assert_eq!(save(&file, &scene, &look, &out), Vec::<String>::new());
     let again = open(&out);
     assert_same_light(&scene, &look, &again);
     let (before, after) = (parts(&file).0, parts(&out).0);
@@ -177,8 +173,82 @@ fn what_several_nodes_share_is_copied_and_muted_lights_stay_dark() {
     assert_eq!(after["nodes"][5]["extras"]["other"].clone(), before["nodes"][5]["extras"]["other"].clone());
     // Written once more, it is the same again.
     let (third, last) = (folder.path().join("third.gltf"), open(&out));
-    save(&out, &last, &Look::default(), &third);
+    save(&out, &last, &Look::of_file(&last.lighting.basis), &third);
     assert_eq!(parts(&third), parts(&out));
+}
+
+/// All lights are off, each in one of the ways there are.
+fn turned_off(scene: &PreparedScene, look: &Look) -> Look {
+    let mut off = look.clone();
+    let keys = scene.lighting.basis.sources.iter().map(|source| source.key.clone());
+    let (by_group, by_hand): (Vec<_>, Vec<_>) = keys.enumerate().partition(|(nth, _)| nth % 4 == 3);
+    let group = LightGroup { lights: by_group.into_iter().map(|(_, key)| key).collect(), intensity: 1.0, muted: true };
+    off.lights.groups.insert("off".into(), group);
+    for (_, key) in by_hand {
+        off.lights.lights.entry(key).or_default().muted = true;
+    }
+    off
+}
+
+#[test]
+fn lights_that_are_off_keep_what_they_are_in_every_scene() {
+    let mut n_lights = 0;
+    for file in files() {
+        let Ok(imported) = import::load(&file) else { continue };
+        let Ok((scene, _)) = PreparedScene::new(imported.scene, &[]) else { continue };
+        let mut look = set_all(&scene);
+        look.lights.lights.retain(|key, _| key != "sky" && key != "unlit");
+        let (folder, off) = (tempfile::tempdir().unwrap(), turned_off(&scene, &look));
+        let out = folder.path().join("out.glb");
+        save(&file, &scene, &off, &out);
+        let again = open(&out);
+        let basis = &again.lighting.basis;
+        let lit = (basis.project(&LightRig::default()), scene.lighting.basis.project(&look.lights));
+        for source in scene.lighting.basis.sources.iter().filter(|source| source.key != "sky" && source.key != "unlit")
+        {
+            assert!(basis.file_rig().setting(&source.key).muted, "`{}` of {}", source.key, file.display());
+            let found = &basis.source(&source.key).unwrap().columns;
+            for (new, old) in found.clone().zip(source.columns.clone()) {
+                let [new, old] = [Vec3::from(lit.0[new as usize]), Vec3::from(lit.1[old as usize])];
+                let off = (new - old).abs().max_element();
+                assert!(off <= 1e-4 * old.max_element(), "`{}` sends {new} and not {old}", source.key);
+            }
+            n_lights += 1;
+        }
+        // Others find them dark.
+        let written = parts(&out).0;
+        let lamps = written["extensions"]["KHR_lights_punctual"]["lights"].as_array().into_iter().flatten();
+        assert!(lamps.filter(|lamp| lamp["intensity"] != 0.0).count() == 0, "{}", file.display());
+    }
+    assert!(n_lights >= 20, "{n_lights} lights");
+}
+
+#[test]
+fn a_muted_panel_keeps_its_spots_and_is_turned_on_in_the_file_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, dark, lit] = ["in.gltf", "dark.gltf", "lit.gltf"].map(|name| folder.path().join(name));
+    std::fs::write(&file, shared()).unwrap();
+    let scene = open(&file);
+    let mut look = Look::default();
+    let setting = LightSetting { intensity: 0.5, kelvin: Some(3000.0), ..LightSetting::default() };
+    look.lights.lights.insert("panel".into(), setting);
+    let spot = PanelSpot { position: [0.3, 0.6], radius: 0.4, color: None, intensity: 2.0 };
+    look.lights.panels.insert("panel".into(), vec![spot, PanelSpot { color: Some([1.0, 0.0, 0.2]), ..spot }]);
+    let mut off = look.clone();
+    // A fader that is all the way down is no loss either.
+    off.lights.lights.insert("lamp".into(), LightSetting { intensity: 0.0, ..LightSetting::default() });
+    off.lights.lights.insert("panel".into(), LightSetting { muted: true, ..setting });
+    assert_eq!(save(&file, &scene, &off, &dark), Vec::<String>::new());
+    let again = open(&dark);
+    assert_same_light(&scene, &off, &again);
+    assert_eq!(again.lighting.basis.muted, ["lamp".to_owned(), "panel".to_owned()].into());
+    // Turned on, and written so, nothing tells that it was ever off.
+    save(&dark, &again, &Look::default(), &lit);
+    let last = open(&lit);
+    assert_same_light(&scene, &look, &last);
+    assert!(last.lighting.basis.muted.is_empty());
+    let nodes = parts(&lit).0["nodes"].to_string();
+    assert!(!nodes.contains("muted"), "{nodes}");
 }
 
 #[test]
@@ -206,30 +276,41 @@ fn free_lamps_become_nodes_that_shine_alike() {
         lamp(LampShape::Disk { radius_m: 0.1 }),
         lamp(LampShape::Sphere { radius_m: 0.1 }),
     ];
-    save(&file, &scene, &look, &out);
-    let again = open(&out);
+    // Muted or not, their light is in the file.
+    for muted in [true, false] {
+        look.lights.lamps.iter_mut().for_each(|lamp| lamp.setting.muted = muted);
+        assert_eq!(save(&file, &scene, &look, &out), Vec::<String>::new());
+        look.lights.lamps.iter_mut().for_each(|lamp| lamp.setting.muted = false);
+        hold_free_lamps(&look, &open(&out), muted);
+    }
+    // The light of the file is what it was.
+    assert_same_light(&scene, &Look::default(), &open(&out));
+}
+
+/// Holds the lights of a file against the free lamps that they were.
+#[track_caller]
+fn hold_free_lamps(look: &Look, again: &PreparedScene, muted: bool) {
     let basis = &again.lighting.basis;
     let light = basis.project(&Look::default().lights);
     for lamp in &look.lights.lamps {
         let source = basis.source(&lamp.key).unwrap();
+        assert_eq!(basis.muted.contains(&lamp.key), muted, "{lamp:?}");
         let expected = PreparedLamps::new(std::slice::from_ref(lamp), None).unwrap().0.emission(&lamp.key).unwrap();
         let found = Vec3::from(light[source.columns.start as usize]);
         assert!((found - expected).abs().max_element() < 1e-3 * expected.max_element(), "{found} {lamp:?}");
         let node = again.scene.nodes.iter().position(|node| node.name.as_ref() == Some(&lamp.key)).unwrap();
         if let Some(punctual) = again.scene.punctual.iter().find(|light| light.node as usize == node) {
-            let ahead = (aim - position).normalize();
-            assert!(punctual.position.distance(position) < 1e-5 && punctual.direction.distance(ahead) < 1e-5);
+            let ahead = (lamp.aim - lamp.position).normalize();
+            assert!(punctual.position.distance(lamp.position) < 1e-5 && punctual.direction.distance(ahead) < 1e-5);
             assert_eq!(punctual.profile.is_some(), matches!(lamp.shape, LampShape::Profile { .. }));
         } else {
             let mesh = &again.scene.mesh;
             let own = (0..mesh.triangles.len()).filter(|t| mesh.triangle_node[*t] as usize == node);
             let toward: Vec3 = own.map(|t| mesh.area_normal(t as u32)).sum();
             let flat = !matches!(lamp.shape, LampShape::Sphere { .. });
-            assert!(!flat || toward.normalize().distance((aim - position).normalize()) < 1e-4, "{lamp:?}");
+            assert!(!flat || toward.normalize().distance((lamp.aim - lamp.position).normalize()) < 1e-4, "{lamp:?}");
         }
     }
-    // The light of the file is what it was.
-    assert_same_light(&scene, &Look::default(), &again);
 }
 
 #[test]

@@ -160,7 +160,8 @@ pub fn lights_ui(
     let items = shown(arranged(&lights, state.layout.group_by, look), &lights, &state.filter);
     unfold_for(state, &items, &lights);
     let order = order(&items, &lights, &state.collapsed, state.layout.view);
-    let mut mix = Mix { lights: &lights, items: &items, order: &order, look, state, actions };
+    let file = basis.file_rig();
+    let mut mix = Mix { lights: &lights, items: &items, order: &order, look, file: &file, state, actions };
     keys(ui, &mut mix);
     if !mix.state.selection.is_empty() {
         let frame = egui::Frame::NONE.inner_margin(egui::Margin::symmetric(0, 4));

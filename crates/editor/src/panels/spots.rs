@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use clerestory_transport::basis::LightSource;
 use clerestory_transport::light::PanelSpot;
-use eframe::egui::{self, Color32, Rect, RichText, Sense, Slider, Stroke, StrokeKind, Ui, vec2};
+use eframe::egui::{self, Color32, Rect, Response, RichText, Sense, Slider, Stroke, StrokeKind, Ui, Vec2, vec2};
 use glam::Vec3;
 
+use super::arrows::{FINE, arrows};
 use super::color::{KelvinChoice, Tint, tint_ui};
 use crate::theme;
 
@@ -14,14 +15,16 @@ use crate::theme;
 pub const NEW_SPOT: PanelSpot = PanelSpot { position: [0.5, 0.5], radius: 0.2, color: None, intensity: 1.0 };
 /// Longer side of the pad in points.
 const PAD_SIDE: f32 = 120.0;
+/// How far an arrow key moves a spot, in texels.
+const KEY_STEP_TEXELS: f32 = 0.25;
 /// Distance in points at which a handle is still touched.
 pub const HANDLE_REACH: f32 = 14.0;
 
-/// Draws the section of one panel, which is called `name`. `chosen` is the panel and spot that were touched last.
+/// Draws the section of one panel, which is called `name` and has a shape: texels along a side, and sides in meters. `chosen` is the panel and spot that were touched last.
 pub fn spots_ui(
     ui: &mut Ui,
     (source, name): (&LightSource, &str),
-    size_m: [f32; 2],
+    shape: (u32, [f32; 2]),
     panels: &mut BTreeMap<String, Vec<PanelSpot>>,
     chosen: &mut Option<(String, usize)>,
 ) {
@@ -41,18 +44,32 @@ pub fn spots_ui(
     let mut idx = chosen.as_ref().filter(|(panel, _)| panel == key).map_or(0, |(_, idx)| *idx);
     idx = idx.min(spots.len().saturating_sub(1));
     let before = idx;
+    let mut is_touched = false;
     ui.horizontal_top(|ui| {
         ui.add_space(50.0);
-        pad_ui(ui, name, size_m, source.color, spots, &mut idx);
+        is_touched = pad_ui(ui, name, shape, source.color, spots, &mut idx).has_focus();
         ui.vertical(|ui| spot_ui(ui, name, source.color, spots, &mut idx));
     });
-    if idx != before {
+    if is_touched || idx != before {
         *chosen = Some((key.clone(), idx));
     }
 }
 
+/// How far an arrow key moves a spot, in sides of a panel of so many texels: a quarter of a texel, with Shift a tenth of that.
+pub fn key_step(ui: &Ui, resolution: u32) -> f32 {
+    let fine = if ui.input(|input| input.modifiers.shift) { FINE } else { 1.0 };
+    KEY_STEP_TEXELS * fine / resolution as f32
+}
+
 /// The panel from above, u to the right and v down.
-fn pad_ui(ui: &mut Ui, name: &str, size_m: [f32; 2], color: Vec3, spots: &mut [PanelSpot], idx: &mut usize) {
+fn pad_ui(
+    ui: &mut Ui,
+    name: &str,
+    (resolution, size_m): (u32, [f32; 2]),
+    color: Vec3,
+    spots: &mut [PanelSpot],
+    idx: &mut usize,
+) -> Response {
     let longer = size_m[0].max(size_m[1]).max(1e-6);
     let size = (vec2(size_m[0], size_m[1]) / longer * PAD_SIDE).max(vec2(24.0, 24.0));
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
@@ -60,6 +77,7 @@ fn pad_ui(ui: &mut Ui, name: &str, size_m: [f32; 2], color: Vec3, spots: &mut [P
     let pointer = response.interact_pointer_pos().map(|p| (p - rect.min) / rect.size());
     if let Some(at) = pointer {
         if response.drag_started() || response.clicked() {
+            response.request_focus();
             let to_points = |spot: &PanelSpot| rect.min + vec2(spot.position[0], spot.position[1]) * rect.size();
             let press = ui.input(|input| input.pointer.press_origin()).unwrap_or(rect.min + at * rect.size());
             *idx = nearest(spots.iter().map(|spot| to_points(spot).distance(press))).unwrap_or(0);
@@ -68,7 +86,16 @@ fn pad_ui(ui: &mut Ui, name: &str, size_m: [f32; 2], color: Vec3, spots: &mut [P
             spot.position = [at.x.clamp(0.0, 1.0), at.y.clamp(0.0, 1.0)];
         }
     }
+    let step = arrows(ui, &response) * key_step(ui, resolution);
+    if let Some(spot) = spots.get_mut(*idx).filter(|_| step != Vec2::ZERO) {
+        let [u, v] = spot.position;
+        spot.position = [(u + step.x).clamp(0.0, 1.0), (v + step.y).clamp(0.0, 1.0)];
+    }
     paint_pad(ui, rect, color, spots, *idx);
+    if response.has_focus() {
+        ui.painter().rect_stroke(rect, 3.0, ui.visuals().selection.stroke, StrokeKind::Outside);
+    }
+    response
 }
 
 fn paint_pad(ui: &Ui, rect: Rect, color: Vec3, spots: &[PanelSpot], chosen: usize) {

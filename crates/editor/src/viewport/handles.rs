@@ -5,7 +5,7 @@ use clerestory_transport::emitters::PanelEmitter;
 use clerestory_transport::light::PanelSpot;
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::accesskit::Role;
-use eframe::egui::{Color32, Id, Painter, Pos2, Rect, Shape, Stroke, vec2};
+use eframe::egui::{self, Color32, Id, Painter, Pos2, Rect, Shape, Stroke, vec2};
 use glam::Vec2;
 
 use super::lamps::tell;
@@ -41,6 +41,8 @@ pub struct PanelPicker<'a> {
     pub image: Rect,
 }
 
+/// How far from a spot is looked where a side of its panel leads, in sides of it.
+const NEAR: f32 = 0.01;
 /// Radius of a handle in points.
 const HANDLE_RADIUS: f32 = 7.0;
 
@@ -122,6 +124,23 @@ impl PanelPicker<'_> {
         let spot = look.lights.panels.get_mut(panel).and_then(|spots| spots.get_mut(idx));
         if let (Some(to), Some(spot)) = (to, spot) {
             spot.position = to;
+        }
+    }
+
+    /// Moves a spot along that side of its panel which is seen to lead where arrow keys ask for; `step` in sides of a panel of so many texels.
+    pub fn nudge(&self, panel: &str, idx: usize, arrows: egui::Vec2, step: impl Fn(u32) -> f32, look: &mut Look) {
+        let spot = look.lights.panels.get_mut(panel).and_then(|spots| spots.get_mut(idx));
+        let (Some(panel), Some(spot)) = (self.panel(panel), spot) else { return };
+        let from = Vec2::from(spot.position);
+        let Some(at) = self.seen_at(panel, from) else { return };
+        let along = |side: Vec2| {
+            let there = self.seen_at(panel, from + side * NEAR);
+            there.map_or(f32::NEG_INFINITY, |there| (there - at).normalized().dot(arrows))
+        };
+        let sides = [Vec2::X, Vec2::NEG_X, Vec2::Y, Vec2::NEG_Y];
+        if let Some(side) = sides.into_iter().max_by(|a, b| along(*a).total_cmp(&along(*b))) {
+            let to = from + side * arrows.length() * step(panel.resolution);
+            spot.position = to.clamp(Vec2::ZERO, Vec2::ONE).to_array();
         }
     }
 

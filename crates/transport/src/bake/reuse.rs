@@ -297,7 +297,8 @@ impl Reuse {
             ColumnGroup { kind, columns: next - len..next }
         };
         let groups = kept.chain(added).map(group).collect();
-        let basis = LightBasis { sources, groups, sky: self.basis.sky.clone(), spots: self.basis.spots.clone() };
+        let LightBasis { sky, spots, muted, .. } = self.basis.clone();
+        let basis = LightBasis { sources, groups, sky, spots, muted };
         match &self.header.patches {
             Some(patches) => basis.with_patches(patches.n_columns() as u32),
             None => basis,

@@ -1,6 +1,6 @@
 //! Which lights a scene has, what they are called, and which of them become panels.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Emitter, LightingError, PANEL_RESOLUTION, PanelRequest, panel_emitter, panel_source, surface_source};
 use crate::basis::{KeyMaker, LightSource};
@@ -46,6 +46,21 @@ fn candidates(scene: &Scene) -> Vec<Candidate<'_>> {
 pub(crate) fn lamp_keys(scene: &Scene) -> Vec<String> {
     let lamps = candidates(scene).into_iter().filter(|light| matches!(light.kind, CandidateKind::Lamp(_)));
     lamps.map(|light| light.key).collect()
+}
+
+/// Keys of the lights that are off in the file.
+pub(super) fn muted_keys(scene: &Scene) -> BTreeSet<String> {
+    if scene.muted_lamps.is_empty() && scene.muted_surfaces.is_empty() {
+        return BTreeSet::new();
+    }
+    let is_muted = |light: &Candidate| match &light.kind {
+        CandidateKind::Lamp(lamp) => scene.muted_lamps.contains(&lamp.node),
+        CandidateKind::Surface { triangles, .. } => {
+            let node = triangles.first().map(|triangle| scene.mesh.triangle_node[*triangle as usize]);
+            node.is_some_and(|node| scene.muted_surfaces.contains(&node))
+        }
+    };
+    candidates(scene).into_iter().filter(is_muted).map(|light| light.key).collect()
 }
 
 /// The lights of a scene, with the panels that the scene or `requests` ask for.

@@ -1,5 +1,7 @@
 //! Materials in use, and the primitives of every node with theirs.
 
+use std::collections::HashMap;
+
 use glam::DMat4;
 use gltf::json::mesh::Mode;
 use gltf::json::validation::Checked;
@@ -17,17 +19,63 @@ use super::report::Notes;
 use super::variants::Variant;
 use crate::scene::{Material, Scene};
 
+/// Who uses a material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Uses {
+    /// Nobody but one node.
+    Here,
+    /// Others too.
+    Elsewhere,
+}
+
 /// Index into `Scene::materials` for each material of the file, and for primitives that name none.
 pub(super) struct MaterialSlots {
     variant: Variant,
     of_file: Vec<Option<u32>>,
     default: u32,
+    /// What stands in for a material at a node whose muted surfaces have it, by both indices.
+    lit: HashMap<(u32, u32), u32>,
 }
 
 impl MaterialSlots {
-    fn of(&self, primitive: &json::mesh::Primitive) -> u32 {
+    /// As the file has it.
+    pub(super) fn of(&self, primitive: &json::mesh::Primitive) -> u32 {
         let material = self.variant.material(primitive);
         material.and_then(|index| self.of_file.get(index.value()).copied().flatten()).unwrap_or(self.default)
+    }
+
+    /// As it is shown at a node.
+    fn at_node(&self, node_idx: u32, primitive: &json::mesh::Primitive) -> u32 {
+        let slot = self.of(primitive);
+        self.lit.get(&(node_idx, slot)).copied().unwrap_or(slot)
+    }
+
+    /// Whether a primitive has the material that it has without variants.
+    pub(super) fn is_own(&self, primitive: &json::mesh::Primitive) -> bool {
+        self.variant.material(primitive) == primitive.material
+    }
+
+    /// How many primitives of visible nodes have each.
+    pub(super) fn n_uses(&self, document: &Root, placed: &[PlacedNode]) -> HashMap<u32, usize> {
+        let visible = placed.iter().filter(|node| node.visible);
+        let meshes = visible.filter_map(|node| document.get(document.nodes[node.index].mesh?));
+        let mut n_uses = HashMap::<u32, usize>::new();
+        for primitive in meshes.flat_map(|mesh| &mesh.primitives) {
+            let n_uses = n_uses.entry(self.of(primitive)).or_default();
+            *n_uses = n_uses.saturating_add(1);
+        }
+        n_uses
+    }
+
+    /// Puts a material in place of another one at a node.
+    #[expect(clippy::cast_possible_truncation, reason = "no more materials than bytes of the file, at most 2³²")]
+    pub(super) fn light_up(&mut self, scene: &mut Scene, at: (u32, u32), lit: Material, uses: Uses) {
+        if uses == Uses::Here {
+            scene.materials[at.1 as usize] = lit;
+        } else {
+            self.lit.insert(at, scene.materials.len() as u32);
+            scene.materials.push(lit);
+        }
     }
 }
 
@@ -65,7 +113,7 @@ pub(super) fn add_materials(
             scene.materials.push(converter.convert(index));
         }
     }
-    (MaterialSlots { variant, of_file, default: 0 }, converter.textures)
+    (MaterialSlots { variant, of_file, default: 0, lit: HashMap::new() }, converter.textures)
 }
 
 /// Every primitive of every node, in node order.
@@ -94,7 +142,7 @@ pub(super) fn build_geometry(
         let weights = node.weights.as_ref().or(mesh.weights.as_ref()).map_or(&[][..], Vec::as_slice);
         for world_from_mesh in transforms(reader, node, placed, name, notes) {
             jobs.extend(mesh.primitives.iter().map(|primitive| {
-                let material = slots.of(primitive);
+                let material = slots.at_node(node_idx, primitive);
                 let tangent_map = scene.materials[material as usize].tangent_map();
                 Job { primitive, weights, world_from_mesh, material, node: node_idx, tangent_map, name }
             }));

@@ -25,6 +25,7 @@ mod lamps;
 mod material;
 mod merge;
 mod meshopt;
+mod muted;
 mod names;
 mod profiles;
 mod report;
@@ -260,7 +261,9 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
     let mut profiles = Profiles::new(&document, &buffers, locator);
     let (indices, ranged) = add_nodes(&mut scene, &document, &placed, &mut profiles, &mut notes);
     scene.profiles = profiles.loaded;
-    let (slots, mut textures) = assemble::add_materials(&mut scene, &document, &placed, variant, &mut notes);
+    let muted = muted::find(&mut scene, &document, &placed, &indices, &mut notes);
+    let (mut slots, mut textures) = assemble::add_materials(&mut scene, &document, &placed, variant, &mut notes);
+    muted.switch_on(&mut scene, &document, &placed, &indices, &mut slots);
     if choice.skips.has(Skip::IdleTextures) {
         idle::drop_idle(&mut scene.materials, &mut textures);
         idle::count_idle(&mut scene, &document, &textures, &buffers);

@@ -1,6 +1,5 @@
 //! The lights in a list, a row each, and the masters that it does not show.
 
-use clerestory_transport::light::LightRig;
 use eframe::egui::{RichText, ScrollArea, Ui};
 
 use super::columns::INDENT;
@@ -30,8 +29,8 @@ pub(super) fn list_ui(ui: &mut Ui, mix: &mut Mix) {
         }
         ui.add_space(8.0);
         other_masters_ui(ui, mix);
-        if mix.look.lights != LightRig::default() && ui.button("Reset all lights").clicked() {
-            mix.look.lights = LightRig::default();
+        if mix.look.lights != *mix.file && ui.button("Reset all lights").clicked() {
+            mix.look.lights = mix.file.clone();
         }
     });
 }

@@ -1,6 +1,6 @@
 //! What rows, strips and cells of the panel read and write.
 
-use clerestory_transport::light::LightSetting;
+use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::Ui;
 
 use super::LightsState;
@@ -19,6 +19,8 @@ pub(super) struct Mix<'a> {
     /// Keys as they are shown, from the first to the last.
     pub order: &'a [String],
     pub look: &'a mut Look,
+    /// What the file itself is lit by.
+    pub file: &'a LightRig,
     pub state: &'a mut LightsState,
     pub actions: &'a mut Vec<Action>,
 }
@@ -38,7 +40,7 @@ impl Mix<'_> {
     /// Whether something of a light is not as in the file. Free lamps are in no file.
     pub fn differs(&self, light: &Listed) -> bool {
         let lights = &self.look.lights;
-        lights.lights.contains_key(&light.key) || lights.panels.contains_key(&light.key)
+        lights.lights.get(&light.key) != self.file.lights.get(&light.key) || lights.panels.contains_key(&light.key)
     }
 
     /// How a light's intensity is told.
@@ -49,7 +51,7 @@ impl Mix<'_> {
 
     /// Everything about a light as in the file, or as it was added.
     pub fn reset(&mut self, key: &str) {
-        self.look.lights.set(key, LightSetting::default());
+        self.look.lights.set(key, self.file.own_setting(key));
         self.look.lights.panels.remove(key);
     }
 

@@ -254,9 +254,9 @@ pub(super) fn color_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
 fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     match &light.light {
         LightOf::Scene(source) => {
-            if let SourceKind::Panel { size_m, .. } = source.kind {
+            if let SourceKind::Panel { resolution, size_m } = source.kind {
                 let of = (*source, light.name.as_str());
-                spots_ui(ui, of, size_m, &mut mix.look.lights.panels, &mut mix.state.spot);
+                spots_ui(ui, of, (resolution, size_m), &mut mix.look.lights.panels, &mut mix.state.spot);
             }
         }
         LightOf::Look(lamp, _) if mix.state.lamps.is_chosen(&lamp.key) => {

@@ -2,13 +2,14 @@
 
 use eframe::egui::{
     self, Align2, Button, Color32, ComboBox, DragValue, FontId, ProgressBar, Rect, Response, RichText, Sense, Shape,
-    Stroke, Ui, pos2, vec2,
+    Stroke, StrokeKind, Ui, pos2, vec2,
 };
 
 use super::LooksView;
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::timeline::{Ease, FPS, Key, SECS, Timeline};
+use crate::panels::arrows::arrows;
 use crate::theme;
 
 /// Height of ruler and keys, points.
@@ -19,6 +20,8 @@ const LINE: f32 = 30.0;
 const REACH: f32 = 9.0;
 /// Least time that the ruler shows, seconds.
 const LEAST_SECS: f32 = 5.0;
+/// Frames that an arrow key goes on with Shift; one without.
+const FRAMES_WITH_SHIFT: f32 = 10.0;
 /// Time between the last key and one that is added behind it.
 const NEXT_SECS: f32 = 2.0;
 
@@ -50,6 +53,15 @@ impl Player {
             *playhead = (*playhead + secs).min(timeline.end_secs());
             self.playing = *playhead < timeline.end_secs();
         }
+    }
+
+    /// Goes so many frames on and stays there.
+    fn step(&mut self, timeline: &Timeline, n_frames: f32) {
+        if n_frames == 0.0 || timeline.keys.is_empty() {
+            return;
+        }
+        let frame = (self.playhead.unwrap_or(0.0) * timeline.fps).round() + n_frames;
+        (self.playhead, self.playing) = (Some((frame / timeline.fps).clamp(0.0, timeline.end_secs())), false);
     }
 
     fn play(&mut self, timeline: &Timeline) {
@@ -223,6 +235,11 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     });
     let ruler = Ruler { rect, secs };
     drag_ui(ui, &response, &ruler, look, player);
+    let mut n_frames = arrows(ui, &response).x;
+    if ui.input(|input| input.modifiers.shift) {
+        n_frames *= FRAMES_WITH_SHIFT;
+    }
+    player.step(&look.timeline, n_frames);
     for (idx, key) in look.timeline.keys.iter().enumerate() {
         let center = pos2(ruler.x(key.secs), rect.top() + LINE);
         let place = Rect::from_center_size(center, egui::Vec2::splat(2.0 * REACH));
@@ -234,12 +251,15 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
             player.chosen = Some(idx);
         }
     }
-    paint(ui, &ruler, &look.timeline, player);
+    paint(ui, (&ruler, &response), &look.timeline, player);
 }
 
 /// A press on a key drags it; elsewhere the playhead comes to the pointer.
 fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player: &mut Player) {
     let Some(pointer) = response.interact_pointer_pos() else { return };
+    if response.drag_started() || response.clicked() {
+        response.request_focus();
+    }
     if response.drag_started() {
         let press = ui.input(|input| input.pointer.press_origin()).unwrap_or(pointer);
         let distance = |key: &Key| (pos2(ruler.x(key.secs), ruler.rect.top() + LINE) - press).length();
@@ -263,10 +283,13 @@ fn drag_ui(ui: &Ui, response: &Response, ruler: &Ruler, look: &mut Look, player:
     }
 }
 
-fn paint(ui: &Ui, ruler: &Ruler, timeline: &Timeline, player: &Player) {
+fn paint(ui: &Ui, (ruler, response): (&Ruler, &Response), timeline: &Timeline, player: &Player) {
     let (rect, painter) = (ruler.rect, ui.painter_at(ruler.rect));
     let visuals = ui.visuals();
     painter.rect_filled(rect, 3.0, visuals.extreme_bg_color);
+    if response.has_focus() {
+        painter.rect_stroke(rect, 3.0, visuals.selection.stroke, StrokeKind::Inside);
+    }
     let (weak, y) = (visuals.weak_text_color(), rect.top() + LINE);
     let step = ruler.step();
     for mark in 0..=(ruler.secs / step) as u32 {
@@ -323,6 +346,21 @@ mod tests {
         assert_eq!((player.playhead, player.playing), (Some(2.0), false));
         toggle(&mut player, &timeline);
         assert_eq!((player.playhead, player.playing), (Some(0.0), true));
+    }
+
+    #[test]
+    fn it_steps_from_frame_to_frame_within_its_keys() {
+        let mut timeline = Timeline::default();
+        let mut player = Player { playing: true, ..Player::default() };
+        player.step(&timeline, 1.0);
+        assert_eq!(player.playhead, None, "without keys there is nowhere to go");
+        timeline.add(Key { secs: 2.0, look: "A".into(), ease: Ease::Smooth });
+        player.step(&timeline, 1.0);
+        assert_eq!((player.playhead, player.playing), (Some(1.0 / timeline.fps), false));
+        player.step(&timeline, -10.0);
+        assert_eq!(player.playhead, Some(0.0));
+        player.step(&timeline, 1e6);
+        assert_eq!(player.playhead, Some(2.0));
     }
 
     #[test]

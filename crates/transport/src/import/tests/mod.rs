@@ -5,6 +5,7 @@ mod conformance;
 mod fixture;
 mod geometry;
 mod idle;
+mod muted;
 mod profiles;
 mod scenes;
 mod surfaces;
