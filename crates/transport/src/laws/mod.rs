@@ -11,6 +11,7 @@ mod panes;
 mod patches;
 mod pictures;
 mod rebake;
+mod reconstructions;
 mod reference;
 mod reuse;
 mod shadows;
