@@ -107,7 +107,7 @@ fn content_ui(
     }
     if let Some(figures) = view.figures {
         ui.add_space(2.0);
-        heat_ui(ui, heat_map);
+        heat_ui(ui, heat_map, view);
         figures_ui(ui, (figures, view.device_bytes), view.error_db, view.state, actions);
     }
     if !view.report.is_empty() {
