@@ -12,8 +12,11 @@ use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, Passes};
 use crate::camera::{Camera, Film};
 use crate::light::LightRig;
 
-/// A bake of a room under a panel, and its blocks as the method made them.
-fn baked(method: Method) -> (Bake, Vec<(usize, Vec<Arc<BlockFactors>>)>) {
+/// Blocks as a method made them, one of each group of columns.
+type Made = Vec<(usize, Vec<Arc<BlockFactors>>)>;
+
+/// A bake of a room under a panel, and what the method made for it.
+fn baked(method: Method) -> (Bake, Made) {
     let camera = Camera::look_at("inside", Vec3::new(0.3, 0.1, 0.9), Vec3::new(-0.2, -0.3, -1.0), 1.1, 1.5);
     let scene = Stage::new(camera.clone())
         .surface("walls", &room(Vec3::new(1.0, 0.8, 1.2)), lambert(0.6, 0.0))
@@ -23,7 +26,7 @@ fn baked(method: Method) -> (Bake, Vec<(usize, Vec<Arc<BlockFactors>>)>) {
     let config = BakeConfig { spp: 16, tolerance_db: 20.0, method, ..BakeConfig::default() };
     let (scene, film) = (Arc::new(scene.prepared()), Film { width: 24, height: 16 });
     let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
-    let mut made = Vec::new();
+    let mut made = Made::new();
     let bake = job.run(|event| {
         if let BakeEvent::BlockDone { block_idx, factors, .. } = event {
             made.push((block_idx, factors));
