@@ -90,7 +90,7 @@ fn dispatch(arguments: &Arguments, console: &mut Console) -> Result<()> {
         Command::Compare(args) => (compare_files(args)?, args.answer.json),
         Command::ExportGltf(args) => (gltf::export_gltf(args, console)?, args.answer.json),
         Command::Cache(args) => (cache::cache(args)?, args.answer.json),
-        Command::Info(args) => (info::info(&args.file, args.variant.as_deref(), console)?, args.answer.json),
+        Command::Info(args) => (info::info(args, console)?, args.answer.json),
     };
     console.answer(&answer, json || arguments.json)
 }

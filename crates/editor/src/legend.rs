@@ -50,7 +50,7 @@ impl Legend {
         let [unit_width, line] = letters.size(unit);
         let height = picture.height().max(LEAST_HEIGHT);
         let (top, bottom) = (2 * GAP * scale + line, height - GAP * scale - line / 2);
-        let bar = ScaleBar { name: self.quantity.name(), unit, scale: self.scale };
+        let bar = self.bar();
         let marks = bar.marks(((bottom - top) / line + 1) as usize);
         let longest = marks.iter().map(|(_, words)| letters.size(words)[0]).max().unwrap_or(0);
         let text = ((BAR + MARK + GAP / 2) * scale + longest).max(unit_width);
@@ -74,7 +74,12 @@ impl Legend {
 
     /// Draws it into the lower right corner of an area of the window.
     pub fn ui(&self, ui: &Ui, area: Rect) {
-        ScaleBar { name: self.quantity.name(), unit: self.quantity.unit(), scale: self.scale }.ui(ui, area);
+        self.bar().ui(ui, area);
+    }
+
+    fn bar(&self) -> ScaleBar {
+        let (name, unit) = (self.quantity.name(), self.quantity.unit());
+        ScaleBar { name, unit, scale: self.scale, counting: Counting::Up }
     }
 }
 
@@ -87,20 +92,43 @@ pub struct ScaleBar {
     pub unit: &'static str,
     /// Which value has which color.
     pub scale: ColorScale,
+    /// How its values are told.
+    pub counting: Counting,
+}
+
+/// How values of a scale are told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Counting {
+    /// As they are.
+    Up,
+    /// By how far they lie below 0: decibels below a peak, the greatest error with the last color.
+    Down,
+}
+
+impl Counting {
+    /// What a told number is on the scale, and the other way round.
+    pub fn turned(self, value: f32) -> f32 {
+        if self == Counting::Up { value } else { -value }
+    }
 }
 
 impl ScaleBar {
+    /// The words for a value of the scale.
+    fn words(&self, value: f32) -> String {
+        number_words(self.counting.turned(value))
+    }
+
     /// Values with a mark and their words, at most `most`.
     fn marks(&self, most: usize) -> Vec<(f32, String)> {
-        self.scale.ticks(most).into_iter().map(|value| (self.scale.position(value), number_words(value))).collect()
+        self.scale.ticks(most).into_iter().map(|value| (self.scale.position(value), self.words(value))).collect()
     }
 
     /// Draws it into the lower right corner of an area.
     pub fn ui(&self, ui: &Ui, area: Rect) {
-        let size = vec2(86.0, (area.height() - 40.0).clamp(60.0, 260.0));
+        let size = vec2(98.0, (area.height() - 40.0).clamp(60.0, 260.0));
         let place = Rect::from_min_size(area.right_bottom() - size - vec2(12.0, 12.0), size);
         let response = ui.interact(place, ui.scope_id().with("legend"), egui::Sense::hover());
-        let (low, high, unit) = (number_words(self.scale.low), number_words(self.scale.high), self.unit);
+        let (low, high, unit) = (self.words(self.scale.low), self.words(self.scale.high), self.unit);
         let words = format!("Scale of {} from {low} to {high} {unit}", self.name.to_lowercase());
         response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &words));
 

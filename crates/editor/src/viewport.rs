@@ -129,6 +129,9 @@ pub fn viewport_ui(
     let grid = Grid { image, size: [width, height] };
     probe::follow(ui, &response, grid, &mut state.probes, is_free);
     probe::readings_ui(ui, &response, grid, viewed.readings, &mut state.probes, (look, lights));
+    if let Some(words) = viewed.overlay.and_then(|overlay| overlay.hovered_words()) {
+        probe::block_ui(ui, &response, &words);
+    }
     match (viewed.overlay, viewed.legend) {
         (Some(overlay), _) => overlay.bar.ui(ui, area),
         (None, Some(legend)) => legend.ui(ui, area),

@@ -8,6 +8,7 @@ mod desk;
 use std::sync::Arc;
 
 use clerestory::app::{App, Start};
+use clerestory::legend::number_words;
 use clerestory::session::estimate::Forecast;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::bake::BakeConfig;
@@ -122,16 +123,41 @@ fn the_size_and_the_quality_that_were_chosen_are_there_at_the_next_start() {
 }
 
 #[test]
-fn maps_of_rank_error_and_samples_lie_over_the_picture() {
+fn maps_of_rank_layers_of_error_and_samples_lie_over_the_picture() {
     let mut window = baked();
-    for (name, scale) in [("Rank", "Scale of rank from"), ("Error", "% of peak"), ("Samples", "Scale of samples from")]
-    {
+    let at = window.get_by_label("Picture").rect().center();
+    let (header, maps) = {
+        let shown = window.state().session().shown.as_ref().unwrap();
+        (shown.header.clone(), shown.bake().error_maps())
+    };
+    let choices = [
+        ("Rank", "Scale of rank from", None),
+        ("Total error", "Scale of total error from", Some(&maps.total)),
+        ("Lost detail", "Scale of lost detail from", Some(&maps.truncation)),
+        ("Noise left", "Scale of noise left from", Some(&maps.sampling)),
+        ("Noise sampled", "Scale of noise sampled from", Some(&maps.noise)),
+        ("Samples", "Scale of samples from", None),
+    ];
+    for (name, scale, layer) in choices {
         reach(&mut window, "Heat map");
         // The figures have a row of that name, too.
         let is_choice = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() != Role::Label;
         window.get_all_by_label(name).find(is_choice).unwrap().click();
         window.run_steps(3);
-        window.get_by_label_contains(scale);
+        let bar = window.get_by_label_contains(scale).accesskit_node().label().unwrap();
+        assert_eq!(bar.ends_with("dB below peak"), layer.is_some(), "{bar}");
+        // The block under the pointer tells its number.
+        window.hover_at(at);
+        window.run_steps(4);
+        let pixel = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
+        let place: Vec<u32> = pixel.split("   ").next().unwrap().split(", ").map(|n| n.parse().unwrap()).collect();
+        let block_idx = place[1] / header.tile * header.partition().tiles_x() + place[0] / header.tile;
+        let words = window.get_by_label_contains(" of this block: ").accesskit_node().value().unwrap();
+        let number = layer.map_or(String::new(), |layer| match layer[block_idx as usize].unwrap() {
+            db if db >= 100.0 => "none".into(),
+            db => format!("{} dB below peak", number_words(db)),
+        });
+        assert!(words.starts_with(name) && words.ends_with(&number), "{words}, {number}");
     }
     reach(&mut window, "Heat map");
     click(&mut window, "Off");

@@ -391,6 +391,39 @@ fn answer(folder: &Path, line: &str) -> serde_json::Value {
 }
 
 #[test]
+fn the_error_of_every_block_is_listed_in_its_layers() {
+    let folder = desk();
+    succeeds(folder.path(), "bake room.gltf --size 40x24 --spp 8 -o a.transport");
+    assert!(answer(folder.path(), "info a.transport").get("block_errors").is_none());
+    let told = answer(folder.path(), "info a.transport --block-errors");
+    let (errors, spread) = (&told["block_errors"], &told["block_error_db"]);
+    assert!(errors["width"] == 3 && errors["height"] == 2, "{errors}");
+    for layer in ["truncation", "sampling", "noise", "total"] {
+        let blocks = errors[layer].as_array().unwrap().iter().map(|db| db.as_f64().unwrap());
+        let worst = blocks.clone().fold(f64::INFINITY, f64::min);
+        assert!(blocks.count() == 6 && spread[layer]["worst"].as_f64() == Some(worst), "{layer}: {errors}, {spread}");
+    }
+    let output = run(folder.path(), "info room.gltf --block-errors --json");
+    assert!(!output.status.success() && String::from_utf8_lossy(&output.stderr).contains("is for transports"));
+}
+
+#[test]
+fn a_method_that_cannot_relight_is_baked_in_full_and_everything_says_so() {
+    let folder = desk();
+    for method in ["kernel", "compressed-sensing"] {
+        let bake = format!("bake room.gltf --size 32x24 --spp 8 --tolerance 20 --fresh --method {method}");
+        let baked = format!("{bake} -o a.transport");
+        for line in [&baked, &format!("{bake} --estimate"), "info a.transport"] {
+            let said = String::from_utf8(succeeds(folder.path(), line).stdout).unwrap();
+            assert!(said.contains(method) && said.contains("holds its reconstruction in full"), "{line}: {said}");
+            let told = &answer(folder.path(), line)["reconstruction"];
+            assert!(told["method"] == method && told["why"].is_string(), "{line}: {told}");
+        }
+        succeeds(folder.path(), "relight a.transport -o a.exr");
+    }
+}
+
+#[test]
 fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
     let folder = desk();
     let path = |name: &str| folder.path().join(name);

@@ -305,9 +305,6 @@ fn check<M: SampledMatrix>(
 }
 
 fn check_groups(config: &CompressConfig, n_cols: usize) -> Result<(), CompressError> {
-    if let Some(why) = config.method.without_factors() {
-        return Err(CompressError::Config(format!("the method `{}` has no low-rank factors: {why}", config.method)));
-    }
     let bad = |group: &&ColumnGroup| group.columns.is_empty() || group.columns.end > n_cols;
     if let Some(group) = config.groups.iter().find(bad) {
         return Err(CompressError::Config(format!("columns {:?} are not among {n_cols}", group.columns)));

@@ -128,9 +128,6 @@ pub enum MethodError {
         /// Rows of the intersection.
         size: usize,
     },
-    /// The method makes no factors of low rank.
-    #[error("the method has no factors of low rank; take one that has")]
-    NoFactors,
     /// An iteration did not end.
     #[error("the singular values did not settle in {n_sweeps} sweeps; scale the rows of the matrix to like magnitudes")]
     NoConvergence {

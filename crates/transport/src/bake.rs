@@ -106,7 +106,8 @@ pub struct BakeConfig {
     /// Where the light between surfaces comes from.
     #[serde(default)]
     pub indirect: Indirect,
-    /// What makes factors of the samples, in the last pass; all but the default are there for comparison.
+    /// What makes factors of the samples, in the last pass; all but the default are there for comparison. Of one
+    /// [without factors](Method::without_factors) all entries of what it makes are kept.
     #[serde(default, with = "method", skip_serializing_if = "method::is_default")]
     pub method: Method,
     /// Patches that free lamps may light, about; 0 for none.
@@ -557,9 +558,6 @@ impl BakeJob {
             return complain(
                 "a bake within a time has neither patches for movable lamps nor irradiance; limit its samples",
             );
-        }
-        if let Some(why) = config.method.without_factors() {
-            return complain(&format!("the method `{}` cannot relight in compressed form: {why}", config.method));
         }
         Ok(())
     }

@@ -1,4 +1,7 @@
 //! Errors block by block: where a bake is less exact than it is in the mean, and why.
+//!
+//! All rows of a block are sampled and projected, so what its chosen rows miss and what its rank leaves out are one layer, which
+//! the half that had no part in the fit tells; the factors keep no more than that.
 
 use std::sync::Arc;
 
@@ -9,23 +12,53 @@ use crate::bake::Bake;
 use crate::figures::BEST_DB;
 
 /// A layer of the error: one value per block in dB below the columns' peaks, row by row from the top left; none where a
-/// block is not there.
+/// block is not there, or where nothing tells of noise.
 pub type Layer = Vec<Option<f32>>;
 
+/// Which part of the error of a block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorLayer {
+    /// What ranks and rounding leave out, as the half tells that had no part in the fit.
+    Truncation,
+    /// Sampling noise that stays in the factors, as both halves tell.
+    Sampling,
+    /// Sampling noise of the entries before compression.
+    Noise,
+    /// Truncation and sampling together.
+    Total,
+}
+
+impl ErrorLayer {
+    /// Mean square per entry.
+    fn of(self, error: &BlockError) -> f32 {
+        match self {
+            ErrorLayer::Truncation => error.truncation.max(0.0),
+            ErrorLayer::Sampling => error.sampling,
+            ErrorLayer::Noise => error.noise,
+            ErrorLayer::Total => error.truncation.max(0.0) + error.sampling,
+        }
+    }
+
+    /// Whether it takes samples to know it: pictures that were taken tell nothing of their own noise.
+    pub fn is_of_noise(self) -> bool {
+        matches!(self, ErrorLayer::Sampling | ErrorLayer::Noise)
+    }
+}
+
 /// The layers of a bake's error, each as a map of its blocks.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ErrorMaps {
     /// Blocks across.
     pub width: u32,
     /// Blocks down.
     pub height: u32,
-    /// What ranks and rounding leave out.
+    /// See [`ErrorLayer::Truncation`].
     pub truncation: Layer,
-    /// Sampling noise that stays in the factors.
+    /// See [`ErrorLayer::Sampling`].
     pub sampling: Layer,
-    /// Sampling noise of the entries before compression.
+    /// See [`ErrorLayer::Noise`].
     pub noise: Layer,
-    /// Truncation and sampling together.
+    /// See [`ErrorLayer::Total`].
     pub total: Layer,
 }
 
@@ -34,8 +67,8 @@ pub struct ErrorMaps {
 pub enum BlockMap {
     /// Rank, summed over the groups of columns.
     Rank,
-    /// Truncation and sampling together, root mean square in percent of the columns' peaks.
-    ErrorPercent,
+    /// A layer of the error, dB below the columns' peaks.
+    Error(ErrorLayer),
     /// Samples per pixel that were taken.
     Samples,
 }
@@ -68,16 +101,14 @@ impl Bake {
     /// The errors of all blocks of the picture, over all columns of the scene's own lights, each entry counting alike.
     pub fn error_maps(&self) -> ErrorMaps {
         let partition = self.header.partition();
-        let layer = |error: fn(&BlockError) -> f32| -> Layer {
-            (0..partition.n_blocks()).map(|block_idx| self.block_db(block_idx, error)).collect()
-        };
+        let layer = |layer: ErrorLayer| self.block_map(BlockMap::Error(layer));
         ErrorMaps {
             width: partition.tiles_x(),
             height: partition.tiles_y(),
-            truncation: layer(|error| error.truncation.max(0.0)),
-            sampling: layer(|error| error.sampling),
-            noise: layer(|error| error.noise),
-            total: layer(|error| error.truncation.max(0.0) + error.sampling),
+            truncation: layer(ErrorLayer::Truncation),
+            sampling: layer(ErrorLayer::Sampling),
+            noise: layer(ErrorLayer::Noise),
+            total: layer(ErrorLayer::Total),
         }
     }
 
@@ -89,19 +120,19 @@ impl Bake {
             match what {
                 BlockMap::Rank => Some(self.rank(block_idx) as f32),
                 BlockMap::Samples => Some(block.n_samples as f32),
-                BlockMap::ErrorPercent => {
-                    let db = self.block_db(block_idx, |error| error.truncation.max(0.0) + error.sampling)?;
-                    Some(100.0 * 10f32.powf(-db / 20.0))
-                }
+                BlockMap::Error(layer) => self.block_db(block_idx, layer),
             }
         };
         (0..self.header.partition().n_blocks()).map(value).collect()
     }
 
-    fn block_db(&self, block_idx: usize, error: fn(&BlockError) -> f32) -> Option<f32> {
+    fn block_db(&self, block_idx: usize, layer: ErrorLayer) -> Option<f32> {
+        if layer.is_of_noise() && self.header.basis.is_measured() {
+            return None;
+        }
         let of_group = |blocks: &[Option<Arc<BlockFactors>>], n_cols: u32| {
             let block = blocks[block_idx].as_ref()?;
-            Some([f64::from(error(&block.error)) * f64::from(n_cols), f64::from(n_cols)])
+            Some([f64::from(layer.of(&block.error)) * f64::from(n_cols), f64::from(n_cols)])
         };
         let groups = self.groups_of_lights().iter().filter_map(|group| of_group(&group.blocks, group.n_cols));
         let [sum, n_cols] = groups.reduce(|a, b| [a[0] + b[0], a[1] + b[1]])?;

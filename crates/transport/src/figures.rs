@@ -3,7 +3,7 @@
 use clerestory_nystrom::{BlockLowRank, PackedMatrix};
 use serde::Serialize;
 
-use crate::bake::Bake;
+use crate::bake::{Bake, BakeConfig};
 use crate::basis::LightSource;
 use crate::error_maps::BlockErrorDb;
 use crate::matrix::CHANNELS;
@@ -108,6 +108,9 @@ pub struct Figures {
     pub ratio: f32,
     /// Measured errors, of the columns of the scene's own lights.
     pub error_db: ErrorDb,
+    /// The method, if its own form cannot relight.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reconstruction: Option<Reconstruction>,
     /// Columns that free lamps light, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub patches: Option<PatchFigures>,
@@ -115,6 +118,16 @@ pub struct Figures {
     pub block_error_db: BlockErrorDb,
     /// Work that was not needed.
     pub skipped: Skipped,
+}
+
+/// A method whose own form cannot relight: the factors are all entries of what it makes of each block. The errors are its
+/// own; ranks and sizes are not.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reconstruction {
+    /// Name of the method.
+    pub method: String,
+    /// Why its own form cannot relight, in words.
+    pub why: &'static str,
 }
 
 /// Best error that is told; beyond it numbers mean nothing in 16-bit factors.
@@ -147,6 +160,13 @@ pub fn error_db(groups: &[BlockLowRank], bias: Option<f32>) -> ErrorDb {
     }
 }
 
+impl BakeConfig {
+    /// The method, if its own form cannot relight and a bake holds what it makes of each block in full.
+    pub fn reconstruction(&self) -> Option<Reconstruction> {
+        Some(Reconstruction { method: self.method.to_string(), why: self.method.without_factors()? })
+    }
+}
+
 impl Bake {
     /// What it cost and how exact it is.
     pub fn figures(&self) -> Figures {
@@ -167,6 +187,7 @@ impl Bake {
             dense_bytes,
             ratio: dense_bytes as f32 / file_bytes.unwrap_or(bytes).max(1) as f32,
             error_db: error_db(self.groups_of_lights(), self.header.sharing_bias),
+            reconstruction: self.header.config.reconstruction(),
             patches: self.patch_figures(),
             block_error_db: self.error_maps().spread(),
             skipped: self.skipped(),

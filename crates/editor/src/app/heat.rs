@@ -1,12 +1,13 @@
 //! A map of colors over the picture: what each block of the bake needed, and how exact it is.
 
+use clerestory_nystrom::Partition;
 use clerestory_relight::display::{ColorScale, Spacing};
 use clerestory_relight::{DisplayParams, Radiance, encode};
 use clerestory_transport::error_maps::BlockMap;
 use eframe::egui::{Color32, ColorImage, Context, TextureHandle, TextureOptions};
 
 use super::App;
-use crate::legend::ScaleBar;
+use crate::legend::{Counting, ScaleBar};
 use crate::panels::heat::{HeatMap, Overlay};
 
 /// The map that is shown.
@@ -18,6 +19,23 @@ pub(super) struct Heat {
     scale: ColorScale,
     /// Share of the map that the picture covers, across and down.
     covered: [f32; 2],
+    /// Which block is where.
+    partition: Partition,
+    /// One per block.
+    values: Vec<Option<f32>>,
+}
+
+/// Decibels from the worst block on that have colors of their own, at most, and to what a scale of them is rounded.
+const MOST_DB: f32 = 40.0;
+const STEP_DB: f32 = 5.0;
+
+impl Heat {
+    /// The value of the block of a pixel.
+    fn at(&self, [x, y]: [u32; 2]) -> Option<f32> {
+        let Partition { tile, .. } = self.partition;
+        let block_idx = (y / tile.max(1)) * self.partition.tiles_x() + x / tile.max(1);
+        *self.values.get(block_idx as usize)?
+    }
 }
 
 impl App {
@@ -33,19 +51,27 @@ impl App {
             self.heat = self.paint_heat(ctx, kind, map, n_counts);
         }
         let heat = self.heat.as_ref()?;
-        let bar = ScaleBar { name: map.name(), unit: map.unit(), scale: heat.scale };
-        Some(Overlay { texture: heat.texture.id(), covered: heat.covered, bar })
+        let bar = ScaleBar { name: map.name(), unit: map.unit(), scale: heat.scale, counting: map.counting() };
+        let hovered = self.view.probes.hover.and_then(|px| heat.at(px));
+        Some(Overlay { texture: heat.texture.id(), covered: heat.covered, bar, hovered })
     }
 
     fn paint_heat(&self, ctx: &Context, kind: BlockMap, map: HeatMap, n_counts: u64) -> Option<Heat> {
         let shown = self.session.shown.as_ref()?;
         let values = shown.bake().block_map(kind);
+        if values.iter().all(Option::is_none) {
+            return None;
+        }
         let partition = shown.header.partition();
         let (width, height) = (partition.tiles_x(), (values.len() as u32).div_ceil(partition.tiles_x().max(1)));
-        let pixels = values.iter().map(|value| [value.unwrap_or(0.0); 3]).collect();
+        let counting = map.counting();
+        let pixels = values.iter().map(|value| [counting.turned(value.unwrap_or(0.0)); 3]).collect();
         let radiance = Radiance { width, height, pixels };
-        let spacing = if kind == BlockMap::Rank { Spacing::Linear } else { Spacing::Log };
-        let scale = ColorScale::fitting(&radiance, spacing);
+        let scale = match kind {
+            _ if counting == Counting::Down => decibel_scale(values.iter().flatten()),
+            BlockMap::Rank => ColorScale::fitting(&radiance, Spacing::Linear),
+            _ => ColorScale::fitting(&radiance, Spacing::Log),
+        };
         let params = DisplayParams { false_color: Some(scale), ..DisplayParams::default() };
         let bytes = encode(&radiance, &params);
         let color = |(rgba, value): (&[u8; 4], &Option<f32>)| match value {
@@ -57,6 +83,31 @@ impl App {
         let texture = ctx.load_texture("heat map", image, TextureOptions::NEAREST);
         let share = |pixels: u32, tiles: u32| pixels as f32 / (tiles * partition.tile).max(1) as f32;
         let covered = [share(partition.width, width), share(partition.height, height)];
-        Some(Heat { map, n_counts, texture, scale, covered })
+        Some(Heat { map, n_counts, texture, scale, covered, partition, values })
+    }
+}
+
+/// A scale for decibels below the peak, the worst block last.
+fn decibel_scale<'a>(values: impl Iterator<Item = &'a f32>) -> ColorScale {
+    let [least, most] = values.fold([f32::INFINITY, 0.0], |[least, most], db| [least.min(*db), most.max(*db)]);
+    let high = -STEP_DB * (least / STEP_DB).floor();
+    let low = (-STEP_DB * (most / STEP_DB).ceil()).clamp(high - MOST_DB, high - STEP_DB);
+    ColorScale { spacing: Spacing::Linear, low, high }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_of_decibels_ends_with_the_worst_block_and_passes_over_what_is_exact() {
+        let scale = |values: &[f32]| {
+            let ColorScale { low, high, .. } = decibel_scale(values.iter());
+            [low, high]
+        };
+        assert_eq!(scale(&[31.0, 44.0, 38.0]), [-45.0, -30.0]);
+        assert_eq!(scale(&[31.0, 120.0]), [-70.0, -30.0]);
+        assert_eq!(scale(&[120.0]), [-125.0, -120.0]);
+        assert_eq!(scale(&[-3.0, 20.0]), [-20.0, 5.0]);
     }
 }

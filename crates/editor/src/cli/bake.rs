@@ -38,7 +38,7 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
         (Some(output), _) => output,
         (None, Some(scene)) => {
             let job = scene_job(scene, args, console)?;
-            return Ok(estimate::told(&estimate::forecast(&job, args, console)?, console));
+            return Ok(estimate::told(&estimate::forecast(&job, args, console)?, &job.config, console));
         }
         (None, None) => bail!("name the file to write with -o"),
     };
@@ -270,7 +270,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
-         error       {}{}{}",
+         error       {}{}{}{}{}",
         number("pixels"),
         number("columns"),
         number("blocks"),
@@ -281,8 +281,20 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         size("dense_bytes"),
         number("ratio"),
         error_words(&figures["error_db"], basis),
+        block_words(&figures["block_error_db"], basis),
+        reconstruction_words(&figures["reconstruction"]),
         patch_words(&figures["patches"]),
         skipped_words(&figures["skipped"]),
+    )
+}
+
+/// Which method could not relight in its own form, a line of its own; nothing where it can.
+pub(super) fn reconstruction_words(reconstruction: &Value) -> String {
+    let word = |name: &str| reconstruction[name].as_str();
+    let Some((method, why)) = word("method").zip(word("why")) else { return String::new() };
+    format!(
+        "\nmethod      {method} cannot relight in its own form: {why}; the file holds its reconstruction in full, so that the error \
+         is the method's and ranks and size say nothing of it"
     )
 }
 
@@ -309,6 +321,19 @@ fn error_words(error_db: &Value, basis: &LightBasis) -> String {
     let bias = error_db["bias"].as_f64().map_or(String::new(), |db| format!(", bias of shared light {db:.1} dB"));
     let (truncation, sampling, noise) = (decibels("truncation"), decibels("sampling"), decibels("noise"));
     format!("{total} in all: truncation {truncation}, sampling {sampling}{bias}; noise of the samples {noise}")
+}
+
+/// The worst blocks, a line of its own: each layer has one.
+fn block_words(block_error_db: &Value, basis: &LightBasis) -> String {
+    let worst = |layer: &str| block_error_db[layer]["worst"].as_f64().unwrap_or(f64::NAN);
+    let total = format!("\nworst block {:.1} dB in all", worst("total"));
+    if basis.is_measured() {
+        return total;
+    }
+    let [truncation, sampling, noise] = ["truncation", "sampling", "noise"].map(worst);
+    format!(
+        "{total}; worst truncation {truncation:.1} dB, sampling {sampling:.1} dB, noise of the samples {noise:.1} dB"
+    )
 }
 
 /// What a bake found needless, a line for people; nothing where it found nothing.

@@ -5,11 +5,12 @@ use std::time::Duration;
 use anyhow::{Context, Result, anyhow, bail};
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
-use clerestory_transport::bake::{BakeJob, Indirect, Passes};
+use clerestory_transport::bake::{BakeConfig, BakeJob, Indirect, Passes};
 use indicatif::ProgressBar;
 use serde_json::json;
 
 use super::args::BakeArgs;
+use super::bake::{merge, reconstruction_words};
 use super::console::{Answer, Console, duration_words};
 use super::interrupt::nothing_kept;
 use super::view::on_threads;
@@ -109,13 +110,13 @@ fn refusal(needed_bytes: u64, held_bytes: u64, limit_bytes: u64) -> anyhow::Erro
 }
 
 /// For people and programs.
-pub(super) fn told(forecast: &Forecast, console: &Console) -> Answer {
+pub(super) fn told(forecast: &Forecast, config: &BakeConfig, console: &Console) -> Answer {
     let Forecast { estimate, n_threads, held_bytes, .. } = forecast;
     let words = format!(
         "time        about {} on {n_threads} threads, the preview after {}\n\
          memory      about {} at most{}, {} for the result\n\
          file        about {}\n\
-         tried       {} of {} blocks",
+         tried       {} of {} blocks{}",
         duration_words(f64::from(estimate.secs)),
         duration_words(f64::from(estimate.preview_secs)),
         bytes_words(forecast.most_bytes()),
@@ -124,6 +125,7 @@ pub(super) fn told(forecast: &Forecast, console: &Console) -> Answer {
         bytes_words(estimate.file_bytes),
         estimate.n_tried,
         estimate.n_blocks,
+        reconstruction_words(&json!(config.reconstruction())),
     );
     let peak_bytes = forecast.most_bytes();
     let mut json = json!({
@@ -132,7 +134,10 @@ pub(super) fn told(forecast: &Forecast, console: &Console) -> Answer {
         "peak_bytes": peak_bytes,
         "warnings": console.warnings(),
     });
-    super::bake::merge(&mut json, json!(estimate));
+    merge(&mut json, json!(estimate));
+    if let Some(reconstruction) = config.reconstruction() {
+        json["reconstruction"] = json!(reconstruction);
+    }
     Answer { json, words }
 }
 

@@ -17,6 +17,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Material;
 use serde_json::{Value, json};
 
+use super::args::InfoArgs;
 use super::bake::{figure_words, irradiance_words, merge, open_stack};
 use super::console::{Answer, Console};
 use super::relight::frame_of;
@@ -38,8 +39,8 @@ enum FileKind {
     Look,
 }
 
-/// `variant` is that of a scene.
-pub(super) fn info(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<Answer> {
+pub(super) fn info(args: &InfoArgs, console: &mut Console) -> Result<Answer> {
+    let (path, variant) = (args.file.as_path(), args.variant.as_deref());
     if path.is_dir() {
         return stack(path, console);
     }
@@ -47,9 +48,12 @@ pub(super) fn info(path: &Path, variant: Option<&str>, console: &mut Console) ->
     if variant.is_some() && kind != FileKind::Scene {
         bail!("--variant is for scenes (.gltf, .glb), and {} is none", path.display());
     }
+    if args.block_errors && kind != FileKind::Transport {
+        bail!("--block-errors is for transports, and {} is none", path.display());
+    }
     match kind {
         FileKind::Scene => scene(path, variant, console),
-        FileKind::Transport => transport(path),
+        FileKind::Transport => transport(args),
         FileKind::Look => look(path, console),
     }
 }
@@ -204,7 +208,8 @@ fn stack(folder: &Path, console: &mut Console) -> Result<Answer> {
     Ok(Answer { json, words })
 }
 
-fn transport(path: &Path) -> Result<Answer> {
+fn transport(args: &InfoArgs) -> Result<Answer> {
+    let path = args.file.as_path();
     let bake = archive::read(path).with_context(|| format!("cannot read the transport {}", path.display()))?;
     let header = &bake.header;
     let figures = serde_json::to_value(bake.figures()).context("the figures of a bake always have a JSON form")?;
@@ -236,6 +241,9 @@ fn transport(path: &Path) -> Result<Answer> {
         "device_bytes": on_device, "window_device_bytes": in_window, "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
     });
     merge(&mut json, about);
+    if args.block_errors {
+        json["block_errors"] = json!(bake.error_maps());
+    }
     Ok(Answer { json, words })
 }
 

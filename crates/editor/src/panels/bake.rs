@@ -107,7 +107,7 @@ fn content_ui(
     }
     if let Some(figures) = view.figures {
         ui.add_space(2.0);
-        heat_ui(ui, heat_map);
+        heat_ui(ui, heat_map, view);
         figures_ui(ui, (figures, view.device_bytes), view.error_db, view.state, actions);
     }
     if !view.report.is_empty() {
@@ -370,9 +370,16 @@ fn figures_ui(
     let n_reused = figures.skipped.reused_columns;
     let hint = "Columns of an earlier bake with the same surfaces, view and settings; the others were traced";
     let reused = (n_reused > 0).then(|| ("Taken over", format!("{n_reused} of {} columns", figures.columns), hint));
+    let in_full = figures.reconstruction.as_ref().map(|of| {
+        (
+            "Method",
+            format!("{}, its reconstruction in full", of.method),
+            "It cannot relight in its own form: ranks and sizes say nothing of it",
+        )
+    });
     let on_device = device_bytes.map(|n| ("Graphics device", bytes_words(n), "Its memory that the picture takes"));
     egui::Grid::new("figures").num_columns(2).spacing([10.0, 3.0]).show(ui, |ui| {
-        for (name, value, hint) in rows.into_iter().chain(on_device).chain(shared).chain(reused) {
+        for (name, value, hint) in rows.into_iter().chain(in_full).chain(on_device).chain(shared).chain(reused) {
             ui.label(RichText::new(name).weak()).on_hover_text(hint);
             ui.label(value);
             ui.end_row();

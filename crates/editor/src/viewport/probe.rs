@@ -152,6 +152,12 @@ pub fn readings_ui(
     }
 }
 
+/// Says above what is measured under the pointer what a map of colors tells there.
+pub fn block_ui(ui: &Ui, picture: &Response, words: &str) {
+    let at = picture.rect.center_bottom() + vec2(0.0, -38.0);
+    chip(ui, (at, Align2::CENTER_BOTTOM), Id::unique("block under the pointer"), words);
+}
+
 /// Words on a dark ground, which screen readers find.
 fn chip(ui: &Ui, (at, anchor): (Pos2, Align2), id: Id, words: &str) -> Response {
     let galley = ui.painter().layout_no_wrap(words.to_owned(), FontId::proportional(12.5), Color32::from_gray(232));

@@ -54,11 +54,11 @@ impl<S: Real> Approximation<S> {
         }
     }
 
-    /// The factors themselves.
-    pub fn into_factors(self) -> Option<(DMatrix<S>, DMatrix<S>)> {
+    /// Factors no wider than the lesser side of the matrix: its own, or else all entries and a unit matrix.
+    pub fn into_factors(self) -> (DMatrix<S>, DMatrix<S>) {
         match self.parts {
-            Parts::Product { left, right } => Some((left, right)),
-            Parts::Root { .. } => None,
+            Parts::Product { left, right } if left.ncols() <= left.nrows().min(right.ncols()) => (left, right),
+            _ => in_full(self.to_dense()),
         }
     }
 
@@ -74,6 +74,14 @@ impl<S: Real> Approximation<S> {
             Parts::Product { left, right } => Some((left, right)),
             Parts::Root { .. } => None,
         }
+    }
+}
+
+/// All entries as one factor, the other being the unit matrix of the lesser side.
+fn in_full<S: Real>(dense: DMatrix<S>) -> (DMatrix<S>, DMatrix<S>) {
+    match dense.shape() {
+        (n_rows, n_cols) if n_cols <= n_rows => (dense, DMatrix::identity(n_cols, n_cols)),
+        (n_rows, _) => (DMatrix::identity(n_rows, n_rows), dense),
     }
 }
 

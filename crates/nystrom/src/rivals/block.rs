@@ -3,7 +3,7 @@
 //! Rank is what differs from [`approximate`]: it is the least that brings the factors within the tolerance of what was *sampled*,
 //! found by doubling and bisection. No rival knows noise from signal, so noise above the tolerance is fitted as well. The errors
 //! told are those of our own factors, with no favor: each half is fitted by itself, with that rank, and held against the
-//! other.
+//! other. Of a method [without factors](Method::without_factors) all entries of what it makes of the block are kept.
 
 use nalgebra::DMatrix;
 
@@ -38,7 +38,7 @@ pub(crate) fn factor(
     let [of_a, of_b] = [&a, &b].map(|half| Ok(half.packed(rank, 1.0)?.dense()));
     let [truncation, sampling] = errors([&means.a, &means.b], [of_a?, of_b?]).map(|sum| sum / means.n_entries());
     let [truncation, sampling, noise] =
-        [truncation, sampling, means.noise_per_entry()].map(|x| (x * means.unit * means.unit) as f32);
+        [truncation, sampling, means.noise_per_entry()].map(|x| told(x * means.unit * means.unit));
     factors.error = BlockError { truncation, sampling, noise };
     Ok(factors)
 }
@@ -54,6 +54,11 @@ fn errors([a, b]: [&Dense<f32>; 2], [f, g]: [Vec<f32>; 2]) -> [f64; 2] {
     sums
 }
 
+/// A mean square in range: the greatest that there is where a method went astray.
+fn told(mean_square: f64) -> f32 {
+    if mean_square.is_nan() { f32::MAX } else { mean_square.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32 }
+}
+
 /// A matrix and how it is approximated.
 struct Fitted {
     method: Method,
@@ -65,8 +70,7 @@ type Factors = (DMatrix<f32>, DMatrix<f32>);
 
 impl Fitted {
     fn at(&self, rank: usize) -> Result<Factors, MethodError> {
-        let found = approximate(self.method, &self.matrix, rank, self.seed)?.into_factors();
-        found.ok_or(MethodError::NoFactors)
+        Ok(approximate(self.method, &self.matrix, rank, self.seed)?.into_factors())
     }
 
     fn packed(&self, rank: usize, unit: f64) -> Result<BlockFactors, MethodError> {

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::*;
-use crate::{BlockFactors, BlockSamples, ColumnGroup, CompressConfig, CompressError, Tolerance, compress_block};
+use crate::{BlockFactors, BlockSamples, ColumnGroup, CompressConfig, Tolerance, compress_block};
 
 /// Random singular vectors and the singular values `decay^r`.
 fn spectrum<S: Real>(n_rows: usize, n_cols: usize, decay: f64, seed: u64) -> DMatrix<S> {
@@ -315,7 +315,7 @@ fn every_method_brings_a_block_within_the_tolerance() {
         let best = of(Method::Svd).rank;
         // What singular values leave: 0.7^r of the whole.
         assert_eq!(best, (f64::from(tolerance).ln() / 0.7f64.ln()).ceil() as u32);
-        for method in Method::ALL.into_iter().filter(|method| method.without_factors().is_none()) {
+        for method in Method::ALL.into_iter().filter(|method| *method != Method::CompressedSensing) {
             let found = of(method);
             assert!(found.rank >= best, "{method}: {}, best {best}", found.rank);
             let told = f64::from(found.error.truncation).sqrt() * (120.0 * 50.0f64).sqrt() / matrix.norm();
@@ -341,14 +341,18 @@ fn the_errors_told_know_noise_from_truth() {
 }
 
 #[test]
-fn methods_without_factors_are_refused_with_a_reason() {
-    for method in [Method::Kernel { gamma: None }, Method::CompressedSensing] {
-        let samples =
-            BlockSamples { halves: [&[1.0; 12]; 2], sparse: [&[]; 2], n_cols: 4, bundle_len: 3, n_samples: [1; 2] };
-        let tolerance = Tolerance::RelativeFrobenius(0.1);
-        let groups = vec![ColumnGroup { columns: 0..4, tolerance, preserved: Vec::new(), share: 1.0 }];
-        let config = CompressConfig { groups, method, ..CompressConfig::default() };
-        let Err(CompressError::Config(words)) = compress_block(&samples, &config, 0) else { panic!("{method}") };
-        assert!(words.contains(&method.to_string()) && words.contains("factors"), "{words}");
+fn methods_without_factors_keep_all_entries_of_what_they_make() {
+    for matrix in [spectrum::<f64>(96, 40, 0.7, 20), spectrum::<f64>(24, 60, 0.7, 21)] {
+        for method in [Method::Kernel { gamma: Some(0.5) }, Method::CompressedSensing] {
+            let kept = compressed([&matrix; 2], method, Tolerance::Rank(6));
+            let seed = Random::new([CompressConfig::default().seed, 0]).bits();
+            let made = found(method, &matrix.map(|x| x as f32), 6, seed).to_dense().cast::<f64>();
+            let missed = (dense(&kept) - &made).norm() / made.norm();
+            assert!(missed < 1e-3, "{method}: {missed}");
+            // The errors are those of the method.
+            let of_method = (&made - &matrix).norm_squared() / matrix.len() as f64;
+            let told = f64::from(kept.error.truncation);
+            assert!((told / of_method - 1.0).abs() < 0.01, "{method}: {told}, {of_method}");
+        }
     }
 }

@@ -87,7 +87,8 @@ impl Method {
         }
     }
 
-    /// Why its result is no pair of low-rank factors; `None` where it is.
+    /// Why its result is no pair of low-rank factors, so that all entries of a block are kept where it makes factors of one;
+    /// `None` where it is.
     pub fn without_factors(self) -> Option<&'static str> {
         match self {
             Method::Kernel { .. } => Some(

@@ -65,7 +65,8 @@ impl ColorScale {
 
     /// Values with a mark, from low to high: round ones, or else the ends; at most `most`.
     pub fn ticks(&self, most: usize) -> Vec<f32> {
-        let inside = |v: &f32| *v >= self.low * 0.9999 && *v <= self.high * 1.0001;
+        let near = |end: f32| 1e-4 * end.abs();
+        let inside = |v: &f32| *v >= self.low - near(self.low) && *v <= self.high + near(self.high);
         let round: Vec<f32> = match self.spacing {
             Spacing::Linear => {
                 let step = step_above((self.high - self.low) / most.max(1) as f32);
@@ -195,7 +196,9 @@ mod tests {
         assert_eq!(log.ticks(4), [10.0, 100.0]);
         let linear = ColorScale { spacing: Spacing::Linear, low: 0.0, high: 500.0 };
         assert_eq!(linear.ticks(6), [0.0, 100.0, 200.0, 300.0, 400.0, 500.0]);
-        for scale in [log, linear] {
+        let below = ColorScale { spacing: Spacing::Linear, low: -60.0, high: -20.0 };
+        assert_eq!(below.ticks(5), [-60.0, -50.0, -40.0, -30.0, -20.0]);
+        for scale in [log, linear, below] {
             for most in 1..20 {
                 let ticks = scale.ticks(most);
                 assert!(!ticks.is_empty() && ticks.len() <= most && ticks.is_sorted(), "{most}: {ticks:?}");

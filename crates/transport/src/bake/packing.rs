@@ -40,6 +40,8 @@ impl BakeHeader {
     pub(crate) fn pack_plans(&self) -> Vec<Vec<PackPlan>> {
         let allowed = |kind: ColumnKind| match kind {
             ColumnKind::Patch => mean_square(PATCH_TOLERANCE_DB),
+            // What a method without factors made is kept in full: it is off by the method alone, and by 16 bits.
+            _ if self.config.method.without_factors().is_some() => 0.0,
             kind => mean_square(self.config.tolerance_db) * truncation_share(kind),
         };
         let of_matrix = |column_scale: &[f32]| {

@@ -12,6 +12,7 @@ mod panes;
 mod patches;
 mod pictures;
 mod rebake;
+mod reconstructions;
 mod reference;
 mod reuse;
 mod shadows;

@@ -1,5 +1,7 @@
-//! What the method aims at, and what it reaches: on the shared matrices, beside the best there is and other methods.
+//! What the method aims at, and what it reaches: on the shared matrices, beside the best there is and other methods, and in
+//! bakes of the scenes of its evaluation.
 
+mod baked;
 pub mod coded;
 pub mod judged;
 mod soft;
@@ -64,6 +66,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         }
     }
     text += &many_columns(desk, &mut goals)?;
+    text += &baked::write(desk, &mut goals)?;
     let (times, share) = times::write(desk)?;
     goals.rows.push(["compressing over tracing".into(), "≤ 5 %".into(), format!("{:.1} %", 100.0 * share), "—".into()]);
     text += &times;

@@ -86,13 +86,7 @@ pub(super) fn parse_patches(text: &str) -> Result<SkyForm, String> {
 }
 
 pub(super) fn parse_method(text: &str) -> Result<Method, String> {
-    let method: Method = text.parse().map_err(|error: UnknownMethod| error.to_string())?;
-    match method.without_factors() {
-        Some(why) => Err(format!(
-            "`{method}` cannot relight in compressed form: {why}; its error stands in the table of methods in docs/benchmarks.md"
-        )),
-        None => Ok(method),
-    }
+    text.parse().map_err(|error: UnknownMethod| error.to_string())
 }
 
 pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {

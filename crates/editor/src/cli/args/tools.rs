@@ -130,6 +130,9 @@ pub struct InfoArgs {
     /// Variant of the materials of a scene, by its name [default: what the file shows].
     #[arg(long, value_name = "NAME")]
     pub variant: Option<String>,
+    /// Also list the error of every block of a transport, in its layers.
+    #[arg(long, requires = "json")]
+    pub block_errors: bool,
     /// How to answer.
     #[command(flatten)]
     pub answer: OutputArgs,

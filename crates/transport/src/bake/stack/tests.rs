@@ -81,6 +81,7 @@ fn every_picture_comes_back_to_the_error_that_was_asked_for() {
         // The mean lies between the blocks.
         let (maps, spread) = (bake.error_maps(), bake.figures().block_error_db.total);
         assert_eq!((maps.width * maps.height) as usize, maps.total.len());
+        assert!(maps.sampling.iter().chain(&maps.noise).all(Option::is_none), "nothing tells of the noise of pictures");
         let best = maps.total.iter().flatten().copied().fold(0.0, f32::max);
         assert!(spread.worst <= error.total && error.total <= best, "{spread:?} {error:?} {best}");
     }

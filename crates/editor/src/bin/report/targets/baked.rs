@@ -1,0 +1,107 @@
+//! Real bakes of the scenes of the method's evaluation, and one of as many columns as a panel may have.
+
+use anyhow::Result;
+use serde::{Deserialize, Serialize};
+
+use super::Goals;
+use crate::desk::{Desk, clerestory, number};
+
+/// What every bake is asked for, in dB.
+const TOLERANCE: &str = "40";
+
+/// A scene, texels along a side of its panel, most samples per pixel, and the ratio that is aimed at.
+struct Subject {
+    scene: &'static str,
+    side: u32,
+    /// In a quick report and in a full one: so many that two cores take less than half an hour.
+    spp: [&'static str; 2],
+    aim: u32,
+}
+
+const SUBJECTS: [Subject; 5] = [
+    Subject { scene: "diffuse", side: 16, spp: ["16", "512"], aim: 185 },
+    Subject { scene: "reflections", side: 16, spp: ["16", "192"], aim: 130 },
+    Subject { scene: "caustics", side: 16, spp: ["16", "192"], aim: 185 },
+    Subject { scene: "mixed", side: 16, spp: ["16", "192"], aim: 188 },
+    Subject { scene: "diffuse", side: 64, spp: ["4", "64"], aim: 1500 },
+];
+
+/// What a bake told.
+#[derive(Serialize, Deserialize)]
+struct Baked {
+    ratio: f64,
+    file_bytes: f64,
+    mean_rank: f64,
+    max_rank: f64,
+    /// Truncation, sampling, both.
+    error_db: [f64; 3],
+    worst_block_db: f64,
+    secs: f64,
+}
+
+/// A table of all bakes, each a part that is kept when the section is interrupted, and a goal for each.
+///
+/// # Errors
+/// If a scene cannot be baked.
+pub fn write(desk: &Desk, goals: &mut Goals) -> Result<String> {
+    let size = desk.choose("96x72", "512x384");
+    let mut rows = String::new();
+    for subject in &SUBJECTS {
+        let Subject { scene, side, aim, .. } = subject;
+        let n_cols = side * side;
+        let baked = desk.part("targets", &format!("bake-{scene}-{n_cols}"), || subject.baked(desk, size))?;
+        let [truncation, sampling, total] = baked.error_db;
+        rows += &format!(
+            "| {scene} | {n_cols} | {} | {:.2} / {:.0} | {:.2} | {:.0}× | {truncation:.1} / {sampling:.1} / {total:.1} | {:.1} | {:.0} |\n",
+            subject.spp(desk),
+            baked.mean_rank,
+            baked.max_rank,
+            baked.file_bytes / 1e6,
+            baked.ratio,
+            baked.worst_block_db,
+            baked.secs,
+        );
+        goals.rows.push([
+            format!("dense / file, bake of `{scene}`, {n_cols} columns, at {TOLERANCE} dB"),
+            format!("≥ {aim}×"),
+            format!("{:.0}× at {total:.1} dB", baked.ratio),
+            "—".into(),
+        ]);
+    }
+    Ok(format!(
+        "\n### Bakes\n\n\
+         Whole bakes of {} pixels from the command line, asked for {TOLERANCE} dB, with the light between surfaces traced and the panel divided into so many\n\
+         columns. Blocks stop once they are exact enough, at the latest after the samples that are given: where these do not suffice, the error says so, and the ratio\n\
+         is that of what was reached. Errors as the bake tells them, from held-out samples: truncation / sampling / total, and the total of its worst\n\
+         block. Seconds by the clock, on a machine with other work to do.\n\n\
+         | scene | columns | samples | rank mean / max | MB | dense / file | error dB | worst block | s |\n\
+         |---|---|---|---|---|---|---|---|---|\n{rows}",
+        size.replace('x', " × "),
+    ))
+}
+
+impl Subject {
+    fn spp(&self, desk: &Desk) -> &'static str {
+        let [quick, full] = self.spp;
+        desk.choose(quick, full)
+    }
+
+    fn baked(&self, desk: &Desk, size: &str) -> Result<Baked> {
+        let Subject { scene, side, .. } = self;
+        desk.say(&format!("baking {scene} with a panel of {side} × {side} texels"));
+        let path = desk.root.join(format!("assets/scenes/{scene}.glb")).display().to_string();
+        let (transport, panel) = (desk.file("targets.transport"), format!("panel={side}"));
+        let line = ["bake", &path, "-o", &transport, "--fresh", "--size", size, "--spp", self.spp(desk), "--json"];
+        let line: Vec<&str> = line.into_iter().chain(["--tolerance", TOLERANCE, "--panel", &panel]).collect();
+        let told = clerestory(&line)?;
+        Ok(Baked {
+            ratio: number(&told, "/ratio"),
+            file_bytes: number(&told, "/file_bytes"),
+            mean_rank: number(&told, "/mean_rank"),
+            max_rank: number(&told, "/max_rank"),
+            error_db: ["truncation", "sampling", "total"].map(|layer| number(&told, &format!("/error_db/{layer}"))),
+            worst_block_db: number(&told, "/block_error_db/total/worst"),
+            secs: number(&told, "/bake_secs"),
+        })
+    }
+}
