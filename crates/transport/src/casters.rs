@@ -172,7 +172,7 @@ impl Casters {
         let light = light * self.clusters[number].area * n as f32 / WALKS as f32
             * if material.transmission > 0.0 { 1.0 } else { 2.0 };
         let clusters = [number, self.clusters.around(number)];
-        (light > 0.0 && light.is_finite()).then(|| Finding { position: met.position, clusters, light })
+        (light > 0.0 && light.is_finite()).then_some(Finding { position: met.position, clusters, light })
     }
 
     /// About how bright a walk finds what casters alone show along a ray, the light of each column being 1.
