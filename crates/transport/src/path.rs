@@ -113,6 +113,8 @@ pub struct Integrator<'a, P> {
     plates: Vec<Option<Plate>>,
     /// Walks that leave the first surface of a pixel that shares them.
     scouts: u32,
+    /// Whether pixels share walks from and to coated surfaces.
+    coats_share: bool,
     /// Sources that shine where a walk meets no surface.
     beyond: Vec<u32>,
     /// Columns of patches of the sky, and what shines there.
@@ -229,10 +231,25 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
         let (bounces, dome) = (bounces.unwrap_or(u32::MAX), scene.lighting.dome());
-        let (casters, focus) = (scene.casters.as_deref(), None);
+        let (casters, focus, coats_share) = (scene.casters.as_deref(), None, reuse::coats_share(plan));
         let worth = (0..basis.n_cols() as u32).map(|column| plan.worth(column)).filter(|worth| worth.is_finite());
         let peaks = median(worth).unwrap_or(64.0);
-        Integrator { scene, plan, bounces, columns, plates, scouts, beyond, dome, bodies, far, peaks, casters, focus }
+        Integrator {
+            scene,
+            plan,
+            bounces,
+            columns,
+            plates,
+            scouts,
+            coats_share,
+            beyond,
+            dome,
+            bodies,
+            far,
+            peaks,
+            casters,
+            focus,
+        }
     }
 
     /// The same for somebody who may leave: from then on every ray meets nothing, so that all walks end.
@@ -531,7 +548,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         fan.flush(self, deposit);
     }
 
-    /// Connects a plain diffuse surface to points whose weights are known.
+    /// Connects a diffuse surface without a coat to points whose weights are known.
     fn connect_batch(
         &self,
         joint: &Joint<'_>,
@@ -544,7 +561,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let color = joint.walk.carried() * joint.bsdf.base_albedo() * FRAC_1_PI;
         for (slot, pick) in picks.iter().enumerate().filter(|(slot, _)| points.weight[*slot] > 0.0) {
             let white = self.plates[pick.column as usize].as_ref().map_or(Vec3::ZERO, |plate| plate.white);
-            let value = color * white * points.weight[slot];
+            let passed = joint.bsdf.coupling(|| (points.position(slot) - joint.hit.position).normalize());
+            let value = color * white * (points.weight[slot] * passed);
             later[0] += u64::from(joint.vertex != Vertex::First);
             match self.worth_it(joint, value, first + slot as u32, pick.column, 0.0) {
                 Some(value) => fan.push(self, points.position(slot), pick.column, value, deposit),
@@ -721,14 +739,14 @@ impl Joint<'_> {
         self.walk.carried() * f_cos * light.factor * pick.inverse_rate
     }
 
-    /// What a plain diffuse surface sees; `None` for any other.
+    /// What a diffuse surface without a coat sees; `None` for any other.
     fn onlooker(&self) -> Option<Onlooker> {
         let rivals = match self.rivals {
             Rivals::All { splits } => splits as f32,
             Rivals::Coat => 0.0,
             Rivals::CoatAlone => return None,
         };
-        self.bsdf.is_diffuse().then(|| Onlooker {
+        self.bsdf.is_matte().then(|| Onlooker {
             position: self.hit.position,
             geometric_normal: self.outward,
             shading_normal: self.bsdf.shading_normal(),

@@ -19,7 +19,7 @@ impl Bsdf {
     /// Mirrors and clear transmission: what [`Bsdf::sample`] chooses from without a density.
     pub(crate) fn deltas(&self) -> impl Iterator<Item = DeltaLobe> {
         let lobes = match &self.lobes {
-            Lobes::None => [None; 3],
+            Lobes::None | Lobes::Coupled(_) | Lobes::Rest(_) => [None; 3],
             Lobes::Layers(layers) => {
                 let world =
                     |delta: Option<(Vec3, Vec3)>| delta.map(|(local, share)| (layers.world_from_local(local), share));

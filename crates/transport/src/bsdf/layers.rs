@@ -11,6 +11,7 @@ use super::energy::Coat;
 use super::film::{Film, NoFilm, ThinFilm};
 use super::fresnel::{self, Schlick, grazing};
 use super::ggx::Ggx;
+use super::matte::Coupling;
 use super::pose::Pose;
 use super::{Parts, SurfaceParams, cosine_direction};
 use crate::scene::FacetScattering;
@@ -337,6 +338,16 @@ impl<F: Film> Layers<F> {
         }
         let (coat, coat_pdf) = self.eval(wi, cos_g, lambert);
         Parts { base: Vec3::ZERO, coat, coat_pdf }
+    }
+
+    /// What the coat leaves of light on its way into the diffuse base or out of it.
+    pub(super) fn base_coupling(&self) -> Coupling {
+        Coupling::new(self.coat, self.dielectric)
+    }
+
+    /// About the share of light from ahead that all but the diffuse base scatters.
+    pub(super) fn reflectance_head_on(&self) -> f32 {
+        mean(self.dielectric.f0) + mean(self.base_color) * self.metal + self.passing
     }
 
     /// Probability that [`Layers::sample`] chooses the diffuse base: for numbers below it.

@@ -23,6 +23,7 @@ mod fresnel;
 mod furnace;
 mod ggx;
 mod layers;
+mod matte;
 mod narrow;
 mod params;
 mod pose;
@@ -43,7 +44,8 @@ pub(crate) use self::fresnel::{Schlick, is_matched};
 pub(crate) use self::layers::is_mirror;
 
 use self::film::NoFilm;
-use self::layers::Layers;
+use self::layers::{Layers, mean};
+use self::matte::{Coupling, Rest};
 use self::pose::{Facing, Pose, turned_to_viewer};
 use self::stack::{Drawn, Stack};
 use crate::scene::FacetScattering;
@@ -70,6 +72,10 @@ enum Lobes {
     Layers(Layers),
     /// These and more.
     Stack(Box<Stack>),
+    /// A diffuse base that a coat keeps some light from, and no coat: see [`Bsdf::matte`].
+    Coupled(Coupling),
+    /// A surface without that.
+    Rest(Box<Rest>),
 }
 
 /// Whether a sampled direction came from a lobe with a density.
@@ -194,6 +200,8 @@ impl Bsdf {
             Lobes::None => self.eval_diffuse(wi),
             Lobes::Layers(layers) => layers.eval(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
             Lobes::Stack(stack) => stack.eval(wi, wi.dot(self.ng), self.lambert),
+            Lobes::Coupled(coupling) => self.eval_coupled(coupling, wi),
+            Lobes::Rest(rest) => rest.eval(wi),
         }
     }
 
@@ -220,6 +228,8 @@ impl Bsdf {
             Lobes::None => return self.sample_diffuse(u),
             Lobes::Layers(layers) => layers,
             Lobes::Stack(stack) => return self.sample_stack(stack, u_lobe, u),
+            Lobes::Coupled(coupling) => return self.sample_coupled(coupling, u),
+            Lobes::Rest(rest) => return rest.sample(u_lobe, u),
         };
         let (local, delta) = layers.sample(u_lobe, u)?;
         let wi = layers.world_from_local(local);
@@ -243,15 +253,18 @@ impl Bsdf {
             Lobes::None => Parts { base: self.eval_diffuse(wi).0, ..Parts::default() },
             Lobes::Layers(layers) => layers.eval_parts(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
             Lobes::Stack(stack) => stack.eval_parts(wi, wi.dot(self.ng), self.lambert),
+            Lobes::Coupled(_) => Parts { base: self.eval(wi).0, ..Parts::default() },
+            Lobes::Rest(_) => Parts { coat: self.eval(wi).0, coat_pdf: self.eval(wi).1, ..Parts::default() },
         }
     }
 
     /// As [`Bsdf::sample`], but of all lobes except the diffuse base: `None` also where that would have been chosen.
     pub fn sample_coat(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let base = match &self.lobes {
-            Lobes::None => return None,
+            Lobes::None | Lobes::Coupled(_) => return None,
             Lobes::Layers(layers) => layers.base_probability(),
             Lobes::Stack(stack) => stack.base_probability(),
+            Lobes::Rest(_) => 0.0,
         };
         if u_lobe < base {
             return None;
@@ -268,7 +281,7 @@ impl Bsdf {
     /// Share of uniform light that the diffuse base alone scatters towards the viewer.
     pub fn base_albedo(&self) -> Vec3 {
         let share = match &self.lobes {
-            Lobes::None => 1.0,
+            Lobes::None | Lobes::Coupled(_) | Lobes::Rest(_) => 1.0,
             Lobes::Layers(layers) => layers.base_share(),
             Lobes::Stack(stack) => stack.base_share(),
         };
@@ -299,7 +312,7 @@ impl Bsdf {
         let broad = match &self.lobes {
             Lobes::None => true,
             Lobes::Layers(layers) => layers.reflects_only() && layers.facet_peak() < NARROW_PEAK,
-            Lobes::Stack(_) => false,
+            Lobes::Stack(_) | Lobes::Coupled(_) | Lobes::Rest(_) => false,
         };
         broad.then(|| self.albedo_estimate())
     }
@@ -310,7 +323,7 @@ impl Bsdf {
             return Shares { base, narrow: Vec3::ZERO, behind: Vec3::ZERO, is_all: true };
         }
         let [narrow, behind] = match &self.lobes {
-            Lobes::None => [Vec3::ZERO; 2],
+            Lobes::None | Lobes::Coupled(_) | Lobes::Rest(_) => [Vec3::ZERO; 2],
             Lobes::Layers(layers) if layers.reflects_only() => [layers.albedo(Vec3::ZERO), Vec3::ZERO],
             Lobes::Layers(_) => [Vec3::ZERO; 2],
             Lobes::Stack(stack) => stack.shares(),
@@ -335,9 +348,10 @@ impl Bsdf {
     /// Share of light that goes straight on, through a thin wall that is smooth: what a shadow ray keeps.
     pub fn straight_through(&self) -> Vec3 {
         match &self.lobes {
-            Lobes::None => Vec3::ZERO,
+            Lobes::None | Lobes::Coupled(_) => Vec3::ZERO,
             Lobes::Layers(layers) => layers.straight_through(),
             Lobes::Stack(stack) => stack.straight_through(),
+            Lobes::Rest(rest) => rest.whole.straight_through(),
         }
     }
 
@@ -352,9 +366,10 @@ impl Bsdf {
     /// About the greatest value of `f·|cosθ|`, 1/sr: where connections may carry much.
     pub fn peak_estimate(&self) -> f32 {
         let more = match &self.lobes {
-            Lobes::None => 0.0,
+            Lobes::None | Lobes::Coupled(_) => 0.0,
             Lobes::Layers(layers) => layers.facet_peak(),
             Lobes::Stack(stack) => stack.peak(),
+            Lobes::Rest(rest) => rest.whole.peak_estimate(),
         };
         self.lambert.max_element() + more
     }
@@ -369,9 +384,10 @@ impl Bsdf {
     #[inline]
     pub fn reflects(&self) -> bool {
         let more = match &self.lobes {
-            Lobes::None => false,
+            Lobes::None | Lobes::Coupled(_) => false,
             Lobes::Layers(layers) => layers.reflects_broadly(),
             Lobes::Stack(stack) => stack.reflects_broadly(),
+            Lobes::Rest(rest) => rest.whole.reflects(),
         };
         more || self.lambert != Vec3::ZERO
     }
@@ -380,9 +396,10 @@ impl Bsdf {
     #[inline]
     pub fn transmits(&self) -> bool {
         match &self.lobes {
-            Lobes::None => false,
+            Lobes::None | Lobes::Coupled(_) => false,
             Lobes::Layers(layers) => layers.transmits_broadly(),
             Lobes::Stack(stack) => stack.transmits_broadly(),
+            Lobes::Rest(rest) => rest.whole.transmits(),
         }
     }
 
@@ -391,9 +408,10 @@ impl Bsdf {
     pub fn albedo_estimate(&self) -> Vec3 {
         let diffuse = self.lambert * PI;
         match &self.lobes {
-            Lobes::None => diffuse,
+            Lobes::None | Lobes::Coupled(_) => diffuse,
             Lobes::Layers(layers) => layers.albedo(diffuse),
             Lobes::Stack(stack) => stack.albedo(diffuse),
+            Lobes::Rest(rest) => rest.whole.albedo_estimate(),
         }
     }
 

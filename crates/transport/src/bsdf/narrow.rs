@@ -8,7 +8,7 @@ impl Bsdf {
     /// Whether a lobe with a density has a width α of at most `alpha` along both axes.
     pub(crate) fn has_narrow_lobe(&self, alpha: f32) -> bool {
         match &self.lobes {
-            Lobes::None => false,
+            Lobes::None | Lobes::Coupled(_) | Lobes::Rest(_) => false,
             Lobes::Layers(layers) => layers.is_narrow(alpha),
             Lobes::Stack(stack) => stack.has_narrow_lobe(alpha),
         }
@@ -28,7 +28,7 @@ impl Bsdf {
     /// A direction of these lobes: as [`Bsdf::sample_coat`], but no number is spent on the diffuse base.
     pub(crate) fn sample_narrow(&self, u_lobe: f32, u: [f32; 2], alpha: f32) -> Option<BsdfSample> {
         let base = match &self.lobes {
-            Lobes::None => return None,
+            Lobes::None | Lobes::Coupled(_) | Lobes::Rest(_) => return None,
             Lobes::Layers(layers) => layers.base_probability(),
             Lobes::Stack(stack) => stack.base_probability(),
         };

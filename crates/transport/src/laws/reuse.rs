@@ -13,18 +13,30 @@ use crate::scene::{AlphaMode, Material};
 
 const FILM: Film = Film { width: 16, height: 12 };
 
+/// What walls are like.
+#[derive(Clone, Copy, Debug)]
+enum Finish {
+    Matte,
+    /// Glossy, and lacquered like a mirror.
+    Coated,
+}
+
 /// A room seen past a block that hides parts of it from other parts, with a pane, a sheet that is half there, a mirror and
-/// a coated plate.
-fn room_with_a_block() -> PreparedScene {
+/// a coated plate; its walls have a finish.
+fn room_with_a_block(finish: Finish) -> PreparedScene {
     let camera = Camera::look_at("eye", Vec3::new(1.7, 0.3, 1.2), Vec3::new(-1.5, -0.4, -0.8), 1.2, 4.0 / 3.0);
     let block =
         room(Vec3::new(0.25, 0.5, 0.2)).iter().map(|corner| *corner + Vec3::new(-0.2, -0.7, 0.2)).collect::<Vec<_>>();
     let sheet = Material { base_color: Vec4::new(0.7, 0.7, 0.7, 0.5), alpha: AlphaMode::Blend, ..lambert(0.7, 0.0) };
     let coated = Material { specular: 1.0, roughness: 0.4, ..lambert(0.5, 0.0) };
     let mirror = Material { roughness: 0.0, ..Material::default() };
+    let [walls, sides] = [(0.6, 0.3), (0.8, 0.0)].map(|(albedo, roughness)| match finish {
+        Finish::Matte => lambert(albedo, 0.0),
+        Finish::Coated => Material { specular: 1.0, roughness, ..lambert(albedo, 0.0) },
+    });
     Stage::new(camera)
-        .surface("walls", &room(Vec3::new(2.0, 1.2, 1.5)), lambert(0.6, 0.0))
-        .surface("block", &block, lambert(0.8, 0.0))
+        .surface("walls", &room(Vec3::new(2.0, 1.2, 1.5)), walls)
+        .surface("block", &block, sides)
         .surface("pane", &quad(Vec3::new(-1.2, -1.1, -1.1), Vec3::Y * 1.2, Vec3::Z * 1.4), pane())
         .surface("sheet", &quad(Vec3::new(0.3, -0.9, -1.2), Vec3::X * 0.9, Vec3::Y * 0.9), sheet)
         .surface("coated", &quad(Vec3::new(-0.8, -1.15, -1.3), Vec3::Z * 0.9, Vec3::X * 1.6), coated)
@@ -58,9 +70,11 @@ fn together(scene: &PreparedScene, seeds: u64, bounces: Option<u32>) -> Vec<Vec<
 
 #[test]
 fn pixels_that_share_walks_have_the_mean_of_their_own_walks() {
-    let scene = room_with_a_block();
-    let (plan, weights) = (MatrixPlan::new(&scene.lighting, Density::Full), file_light(&scene));
-    for bounces in [Some(3), None] {
+    for (finish, bounces) in
+        [(Finish::Matte, Some(3)), (Finish::Matte, None), (Finish::Coated, Some(3)), (Finish::Coated, None)]
+    {
+        let scene = room_with_a_block(finish);
+        let (plan, weights) = (MatrixPlan::new(&scene.lighting, Density::Full), file_light(&scene));
         let shared = together(&scene, 1200, bounces);
         let per_pixel = 600;
         let walks = Walks { film: FILM, streams: per_pixel * FILM.n_pixels() as u64, spp: 2, bounces, seed: 5 };
@@ -70,10 +84,13 @@ fn pixels_that_share_walks_have_the_mean_of_their_own_walks() {
             let alone: Vec<f64> = alone.iter().skip(pixel).step_by(FILM.n_pixels()).copied().collect();
             let (a, b) = (Mean::of(shared), Mean::of(&alone));
             let z = (a.value - b.value) / a.error.hypot(b.error).max(1e-6 * b.value.abs()).max(f64::MIN_POSITIVE);
-            assert!(z.abs() < 5.5, "pixel {pixel} with {bounces:?} bounces: {a:?} is not {b:?}");
+            assert!(z.abs() < 5.5, "{finish:?}, pixel {pixel} with {bounces:?} bounces: {a:?} is not {b:?}");
             squares += z * z / FILM.n_pixels() as f64;
         }
-        assert!(squares < 1.5, "the pixels are off by {squares} variances in the mean, with {bounces:?} bounces");
+        assert!(
+            squares < 1.5,
+            "{finish:?}: the pixels are off by {squares} variances in the mean, with {bounces:?} bounces"
+        );
         // By seeds, since pixels of a tile are not independent of each other.
         let sums: Vec<f64> = (0..shared[0].len()).map(|seed| shared.iter().map(|pixel| pixel[seed]).sum()).collect();
         let own: Vec<f64> = alone.chunks_exact(FILM.n_pixels()).map(|pixels| pixels.iter().sum()).collect();

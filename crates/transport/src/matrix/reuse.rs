@@ -58,7 +58,7 @@ impl TransportMatrix<'_> {
                 for &(_, nth) in tile {
                     self.set_out((bundles[nth], nth), (sample, half), out, sparse, &mut buffers);
                 }
-                self.share_walks(out, &mut buffers);
+                self.share_walks(out, sparse, &mut buffers);
             }
         }
     }
@@ -84,11 +84,17 @@ impl TransportMatrix<'_> {
     }
 
     /// Follows the walks of all starts and gives each start its share.
-    fn share_walks(&self, out: &mut [f32], Buffers { scratch, starts, meetings, shares, shared }: &mut Buffers) {
+    fn share_walks(
+        &self,
+        out: &mut [f32],
+        sparse: &mut Vec<SparseEntry>,
+        Buffers { scratch, starts, meetings, shares, shared }: &mut Buffers,
+    ) {
         let n_cols = self.column_scale.len();
         for (number, start) in starts.iter().enumerate() {
             let mut deposit = self.deposit_of(start.place, out);
             meetings.extend(self.integrator.explore((number, start), scratch, &mut deposit));
+            sparse.append(&mut deposit.into_sparse());
         }
         shared.receivers.clear();
         shared.receivers.extend(starts.iter().map(|start| start.place));
@@ -98,6 +104,8 @@ impl TransportMatrix<'_> {
                 self.integrator.follow_alone(meeting, scratch, &mut deposit);
                 continue;
             }
+            let mut own = self.deposit_of(starts[meeting.start].place, out);
+            self.integrator.follow_rest(&meeting, scratch, &mut own);
             let mut deposit = RowDeposit::new(shared.next_light(CHANNELS * n_cols), n_cols, &self.column_scale);
             let factor = self.integrator.follow_shared(meeting, scratch, &mut deposit);
             shared.shares.extend(shares.iter().map(|share| (*share / factor).to_array()));

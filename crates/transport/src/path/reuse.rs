@@ -1,12 +1,13 @@
 //! Walks that neighboring pixels share. \[Bekaert2002\]
 //!
-//! Where a walk goes on from the first diffuse surface of a pixel and meets another one, what leaves the place that it met
-//! is the same in all directions. So it is worth as much to the pixels around, if their own first surfaces see the place.
+//! Where a walk goes on from the first surface of a pixel and meets a diffuse one, what leaves the place that it met is the
+//! same in all directions. So it is worth as much to the pixels around, if their own first surfaces see the place. Of a
+//! coated surface that holds for all but a little of the diffuse base ([`Bsdf::matte`]); that little and the coat are for the
+//! walk's own pixel alone.
 //! Each place is weighed by the sum of the densities with which all of these pixels would have found it, the balance
 //! heuristic \[Veach1995\]: the mean stays what it is, and no pixel gets more from a place than from a walk of its own.
 //!
-//! Only plain diffuse surfaces take part, where camera and walk reach them straight; all other walks are followed for
-//! their own pixel alone.
+//! Only surfaces that camera and walk reach straight take part; all other walks are followed for their own pixel alone.
 
 use glam::Vec3;
 
@@ -38,7 +39,14 @@ pub(crate) struct Meeting {
     walk: Walk,
     hit: SurfaceHit,
     bsdf: Bsdf,
+    /// What all starts see alike.
+    matte: Bsdf,
     sampler: Sampler,
+}
+
+/// Whether coated surfaces are worth the rays by which they share a walk: where a walk collects the light of several lamps.
+pub(super) fn coats_share(plan: &impl LightPlan) -> bool {
+    plan.splits() > 1
 }
 
 /// Walks that leave a first surface. Where all surfaces are plain, one is enough: those of the neighbors are worth more.
@@ -67,7 +75,8 @@ impl<P: LightPlan> Integrator<'_, P> {
             let hit = self.arrive(&mut walk, &mut sampler, deposit)?;
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let is_straight = walk.n_hits == 1 && walk.extinction == Vec3::ZERO;
-            if is_straight && is_plain(&bsdf) && !self.is_spent(&walk) {
+            let shares = bsdf.has_smooth_lobes() && (self.coats_share || bsdf.is_diffuse());
+            if is_straight && shares && !self.is_spent(&walk) {
                 let throughput = walk.throughput;
                 self.connect_first(&mut walk, self.scouts, (&hit, &bsdf), &mut sampler, scratch, deposit);
                 walk.guides = self.guide_walks(&walk, self.scouts, (&hit, &bsdf), &mut sampler, scratch, deposit);
@@ -99,17 +108,28 @@ impl<P: LightPlan> Integrator<'_, P> {
             }
             let Some(hit) = self.arrive(&mut walk, &mut sampler, deposit) else { continue };
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
-            if !is_plain(&bsdf) {
+            let Some(matte) = self.matte(start, &walk, (&hit, &bsdf)) else {
                 if self.go_on_from(&mut walk, (&hit, &bsdf), &mut sampler, scratch, deposit) {
                     self.follow(walk, &mut sampler, scratch, deposit);
                 }
-            } else if nth == chosen {
+                continue;
+            };
+            if nth == chosen {
                 walk.throughput *= self.scouts as f32;
                 walk.share *= self.scouts as f32;
-                meeting = Some(Meeting { start: number, walk, hit, bsdf, sampler });
+                meeting = Some(Meeting { start: number, walk, hit, bsdf, matte, sampler });
             }
         }
         meeting
+    }
+
+    /// What all starts see alike of a surface that a walk met straight; `None` if others could not have met it so.
+    fn matte(&self, start: &Start, walk: &Walk, (hit, bsdf): (&SurfaceHit, &Bsdf)) -> Option<Bsdf> {
+        let has_density = walk.density > 0.0;
+        let reflects = walk.direction.dot(start.bsdf.geometric_normal()) > 0.0;
+        let throws = self.casters.is_some_and(|casters| casters.is_on_the_way(hit.triangle));
+        let shares = has_density && reflects && !throws && (self.coats_share || bsdf.is_diffuse());
+        if shares { bsdf.matte() } else { None }
     }
 
     /// What each start gets of the radiance that leaves a meeting; false where its own start does not see it freely, so that
@@ -153,13 +173,26 @@ impl<P: LightPlan> Integrator<'_, P> {
         }
     }
 
-    /// Follows the walk of a meeting: deposits the radiance that leaves it, times the factor that is returned.
+    /// Follows the walk of a meeting with all that only its own start sees of the surface.
+    pub(crate) fn follow_rest(&self, meeting: &Meeting, scratch: &mut Scratch, deposit: &mut impl Deposit) {
+        let Meeting { hit, bsdf, matte, sampler, .. } = meeting;
+        let mut walk = meeting.walk;
+        let Some(rest) = bsdf.without(matte, -walk.direction) else { return };
+        let mut sampler = sampler.fork(1, 2);
+        if self.go_on_from(&mut walk, (hit, &rest), &mut sampler, scratch, deposit) {
+            self.follow(walk, &mut sampler, scratch, deposit);
+        }
+    }
+
+    /// Follows the walk of a meeting: deposits the radiance that leaves it, as far as all starts see it alike, times the factor
+    /// that is returned.
     pub(crate) fn follow_shared(&self, mut meeting: Meeting, scratch: &mut Scratch, deposit: &mut impl Deposit) -> f32 {
         // As bright as for its own start, so that roulette ends the same walks.
         let factor = SHARED_WORTH * meeting.walk.throughput.max_element();
         meeting.walk.throughput = Vec3::splat(factor);
         meeting.walk.share *= SHARED_WORTH;
-        let Meeting { mut walk, hit, bsdf, mut sampler, .. } = meeting;
+        let Meeting { mut walk, hit, matte: bsdf, sampler, .. } = meeting;
+        let mut sampler = if bsdf.is_diffuse() { sampler } else { sampler.fork(0, 2) };
         // So many pixels depend on this one that all lights are asked.
         let vertex = Vertex::Close;
         self.connect(&walk, (vertex, Rivals::All { splits: 1 }), (&hit, &bsdf), &mut sampler, scratch, deposit);
@@ -180,12 +213,11 @@ fn reached(start: &Start, meeting: &Meeting) -> Option<(Vec3, f32)> {
     let closeness = 1.0 / away.length_squared();
     let wi = away * closeness.sqrt();
     let per_area = -meeting.bsdf.geometric_normal().dot(wi) * closeness;
-    let (f_cos, pdf) = start.bsdf.eval_diffuse(wi);
+    let seen = meeting.matte.seen_share(-wi);
+    if per_area <= 0.0 || seen <= 0.0 || wi.dot(start.bsdf.geometric_normal()) <= 0.0 {
+        return None;
+    }
+    let (f_cos, pdf) = start.bsdf.eval(wi);
     let density = pdf * per_area;
-    (per_area > 0.0 && density > 0.0 && density.is_finite()).then(|| (start.throughput * f_cos * per_area, density))
-}
-
-/// Whether what leaves a surface is the same in all directions, and more than nothing.
-fn is_plain(bsdf: &Bsdf) -> bool {
-    bsdf.is_diffuse() && bsdf.has_smooth_lobes()
+    (density > 0.0 && density.is_finite()).then(|| (start.throughput * f_cos * (per_area * seen), density))
 }
