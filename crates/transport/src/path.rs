@@ -231,7 +231,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
         let (bounces, dome) = (bounces.unwrap_or(u32::MAX), scene.lighting.dome());
-        let (casters, focus, coats_share) = (scene.casters.as_deref(), None, reuse::coats_share(plan));
+        let (casters, focus, coats_share) = (scene.casters.as_deref(), None, reuse::coats_share(scene, plan));
         let worth = (0..basis.n_cols() as u32).map(|column| plan.worth(column)).filter(|worth| worth.is_finite());
         let peaks = median(worth).unwrap_or(64.0);
         Integrator {

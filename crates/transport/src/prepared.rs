@@ -34,6 +34,8 @@ pub struct PreparedScene {
     pub(crate) slabs: Arc<Slabs>,
     /// Mirrors and clear bodies that walks are sent toward, `None` where they throw no light that a walk could meet.
     pub(crate) casters: Option<Arc<Casters>>,
+    /// Whether pixels may share walks from and to coated surfaces.
+    pub(crate) coats_share: bool,
     /// Diagonal of all surfaces, m; infinite where there are none.
     extent: f32,
 }
@@ -142,8 +144,18 @@ impl PreparedScene {
         let slabs = Arc::new(Slabs::find(&scene));
         stop.check()?;
         let extent = diagonal(&solid, sheer.as_deref());
-        let mut prepared =
-            PreparedScene { scene, lighting, skips, solid, sheer, attenuates, slabs, casters: None, extent };
+        let mut prepared = PreparedScene {
+            scene,
+            lighting,
+            skips,
+            solid,
+            sheer,
+            attenuates,
+            slabs,
+            casters: None,
+            coats_share: true,
+            extent,
+        };
         prepared.casters = Casters::find(&prepared, stop)?.map(Arc::new);
         warnings.extend(hidden::warnings(&prepared));
         stop.check()?;
@@ -277,6 +289,11 @@ impl PreparedScene {
     /// The same scene whose walks are sent toward no mirror and no clear body: noisier caustics, and the same mean.
     pub fn without_guides(self) -> PreparedScene {
         PreparedScene { casters: None, ..self }
+    }
+
+    /// The same scene where only surfaces without a coat share walks: noisier indirect light, and the same mean.
+    pub fn with_lone_coats(self) -> PreparedScene {
+        PreparedScene { coats_share: false, ..self }
     }
 
     /// The point of the first of some triangles in whose plane it lies that has it.

@@ -45,8 +45,8 @@ pub(crate) struct Meeting {
 }
 
 /// Whether coated surfaces are worth the rays by which they share a walk: where a walk collects the light of several lamps.
-pub(super) fn coats_share(plan: &impl LightPlan) -> bool {
-    plan.splits() > 1
+pub(super) fn coats_share(scene: &PreparedScene, plan: &impl LightPlan) -> bool {
+    scene.coats_share && plan.splits() > 1
 }
 
 /// Walks that leave a first surface. Where all surfaces are plain, one is enough: those of the neighbors are worth more.

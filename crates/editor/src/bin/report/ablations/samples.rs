@@ -14,11 +14,11 @@ use crate::fit::spread_words;
 use crate::matrix::baked;
 use crate::reference::{Reference, Sampling};
 
-const SCENES: [&str; 2] = ["gallery", "mixed"];
+const SCENES: [&str; 3] = ["gallery", "mixed", "reflections"];
 const TURNS: u64 = 2;
 
-/// What is done otherwise.
-type Way = (&'static str, Indirect, Skips);
+/// What is done otherwise: the indirect light, the skips, and what becomes of the scene.
+type Way = (&'static str, Indirect, Skips, fn(PreparedScene) -> PreparedScene);
 
 /// A table: time and error of bakes whose samples are all taken.
 ///
@@ -28,30 +28,33 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     let (film, spp) = desk.choose((Film { width: 48, height: 36 }, 4), (Film { width: 192, height: 144 }, 16));
     let sampling = Sampling { film, step: desk.choose(1, 2), bounces: None, spp: desk.choose(16, 128) };
     let all = Skips::default();
-    let ways: [Way; 4] = [
-        ("as a bake does it", Indirect::Traced, all),
-        ("weak later connections all made", Indirect::Traced, all.without(Skip::WeakLight)),
-        ("lobes that a material has not are asked too", Indirect::Traced, all.without(Skip::Lobes)),
-        ("indirect light shared between pixels", Indirect::Shared, all),
+    let same: fn(PreparedScene) -> PreparedScene = |scene| scene;
+    let ways: [Way; 6] = [
+        ("as a bake does it", Indirect::Traced, all, same),
+        ("no walks sent toward mirrors and glass", Indirect::Traced, all, PreparedScene::without_guides),
+        ("no walks shared from and to coated surfaces", Indirect::Traced, all, PreparedScene::with_lone_coats),
+        ("weak later connections all made", Indirect::Traced, all.without(Skip::WeakLight), same),
+        ("lobes that a material has not are asked too", Indirect::Traced, all.without(Skip::Lobes), same),
+        ("indirect light shared between pixels", Indirect::Shared, all, same),
     ];
     let mut rows = String::new();
     for name in &SCENES[..desk.choose(1, SCENES.len())] {
         let measured: Vec<(Vec<f64>, Vec<Option<f64>>)> = desk.part("ablations", &format!("samples-{name}"), || {
             let path = desk.root.join(format!("assets/scenes/{name}.glb"));
-            let load = |skips: Skips| -> Result<Arc<PreparedScene>> {
+            let load = |skips: Skips, prepare: fn(PreparedScene) -> PreparedScene| -> Result<Arc<PreparedScene>> {
                 let scene =
                     import::load_with(&path, skips).with_context(|| format!("cannot load {}", path.display()))?;
-                Ok(Arc::new(PreparedScene::with_skips(scene.scene, &[], None, skips)?.0))
+                Ok(Arc::new(prepare(PreparedScene::with_skips(scene.scene, &[], None, skips)?.0)))
             };
-            let reference = Reference::new(desk, &load(all)?, sampling)?;
+            let reference = Reference::new(desk, &load(all, same)?, sampling)?;
             let mut measured = vec![(Vec::new(), Vec::new()); ways.len()];
             for seed in 1..=TURNS {
-                for ((what, indirect, skips), (secs, dbs)) in ways.iter().zip(&mut measured) {
+                for ((what, indirect, skips, prepare), (secs, dbs)) in ways.iter().zip(&mut measured) {
                     desk.say(&format!("{name}: {what}, seed {seed}"));
                     // A tolerance out of reach: every block takes all its samples.
                     let config =
                         BakeConfig { spp, tolerance_db: 80.0, seed, indirect: *indirect, ..BakeConfig::default() };
-                    let (cpu_secs, bake) = baked(&load(*skips)?, film, config)?;
+                    let (cpu_secs, bake) = baked(&load(*skips, *prepare)?, film, config)?;
                     secs.push(cpu_secs);
                     dbs.push(reference.errors(&reference.rows_of(&bake.header, &bake.groups)).median_db());
                 }
