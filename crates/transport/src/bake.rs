@@ -804,13 +804,13 @@ impl Run<'_> {
     ) -> Result<ControlFlow<()>, BakeError> {
         let (job, header) = (self.job, self.header.clone());
         let (partition, started, focus) = (header.partition(), self.started, self.focus);
-        // The preview connects to fewer texels; the rest of the plan is the same.
+        // The preview connects to fewer texels and sends no walks to mirrors and glass; the rest is the same.
         let (coarse_plan, mut coarse);
         let matrix = match samples {
             Some(_) => self.matrix,
             None => {
                 coarse_plan = job.plan(Density::Quarter, &header);
-                coarse = job.matrix(&coarse_plan, self.empty.clone(), focus);
+                coarse = job.matrix(&coarse_plan, self.empty.clone(), focus).unguided();
                 coarse.set_column_scale(job.own_scale(&header.column_scale));
                 &coarse
             }

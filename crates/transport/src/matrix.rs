@@ -79,6 +79,11 @@ impl<'a> TransportMatrix<'a> {
         TransportMatrix { integrator: self.integrator.watched(focus), ..self }
     }
 
+    /// Sends no walks to mirrors and glass: sooner, and noisier.
+    pub(crate) fn unguided(self) -> Self {
+        TransportMatrix { integrator: self.integrator.unguided(), ..self }
+    }
+
     /// Whether a pixel of the picture, not a point of a grid, is known to see nothing.
     pub(crate) fn is_empty_pixel(&self, pixel: u32) -> bool {
         let is_picture = !matches!(self.irradiance, Some(IrradianceRows::Grid(_)));

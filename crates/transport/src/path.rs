@@ -257,6 +257,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         Integrator { focus: Some(focus), ..self }
     }
 
+    /// The same without walks that are sent to mirrors and glass.
+    pub(crate) fn unguided(self) -> Self {
+        Integrator { casters: None, ..self }
+    }
+
     /// Nearest surface along a ray, as long as somebody wants to know.
     fn closest(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
         if self.focus.is_some_and(Focus::is_left) { None } else { self.scene.closest(ray, sampler) }
