@@ -74,6 +74,7 @@ mod random;
 pub mod rivals;
 mod run;
 mod sketch;
+mod small_product;
 pub mod smooth;
 mod sparse;
 pub mod spectrum;

@@ -156,15 +156,13 @@ impl Smoother<'_> {
         let (of_rows, of_cols) = (self.bands_of_rows(), self.bands_of_columns());
         let n_across = of_cols.iter().max().map_or(0, |last| last + 1);
         let mut bands: Vec<Band> = vec![[0.0; 3]; self.smoothing.bundle_len * N_BANDS * n_across];
-        for (row, first) in of_rows.iter().map(|band| band * n_across).enumerate() {
-            for ((a, b), col) in a.row(row).iter().zip(b.row(row)).zip(&of_cols) {
-                let (noise, mean) = (0.5 * f64::from(a - b), 0.5 * f64::from(a + b));
-                let band = &mut bands[first + col];
-                *band = [band[0] + noise * noise, band[1] + mean * mean, band[2] + 1.0];
-            }
+        for (band, bands) in bands.chunks_exact_mut(n_across).enumerate() {
+            let rows = of_rows.iter().enumerate().filter(|(_, of_row)| **of_row == band);
+            add_rows(rows.map(|(row, _)| [a.row(row), b.row(row)]), &of_cols, bands);
         }
         let weights: Vec<f32> = bands.iter().map(|&band| weight(band) as f32).collect();
-        let mut smooth = Means { a: a.clone(), b: b.clone(), mean: a.clone(), unit, ..Means::default() };
+        let mean = Dense::zeros(a.n_rows, a.n_cols);
+        let mut smooth = Means { a: a.clone(), b: b.clone(), mean, unit, ..Means::default() };
         for (row, first) in of_rows.iter().map(|band| band * n_across).enumerate() {
             let (a, b) = (smooth.a.row_mut(row), smooth.b.row_mut(row));
             let (mut cross, mut noise) = (0.0, 0.0);
@@ -240,6 +238,23 @@ impl Smoother<'_> {
             }
             rest = others;
         }
+    }
+}
+
+/// Adds rows of both halves to the bands of their columns.
+fn add_rows<'r>(rows: impl Iterator<Item = [&'r [f32]; 2]>, of_cols: &[usize], bands: &mut [Band]) {
+    let mut n_rows = 0.0;
+    let mut sums = vec![[0.0; 2]; of_cols.len()];
+    for [a, b] in rows {
+        n_rows += 1.0;
+        for ((a, b), sums) in a.iter().zip(b).zip(&mut sums) {
+            let (noise, mean) = (0.5 * f64::from(a - b), 0.5 * f64::from(a + b));
+            *sums = [sums[0] + noise * noise, sums[1] + mean * mean];
+        }
+    }
+    for ([noise, energy], col) in sums.into_iter().zip(of_cols) {
+        let band = &mut bands[*col];
+        *band = [band[0] + noise, band[1] + energy, band[2] + n_rows];
     }
 }
 

@@ -93,6 +93,10 @@ pub struct Pick {
 pub trait LightPlan: Sync {
     /// Which kind of later vertex a point is: `peak` is the greatest product of throughput and `f·|cosθ|`, 1/sr.
     fn later(&self, position: Vec3, peak: impl FnOnce() -> f32) -> Vertex;
+    /// The picks of a kind of vertex that always has the same, those of [`Vertex::Close`]: every column once.
+    fn all(&self, _vertex: Vertex) -> Option<&[Pick]> {
+        None
+    }
     /// Fills `picks`.
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>);
     /// Expected number of picks of a column.
@@ -111,6 +115,8 @@ pub struct Integrator<'a, P> {
     columns: Vec<ColumnPlace>,
     /// The lights of columns that are sampled many at a time.
     plates: Vec<Option<Plate>>,
+    /// Those of vertices that connect to all columns, in the order of the plan; `None` where others are among them.
+    batches: Vec<Option<Batch>>,
     /// Walks that leave the first surface of a pixel that shares them.
     scouts: u32,
     /// Whether pixels share walks from and to coated surfaces.
@@ -228,6 +234,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let columns: Vec<ColumnPlace> = places.collect();
         let of_column = columns.iter().map(|place| (place.source, place.texel));
         let plates = plates::of_columns(&scene.lighting.emitters, of_column);
+        let all = plan.all(Vertex::Close).unwrap_or_default();
+        let batches = all.chunks(BATCH).map(|picks| Batch::of(picks, &plates)).collect();
         let (beyond, bodies) = (sky::sources_beyond(&scene.lighting), lamps::bodies(&scene.lighting));
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
         let (bounces, dome) = (bounces.unwrap_or(u32::MAX), scene.lighting.dome());
@@ -240,6 +248,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             bounces,
             columns,
             plates,
+            batches,
             scouts,
             coats_share,
             beyond,
@@ -525,7 +534,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         scratch: &mut Scratch,
         deposit: &mut impl Deposit,
     ) {
-        self.plan.pick(vertex, sampler, &mut scratch.picks);
+        let all = self.plan.all(vertex);
+        if all.is_none() {
+            self.plan.pick(vertex, sampler, &mut scratch.picks);
+        }
         let jitter = sampler.next_2d().map(bits_of);
         let roulette = bits_of(sampler.next_1d());
         let outward = hit.outward(-walk.direction);
@@ -534,9 +546,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let onlooker = if walk.extinction == Vec3::ZERO { joint.onlooker() } else { None };
         let mut fan = Fan::new(hit.origin(outward));
         let Scratch { picks, later } = scratch;
-        for (first, picks) in (0u32..).step_by(BATCH).zip(picks.chunks(BATCH)) {
-            let batch = onlooker.as_ref().and_then(|onlooker| Some((onlooker, Batch::of(picks, &self.plates)?)));
-            if let Some((onlooker, batch)) = batch {
+        for (nth, picks) in all.unwrap_or(picks).chunks(BATCH).enumerate() {
+            let first = (nth * BATCH) as u32;
+            let own = onlooker.as_ref().filter(|_| all.is_none()).and_then(|_| Batch::of(picks, &self.plates));
+            let batch = if all.is_some() { self.batches[nth].as_ref() } else { own.as_ref() };
+            if let Some((onlooker, batch)) = onlooker.as_ref().zip(batch) {
                 if !self.scene.slabs.is_empty() {
                     for (nth, pick) in (first..).zip(picks) {
                         self.connect_behind_slabs(&joint, (nth, *pick), None, deposit);
@@ -558,16 +572,15 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         &self,
         joint: &Joint<'_>,
         (first, picks): (u32, &[Pick]),
-        points: &Points,
+        points: &Points<'_>,
         fan: &mut Fan,
         later: &mut [u64; 2],
         deposit: &mut impl Deposit,
     ) {
         let color = joint.walk.carried() * joint.bsdf.base_albedo() * FRAC_1_PI;
         for (slot, pick) in picks.iter().enumerate().filter(|(slot, _)| points.weight[*slot] > 0.0) {
-            let white = self.plates[pick.column as usize].as_ref().map_or(Vec3::ZERO, |plate| plate.white);
             let passed = joint.bsdf.coupling(|| (points.position(slot) - joint.hit.position).normalize());
-            let value = color * white * (points.weight[slot] * passed);
+            let value = color * points.white[slot] * (points.weight[slot] * passed);
             later[0] += u64::from(joint.vertex != Vertex::First);
             match self.worth_it(joint, value, first + slot as u32, pick.column, 0.0) {
                 Some(value) => fan.push(self, points.position(slot), pick.column, value, deposit),

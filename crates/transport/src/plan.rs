@@ -22,6 +22,8 @@ pub struct MatrixPlan {
     /// Columns of the first vertex; lamps along a curve through space and texels of a panel tile by tile, so that sixteen
     /// neighbors look the same way.
     first: Vec<u32>,
+    /// All of `first`, once each.
+    all: Vec<Pick>,
     /// Neighbors in `first` of which one is picked, the others left out.
     stride: usize,
     /// Expected picks of each column at the first vertex.
@@ -92,7 +94,8 @@ impl MatrixPlan {
             _ => 4,
         };
         let (worth, first_rate) = (vec![f32::INFINITY; basis.n_cols()], vec![0.0; basis.n_cols()]);
-        let mut plan = MatrixPlan { later, first, stride, first_rate, splits, worth, thinned: Vec::new(), sky };
+        let mut plan =
+            MatrixPlan { later, first, all: Vec::new(), stride, first_rate, splits, worth, thinned: Vec::new(), sky };
         plan.count_picks();
         // A preview has no time to look at all texels again.
         if density == Density::Full {
@@ -149,6 +152,7 @@ impl MatrixPlan {
     }
 
     fn count_picks(&mut self) {
+        self.all = self.first.iter().map(|&column| Pick { column, inverse_rate: 1.0 }).collect();
         self.first_rate.fill(0.0);
         for chunk in self.first.chunks(self.stride) {
             for &column in chunk {
@@ -236,10 +240,15 @@ impl LightPlan for MatrixPlan {
         if close { Vertex::Close } else { Vertex::Later }
     }
 
+    fn all(&self, vertex: Vertex) -> Option<&[Pick]> {
+        let connects_to_all = vertex == Vertex::Close || (vertex == Vertex::First && self.stride == 1);
+        connects_to_all.then_some(&self.all)
+    }
+
     fn pick(&self, vertex: Vertex, sampler: &mut Sampler, picks: &mut Vec<Pick>) {
         picks.clear();
-        if vertex == Vertex::Close {
-            picks.extend(self.first.iter().map(|&column| Pick { column, inverse_rate: 1.0 }));
+        if self.all(vertex).is_some() {
+            picks.extend_from_slice(&self.all);
             return;
         }
         if vertex == Vertex::First {

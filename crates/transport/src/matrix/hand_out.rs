@@ -8,6 +8,9 @@ use std::ops::Range;
 
 use super::CHANNELS;
 
+/// Columns that are worked on at a time.
+const WIDE: usize = 32;
+
 /// Light of some walks, and who gets how much of it.
 #[derive(Clone, Copy)]
 pub(super) struct HandOut<'a> {
@@ -37,27 +40,44 @@ impl HandOut<'_> {
 
     #[inline(always)]
     fn add_everything(self, out: &mut [f32]) {
-        if self.receivers.is_empty() {
+        if self.receivers.is_empty() || self.shares.is_empty() {
             return;
         }
-        let (wide, narrow) = (self.n_cols / 32 * 32, self.n_cols / 8 * 8);
-        self.add_columns::<32>(0..wide, out);
-        self.add_columns::<8>(wide..narrow, out);
-        self.add_columns::<1>(narrow..self.n_cols, out);
+        let (wide, narrow) = (self.n_cols / WIDE * WIDE, self.n_cols / 8 * 8);
+        let mut shares = Vec::new();
+        for channel in 0..CHANNELS {
+            self.gather_shares(channel, &mut shares);
+            self.add_columns::<WIDE>((channel, 0..wide), &shares, out);
+            self.add_columns::<8>((channel, wide..narrow), &shares, out);
+            self.add_columns::<1>((channel, narrow..self.n_cols), &shares, out);
+        }
     }
 
-    /// Columns whose number `N` divides: stretch by stretch, so that sums stay in registers and light in the cache.
+    /// The shares of a channel, receiver by receiver.
     #[inline(always)]
-    fn add_columns<const N: usize>(self, columns: Range<usize>, out: &mut [f32]) {
-        let (row_len, n_receivers) = (CHANNELS * self.n_cols, self.receivers.len());
-        for (channel, column) in (0..CHANNELS).flat_map(|channel| columns.clone().step_by(N).map(move |c| (channel, c)))
-        {
-            let first = channel * self.n_cols + column;
-            for (number, place) in self.receivers.iter().enumerate() {
+    fn gather_shares(self, channel: usize, shares: &mut Vec<f32>) {
+        let n_receivers = self.receivers.len();
+        let of_receiver = |number: usize| self.shares.iter().skip(number).step_by(n_receivers);
+        shares.clear();
+        shares.extend((0..n_receivers).flat_map(of_receiver).map(|share| share[channel]));
+    }
+
+    /// Columns whose number `N` divides: stretch by stretch, so that sums stay in registers. The light of a stretch is brought
+    /// together first: rows of 1024 columns lie multiples of 4 KiB apart, which a cache holds few of.
+    #[inline(always)]
+    fn add_columns<const N: usize>(self, (channel, columns): (usize, Range<usize>), shares: &[f32], out: &mut [f32]) {
+        let (row_len, n_walks) = (CHANNELS * self.n_cols, self.shares.len() / self.receivers.len());
+        let mut stretch = Vec::with_capacity(n_walks);
+        for first in columns.step_by(N).map(|column| channel * self.n_cols + column) {
+            stretch.clear();
+            let light = self
+                .light
+                .chunks_exact(row_len)
+                .map(|light| *light[first..].first_chunk::<N>().expect("`N` divides the columns"));
+            stretch.extend(light);
+            for (place, shares) in self.receivers.iter().zip(shares.chunks_exact(n_walks)) {
                 let mut sum = [0.0; N];
-                let walks = self.light.chunks_exact(row_len).zip(self.shares.chunks_exact(n_receivers));
-                for (light, shares) in walks {
-                    let (light, share) = (&light[first..first + N], shares[number][channel]);
+                for (light, share) in stretch.iter().zip(shares) {
                     for i in 0..N {
                         sum[i] += share * light[i];
                     }

@@ -2,6 +2,13 @@
 //! makes of their light.
 //!
 //! The same arithmetic for all of them, without a branch, so that the compiler can use vectors.
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(
+        unsafe_code,
+        reason = "AVX2 behind run-time detection; `points_plain` is the safe twin with the same results"
+    )
+)]
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -28,6 +35,8 @@ pub(super) struct Batch {
     /// 1 for lights that shine from both sides, else 0.
     both_sides: Lanes,
     inverse_rate: Lanes,
+    /// Radiance of the white columns.
+    white: [Vec3; BATCH],
 }
 
 /// A plain diffuse surface that looks at lights.
@@ -43,13 +52,15 @@ pub(super) struct Onlooker {
 }
 
 /// A point on each light of a batch.
-pub(super) struct Points {
+pub(super) struct Points<'a> {
     position: Vectors,
+    /// Radiance of the white columns.
+    pub white: &'a [Vec3; BATCH],
     /// Cosine at the surface, times the share of a connection, times radiance over density; 0 where nothing arrives.
     pub weight: Lanes,
 }
 
-impl Points {
+impl Points<'_> {
     /// World-space point, m.
     #[inline]
     pub fn position(&self, slot: usize) -> Vec3 {
@@ -71,6 +82,7 @@ impl Batch {
             area: ZERO,
             both_sides: ZERO,
             inverse_rate: ZERO,
+            white: [Vec3::ZERO; BATCH],
         };
         for (slot, pick) in picks.iter().enumerate() {
             let plate = plates[pick.column as usize].as_ref()?;
@@ -83,15 +95,26 @@ impl Batch {
             batch.area[slot] = plate.area;
             batch.both_sides[slot] = f32::from(u8::from(plate.double_sided));
             batch.inverse_rate[slot] = pick.inverse_rate;
+            batch.white[slot] = plate.white;
         }
         Some(batch)
     }
 
     /// A point on each light and its weight; `first` is the number of the first light at this surface.
     #[inline]
-    pub fn points(&self, seen_from: &Onlooker, first: u32) -> Points {
+    pub fn points(&self, seen_from: &Onlooker, first: u32) -> Points<'_> {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: AVX2 was found.
+            return unsafe { points_avx2(self, seen_from, first) };
+        }
+        self.points_plain(seen_from, first)
+    }
+
+    #[inline(always)]
+    fn points_plain(&self, seen_from: &Onlooker, first: u32) -> Points<'_> {
         let Onlooker { position: eye, geometric_normal: ng, shading_normal: ns, rivals, jitter } = seen_from;
-        let mut points = Points { position: [[0.0; BATCH]; 3], weight: [0.0; BATCH] };
+        let mut points = Points { position: [[0.0; BATCH]; 3], white: &self.white, weight: [0.0; BATCH] };
         for i in 0..BATCH {
             let unit = |axis: usize| {
                 let lattice = jitter[axis].wrapping_add((first + i as u32).wrapping_mul(STEP[axis]));
@@ -117,6 +140,12 @@ impl Batch {
         }
         points
     }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn points_avx2<'a>(batch: &'a Batch, seen_from: &Onlooker, first: u32) -> Points<'a> {
+    batch.points_plain(seen_from, first)
 }
 
 /// The lights of all columns that are of this kind, by column.
@@ -153,7 +182,9 @@ mod tests {
                 ((case % 5) as u32, [case as u32 * 77_777_777, 123_456_789], 16 * case as u32);
             let onlooker =
                 Onlooker { position: eye, geometric_normal: ng, shading_normal: ns, rivals: rivals as f32, jitter };
-            let points = Batch::of(&picks, &[Some(plate)]).expect("all are plates").points(&onlooker, first);
+            let batch = Batch::of(&picks, &[Some(plate)]).expect("all are plates");
+            let (points, plain) = (batch.points(&onlooker, first), batch.points_plain(&onlooker, first));
+            assert_eq!((points.position, points.weight), (plain.position, plain.weight), "case {case}");
             let white = Bsdf::white(ng, ns);
             for slot in 0..BATCH {
                 let u = jittered(jitter, first + slot as u32);
