@@ -104,6 +104,13 @@ pub(crate) fn uniform_sphere([u, v]: [f32; 2]) -> Vec3 {
     Vec3::new(radius * cos, radius * sin, z)
 }
 
+/// A unit vector from two uniform numbers, with density cosθ/π around a normal.
+pub(crate) fn cosine_around(normal: Vec3, [u, v]: [f32; 2]) -> Vec3 {
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let (sin, cos) = (TAU * v).sin_cos();
+    tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

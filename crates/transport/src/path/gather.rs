@@ -9,7 +9,7 @@ use super::{Deposit, Integrator, KnownAt, LightPlan, Rivals, Scratch, Vertex, Wa
 use crate::bsdf::Bsdf;
 use crate::bvh::Ray;
 use crate::prepared::{SurfaceHit, next_after};
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, cosine_around};
 
 /// A point whose diffuse base scatters the light of other surfaces, which is left to be gathered.
 pub(crate) struct Gathering {
@@ -99,7 +99,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         scratch: &mut Scratch,
         deposit: &mut impl Deposit,
     ) {
-        let direction = around(normal, sampler.next_2d());
+        let direction = cosine_around(normal, sampler.next_2d());
         let outward = hit.outward(normal);
         let mut walk = Walk::from_camera(hit.origin(outward), direction);
         walk.guides = self.guides_onto(onto);
@@ -131,7 +131,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let value = |wi: Vec3| (bsdf.eval_parts(wi).base, wi.dot(normal).max(0.0) * FRAC_1_PI);
         self.guide(walk, (&guide, n), (hit, &value), sampler, scratch, deposit);
         let mut own = sampler.fork(0, 1);
-        let direction = around(normal, own.next_2d());
+        let direction = cosine_around(normal, own.next_2d());
         let (f_cos, density) = value(direction);
         let all = density + n * guide.pdf(direction);
         if f_cos.max_element() > 0.0 && all > 0.0 {
@@ -190,11 +190,4 @@ impl<P: LightPlan> Integrator<'_, P> {
         let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
         Some(sample.is_some_and(|sample| self.leave(walk, hit, &sample, 1)))
     }
-}
-
-/// A direction with density cosθ/π around a normal.
-fn around(normal: Vec3, u: [f32; 2]) -> Vec3 {
-    let (tangent, bitangent) = normal.any_orthonormal_pair();
-    let (sin, cos) = (std::f32::consts::TAU * u[1]).sin_cos();
-    tangent * (u[0].sqrt() * cos) + bitangent * (u[0].sqrt() * sin) + normal * (1.0 - u[0]).sqrt()
 }

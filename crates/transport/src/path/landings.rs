@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::{Deposit, Integrator, LightPlan, Pick, Vertex, Walk, sampled};
 use crate::bsdf::{Bsdf, BsdfSample, ScatterKind, Shares};
 use crate::prepared::SurfaceHit;
-use crate::sampler::Sampler;
+use crate::sampler::{Sampler, cosine_around};
 
 /// A surface that a walk met beyond the first.
 pub(crate) struct Landing<'a> {
@@ -123,11 +123,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         sampler: &mut Sampler,
         land: &mut impl FnMut(&Landing<'_>, &mut Sampler) -> Onward,
     ) {
-        let [u, v] = sampler.next_2d();
-        let (tangent, bitangent) = normal.any_orthonormal_pair();
-        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
-        let direction = tangent * (u.sqrt() * cos) + bitangent * (u.sqrt() * sin) + normal * (1.0 - u).sqrt();
-        let mut walk = Walk::from_camera(origin, direction);
+        let mut walk = Walk::from_camera(origin, cosine_around(normal, sampler.next_2d()));
         (walk.n_hits, walk.specular, walk.straight) = (1, false, false);
         self.land(walk, (Vec3::ZERO, 0.0), sampler, land);
     }
