@@ -15,11 +15,12 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 use self::clusters::Clusters;
+use crate::bsdf::cosine_direction;
 use crate::bvh::Ray;
 use crate::emitters::Emitter;
 use crate::light::luminance;
 use crate::prepared::{PreparedScene, SurfaceHit};
-use crate::sampler::{Sampler, cosine_around};
+use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material};
 use crate::stop::{Stop, Stopped};
 
@@ -84,10 +85,9 @@ struct Finding {
 
 /// Perceptual roughness up to which metal and glass throw light on in about one direction.
 const MOST_ROUGHNESS: f32 = 0.3;
-/// Walks that look for light, at most; those after which it is asked whether more are wanted, and what is enough to have found.
+/// Walks that look for light, and those after which it is asked whether they are still wanted.
 const WALKS: u32 = 1 << 17;
 const PART: u32 = 1 << 12;
-const ENOUGH: usize = 1 << 15;
 /// Surfaces of casters on the way.
 const SURFACES: u32 = 16;
 /// Cells along the diagonal of the scene.
@@ -116,15 +116,12 @@ impl Casters {
         let grids = CELLS.map(|cells| Grid { side: scene.extent() / cells, ..Grid::default() });
         let mut casters = Casters { kinds, clusters, grids };
         let mut findings = Vec::new();
-        let mut n_walks = 0;
-        while n_walks < WALKS && findings.len() < ENOUGH {
+        for first in (0..WALKS).step_by(PART as usize) {
             stop.check()?;
-            let part = (n_walks..n_walks + PART).into_par_iter();
-            findings.par_extend(part.filter_map(|walk| casters.look(scene, walk)));
-            n_walks += PART;
+            findings.par_extend((first..first + PART).into_par_iter().filter_map(|walk| casters.look(scene, walk)));
         }
         for (grid, level) in casters.grids.iter_mut().zip([0, 1, 1]) {
-            grid.keep(&findings, level, n_walks);
+            grid.keep(&findings, level);
         }
         casters.clusters.forget_pieces();
         Ok((!findings.is_empty()).then_some(casters))
@@ -163,14 +160,17 @@ impl Casters {
         // The inside of a clear body sees nothing but itself.
         let faces_back = material.transmission <= 0.0 && sampler.next_1d() < 0.5;
         let normal = if faces_back { -start.normal } else { start.normal };
-        let away = cosine_around(normal, sampler.next_2d());
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let local = cosine_direction(sampler.next_2d());
+        let away = tangent * local.x + bitangent * local.y + normal * local.z;
         let met = scene.closest(&ray(start.origin(normal), away), &mut sampler)?;
         if self.is_on_the_way(met.triangle) || scene.material(met.triangle).unlit {
             return None;
         }
         let origin = met.origin(met.outward(-away));
         let light = self.light_along(scene, (origin, (start.position - origin).normalize_or_zero()), &mut sampler)?;
-        let light = light * self.clusters[number].area * n as f32 * if material.transmission > 0.0 { 1.0 } else { 2.0 };
+        let light = light * self.clusters[number].area * n as f32 / WALKS as f32
+            * if material.transmission > 0.0 { 1.0 } else { 2.0 };
         let clusters = [number, self.clusters.around(number)];
         (light > 0.0 && light.is_finite()).then_some(Finding { position: met.position, clusters, light })
     }
@@ -218,8 +218,8 @@ impl Grid {
         Some((&self.parts[first as usize..end as usize], light))
     }
 
-    /// Makes cells of what so many walks found of one of the levels of clusters.
-    fn keep(&mut self, findings: &[Finding], level: usize, n_walks: u32) {
+    /// Makes cells of what was found of one of the levels of clusters.
+    fn keep(&mut self, findings: &[Finding], level: usize) {
         let mut shares: Vec<((i32, i32, i32), u32, f32)> = Vec::with_capacity(27 * findings.len());
         for Finding { position, clusters, light } in findings {
             let (cell, cluster) = (self.cell(*position), clusters[level]);
@@ -243,10 +243,7 @@ impl Grid {
                 (*cluster, sum)
             }));
             // A surface that passes through a cell has about the area of one of its sides.
-            let cell = Cell {
-                parts: [first, self.parts.len() as u32],
-                light: total / (n_walks as f32 * self.side * self.side),
-            };
+            let cell = Cell { parts: [first, self.parts.len() as u32], light: total / (self.side * self.side) };
             self.cells.insert(of_cell[0].0.into(), cell);
         }
     }

@@ -444,7 +444,7 @@ const NARROW_PEAK: f32 = 0.5;
 
 /// A direction around +z with density cosθ/π.
 #[inline]
-fn cosine_direction(u: [f32; 2]) -> Vec3 {
+pub(crate) fn cosine_direction(u: [f32; 2]) -> Vec3 {
     let (sin, cos) = (TAU * u[0]).sin_cos();
     let radius = u[1].sqrt();
     Vec3::new(radius * cos, radius * sin, (1.0 - u[1]).sqrt())
