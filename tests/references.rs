@@ -115,7 +115,7 @@ fn tracing_agrees_with_the_diffuse_cornell_box() {
 
 #[test]
 fn tracing_agrees_with_mirrors_glass_and_caustics() {
-    Reference { name: "cornell-specular", sky: None, clip: 3.0, rmse: 0.0043, spp: 192 }.check();
+    Reference { name: "cornell-specular", sky: None, clip: 3.0, rmse: 0.0043, spp: 256 }.check();
 }
 
 #[test]
