@@ -20,7 +20,6 @@ pub(crate) use landings::{Landing, NoLights, Onward};
 pub(crate) use reuse::{Meeting, Start};
 pub(crate) use slabs::passed_along;
 
-use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
@@ -551,23 +550,22 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             let own = onlooker.as_ref().filter(|_| all.is_none()).and_then(|_| Batch::of(picks, &self.plates));
             let batch = if all.is_some() { self.batches[nth].as_ref() } else { own.as_ref() };
             if let Some((onlooker, batch)) = onlooker.as_ref().zip(batch) {
-                if !self.scene.slabs.is_empty() {
-                    for (nth, pick) in (first..).zip(picks) {
-                        self.connect_behind_slabs(&joint, (nth, *pick), None, deposit);
-                    }
-                }
                 let points = batch.points(onlooker, first);
                 self.connect_batch(&joint, (first, picks), &points, &mut fan, later, deposit);
-                continue;
             }
-            for (nth, pick) in (first..).zip(picks) {
-                self.connect_one(&joint, (nth, *pick), &mut fan, later, deposit);
+            for (slot, pick) in picks.iter().enumerate() {
+                let numbered = (first + slot as u32, *pick);
+                if onlooker.is_none() || batch.is_none_or(|batch| !batch.holds(slot)) {
+                    self.connect_one(&joint, numbered, &mut fan, later, deposit);
+                } else if !self.scene.slabs.is_empty() {
+                    self.connect_behind_slabs(&joint, numbered, None, deposit);
+                }
             }
         }
         fan.flush(self, deposit);
     }
 
-    /// Connects a diffuse surface without a coat to points whose weights are known.
+    /// Connects a surface to points whose weights are known.
     fn connect_batch(
         &self,
         joint: &Joint<'_>,
@@ -577,10 +575,12 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         later: &mut [u64; 2],
         deposit: &mut impl Deposit,
     ) {
-        let color = joint.walk.carried() * joint.bsdf.base_albedo() * FRAC_1_PI;
-        for (slot, pick) in picks.iter().enumerate().filter(|(slot, _)| points.weight[*slot] > 0.0) {
-            let passed = joint.bsdf.coupling(|| (points.position(slot) - joint.hit.position).normalize());
-            let value = color * points.white[slot] * (points.weight[slot] * passed);
+        let carried = joint.walk.carried();
+        for (slot, pick) in picks.iter().enumerate() {
+            let value = carried * points.arriving(slot) * points.white[slot];
+            if value.max_element() <= 0.0 {
+                continue;
+            }
             later[0] += u64::from(joint.vertex != Vertex::First);
             match self.worth_it(joint, value, first + slot as u32, pick.column, 0.0) {
                 Some(value) => fan.push(self, points.position(slot), pick.column, value, deposit),
@@ -757,20 +757,10 @@ impl Joint<'_> {
         self.walk.carried() * f_cos * light.factor * pick.inverse_rate
     }
 
-    /// What a diffuse surface without a coat sees; `None` for any other.
+    /// The surface that looks at many lights at once; `None` for one that lets light pass or has a finish.
     fn onlooker(&self) -> Option<Onlooker> {
-        let rivals = match self.rivals {
-            Rivals::All { splits } => splits as f32,
-            Rivals::Coat => 0.0,
-            Rivals::CoatAlone => return None,
-        };
-        self.bsdf.is_matte().then(|| Onlooker {
-            position: self.hit.position,
-            geometric_normal: self.outward,
-            shading_normal: self.bsdf.shading_normal(),
-            rivals,
-            jitter: self.jitter,
-        })
+        let surface = self.bsdf.lanes()?;
+        Some(Onlooker { position: self.hit.position, surface, rivals: self.rivals, jitter: self.jitter })
     }
 }
 

@@ -96,6 +96,14 @@ impl Compensation {
         self.viewer * self.factor(cos_i)
     }
 
+    /// The mean reflectance of the metal, and [`Compensation::lossless`] by √cosθ.
+    pub(super) fn table(&self) -> ([f32; 3], [f32; N_COS]) {
+        let rows = &REFLECTING[self.row as usize..self.row as usize + 2];
+        let mixed =
+            |column: usize| self.viewer * (rows[0][column] + (rows[1][column] - rows[0][column]) * self.between);
+        (self.mean.into(), std::array::from_fn(mixed))
+    }
+
     /// What multiplies the metal.
     #[inline]
     pub(super) fn metal(&self, lossless: f32) -> Vec3 {

@@ -12,6 +12,7 @@ use glam::Vec3;
 
 use super::fresnel::grazing;
 use super::ggx::Ggx;
+use super::lanes::CouplingTable;
 
 /// Directional albedo of the coat per unit of `f0` and of `f90`.
 type Split = [f32; 2];
@@ -76,6 +77,21 @@ impl Coat {
         let mean_grazing = grazing[column] + (grazing[column + 1] - grazing[column]) * weight;
         let passed = 1.0 - self.f0 - (self.f90 - self.f0) * mean_grazing;
         (passed.max(1e-6), (1.0 - self.f0 * per_f0 - self.f90 * per_f90).max(0.0))
+    }
+
+    /// [`Coat::passed_and_left`] before either is held to what can be, by √cosθ.
+    pub(super) fn table(self) -> CouplingTable {
+        let Coat { f0, f90, between, row } = self;
+        let rows = &ALBEDOS.coat[row as usize..row as usize + 2];
+        let mixed = |column: usize, part: usize| {
+            rows[0][column][part] + (rows[1][column][part] - rows[0][column][part]) * between
+        };
+        CouplingTable {
+            passed: std::array::from_fn(|column| 1.0 - f0 - (f90 - f0) * ALBEDOS.grazing[column]),
+            left: std::array::from_fn(|column| 1.0 - f0 * mixed(column, 0) - f90 * mixed(column, 1)),
+            f0,
+            f90,
+        }
     }
 
     fn split(self, column: usize, weight: f32) -> Split {

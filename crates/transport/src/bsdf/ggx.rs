@@ -20,6 +20,11 @@ impl Ggx {
         Ggx::new([alpha; 2])
     }
 
+    /// Widths along x and y.
+    pub(super) fn alpha(self) -> [f32; 2] {
+        self.alpha
+    }
+
     /// The greater width.
     pub(super) fn widest(self) -> f32 {
         self.alpha[0].max(self.alpha[1])

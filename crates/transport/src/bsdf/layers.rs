@@ -11,6 +11,7 @@ use super::energy::Coat;
 use super::film::{Film, NoFilm, ThinFilm};
 use super::fresnel::{self, Schlick, grazing};
 use super::ggx::Ggx;
+use super::lanes::Layered;
 use super::matte::Coupling;
 use super::pose::Pose;
 use super::{Parts, SurfaceParams, cosine_direction};
@@ -343,6 +344,33 @@ impl<F: Film> Layers<F> {
     /// What the coat leaves of light on its way into the diffuse base or out of it.
     pub(super) fn base_coupling(&self) -> Coupling {
         Coupling::new(self.coat, self.dielectric)
+    }
+
+    /// The surface for many directions at once: `ng` is its geometric normal, `lambert` the albedo of its base over π. `None`
+    /// where it lets light pass or lies under a film.
+    pub(super) fn lanes(&self, ng: Vec3, lambert: Vec3) -> Option<Layered> {
+        if self.passing > 0.0 || self.film.film().is_some() {
+            return None;
+        }
+        let Schlick { f0, f90 } = self.dielectric;
+        let coat = [f0 * self.opaque, (Vec3::splat(f90) - f0) * self.opaque];
+        let metal = [self.base_color * self.metal, (Vec3::ONE - self.base_color) * self.metal];
+        Some(Layered {
+            ng,
+            frame: self.frame,
+            wo: self.wo,
+            lambert,
+            table: self.base_coupling().table(),
+            allowance_o: self.allowance_o,
+            alpha: if self.rough_coat { self.ggx.alpha() } else { [1.0; 2] },
+            facets: f32::from(u8::from(self.rough_coat)),
+            lambda_o: self.lambda_o,
+            coat: coat.map(Into::into),
+            metal: metal.map(Into::into),
+            compensation: self.compensation.map(|more| more.table()),
+            choice: [self.choice.facets, self.choice.diffuse],
+            missing: 0.0,
+        })
     }
 
     /// About the share of light from ahead that all but the diffuse base scatters.

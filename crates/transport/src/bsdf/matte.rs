@@ -12,6 +12,7 @@ use glam::Vec3;
 
 use super::energy::Coat;
 use super::fresnel::{Schlick, grazing};
+use super::lanes::CouplingTable;
 use super::{Bsdf, BsdfSample, Lobes, ScatterKind, mean};
 
 /// What light passes on its way into a base or out of it, by its cosine alone.
@@ -28,7 +29,7 @@ pub(super) struct Rest {
     coupling: Coupling,
     lambert: Vec3,
     /// What its viewer sees of the part that is missing.
-    outgoing: f32,
+    pub(super) outgoing: f32,
 }
 
 /// Least cosine under which the part for all viewers is seen: below it a shading normal may be turned.
@@ -37,6 +38,10 @@ const MIN_VIEW_COS: f32 = 0.05;
 impl Coupling {
     pub(super) fn new(coat: Coat, dielectric: Schlick) -> Coupling {
         Coupling { coat, dielectric }
+    }
+
+    pub(super) fn table(&self) -> CouplingTable {
+        self.coat.table()
     }
 
     #[inline]
@@ -93,21 +98,6 @@ impl Bsdf {
                 let cos = wo.dot(self.ns);
                 if cos < MIN_VIEW_COS { 0.0 } else { coupling.share(cos) }
             }
-            _ => 1.0,
-        }
-    }
-
-    /// Whether there is nothing but a diffuse base, the light that passes to it aside: see [`Bsdf::coupling`].
-    #[inline]
-    pub(crate) fn is_matte(&self) -> bool {
-        matches!(self.lobes, Lobes::None | Lobes::Coupled(_))
-    }
-
-    /// Share of the light from a direction that passes to a diffuse base whose coat is not there.
-    #[inline]
-    pub(crate) fn coupling(&self, wi: impl FnOnce() -> Vec3) -> f32 {
-        match &self.lobes {
-            Lobes::Coupled(coupling) => coupling.share(wi().dot(self.ns)),
             _ => 1.0,
         }
     }

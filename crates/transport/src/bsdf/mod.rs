@@ -22,6 +22,7 @@ mod finish;
 mod fresnel;
 mod furnace;
 mod ggx;
+mod lanes;
 mod layers;
 mod matte;
 mod narrow;
@@ -41,6 +42,7 @@ pub use self::furnace::{FurnaceLoss, furnace_loss};
 pub use self::params::{SurfaceParams, alpha, shading_normal, surface_params};
 
 pub(crate) use self::fresnel::{Schlick, is_matched};
+pub(crate) use self::lanes::{BsdfLanes, LANES, Lanes, Scattered, Vectors};
 pub(crate) use self::layers::is_mirror;
 
 use self::film::NoFilm;

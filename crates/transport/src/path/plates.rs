@@ -1,5 +1,5 @@
-//! Lights that are flat parallelograms without texture, sixteen at a time: points on them, and what a plain diffuse surface
-//! makes of their light.
+//! Lights that are flat parallelograms without texture, sixteen at a time: points on them, and what a surface that only
+//! reflects makes of their light.
 //!
 //! The same arithmetic for all of them, without a branch, so that the compiler can use vectors.
 #![cfg_attr(
@@ -14,19 +14,20 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
-use super::{Pick, STEP};
+use super::{Pick, Rivals, STEP, share_against};
+use crate::bsdf::{BsdfLanes, LANES, Lanes, Scattered, Vectors};
 use crate::emitters::{Emitter, Plate};
 
 /// Lights that are weighed at once.
-pub(super) const BATCH: usize = 16;
+pub(super) const BATCH: usize = LANES;
 
-type Lanes = [f32; BATCH];
+/// So many of a batch are weighed faster together than one by one.
+const LEAST: usize = 3;
 
-/// Coordinate by coordinate.
-type Vectors = [Lanes; 3];
-
-/// Up to sixteen lights side by side; slots that are not filled have no area.
+/// Up to sixteen lights side by side; slots of other lights, and those that are not filled, have no area.
 pub(super) struct Batch {
+    /// Bit i is set where slot i is filled.
+    filled: u32,
     corner: Vectors,
     u_edge: Vectors,
     v_edge: Vectors,
@@ -39,14 +40,12 @@ pub(super) struct Batch {
     white: [Vec3; BATCH],
 }
 
-/// A plain diffuse surface that looks at lights.
+/// A surface that looks at lights.
 pub(super) struct Onlooker {
     pub position: Vec3,
-    /// Unit normals on its outer side.
-    pub geometric_normal: Vec3,
-    pub shading_normal: Vec3,
+    pub surface: BsdfLanes,
     /// Walks that may meet the same lights.
-    pub rivals: f32,
+    pub rivals: Rivals,
     /// Random offset of the lattice of points.
     pub jitter: [u32; 2],
 }
@@ -56,8 +55,8 @@ pub(super) struct Points<'a> {
     position: Vectors,
     /// Radiance of the white columns.
     pub white: &'a [Vec3; BATCH],
-    /// Cosine at the surface, times the share of a connection, times radiance over density; 0 where nothing arrives.
-    pub weight: Lanes,
+    /// What the surface sends to its viewer of light of radiance 1, the share of a connection, over density.
+    arriving: Vectors,
 }
 
 impl Points<'_> {
@@ -66,15 +65,22 @@ impl Points<'_> {
     pub fn position(&self, slot: usize) -> Vec3 {
         Vec3::new(self.position[0][slot], self.position[1][slot], self.position[2][slot])
     }
+
+    /// What the viewer gets of light of radiance 1, by channel; zero where nothing arrives.
+    #[inline]
+    pub fn arriving(&self, slot: usize) -> Vec3 {
+        Vec3::new(self.arriving[0][slot], self.arriving[1][slot], self.arriving[2][slot])
+    }
 }
 
 impl Batch {
-    /// The lights of up to sixteen picks; `None` if one of them is of another kind.
+    /// The lights of up to sixteen picks; `None` where so few are of this kind that one by one is faster.
     #[inline]
     pub fn of(picks: &[Pick], plates: &[Option<Plate>]) -> Option<Batch> {
         const ZERO: Lanes = [0.0; BATCH];
         const ZEROS: Vectors = [ZERO; 3];
         let mut batch = Batch {
+            filled: 0,
             corner: ZEROS,
             u_edge: ZEROS,
             v_edge: ZEROS,
@@ -85,7 +91,8 @@ impl Batch {
             white: [Vec3::ZERO; BATCH],
         };
         for (slot, pick) in picks.iter().enumerate() {
-            let plate = plates[pick.column as usize].as_ref()?;
+            let Some(plate) = &plates[pick.column as usize] else { continue };
+            batch.filled |= 1 << slot;
             for axis in 0..3 {
                 batch.corner[axis][slot] = plate.corner[axis];
                 batch.u_edge[axis][slot] = plate.edges[0][axis];
@@ -97,7 +104,13 @@ impl Batch {
             batch.inverse_rate[slot] = pick.inverse_rate;
             batch.white[slot] = plate.white;
         }
-        Some(batch)
+        (batch.filled.count_ones() as usize >= LEAST.min(picks.len())).then_some(batch)
+    }
+
+    /// Whether a pick is a light of the batch.
+    #[inline]
+    pub fn holds(&self, slot: usize) -> bool {
+        self.filled >> slot & 1 == 1
     }
 
     /// A point on each light and its weight; `first` is the number of the first light at this surface.
@@ -113,8 +126,8 @@ impl Batch {
 
     #[inline(always)]
     fn points_plain(&self, seen_from: &Onlooker, first: u32) -> Points<'_> {
-        let Onlooker { position: eye, geometric_normal: ng, shading_normal: ns, rivals, jitter } = seen_from;
-        let mut points = Points { position: [[0.0; BATCH]; 3], white: &self.white, weight: [0.0; BATCH] };
+        let Onlooker { position: eye, surface, rivals, jitter } = seen_from;
+        let (mut position, mut toward, mut spread) = ([[0.0; BATCH]; 3], [[0.0; BATCH]; 3], [0.0; BATCH]);
         for i in 0..BATCH {
             let unit = |axis: usize| {
                 let lattice = jitter[axis].wrapping_add((first + i as u32).wrapping_mul(STEP[axis]));
@@ -129,16 +142,74 @@ impl Batch {
             let [x, y, z] = [x * per_length, y * per_length, z * per_length];
             let cos_light = -(x * self.normal[0][i] + y * self.normal[1][i] + z * self.normal[2][i]);
             let cos_light = cos_light.max(cos_light.abs() * self.both_sides[i]);
-            let spread = cos_light * self.area[i] * closeness * self.inverse_rate[i];
-            let cos = x * ns.x + y * ns.y + z * ns.z;
-            let above = x * ng.x + y * ng.y + z * ng.z;
-            let ratio = cos * (FRAC_1_PI * rivals) * spread;
-            let weight = cos * spread / (1.0 + ratio * ratio);
-            let arrives = (cos_light > 0.0) & (cos > 0.0) & (above > 0.0) & (closeness < f32::MAX);
-            points.weight[i] = if arrives { weight } else { 0.0 };
-            points.position.iter_mut().zip(at).for_each(|(lanes, at)| lanes[i] = at);
+            let seen = cos_light * self.area[i] * closeness * self.inverse_rate[i];
+            let arrives = (cos_light > 0.0) & (closeness < f32::MAX);
+            spread[i] = if arrives { seen } else { 0.0 };
+            position.iter_mut().zip(at).for_each(|(lanes, at)| lanes[i] = at);
+            toward.iter_mut().zip([x, y, z]).for_each(|(lanes, at)| lanes[i] = at);
         }
-        points
+        let arriving = match surface {
+            BsdfLanes::Matte(matte) => {
+                let [value, cosines] = matte.scattered(&toward);
+                let rivals = rivals.of_base();
+                let mut weight = [0.0; BATCH];
+                for i in 0..BATCH {
+                    let share = share_against(cosines[i] * (FRAC_1_PI * rivals) * spread[i]);
+                    weight[i] = masked(value[i] * spread[i] * share, spread[i]);
+                }
+                tinted(&weight, matte.lambert)
+            }
+            BsdfLanes::Layered(layered) => rivals.weigh_lanes(&layered.scattered(&toward), layered.lambert, &spread),
+        };
+        Points { position, white: &self.white, arriving }
+    }
+}
+
+/// A value, or 0 where no light comes: there a direction may be no number.
+#[inline(always)]
+fn masked(value: f32, spread: f32) -> f32 {
+    if spread > 0.0 { value } else { 0.0 }
+}
+
+/// A color times each weight.
+#[inline(always)]
+fn tinted(weight: &Lanes, color: Vec3) -> Vectors {
+    let mut tinted = [*weight; 3];
+    for (lanes, factor) in tinted.iter_mut().zip(<[f32; 3]>::from(color)) {
+        lanes.iter_mut().for_each(|value| *value *= factor);
+    }
+    tinted
+}
+
+impl Rivals {
+    /// Walks by a diffuse base that may meet the lights that it is connected to.
+    #[inline(always)]
+    fn of_base(self) -> f32 {
+        if let Rivals::All { splits } = self { splits as f32 } else { 0.0 }
+    }
+
+    /// [`Rivals::weigh`] of each lane, times its `spread`; `lambert` is the albedo of the base over π.
+    #[inline(always)]
+    fn weigh_lanes(self, seen: &Scattered, lambert: Vec3, spread: &Lanes) -> Vectors {
+        let (splits, base_is_known) = match self {
+            Rivals::All { splits } => (Some(splits as f32), false),
+            Rivals::Coat => (None, false),
+            Rivals::CoatAlone => (None, true),
+        };
+        let (mut base_weight, mut coat_weight) = ([0.0; BATCH], [0.0; BATCH]);
+        for i in 0..BATCH {
+            let pdf = splits.map_or(seen.coat_pdf[i], |splits| (seen.base_pdf[i] + seen.coat_pdf[i]) * splits);
+            coat_weight[i] = share_against(pdf * spread[i]) * spread[i];
+            let of_base = if splits.is_some() { coat_weight[i] } else { spread[i] };
+            base_weight[i] = if base_is_known { 0.0 } else { masked(seen.base[i] * of_base, spread[i]) };
+        }
+        let mut arriving = tinted(&base_weight, lambert);
+        for (arriving, coat) in arriving.iter_mut().zip(&seen.coat) {
+            for i in 0..BATCH {
+                arriving[i] += masked(coat[i] * coat_weight[i], spread[i]);
+            }
+        }
+        arriving
     }
 }
 
@@ -160,10 +231,29 @@ pub(super) fn of_columns(emitters: &[Emitter], columns: impl Iterator<Item = (u3
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Rivals, area_point, jittered};
+    use super::super::{area_point, jittered};
     use super::*;
-    use crate::bsdf::Bsdf;
+    use crate::bsdf::{Bsdf, SurfaceParams};
     use crate::sampler::{Sampler, uniform_sphere};
+    use crate::scene::FacetScattering;
+
+    fn surfaces(case: u64, ng: Vec3, ns: Vec3, wo: Vec3) -> [Bsdf; 4] {
+        let params = SurfaceParams {
+            base_color: Vec3::new(0.9, 0.7, 0.5),
+            metallic: [0.0, 0.4, 1.0][case as usize % 3],
+            roughness: [0.1, 0.4, 1.0][case as usize / 3 % 3],
+            transmission: 0.0,
+            ior: 1.5,
+            specular: 1.0,
+            specular_color: Vec3::ONE,
+            thickness: 0.0,
+            facet_scattering: FacetScattering::Multiple,
+        };
+        let whole = Bsdf::new(&params, ng, ns, wo);
+        let matte = whole.matte().filter(|matte| matte.seen_share(wo) > 0.0).unwrap_or(Bsdf::white(ng, ns));
+        let rest = whole.without(&matte, wo).unwrap_or(Bsdf::white(ng, ns));
+        [Bsdf::white(ng, ns), whole, matte, rest]
+    }
 
     #[test]
     fn many_lights_at_once_get_the_points_and_weights_of_single_ones() {
@@ -174,38 +264,58 @@ mod tests {
             let (eye, corner, u_edge, v_edge) = (place() * 2.0, place(), place() * 0.5, place() * 0.5);
             let (ng, normal) = (uniform_sphere(sampler.next_2d()), u_edge.cross(v_edge).normalize());
             let ns = (ng + uniform_sphere(sampler.next_2d()) * 0.3).normalize();
+            let wo = (ng + uniform_sphere(sampler.next_2d()) * 0.9).normalize();
             let (area, double_sided) = (u_edge.cross(v_edge).length(), case % 3 == 0);
             let plate = Plate { corner, edges: [u_edge, v_edge], normal, area, double_sided, white: Vec3::ONE };
             let n_picks = 1 + (case as usize % BATCH);
             let picks = vec![Pick { column: 0, inverse_rate: 1.0 + case as f32 / 100.0 }; n_picks];
-            let (rivals, jitter, first) =
-                ((case % 5) as u32, [case as u32 * 77_777_777, 123_456_789], 16 * case as u32);
-            let onlooker =
-                Onlooker { position: eye, geometric_normal: ng, shading_normal: ns, rivals: rivals as f32, jitter };
+            let (jitter, first) = ([case as u32 * 77_777_777, 123_456_789], 16 * case as u32);
             let batch = Batch::of(&picks, &[Some(plate)]).expect("all are plates");
-            let (points, plain) = (batch.points(&onlooker, first), batch.points_plain(&onlooker, first));
-            assert_eq!((points.position, points.weight), (plain.position, plain.weight), "case {case}");
-            let white = Bsdf::white(ng, ns);
-            for slot in 0..BATCH {
-                let u = jittered(jitter, first + slot as u32);
-                let target = corner + u_edge * u.x + v_edge * u.y;
-                let light = area_point(eye, target, normal, double_sided, area, Vec3::ONE).filter(|_| slot < n_picks);
-                let expected = light.map_or(0.0, |light| {
-                    let rate = picks[0].inverse_rate;
-                    let f_cos = Rivals::All { splits: rivals }.weigh(&white, light.wi, light.spread_sr * rate);
-                    (f_cos * light.factor * rate).x / FRAC_1_PI
-                });
-                let off = (points.weight[slot] - expected).abs();
-                assert!(off <= 1e-4 * expected.max(1e-6), "case {case}: {} is not {expected}", points.weight[slot]);
-                assert!(slot >= n_picks || points.position(slot).distance(target) < 1e-5, "case {case}");
-                n_lit += usize::from(expected > 0.0);
+            for (kind, bsdf) in surfaces(case, ng, ns, wo).iter().enumerate() {
+                let rivals = [Rivals::All { splits: case as u32 % 5 }, Rivals::Coat, Rivals::CoatAlone];
+                // Only whole surfaces are asked for a part of their walks.
+                let rivals = if kind == 1 { rivals[case as usize / 9 % 3] } else { rivals[0] };
+                let surface = bsdf.lanes().expect("it only reflects");
+                let onlooker = Onlooker { position: eye, surface, rivals, jitter };
+                let (points, plain) = (batch.points(&onlooker, first), batch.points_plain(&onlooker, first));
+                assert_eq!((points.position, points.arriving), (plain.position, plain.arriving), "case {case}");
+                for slot in 0..BATCH {
+                    let u = jittered(jitter, first + slot as u32);
+                    let target = corner + u_edge * u.x + v_edge * u.y;
+                    let light =
+                        area_point(eye, target, normal, double_sided, area, Vec3::ONE).filter(|_| slot < n_picks);
+                    let expected = light.map_or(Vec3::ZERO, |light| {
+                        let rate = picks[0].inverse_rate;
+                        rivals.weigh(bsdf, light.wi, light.spread_sr * rate) * light.factor * rate
+                    });
+                    let (got, largest) = (points.arriving(slot), expected.max_element());
+                    let off = (got - expected).abs().max_element();
+                    assert!(off <= 1e-3 * largest.max(1e-5), "case {case}, {kind}: {got} is not {expected}");
+                    assert!(slot >= n_picks || points.position(slot).distance(target) < 1e-5, "case {case}");
+                    n_lit += usize::from(largest > 0.0);
+                }
             }
         }
-        assert!(n_lit > 200, "only {n_lit} points shine");
+        assert!(n_lit > 800, "only {n_lit} points shine");
     }
 
     #[test]
-    fn a_light_of_another_kind_makes_no_batch() {
-        assert!(Batch::of(&[Pick { column: 0, inverse_rate: 1.0 }], &[None]).is_none());
+    fn lights_of_another_kind_are_left_to_others() {
+        let edges = [Vec3::X, Vec3::Z];
+        let plate =
+            Plate { corner: Vec3::Y, edges, normal: -Vec3::Y, area: 1.0, double_sided: false, white: Vec3::ONE };
+        let plates = [None, Some(plate)];
+        let picks = |columns: &[u32]| -> Vec<Pick> {
+            columns.iter().map(|&column| Pick { column, inverse_rate: 1.0 }).collect()
+        };
+        assert!(Batch::of(&picks(&[0]), &plates).is_none());
+        assert!(Batch::of(&picks(&[0, 0, 0, 1, 1]), &plates).is_none());
+        let batch = Batch::of(&picks(&[1, 0, 1, 1]), &plates).expect("most are plates");
+        assert_eq!([0, 1, 2, 3, 4].map(|slot| batch.holds(slot)), [true, false, true, true, false]);
+        let surface = Bsdf::white(Vec3::Y, Vec3::Y).lanes().expect("it is matt");
+        let rivals = Rivals::All { splits: 1 };
+        let points = batch.points(&Onlooker { position: Vec3::ZERO, surface, rivals, jitter: [0; 2] }, 0);
+        let lit = |slot: usize| points.arriving(slot) != Vec3::ZERO;
+        assert!(lit(0) && !lit(1) && lit(2) && !lit(4), "only lights of the batch arrive");
     }
 }
