@@ -176,7 +176,7 @@ fn tolerance_ui(ui: &mut Ui, config: &mut BakeConfig) {
 
 /// Whether lamps that are moved later may light the room by way of its surfaces, and how finely these are told apart.
 fn patches_ui(ui: &mut Ui, patches: &mut u32) {
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         let mut movable = *patches > 0;
         let hint = "Bakes how lamps that are added or moved afterwards light the room by way of its surfaces; without it \
                     they show direct light only";
