@@ -71,6 +71,10 @@ fn choose(window: &mut Window, combo: &str, item: &str) {
 #[test]
 fn the_numbers_of_the_sky_stay_within_their_panel() {
     let mut window = under_the_sky();
+    // Unfolded it is so in every view.
+    click(&mut window, "Board");
+    window.get_by_label("Turn of the sky");
+    click(&mut window, "List");
     for letters in [1.0, 1.25, 1.5, 2.0] {
         window.set_size(vec2(1440.0, 900.0) / letters);
         window.run_steps(8);

@@ -6,7 +6,7 @@ use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::sky::{SkyForm, SkySetting, SunPlace, SunSetting};
-use eframe::egui::{Context, Panel, ScrollArea, Ui};
+use eframe::egui::{Context, Id, Panel, ScrollArea, Ui, UiBuilder};
 
 use super::App;
 use crate::look::sky;
@@ -114,7 +114,11 @@ impl App {
                 .min_scrolled_height(most)
                 .auto_shrink([false, true])
                 .show(ui, |ui| {
-                    sky_ui(ui, &view, &mut self.look.lights, &mut self.daylight.state, &mut self.actions);
+                    // Folded or not in all views of the lights alike, each of which has a panel of its own.
+                    let alike = UiBuilder::new().scope_id(Id::unique("sky of all views"));
+                    ui.scope_builder(alike, |ui| {
+                        sky_ui(ui, &view, &mut self.look.lights, &mut self.daylight.state, &mut self.actions);
+                    });
                 });
         });
     }
