@@ -287,7 +287,7 @@ fn curve_ui(ui: &mut Ui, name: &str, picture: &mut Arc<TargetPicture>) {
 
 fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
     let n_free = view.lights.iter().filter(|key| !state.held.contains(*key)).count();
-    let title = format!("Lights that may change ({n_free} of {})", view.lights.len());
+    let title = format!("Lights to change ({n_free} of {})", view.lights.len());
     CollapsingHeader::new(title).id_salt("free lights").show(ui, |ui| {
         ui.horizontal(|ui| {
             if ui.button("All").on_hover_text("All that are not muted").clicked() {
