@@ -153,11 +153,14 @@ impl ScaleBar {
 
 /// A number with three digits at most, without zeros that say nothing.
 pub fn number_words(value: f32) -> String {
+    if value == 0.0 {
+        return "0".into();
+    }
     let decade = value.abs().max(f32::MIN_POSITIVE).log10().floor();
-    if value != 0.0 && !(-3.0..6.0).contains(&decade) {
+    if !(-3.0..6.0).contains(&decade) {
         return format!("{value:.2e}").replace(".00e", "e").replace("0e", "e");
     }
-    let digits = if value == 0.0 { 0 } else { (2.0 - decade).clamp(0.0, 5.0) as usize };
+    let digits = (2.0 - decade).clamp(0.0, 5.0) as usize;
     let words = format!("{value:.digits$}");
     if words.contains('.') { words.trim_end_matches('0').trim_end_matches('.').into() } else { words }
 }
@@ -198,6 +201,7 @@ mod tests {
     fn numbers_are_short() {
         let cases = [
             (0.0, "0"),
+            (-0.0, "0"),
             (1000.0, "1000"),
             (0.05, "0.05"),
             (2.5, "2.5"),

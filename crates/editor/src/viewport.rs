@@ -21,7 +21,7 @@ use eframe::egui::{
 use crate::action::{Action, FileTask};
 use crate::legend::Legend;
 use crate::look::Look;
-use crate::panels::arrows::arrows;
+use crate::panels::arrows::{FINE, arrows};
 use crate::panels::heat::Overlay;
 use crate::panels::lights::LightsState;
 use crate::panels::spots::key_step;
@@ -180,9 +180,9 @@ fn drag_spots(
 /// Arrow keys move the chosen spot while the picture has the focus, which a press on a spot gives it.
 fn nudge_spot(ui: &Ui, response: &Response, picker: &PanelPicker, look: &mut Look, chosen: Option<&(String, usize)>) {
     let Some((panel, idx)) = chosen else { return };
-    let arrows = arrows(ui, response);
+    let arrows = arrows(ui, response, FINE);
     if arrows != egui::Vec2::ZERO {
-        picker.nudge(panel, *idx, arrows, |resolution| key_step(ui, resolution), look);
+        picker.nudge(panel, *idx, arrows, key_step, look);
     }
 }
 

@@ -149,3 +149,21 @@ fn names_stay_in_view_while_the_table_scrolls_and_all_of_it_fits_its_own_width()
         assert!((line(position) - line(after[1])).abs() < 2.0, "in its line: {position} {}", after[1]);
     }
 }
+
+#[test]
+fn a_small_window_has_its_buttons_in_a_line_and_the_settings_end_within_it() {
+    let mut window = gallery();
+    click(&mut window, "Movable lamps");
+    window.set_size(vec2(1024.0, 700.0));
+    for view in ["List", "Board", "Table"] {
+        click(&mut window, view);
+        window.run_steps(8);
+        let [first, last] = ["Open…", "Shortcuts"].map(|label| place(&window, label));
+        assert!((first.center().y - last.center().y).abs() < 1.0 && last.right() < 1020.0, "{first} {last}");
+        // Where it is cut off, points: what is drawn ends before.
+        for label in ["Number of patches", "Start bake", "Heat map"] {
+            let right = reach(&mut window, label).right();
+            assert!(right < 1019.5, "{label} ends at {right} beside the {view}");
+        }
+    }
+}

@@ -302,16 +302,37 @@ fn with_patches_a_lamp_that_becomes_movable_leaves_the_picture_as_it_is() {
 /// Chooses it from the menu of a light in the list.
 fn make_movable(window: &mut Window, key: &str) {
     let row = window.get_by_label(&format!("Mute {key}")).rect();
-    let name = Pos2::new(row.right() + 20.0, row.center().y);
-    window.hover_at(name);
+    ask_for_menu(window, Pos2::new(row.right() + 20.0, row.center().y));
+    click(window, "Make movable");
+}
+
+fn ask_for_menu(window: &mut Window, pos: Pos2) {
+    window.hover_at(pos);
     window.run_steps(2);
     for pressed in [true, false] {
         let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
-        window.event(eframe::egui::Event::PointerButton { pos: name, button, pressed, modifiers });
+        window.event(eframe::egui::Event::PointerButton { pos, button, pressed, modifiers });
         window.run_steps(1);
     }
     window.run_steps(3);
-    click(window, "Make movable");
+}
+
+#[test]
+fn a_lamp_of_the_file_has_a_menu_where_it_hangs() {
+    let mut window = baked();
+    let lamp = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    ask_for_menu(&mut window, lamp);
+    click(&mut window, "Solo this alone");
+    window.get_by_label_contains("Solo: lamp");
+    click(&mut window, "Clear solo");
+    ask_for_menu(&mut window, lamp);
+    // It stays while the pointer is elsewhere.
+    window.hover_at(Pos2::new(20.0, 20.0));
+    window.run_steps(3);
+    click(&mut window, "Make movable");
+    assert_eq!(lamps(&window).len(), 1);
+    click(&mut window, "Undo");
+    assert_eq!(*window.state().look(), Look::default());
 }
 
 #[test]

@@ -390,10 +390,10 @@ fn a_light_that_was_renamed_is_called_so_everywhere() {
     window.get_by_label("Added Door 1");
     wait(&mut window, App::is_settled);
     click(&mut window, "Solve for light");
-    let lights = window.get_by_label_contains("Lights that may change");
+    let lights = window.get_by_label_contains("Lights to change");
     lights.scroll_to_me();
     window.run_steps(6);
-    window.get_by_label_contains("Lights that may change").click();
+    window.get_by_label_contains("Lights to change").click();
     window.run_steps(4);
     for name in ["Wash", "Door", "Door 1"] {
         window.get_by_label(&format!("{name} may change"));

@@ -254,6 +254,17 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
         window.run_steps(3);
         window.get_by_label(words);
     }
+    // Shift that is let go in the frame of its arrow counts; that of the next arrow is no longer held.
+    for modifiers in [Modifiers::SHIFT, Modifiers::NONE] {
+        let (key, pressed, repeat) = (Key::ArrowRight, true, false);
+        let event = eframe::egui::Event::Key { key, physical_key: None, pressed, repeat, modifiers };
+        window.input_mut().events.push(event);
+    }
+    window.run_steps(3);
+    window.get_by_label("0.46 s, frame 11");
+    window.key_press_modifiers(Modifiers::SHIFT, Key::ArrowLeft);
+    window.key_press(Key::ArrowLeft);
+    window.run_steps(3);
     assert_eq!(*window.state().look(), look, "looking is no edit");
     click(&mut window, "Play the timeline");
     wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev_dark).abs() < 1e-3);

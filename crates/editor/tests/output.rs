@@ -215,6 +215,13 @@ fn a_lamp_that_is_off_is_written_dark_and_comes_back_muted() {
     let written: serde_json::Value = serde_json::from_slice(&std::fs::read(&out).unwrap()).unwrap();
     assert_eq!(written["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"], 0.0);
     assert_eq!(written["nodes"][1]["extras"]["clerestory"]["muted"]["lamp"]["strength"], 3.0);
+    let lights = answer(&["info", &out])["light_details"].clone();
+    assert_eq!([&lights[0]["muted"], &lights[1]["muted"]], [true, true], "{lights}");
+    assert_eq!(answer(&["info", &scene])["light_details"][0]["muted"], false);
+    let mut words = Vec::new();
+    clerestory::cli::run(["clerestory", "info", &out], &mut words, &mut Vec::new());
+    let words = String::from_utf8_lossy(&words).into_owned();
+    assert!(words.contains("lamp (3 cd, off)"), "{words}");
     // The look of the file has both off, a look that says nothing about them both on.
     let seen = |look: &[&str]| {
         answer(&[&["trace", &out, "-o", &exr, "--size", "8x6", "--spp", "1"], look].concat());

@@ -69,6 +69,24 @@ fn choose(window: &mut Window, combo: &str, item: &str) {
 }
 
 #[test]
+fn the_numbers_of_the_sky_stay_within_their_panel() {
+    let mut window = under_the_sky();
+    // Unfolded it is so in every view.
+    click(&mut window, "Board");
+    window.get_by_label("Turn of the sky");
+    click(&mut window, "List");
+    for letters in [1.0, 1.25, 1.5, 2.0] {
+        window.set_size(vec2(1440.0, 900.0) / letters);
+        window.run_steps(8);
+        let edge = window.get_by_label("Picture").rect().left();
+        for label in ["Turn of the sky", "Intensity of the sky", "Intensity of the sky in EV"] {
+            let right = window.get_by_label(label).rect().right();
+            assert!(right < edge - 8.0, "{label} ends at {right} of {edge}, at {letters}");
+        }
+    }
+}
+
+#[test]
 fn a_scene_without_a_sky_gets_one_by_a_button_and_the_sun_keeps_its_column() {
     let mut window = open(court());
     settle(&mut window);

@@ -98,6 +98,13 @@ fn what_was_found_can_be_left_and_wishes_removed() {
     click(&mut window, "Add wish");
     click(&mut window, "Solve");
     wait(&mut window, |app| app.solution().is_some());
+    // The board leaves the least room for the settings.
+    click(&mut window, "Board");
+    window.run_steps(8);
+    for label in ["Remove Wish", "Wish weight", "Start bake", "Discard"] {
+        let right = window.get_by_label(label).rect().right();
+        assert!(right < 1435.5, "{label} ends at {right}, and is cut off at 1435");
+    }
     click(&mut window, "Discard");
     assert!(window.state().solution().is_none());
     assert_eq!(*window.state().look(), Look::default());

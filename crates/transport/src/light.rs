@@ -80,6 +80,9 @@ pub struct MutedLights {
     /// Its lamp.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lamp: Option<MutedLight>,
+    /// Candela of the plain lamp that stands beside a measured distribution for those who cannot read that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plain_cd: Option<f32>,
     /// For each primitive of its mesh in order, none for those that do not shine.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub surfaces: Vec<Option<MutedLight>>,

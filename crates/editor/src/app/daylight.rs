@@ -6,7 +6,7 @@ use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::sky::{SkyForm, SkySetting, SunPlace, SunSetting};
-use eframe::egui::{Context, Panel, ScrollArea, Ui};
+use eframe::egui::{Context, Id, Panel, ScrollArea, Ui, UiBuilder};
 
 use super::App;
 use crate::look::sky;
@@ -20,6 +20,9 @@ const HOURS_PER_SEC: f64 = 1.0;
 const LONGEST_STEP_SECS: f32 = 0.2;
 /// Part of the panel of lights that the sky may take.
 const MOST_HEIGHT: f32 = 0.62;
+/// Points of it that the lights keep for their titles and a few rows, and that the sky has for its own title at least.
+const LIGHTS_LEAST: f32 = 260.0;
+const SKY_LEAST: f32 = 60.0;
 
 /// A sky that was read, and what is odd about it.
 type Read = Result<(SkySetting, Vec<String>), String>;
@@ -85,6 +88,11 @@ fn is_sky_dark(header: &BakeHeader) -> bool {
     header.spared.dark_sources.iter().filter_map(source).any(is_dome)
 }
 
+/// How much of the height of the panel of lights the sky may take.
+fn most_height(height: f32) -> f32 {
+    (MOST_HEIGHT * height).min(height - LIGHTS_LEAST).max(SKY_LEAST)
+}
+
 impl App {
     /// The sky below the lights.
     pub(super) fn sky_ui(&mut self, ui: &mut Ui, basis: &LightBasis) {
@@ -97,7 +105,7 @@ impl App {
             can_bake: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
             is_reading: self.daylight.reading.is_busy() && self.daylight.is_wanted,
         };
-        let most = MOST_HEIGHT * ui.available_height();
+        let most = most_height(ui.available_height());
         let frame = eframe::egui::Frame::NONE.inner_margin(eframe::egui::Margin::symmetric(0, 4));
         Panel::bottom("sky").frame(frame).show(ui, |ui| {
             ScrollArea::vertical()
@@ -106,7 +114,11 @@ impl App {
                 .min_scrolled_height(most)
                 .auto_shrink([false, true])
                 .show(ui, |ui| {
-                    sky_ui(ui, &view, &mut self.look.lights, &mut self.daylight.state, &mut self.actions);
+                    // Folded or not in all views of the lights alike, each of which has a panel of its own.
+                    let alike = UiBuilder::new().scope_id(Id::unique("sky of all views"));
+                    ui.scope_builder(alike, |ui| {
+                        sky_ui(ui, &view, &mut self.look.lights, &mut self.daylight.state, &mut self.actions);
+                    });
                 });
         });
     }
@@ -251,4 +263,16 @@ fn read_sky(path: &Path) -> Read {
         map.level_irradiance();
     });
     Ok((sky, odd))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lights_keep_room_beside_the_sky_in_every_window() {
+        assert_eq!(most_height(1000.0), 620.0);
+        assert_eq!(most_height(600.0), 340.0);
+        assert_eq!(most_height(100.0), SKY_LEAST, "its title is seen");
+    }
 }

@@ -25,9 +25,11 @@ pub(super) struct Heat {
     values: Vec<Option<f32>>,
 }
 
-/// Decibels from the worst block on that have colors of their own, at most, and to what a scale of them is rounded.
+/// Decibels from the worst blocks on that have colors of their own, at most, and to what a scale of them is rounded.
 const MOST_DB: f32 = 40.0;
 const STEP_DB: f32 = 5.0;
+/// Share of the blocks beyond each end of a scale of decibels, at most.
+const OUTSIDE: f64 = 0.02;
 
 impl Heat {
     /// The value of the block of a pixel.
@@ -87,11 +89,14 @@ impl App {
     }
 }
 
-/// A scale for decibels below the peak, the worst block last.
+/// A scale for decibels below the peak. A few blocks that are far worse or far better than all others share its ends, so that they do
+/// not take the colors of the rest.
 fn decibel_scale<'a>(values: impl Iterator<Item = &'a f32>) -> ColorScale {
-    let [least, most] = values.fold([f32::INFINITY, 0.0], |[least, most], db| [least.min(*db), most.max(*db)]);
-    let high = -STEP_DB * (least / STEP_DB).floor();
-    let low = (-STEP_DB * (most / STEP_DB).ceil()).clamp(high - MOST_DB, high - STEP_DB);
+    let mut values: Vec<f32> = values.copied().collect();
+    values.sort_by(f32::total_cmp);
+    let at = |share: f64| values.get((values.len() as f64 * share) as usize).copied().unwrap_or(0.0);
+    let high = -STEP_DB * (at(OUTSIDE) / STEP_DB).floor();
+    let low = (-STEP_DB * (at(1.0 - OUTSIDE) / STEP_DB).ceil()).clamp(high - MOST_DB, high - STEP_DB);
     ColorScale { spacing: Spacing::Linear, low, high }
 }
 
@@ -100,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_scale_of_decibels_ends_with_the_worst_block_and_passes_over_what_is_exact() {
+    fn a_scale_of_decibels_ends_with_the_worst_blocks_and_passes_over_what_is_exact() {
         let scale = |values: &[f32]| {
             let ColorScale { low, high, .. } = decibel_scale(values.iter());
             [low, high]
@@ -109,5 +114,8 @@ mod tests {
         assert_eq!(scale(&[31.0, 120.0]), [-70.0, -30.0]);
         assert_eq!(scale(&[120.0]), [-125.0, -120.0]);
         assert_eq!(scale(&[-3.0, 20.0]), [-20.0, 5.0]);
+        // One block in a hundred is past all measure.
+        let many: Vec<f32> = (0..99).map(|nth| 20.0 + 0.2 * nth as f32).chain([-40.0]).collect();
+        assert_eq!(scale(&many), [-40.0, -20.0]);
     }
 }

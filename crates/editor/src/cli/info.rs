@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use clerestory_relight::Precision;
 use clerestory_relight::gpu::device_bytes;
 use clerestory_transport::archive;
-use clerestory_transport::basis::LightSource;
+use clerestory_transport::basis::{LightBasis, LightSource};
 use clerestory_transport::bsdf::{FurnaceLoss, furnace_loss};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::Lighting;
@@ -100,16 +100,17 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
     } else {
         Lighting::new(scene, &[])
     };
-    let sources = match lighting {
+    let basis = match lighting {
         Ok((lighting, warnings)) => {
             console.warn_all(warnings);
-            lighting.basis.sources
+            lighting.basis
         }
         Err(error) => {
             console.warn(&error.to_string());
-            Vec::new()
+            LightBasis::default()
         }
     };
+    let sources = &basis.sources;
     let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
     let of_file = scene.cameras.iter().filter(|_| !report.made_camera);
     let cameras: Vec<&str> = of_file.map(|camera| camera.name.as_str()).collect();
@@ -130,7 +131,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         "cameras": cameras.len(),
         "camera_names": cameras,
         "lights": keys,
-        "light_details": sources.iter().map(light_detail).collect::<Vec<_>>(),
+        "light_details": sources.iter().map(|source| light_detail(source, &basis)).collect::<Vec<_>>(),
         "sensors": sensors,
         "materials": report.n_materials,
         "caustic_materials": caustic,
@@ -148,7 +149,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         report.n_nodes,
         report.n_materials,
         listed(&cameras),
-        listed(&sources.iter().map(light_words).collect::<Vec<_>>()),
+        listed(&sources.iter().map(|source| light_words(source, &basis)).collect::<Vec<_>>()),
         line_of("sensors", &sensors),
         line_of("cast caustics, which moved and added lamps lack", &caustic),
         line_of("variants", &report.variants),
@@ -169,19 +170,21 @@ fn furnace_words(loss: FurnaceLoss) -> String {
     )
 }
 
-fn light_detail(source: &LightSource) -> Value {
+fn light_detail(source: &LightSource, basis: &LightBasis) -> Value {
     json!({
         "key": source.key, "kind": source.kind, "columns": source.columns.len(),
         "color": source.color.to_array(), "strength": source.strength, "unit": source.kind.unit(),
+        "muted": basis.muted.contains(&source.key),
     })
 }
 
-fn light_words(source: &LightSource) -> String {
+fn light_words(source: &LightSource, basis: &LightBasis) -> String {
     let columns = match source.columns.len() {
         1 => String::new(),
         n => format!(", {n} columns"),
     };
-    format!("{} ({} {}{columns})", source.key, source.strength, source.kind.unit())
+    let off = if basis.muted.contains(&source.key) { ", off" } else { "" };
+    format!("{} ({} {}{columns}{off})", source.key, source.strength, source.kind.unit())
 }
 
 /// A line for people, if there is anything in it.
@@ -215,6 +218,7 @@ fn transport(args: &InfoArgs) -> Result<Answer> {
     let figures = serde_json::to_value(bake.figures()).context("the figures of a bake always have a JSON form")?;
     let irradiance = bake.irradiance_figures();
     let keys: Vec<&str> = header.basis.sources.iter().map(|source| source.key.as_str()).collect();
+    let muted: Vec<&str> = keys.iter().copied().filter(|key| header.basis.muted.contains(*key)).collect();
     let sky = header.basis.sky.as_ref().map_or("none", |sky| sky.name.as_str());
     let measured = header.basis.is_measured();
     let frame = frame_of(&bake, &LightRig::default());
@@ -225,11 +229,12 @@ fn transport(args: &InfoArgs) -> Result<Answer> {
         false => format!("{} seen by {}", header.scene, header.camera),
     };
     let words = format!(
-        "{}: {what}, {}×{}\nlights      {}\nsky         {sky}\ndevice      {} of a graphics device while it relights, {} in the window\n{}{}",
+        "{}: {what}, {}×{}\nlights      {}{}\nsky         {sky}\ndevice      {} of a graphics device while it relights, {} in the window\n{}{}",
         path.display(),
         header.width,
         header.height,
         listed(&keys),
+        line_of("off         ", &muted),
         bytes_words(on_device),
         bytes_words(in_window),
         figure_words(&figures, &header.basis),
@@ -238,7 +243,8 @@ fn transport(args: &InfoArgs) -> Result<Answer> {
     let mut json = figures;
     let about = json!({
         "scene": header.scene, "camera": header.camera, "measured": measured, "width": header.width, "height": header.height,
-        "device_bytes": on_device, "window_device_bytes": in_window, "irradiance": irradiance, "lights": keys, "config": header.config, "sky": header.basis.sky,
+        "device_bytes": on_device, "window_device_bytes": in_window, "irradiance": irradiance, "lights": keys,
+        "muted": muted, "config": header.config, "sky": header.basis.sky,
     });
     merge(&mut json, about);
     if args.block_errors {

@@ -125,14 +125,15 @@ fn write_lamp(
             return Ok(());
         }
         let multiplier: f32 = instance.read("multiplier").unwrap_or(1.0);
-        let by = factor(now, of_file).unwrap_or_else(|| now.max_element() / measured_cd);
-        instance.set("multiplier", &(multiplier * by));
-        if factor(now, of_file).is_none() {
-            // The color of the instance is multiplied by that of its plain lamp, which becomes white.
-            instance.set("color", &color_and_strength(now).0);
-            lamp.iter_mut().for_each(|lamp| lamp.set("color", &[1.0f32; 3]));
-        } else {
-            lamp = None;
+        let same_color = factor(now, of_file);
+        instance.set("multiplier", &(multiplier * same_color.unwrap_or_else(|| now.max_element() / measured_cd)));
+        let color = same_color.is_none().then(|| color_and_strength(now).0);
+        if let Some(lamp) = &mut lamp {
+            set_plain(lamp, now.max_element() / of_file.max_element(), color);
+        }
+        if let Some(color) = color {
+            // The color of the instance is multiplied by that of its plain lamp.
+            instance.set("color", &if lamp.is_some() { [1.0; 3] } else { color });
         }
         node.change("extensions", |all| all.set(PROFILES, &instance));
     } else if let Some(lamp) = &mut lamp {
@@ -154,6 +155,18 @@ fn write_lamp(
     }
     document.put("nodes", node_idx, &node);
     Ok(())
+}
+
+/// Changes the plain lamp beside a measured distribution alike: programs that cannot read the distribution go by it.
+fn set_plain(lamp: &mut RawObject, by: f32, color: Option<[f32; 3]>) {
+    let own = lamp.read::<[f32; 3]>("color").map_or(1.0, |own| Vec3::from(own).max_element());
+    let was = lamp.read::<f32>("intensity").unwrap_or(1.0) * if color.is_some() { own } else { 1.0 };
+    if (was * by).is_finite() {
+        lamp.set("intensity", &(was * by));
+    }
+    if let Some(color) = color {
+        lamp.set("color", &color);
+    }
 }
 
 /// The shining materials of a node: `now` and `file` are what its light sends at most, nit. Answers the largest emissive strength

@@ -51,8 +51,10 @@ pub(super) fn switch_on(document: &mut Document, shared: &mut Shared, scene: &Sc
     for &node in &scene.muted_lamps {
         let Ok(lamp_idx) = scene.punctual.binary_search_by_key(&node, |lamp| lamp.node) else { continue };
         let (node_idx, most_cd) = (file_node(scene, node), most_cd(scene, &scene.punctual[lamp_idx]));
-        if let Some(kept) = take_kept(document, node_idx, Part::Lamp(most_cd))?.lamp {
-            set_lamp(document, shared, node_idx, most_cd, kept)?;
+        let kept = take_kept(document, node_idx, Part::Lamp(most_cd))?;
+        if let Some(light) = kept.lamp {
+            let plain_cd = kept.plain_cd.filter(|cd| cd.is_finite() && *cd >= 0.0);
+            set_lamp(document, shared, node_idx, most_cd, light, plain_cd)?;
         }
     }
     for &node in &scene.muted_surfaces {
@@ -87,8 +89,9 @@ fn darken_lamp(document: &mut Document, shared: &mut Shared, node_idx: usize, mo
         }
         None => MutedLight { color, strength: plain.read("intensity").unwrap_or(1.0) },
     };
-    keep(document, node_idx, |muted| muted.lamp = Some(kept))?;
-    set_lamp(document, shared, node_idx, most_cd, MutedLight { strength: 0.0, ..kept })
+    let plain_cd = most_cd.and_then(|_| lamp_of(&node)).map(|_| plain.read("intensity").unwrap_or(1.0));
+    keep(document, node_idx, |muted| (muted.lamp, muted.plain_cd) = (Some(kept), plain_cd))?;
+    set_lamp(document, shared, node_idx, most_cd, MutedLight { strength: 0.0, ..kept }, None)
 }
 
 fn darken_surfaces(document: &mut Document, shared: &mut Shared, node_idx: usize) -> Result<()> {
@@ -108,26 +111,34 @@ fn darken_surfaces(document: &mut Document, shared: &mut Shared, node_idx: usize
     })
 }
 
-/// Sets color and strength of the lamp of a node. Beside a measured distribution the plain lamp is for those who cannot read that.
+/// Sets color and strength of the lamp of a node. Beside a measured distribution the plain lamp is for those who cannot read that:
+/// it gets a strength of its own, where one is known, and its color stays.
 fn set_lamp(
     document: &mut Document,
     shared: &mut Shared,
     node_idx: usize,
     most_cd: Option<f32>,
     light: MutedLight,
+    plain_cd: Option<f32>,
 ) -> Result<()> {
     let mut node = document.item("nodes", node_idx)?;
-    let plain_color = if most_cd.is_some() { Vec3::ONE } else { light.color };
+    let lamp_idx = lamp_of(&node);
+    let mut lamp = lamp_idx.map(|idx| document.item(LAMPS, idx)).transpose()?;
     if let Some(most_cd) = most_cd {
         let mut instance = instance_of(&node);
         instance.set("multiplier", &(light.strength / most_cd.max(f32::MIN_POSITIVE)));
-        set_color(&mut instance, light.color);
+        let plain_color = lamp.as_ref().map_or(Vec3::ONE, color_of);
+        if plain_color * color_of(&instance) != light.color {
+            set_color(&mut instance, light.color);
+            lamp.iter_mut().for_each(|lamp| set_color(lamp, Vec3::ONE));
+        }
         node.change("extensions", |all| all.set(PROFILES, &instance));
     }
-    if let Some(idx) = lamp_of(&node) {
-        let mut lamp = document.item(LAMPS, idx)?;
-        set_color(&mut lamp, plain_color);
-        lamp.set("intensity", &light.strength);
+    if let (Some(idx), Some(mut lamp)) = (lamp_idx, lamp) {
+        if most_cd.is_none() {
+            set_color(&mut lamp, light.color);
+        }
+        lamp.set("intensity", &plain_cd.unwrap_or(light.strength));
         shared.put_lamp(document, &mut node, idx, &lamp);
     }
     document.put("nodes", node_idx, &node);
@@ -164,7 +175,7 @@ fn take_kept(document: &mut Document, node_idx: usize, part: Part) -> Result<Mut
     let mut node = document.item("nodes", node_idx)?;
     let kept: MutedLights = node.own_extras().read("muted").unwrap_or_default();
     let rest = match part {
-        Part::Lamp(_) => MutedLights { lamp: None, ..kept.clone() },
+        Part::Lamp(_) => MutedLights { lamp: None, plain_cd: None, ..kept.clone() },
         Part::Surfaces => MutedLights { surfaces: Vec::new(), ..kept.clone() },
     };
     let (mut extras, mut own) = (node.read::<RawObject>("extras").unwrap_or_default(), node.own_extras());

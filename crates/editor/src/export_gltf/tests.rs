@@ -287,6 +287,43 @@ fn free_lamps_become_nodes_that_shine_alike() {
     assert_same_light(&scene, &Look::default(), &open(&out));
 }
 
+#[test]
+fn the_plain_lamp_beside_a_measured_one_follows_it_and_comes_back_from_the_dark() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, out, lit] = ["in.gltf", "out.gltf", "lit.gltf"].map(|name| folder.path().join(name));
+    let mut gltf: Value = serde_json::from_str(include_str!("../../tests/room.gltf")).unwrap();
+    let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n";
+    std::fs::write(folder.path().join("x.ies"), ies).unwrap();
+    gltf["extensions"]["EXT_lights_ies"] = json!({ "lights": [{ "uri": "x.ies" }] });
+    gltf["extensionsUsed"] = json!(["KHR_lights_punctual", "EXT_lights_ies"]);
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["color"] = json!([1.0, 0.5, 0.25]);
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(24.0);
+    gltf["nodes"][1]["extensions"]["EXT_lights_ies"] = json!({ "light": 0, "color": [0.5, 1.0, 1.0] });
+    std::fs::write(&file, gltf.to_string()).unwrap();
+    let scene = open(&file);
+    let write = |of: &Path, scene: &PreparedScene, setting: LightSetting, to: &Path| {
+        let mut look = Look::default();
+        look.lights.lights.insert("lamp".into(), setting);
+        assert_eq!(save(of, scene, &look, to), Vec::<String>::new());
+        assert_same_light(scene, &look, &open(to));
+        let written = parts(to).0;
+        let plain = &written["extensions"]["KHR_lights_punctual"]["lights"][0];
+        (plain["color"].clone(), plain["intensity"].as_f64().unwrap(), written["nodes"][1].clone())
+    };
+    let on = LightSetting::default();
+    // Off it is dark for all, and on again everything is as it was.
+    let dark = write(&file, &scene, LightSetting { muted: true, ..on }, &out);
+    assert_eq!((dark.1, &dark.2["extras"]["clerestory"]["muted"]["plain_cd"]), (0.0, &json!(24.0)));
+    let again = write(&out, &open(&out), on, &lit);
+    assert_eq!((again.0, again.1), (json!([1.0, 0.5, 0.25]), 24.0));
+    assert_eq!(again.2["extensions"]["EXT_lights_ies"]["color"], json!([0.5, 1.0, 1.0]));
+    assert!(again.2.get("extras").is_none(), "{}", again.2);
+    // Dimmed or colored, the plain lamp is so, too.
+    assert_eq!(write(&file, &scene, LightSetting { intensity: 0.5, ..on }, &out).1, 12.0);
+    let (color, ..) = write(&file, &scene, LightSetting { color: Some([0.0, 0.5, 1.0]), ..on }, &out);
+    assert_eq!(color, json!([0.0, 0.5, 1.0]));
+}
+
 /// Holds the lights of a file against the free lamps that they were.
 #[track_caller]
 fn hold_free_lamps(look: &Look, again: &PreparedScene, muted: bool) {

@@ -174,20 +174,21 @@ fn tolerance_ui(ui: &mut Ui, config: &mut BakeConfig) {
     ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
 }
 
-/// Whether lamps that are moved later may light the room by way of its surfaces, and how finely these are told apart.
+/// Whether lamps that are moved later may light the room by way of its surfaces, and in a row of its own how finely these are told
+/// apart.
 fn patches_ui(ui: &mut Ui, patches: &mut u32) {
-    ui.horizontal(|ui| {
-        let mut movable = *patches > 0;
-        let hint = "Bakes how lamps that are added or moved afterwards light the room by way of its surfaces; without it \
-                    they show direct light only";
-        if ui.checkbox(&mut movable, "Movable lamps").on_hover_text(hint).changed() {
-            *patches = if movable { DEFAULT_PATCHES } else { 0 };
-        }
-        if movable {
-            let number = DragValue::new(patches).range(FEWEST_PATCHES..=MOST_PATCHES).speed(16.0);
-            number.ui(ui).on_hover_text("Patches of surface that are told apart").accessible_name("Patches");
-        }
-    });
+    let mut movable = *patches > 0;
+    let hint = "Bakes how lamps that are added or moved afterwards light the room by way of its surfaces; without it they \
+                show direct light only";
+    if ui.checkbox(&mut movable, "Movable lamps").on_hover_text(hint).changed() {
+        *patches = if movable { DEFAULT_PATCHES } else { 0 };
+    }
+    if movable {
+        ui.end_row();
+        ui.label("Patches");
+        let number = DragValue::new(patches).range(FEWEST_PATCHES..=MOST_PATCHES).speed(16.0);
+        number.ui(ui).on_hover_text("Patches of surface that are told apart").accessible_name("Number of patches");
+    }
 }
 
 /// How much memory all of the program may take while it bakes.

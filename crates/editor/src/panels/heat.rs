@@ -25,6 +25,8 @@ pub struct Overlay {
 
 /// How much of a picture a map of colors hides, of 255.
 const ALPHA: u8 = 200;
+/// Points that the list of maps may take: all of them are seen at once.
+const ROOM: f32 = 400.0;
 /// Beyond this nothing is told apart in factors of 16 bits.
 const BEST_DB: f32 = 100.0;
 
@@ -122,7 +124,7 @@ impl HeatMap {
 pub fn heat_ui(ui: &mut Ui, map: &mut HeatMap, view: &BakeView) {
     ui.horizontal(|ui| {
         let label = ui.label("Heat map");
-        let combo = ComboBox::from_id_salt("heat map").selected_text(map.name()).show_ui(ui, |ui| {
+        let combo = ComboBox::from_id_salt("heat map").height(ROOM).selected_text(map.name()).show_ui(ui, |ui| {
             for choice in HeatMap::ALL {
                 let is_known = view.pictures.is_none() || !choice.is_of_noise();
                 let value = ui.add_enabled_ui(is_known, |ui| ui.selectable_value(map, choice, choice.name())).inner;

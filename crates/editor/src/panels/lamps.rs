@@ -83,6 +83,11 @@ pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>)
     }
 }
 
+/// Exchanges a lamp of the file for a free one.
+pub const MAKE_MOVABLE: &str = "Make movable";
+/// What that does, for people.
+pub const MAKE_MOVABLE_HINT: &str = "Mutes it, and puts a free lamp of the same light in its place";
+
 /// What can be done with a lamp.
 pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut Vec<Action>) {
     let mut chosen = |ui: &mut Ui, name: &str, action: Option<Action>| {

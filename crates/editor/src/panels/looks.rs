@@ -99,10 +99,7 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
                 .response
                 .on_hover_text("Looks made of what the scene has");
         });
-        if look.snapshots.is_empty() {
-            ui.add_space(6.0);
-            ui.add(egui::Label::new(RichText::new("A click on a look that you kept brings it back").weak()).wrap());
-        } else {
+        if !look.snapshots.is_empty() {
             ui.separator();
             tools_ui(ui, look, state);
             let sheet = ui.add_enabled(view.can_export, Button::new("Contact sheet…"));
@@ -114,6 +111,10 @@ fn bar_ui(ui: &mut Ui, look: &mut Look, state: &mut LooksState, view: &LooksView
         let hint = "Write the scene with its lights as they are, for other programs";
         if save.on_hover_text(hint).on_disabled_hover_text("Open a scene, not a bake, to write it").clicked() {
             actions.push(Action::Ask(FileTask::ExportGltf));
+        }
+        if look.snapshots.is_empty() {
+            ui.add_space(6.0);
+            ui.add(egui::Label::new(RichText::new("A click on a look that you kept brings it back").weak()).truncate());
         }
     });
 }

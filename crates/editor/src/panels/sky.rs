@@ -79,6 +79,12 @@ const MOST_EV: f32 = 20.0;
 /// Width in degrees of a patch of the undivided dome.
 const PATCH_DEG: f32 = 12.0;
 
+/// Points of height from which a window has room for the sky beside the list of lights: lower ones begin with it folded away.
+const OPEN_FROM: f32 = 800.0;
+/// Points of width in which both numbers of the intensity stand side by side, and in which numbers stand beside the dome.
+const ROOM_FOR_TWO: f32 = 188.0;
+const ROOM_BESIDE: f32 = 300.0;
+
 const SHUT_OUT: &str = "These rooms are closed: no sky lights what is seen";
 
 /// Draws it.
@@ -88,20 +94,28 @@ pub fn sky_ui(ui: &mut Ui, view: &SkyView, rig: &mut LightRig, state: &mut SkySt
         _ => None,
     });
     let heading = CollapsingHeader::new(RichText::new("Sky").heading().strong()).id_salt("sky section");
-    heading.default_open(dome.is_some()).show(ui, |ui| {
+    let has_room = ui.ctx().content_rect().height() >= OPEN_FROM;
+    heading.default_open(dome.is_some() && has_room).show(ui, |ui| {
         let Some((key, divisions)) = dome else { return missing_ui(ui, view, state, actions) };
         let Some(light) = view.basis.sky_light(rig) else { return };
         let before = rig.sky.clone().unwrap_or_default();
         let shown = state.wanted.clone().unwrap_or_else(|| before.clone());
         let mut sky = shown.clone();
         kind_ui(ui, view, (&mut sky, &light), actions);
-        ui.horizontal_top(|ui| {
+        let content = |ui: &mut Ui| {
             dome_ui(ui, &mut sky, &light, &mut state.dome);
+            let is_narrow = ui.available_width() < ROOM_FOR_TWO;
             Grid::new("sky").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
-                numbers_ui(ui, &mut sky);
+                turn_ui(ui, &mut sky);
+                intensity_ui(ui, &mut sky, is_narrow);
                 lux_ui(ui, view.basis, rig, (key, &light));
             });
-        });
+        };
+        if ui.available_width() < ROOM_BESIDE {
+            ui.vertical(content);
+        } else {
+            ui.horizontal_top(content);
+        }
         sun_ui(ui, &mut sky, (&mut state.playing, &mut state.before));
         columns_ui(ui, view, (&light, divisions), state, actions);
         if sky != shown {
@@ -190,8 +204,7 @@ fn kind_ui(ui: &mut Ui, view: &SkyView, (sky, light): (&mut SkySetting, &SkyLigh
     });
 }
 
-/// Turn and intensity.
-fn numbers_ui(ui: &mut Ui, sky: &mut SkySetting) {
+fn turn_ui(ui: &mut Ui, sky: &mut SkySetting) {
     ui.label("Turn");
     let number = DragValue::new(&mut sky.rotation_deg).speed(0.5).max_decimals(1).suffix("°");
     let hint = "Turns map and sun counter-clockwise, seen from above, degrees";
@@ -199,20 +212,39 @@ fn numbers_ui(ui: &mut Ui, sky: &mut SkySetting) {
         sky.rotation_deg = (sky.rotation_deg + 180.0).rem_euclid(360.0) - 180.0;
     }
     ui.end_row();
+}
+
+/// As a factor and in stops, below each other where there is little room.
+fn intensity_ui(ui: &mut Ui, sky: &mut SkySetting, is_narrow: bool) {
     ui.label("Intensity");
-    ui.horizontal(|ui| {
-        let speed = (0.01 * f64::from(sky.intensity)).max(1e-4);
-        let number = DragValue::new(&mut sky.intensity).range(0.0..=1e9).speed(speed).max_decimals(4).suffix("×");
-        ui.add(number).on_hover_text("Multiplies map and sun").accessible_name("Intensity of the sky");
-        let before = sky.intensity.max(f32::MIN_POSITIVE).log2().max(-MOST_EV);
-        let mut stops = before;
-        let number = DragValue::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).max_decimals(2).suffix(" EV");
-        let number = ui.add(number).on_hover_text("The same in stops").accessible_name("Intensity of the sky in EV");
-        if number.changed() && stops != before {
-            sky.intensity = stops.exp2();
-        }
-    });
+    if is_narrow {
+        factor_ui(ui, sky);
+        ui.end_row();
+        ui.label("");
+        stops_ui(ui, sky);
+    } else {
+        ui.horizontal(|ui| {
+            factor_ui(ui, sky);
+            stops_ui(ui, sky);
+        });
+    }
     ui.end_row();
+}
+
+fn factor_ui(ui: &mut Ui, sky: &mut SkySetting) {
+    let speed = (0.01 * f64::from(sky.intensity)).max(1e-4);
+    let number = DragValue::new(&mut sky.intensity).range(0.0..=1e9).speed(speed).max_decimals(4).suffix("×");
+    ui.add(number).on_hover_text("Multiplies map and sun").accessible_name("Intensity of the sky");
+}
+
+fn stops_ui(ui: &mut Ui, sky: &mut SkySetting) {
+    let before = sky.intensity.max(f32::MIN_POSITIVE).log2().max(-MOST_EV);
+    let mut stops = before;
+    let number = DragValue::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).max_decimals(2).suffix(" EV");
+    let number = ui.add(number).on_hover_text("The same in stops").accessible_name("Intensity of the sky in EV");
+    if number.changed() && stops != before {
+        sky.intensity = stops.exp2();
+    }
 }
 
 /// What the sky sends to level ground, as the lights are set.

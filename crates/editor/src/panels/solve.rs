@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use clerestory_relight::Tone;
-use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui};
+use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui, vec2};
 
 use super::display::tone_name;
 use super::measure::{missing_ui, tools_ui};
@@ -210,56 +210,60 @@ fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &So
     });
 }
 
-/// Room for the name of a wish, points; what is longer is cut and told when it is pointed at.
-const NAME_WIDTH: f32 = 56.0;
-
+/// Each wish has a line for its name and one for what is wanted, so that a narrow panel has room for both.
 fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
     let mut gone = None;
-    Grid::new("wishes").num_columns(4).spacing([8.0, 4.0]).show(ui, |ui| {
-        for (idx, wish) in state.wishes.iter_mut().enumerate() {
-            ui.push_id(idx, |ui| {
-                ui.set_min_width(NAME_WIDTH);
-                ui.add(egui::Label::new(&wish.name).truncate())
+    for (idx, wish) in state.wishes.iter_mut().enumerate() {
+        ui.push_id(idx, |ui| {
+            let right_to_left = egui::Layout::right_to_left(egui::Align::Center);
+            ui.allocate_ui_with_layout(vec2(ui.available_width(), ui.spacing().interact_size.y), right_to_left, |ui| {
+                let remove = ui.button("×").on_hover_text("Remove this wish");
+                let name = format!("Remove {}", wish.name);
+                remove.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &name));
+                if remove.clicked() {
+                    gone = Some(idx);
+                }
+                let left_to_right = egui::Layout::left_to_right(egui::Align::Center);
+                ui.with_layout(left_to_right, |ui| ui.add(egui::Label::new(&wish.name).truncate()));
             });
-            let name = format!("{} wanted", wish.name);
-            let (value, unit) = match &mut wish.target {
-                Target::Illuminance(lux) => (Some(lux), " lx"),
-                Target::Luminance(nit) => (Some(nit), " cd/m²"),
-                Target::Times(times) => (Some(times), "×"),
-                Target::Keep => (None, "keep"),
-                Target::Picture(picture, Exposure::Free) => {
-                    curve_ui(ui, &wish.name, picture);
-                    (None, "")
-                }
-                Target::Picture(..) => (None, "match"),
-            };
-            match value {
-                Some(value) => {
-                    let speed = (0.01 * *value).max(0.01);
-                    let drag = DragValue::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
-                    let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
-                    ui.add(drag).on_hover_text(tip).accessible_name(name);
-                }
-                None if unit.is_empty() => {}
-                None => {
-                    ui.label(unit);
-                }
-            }
-            let weight = DragValue::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
-            ui.add(weight)
-                .on_hover_text("How much it counts beside the others")
-                .accessible_name(format!("{} weight", wish.name));
-            let remove = ui.button("×").on_hover_text("Remove this wish");
-            remove.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, format!("Remove {}", wish.name)));
-            if remove.clicked() {
-                gone = Some(idx);
-            }
-            ui.end_row();
-        }
-    });
+            ui.horizontal_wrapped(|ui| wanted_ui(ui, wish));
+        });
+    }
     if let Some(gone) = gone {
         state.wishes.remove(gone);
     }
+}
+
+/// What a wish wants, and how much it counts.
+fn wanted_ui(ui: &mut Ui, wish: &mut Wish) {
+    let name = format!("{} wanted", wish.name);
+    let (value, unit) = match &mut wish.target {
+        Target::Illuminance(lux) => (Some(lux), " lx"),
+        Target::Luminance(nit) => (Some(nit), " cd/m²"),
+        Target::Times(times) => (Some(times), "×"),
+        Target::Keep => (None, "keep"),
+        Target::Picture(picture, Exposure::Free) => {
+            curve_ui(ui, &wish.name, picture);
+            (None, "")
+        }
+        Target::Picture(..) => (None, "match"),
+    };
+    match value {
+        Some(value) => {
+            let speed = (0.01 * *value).max(0.01);
+            let drag = DragValue::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
+            ui.add(drag).on_hover_text(tip).accessible_name(name);
+        }
+        None if unit.is_empty() => {}
+        None => {
+            ui.label(unit);
+        }
+    }
+    let weight = DragValue::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
+    ui.add(weight)
+        .on_hover_text("How much it counts beside the others")
+        .accessible_name(format!("{} weight", wish.name));
 }
 
 /// Which tone curve a picture of unknown exposure was shown with.
@@ -283,7 +287,7 @@ fn curve_ui(ui: &mut Ui, name: &str, picture: &mut Arc<TargetPicture>) {
 
 fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
     let n_free = view.lights.iter().filter(|key| !state.held.contains(*key)).count();
-    let title = format!("Lights that may change ({n_free} of {})", view.lights.len());
+    let title = format!("Lights to change ({n_free} of {})", view.lights.len());
     CollapsingHeader::new(title).id_salt("free lights").show(ui, |ui| {
         ui.horizontal(|ui| {
             if ui.button("All").on_hover_text("All that are not muted").clicked() {

@@ -55,10 +55,9 @@ pub fn spots_ui(
     }
 }
 
-/// How far an arrow key moves a spot, in sides of a panel of so many texels: a quarter of a texel, with Shift a tenth of that.
-pub fn key_step(ui: &Ui, resolution: u32) -> f32 {
-    let fine = if ui.input(|input| input.modifiers.shift) { FINE } else { 1.0 };
-    KEY_STEP_TEXELS * fine / resolution as f32
+/// How far an arrow key moves a spot, in sides of a panel of so many texels.
+pub fn key_step(resolution: u32) -> f32 {
+    KEY_STEP_TEXELS / resolution as f32
 }
 
 /// The panel from above, u to the right and v down.
@@ -86,7 +85,7 @@ fn pad_ui(
             spot.position = [at.x.clamp(0.0, 1.0), at.y.clamp(0.0, 1.0)];
         }
     }
-    let step = arrows(ui, &response) * key_step(ui, resolution);
+    let step = arrows(ui, &response, FINE) * key_step(resolution);
     if let Some(spot) = spots.get_mut(*idx).filter(|_| step != Vec2::ZERO) {
         let [u, v] = spot.position;
         spot.position = [(u + step.x).clamp(0.0, 1.0), (v + step.y).clamp(0.0, 1.0)];

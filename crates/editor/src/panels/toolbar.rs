@@ -27,7 +27,7 @@ pub struct ToolbarState<'a> {
 }
 
 /// Width in points that all buttons have room in.
-const WIDE: f32 = 1050.0;
+const WIDE: f32 = 970.0;
 
 /// Draws it.
 pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {

@@ -12,7 +12,9 @@ use super::gizmo::Sight;
 use super::lamps::hint;
 use crate::action::Action;
 use crate::look::Look;
+use crate::panels::lamps::{MAKE_MOVABLE, MAKE_MOVABLE_HINT};
 use crate::panels::lights::LightsState;
+use crate::panels::menu::context_menu;
 use crate::theme;
 
 /// Half a side of what is taken hold of, points.
@@ -69,12 +71,25 @@ pub fn marks_ui(
             lights.lamps.pulled_at = Some(at);
             actions.push(Action::PullLamp { key: source.key.clone(), at: at.into() });
         }
-        if response.clicked() {
+        // Chosen, it stays there while its menu is open.
+        if response.clicked() || response.secondary_clicked() {
             lights.chosen = Some(source.key.clone());
         }
+        context_menu(&response, |ui| mark_menu(ui, &source.key, lights, actions));
         touched |= response.hovered() || response.clicked();
     }
     touched
+}
+
+fn mark_menu(ui: &mut Ui, key: &str, lights: &mut LightsState, actions: &mut Vec<Action>) {
+    if ui.button("Solo this alone").clicked() {
+        lights.solo = [key.to_owned()].into();
+        ui.close();
+    }
+    if ui.button(MAKE_MOVABLE).on_hover_text(MAKE_MOVABLE_HINT).clicked() {
+        actions.push(Action::MakeMovable(key.to_owned()));
+        ui.close();
+    }
 }
 
 /// Says the name of the shining surface under the pointer. Panels say more, elsewhere.

@@ -3,6 +3,7 @@
 use eframe::egui::accesskit::{self, ActionData};
 use eframe::egui::{self, EventFilter, Id, Key, Painter, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, pos2, vec2};
 
+use crate::panels::arrows::presses;
 use crate::theme;
 
 /// Which way more is.
@@ -148,9 +149,9 @@ fn steps(ui: &Ui, response: &Response, more: More) -> f32 {
             More::Right => [Key::ArrowLeft, Key::ArrowRight],
             More::Up => [Key::ArrowDown, Key::ArrowUp],
         };
-        n_steps += ui.input(|input| input.num_presses(up) as f32 - input.num_presses(down) as f32);
+        n_steps += presses(ui, up, FINE_STEP_EV / STEP_EV) - presses(ui, down, FINE_STEP_EV / STEP_EV);
     }
-    n_steps * if ui.input(|input| input.modifiers.shift) { FINE_STEP_EV } else { STEP_EV }
+    n_steps * STEP_EV
 }
 
 fn paint(ui: &Ui, rect: Rect, more: More, intensity: f32, response: &Response) {

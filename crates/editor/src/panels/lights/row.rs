@@ -15,7 +15,7 @@ use super::scale::{Measure, Scale, Shown, number_ui};
 use super::solo;
 use crate::action::Action;
 use crate::panels::color::{Tint, tint_ui};
-use crate::panels::lamps::{details_ui, lamp_menu};
+use crate::panels::lamps::{MAKE_MOVABLE, MAKE_MOVABLE_HINT, details_ui, lamp_menu};
 use crate::panels::menu::context_menu;
 use crate::panels::spots::spots_ui;
 use crate::theme;
@@ -208,8 +208,7 @@ pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
         LightOf::Look(lamp, _) => lamp_menu(ui, lamp, &mut mix.state.lamps, mix.actions),
         LightOf::Scene(source) => {
             let is_punctual = matches!(source.kind, SourceKind::Point | SourceKind::Spot | SourceKind::Directional);
-            let hint = "Mutes it, and puts a free lamp of the same light in its place";
-            if is_punctual && ui.button("Make movable").on_hover_text(hint).clicked() {
+            if is_punctual && ui.button(MAKE_MOVABLE).on_hover_text(MAKE_MOVABLE_HINT).clicked() {
                 mix.actions.push(Action::MakeMovable(key.clone()));
                 ui.close();
             }

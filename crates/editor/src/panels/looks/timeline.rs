@@ -235,11 +235,7 @@ fn track_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     });
     let ruler = Ruler { rect, secs };
     drag_ui(ui, &response, &ruler, look, player);
-    let mut n_frames = arrows(ui, &response).x;
-    if ui.input(|input| input.modifiers.shift) {
-        n_frames *= FRAMES_WITH_SHIFT;
-    }
-    player.step(&look.timeline, n_frames);
+    player.step(&look.timeline, arrows(ui, &response, FRAMES_WITH_SHIFT).x);
     for (idx, key) in look.timeline.keys.iter().enumerate() {
         let center = pos2(ruler.x(key.secs), rect.top() + LINE);
         let place = Rect::from_center_size(center, egui::Vec2::splat(2.0 * REACH));
