@@ -56,6 +56,44 @@ fn a_picture_with_free_lamps_is_the_traced_one() {
     }
 }
 
+/// A distribution file: candela at 0, 30, 60 and 90 degrees from the axis, on one side and on the other.
+fn measured(one: &str, other: &str) -> String {
+    format!(
+        "IESNA:LM-63-2002\n[TEST] by hand\nTILT=NONE\n1 1000 1.0 4 3 1 2 0 0 0\n1.0 1.0 10\n0 30 60 90\n0 90 180\n\
+         {one}\n400 300 100 50\n{other}\n"
+    )
+}
+
+#[test]
+fn a_moved_lamp_with_a_measured_distribution_is_the_traced_one() {
+    let lamp = json!([{ "key": "washer", "type": "ies", "file": "washer.ies", "position": [-0.3, 0.5, 0.2],
+        "aim": [0.2, -1, -0.4], "strength": 8, "unit": "cd" }]);
+    let desk = lit_by("a.look", &lamp);
+    std::fs::write(desk.path("washer.ies"), measured("400 900 200 0", "400 100 0 0")).unwrap();
+    desk.json(&format!("bake @room.glb -o @room.transport {VIEW} --spp 64 --patches 256"));
+    let shown = |command: &str| {
+        desk.json(&format!("{command} --look @a.look -o @shown.exr"));
+        read_exr(&desk.path("shown.exr")).unwrap().pixels.into_flattened()
+    };
+    let relight = "relight @room.transport --scene @room.glb --device cpu";
+    let relit = shown(relight);
+    let [a, b] = [1, 2].map(|seed| shown(&format!("trace @room.glb {VIEW} --spp 256 --seed {seed}")));
+    // The same light with both sides exchanged.
+    std::fs::write(desk.path("washer.ies"), measured("400 100 0 0", "400 900 200 0")).unwrap();
+    let turned = shown(relight);
+    // Noise of two traced pictures is independent: what their errors share is that of the relit one.
+    let products = |x: &[f32], y: &[f32]| x.iter().zip(y).map(|(x, y)| f64::from(x * y)).sum::<f64>();
+    let off = |picture: &[f32]| {
+        let from = |traced: &[f32]| picture.iter().zip(traced).map(|(x, y)| x - y).collect::<Vec<f32>>();
+        products(&from(&a), &from(&b)).max(0.0).sqrt() / products(&a, &b).sqrt()
+    };
+    let light = |picture: &[f32]| picture.iter().map(|x| f64::from(*x)).sum::<f64>();
+    let energy = 2.0 * light(&relit) / (light(&a) + light(&b));
+    println!("off {:.4}, energy {energy:.4}; turned {:.4}", off(&relit), off(&turned));
+    assert!(off(&relit) < 0.05 && (energy - 1.0).abs() < 0.02, "{} {energy}", off(&relit));
+    assert!(off(&turned) > 0.2, "the test would not see which way it is turned");
+}
+
 #[test]
 fn without_patches_a_picture_shows_direct_light_and_says_so() {
     let desk = lit_by("a.look", &two_lamps());

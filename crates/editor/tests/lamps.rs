@@ -15,8 +15,9 @@ use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
+use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, on_screen, open, open_with, room, wait};
+use desk::{Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
     window.state().look().lights.lamps.clone()
@@ -70,6 +71,26 @@ fn a_lamp_from_the_menu_lights_the_room_and_is_one_step_of_undo() {
     window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
     window.run_steps(3);
     assert_eq!(lamps(&window), added);
+}
+
+#[test]
+fn caustics_that_a_lamp_lacks_are_named_beside_the_picture() {
+    for is_mirror in [false, true] {
+        let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+        if is_mirror {
+            let panel = gltf["materials"].as_array_mut().unwrap().last_mut().unwrap();
+            panel["pbrMetallicRoughness"] = json!({"metallicFactor": 1, "roughnessFactor": 0});
+        }
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() };
+        let mut window = open_with(source, BakeConfig { patches: 64, ..quick() }, None);
+        wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+        let n_named = |window: &Window| window.query_all_by_label_contains("Lamps: without caustics").count();
+        assert_eq!(n_named(&window), 0, "no lamp was added");
+        click(&mut window, "Add lamp");
+        click(&mut window, "Point");
+        wait(&mut window, App::is_settled);
+        assert_eq!(n_named(&window), usize::from(is_mirror));
+    }
 }
 
 #[test]

@@ -298,13 +298,22 @@ impl PreparedScene {
 
     /// The point of the first of some triangles in whose plane it lies that has it.
     pub(crate) fn surface_at(&self, point: Vec3, triangles: &[u32]) -> Option<SurfaceHit> {
+        self.hit_at(point, triangles).map(|hit| self.surface_hit(&hit))
+    }
+
+    /// Whether one of some triangles in whose plane a point lies has it.
+    pub(crate) fn is_in_one(&self, point: Vec3, triangles: &[u32]) -> bool {
+        self.hit_at(point, triangles).is_some()
+    }
+
+    fn hit_at(&self, point: Vec3, triangles: &[u32]) -> Option<Hit> {
         triangles.iter().find_map(|&triangle| {
             let [a, b, c] = self.scene.mesh.corners(triangle);
             let (ab, ac, ap) = (b - a, c - a, point - a);
             let across = ab.cross(ac);
             let per_area = 1.0 / across.length_squared();
             let (u, v) = (ap.cross(ac).dot(across) * per_area, ab.cross(ap).dot(across) * per_area);
-            (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| self.surface_hit(&Hit { triangle, t: 0.0, u, v }))
+            (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then_some(Hit { triangle, t: 0.0, u, v })
         })
     }
 
@@ -378,6 +387,12 @@ impl PreparedScene {
         let ns = (mesh.normals[a] * w.x + mesh.normals[b] * w.y + mesh.normals[c] * w.z).normalize_or(hit.normal);
         // A shading normal on the other side of its own triangle would turn the surface inside out.
         if ns.dot(hit.normal) <= 0.0 { hit.normal } else { ns }
+    }
+
+    /// [`Bsdf::refracted`] of a point of smooth solid glass.
+    pub(crate) fn refracted(&self, hit: &SurfaceHit, wo: Vec3) -> Vec3 {
+        let looks = self.appearance(hit);
+        Bsdf::refracted(&looks.params, hit.normal, looks.ns, wo)
     }
 
     /// How a point scatters light towards `wo`.

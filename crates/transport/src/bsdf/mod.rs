@@ -357,12 +357,13 @@ impl Bsdf {
         }
     }
 
-    /// Share of radiance that a smooth solid without finish lets go on in the one direction of its refraction.
-    pub(crate) fn refracted(&self) -> Vec3 {
-        match &self.lobes {
-            Lobes::Layers(layers) => layers.refracted(),
-            _ => Vec3::ZERO,
-        }
+    /// Share of radiance that smooth solid glass without finish lets go on in the one direction of its refraction: all other lobes
+    /// are left alone.
+    pub(crate) fn refracted(params: &SurfaceParams, ng: Vec3, ns: Vec3, wo: Vec3) -> Vec3 {
+        let Facing { ns, eta, .. } = Facing::new(params, ng, ns, wo);
+        let passing = (1.0 - params.metallic) * params.transmission;
+        let reflected = fresnel::dielectric(wo.dot(turned_to_viewer(ns, wo)), eta);
+        params.base_color * (passing * (1.0 - reflected)) / (eta * eta)
     }
 
     /// About the greatest value of `f·|cosθ|`, 1/sr: where connections may carry much.

@@ -86,11 +86,12 @@ pub(crate) fn passed_along(
         let Some(face) = scene.surface_at(crossing.point, crossing.triangles) else { return Vec3::ZERO };
         let leg = crossing.point - at;
         let direction = leg.normalize();
-        passed *= scene.bsdf(&face, -direction).refracted() * (-extinction * leg.length()).exp();
+        // Whether the way is free costs less than what the glass takes.
+        passed *= scene.transmittance(from, face.position);
         if passed == Vec3::ZERO {
             return passed;
         }
-        passed *= scene.transmittance(from, face.position);
+        passed *= scene.refracted(&face, -direction) * (-extinction * leg.length()).exp();
         extinction = scene.extinction_behind(face.triangle, direction.dot(face.normal) > 0.0);
         (at, from) = (crossing.point, face.origin(face.outward(direction)));
     }

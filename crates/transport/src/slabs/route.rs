@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::{Face, IN_A_ROW, PARALLEL, Slab, Slabs};
+use crate::prepared::PreparedScene;
 
 /// Steps of Newton's method: quadratic from the near side, so that these reach single precision from any start.
 const STEPS: u32 = 12;
@@ -78,13 +79,21 @@ impl Slabs {
         Some(route)
     }
 
+    /// Whether the straight segment between two points meets the first slab of a route as well: nothing goes straight through its glass.
+    pub(crate) fn is_in_between(&self, scene: &PreparedScene, route: &Route, [from, to]: [Vec3; 2]) -> bool {
+        let slab = &self.slabs[route.slabs[0] as usize];
+        let (way, face) = (to - from, slab.first_face(to - from) as usize);
+        let t = (slab.offsets[face] - slab.normal.dot(from)) / slab.normal.dot(way);
+        t > 0.0 && t < 1.0 && scene.is_in_one(from + way * t, &slab.triangles[face])
+    }
+
     /// The faces that a route goes through, in order.
     pub(crate) fn crossings<'a>(&'a self, route: &'a Route) -> impl Iterator<Item = Crossing<'a>> {
         route.slabs().iter().zip(&route.points).flat_map(|(&slab, points)| {
             let slab = &self.slabs[slab as usize];
             let first = slab.first_face(route.direction) as usize;
-            [(points[0], first), (points[1], 1 - first)]
-                .map(|(point, face)| Crossing { point, triangles: &slab.triangles[face] })
+            let at = |point, face: usize| Crossing { point, triangles: &slab.triangles[face] };
+            [at(points[0], first), at(points[1], 1 - first)]
         })
     }
 

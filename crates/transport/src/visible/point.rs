@@ -105,6 +105,12 @@ impl Point {
         self.surface[5] != 0 || self.material >= SPECIAL
     }
 
+    /// Whether light from a direction may come to the viewer, given its normal.
+    #[inline]
+    pub fn may_send(&self, ng: Vec3, wi: Vec3) -> bool {
+        wi.dot(ng) > 0.0 || self.may_transmit()
+    }
+
     /// Share of the light from a direction that the viewer gets, `f·|cosθ|`, given its normal.
     #[inline]
     pub fn lit(&self, scene: &PreparedScene, specials: &[Special], ng: Vec3, wi: Vec3) -> Vec3 {

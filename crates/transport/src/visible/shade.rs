@@ -9,6 +9,7 @@ use crate::light::luminance;
 use crate::path::passed_along;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::slabs::Route;
 
 /// Points that are shaded together, as many as a fan has.
 pub(super) const GROUP: usize = 16;
@@ -73,7 +74,8 @@ impl<'a> Shading<'a> {
         let mut n_rays = 0;
         for (nth, point) in group.iter().enumerate().filter(|(_, point)| is_wanted(point.pixel)) {
             let at = (point.pixel - first) as usize;
-            if let Some(passed) = self.through_slabs((point, specials), lamp, spread(u, nth)) {
+            let route = self.route(point.position, lamp, spread(u, nth));
+            if let Some(passed) = route.and_then(|way| self.along((point, specials), lamp, spread(u, nth), way)) {
                 n_rays += 1;
                 pixels[at] += passed;
             }
@@ -83,6 +85,10 @@ impl<'a> Shading<'a> {
                 None => lamp.lamp.lit_well(point.position, spread(u, nth), self.far),
             };
             let Some(lit) = lit else { continue };
+            let slabs = &self.scene.slabs;
+            if route.is_some_and(|(_, route)| slabs.is_in_between(self.scene, &route, [point.position, lit.target])) {
+                continue;
+            }
             let ng = point.normal();
             let Some(value) = self.arriving((point, specials), ng, lamp, &lit) else { continue };
             n_rays += 1;
@@ -126,36 +132,51 @@ impl<'a> Shading<'a> {
         lamp: &PreparedLamp,
         lit: &Lit,
     ) -> Option<Vec3> {
-        if lit.wi.dot(ng) <= 0.0 && !point.may_transmit() {
+        if !point.may_send(ng, lit.wi) {
             return None;
         }
         let value = point.throughput * point.lit(self.scene, specials, ng, lit.wi) * lamp.emission * lit.factor;
         (luminance(value) > 0.0).then_some(value)
     }
 
-    /// The light of a lamp at a point through the slabs on the way; `None` where there are none.
-    fn through_slabs(&self, (point, specials): (&Point, &[Special]), lamp: &PreparedLamp, u: Vec2) -> Option<Vec3> {
-        let (scene, position) = (self.scene, point.position);
-        if scene.slabs.is_empty() {
+    /// The way from a place to a point of a lamp through the slabs in between, and where it ends, if it does; `None` where there are none.
+    fn route(&self, position: Vec3, lamp: &PreparedLamp, u: Vec2) -> Option<(Option<Vec3>, Route)> {
+        let (slabs, far) = (&self.scene.slabs, self.far);
+        if slabs.is_empty() {
             return None;
         }
-        let (end, route) = if lamp.lamp.is_beyond() {
-            let wi = lamp.lamp.lit_well(position, u, self.far)?.wi;
-            (None, scene.slabs.route_beyond(position, wi, self.far)?)
-        } else {
-            let end = lamp.lamp.point(u)?.position;
-            (Some(end), scene.slabs.route(position, end)?)
-        };
+        if lamp.lamp.is_beyond() {
+            return Some((None, slabs.route_beyond(position, lamp.lamp.lit_well(position, u, far)?.wi, far)?));
+        }
+        let end = lamp.lamp.point(u)?.position;
+        Some((Some(end), slabs.route(position, end)?))
+    }
+
+    /// The light of a lamp at a point along a route; `None` where the lamp sends none there, or the point none to its pixel.
+    fn along(
+        &self,
+        (point, specials): (&Point, &[Special]),
+        lamp: &PreparedLamp,
+        u: Vec2,
+        (end, route): (Option<Vec3>, Route),
+    ) -> Option<Vec3> {
+        let (scene, position) = (self.scene, point.position);
         // From there the lamp looks, without slabs, as it does from here through them.
         let eye = end.map_or(position, |end| end - route.direction / route.closeness.sqrt());
-        let lit = lamp.lamp.lit(eye, u, self.far)?;
-        let ng = point.normal();
-        let value = self.scattered((point, specials), ng, lamp, &lit)?;
+        let (lit, ng) = (lamp.lamp.lit(eye, u, self.far)?, point.normal());
+        if !point.may_send(ng, lit.wi) {
+            return None;
+        }
         let extinction =
             point.special(specials).map_or(Vec3::ZERO, |special| special.extinction_towards(ng, route.direction));
         let outward = if route.direction.dot(ng) > 0.0 { ng } else { -ng };
         let start = (position, point.origin(scene, outward));
-        Some(value * passed_along(scene, start, extinction, (&route, end, self.far)))
+        // Half of the ways are not free: that costs less to know than what the surface scatters.
+        let passed = passed_along(scene, start, extinction, (&route, end, self.far));
+        if passed == Vec3::ZERO {
+            return Some(passed);
+        }
+        Some(passed * self.scattered((point, specials), ng, lamp, &lit)?)
     }
 }
 

@@ -25,14 +25,6 @@ impl<F: Film> Layers<F> {
         if clear { self.transmittance(self.wo.z) } else { Vec3::ZERO }
     }
 
-    /// Share of radiance that goes on in the one direction of a smooth solid.
-    pub(in super::super) fn refracted(&self) -> Vec3 {
-        match self.behind {
-            Behind::Solid { eta } if self.choice.clear > 0.0 => self.transmittance(self.wo.z) / (eta * eta),
-            _ => Vec3::ZERO,
-        }
-    }
-
     /// A thin wall lets a facet's light out as if mirrored to the other side.
     pub(super) fn eval_thin(&self, wi: Vec3) -> (Vec3, f32) {
         let mirrored = Vec3::new(wi.x, wi.y, -wi.z);
