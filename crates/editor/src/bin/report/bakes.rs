@@ -14,21 +14,21 @@ const TOLERANCE: &str = "40";
 /// If a scene cannot be baked.
 pub fn write(desk: &Desk) -> Result<String> {
     let mut rows = String::new();
-    let cases = cases(desk);
     // Samples per pixel of the path-traced pictures that bakes are held against.
-    let reference_spp = desk.choose("64", "1024");
-    for case in &cases {
-        desk.say(&format!("baking {}", case.name));
-        rows += &measure(desk, case, reference_spp)?;
+    let reference_spp = desk.choose("64", "256");
+    for case in cases(desk) {
+        rows += &desk.part("bakes", &case.name, || {
+            desk.say(&format!("baking {}", case.name));
+            measure(desk, &case, reference_spp)
+        })?;
     }
     Ok(format!(
         "## Bakes\n\n\
-         At most {} samples per pixel, asked for {TOLERANCE} dB. Times in seconds, from the start of the command: to the preview (a whole\n\
+         Asked for {TOLERANCE} dB, with as many samples per pixel at most as the table tells. Times in seconds, from the start of the command: to the preview (a whole\n\
          picture with all columns) and to the end. Errors in dB, measured on held-out entries: truncation / sampling / total. The\n\
          last column holds the relit picture (all lights as in the file) against a path-traced one of {reference_spp} samples, whose own noise counts.\n\n\
-         | scene | size | columns | preview | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | PSNR against trace |\n\
-         |---|---|---|---|---|---|---|---|---|---|\n{rows}",
-        cases.first().map_or("", |case| case.spp),
+         | scene | size | samples | columns | preview | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | PSNR against trace |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}"
     ))
 }
 
@@ -42,9 +42,10 @@ fn measure(desk: &Desk, case: &Case, reference_spp: &str) -> Result<String> {
     clerestory(&trace)?;
     let compared = clerestory(&["compare", &relit, &traced, "--json"])?;
     Ok(format!(
-        "| {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.2} / {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {:.1} |\n",
+        "| {} | {} | {} | {:.0} | {:.1} | {:.1} | {:.2} / {:.0} | {:.2} / {:.1} | {:.0}× | {:.1} / {:.1} / {:.1} | {:.1} |\n",
         case.name,
         case.size.replace('x', "×"),
+        case.spp,
         number(&told, "/columns"),
         number(&baked, "/preview_secs"),
         number(&baked, "/bake_secs"),
