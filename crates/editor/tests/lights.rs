@@ -381,7 +381,7 @@ fn a_light_that_was_renamed_is_called_so_everywhere() {
     rename(&mut window, "lamp", "Pendant");
     let at = name(&window, "Pendant");
     from_menu(&mut window, at, "Make movable");
-    window.get_by_label("Added Pendant movable 1");
+    window.get_by_label("Pendant movable 1 stands in for Pendant, which is off now");
     rename(&mut window, "Pendant movable 1", "Door");
     for label in ["Door strength", "Door unit", "Door position X"] {
         window.get_by_label(label);

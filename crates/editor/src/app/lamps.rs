@@ -208,6 +208,8 @@ impl App {
     fn exchange(&mut self, key: &str, lamp: FreeLamp) {
         groups::join(&mut self.look.lights, key, &lamp.key);
         self.look.lights.lights.entry(key.to_owned()).or_default().muted = true;
+        let words = format!("{} stands in for {}, which is off now", lamp.key, self.look.name_of(key));
         self.push_lamp(lamp);
+        self.say(words);
     }
 }
