@@ -552,6 +552,9 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
             if let Some((onlooker, batch)) = onlooker.as_ref().zip(batch) {
                 let points = batch.points(onlooker, first);
                 self.connect_batch(&joint, (first, picks), &points, &mut fan, later, deposit);
+                if batch.is_full() && self.scene.slabs.is_empty() {
+                    continue;
+                }
             }
             for (slot, pick) in picks.iter().enumerate() {
                 let numbered = (first + slot as u32, *pick);
@@ -570,20 +573,19 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         &self,
         joint: &Joint<'_>,
         (first, picks): (u32, &[Pick]),
-        points: &Points<'_>,
+        points: &Points,
         fan: &mut Fan,
         later: &mut [u64; 2],
         deposit: &mut impl Deposit,
     ) {
-        let carried = joint.walk.carried();
-        for (slot, pick) in picks.iter().enumerate() {
-            let value = carried * points.arriving(slot) * points.white[slot];
-            if value.max_element() <= 0.0 {
-                continue;
-            }
-            later[0] += u64::from(joint.vertex != Vertex::First);
-            match self.worth_it(joint, value, first + slot as u32, pick.column, 0.0) {
-                Some(value) => fan.push(self, points.position(slot), pick.column, value, deposit),
+        later[0] += u64::from(points.lit.count_ones()) * u64::from(joint.vertex != Vertex::First);
+        let mut lit = points.lit;
+        while lit != 0 {
+            let slot = lit.trailing_zeros() as usize;
+            lit &= lit - 1;
+            let (value, column) = (points.arriving(slot), picks[slot].column);
+            match self.worth_it(joint, value, first + slot as u32, column, 0.0) {
+                Some(value) => fan.push(self, points.position(slot), column, value, deposit),
                 None => later[1] += 1,
             }
         }
@@ -760,7 +762,8 @@ impl Joint<'_> {
     /// The surface that looks at many lights at once; `None` for one that lets light pass or has a finish.
     fn onlooker(&self) -> Option<Onlooker> {
         let surface = self.bsdf.lanes()?;
-        Some(Onlooker { position: self.hit.position, surface, rivals: self.rivals, jitter: self.jitter })
+        let (position, carried) = (self.hit.position, self.walk.carried());
+        Some(Onlooker { position, surface, rivals: self.rivals, carried, jitter: self.jitter })
     }
 }
 

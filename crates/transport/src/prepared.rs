@@ -215,7 +215,9 @@ impl PreparedScene {
     pub fn transmittance16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, out: &mut [Vec3; 16]) {
         let short = shortening(origin, self.extent);
         if short > 0.0 {
-            let targets = targets.map(|target| nearer(origin, target, short));
+            // In place: a mapped array is not kept in registers.
+            let mut targets = *targets;
+            targets.iter_mut().for_each(|target| *target = nearer(origin, *target, short));
             return self.free16(origin, &targets, n, out);
         }
         self.free16(origin, targets, n, out);
@@ -225,8 +227,11 @@ impl PreparedScene {
     fn free16(&self, origin: Vec3, targets: &[Vec3; 16], n: usize, out: &mut [Vec3; 16]) {
         let visible = self.solid.visible16(origin, targets, n, 0.0, SHADOW_END);
         for i in 0..n {
-            let free = (visible >> i) & 1 == 1;
-            out[i] = if free { self.sheer_transmittance(shadow_ray(origin, targets[i])) } else { Vec3::ZERO };
+            out[i] = match (visible >> i & 1, &self.sheer) {
+                (0, _) => Vec3::ZERO,
+                (_, None) => Vec3::ONE,
+                _ => self.sheer_transmittance(shadow_ray(origin, targets[i])),
+            };
         }
     }
 

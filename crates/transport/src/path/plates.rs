@@ -36,8 +36,8 @@ pub(super) struct Batch {
     /// 1 for lights that shine from both sides, else 0.
     both_sides: Lanes,
     inverse_rate: Lanes,
-    /// Radiance of the white columns.
-    white: [Vec3; BATCH],
+    /// Radiance of the white columns, by channel.
+    white: Vectors,
 }
 
 /// A surface that looks at lights.
@@ -46,27 +46,29 @@ pub(super) struct Onlooker {
     pub surface: BsdfLanes,
     /// Walks that may meet the same lights.
     pub rivals: Rivals,
+    /// What multiplies the light that arrives.
+    pub carried: Vec3,
     /// Random offset of the lattice of points.
     pub jitter: [u32; 2],
 }
 
 /// A point on each light of a batch.
-pub(super) struct Points<'a> {
+pub(super) struct Points {
     position: Vectors,
-    /// Radiance of the white columns.
-    pub white: &'a [Vec3; BATCH],
-    /// What the surface sends to its viewer of light of radiance 1, the share of a connection, over density.
+    /// What the surface sends to its viewer, the share of a connection, over density, times what the walk carries.
     arriving: Vectors,
+    /// Bit i is set where something arrives from slot i.
+    pub lit: u32,
 }
 
-impl Points<'_> {
+impl Points {
     /// World-space point, m.
     #[inline]
     pub fn position(&self, slot: usize) -> Vec3 {
         Vec3::new(self.position[0][slot], self.position[1][slot], self.position[2][slot])
     }
 
-    /// What the viewer gets of light of radiance 1, by channel; zero where nothing arrives.
+    /// What the walk brings from there if nothing is in the way, by channel; zero where nothing arrives.
     #[inline]
     pub fn arriving(&self, slot: usize) -> Vec3 {
         Vec3::new(self.arriving[0][slot], self.arriving[1][slot], self.arriving[2][slot])
@@ -88,7 +90,7 @@ impl Batch {
             area: ZERO,
             both_sides: ZERO,
             inverse_rate: ZERO,
-            white: [Vec3::ZERO; BATCH],
+            white: ZEROS,
         };
         for (slot, pick) in picks.iter().enumerate() {
             let Some(plate) = &plates[pick.column as usize] else { continue };
@@ -102,9 +104,17 @@ impl Batch {
             batch.area[slot] = plate.area;
             batch.both_sides[slot] = f32::from(u8::from(plate.double_sided));
             batch.inverse_rate[slot] = pick.inverse_rate;
-            batch.white[slot] = plate.white;
+            for channel in 0..3 {
+                batch.white[channel][slot] = plate.white[channel];
+            }
         }
         (batch.filled.count_ones() as usize >= LEAST.min(picks.len())).then_some(batch)
+    }
+
+    /// Whether all picks that it could have are lights of the batch.
+    #[inline]
+    pub fn is_full(&self) -> bool {
+        self.filled == (1 << BATCH) - 1
     }
 
     /// Whether a pick is a light of the batch.
@@ -115,7 +125,7 @@ impl Batch {
 
     /// A point on each light and its weight; `first` is the number of the first light at this surface.
     #[inline]
-    pub fn points(&self, seen_from: &Onlooker, first: u32) -> Points<'_> {
+    pub fn points(&self, seen_from: &Onlooker, first: u32) -> Points {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: AVX2 was found.
@@ -125,8 +135,8 @@ impl Batch {
     }
 
     #[inline(always)]
-    fn points_plain(&self, seen_from: &Onlooker, first: u32) -> Points<'_> {
-        let Onlooker { position: eye, surface, rivals, jitter } = seen_from;
+    fn points_plain(&self, seen_from: &Onlooker, first: u32) -> Points {
+        let Onlooker { position: eye, surface, rivals, carried, jitter } = seen_from;
         let (mut position, mut toward, mut spread) = ([[0.0; BATCH]; 3], [[0.0; BATCH]; 3], [0.0; BATCH]);
         for i in 0..BATCH {
             let unit = |axis: usize| {
@@ -148,7 +158,7 @@ impl Batch {
             position.iter_mut().zip(at).for_each(|(lanes, at)| lanes[i] = at);
             toward.iter_mut().zip([x, y, z]).for_each(|(lanes, at)| lanes[i] = at);
         }
-        let arriving = match surface {
+        let mut arriving = match surface {
             BsdfLanes::Matte(matte) => {
                 let [value, cosines] = matte.scattered(&toward);
                 let rivals = rivals.of_base();
@@ -161,7 +171,18 @@ impl Batch {
             }
             BsdfLanes::Layered(layered) => rivals.weigh_lanes(&layered.scattered(&toward), layered.lambert, &spread),
         };
-        Points { position, white: &self.white, arriving }
+        let mut brightest = [0.0; BATCH];
+        for (channel, lanes) in arriving.iter_mut().enumerate() {
+            for i in 0..BATCH {
+                lanes[i] *= self.white[channel][i] * carried[channel];
+                brightest[i] = lanes[i].max(brightest[i]);
+            }
+        }
+        let mut lit = 0;
+        for (i, value) in brightest.iter().enumerate() {
+            lit |= u32::from(*value > 0.0) << i;
+        }
+        Points { position, arriving, lit }
     }
 }
 
@@ -215,7 +236,7 @@ impl Rivals {
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn points_avx2<'a>(batch: &'a Batch, seen_from: &Onlooker, first: u32) -> Points<'a> {
+fn points_avx2(batch: &Batch, seen_from: &Onlooker, first: u32) -> Points {
     batch.points_plain(seen_from, first)
 }
 
@@ -276,9 +297,11 @@ mod tests {
                 // Only whole surfaces are asked for a part of their walks.
                 let rivals = if kind == 1 { rivals[case as usize / 9 % 3] } else { rivals[0] };
                 let surface = bsdf.lanes().expect("it only reflects");
-                let onlooker = Onlooker { position: eye, surface, rivals, jitter };
+                let carried = Vec3::new(0.5, 1.0, 2.0);
+                let onlooker = Onlooker { position: eye, surface, rivals, carried, jitter };
                 let (points, plain) = (batch.points(&onlooker, first), batch.points_plain(&onlooker, first));
                 assert_eq!((points.position, points.arriving), (plain.position, plain.arriving), "case {case}");
+                assert_eq!(points.lit, plain.lit, "case {case}");
                 for slot in 0..BATCH {
                     let u = jittered(jitter, first + slot as u32);
                     let target = corner + u_edge * u.x + v_edge * u.y;
@@ -286,12 +309,13 @@ mod tests {
                         area_point(eye, target, normal, double_sided, area, Vec3::ONE).filter(|_| slot < n_picks);
                     let expected = light.map_or(Vec3::ZERO, |light| {
                         let rate = picks[0].inverse_rate;
-                        rivals.weigh(bsdf, light.wi, light.spread_sr * rate) * light.factor * rate
+                        carried * rivals.weigh(bsdf, light.wi, light.spread_sr * rate) * light.factor * rate
                     });
                     let (got, largest) = (points.arriving(slot), expected.max_element());
                     let off = (got - expected).abs().max_element();
                     assert!(off <= 1e-3 * largest.max(1e-5), "case {case}, {kind}: {got} is not {expected}");
                     assert!(slot >= n_picks || points.position(slot).distance(target) < 1e-5, "case {case}");
+                    assert_eq!(points.lit >> slot & 1 == 1, got.max_element() > 0.0, "case {case}, {kind}");
                     n_lit += usize::from(largest > 0.0);
                 }
             }
@@ -314,8 +338,8 @@ mod tests {
         assert_eq!([0, 1, 2, 3, 4].map(|slot| batch.holds(slot)), [true, false, true, true, false]);
         let surface = Bsdf::white(Vec3::Y, Vec3::Y).lanes().expect("it is matt");
         let rivals = Rivals::All { splits: 1 };
-        let points = batch.points(&Onlooker { position: Vec3::ZERO, surface, rivals, jitter: [0; 2] }, 0);
-        let lit = |slot: usize| points.arriving(slot) != Vec3::ZERO;
-        assert!(lit(0) && !lit(1) && lit(2) && !lit(4), "only lights of the batch arrive");
+        let (position, carried) = (Vec3::ZERO, Vec3::ONE);
+        let points = batch.points(&Onlooker { position, surface, rivals, carried, jitter: [0; 2] }, 0);
+        assert_eq!(points.lit, 0b1101, "only lights of the batch arrive");
     }
 }

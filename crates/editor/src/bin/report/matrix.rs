@@ -40,7 +40,8 @@ type Asked = (u32, f32);
 pub fn write(desk: &Desk) -> Result<String> {
     let (film, step) = desk.choose((Film { width: 128, height: 96 }, 1), (Film { width: 512, height: 384 }, 4));
     let (samples, spp): (&[u32], u32) = desk.choose((&[4, 16], 16), (&[4, 16, 64], 128));
-    let samples: Vec<Asked> = samples.iter().map(|&spp| (spp, NO_TOLERANCE_DB)).collect();
+    let to_tolerance = desk.choose(&[][..], &[(64, 26.0), (64, 30.0), (64, 34.0), (64, 38.0)]);
+    let asked: Vec<Asked> = samples.iter().map(|&spp| (spp, NO_TOLERANCE_DB)).chain(to_tolerance.to_vec()).collect();
     let sampling = Sampling { film, step, bounces: BOUNCES, spp };
     let mut text = format!(
         "## Matrix\n\n\
@@ -56,7 +57,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     );
     for (name, peers) in SCENES {
         let Some(path) = desk.shared(&format!("references/{name}.glb")) else { continue };
-        text += &desk.part("matrix", name, || scene(desk, (name, None), &path, sampling, &samples))?;
+        text += &desk.part("matrix", name, || scene(desk, (name, None), &path, sampling, &asked))?;
         text += &quoted(desk, peers)?;
     }
     let (name, resolution) = MANY;
