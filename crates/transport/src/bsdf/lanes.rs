@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::energy::N_COS;
 use super::matte::{Coupling, Rest};
-use super::{Bsdf, Lobes};
+use super::{Bsdf, Lobes, fresnel};
 
 /// Directions that are looked at together.
 pub(crate) const LANES: usize = 16;
@@ -161,8 +161,7 @@ impl Layered {
             let quarter = area * area * area / (PI * spread * spread) * per_view;
             let (wide_x, wide_y) = (alpha_x * x, alpha_y * y);
             let lambda_i = 0.5 * ((1.0 + (wide_x * wide_x + wide_y * wide_y) / (z * z)).sqrt() - 1.0);
-            let far = (1.0 - cos_half).clamp(0.0, 1.0);
-            grazing[i] = far * far * (far * far) * far;
+            grazing[i] = fresnel::grazing(cos_half);
             up[i] = if faces { z } else { 0.0 };
             quarter_g2[i] = if faces { quarter / (1.0 + self.lambda_o + lambda_i) } else { 0.0 };
             out.coat_pdf[i] = if faces { quarter * g1 } else { 0.0 };
@@ -216,8 +215,7 @@ impl CouplingTable {
         let (mut allowance, mut root) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             allowance[i] = (left[i].max(0.0) / passed[i].max(1e-6)).min(1.0);
-            let far = (1.0 - cosines[i]).clamp(0.0, 1.0);
-            root[i] = (1.0 - self.reflectance(far * far * (far * far) * far)).max(0.0).sqrt();
+            root[i] = (1.0 - self.reflectance(fresnel::grazing(cosines[i]))).max(0.0).sqrt();
         }
         [allowance, root]
     }
@@ -247,6 +245,7 @@ fn dot(vectors: &Vectors, lane: usize, other: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bsdf::tests::WHITE;
     use crate::bsdf::{FinishParams, SurfaceParams};
     use crate::sampler::{Sampler, uniform_sphere};
     use crate::scene::FacetScattering;
@@ -257,12 +256,11 @@ mod tests {
             base_color: Vec3::new(0.9, 0.7, 0.5),
             metallic: [0.0, 1.0, 0.3][nth(1, 3)],
             roughness: [0.0, 0.2, 0.6, 1.0][nth(3, 4)],
-            transmission: 0.0,
             ior: [1.5, 2.4][nth(12, 2)],
             specular: [1.0, 0.4][nth(24, 2)],
             specular_color: Vec3::new(1.0, 0.8, 0.6),
-            thickness: 0.0,
             facet_scattering: [FacetScattering::Multiple, FacetScattering::Single][nth(48, 2)],
+            ..WHITE
         };
         let anisotropy_direction = Vec3::new(1.0, 0.0, 0.3).normalize();
         let finish =
@@ -332,17 +330,7 @@ mod tests {
 
     #[test]
     fn what_lets_light_pass_is_looked_at_from_one_direction_at_a_time() {
-        let glass = SurfaceParams {
-            base_color: Vec3::ONE,
-            metallic: 0.0,
-            roughness: 0.3,
-            transmission: 1.0,
-            ior: 1.5,
-            specular: 1.0,
-            specular_color: Vec3::ONE,
-            thickness: 1.0,
-            facet_scattering: FacetScattering::Multiple,
-        };
+        let glass = SurfaceParams { roughness: 0.3, transmission: 1.0, thickness: 1.0, ..WHITE };
         assert!(Bsdf::new(&glass, Vec3::Y, Vec3::Y, Vec3::Y).lanes().is_none());
     }
 }

@@ -31,7 +31,7 @@ mod pose;
 mod sheen;
 mod stack;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::f32::consts::{FRAC_1_PI, PI, TAU};
 

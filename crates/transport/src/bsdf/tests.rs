@@ -10,7 +10,8 @@ use crate::sampler::{Sampler, uniform_sphere};
 
 const SEED: u64 = 20_231;
 
-const WHITE: SurfaceParams = SurfaceParams {
+/// What surfaces of tests are made of by changing some of it.
+pub(crate) const WHITE: SurfaceParams = SurfaceParams {
     base_color: Vec3::ONE,
     metallic: 0.0,
     roughness: 1.0,

@@ -254,21 +254,16 @@ pub(super) fn of_columns(emitters: &[Emitter], columns: impl Iterator<Item = (u3
 mod tests {
     use super::super::{area_point, jittered};
     use super::*;
+    use crate::bsdf::tests::WHITE;
     use crate::bsdf::{Bsdf, SurfaceParams};
     use crate::sampler::{Sampler, uniform_sphere};
-    use crate::scene::FacetScattering;
 
     fn surfaces(case: u64, ng: Vec3, ns: Vec3, wo: Vec3) -> [Bsdf; 4] {
         let params = SurfaceParams {
             base_color: Vec3::new(0.9, 0.7, 0.5),
             metallic: [0.0, 0.4, 1.0][case as usize % 3],
             roughness: [0.1, 0.4, 1.0][case as usize / 3 % 3],
-            transmission: 0.0,
-            ior: 1.5,
-            specular: 1.0,
-            specular_color: Vec3::ONE,
-            thickness: 0.0,
-            facet_scattering: FacetScattering::Multiple,
+            ..WHITE
         };
         let whole = Bsdf::new(&params, ng, ns, wo);
         let matte = whole.matte().filter(|matte| matte.seen_share(wo) > 0.0).unwrap_or(Bsdf::white(ng, ns));
