@@ -58,12 +58,15 @@ pub struct ColumnGroup {
 /// How many samples each row gets, per half: `min`, then twice as many, until the tolerance is met.
 ///
 /// What one half's samples say decides how many the *other* half takes: the number of samples then knows nothing of the
-/// values they have, and the mean of each half is free of bias, however rare and bright a sample may be.
+/// values they have, and the mean of each half is free of bias, however rare and bright a sample may be. A half's single
+/// sample does not tell how noisy it is; but where [colors are
+/// independent](crate::SampledMatrix::colors_are_independent), every other bundle of a block tells it of those between.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SamplePlan {
     /// Samples that are taken at a time.
     pub batch: u32,
-    /// Samples before the first look at the tolerance. A single one cannot be looked at: then the second is taken too.
+    /// Samples before the first look at the tolerance. A single one can be looked at only where colors are independent; else the
+    /// second is taken too.
     pub min: u32,
     /// Samples at most.
     pub max: u32,

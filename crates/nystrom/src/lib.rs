@@ -67,6 +67,7 @@ mod means;
 mod measure;
 pub mod packed;
 pub mod partition;
+mod parts;
 mod preserve;
 mod product;
 mod project;

@@ -35,6 +35,13 @@ pub trait SampledMatrix: Sync {
     fn n_cols(&self) -> usize;
     /// Number of rows in a bundle, at least 1.
     fn bundle_len(&self) -> usize;
+    /// Whether, within a half, what more samples take away of the noise of bundles on white squares of a chessboard (of the grid of a
+    /// [`Partition`](crate::Partition)) is independent of that of bundles on black ones: then few samples may be enough, see
+    /// [`SamplePlan`](crate::SamplePlan).
+    fn colors_are_independent(&self) -> bool {
+        false
+    }
+
     /// Adds the *sum* of the estimates `samples` of each row of `bundles` to `out`.
     ///
     /// `out` is row-major, `bundles.len() · bundle_len()` rows × `n_cols` columns, in the order of `bundles`. Entries that

@@ -77,11 +77,9 @@ impl Tolerance {
     }
 }
 
-/// The noise of the factors' samples over what is allowed, as one half expects it from its own two parts (`means` holds
-/// these in place of the halves): up to a half is enough whatever is fitted. Without a tolerance all noise is too much.
+/// The noise of the mean of two samplings over what is allowed. Without a tolerance all noise is too much.
 pub(crate) fn noise_share(means: &Means, tolerance: Tolerance) -> f64 {
-    // The mean of both halves has half of the variance of one.
-    let noise = 0.5 * means.noise_per_entry();
+    let noise = means.noise_per_entry();
     let goal = allowed(means, tolerance);
     if noise == 0.0 {
         0.0
@@ -92,18 +90,20 @@ pub(crate) fn noise_share(means: &Means, tolerance: Tolerance) -> f64 {
     }
 }
 
-/// The error of the factors over what is allowed, as one half expects it from fits to its own two parts.
+/// The error of the factors over what is allowed, as fits to two samplings tell it, of the variance of whose mean a share is
+/// remaining.
 pub(crate) fn error_share(
     means: &Means,
     bundle_len: usize,
     tolerance: Tolerance,
+    remaining: f64,
     config: &CompressConfig,
     rng: Random,
 ) -> f64 {
     let (goal, limit) = (allowed(means, tolerance), limit(means, config, tolerance));
     let [first, second] = fitted(means, bundle_len, tolerance, config, rng);
     let measured = Measured::new(means, &first, &second, limit, Some(goal));
-    let sampling = 0.5 * measured.sampling / goal;
+    let sampling = remaining * measured.sampling / goal;
     // Where rank is in the way, more samples help only against noise.
     if measured.rank == limit {
         return 2.0 * sampling;

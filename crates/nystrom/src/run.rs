@@ -14,6 +14,7 @@ use crate::{
     matrix::{Half, SampledMatrix, SparseEntry},
     means::Means,
     partition::Partition,
+    parts::{self, Part, Together},
     steer::Judge,
     sums::Sums,
 };
@@ -40,9 +41,10 @@ struct Sink<F> {
 #[derive(Default)]
 struct Scratch {
     bundles: Vec<u32>,
-    halves: [Sums; 2],
-    /// The sums that count of a half that was closed before the other one.
-    kept: Vec<f32>,
+    parts: [Part; 2],
+    together: Together,
+    /// Some rows of two samplings.
+    asked: [Vec<f32>; 2],
     means: Means,
 }
 
@@ -123,48 +125,98 @@ where
         }
     }
 
-    /// Samples a block, twice as much each time, until each half calls the other's samples enough; `None` if told to stop.
+    /// Samples a block and compresses it; `None` if told to stop.
     fn block(&self, block: u32, scratch: &mut Scratch) -> Result<Option<Vec<BlockFactors>>, CompressError> {
         self.partition.bundles(block as usize, &mut scratch.bundles);
-        let n_entries = scratch.bundles.len() * self.matrix.bundle_len() * self.matrix.n_cols();
-        scratch.halves.iter_mut().for_each(|sums| sums.start(n_entries));
+        let SamplePlan { min, max, .. } = self.config.samples;
+        let has_colors = min <= 1 && max > 1 && parts::has_colors(self.matrix, &scratch.bundles);
+        let n_parts = if has_colors { 2 } else { 1 };
+        let (parts, place) = (&mut scratch.parts[..n_parts], (self.partition, block));
+        parts::start(parts, place, &scratch.bundles, self.bundle_size());
+        let mut is_done = [false; 2];
+        if has_colors {
+            for part in parts.iter_mut() {
+                if self.sample(0..1, part).is_break() {
+                    return Ok(None);
+                }
+            }
+            is_done = self.look_across(block, scratch)?;
+        }
+        for nth in (0..n_parts).filter(|nth| !is_done[*nth]) {
+            let taken = u32::from(has_colors);
+            if self.go_on(block, (nth, taken), scratch)?.is_break() {
+                return Ok(None);
+            }
+        }
+        self.compress(block, n_parts, scratch)
+    }
+
+    /// Entries of a bundle.
+    fn bundle_size(&self) -> usize {
+        self.matrix.bundle_len() * self.matrix.n_cols()
+    }
+
+    /// Which color has seen enough after one sample of each half, as the other one tells.
+    fn look_across(&self, block: u32, scratch: &mut Scratch) -> Result<[bool; 2], CompressError> {
+        let mut is_done = [false; 2];
+        for (color, part) in scratch.parts.iter().enumerate() {
+            for (half, asked) in part.halves.iter().zip(&mut scratch.asked) {
+                parts::ask(half.parts().0[1], self.bundle_size(), asked);
+            }
+            let samples = self.samples(scratch.asked.each_ref().map(Vec::as_slice), [&[], &[]], [1; 2]);
+            is_done[1 - color] = Judge::default().is_content(&samples, 1.0, self.config, block, &mut scratch.means)?;
+        }
+        Ok(is_done)
+    }
+
+    /// Samples a part that has some samples, twice as much each time, until each half calls the other's samples enough.
+    fn go_on(
+        &self,
+        block: u32,
+        (nth, mut taken): (usize, u32),
+        scratch: &mut Scratch,
+    ) -> Result<ControlFlow<()>, CompressError> {
         let SamplePlan { min, max, .. } = self.config.samples;
         let mut judges = [Judge::default(), Judge::default()];
-        let mut taken = min.max(1).min(max);
-        // The first samples come in two parts as well, each of them half of the samples.
-        if self.sample(0..taken / 2, scratch).is_break() || self.sample(taken / 2..taken, scratch).is_break() {
-            return Ok(None);
+        if taken == 0 {
+            taken = min.max(1).min(max);
+            // The first samples come in two parts as well, each of them half of the samples.
+            for samples in [0..taken / 2, taken / 2..taken] {
+                if self.sample(samples, &mut scratch.parts[nth]).is_break() {
+                    return Ok(ControlFlow::Break(()));
+                }
+            }
         }
         while taken < max {
-            self.look(block, &mut judges, scratch)?;
-            if !scratch.halves.iter().any(Sums::open) {
+            self.look(block, &mut judges, nth, scratch)?;
+            if !scratch.parts[nth].halves.iter().any(Sums::open) {
                 break;
             }
             let target = taken.saturating_mul(2).min(max);
-            if self.sample(taken..target, scratch).is_break() {
-                return Ok(None);
+            if self.sample(taken..target, &mut scratch.parts[nth]).is_break() {
+                return Ok(ControlFlow::Break(()));
             }
             taken = target;
         }
-        self.compress(block, scratch)
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Adds samples, batch by batch. Where nobody looks at them any more, halves that are closed get none.
-    fn sample(&self, samples: Range<u32>, scratch: &mut Scratch) -> ControlFlow<()> {
-        for sums in &mut scratch.halves {
+    fn sample(&self, samples: Range<u32>, part: &mut Part) -> ControlFlow<()> {
+        for sums in &mut part.halves {
             sums.join();
-            sums.keep(&mut scratch.kept);
+            sums.keep(&mut part.kept);
         }
         let is_last = samples.end == self.config.samples.max;
         let mut first = samples.start;
         while first < samples.end {
             let last = first.saturating_add(self.config.samples.batch).min(samples.end);
-            for (half, sums) in [Half::A, Half::B].into_iter().zip(&mut scratch.halves) {
+            for (half, sums) in [Half::A, Half::B].into_iter().zip(&mut part.halves) {
                 if self.stops() {
                     return ControlFlow::Break(());
                 }
                 if sums.open() || !is_last {
-                    sums.add(self.matrix, &scratch.bundles, first..last, half);
+                    sums.add(self.matrix, &part.bundles, first..last, half);
                 }
             }
             first = last;
@@ -173,28 +225,52 @@ where
     }
 
     /// Closes each half whose other half has seen enough.
-    fn look(&self, block: u32, judges: &mut [Judge; 2], scratch: &mut Scratch) -> Result<(), CompressError> {
-        let open = scratch.halves.each_ref().map(Sums::open);
+    fn look(
+        &self,
+        block: u32,
+        judges: &mut [Judge; 2],
+        nth: usize,
+        scratch: &mut Scratch,
+    ) -> Result<(), CompressError> {
+        let part = &scratch.parts[nth];
+        let open = part.halves.each_ref().map(Sums::open);
         let mut content = [false; 2];
         for half in [0, 1].into_iter().filter(|half| open[1 - half]) {
-            let (halves, n_samples) = scratch.halves[half].parts();
-            let parts = self.samples(halves, [&[], &[]], n_samples);
-            content[half] = judges[half].is_content(&parts, self.config, block, &mut scratch.means)?;
+            let (sums, n_samples) = part.halves[half].parts();
+            for (rows, asked) in sums.into_iter().zip(&mut scratch.asked) {
+                parts::ask(rows, self.bundle_size(), asked);
+            }
+            let samples = self.samples(scratch.asked.each_ref().map(Vec::as_slice), [&[], &[]], n_samples);
+            // The mean of both halves has half of the variance of one.
+            content[half] = judges[half].is_content(&samples, 0.5, self.config, block, &mut scratch.means)?;
         }
         for half in [0, 1].into_iter().filter(|&half| content[half]) {
-            scratch.halves[1 - half].close();
+            scratch.parts[nth].halves[1 - half].close();
         }
         Ok(())
     }
 
     /// Compresses what was sampled; `None` if told to stop.
-    fn compress(&self, block: u32, scratch: &mut Scratch) -> Result<Option<Vec<BlockFactors>>, CompressError> {
-        scratch.halves.iter_mut().for_each(Sums::join);
-        let [(a, n_a), (b, n_b)] = scratch.halves.each_ref().map(|sums| sums.counted(&scratch.kept));
-        let samples = self.samples([a, b], scratch.halves.each_ref().map(Sums::sparse), [n_a, n_b]);
+    fn compress(
+        &self,
+        block: u32,
+        n_parts: usize,
+        scratch: &mut Scratch,
+    ) -> Result<Option<Vec<BlockFactors>>, CompressError> {
+        let parts = &mut scratch.parts[..n_parts];
+        parts.iter_mut().flat_map(|part| &mut part.halves).for_each(Sums::join);
+        let counted = match parts {
+            [whole] => whole.whole(),
+            parts => scratch.together.bring(parts, (self.matrix.bundle_len(), self.bundle_size())),
+        };
+        let samples = self.samples(counted.halves, counted.sparse, counted.n_samples);
         let group = |group| {
+            let compress = || {
+                let factors = compress_group(&samples, group, self.config, block, &mut scratch.means)?;
+                Ok(BlockFactors { n_samples: counted.mean_samples, ..factors })
+            };
             let wanted = !self.stops();
-            wanted.then(|| compress_group(&samples, group, self.config, block, &mut scratch.means)).transpose()
+            wanted.then(compress).transpose()
         };
         self.config.groups.iter().map(group).collect()
     }

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Landmark bundles of the first round; each further round doubles them.
-const N_FIRST: usize = 8;
+const N_FIRST: usize = 4;
 /// Rank that is enough without landmarks: smaller matrices are decomposed as they are.
 const SMALL: usize = 24;
 

@@ -34,13 +34,15 @@ struct Fitted {
 }
 
 impl Judge {
-    /// Is every group of columns exact enough if the other half is as noisy as this one? `parts` are those of one half.
+    /// Is every group of columns exact enough if what is not asked is as noisy as what is? `parts` are two samplings that
+    /// were not compared before, and `remaining` the share of the variance of their mean that the mean of all will have.
     ///
     /// # Errors
     /// Samples that are not finite.
     pub(crate) fn is_content(
         &mut self,
         parts: &BlockSamples<'_>,
+        remaining: f64,
         config: &CompressConfig,
         block_idx: u32,
         means: &mut Means,
@@ -53,7 +55,7 @@ impl Judge {
             let tolerance = config.groups[nth].tolerance;
             fill(means, parts, &config.groups[nth], block_idx)?;
             let known = self.fitted.filter(|_| nth == first);
-            let noise = noise_share(means, tolerance);
+            let noise = remaining * noise_share(means, tolerance);
             if let Some(is_content) = without_fit(noise, means.mean.n_rows.min(means.mean.n_cols), known) {
                 if is_content {
                     continue;
@@ -62,7 +64,7 @@ impl Judge {
                 return Ok(false);
             }
             let rng = Random::new([config.seed, u64::from(block_idx)]);
-            let error = error_share(means, parts.bundle_len, tolerance, config, rng);
+            let error = error_share(means, parts.bundle_len, tolerance, remaining, config, rng);
             if error > ENOUGH {
                 *self = Self { group: nth, fitted: Some(Fitted { noise, error }) };
                 return Ok(false);

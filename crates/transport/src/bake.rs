@@ -130,8 +130,8 @@ pub enum Indirect {
 impl Indirect {
     /// Walks of a node for each half, of the preview and of a bake; and at which tolerance a bake takes the least.
     const PREVIEW_WALKS: u32 = 8;
-    const NODE_WALKS: [u32; 2] = [32, 512];
-    const LEAST_UP_TO_DB: f32 = 32.0;
+    const NODE_WALKS: [u32; 2] = [16, 512];
+    const LEAST_UP_TO_DB: f32 = 30.0;
     /// Walks of a cell for each half.
     const CELL_WALKS: u32 = 16;
 
@@ -198,7 +198,7 @@ impl Passes {
 
 /// Samples per half at which a block is first asked whether it is exact enough; more where indirect light is traced, since
 /// a half that met a rare bright walk early would keep it undiluted.
-const FIRST_LOOK_SHARED: u32 = 2;
+const FIRST_LOOK_SHARED: u32 = 1;
 const FIRST_LOOK_TRACED: u32 = 4;
 
 /// Samples per half of the first pass of those that grow until a time is up.

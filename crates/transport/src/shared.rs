@@ -111,6 +111,11 @@ impl SampledMatrix for SharedMatrix<'_> {
         self.matrix.bundle_len()
     }
 
+    /// What pixels have in common, nodes and cells, is the same for any number of samples.
+    fn colors_are_independent(&self) -> bool {
+        true
+    }
+
     fn add_rows(
         &self,
         bundles: &[u32],

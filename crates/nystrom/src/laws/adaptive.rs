@@ -16,6 +16,8 @@ const N_LIT: usize = 3;
 struct Bright {
     n_rows: usize,
     seed: u64,
+    /// Whether it tells that its rows are independent, which they are.
+    independent: bool,
 }
 
 impl Bright {
@@ -33,6 +35,9 @@ impl SampledMatrix for Bright {
     }
     fn bundle_len(&self) -> usize {
         1
+    }
+    fn colors_are_independent(&self) -> bool {
+        self.independent
     }
     fn add_rows(
         &self,
@@ -59,23 +64,25 @@ impl SampledMatrix for Bright {
 
 #[test]
 fn rare_bright_samples_are_worth_as_much_whenever_sampling_stops() {
-    let plan = SamplePlan { batch: 8, min: 2, max: 64 };
-    for (seed, tolerance) in
-        [Tolerance::AbsoluteMeanSquare(0.05), Tolerance::RelativeFrobenius(0.1)].into_iter().enumerate()
-    {
+    let [absolute, relative] = [Tolerance::AbsoluteMeanSquare(0.05), Tolerance::RelativeFrobenius(0.1)];
+    let cases = [(absolute, false), (relative, false), (absolute, true), (relative, true)];
+    for (seed, (tolerance, independent)) in cases.into_iter().enumerate() {
+        let plan = SamplePlan { batch: 8, min: if independent { 1 } else { 2 }, max: 64 };
         // Three thousand blocks of four rows.
-        let matrix = Bright { n_rows: 12000, seed: seed as u64 };
+        let matrix = Bright { n_rows: 12000, seed: seed as u64, independent };
         let partition = Partition { width: 12000, height: 1, tile: 4 };
         let blocks: Vec<u32> = (0..partition.n_blocks() as u32).collect();
         let group = ColumnGroup { columns: 0..N_LIT + 1, tolerance, preserved: vec![1.0; N_LIT + 1], share: 1.0 };
         let config = CompressConfig { groups: vec![group], samples: plan, ..CompressConfig::default() };
-        let (mut low_rank, mut sparse, mut n_samples) = (0.0, 0.0, 0.0);
+        let (mut low_rank, mut sparse, mut n_samples, mut n_parted) = (0.0, 0.0, 0.0, 0);
         let flow = compress(&matrix, &partition, &blocks, &config, |_, mut factors| {
             let mut factors = factors.remove(0);
             sparse += factors.sparse.drain(..).map(|entry| f64::from(entry.value)).sum::<f64>();
             // The preserved product: what was sampled, whatever the rank.
             low_rank += factors.apply(&[1.0; N_LIT + 1]).iter().map(|&x| f64::from(x)).sum::<f64>();
             n_samples += f64::from(factors.n_samples) / blocks.len() as f64;
+            // Two rows of two samples and two of more.
+            n_parted += usize::from(factors.n_samples == 3);
             ControlFlow::Continue(())
         });
         assert_eq!(flow, Ok(ControlFlow::Continue(())));
@@ -89,6 +96,7 @@ fn rare_bright_samples_are_worth_as_much_whenever_sampling_stops() {
             "{tolerance:?}: bright samples bring {lit:.3}, sparse ones {sparse:.3} ± {deviation:.3}, bias of the mean {:+.1} %, {n_samples:.1} samples",
             100.0 * (lit - 1.0) / (1.0 + smooth * per_row / N_LIT as f64)
         );
+        assert_eq!(n_parted > 0, independent, "{tolerance:?}: {n_parted} blocks have rows of both kinds");
         assert!(n_samples < 0.9 * f64::from(2 * plan.max), "{tolerance:?} stops nowhere");
         assert!((lit - 1.0).abs() < 4.0 * deviation, "{tolerance:?}: {lit} for 1 ± {deviation}");
         assert!((sparse - 1.0).abs() < 4.0 * deviation, "{tolerance:?}: sparse {sparse} for 1 ± {deviation}");
@@ -180,6 +188,78 @@ fn a_single_sample_says_nothing_of_its_noise() {
     let quiet = one_sided(Half::A, SamplePlan { batch: 1, min: 1, max: 8 });
     // The quiet half stops the noisy one as soon as it has two samples of its own.
     assert_eq!((quiet.0[0].n_samples, quiet.1), (10, [8, 4]));
+}
+
+/// All 1; bundles at odd places have noise. Column 2 is sparse: the number of the sample, counted from 1.
+struct Chessboard;
+
+impl SampledMatrix for Chessboard {
+    fn n_rows(&self) -> usize {
+        48
+    }
+    fn n_cols(&self) -> usize {
+        3
+    }
+    fn bundle_len(&self) -> usize {
+        2
+    }
+    fn colors_are_independent(&self) -> bool {
+        true
+    }
+    fn add_rows(
+        &self,
+        bundles: &[u32],
+        samples: Range<u32>,
+        half: Half,
+        out: &mut [f32],
+        sparse: &mut Vec<SparseEntry>,
+    ) {
+        for sample in samples {
+            for (row, out) in out.chunks_mut(3).enumerate() {
+                let bundle = bundles[row / 2];
+                let is_noisy = (bundle % 6 + bundle / 6) % 2 == 1;
+                let key = u64::from(bundle) * 4 + row as u64 % 2 * 2 + u64::from(half == Half::B);
+                let noise = if is_noisy { 4.0 * Random::new([key, u64::from(sample)]).normal() } else { 0.0 };
+                out[..2].iter_mut().for_each(|x| *x += 1.0 + noise);
+                sparse.push(SparseEntry { row: row as u32, col: 2, value: 1.0 + sample as f32 });
+            }
+        }
+    }
+}
+
+#[test]
+fn a_quiet_color_ends_the_other_one_after_a_sample_and_goes_on_itself() {
+    let group = ColumnGroup {
+        columns: 0..3,
+        tolerance: Tolerance::AbsoluteMeanSquare(1e-3),
+        preserved: vec![1.0; 3],
+        share: 1.0,
+    };
+    let samples = SamplePlan { batch: 3, min: 1, max: 8 };
+    let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
+    let mut found = Vec::new();
+    let partition = Partition { width: 6, height: 4, tile: 6 };
+    let flow = compress(&Chessboard, &partition, &[0], &config, |_, mut factors| {
+        found.push(factors.remove(0));
+        ControlFlow::Continue(())
+    });
+    assert_eq!(flow, Ok(ControlFlow::Continue(())));
+    let bundles: Vec<u32> = (0..24).collect();
+    let mut once = vec![0.0; 48 * 3];
+    for half in [Half::A, Half::B] {
+        Chessboard.add_rows(&bundles, 0..1, half, &mut once, &mut Vec::new());
+    }
+    let factors = &found[0];
+    // Half of the bundles have a sample of each half, half of them two.
+    assert_eq!(factors.n_samples, 3);
+    let mut sparse = vec![0.0; 48];
+    factors.sparse.iter().for_each(|entry| sparse[entry.row as usize] += entry.value);
+    for (row, got) in factors.apply(&[1.0; 3]).into_iter().enumerate() {
+        let is_noisy = (row / 2 % 6 + row / 12) % 2 == 1;
+        assert_eq!(sparse[row], if is_noisy { 1.0 } else { 1.5 }, "row {row}");
+        let want = 0.5 * (once[row * 3] + once[row * 3 + 1]) + sparse[row];
+        assert!((got - want).abs() < 0.02, "row {row}: {got} for {want}");
+    }
 }
 
 #[test]

@@ -22,7 +22,7 @@ use crate::nodes::Nodes;
 const BLOCKS: usize = 48;
 const BLOCKS_PER_THREAD: usize = 3;
 /// Sums of the samples of a block that a thread holds at once, with what makes factors of them.
-const COPIES: u64 = 8;
+const COPIES: u64 = 11;
 
 /// Coefficients of a block that are held while it is packed, first as they are and then rounded, over its factors in memory.
 const PACKING: f64 = 4.0;

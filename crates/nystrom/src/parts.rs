@@ -1,0 +1,149 @@
+//! The parts of a block, each sampled for as long as it takes: all bundles together, or in two colors.
+//!
+//! A half with a single sample does not know how noisy it is. But where the colors have noise of their own, bundles on the white
+//! squares of a chessboard tell how noisy those on the black ones are: what the halves differ by in the one color decides whether
+//! the *other* one goes on. So most of a block may be done with one sample of each half, and how many samples a row has still
+//! knows nothing of the values that they have. From then on each color is by itself, for the same reason.
+
+use crate::{
+    matrix::{SampledMatrix, SparseEntry},
+    partition::Partition,
+    sums::Sums,
+};
+
+/// Bundles that are asked how noisy a part is, at most.
+const MOST_ASKED: usize = 64;
+
+/// Bundles of a block that get as many samples.
+#[derive(Default)]
+pub(crate) struct Part {
+    /// Places of the bundles in the block.
+    places: Vec<usize>,
+    pub(crate) bundles: Vec<u32>,
+    pub(crate) halves: [Sums; 2],
+    /// The sums that count of a half that was closed before the other one.
+    pub(crate) kept: Vec<f32>,
+}
+
+/// Whether the bundles of a block can be told apart in two colors before a half knows itself how noisy it is.
+pub(crate) fn has_colors<M: SampledMatrix>(matrix: &M, bundles: &[u32]) -> bool {
+    bundles.len() > 1 && matrix.colors_are_independent()
+}
+
+/// Begins a block: all bundles in the first part, or each color in one.
+pub(crate) fn start(
+    parts: &mut [Part],
+    (partition, block_idx): (&Partition, u32),
+    bundles: &[u32],
+    bundle_size: usize,
+) {
+    let width = partition.rect(block_idx as usize)[2] as usize;
+    let n_parts = parts.len();
+    for (color, part) in parts.iter_mut().enumerate() {
+        part.places.clear();
+        part.places.extend((0..bundles.len()).filter(|place| (place % width + place / width) % n_parts == color));
+        part.bundles.clear();
+        part.bundles.extend(part.places.iter().map(|&place| bundles[place]));
+        let n_entries = part.places.len() * bundle_size;
+        part.halves.iter_mut().for_each(|sums| sums.start(n_entries));
+    }
+}
+
+/// The rows of some bundles, evenly spread, that are asked how noisy all are.
+pub(crate) fn ask(rows: &[f32], bundle_size: usize, asked: &mut Vec<f32>) {
+    let n_bundles = rows.len() / bundle_size;
+    asked.clear();
+    rows.chunks_exact(bundle_size)
+        .step_by(n_bundles.div_ceil(MOST_ASKED).max(1))
+        .for_each(|bundle| asked.extend_from_slice(bundle));
+}
+
+/// The samples of a whole block that count.
+pub(crate) struct Counted<'a> {
+    /// Sums of both halves.
+    pub(crate) halves: [&'a [f32]; 2],
+    pub(crate) sparse: [&'a [SparseEntry]; 2],
+    /// What sums of each half are to be divided by.
+    pub(crate) n_samples: [u32; 2],
+    /// Samples of both halves that a bundle has in the mean.
+    pub(crate) mean_samples: u32,
+}
+
+/// Buffers to bring parts together.
+#[derive(Default)]
+pub(crate) struct Together {
+    halves: [Vec<f32>; 2],
+    sparse: [Vec<SparseEntry>; 2],
+}
+
+impl Part {
+    fn counted(&self, half: usize) -> (&[f32], u32) {
+        self.halves[half].counted(&self.kept)
+    }
+
+    /// After a [`Sums::join`] of both halves, where this part is the block.
+    pub(crate) fn whole(&self) -> Counted<'_> {
+        let [(a, n_a), (b, n_b)] = [self.counted(0), self.counted(1)];
+        let sparse = self.halves.each_ref().map(Sums::sparse);
+        Counted { halves: [a, b], sparse, n_samples: [n_a, n_b], mean_samples: n_a + n_b }
+    }
+}
+
+impl Together {
+    /// After a [`Sums::join`] of all halves: both parts, as if each had as many samples as the one that has more.
+    pub(crate) fn bring(&mut self, parts: &[Part], (bundle_len, bundle_size): (usize, usize)) -> Counted<'_> {
+        let n_bundles: usize = parts.iter().map(|part| part.places.len()).sum();
+        let n_samples = [0, 1].map(|half| parts.iter().map(|part| part.counted(half).1).max().unwrap_or(0));
+        let mut taken = 0;
+        for half in [0, 1] {
+            let (rows, entries) = (&mut self.halves[half], &mut self.sparse[half]);
+            rows.resize(n_bundles * bundle_size, 0.0);
+            entries.clear();
+            for part in parts {
+                let (sums, n) = part.counted(half);
+                taken += part.places.len() as u64 * u64::from(n);
+                let times = n_samples[half] as f32 / n as f32;
+                for (&place, sums) in part.places.iter().zip(sums.chunks_exact(bundle_size)) {
+                    let out = rows[place * bundle_size..][..bundle_size].iter_mut();
+                    out.zip(sums).for_each(|(out, sum)| *out = times * sum);
+                }
+                entries.extend(part.halves[half].sparse().iter().map(|entry| {
+                    let (place, row) = (part.places[entry.row as usize / bundle_len], entry.row as usize % bundle_len);
+                    SparseEntry { row: (place * bundle_len + row) as u32, value: times * entry.value, ..*entry }
+                }));
+            }
+        }
+        let mean_samples = (taken as f64 / n_bundles as f64).round() as u32;
+        let (halves, sparse) = (self.halves.each_ref().map(Vec::as_slice), self.sparse.each_ref().map(Vec::as_slice));
+        Counted { halves, sparse, n_samples, mean_samples }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_take_turns_across_and_down() {
+        let partition = Partition { width: 5, height: 4, tile: 3 };
+        let places = |block_idx| {
+            let (mut parts, mut bundles) = ([Part::default(), Part::default()], Vec::new());
+            partition.bundles(block_idx as usize, &mut bundles);
+            start(&mut parts, (&partition, block_idx), &bundles, 2);
+            parts.map(|part| part.places)
+        };
+        assert_eq!(places(0), [vec![0, 2, 4, 6, 8], vec![1, 3, 5, 7]]);
+        // The last one is two across and one down.
+        assert_eq!(places(3), [vec![0], vec![1]]);
+    }
+
+    #[test]
+    fn few_bundles_are_asked_and_they_are_spread_evenly() {
+        let rows: Vec<f32> = (0..800).map(|i| i as f32).collect();
+        let mut asked = Vec::new();
+        ask(&rows, 2, &mut asked);
+        assert_eq!((asked.len(), &asked[..4]), (200, &[0.0, 1.0, 8.0, 9.0][..]));
+        ask(&rows[..20], 2, &mut asked);
+        assert_eq!(asked, rows[..20]);
+    }
+}
