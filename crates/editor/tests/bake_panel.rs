@@ -166,7 +166,7 @@ fn maps_of_rank_layers_of_error_and_samples_lie_over_the_picture() {
 
 #[test]
 fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
-    let config = BakeConfig { spp: 256, tolerance_db: 60.0, ..BakeConfig::default() };
+    let config = BakeConfig { spp: 128, tolerance_db: 60.0, ..BakeConfig::default() };
     let mut window = open_with(source(), config, None);
     wait(&mut window, |app| match app.session().bake {
         BakeState::Running { pass, n_passes, pass_done, .. } => pass + 1 == n_passes && pass_done > 0.2,

@@ -142,7 +142,7 @@ mod tests {
         let rows: Vec<f32> = (0..800).map(|i| i as f32).collect();
         let mut asked = Vec::new();
         ask(&rows, 2, &mut asked);
-        assert_eq!((asked.len(), &asked[..4]), (200, &[0.0, 1.0, 8.0, 9.0][..]));
+        assert_eq!((asked.len(), &asked[..4]), (116, &[0.0, 1.0, 14.0, 15.0][..]));
         ask(&rows[..20], 2, &mut asked);
         assert_eq!(asked, rows[..20]);
     }

@@ -156,10 +156,12 @@ where
         self.matrix.bundle_len() * self.matrix.n_cols()
     }
 
-    /// Which color has seen enough after one sample of each half, as the other one tells.
+    /// Which color has seen enough after one sample of each half, as the other one tells. Nobody judges what is kept apart: whoever
+    /// meets that says no.
     fn look_across(&self, block: u32, scratch: &mut Scratch) -> Result<[bool; 2], CompressError> {
         let mut is_done = [false; 2];
-        for (color, part) in scratch.parts.iter().enumerate() {
+        let parts = scratch.parts.iter().enumerate();
+        for (color, part) in parts.filter(|(_, part)| part.halves.iter().all(|half| half.sparse().is_empty())) {
             for (half, asked) in part.halves.iter().zip(&mut scratch.asked) {
                 parts::ask(half.parts().0[1], self.bundle_size(), asked);
             }

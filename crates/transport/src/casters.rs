@@ -287,8 +287,7 @@ fn ray(origin: Vec3, direction: Vec3) -> Ray {
 
 /// Whether metal or glass of a material shows about what is reflected or bent.
 fn throws_light(material: &Material) -> bool {
-    let turns = material.metallic > 0.5 || (material.transmission > 0.0 && !material.is_clear_pane());
-    !material.unlit && turns && material.roughness <= MOST_ROUGHNESS && material.alpha == AlphaMode::Opaque
+    material.turns_light() && material.roughness <= MOST_ROUGHNESS && material.alpha == AlphaMode::Opaque
 }
 
 fn kind(scene: &PreparedScene, triangle: u32) -> Kind {
@@ -312,11 +311,9 @@ fn has_wide_lights(scene: &PreparedScene) -> bool {
 
 /// Radiance per unit of its column that a surface sends toward `wo`.
 fn shining(scene: &PreparedScene, hit: &SurfaceHit, wo: Vec3) -> Option<Vec3> {
-    let (column, radiance) = scene.emitted(hit, wo)?;
-    let sources = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
-    let is_constant = sources.filter(|(_, emitter)| matches!(emitter, Emitter::Constant));
-    let constant = is_constant.map(|(source, _)| source.columns.start).any(|of| of == column);
-    (!constant).then_some(radiance)
+    let (_, radiance) = scene.emitted(hit, wo)?;
+    let emitter = &scene.lighting.emitters[scene.lighting.triangle_source[hit.triangle as usize] as usize];
+    (!matches!(emitter, Emitter::Constant)).then_some(radiance)
 }
 
 /// About the same of what shines beyond all surfaces.

@@ -289,8 +289,12 @@ impl Material {
     /// Whether the surface may gather or throw on the light of a lamp as a mirror or a clear body does. Light that goes straight through
     /// clear panes is none of that.
     pub fn casts_caustics(&self) -> bool {
-        let turns = self.metallic > 0.5 || (self.transmission > 0.0 && !self.is_clear_pane());
-        !self.unlit && turns && crate::bsdf::is_mirror(self.roughness)
+        self.turns_light() && crate::bsdf::is_mirror(self.roughness)
+    }
+
+    /// Whether metal or glass of the surface sends light another way than it came.
+    pub(crate) fn turns_light(&self) -> bool {
+        !self.unlit && (self.metallic > 0.5 || (self.transmission > 0.0 && !self.is_clear_pane()))
     }
 
     /// Whether the surface is diffuse and nothing else, whatever its textures say.

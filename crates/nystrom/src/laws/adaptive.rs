@@ -190,8 +190,10 @@ fn a_single_sample_says_nothing_of_its_noise() {
     assert_eq!((quiet.0[0].n_samples, quiet.1), (10, [8, 4]));
 }
 
-/// All 1; bundles at odd places have noise. Column 2 is sparse: the number of the sample, counted from 1.
-struct Chessboard;
+/// All 1; bundles of one color have noise. Column 2 is sparse: the number of the sample, from some sample on.
+struct Chessboard {
+    first_sparse: u32,
+}
 
 impl SampledMatrix for Chessboard {
     fn n_rows(&self) -> usize {
@@ -221,14 +223,15 @@ impl SampledMatrix for Chessboard {
                 let key = u64::from(bundle) * 4 + row as u64 % 2 * 2 + u64::from(half == Half::B);
                 let noise = if is_noisy { 4.0 * Random::new([key, u64::from(sample)]).normal() } else { 0.0 };
                 out[..2].iter_mut().for_each(|x| *x += 1.0 + noise);
-                sparse.push(SparseEntry { row: row as u32, col: 2, value: 1.0 + sample as f32 });
+                if sample >= self.first_sparse {
+                    sparse.push(SparseEntry { row: row as u32, col: 2, value: sample as f32 });
+                }
             }
         }
     }
 }
 
-#[test]
-fn a_quiet_color_ends_the_other_one_after_a_sample_and_goes_on_itself() {
+fn of_chessboard(matrix: &Chessboard) -> BlockFactors {
     let group = ColumnGroup {
         columns: 0..3,
         tolerance: Tolerance::AbsoluteMeanSquare(1e-3),
@@ -239,27 +242,39 @@ fn a_quiet_color_ends_the_other_one_after_a_sample_and_goes_on_itself() {
     let config = CompressConfig { groups: vec![group], samples, ..CompressConfig::default() };
     let mut found = Vec::new();
     let partition = Partition { width: 6, height: 4, tile: 6 };
-    let flow = compress(&Chessboard, &partition, &[0], &config, |_, mut factors| {
+    let flow = compress(matrix, &partition, &[0], &config, |_, mut factors| {
         found.push(factors.remove(0));
         ControlFlow::Continue(())
     });
     assert_eq!(flow, Ok(ControlFlow::Continue(())));
+    found.remove(0)
+}
+
+#[test]
+fn a_quiet_color_ends_the_other_one_after_a_sample_and_goes_on_itself() {
+    let matrix = Chessboard { first_sparse: 1 };
     let bundles: Vec<u32> = (0..24).collect();
     let mut once = vec![0.0; 48 * 3];
     for half in [Half::A, Half::B] {
-        Chessboard.add_rows(&bundles, 0..1, half, &mut once, &mut Vec::new());
+        matrix.add_rows(&bundles, 0..1, half, &mut once, &mut Vec::new());
     }
-    let factors = &found[0];
+    let factors = of_chessboard(&matrix);
     // Half of the bundles have a sample of each half, half of them two.
     assert_eq!(factors.n_samples, 3);
     let mut sparse = vec![0.0; 48];
     factors.sparse.iter().for_each(|entry| sparse[entry.row as usize] += entry.value);
     for (row, got) in factors.apply(&[1.0; 3]).into_iter().enumerate() {
         let is_noisy = (row / 2 % 6 + row / 12) % 2 == 1;
-        assert_eq!(sparse[row], if is_noisy { 1.0 } else { 1.5 }, "row {row}");
+        assert_eq!(sparse[row], if is_noisy { 0.0 } else { 0.5 }, "row {row}");
         let want = 0.5 * (once[row * 3] + once[row * 3 + 1]) + sparse[row];
         assert!((got - want).abs() < 0.02, "row {row}: {got} for {want}");
     }
+}
+
+#[test]
+fn a_block_with_sparse_entries_is_not_done_after_one_sample() {
+    // The quiet color after two samples of each half, the noisy one after all eight.
+    assert_eq!(of_chessboard(&Chessboard { first_sparse: 0 }).n_samples, (4 + 16) / 2);
 }
 
 #[test]

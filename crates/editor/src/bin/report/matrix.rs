@@ -51,7 +51,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          compressed{}: so their noise does not count. It is told in dB below the square of the reference column's 99.5 percentile;\n\
          nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
          column has them too. Where a tolerance is told, a block takes samples until its own error is below it; CPU seconds for a\n\
-         number of dB lie between two such rows, where there are any.\n",
+         number of dB lie between two rows of a kind.\n",
         film.width,
         film.height,
         if step == 1 { String::new() } else { format!(", of every {step}th pixel across and down") },
@@ -99,8 +99,7 @@ fn scene(
             measured[usize::from(tolerance_db < NO_TOLERANCE_DB)].push([secs, errors.mean_db()]);
             rows += &row(((spp, tolerance_db), way), secs, &bake, &errors);
         }
-        let [fixed, to_tolerances] = &measured;
-        targets += &words_of_targets(way, if to_tolerances.is_empty() { fixed } else { to_tolerances });
+        targets += &words_of_targets(way, &measured);
     }
     Ok(format!(
         "\n### {name}\n\n\
@@ -145,15 +144,19 @@ fn row(((spp, tolerance_db), way): (Asked, &str), secs: f64, bake: &Bake, errors
     )
 }
 
-/// CPU seconds at which the targets lie between two rows.
-fn words_of_targets(way: &str, measured: &[[f64; 2]]) -> String {
-    let words = TARGETS_DB.map(|db| {
-        secs_at(db, measured).map_or_else(
-            || format!("no two rows lie on both sides of {db} dB"),
-            |secs| format!("{db} dB take {secs:.1} CPU seconds"),
-        )
-    });
-    format!(" Indirect light {way}: {}.", words.join(", "))
+/// CPU seconds at which the targets lie between two rows, of fixed samples and of tolerances.
+fn words_of_targets(way: &str, measured: &[Vec<[f64; 2]>; 2]) -> String {
+    let of = |db: f64| {
+        let known = measured.iter().zip(["with fixed samples", "to a tolerance"]);
+        let words: Vec<String> =
+            known.filter_map(|(rows, how)| Some(format!("{:.1} {how}", secs_at(db, rows)?))).collect();
+        if words.is_empty() {
+            format!("no two rows lie on both sides of {db} dB")
+        } else {
+            format!("{db} dB take {} CPU seconds", words.join(", or "))
+        }
+    };
+    format!(" Indirect light {way}: {}.", TARGETS_DB.map(of).join("; "))
 }
 
 /// What the study of the peers says about a scene, word for word.
