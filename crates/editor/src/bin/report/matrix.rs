@@ -149,11 +149,11 @@ fn words_of_targets(way: &str, measured: &[Vec<[f64; 2]>; 2]) -> String {
     let of = |db: f64| {
         let known = measured.iter().zip(["with fixed samples", "to a tolerance"]);
         let words: Vec<String> =
-            known.filter_map(|(rows, how)| Some(format!("{:.1} {how}", secs_at(db, rows)?))).collect();
+            known.filter_map(|(rows, how)| Some(format!("{:.1} CPU seconds {how}", secs_at(db, rows)?))).collect();
         if words.is_empty() {
             format!("no two rows lie on both sides of {db} dB")
         } else {
-            format!("{db} dB take {} CPU seconds", words.join(", or "))
+            format!("{db} dB take {}", words.join(" or "))
         }
     };
     format!(" Indirect light {way}: {}.", TARGETS_DB.map(of).join("; "))
