@@ -11,7 +11,7 @@ use crate::{
     sums::Sums,
 };
 
-/// Bundles that are asked how noisy a part is, at most.
+/// Bundles of a color that are asked how noisy it is, at most: where colors are told apart, no bundle's noise is rare and great.
 const MOST_ASKED: usize = 64;
 
 /// Bundles of a block that get as many samples.
@@ -23,6 +23,7 @@ pub(crate) struct Part {
     pub(crate) halves: [Sums; 2],
     /// The sums that count of a half that was closed before the other one.
     pub(crate) kept: Vec<f32>,
+    is_color: bool,
 }
 
 /// Whether the bundles of a block can be told apart in two colors before a half knows itself how noisy it is.
@@ -40,6 +41,7 @@ pub(crate) fn start(
     let width = partition.rect(block_idx as usize)[2] as usize;
     let n_parts = parts.len();
     for (color, part) in parts.iter_mut().enumerate() {
+        part.is_color = n_parts > 1;
         part.places.clear();
         part.places.extend((0..bundles.len()).filter(|place| (place % width + place / width) % n_parts == color));
         part.bundles.clear();
@@ -47,15 +49,6 @@ pub(crate) fn start(
         let n_entries = part.places.len() * bundle_size;
         part.halves.iter_mut().for_each(|sums| sums.start(n_entries));
     }
-}
-
-/// The rows of some bundles, evenly spread, that are asked how noisy all are.
-pub(crate) fn ask(rows: &[f32], bundle_size: usize, asked: &mut Vec<f32>) {
-    let n_bundles = rows.len() / bundle_size;
-    asked.clear();
-    rows.chunks_exact(bundle_size)
-        .step_by(n_bundles.div_ceil(MOST_ASKED).max(1))
-        .for_each(|bundle| asked.extend_from_slice(bundle));
 }
 
 /// The samples of a whole block that count.
@@ -77,6 +70,15 @@ pub(crate) struct Together {
 }
 
 impl Part {
+    /// The rows of the bundles that are asked how noisy all are: all, or some of a color, evenly spread.
+    pub(crate) fn ask(&self, rows: &[f32], bundle_size: usize, asked: &mut Vec<f32>) {
+        let most = if self.is_color { MOST_ASKED } else { usize::MAX };
+        asked.clear();
+        let bundles = rows.chunks_exact(bundle_size);
+        let step = bundles.len().div_ceil(most).max(1);
+        bundles.step_by(step).for_each(|bundle| asked.extend_from_slice(bundle));
+    }
+
     fn counted(&self, half: usize) -> (&[f32], u32) {
         self.halves[half].counted(&self.kept)
     }
@@ -141,9 +143,12 @@ mod tests {
     fn few_bundles_are_asked_and_they_are_spread_evenly() {
         let rows: Vec<f32> = (0..800).map(|i| i as f32).collect();
         let mut asked = Vec::new();
-        ask(&rows, 2, &mut asked);
+        let color = Part { is_color: true, ..Part::default() };
+        color.ask(&rows, 2, &mut asked);
         assert_eq!((asked.len(), &asked[..4]), (116, &[0.0, 1.0, 14.0, 15.0][..]));
-        ask(&rows[..20], 2, &mut asked);
+        color.ask(&rows[..20], 2, &mut asked);
         assert_eq!(asked, rows[..20]);
+        Part::default().ask(&rows, 2, &mut asked);
+        assert_eq!(asked, rows);
     }
 }

@@ -163,7 +163,7 @@ where
         let parts = scratch.parts.iter().enumerate();
         for (color, part) in parts.filter(|(_, part)| part.halves.iter().all(|half| half.sparse().is_empty())) {
             for (half, asked) in part.halves.iter().zip(&mut scratch.asked) {
-                parts::ask(half.parts().0[1], self.bundle_size(), asked);
+                part.ask(half.parts().0[1], self.bundle_size(), asked);
             }
             let samples = self.samples(scratch.asked.each_ref().map(Vec::as_slice), [&[], &[]], [1; 2]);
             is_done[1 - color] = Judge::default().is_content(&samples, 1.0, self.config, block, &mut scratch.means)?;
@@ -240,7 +240,7 @@ where
         for half in [0, 1].into_iter().filter(|half| open[1 - half]) {
             let (sums, n_samples) = part.halves[half].parts();
             for (rows, asked) in sums.into_iter().zip(&mut scratch.asked) {
-                parts::ask(rows, self.bundle_size(), asked);
+                part.ask(rows, self.bundle_size(), asked);
             }
             let samples = self.samples(scratch.asked.each_ref().map(Vec::as_slice), [&[], &[]], n_samples);
             // The mean of both halves has half of the variance of one.

@@ -303,6 +303,11 @@ impl Material {
         !self.unlit && self.metallic <= 0.0 && self.transmission <= 0.0 && !has_coat && self.finish.is_none()
     }
 
+    /// Whether light that other surfaces send here leaves again by a diffuse base alone, or not at all.
+    pub(crate) fn is_matte(&self) -> bool {
+        self.unlit || self.is_plainly_diffuse()
+    }
+
     /// The texture whose coordinates tangents follow, `None` where the material needs none.
     pub fn tangent_map(&self) -> Option<TextureRef> {
         self.normal_texture.or_else(|| self.finish.as_ref().and_then(|finish| finish.tangent_map()))

@@ -17,6 +17,7 @@ use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::nodes::Nodes;
 use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::{Sampler, uniform_hash};
+use crate::scene::Material;
 
 /// A matrix with nodes to take indirect light from.
 pub(crate) struct SharedMatrix<'a> {
@@ -111,9 +112,10 @@ impl SampledMatrix for SharedMatrix<'_> {
         self.matrix.bundle_len()
     }
 
-    /// What pixels have in common, nodes and cells, is the same for any number of samples.
+    /// What pixels have in common, nodes and cells, is the same for any number of samples. Where there are coats, metal or glass, a
+    /// pixel follows walks of its own, and a bright one that is rare is told apart by its own samples alone.
     fn colors_are_independent(&self) -> bool {
-        true
+        self.matrix.integrator.scene().scene.materials.iter().all(Material::is_matte)
     }
 
     fn add_rows(

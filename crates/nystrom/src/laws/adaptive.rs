@@ -261,7 +261,7 @@ fn a_quiet_color_ends_the_other_one_after_a_sample_and_goes_on_itself() {
     let factors = of_chessboard(&matrix);
     // Half of the bundles have a sample of each half, half of them two.
     assert_eq!(factors.n_samples, 3);
-    let mut sparse = vec![0.0; 48];
+    let mut sparse = [0.0; 48];
     factors.sparse.iter().for_each(|entry| sparse[entry.row as usize] += entry.value);
     for (row, got) in factors.apply(&[1.0; 3]).into_iter().enumerate() {
         let is_noisy = (row / 2 % 6 + row / 12) % 2 == 1;
