@@ -35,10 +35,10 @@ pub trait SampledMatrix: Sync {
     fn n_cols(&self) -> usize;
     /// Number of rows in a bundle, at least 1.
     fn bundle_len(&self) -> usize;
-    /// Whether, within a half, what more samples take away of the noise of bundles on white squares of a chessboard (of the grid of a
-    /// [`Partition`](crate::Partition)) is independent of that of bundles on black ones, and nowhere rare and great: then few samples may be enough, see
-    /// [`SamplePlan`](crate::SamplePlan).
-    fn colors_are_independent(&self) -> bool {
+    /// Whether, within a half, what more samples take away of the noise of those of some bundles that are on white squares of a
+    /// chessboard (the grid of a [`Partition`](crate::Partition)) is independent of that of those on black ones, and nowhere rare
+    /// and great: then few samples may be enough, see [`SamplePlan`](crate::SamplePlan).
+    fn colors_are_independent(&self, _bundles: &[u32]) -> bool {
         false
     }
 

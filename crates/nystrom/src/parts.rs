@@ -28,7 +28,7 @@ pub(crate) struct Part {
 
 /// Whether the bundles of a block can be told apart in two colors before a half knows itself how noisy it is.
 pub(crate) fn has_colors<M: SampledMatrix>(matrix: &M, bundles: &[u32]) -> bool {
-    bundles.len() > 1 && matrix.colors_are_independent()
+    bundles.len() > 1 && matrix.colors_are_independent(bundles)
 }
 
 /// Begins a block: all bundles in the first part, or each color in one.

@@ -9,15 +9,15 @@
 use std::ops::Range;
 
 use clerestory_nystrom::{Half, SampledMatrix, SparseEntry};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::bvh::Ray;
 use crate::cache::CachedDeposit;
 use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::nodes::Nodes;
 use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::{Sampler, uniform_hash};
-use crate::scene::Material;
 
 /// A matrix with nodes to take indirect light from.
 pub(crate) struct SharedMatrix<'a> {
@@ -56,6 +56,28 @@ impl SharedMatrix<'_> {
         sparse
     }
 }
+
+/// One in so many pixels tells what a block sees; no divisor of its side, so that they lie in no line.
+const EVERY_FEW: usize = 5;
+
+impl SharedMatrix<'_> {
+    /// Whether the surface in the middle of a pixel, if there is one, is matte and lies in no caustic.
+    fn is_calm(&self, pixel: u32) -> bool {
+        let film = self.matrix.film;
+        let center = Vec2::new((pixel % film.width) as f32, (pixel / film.width) as f32) + 0.5;
+        let (origin, direction) = self.matrix.ray(center);
+        let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
+        // Only whether surfaces with alpha are there is left to chance.
+        let mut sampler = Sampler::new(self.matrix.seed, MIDDLE_STREAM + u64::from(pixel), 0);
+        let (integrator, scene) = (&self.matrix.integrator, self.matrix.integrator.scene());
+        scene
+            .closest(&ray, &mut sampler)
+            .is_none_or(|hit| scene.material(hit.triangle).is_matte() && !integrator.has_caustics_at(hit.position))
+    }
+}
+
+/// Streams of random numbers of the middles of pixels, which nobody else uses.
+const MIDDLE_STREAM: u64 = 1 << 59;
 
 /// Pixels that tell what sharing changes, and their samples for each half: fewest, and most.
 const PROBES: usize = 256;
@@ -112,10 +134,10 @@ impl SampledMatrix for SharedMatrix<'_> {
         self.matrix.bundle_len()
     }
 
-    /// What pixels have in common, nodes and cells, is the same for any number of samples. Where there are coats, metal or glass, a
-    /// pixel follows walks of its own, and a bright one that is rare is told apart by its own samples alone.
-    fn colors_are_independent(&self) -> bool {
-        self.matrix.integrator.scene().scene.materials.iter().all(Material::is_matte)
+    /// What pixels have in common, nodes and cells, is the same for any number of samples. Where there are coats, metal, glass or
+    /// caustics, a pixel follows walks of its own, and a bright one that is rare is told apart by its own samples alone.
+    fn colors_are_independent(&self, bundles: &[u32]) -> bool {
+        bundles.iter().step_by(EVERY_FEW).all(|&pixel| self.is_calm(pixel))
     }
 
     fn add_rows(

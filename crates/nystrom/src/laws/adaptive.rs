@@ -36,7 +36,7 @@ impl SampledMatrix for Bright {
     fn bundle_len(&self) -> usize {
         1
     }
-    fn colors_are_independent(&self) -> bool {
+    fn colors_are_independent(&self, _bundles: &[u32]) -> bool {
         self.independent
     }
     fn add_rows(
@@ -205,7 +205,7 @@ impl SampledMatrix for Chessboard {
     fn bundle_len(&self) -> usize {
         2
     }
-    fn colors_are_independent(&self) -> bool {
+    fn colors_are_independent(&self, _bundles: &[u32]) -> bool {
         true
     }
     fn add_rows(

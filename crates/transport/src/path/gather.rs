@@ -30,6 +30,9 @@ pub(crate) enum Onto {
     Point,
 }
 
+/// Light of casters, beside a white sky, that hardly shows.
+const LITTLE: f32 = 1.0 / 64.0;
+
 /// Clear panes that a node looks through.
 const PANES: usize = 8;
 
@@ -140,6 +143,11 @@ impl<P: LightPlan> Integrator<'_, P> {
             self.follow_caustic(sent, &mut own, scratch, deposit);
         }
         sampler.next_1d();
+    }
+
+    /// Whether casters were found to throw more than little light on a place.
+    pub(crate) fn has_caustics_at(&self, position: Vec3) -> bool {
+        self.casters.is_some_and(|casters| casters.guide(position).light() > LITTLE)
     }
 
     fn guides_onto(&self, onto: Onto) -> Guides {
