@@ -70,13 +70,16 @@ pub(crate) struct Together {
 }
 
 impl Part {
-    /// The rows of the bundles that are asked how noisy all are: all, or some of a color, evenly spread.
-    pub(crate) fn ask(&self, rows: &[f32], bundle_size: usize, asked: &mut Vec<f32>) {
-        let most = if self.is_color { MOST_ASKED } else { usize::MAX };
-        asked.clear();
+    /// The rows of the bundles that are asked how noisy all are: all, or some of a color, evenly spread, which `some` takes.
+    pub(crate) fn asked<'a>(&self, rows: &'a [f32], bundle_size: usize, some: &'a mut Vec<f32>) -> &'a [f32] {
         let bundles = rows.chunks_exact(bundle_size);
-        let step = bundles.len().div_ceil(most).max(1);
-        bundles.step_by(step).for_each(|bundle| asked.extend_from_slice(bundle));
+        let step = bundles.len().div_ceil(MOST_ASKED);
+        if !self.is_color || step <= 1 {
+            return rows;
+        }
+        some.clear();
+        bundles.step_by(step).for_each(|bundle| some.extend_from_slice(bundle));
+        some
     }
 
     fn counted(&self, half: usize) -> (&[f32], u32) {
@@ -142,13 +145,11 @@ mod tests {
     #[test]
     fn few_bundles_are_asked_and_they_are_spread_evenly() {
         let rows: Vec<f32> = (0..800).map(|i| i as f32).collect();
-        let mut asked = Vec::new();
         let color = Part { is_color: true, ..Part::default() };
-        color.ask(&rows, 2, &mut asked);
+        let mut some = Vec::new();
+        let asked = color.asked(&rows, 2, &mut some);
         assert_eq!((asked.len(), &asked[..4]), (116, &[0.0, 1.0, 14.0, 15.0][..]));
-        color.ask(&rows[..20], 2, &mut asked);
-        assert_eq!(asked, rows[..20]);
-        Part::default().ask(&rows, 2, &mut asked);
-        assert_eq!(asked, rows);
+        assert_eq!(color.asked(&rows[..20], 2, &mut some), &rows[..20]);
+        assert_eq!(Part::default().asked(&rows, 2, &mut some), rows);
     }
 }

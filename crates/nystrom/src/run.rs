@@ -44,7 +44,7 @@ struct Scratch {
     parts: [Part; 2],
     together: Together,
     /// Some rows of two samplings.
-    asked: [Vec<f32>; 2],
+    some: [Vec<f32>; 2],
     means: Means,
 }
 
@@ -156,16 +156,19 @@ where
         self.matrix.bundle_len() * self.matrix.n_cols()
     }
 
+    /// What is looked at of two samplings of a part.
+    fn asked<'s>(&self, part: &Part, rows: [&'s [f32]; 2], [a, b]: &'s mut [Vec<f32>; 2]) -> [&'s [f32]; 2] {
+        [part.asked(rows[0], self.bundle_size(), a), part.asked(rows[1], self.bundle_size(), b)]
+    }
+
     /// Which color has seen enough after one sample of each half, as the other one tells. Nobody judges what is kept apart: whoever
     /// meets that says no.
     fn look_across(&self, block: u32, scratch: &mut Scratch) -> Result<[bool; 2], CompressError> {
         let mut is_done = [false; 2];
         let parts = scratch.parts.iter().enumerate();
         for (color, part) in parts.filter(|(_, part)| part.halves.iter().all(|half| half.sparse().is_empty())) {
-            for (half, asked) in part.halves.iter().zip(&mut scratch.asked) {
-                part.ask(half.parts().0[1], self.bundle_size(), asked);
-            }
-            let samples = self.samples(scratch.asked.each_ref().map(Vec::as_slice), [&[], &[]], [1; 2]);
+            let first = part.halves.each_ref().map(|half| half.parts().0[1]);
+            let samples = self.samples(self.asked(part, first, &mut scratch.some), [&[], &[]], [1; 2]);
             is_done[1 - color] = Judge::default().is_content(&samples, 1.0, self.config, block, &mut scratch.means)?;
         }
         Ok(is_done)
@@ -239,10 +242,7 @@ where
         let mut content = [false; 2];
         for half in [0, 1].into_iter().filter(|half| open[1 - half]) {
             let (sums, n_samples) = part.halves[half].parts();
-            for (rows, asked) in sums.into_iter().zip(&mut scratch.asked) {
-                part.ask(rows, self.bundle_size(), asked);
-            }
-            let samples = self.samples(scratch.asked.each_ref().map(Vec::as_slice), [&[], &[]], n_samples);
+            let samples = self.samples(self.asked(part, sums, &mut scratch.some), [&[], &[]], n_samples);
             // The mean of both halves has half of the variance of one.
             content[half] = judges[half].is_content(&samples, 0.5, self.config, block, &mut scratch.means)?;
         }
