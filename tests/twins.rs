@@ -7,7 +7,7 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::light::{LightRig, LightSetting, PanelSpot, planckian_tint};
 use clerestory_transport::trace::TraceConfig;
 
-use crate::support::{Mean, baked, block_means, frame, gpu, prepare, relit, traced, two_lamps_and_a_panel};
+use crate::support::{Mean, baked, block_means, frame, gpus, prepare, relit, traced, two_lamps_and_a_panel};
 
 const FILM: Film = Film { width: 48, height: 32 };
 
@@ -67,12 +67,12 @@ fn relighting_shows_what_tracing_shows() {
 }
 
 #[test]
-fn the_gpu_agrees_with_the_cpu() {
-    let Some(gpu) = gpu() else { return };
+fn every_device_agrees_with_the_cpu() {
     let scene = prepare(&two_lamps_and_a_panel().glb());
     let bake = baked(&scene, FILM, BakeConfig { spp: 16, ..BakeConfig::default() });
-    let mut relighter = GpuRelighter::new(&gpu, &frame(&bake)).unwrap();
-    for rig in rigs() {
+    let (gpus, frame) = (gpus(), frame(&bake));
+    for (gpu, rig) in gpus.iter().flat_map(|gpu| rigs().into_iter().map(move |rig| (gpu, rig))) {
+        let mut relighter = GpuRelighter::new(gpu, &frame).unwrap();
         let mut on_gpu = Radiance::default();
         relighter.relight(&bake.header.coefficients(&rig), &mut on_gpu).unwrap();
         let on_cpu = relit(&bake, &rig);

@@ -66,6 +66,12 @@ pub fn gpu() -> Option<Gpu> {
     }
 }
 
+/// All devices that run here, on a second driver, too, where there is one.
+#[allow(dead_code, reason = "not every test is about devices")]
+pub fn gpus() -> Vec<Gpu> {
+    if gpu().is_some() { Gpu::all_headless(DeviceChoice::Any) } else { Vec::new() }
+}
+
 /// A file of the shared data. Without that data a test skips itself and says so.
 pub fn shared(path: &str) -> Option<std::path::PathBuf> {
     let found = std::env::var_os("CLERESTORY_SHARED").map(|folder| std::path::Path::new(&folder).join(path));

@@ -118,7 +118,7 @@ pub struct App {
     message: (String, MessageTone),
     watched: strips::Watched,
     /// The scene that is being opened is the same one, changed.
-    keeps_look: bool,
+    reloading: Option<scenes::Reloading>,
     is_new_here: bool,
     memory: MemoryWatch,
     recent: Vec<PathBuf>,
@@ -192,7 +192,7 @@ impl App {
             recovery,
             message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
             watched: strips::Watched::default(),
-            keeps_look: false,
+            reloading: None,
             is_new_here: start.welcome && !was_welcomed,
             memory: MemoryWatch::new(),
             recent,
@@ -267,7 +267,7 @@ impl App {
             Notice::Developed(picture) => self.copied(ctx, picture),
             Notice::Failed(words) => {
                 self.leave_behind();
-                self.keeps_look = false;
+                self.reloading = None;
                 self.complain(words);
             }
         }
@@ -278,7 +278,7 @@ impl App {
             Action::Ask(task) => self.ask(task),
             Action::Open(path) => self.unless_unsaved(Action::Open(path.clone()), |app| app.open(path)),
             Action::OpenBuiltIn => self.unless_unsaved(Action::OpenBuiltIn, |app| app.session.open(Source::BuiltIn)),
-            Action::OpenLook(path) => self.open_look(path),
+            Action::OpenLook(path) => self.unless_unsaved(Action::OpenLook(path.clone()), |app| app.open_look(path)),
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),
             Action::ExportImage(path) => self.export(path),
@@ -288,7 +288,7 @@ impl App {
             Action::Reload => self.reload(),
             Action::ResumeBake => self.session.resume_bake(&self.settings),
             Action::CancelOpening => {
-                self.keeps_look = false;
+                self.reloading = None;
                 self.session.cancel_opening();
             }
             Action::LimitMemory(limit) => self.session.memory_limit = limit,

@@ -17,7 +17,7 @@ use eframe::egui::{Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, room, wait};
+use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, replace_and_reload, room, wait};
 
 /// Clicks on something that may lie below what is seen of its panel.
 fn reach(window: &mut Window, label: &str) {
@@ -245,17 +245,4 @@ fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
     click(&mut window, "150 %");
     assert!((window.ctx.zoom_factor() - 1.5).abs() < 1e-3);
     window.get_by_label("Theme");
-}
-
-/// Writes another model to the place of the open one, and reloads it once that is offered.
-fn replace_and_reload(window: &mut Window, path: &std::path::Path, gltf: &serde_json::Value) {
-    std::fs::write(path, serde_json::to_vec(gltf).unwrap()).unwrap();
-    for _ in 0..200 {
-        window.step();
-        if window.query_by_label("room.gltf has changed on disk").is_some() {
-            break;
-        }
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    click(window, "Reload");
 }

@@ -8,7 +8,7 @@ use clerestory::look::snapshot::Mark;
 use eframe::egui::{Key, Modifiers, PointerButton};
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, ask_for, baked, click, drag, save_as, wait};
+use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, wait};
 
 fn names(window: &Window) -> Vec<&str> {
     window.state().look().snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect()
@@ -371,4 +371,48 @@ fn a_look_that_another_editor_changed_is_not_overwritten_unasked() {
     assert!(std::fs::read_to_string(&other).unwrap().contains("lamp"));
     save_again(&mut first);
     assert!(first.query_by_label("Replace").is_none(), "it has a file of its own now");
+}
+
+#[test]
+fn opening_a_look_over_unsaved_work_asks_and_undo_brings_back_the_file_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["first.look", "second.look"].map(|name| folder.path().join(name));
+    let dim = r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#;
+    std::fs::write(&second, dim).unwrap();
+    let mut window = baked();
+    let save = |window: &mut Window| {
+        window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+        window.run_steps(3);
+    };
+    save(&mut window);
+    window.get_by_label("Path").set_text_value_accesskit(&first.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Save");
+    assert!(first.exists());
+    click(&mut window, "Mute lamp");
+
+    let drop_it = |window: &mut Window| {
+        window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(second.clone())));
+        window.run_steps(3);
+    };
+    drop_it(&mut window);
+    window.get_by_label("Save the look?");
+    click(&mut window, "Cancel");
+    assert!(is_muted(&window) && !window.state().is_reading_look());
+    drop_it(&mut window);
+    click(&mut window, "Discard");
+    wait(&mut window, |app| app.look().lights.lights.get("lamp").is_some_and(|lamp| lamp.intensity == 0.25));
+    assert!(!is_muted(&window));
+
+    // What was not saved is there again, and goes where it belongs.
+    click(&mut window, "Undo");
+    assert!(is_muted(&window));
+    save(&mut window);
+    assert!(std::fs::read_to_string(&first).unwrap().contains("muted"));
+    assert_eq!(std::fs::read_to_string(&second).unwrap(), dim);
+    click(&mut window, "Redo");
+    click(&mut window, "Mute panel");
+    save(&mut window);
+    assert!(std::fs::read_to_string(&second).unwrap().contains("panel"));
+    assert!(!std::fs::read_to_string(&first).unwrap().contains("0.25"));
 }

@@ -4,8 +4,9 @@
 
 mod desk;
 
-use clerestory::session::BakeState;
+use clerestory::app::App;
 use clerestory::session::shares::sum;
+use clerestory::session::{BakeState, Source};
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
 use clerestory_transport::camera::{Camera, Pose};
 use clerestory_transport::lamps::LampShape;
@@ -14,7 +15,7 @@ use eframe::egui::{Key, Pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Window, baked, click, drag, on_screen, wait};
+use desk::{Window, baked, click, drag, on_screen, open, replace_and_reload, room, wait};
 
 /// A click that is no drag.
 fn click_at(window: &mut Window, at: Pos2) {
@@ -231,6 +232,32 @@ fn the_camera_goes_back_to_the_baked_view() {
     window.run_steps(3);
     window.get_by_label("Picture");
     assert_eq!(window.state().camera(), Some(&first));
+}
+
+#[test]
+fn a_reload_keeps_the_view_and_what_was_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    std::fs::write(&path, room()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    let strength = |app: &App| app.session().basis().and_then(|basis| basis.source("lamp")).map_or(0.0, |s| s.strength);
+    let is_ready = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
+    wait(&mut window, is_ready);
+    click(&mut window, "Unitless lamps");
+    wait(&mut window, |app| strength(app) > 100.0 && is_ready(app));
+    turn_camera(&mut window);
+    bake_view(&mut window);
+    click(&mut window, "Solo lamp");
+    let (turned, bright) = (shown_camera(&window), strength(window.state()));
+
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    gltf["materials"][0]["pbrMetallicRoughness"] = serde_json::json!({ "baseColorFactor": [0.2, 0.3, 0.4, 1.0] });
+    let fingerprint = |app: &App| app.session().shown.as_ref().map(|shown| shown.header.fingerprint.clone());
+    let before = fingerprint(window.state());
+    replace_and_reload(&mut window, &path, &gltf);
+    wait(&mut window, |app| fingerprint(app).is_some_and(|now| Some(now) != before) && is_ready(app));
+    assert_eq!((shown_camera(&window), strength(window.state())), (turned, bright));
+    window.get_by_label("Solo: lamp");
 }
 
 #[test]

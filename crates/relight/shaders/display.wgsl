@@ -40,7 +40,8 @@ fn display(@builtin(global_invocation_id) id: vec3<u32>) {
         textureStore(picture, id.xy, vec4<f32>(turbo(place(luminance(nit))), 1.0));
         return;
     }
-    let exposed = clamp(nit * display_params.gain, vec3<f32>(0.0), vec3<f32>(1e6));
+    let gained = nit * display_params.gain;
+    let exposed = select(vec3<f32>(0.0), min(gained, vec3<f32>(1e6)), gained > vec3<f32>(0.0));
     let balanced = clamp(display_params.balance * exposed, vec3<f32>(0.0), vec3<f32>(1e6));
     var linear = balanced;
     switch display_params.tone {

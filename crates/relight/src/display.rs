@@ -214,15 +214,21 @@ impl Tables {
 /// Display-linear value before the tone curve: not negative, and within what the curves can square.
 #[inline(always)]
 fn exposed(radiance: f32, gain: f32) -> f32 {
-    (finite(radiance) * gain).clamp(0.0, MOST)
+    // What is no number is black, what is beyond all numbers is white.
+    let exposed = radiance * gain;
+    if exposed > 0.0 { exposed.min(MOST) } else { 0.0 }
 }
 
+/// More than any light, and little enough for sums.
+const MOST_NIT: f32 = 1e30;
+
+/// 0 for what is no number; what is beyond all numbers is the most that there is.
 #[inline(always)]
 fn finite(v: f32) -> f32 {
-    if v.is_finite() { v } else { 0.0 }
+    if v.is_nan() { 0.0 } else { v.clamp(-MOST_NIT, MOST_NIT) }
 }
 
-/// Luminance of a color, 0 for channels that are no finite numbers.
+/// Luminance of a color, of channels as [`finite`] has them.
 fn finite_luminance(rgb: &[f32; 3]) -> f32 {
     luminance(rgb.map(finite))
 }
@@ -252,7 +258,10 @@ pub(crate) mod tests {
             let exact = 255.0 * srgb_from_linear(v.min(1.0));
             assert!((f32::from(rgba[0]) - exact).abs() < 0.75 && rgba[3] == 255, "{v}: {rgba:?} against {exact}");
         }
-        assert_eq!(encode(&gray(&[f32::NAN, -1.0]), &DisplayParams::default())[..3], [0, 0, 0]);
+        let bytes = encode(&gray(&[f32::NAN, -1.0, f32::NEG_INFINITY, f32::INFINITY]), &DisplayParams::default());
+        assert_eq!([&bytes[..3], &bytes[4..7], &bytes[8..11]], [[0, 0, 0]; 3]);
+        let bright = encode(&gray(&[1e9]), &DisplayParams::default());
+        assert_eq!(bytes[12..15], bright[..3], "too much light is not dark");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use eframe::egui::{ColorImage, Context};
 
 use super::App;
 use crate::action::FileTask;
+use crate::export::layers::LayerSet;
 use crate::look::Look;
 use crate::panels::export::{ExportView, export_ui, frames_ui};
 use crate::sequence::last_frame;
@@ -27,7 +28,10 @@ impl App {
 
     pub(super) fn export(&mut self, path: PathBuf) {
         self.say(format!("Writing {}", path.display()));
-        let (look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
+        let (mut look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
+        if let Some(basis) = self.session.basis().filter(|_| self.export.layers == LayerSet::Groups) {
+            look = crate::panels::lights::with_groups(basis, look, self.lights.layout.group_by);
+        }
         self.session.export(look, light, path, self.export);
     }
 

@@ -35,10 +35,14 @@ impl App {
                     self.after_saving = waiting;
                     self.actions.push(Action::SaveLookAgain);
                 }
-                UnsavedAnswer::Discard => {
-                    self.saved_look = self.look.clone();
-                    self.actions.extend(waiting);
-                }
+                UnsavedAnswer::Discard => match waiting {
+                    // Undo has what it replaces, which is as unsaved then as it is now.
+                    Some(Action::OpenLook(path)) => self.open_look(path),
+                    waiting => {
+                        self.saved_look = self.look.clone();
+                        self.actions.extend(waiting);
+                    }
+                },
             }
         }
         self.look_conflict_ui(ctx);

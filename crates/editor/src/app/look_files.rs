@@ -14,6 +14,15 @@ use crate::session::aside::Aside;
 /// A look, what is odd about it, and how its file stood.
 type Read = Result<(Look, Vec<String>, OnDisk), String>;
 
+/// A look, and how it stands to a file.
+#[derive(Clone)]
+struct Standing {
+    look: Look,
+    saved: Look,
+    path: Option<PathBuf>,
+    on_disk: Option<OnDisk>,
+}
+
 /// Looks that are being read, and the file of the one that is edited.
 pub(super) struct LookFiles {
     wake: Wake,
@@ -22,11 +31,19 @@ pub(super) struct LookFiles {
     pub(super) on_disk: Option<OnDisk>,
     /// Where the look goes if somebody says that what another program wrote there may be lost.
     conflict: Option<PathBuf>,
+    /// Of each look that was opened what stood before it, and itself: undo leads back over it.
+    opened: Vec<[Standing; 2]>,
 }
 
 impl LookFiles {
     pub fn new(wake: Wake) -> LookFiles {
-        LookFiles { wake, reading: Aside::default(), on_disk: None, conflict: None }
+        LookFiles { wake, reading: Aside::default(), on_disk: None, conflict: None, opened: Vec::new() }
+    }
+
+    /// Another scene is open, with a look of its own.
+    pub(super) fn forget(&mut self) {
+        self.on_disk = None;
+        self.opened.clear();
     }
 }
 
@@ -68,9 +85,35 @@ impl App {
         let words = format!("Opened {}", path.display());
         let problem = format!("{}: {}", path.display(), warnings.join(", "));
         self.daylight.stop();
+        let before = self.standing();
         self.as_one_step(|app| app.look = look.clone());
         (self.saved_look, self.look_path, self.look_files.on_disk) = (look, Some(path), Some(on_disk));
+        let after = self.standing();
+        self.look_files.opened.push([before, after]);
         if warnings.is_empty() { self.say(words) } else { self.complain(problem) }
+    }
+
+    fn standing(&self) -> Standing {
+        let (look, saved, path) = (self.look.clone(), self.saved_look.clone(), self.look_path.clone());
+        Standing { look, saved, path, on_disk: self.look_files.on_disk }
+    }
+
+    /// Undo or redo led here from another look: where a file was opened in between, the look belongs to the other file again.
+    pub(super) fn follow_file_of_look(&mut self, from: Look) {
+        let now = Standing { look: from, ..self.standing() };
+        let found = self.look_files.opened.iter_mut().rev().find_map(|[before, after]| {
+            let (leaves, comes) = match (&before.look, &after.look) {
+                (older, newer) if *newer == now.look && *older == self.look => (after, before),
+                (older, newer) if *older == now.look && *newer == self.look => (before, after),
+                _ => return None,
+            };
+            // It may have been saved since.
+            *leaves = now.clone();
+            Some(comes.clone())
+        });
+        if let Some(Standing { saved, path, on_disk, .. }) = found {
+            (self.saved_look, self.look_path, self.look_files.on_disk) = (saved, path, on_disk);
+        }
     }
 
     /// Saves, or asks first where another program changed the file meanwhile.

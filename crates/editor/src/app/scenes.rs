@@ -1,6 +1,7 @@
 //! What a scene that was opened or found brings along, and the bake that follows.
 
 use clerestory_transport::bake::Passes;
+use clerestory_transport::camera::Camera;
 use eframe::egui::util::undoer::Undoer;
 
 use super::App;
@@ -9,22 +10,33 @@ use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
 use crate::viewport::ViewState;
 
+/// The open file is read again: what stays as it is.
+pub(super) struct Reloading {
+    /// The view, where it is none of the file's.
+    pub camera: Option<Camera>,
+}
+
 impl App {
     pub(super) fn scene_opened(&mut self) {
-        let keeps_look = std::mem::take(&mut self.keeps_look);
-        if !keeps_look {
+        let reloading = self.reloading.take();
+        if reloading.is_none() {
             let look = self.session.basis().map_or_else(Look::default, Look::of_file);
             (self.look, self.saved_look, self.look_path) = (look.clone(), look, None);
-            self.look_files.on_disk = None;
+            self.look_files.forget();
             self.undoer = Undoer::default();
         }
         (self.export.width_px, self.export.region) = (None, None);
         self.watch_opened();
         self.remember_opened();
-        self.lights = LightsState::new(self.lights.layout);
-        self.view = ViewState::default();
+        let mut lights = LightsState::new(self.lights.layout);
+        if reloading.is_some() {
+            lights.solo = std::mem::take(&mut self.lights.solo);
+            lights.solo.retain(|key| self.session.basis().is_none_or(|basis| basis.source(key).is_some()));
+        } else {
+            self.view = ViewState::default();
+        }
+        self.lights = lights;
         self.camera.put_down();
-        self.camera.camera = self.session.cameras().get(self.settings.camera_idx).cloned();
         self.follower.forget();
         self.prints.forget();
         self.looks = LooksState::default();
@@ -33,14 +45,17 @@ impl App {
         self.say(self.session.opened.as_ref().map_or(String::new(), |opened| format!("Opened {}", opened.name)));
         if let (None, Some(camera)) = (&self.fixed_settings, self.session.cameras().first()) {
             let own = self.habits.settings(Some(camera));
-            if keeps_look {
-                (self.settings.camera_idx, self.settings.film) = (own.camera_idx, own.film);
-            } else {
+            if reloading.is_none() {
                 self.settings = own;
+            } else if self.settings.camera_idx >= self.session.cameras().len() {
+                (self.settings.camera_idx, self.settings.film) = (own.camera_idx, own.film);
             }
         }
+        let of_file = self.session.cameras().get(self.settings.camera_idx).cloned();
+        let is_reloaded = reloading.is_some();
+        self.camera.camera = reloading.and_then(|reloading| reloading.camera).or(of_file);
         self.take_up();
-        if let (true, Some(basis)) = (keeps_look, self.session.basis()) {
+        if let (true, Some(basis)) = (is_reloaded, self.session.basis()) {
             let lost = self.look.unheeded(basis);
             if !lost.is_empty() {
                 self.complain(format!("Opened again: {}", lost.join(", ")));

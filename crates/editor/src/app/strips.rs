@@ -6,6 +6,7 @@ use std::time::SystemTime;
 use eframe::egui::{Context, Ui};
 
 use super::App;
+use super::scenes::Reloading;
 use crate::action::Action;
 use crate::panels::strip::strip_ui;
 use crate::session::Source;
@@ -55,9 +56,11 @@ impl App {
     /// Opens the same file again; what is set stays, light by light, as their names are.
     pub(super) fn reload(&mut self) {
         if let Some((path, _)) = self.watched.file.clone() {
-            self.keeps_look = true;
+            let of_file = self.session.cameras().get(self.settings.camera_idx);
+            let camera = self.camera.camera.clone().filter(|camera| Some(camera) != of_file);
+            self.reloading = Some(Reloading { camera });
             self.watched.has_changed = false;
-            self.session.open(Source::File(path));
+            self.session.reopen(Source::File(path));
         }
     }
 

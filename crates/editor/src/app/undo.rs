@@ -8,7 +8,8 @@ impl App {
     pub(super) fn undo(&mut self) {
         self.daylight.stop();
         if let Some(look) = self.undoer.undo(&self.look).cloned() {
-            self.look = look;
+            let before = std::mem::replace(&mut self.look, look);
+            self.follow_file_of_look(before);
             self.say("Undone");
         }
     }
@@ -16,7 +17,8 @@ impl App {
     pub(super) fn redo(&mut self) {
         self.daylight.stop();
         if let Some(look) = self.undoer.redo(&self.look).cloned() {
-            self.look = look;
+            let before = std::mem::replace(&mut self.look, look);
+            self.follow_file_of_look(before);
             self.say("Done again");
         }
     }

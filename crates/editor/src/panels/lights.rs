@@ -26,6 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::lamps::{LampChoice, LampState, add_button, missing_ui};
 use crate::action::Action;
 use crate::look::Look;
+pub use groups::with_groups;
 use groups::{GroupBy, Item, arranged};
 pub(crate) use listed::source_words;
 use listed::{Listed, Profiles, listed};

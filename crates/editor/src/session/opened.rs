@@ -67,13 +67,23 @@ pub struct Chosen {
 impl Session {
     /// Opens something in the background; what is open stays until it is there.
     pub fn open(&mut self, source: Source) {
+        self.open_with(source, Chosen::default());
+    }
+
+    /// Reads what is open again, with what was chosen about it.
+    pub fn reopen(&mut self, source: Source) {
+        let chosen = self.opened.as_ref().map_or_else(Chosen::default, |opened| opened.chosen.clone());
+        self.open_with(source, chosen);
+    }
+
+    fn open_with(&mut self, source: Source, chosen: Chosen) {
         self.stop_loading();
         self.stage = Stage::Loading(source.name());
         self.opening = source.path();
         self.opening_source = Some(source.clone());
         self.loading = self.spawn("open", move |post| {
             let name = source.name();
-            let loaded = task::load(source, &post.stop).map_err(|error| format!("{error:#}"));
+            let loaded = task::load(source, chosen, &post.stop).map_err(|error| format!("{error:#}"));
             let _ = post.send(Fact::Loaded(name, loaded), Duration::ZERO);
         });
     }
@@ -150,9 +160,8 @@ impl Session {
         self.history.clear();
         self.begun = None;
         match loaded {
-            Loaded::Scene { scene, report } => {
-                let lamps = scene.scene.punctual.clone();
-                let (scene, chosen) = (Some(Arc::from(scene)), Chosen::default());
+            Loaded::Scene { scene, report, lamps, chosen } => {
+                let scene = Some(Arc::from(scene));
                 self.opened =
                     Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
             }

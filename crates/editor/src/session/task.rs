@@ -78,6 +78,10 @@ pub enum Loaded {
         scene: Box<PreparedScene>,
         /// What was left behind, in words.
         report: Vec<String>,
+        /// Lamps as the file has them.
+        lamps: Vec<PunctualLight>,
+        /// What was chosen about it.
+        chosen: Chosen,
     },
     /// Pictures, ready to be baked.
     Stack(ImageStack),
@@ -204,8 +208,8 @@ pub(super) fn words(error: impl std::error::Error + Send + Sync + 'static) -> St
     format!("{:#}", anyhow::Error::from(error))
 }
 
-/// Reads and prepares something, if nobody asks for a stop meanwhile.
-pub(super) fn load(source: Source, stop: &Stop) -> Result<Loaded> {
+/// Reads and prepares something, a scene with what is chosen about it, if nobody asks for a stop meanwhile.
+pub(super) fn load(source: Source, chosen: Chosen, stop: &Stop) -> Result<Loaded> {
     let imported = match source {
         Source::BuiltIn => import::load_bytes_until("Gallery", GALLERY, Skips::default(), stop)?,
         Source::Bytes { name, bytes } => import::load_bytes_until(&name, &bytes, Skips::default(), stop)?,
@@ -224,10 +228,22 @@ pub(super) fn load(source: Source, stop: &Stop) -> Result<Loaded> {
     if imported.report.made_camera {
         report.push("It has no perspective camera; one was made".into());
     }
+    let lamps = imported.scene.punctual.clone();
+    if chosen != Chosen::default() {
+        match prepare_again(&imported.scene, lamps.clone(), chosen, stop) {
+            Ok(Prepared { scene, chosen, warnings }) => {
+                report.extend(warnings);
+                return Ok(Loaded::Scene { scene, report, lamps, chosen });
+            }
+            Err(error @ LightingError::Stopped(_)) => return Err(error.into()),
+            // The file has changed: what was chosen about it may not be there any more.
+            Err(error) => report.push(format!("What was chosen about it is left out: {}", words(error))),
+        }
+    }
     let prepared = PreparedScene::until(imported.scene, &[], None, Skips::default(), stop);
     let (scene, warnings) = prepared.context("its lights cannot be used")?;
     report.extend(warnings);
-    Ok(Loaded::Scene { scene: Box::new(scene), report })
+    Ok(Loaded::Scene { scene: Box::new(scene), report, lamps, chosen: Chosen::default() })
 }
 
 /// The same scene with its lamps as the file has them, changed by what was chosen.

@@ -121,6 +121,20 @@ pub fn save_as(window: &mut Window, label: &str, path: &Path) {
     click(window, "Save");
 }
 
+/// Writes another model to the place of the open one, and reloads it once that is offered.
+#[allow(dead_code, reason = "not every test of the window opens a file")]
+pub fn replace_and_reload(window: &mut Window, path: &Path, gltf: &Value) {
+    std::fs::write(path, serde_json::to_vec(gltf).unwrap()).unwrap();
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("room.gltf has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    click(window, "Reload");
+}
+
 /// Where a point of the room is on the screen.
 #[allow(dead_code, reason = "not every test of the window is about the picture")]
 pub fn on_screen(window: &Window, point: Vec3) -> Pos2 {

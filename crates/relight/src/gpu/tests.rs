@@ -150,7 +150,7 @@ fn a_group_that_moves_alone_is_the_only_one_read_and_only_by_its_changed_columns
 }
 
 #[test]
-fn ten_thousand_increments_on_the_device_end_where_a_fresh_relight_does() {
+fn ten_thousand_increments_in_five_hundred_pictures_end_where_a_fresh_relight_does() {
     let Some(gpu) = gpu() else { return };
     let recipe = Recipe { width: 20, height: 9, n_cols: vec![150, 9], rank: Ranks::Mixed(6), ..Recipe::default() };
     let frame = recipe.frame();

@@ -8,7 +8,7 @@ use clerestory_nystrom::rivals::{Core, Method};
 use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
-use super::desk::{Desk, load_words};
+use super::desk::Desk;
 use super::errors::decibels;
 use super::methods::own;
 use super::reference::Sampling;
@@ -98,7 +98,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         2 * spp,
         2 * reference_spp,
         SEED + 1,
-        load_words(),
+        desk.load_words(),
         samples::write(desk)?,
     ))
 }

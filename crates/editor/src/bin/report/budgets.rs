@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use super::desk::{Desk, load_words, number};
+use super::desk::{Desk, number};
 
 /// Scenes, sizes of their pictures, and further options.
 const CASES: [(&str, &str, &[&str]); 7] = [
@@ -59,7 +59,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "What `bake --estimate` says against what the bake takes, with 16 samples of a pixel: the greatest resident set of the process,\n\
          reading the scene included, and the seconds from the start of the bake. {}\n\n{}\n\n\
          | scene | picture | MB said | taken | off | s said | taken | off | file, off |\n|---|---|---|---|---|---|---|---|---|\n{rows}",
-        load_words(),
+        desk.load_words(),
         desk.provenance("budgets"),
     ))
 }

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 use anyhow::{Context, Result, bail};
 use serde::{Serialize, de::DeserializeOwned};
@@ -20,6 +22,8 @@ pub struct Desk {
     /// What is kept between runs.
     pub kept: Kept,
     scratch: PathBuf,
+    /// What had been computed when the section began that is measured now.
+    begun: Mutex<Option<Computed>>,
 }
 
 impl Desk {
@@ -31,7 +35,7 @@ impl Desk {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize()?;
         let scratch = std::env::temp_dir().join(format!("clerestory-report-{}", std::process::id()));
         std::fs::create_dir_all(&scratch).with_context(|| format!("cannot make the folder {}", scratch.display()))?;
-        Ok(Desk { root, quick, kept: Kept::of_user()?, scratch })
+        Ok(Desk { root, quick, kept: Kept::of_user()?, scratch, begun: Mutex::new(Computed::now()) })
     }
 
     /// One of two: for a quick report or for a full one.
@@ -64,6 +68,27 @@ impl Desk {
             env!("CARGO_PKG_VERSION"),
             cpu_name(),
         )
+    }
+
+    /// A section begins: what others compute is counted from here on.
+    pub fn begin(&self) {
+        *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = Computed::now();
+    }
+
+    /// Says how busy others kept the machine since the section began, where the system tells; nothing where they hardly did.
+    pub fn load_words(&self) -> String {
+        let taken = self
+            .begun
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .zip(Computed::now())
+            .and_then(|(before, now)| now.others_since(&before));
+        match taken {
+            Some((taken, all)) if taken > 0.1 * all => {
+                format!("Measured under load: other work took {taken:.1} of {all:.0} processors meanwhile.")
+            }
+            _ => String::new(),
+        }
     }
 
     /// What was measured of a part of a section, if an interrupted run of this program has it, else measured now.
@@ -134,16 +159,45 @@ pub fn number(value: &Value, pointer: &str) -> f64 {
     value.pointer(pointer).and_then(Value::as_f64).unwrap_or(f64::NAN)
 }
 
-/// Says how busy the machine is with work of others, where the system tells.
-pub fn load_words() -> String {
-    let told = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
-    let load = told.split(' ').next().and_then(|load| load.parse::<f64>().ok());
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    match load {
-        Some(load) if load > 0.25 * threads as f64 => {
-            format!("Measured under load: {load:.1} other processes wanted the {threads} threads when it began.")
-        }
-        _ => String::new(),
+/// What a machine and this program on it had computed at one moment.
+#[derive(Clone, Copy)]
+struct Computed {
+    at: Instant,
+    /// CPU seconds of all processors, since the machine began.
+    machine: f64,
+    /// CPU seconds of this program and of those that it started and waited for.
+    own: f64,
+    n_processors: usize,
+}
+
+impl Computed {
+    /// Nothing where the system does not tell.
+    fn now() -> Option<Self> {
+        let told = std::fs::read_to_string("/proc/stat").ok()?;
+        let own = std::fs::read_to_string("/proc/self/stat").ok()?;
+        Self::of(&told, &own)
+    }
+
+    /// From what Linux tells of the machine and of one process, in hundredths of a second.
+    fn of(machine: &str, own: &str) -> Option<Self> {
+        let ticks =
+            |words: std::str::SplitWhitespace<'_>| -> Vec<f64> { words.map_while(|word| word.parse().ok()).collect() };
+        let all = ticks(machine.lines().next()?.strip_prefix("cpu ")?.split_whitespace());
+        // User, nice, system; then idle and waiting; then both kinds of interrupts, and what the host took away.
+        let busy = all.get(..3)?.iter().chain(all.get(5..8)?).sum::<f64>();
+        // Behind the name, which may hold anything: the state, ten numbers, and the times of the process and of its children.
+        let mut words = own.rsplit_once(')')?.1.split_whitespace();
+        words.nth(10)?;
+        let own = ticks(words).get(..4)?.iter().sum::<f64>();
+        let n_processors = machine.lines().skip(1).take_while(|line| line.starts_with("cpu")).count();
+        Some(Self { at: Instant::now(), machine: 0.01 * busy, own: 0.01 * own, n_processors })
+    }
+
+    /// Processors that others took since then, and how many there are.
+    fn others_since(&self, before: &Self) -> Option<(f64, f64)> {
+        let secs = (self.at - before.at).as_secs_f64();
+        let taken = (self.machine - before.machine) - (self.own - before.own);
+        (secs > 0.0).then(|| (taken / secs, self.n_processors as f64))
     }
 }
 
@@ -152,4 +206,27 @@ pub fn cpu_name() -> String {
     let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = told.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or(std::env::consts::ARCH.into(), |(_, name)| name.trim().into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_of_others_is_that_of_the_machine_without_ours() {
+        let machine = |busy: u32| format!("cpu  {busy} 10 20 9000 300 1 2 7 0 0\ncpu0 1 2 3\ncpu1 1 2 3\nintr 5\n");
+        let own = |user: u32| format!("71 (a (strange) name) R 1 2 3 4 5 6 7 8 9 10 {user} 5 40 0 20 0 2\n");
+        let before = Computed::of(&machine(1000), &own(100)).unwrap();
+        assert!(
+            (before.machine - 10.4).abs() < 1e-9 && (before.own - 1.45).abs() < 1e-9,
+            "{} {}",
+            before.machine,
+            before.own
+        );
+        let mut after = Computed::of(&machine(1500), &own(400)).unwrap();
+        after.at = before.at + std::time::Duration::from_secs(4);
+        let (taken, all) = after.others_since(&before).unwrap();
+        assert!((taken - 0.5).abs() < 1e-9 && all == 2.0, "{taken} of {all}");
+        assert!(Computed::of("no such system", &own(1)).is_none());
+    }
 }

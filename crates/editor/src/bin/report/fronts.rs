@@ -11,7 +11,7 @@ use clerestory_transport::camera::Film;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::desk::{Desk, load_words};
+use super::desk::Desk;
 use super::errors::decibels;
 use super::methods::dense::{CHANNELS, Picture, squared_error};
 use super::methods::{methods, own};
@@ -67,7 +67,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          thread with the factors of each method, all lights new, best of {TURNS}; methods whose entries are no product of factors make all entries anew, once. Single precision, seed {SEED}. {}\n",
         RANKS.map(|rank| rank.to_string()).join(", "),
         TOLERANCES_DB.map(|db| db.to_string()).join(", "),
-        load_words(),
+        desk.load_words(),
     );
     for (title, label, file, cost) in COSTS {
         let panels: Vec<Panel> = found.iter().map(|(name, points)| panel(name, label, points, cost)).collect();

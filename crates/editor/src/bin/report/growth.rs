@@ -16,7 +16,7 @@ use clerestory_transport::camera::Film;
 use clerestory_transport::prepared::PreparedScene;
 use serde::{Deserialize, Serialize};
 
-use super::desk::{Desk, load_words};
+use super::desk::Desk;
 use super::fit::{digits, exponent};
 use super::matrix::process_cpu_secs;
 use super::plot::{Axis, Panel, Scale, Series};
@@ -112,7 +112,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         size[0],
         size[1],
         bench.spp,
-        load_words(),
+        desk.load_words(),
     );
     text += &desk.plot("growth", "CPU seconds of a bake as pixels, columns, triangles and bounces grow", &panels)?;
     text += &format!(

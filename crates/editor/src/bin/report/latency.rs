@@ -22,7 +22,7 @@ use clerestory_transport::scene::{PunctualLight, Scene};
 
 use self::painter::Painter;
 use self::window::Window;
-use super::desk::{Desk, load_words};
+use super::desk::Desk;
 
 /// Lamps beside the panel.
 const LAMPS: usize = 20;
@@ -68,7 +68,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          Asked for: 33 ms at 1024 × 768 on two cores, and 4 ms of our own CPU time at 1920 × 1080 with a graphics device. {}\n\n\
          | size | what | median | 99th percentile |\n|---|---|---|---|\n{rows}",
         rayon::current_num_threads(),
-        load_words(),
+        desk.load_words(),
     ))
 }
 

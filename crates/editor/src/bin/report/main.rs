@@ -65,7 +65,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 18] = [
+const SECTIONS: [Section; 19] = [
     Section { name: "time", write: time::write },
     Section { name: "paper", write: paper::write },
     Section { name: "growth", write: growth::write },
@@ -78,6 +78,7 @@ const SECTIONS: [Section; 18] = [
     Section { name: "matrix", write: matrix::write },
     Section { name: "methods", write: methods::write },
     Section { name: "targets", write: targets::write },
+    Section { name: "target-bakes", write: targets::baked::write },
     Section { name: "relight", write: relight::write },
     Section { name: "latency", write: latency::write },
     Section { name: "files", write: files::write },
@@ -132,6 +133,7 @@ fn report(flags: &[String], names: &[String]) -> Result<()> {
     };
     let measured = |section: &Section| {
         let begun = Instant::now();
+        desk.begin();
         let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
         complain(&format!("{} took {:.0} s", section.name, begun.elapsed().as_secs_f64()));
         Ok::<_, anyhow::Error>(text)

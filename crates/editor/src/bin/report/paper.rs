@@ -13,7 +13,7 @@ use clerestory_nystrom::rivals::{Core, DMatrix, Method, MethodError, approximate
 use clerestory_transport::camera::Film;
 use rayon::prelude::*;
 
-use super::desk::{Desk, load_words};
+use super::desk::Desk;
 use super::methods::dense::Picture;
 use super::reference::Sampling;
 
@@ -37,20 +37,19 @@ const METHODS: [Method; 7] = [
 /// # Errors
 /// If a scene cannot be loaded or baked.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut text = format!(
+    let mut measured = columns::write(desk)?;
+    measured += &ratios::write(desk)?;
+    measured += &noise::write(desk)?;
+    measured += &plain::write(desk)?;
+    measured += &conference::write(desk)?;
+    measured += &open::write(desk)?;
+    Ok(format!(
         "## The method's own evaluation, redone\n\n\
          Pictures under {} lights on the panel, of different color, position and size: PSNR is the mean over them, each exposed to four times the median\n\
-         luminance of its reference and clipped at white. Seed {SEED}. {}\n",
+         luminance of its reference and clipped at white. Seed {SEED}. {}\n{measured}",
         lights::count(),
-        load_words(),
-    );
-    text += &columns::write(desk)?;
-    text += &ratios::write(desk)?;
-    text += &noise::write(desk)?;
-    text += &plain::write(desk)?;
-    text += &conference::write(desk)?;
-    text += &open::write(desk)?;
-    Ok(text)
+        desk.load_words(),
+    ))
 }
 
 /// What all samples of a scene have in common.

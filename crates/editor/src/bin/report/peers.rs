@@ -14,7 +14,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
 use serde_json::Value;
 
-use super::desk::{Desk, load_words, number};
+use super::desk::{Desk, number};
 use super::fit::digits;
 use super::matrix::{BOUNCES, baked, process_cpu_secs};
 use super::rendered::rendered;
@@ -89,7 +89,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         film.width,
         film.height,
         BOUNCES.unwrap_or(0),
-        load_words(),
+        desk.load_words(),
     ))
 }
 

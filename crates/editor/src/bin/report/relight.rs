@@ -9,7 +9,7 @@ use clerestory_relight::{
     CpuRelighter, DeviceChoice, DisplayParams, Gpu, GpuRelighter, Precision, Radiance, Relight, RelightError, encode,
 };
 
-use super::desk::{Desk, cpu_name, load_words};
+use super::desk::{Desk, cpu_name};
 
 /// Width, height, columns, rank, and how many bytes an entry of the factors takes.
 type Job = [u32; 5];
@@ -49,24 +49,23 @@ const SHOWN_BYTES: u64 = 4;
 /// If a device fails.
 pub fn write(desk: &Desk) -> Result<String> {
     let jobs = desk.choose(&QUICK[..], &FULL[..]);
-    let mut text = format!(
+    let mut measured = on_cpu(desk, jobs)?;
+    let gpus = Gpu::all_headless(DeviceChoice::Any);
+    if gpus.is_empty() {
+        measured += "\nNo graphics adapter was there.\n";
+    }
+    for gpu in &gpus {
+        measured += &on_device(desk, gpu, jobs)?;
+    }
+    Ok(format!(
         "## Relighting\n\n\
          Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
          {TURNS} turns: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
          read (16-bit floats, or bytes with a scale per vector), and the radiance that is written. The share is that of what the same memory did in the same turns: read\n\
          by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves little comes from caches, faster than memory\n\
-         is: the last two columns hold it against reading as many bytes again and again. {}\n",
-        load_words(),
-    );
-    text += &on_cpu(desk, jobs)?;
-    let gpus = Gpu::all_headless(DeviceChoice::Any);
-    if gpus.is_empty() {
-        text += "\nNo graphics adapter was there.\n";
-    }
-    for gpu in &gpus {
-        text += &on_device(desk, gpu, jobs)?;
-    }
-    Ok(text)
+         is: the last two columns hold it against reading as many bytes again and again. {}\n{measured}",
+        desk.load_words(),
+    ))
 }
 
 /// Best of what one job did.

@@ -14,7 +14,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::{archive, import};
 use serde::{Deserialize, Serialize};
 
-use super::desk::{Desk, clerestory, load_words};
+use super::desk::{Desk, clerestory};
 use super::fit::spread_words;
 use super::plot::{Axis, Panel, Scale, Series};
 use super::under_way::run_until;
@@ -74,7 +74,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          anew, relit and brought to the display. {}\n{}\n| scene | stage | s | over after, s |\n|---|---|---|---|\n{rows}",
         film.width,
         film.height,
-        load_words(),
+        desk.load_words(),
         desk.plot("sitting", "the first sitting with each scene as a time line", &panels)?,
     ))
 }

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::desk::{Desk, load_words};
+use super::desk::Desk;
 use super::fit::{digits, secs_at, secs_words};
 use super::plot::{Axis, Panel, Scale, Series};
 
@@ -103,7 +103,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
          columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seed 1, each point once; the references have seeds of their own. {}\n",
         runs::reference_spp(desk),
-        load_words(),
+        desk.load_words(),
     );
     for (class, what, file) in [(0, "Single lights", "time-single"), (2, "All lights of the file", "time-full")] {
         let panels: Vec<Panel> = scenes.iter().map(|(subject, measured)| panel(subject, measured, class)).collect();

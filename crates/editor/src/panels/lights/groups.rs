@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_transport::basis::SourceKind;
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::light::LightGroup;
 use serde::{Deserialize, Serialize};
 
@@ -203,13 +203,34 @@ pub(super) fn set_master(look: &mut Look, key: &str, master: LightGroup) {
     }
 }
 
+/// A look with an entry for every group that the panel shows, so that files tell the light apart as the panel does. The sky and free
+/// lamps keep the layers that they have without.
+pub fn with_groups(basis: &LightBasis, mut look: Look, by: GroupBy) -> Look {
+    let lights: Vec<Listed> = basis.sources.iter().filter(|source| !is_sky(source.kind)).map(nameless).collect();
+    for item in arranged(&lights, by, &look) {
+        if let Item::Group(group) = item {
+            let master = master(&look, &group, &lights);
+            look.lights.groups.entry(group.key).or_insert(master);
+        }
+    }
+    look
+}
+
+fn nameless(source: &LightSource) -> Listed<'_> {
+    Listed { key: source.key.clone(), name: String::new(), light: LightOf::Scene(source) }
+}
+
+fn is_sky(kind: SourceKind) -> bool {
+    matches!(kind, SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Sun { .. })
+}
+
 #[cfg(test)]
 mod tests {
-    use clerestory_transport::basis::LightSource;
     use clerestory_transport::origin::LightOrigin;
     use glam::Vec3;
 
     use super::*;
+    use crate::export::layers::LayerSet;
 
     fn source(key: &str, kind: SourceKind, parents: &[&str], model: &str) -> LightSource {
         let parents = parents.iter().map(|name| (*name).to_owned()).collect();
@@ -233,10 +254,7 @@ mod tests {
 
     fn names(by: GroupBy) -> Vec<(String, Vec<usize>)> {
         let sources = sources();
-        let lights: Vec<Listed> = sources
-            .iter()
-            .map(|source| Listed { key: source.key.clone(), name: String::new(), light: LightOf::Scene(source) })
-            .collect();
+        let lights: Vec<Listed> = sources.iter().map(nameless).collect();
         let name = |item: Item| match item {
             Item::Light(idx) => (String::new(), vec![idx]),
             Item::Group(group) => (group.name, group.lights),
@@ -256,6 +274,27 @@ mod tests {
         assert_eq!(names(GroupBy::Material), [glow, sky.clone()]);
         let kinds = [group("Point lamps", &[0, 2, 3]), alone(1), group("Spot lamps", &[4, 5]), sky];
         assert_eq!(names(GroupBy::Kind), kinds);
+    }
+
+    #[test]
+    fn files_tell_light_apart_as_the_panel_does() {
+        let basis = LightBasis::new(sources());
+        let mut look = Look::default();
+        look.names.insert("place:Hall/Table".into(), "dining".into());
+        let parts = |by| -> Vec<String> {
+            let look = with_groups(&basis, look.clone(), by);
+            LayerSet::Groups.parts(&basis, &look).into_iter().map(|(name, _)| name).collect()
+        };
+        assert_eq!(parts(GroupBy::Automatic), ["dining", "surfaces", "lamps", "e", "sky"]);
+        assert_eq!(parts(GroupBy::Model), ["Bulb", "surfaces", "sky"]);
+        assert_eq!(parts(GroupBy::Nothing), ["lamps", "surfaces", "sky"]);
+
+        // Masters stay as they are.
+        let lights = ["e 1".to_owned(), "e#2".to_owned()].into();
+        set_master(&mut look, "name:e", LightGroup { lights, intensity: 2.0, muted: false });
+        let full = with_groups(&basis, look.clone(), GroupBy::Automatic);
+        assert_eq!(full.lights.groups["name:e"].intensity, 2.0);
+        assert_eq!(full.lights.groups.keys().collect::<Vec<_>>(), ["name:e", "place:Hall/Table"]);
     }
 
     #[test]

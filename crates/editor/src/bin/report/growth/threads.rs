@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::{Bench, job, room};
-use crate::desk::{Desk, load_words};
+use crate::desk::Desk;
 use crate::fit::spread_words;
 
 /// Times that each number of threads is measured, in turn; the shortest counts.
@@ -47,7 +47,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
          {TURNS}; how much sooner the best of them ended than on one thread; and how much of the loop's gain the bake has (aimed at: {:.0} %). {}\n\n\
          | threads | bake, s | rays, s | bake sooner | rays sooner | bake / rays |\n|---|---|---|---|---|---|\n{rows}",
         100.0 * AIM,
-        load_words(),
+        desk.load_words(),
     ))
 }
 

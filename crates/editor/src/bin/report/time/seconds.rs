@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::runs::{Judge, job};
 use super::{Subject, prepared};
-use crate::desk::{Desk, load_words};
+use crate::desk::Desk;
 use crate::fit::spread_words;
 use crate::matrix::process_cpu_secs;
 use crate::under_way::{ends_a_pass, run_until};
@@ -73,7 +73,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         PREVIEW.0,
         SOON.1,
         SOON.0,
-        load_words(),
+        desk.load_words(),
     ))
 }
 
