@@ -66,9 +66,13 @@ fn a_click_tells_who_lights_a_place_and_chooses_a_light() {
     let rows: Vec<String> =
         window.query_all_by_label_contains(" %").map(|row| row.accesskit_node().label().unwrap()).collect();
     assert_eq!(rows.len(), 2, "{rows:?}");
-    let key = rows[0].split(' ').next().unwrap().to_owned();
-    click(&mut window, &rows[0]);
-    assert_eq!(window.state().chosen_light(), Some(key.as_str()));
+    let key_of = |row: &str| row.split(' ').next().unwrap().to_owned();
+    let key = key_of(&rows[0]);
+    assert_eq!(window.state().chosen_light(), Some(key.as_str()), "what lights it most is picked");
+    for row in [1, 0] {
+        click(&mut window, &rows[row]);
+        assert_eq!(window.state().chosen_light(), Some(key_of(&rows[row]).as_str()), "and stays what was chosen then");
+    }
 
     // It follows the lights.
     let n_before = window.state().n_pictures();

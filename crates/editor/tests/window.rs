@@ -300,13 +300,28 @@ fn exposure_and_tone_are_part_of_the_look() {
 }
 
 #[test]
+fn false_color_of_lux_that_were_not_baked_offers_to_bake_them() {
+    let mut window = baked();
+    click(&mut window, "False color");
+    let in_the_list = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == eframe::egui::Role::Button;
+    window.query_all_by_label("Illuminance").find(in_the_list).unwrap().click();
+    window.run_steps(3);
+    click(&mut window, "Bake with illuminance");
+    let has_lux = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_some());
+    wait(&mut window, |app| app.session().bake == BakeState::Done && has_lux(app) && app.is_settled());
+    window.run_steps(2);
+    assert_eq!(window.query_all_by_label_contains("Scale of illuminance").count(), 1);
+    assert!(window.query_by_label("Bake with illuminance").is_none());
+}
+
+#[test]
 fn white_balance_metering_and_false_color_are_part_of_the_look() {
     let mut window = baked();
     click(&mut window, "Metering");
     click(&mut window, "Log average");
     click(&mut window, "Balance");
     click(&mut window, "False color");
-    assert_eq!(window.query_all_by_label("Illuminance").count(), 1, "only the box of the bake panel: it was not baked");
+    assert_eq!(window.query_all_by_label("Illuminance").count(), 2, "in the list, and the box of the bake panel");
     click(&mut window, "Luminance");
     wait(&mut window, App::is_settled);
     let display = window.state().look().display;

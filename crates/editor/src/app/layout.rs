@@ -110,8 +110,9 @@ impl App {
                     metered_ev: self.follower.metered_ev(),
                     legend: self.follower.legend(),
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
+                    can_bake: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
                 };
-                display_ui(ui, &mut self.look.display, &view);
+                display_ui(ui, &mut self.look.display, &view, &mut self.actions);
                 self.camera_panel_ui(ui);
                 self.solving_ui(ui);
                 self.bake_panel_ui(ui);

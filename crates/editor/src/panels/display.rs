@@ -3,6 +3,8 @@
 use clerestory_relight::display::{Dither, Metering, Spacing, Tone, WhitePoint};
 use eframe::egui::{self, DragValue, Slider, SliderClamping, Ui};
 
+use super::measure::missing_ui;
+use crate::action::Action;
 use crate::legend::Legend;
 use crate::look::display::{DISPLAY_KELVIN, PERCENT_DEFAULT, WHITE_DUV, WHITE_KELVIN};
 use crate::look::{Display, FalseColor, Quantity};
@@ -19,6 +21,8 @@ pub struct DisplayView {
     pub legend: Option<Legend>,
     /// Whether the light that arrives at its pixels was baked.
     pub has_illuminance: bool,
+    /// Whether it can be baked again.
+    pub can_bake: bool,
 }
 
 /// A choice with its name and its hint.
@@ -62,11 +66,11 @@ const QUANTITIES: [Named<Option<Quantity>>; 3] = [
 const EV_SPAN: f32 = 6.0;
 
 /// Draws it.
-pub fn display_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
-    theme::folding(ui, "Display", Fold::Open, |ui| content_ui(ui, display, view));
+pub fn display_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView, actions: &mut Vec<Action>) {
+    theme::folding(ui, "Display", Fold::Open, |ui| content_ui(ui, display, view, actions));
 }
 
-fn content_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
+fn content_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView, actions: &mut Vec<Action>) {
     egui::Grid::new("display").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
         exposure_rows(ui, display, view);
         let label = ui.label("Tone curve");
@@ -77,7 +81,7 @@ fn content_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
         false_color_rows(ui, &mut display.false_color, view);
     });
     if display.quantity() == Some(Quantity::Illuminance) && !view.has_illuminance {
-        ui.weak("This matrix holds no illuminance. Open a .transport made with bake --irradiance.");
+        missing_ui(ui, view.can_bake, actions);
     }
 }
 
@@ -164,13 +168,8 @@ fn dither_row(ui: &mut Ui, dither: &mut Dither) {
 fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &DisplayView) {
     let label = ui.label("False color");
     let mut quantity = false_color.map(|f| f.quantity);
-    // What was not baked cannot be chosen, but a look that asks for it shows that it does.
-    let choices = if view.has_illuminance || quantity == Some(Quantity::Illuminance) {
-        &QUANTITIES[..]
-    } else {
-        &QUANTITIES[..2]
-    };
-    choice_ui(ui, "false color", &mut quantity, choices, label.id);
+    // What was not baked can be chosen, too: then the panel offers to bake it.
+    choice_ui(ui, "false color", &mut quantity, &QUANTITIES, label.id);
     if quantity != false_color.map(|f| f.quantity) {
         // Cd/m² and lux are different numbers: a range does not go along.
         let spacing = false_color.map_or(Spacing::default(), |f| f.spacing);

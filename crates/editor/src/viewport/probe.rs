@@ -22,6 +22,8 @@ pub struct Probes {
     pub hover: Option<[u32; 2]>,
     /// Where the light is told apart.
     pub picked: Option<[u32; 2]>,
+    /// Where it was told apart when a light was chosen for it.
+    chosen_at: Option<[u32; 2]>,
     /// Where it stays.
     pub pins: Vec<[u32; 2]>,
 }
@@ -127,6 +129,9 @@ pub fn follow(ui: &Ui, picture: &Response, grid: Grid, probes: &mut Probes, is_f
     if picture.double_clicked() || keys(Key::Escape) {
         probes.picked = None;
     }
+    if probes.picked.is_none() {
+        probes.chosen_at = None;
+    }
 }
 
 /// Draws what was measured.
@@ -148,6 +153,12 @@ pub fn readings_ui(
         chip(ui, (at, Align2::CENTER_BOTTOM), Id::unique("under the pointer"), &words);
     }
     if let Some((reading, shares)) = readings.picked.as_ref().filter(|(at, _)| Some(at.px) == probes.picked) {
+        // A click on what a light shines on picks it. Free lamps are picked by themselves: their handles would be in the way.
+        let strongest = shares.first().filter(|share| share.luminance() > 0.0 && probes.chosen_at != probes.picked);
+        if let Some(share) = strongest.filter(|share| look.lights.lamps.iter().all(|lamp| lamp.key != share.key)) {
+            choose(lights, &share.key);
+        }
+        probes.chosen_at = probes.picked;
         breakdown_ui(ui, picture, grid, (reading, shares), probes, (look, lights));
     }
 }
