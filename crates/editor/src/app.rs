@@ -277,7 +277,7 @@ impl App {
         match action {
             Action::Ask(task) => self.ask(task),
             Action::Open(path) => self.unless_unsaved(Action::Open(path.clone()), |app| app.open(path)),
-            Action::OpenBuiltIn => self.unless_unsaved(Action::OpenBuiltIn, |app| app.session.open(Source::BuiltIn)),
+            Action::OpenBuiltIn => self.unless_unsaved(Action::OpenBuiltIn, |app| app.open_source(Source::BuiltIn)),
             Action::OpenLook(path) => self.unless_unsaved(Action::OpenLook(path.clone()), |app| app.open_look(path)),
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),

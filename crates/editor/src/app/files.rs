@@ -32,7 +32,13 @@ impl App {
     }
 
     pub(super) fn open(&mut self, path: PathBuf) {
-        self.session.open(Source::File(path));
+        self.open_source(Source::File(path));
+    }
+
+    /// Opens something else than what is open, or was about to be read again.
+    pub(super) fn open_source(&mut self, source: Source) {
+        self.reloading = None;
+        self.session.open(source);
     }
 
     /// What is open now is the first of the recent files, however it was asked for.

@@ -90,7 +90,7 @@ impl App {
         let is_open = open == left.work.scene && self.session.stage == Stage::Ready;
         let source = left.work.scene.clone().map_or(Source::BuiltIn, Source::File);
         self.recovery.taken = Some(left);
-        if is_open { self.take_up() } else { self.session.open(source) }
+        if is_open { self.take_up() } else { self.open_source(source) }
     }
 
     /// Puts the work that is being recovered in place, its scene being open.
