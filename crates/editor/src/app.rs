@@ -117,7 +117,7 @@ pub struct App {
     recovery: Recovery,
     message: (String, MessageTone),
     watched: strips::Watched,
-    /// The scene that is being opened is the same one, changed.
+    /// Where the scene that is being opened is the open one, changed: what stays.
     reloading: Option<scenes::Reloading>,
     is_new_here: bool,
     memory: MemoryWatch,

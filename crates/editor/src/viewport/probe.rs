@@ -22,8 +22,8 @@ pub struct Probes {
     pub hover: Option<[u32; 2]>,
     /// Where the light is told apart.
     pub picked: Option<[u32; 2]>,
-    /// Where it was told apart when a light was chosen for it.
-    chosen_at: Option<[u32; 2]>,
+    /// Whether the light that shines there most is still to be chosen.
+    awaits_light: bool,
     /// Where it stays.
     pub pins: Vec<[u32; 2]>,
 }
@@ -124,13 +124,11 @@ pub fn follow(ui: &Ui, picture: &Response, grid: Grid, probes: &mut Probes, is_f
     }
     if picture.clicked() && is_free {
         probes.picked = picture.interact_pointer_pos().and_then(|at| grid.pixel(at));
+        probes.awaits_light = true;
         ui.ctx().request_repaint();
     }
     if picture.double_clicked() || keys(Key::Escape) {
         probes.picked = None;
-    }
-    if probes.picked.is_none() {
-        probes.chosen_at = None;
     }
 }
 
@@ -154,11 +152,11 @@ pub fn readings_ui(
     }
     if let Some((reading, shares)) = readings.picked.as_ref().filter(|(at, _)| Some(at.px) == probes.picked) {
         // A click on what a light shines on picks it. Free lamps are picked by themselves: their handles would be in the way.
-        let strongest = shares.first().filter(|share| share.luminance() > 0.0 && probes.chosen_at != probes.picked);
+        let strongest = shares.first().filter(|share| share.luminance() > 0.0 && probes.awaits_light);
         if let Some(share) = strongest.filter(|share| look.lights.lamps.iter().all(|lamp| lamp.key != share.key)) {
             choose(lights, &share.key);
         }
-        probes.chosen_at = probes.picked;
+        probes.awaits_light = false;
         breakdown_ui(ui, picture, grid, (reading, shares), probes, (look, lights));
     }
 }

@@ -180,17 +180,13 @@ impl Computed {
 
     /// From what Linux tells of the machine and of one process, in hundredths of a second.
     fn of(machine: &str, own: &str) -> Option<Self> {
-        let ticks =
-            |words: std::str::SplitWhitespace<'_>| -> Vec<f64> { words.map_while(|word| word.parse().ok()).collect() };
-        let all = ticks(machine.lines().next()?.strip_prefix("cpu ")?.split_whitespace());
+        let words = machine.lines().next()?.strip_prefix("cpu ")?.split_whitespace();
+        let all: Vec<f64> = words.map_while(|word| word.parse().ok()).collect();
         // User, nice, system; then idle and waiting; then both kinds of interrupts, and what the host took away.
         let busy = all.get(..3)?.iter().chain(all.get(5..8)?).sum::<f64>();
-        // Behind the name, which may hold anything: the state, ten numbers, and the times of the process and of its children.
-        let mut words = own.rsplit_once(')')?.1.split_whitespace();
-        words.nth(10)?;
-        let own = ticks(words).get(..4)?.iter().sum::<f64>();
+        let own = process_secs(own)?.iter().sum::<f64>();
         let n_processors = machine.lines().skip(1).take_while(|line| line.starts_with("cpu")).count();
-        Some(Self { at: Instant::now(), machine: 0.01 * busy, own: 0.01 * own, n_processors })
+        Some(Self { at: Instant::now(), machine: 0.01 * busy, own, n_processors })
     }
 
     /// Processors that others took since then, and how many there are.
@@ -199,6 +195,14 @@ impl Computed {
         let taken = (self.machine - before.machine) - (self.own - before.own);
         (secs > 0.0).then(|| (taken / secs, self.n_processors as f64))
     }
+}
+
+/// CPU seconds of a process and of its children that ended, from what Linux tells of it.
+pub fn process_secs(told: &str) -> Option<[f64; 2]> {
+    // Behind the name, which may hold anything: the state, ten numbers, and user and system time of both, in hundredths of a second.
+    let mut words = told.rsplit_once(')')?.1.split_whitespace().skip(11);
+    let mut secs = || Some(0.01 * (words.next()?.parse::<f64>().ok()? + words.next()?.parse::<f64>().ok()?));
+    Some([secs()?, secs()?])
 }
 
 /// What the system calls its processor.

@@ -13,7 +13,7 @@ use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Scene;
 
-use super::desk::Desk;
+use super::desk::{Desk, process_secs};
 use super::errors::ColumnErrors;
 use super::fit::secs_at;
 use super::reference::{Reference, Sampling};
@@ -178,13 +178,9 @@ fn quoted(desk: &Desk, rows: &str) -> Result<String> {
 
 /// CPU seconds of all threads of this process so far, user and system.
 pub fn process_cpu_secs() -> Result<f64> {
-    // Linux tells them in hundredths of a second, in fields 14 and 15; the second field is a name that may hold anything.
-    const PER_SECOND: f64 = 100.0;
     let told = std::fs::read_to_string("/proc/self/stat").context("only Linux tells the CPU time of a process")?;
-    let fields: Vec<&str> = told.rsplit_once(')').map_or(Vec::new(), |(_, rest)| rest.split_whitespace().collect());
-    let ticks = |nth: usize| fields.get(nth).and_then(|field| field.parse::<f64>().ok());
-    let ticks = ticks(11).zip(ticks(12)).context("/proc/self/stat has no user and system time")?;
-    Ok((ticks.0 + ticks.1) / PER_SECOND)
+    let [own, _] = process_secs(&told).context("/proc/self/stat has no user and system time")?;
+    Ok(own)
 }
 
 #[cfg(test)]
