@@ -119,7 +119,8 @@ fn options() -> BakeOptions {
     };
     let (sky_patches, method) = (SkyForm::Patches(1), Method::default());
     let (tolerance, seconds) = (40.0, None);
-    BakeOptions { view, sky_patches, tolerance, seconds, fast: true, exact: false, patches: 0, method, fresh: true }
+    let (fast, exact, no_denoise) = (true, false, false);
+    BakeOptions { view, sky_patches, tolerance, seconds, fast, exact, no_denoise, patches: 0, method, fresh: true }
 }
 
 fn gallery_looks() -> Result<Vec<(&'static str, Look)>> {

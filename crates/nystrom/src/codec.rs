@@ -1,13 +1,15 @@
 //! Factors to bytes and back: little-endian, with a version in front and a checksum behind.
 //!
 //! ```text
-//! magic "CNBF" · version u16 · 0 u16 · rows, columns, rank, sparse entries, samples u32 · truncation, sampling, noise f32 ·
-//! scale f32 × rank · left f16 × rows·rank · right f16 × rank·columns · (row u32, column u32, value f32) × sparse · FNV-1a u64
+//! magic "CNBF" · version u16 · 1 with noise of the left factor, else 0 u16 · rows, columns, rank, sparse entries, samples u32 · truncation, sampling, noise f32 ·
+//! scale f32 × rank · left f16 × rows·rank · right f16 × rank·columns · noise of left f16 × rows·rank, if it is there · (row u32, column u32, value f32) × sparse · FNV-1a u64
 //! ```
 //! Bytes are not trusted: sizes are held against the bytes that are there before anything is allocated.
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
+
+use std::ops::RangeInclusive;
 
 use half::f16;
 
@@ -17,7 +19,9 @@ use crate::{
 };
 
 const MAGIC: [u8; 4] = *b"CNBF";
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
+/// Versions that are read: the first had no noise of the left factor, and 0 in its place.
+const READABLE: RangeInclusive<u16> = 1..=VERSION;
 /// Magic, version, five counts, three errors.
 const HEADER_LEN: usize = 8 + 5 * 4 + 3 * 4;
 const CHECKSUM_LEN: usize = 8;
@@ -57,7 +61,7 @@ pub fn encode_block(block: &BlockFactors, out: &mut Vec<u8>) {
     let start = out.len();
     out.extend(MAGIC);
     out.extend(VERSION.to_le_bytes());
-    out.extend([0; 2]);
+    out.extend(u16::from(!block.doubt.is_empty()).to_le_bytes());
     for count in [block.n_rows, block.n_cols, block.rank, block.sparse.len() as u32, block.n_samples] {
         out.extend(count.to_le_bytes());
     }
@@ -67,6 +71,7 @@ pub fn encode_block(block: &BlockFactors, out: &mut Vec<u8>) {
     out.extend(block.scale.iter().flat_map(|x| x.to_le_bytes()));
     out.extend(block.left.iter().flat_map(|x| x.to_le_bytes()));
     out.extend(block.right.iter().flat_map(|x| x.to_le_bytes()));
+    out.extend(block.doubt.iter().flat_map(|x| x.to_le_bytes()));
     for entry in &block.sparse {
         out.extend(entry.row.to_le_bytes());
         out.extend(entry.col.to_le_bytes());
@@ -87,17 +92,22 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
         return Err(CodecError::Magic);
     }
     let version = u16::from_le_bytes([header[4], header[5]]);
-    if version != VERSION {
+    if !READABLE.contains(&version) {
         return Err(CodecError::Version(version));
     }
+    let n_lefts = match u16::from_le_bytes([header[6], header[7]]) {
+        0 => 1,
+        1 if version > 1 => 2,
+        _ => return Err(CodecError::Malformed("unknown parts")),
+    };
     let mut reader = Reader(&bytes[8..]);
     let [n_rows, n_cols, rank, n_sparse, n_samples] = [(); 5].map(|()| u32::from_le_bytes(reader.take()));
     if n_rows > MAX_SIDE || n_cols > MAX_SIDE || rank > MAX_SIDE {
         return Err(CodecError::Malformed("too many rows or columns"));
     }
     let (m, n, k) = (u64::from(n_rows), u64::from(n_cols), u64::from(rank));
-    #[expect(clippy::arithmetic_side_effects, reason = "sides are at most 2^24, so that the sum is below 2^51")]
-    let len = HEADER_LEN as u64 + 4 * k + 2 * k * (m + n) + 12 * u64::from(n_sparse) + CHECKSUM_LEN as u64;
+    #[expect(clippy::arithmetic_side_effects, reason = "sides are at most 2^24, so that the sum is below 2^52")]
+    let len = HEADER_LEN as u64 + 4 * k + 2 * k * (n_lefts * m + n) + 12 * u64::from(n_sparse) + CHECKSUM_LEN as u64;
     if len > present as u64 {
         return Err(truncated(len));
     }
@@ -111,7 +121,7 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
     let [truncation, sampling, noise] = [(); 3].map(|()| f32::from_le_bytes(reader.take()));
     let (m, n, k) = (n_rows as usize, n_cols as usize, rank as usize);
     #[expect(clippy::arithmetic_side_effects, reason = "so many bytes are there")]
-    let (n_left, n_right) = (m * k, k * n);
+    let (n_left, n_right, n_doubt) = (m * k, k * n, if n_lefts > 1 { m * k } else { 0 });
     let block = BlockFactors {
         n_rows,
         n_cols,
@@ -119,6 +129,7 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
         scale: (0..k).map(|_| f32::from_le_bytes(reader.take())).collect(),
         left: (0..n_left).map(|_| f16::from_le_bytes(reader.take())).collect(),
         right: (0..n_right).map(|_| f16::from_le_bytes(reader.take())).collect(),
+        doubt: (0..n_doubt).map(|_| f16::from_le_bytes(reader.take())).collect(),
         sparse: (0..n_sparse).map(|_| reader.sparse_entry()).collect(),
         n_samples,
         error: BlockError { truncation, sampling, noise },
@@ -130,7 +141,7 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
 /// What every block fulfills that an encoder was given.
 fn check(block: &BlockFactors) -> Result<(), CodecError> {
     let finite = block.scale.iter().all(|x| x.is_finite())
-        && block.left.iter().chain(&block.right).all(|x| x.is_finite())
+        && block.left.iter().chain(&block.right).chain(&block.doubt).all(|x| x.is_finite())
         && block.sparse.iter().all(|entry| entry.value.is_finite());
     if !finite {
         return Err(CodecError::Malformed("a value is not finite"));

@@ -32,6 +32,9 @@ pub struct BlockFactors {
     pub scale: Vec<f32>,
     /// Row-major, rank × columns.
     pub right: Vec<f16>,
+    /// Row-major, rows × rank, in the scale of `left`: half of what the two halves of the samples differ by, noise like that of
+    /// `left`. Empty where it is not known.
+    pub doubt: Vec<f16>,
     /// Entries that no low rank holds, sorted by row, then column; each once.
     pub sparse: Vec<SparseEntry>,
     /// Samples per row that the factors are the mean of, both halves together.
@@ -58,6 +61,29 @@ impl BlockFactors {
         factors.scale =
             (0..rank).map(|r| power_of_two((left_exponents[r] + right_exponents[r]).clamp(-126, 127)) as f32).collect();
         factors
+    }
+
+    /// Packs the noise of `left` in the scale of that; both row-major rows × rank.
+    pub(crate) fn with_doubt(mut self, doubt: &[f32], left: &[f32]) -> Self {
+        let rank = self.rank as usize;
+        let exponents: Vec<i32> = (0..rank).map(|r| exponent(left.iter().skip(r).step_by(rank))).collect();
+        self.doubt = doubt.iter().enumerate().map(|(i, &x)| scaled(x, -exponents[i % rank])).collect();
+        self
+    }
+
+    /// The same right factor and sparse part with another left factor, row-major rows × rank, for `right` as it is; its noise is
+    /// not known.
+    pub(crate) fn with_left(&self, left: &[f32]) -> Self {
+        let rank = self.rank as usize;
+        let exponents: Vec<i32> = (0..rank).map(|r| exponent(left.iter().skip(r).step_by(rank))).collect();
+        Self {
+            left: left.iter().enumerate().map(|(i, &x)| scaled(x, -exponents[i % rank])).collect(),
+            scale: exponents.iter().map(|&exponent| power_of_two(exponent.clamp(-126, 127)) as f32).collect(),
+            doubt: Vec::new(),
+            right: self.right.clone(),
+            sparse: self.sparse.clone(),
+            ..*self
+        }
     }
 
     /// One entry, its sparse part included.
@@ -147,7 +173,9 @@ impl BlockFactors {
 
     /// Memory that factors and sparse entries take, in bytes.
     pub fn n_bytes(&self) -> usize {
-        2 * (self.left.len() + self.right.len()) + 4 * self.scale.len() + size_of_val(self.sparse.as_slice())
+        2 * (self.left.len() + self.doubt.len() + self.right.len())
+            + 4 * self.scale.len()
+            + size_of_val(self.sparse.as_slice())
     }
 }
 

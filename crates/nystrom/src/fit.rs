@@ -21,6 +21,12 @@ impl Fit {
         Dense { data, ..self.a }
     }
 
+    /// Half of what the coefficients of both halves differ by: noise like that of their mean.
+    pub(crate) fn doubt(&self) -> Dense<f32> {
+        let data = self.a.data.iter().zip(&self.b.data).map(|(x, y)| 0.5 * (x - y)).collect();
+        Dense { data, ..self.a }
+    }
+
     /// Every entry, of one half's coefficients or other ones.
     pub(crate) fn of(&self, coefficients: &Dense<f32>) -> Dense<f32> {
         product(coefficients.view(), self.basis.view())

@@ -53,6 +53,7 @@ pub mod bounded;
 pub mod codec;
 pub mod compress;
 mod cosine;
+pub mod denoise;
 mod dense;
 pub mod factors;
 mod fit;
@@ -91,6 +92,7 @@ pub use compress::{
     BlockSamples, ColumnGroup, CompressConfig, CompressError, Guide, SamplePlan, Tolerance, compress, compress_block,
     compress_by,
 };
+pub use denoise::{Likeness, denoise};
 pub use factors::{BlockError, BlockFactors};
 pub use landmarks::{Landmarks, Selection};
 pub use low_rank::BlockLowRank;

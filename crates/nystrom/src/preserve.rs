@@ -15,9 +15,15 @@ pub(crate) const LEAST_SHARE: f64 = 0.25;
 pub(crate) type Added = [f64; 2];
 
 /// Changes `left` (rows × components of `fit`, the mean's own coefficients) so that its product with `direction` equals the
-/// mean's. A basis that hardly holds what that takes gets it as a component of its own. `goal` is the mean square error per
+/// mean's, and its noise `doubt` accordingly. A basis that hardly holds what that takes gets it as a component of its own. `goal` is the mean square error per
 /// entry that is allowed, 0 where a rank is asked for.
-pub(crate) fn preserve(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, direction: &[f32], goal: f64) -> Added {
+pub(crate) fn preserve(
+    means: &Means,
+    fit: &mut Fit,
+    [left, doubt]: [&mut Dense<f32>; 2],
+    direction: &[f32],
+    goal: f64,
+) -> Added {
     let norm = direction.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
     if norm == 0.0 || !norm.is_finite() || means.mean.data.iter().all(|&x| x == 0.0) {
         return [0.0; 2];
@@ -30,11 +36,11 @@ pub(crate) fn preserve(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, dire
         added = change.added(means, fit, &unit);
     }
     if change.share >= LEAST_SHARE {
-        change.make(means, left, &unit);
+        change.make(means, [left, doubt], &unit);
         return added;
     }
-    let [truncation, sampling] = append(means, fit, left, &change);
-    let spread = Change::new(fit, &unit, change.row).make(means, left, &unit);
+    let [truncation, sampling] = append(means, fit, [&mut *left, &mut *doubt], &change);
+    let spread = Change::new(fit, &unit, change.row).make(means, [left, doubt], &unit);
     [truncation, sampling + spread]
 }
 
@@ -77,15 +83,22 @@ impl Change {
     }
 
     /// Gives all rows what they lack, and says what mean square per entry that is.
-    fn make(&self, means: &Means, left: &mut Dense<f32>, unit: &[f64]) -> f64 {
+    fn make(&self, means: &Means, [left, doubt]: [&mut Dense<f32>; 2], unit: &[f64]) -> f64 {
         let mut squares = 0.0;
         for row in 0..left.n_rows {
             let lacks = dot(means.mean.row(row), unit) - dot(left.row(row), &self.along);
-            let missing = lacks / self.share;
-            left.row_mut(row).iter_mut().zip(&self.held).for_each(|(x, held)| *x += (missing * held) as f32);
+            self.give(lacks, left.row_mut(row));
+            let noise = 0.5 * (dot(means.a.row(row), unit) - dot(means.b.row(row), unit));
+            self.give(noise - dot(doubt.row(row), &self.along), doubt.row_mut(row));
             squares += lacks * lacks;
         }
         squares * self.square() / means.n_entries()
+    }
+
+    /// Changes a row of a left factor so that its product with the direction becomes as much greater.
+    fn give(&self, lacks: f64, row: &mut [f32]) {
+        let missing = lacks / self.share;
+        row.iter_mut().zip(&self.held).for_each(|(x, held)| *x += (missing * held) as f32);
     }
 }
 
@@ -105,7 +118,7 @@ fn beside_noise(means: &Means, unit: &[f64], goal: f64) -> Vec<f64> {
 
 /// Adds what the basis lacks of a change as a last component, as it was sampled: what it was off before is the noise that comes
 /// with it now.
-fn append(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, change: &Change) -> Added {
+fn append(means: &Means, fit: &mut Fit, [left, doubt]: [&mut Dense<f32>; 2], change: &Change) -> Added {
     let mut lacking = change.row.clone();
     for (r, held) in change.held.iter().enumerate() {
         lacking.iter_mut().zip(fit.basis.row(r)).for_each(|(x, v)| *x -= held * f64::from(*v));
@@ -116,17 +129,25 @@ fn append(means: &Means, fit: &mut Fit, left: &mut Dense<f32>, change: &Change) 
         .map(|half| -> Vec<f64> { (0..half.n_rows).map(|row| dot(half.row(row), &lacking)).collect() });
     fit.basis.data.extend(lacking.iter().map(|&x| x as f32));
     fit.basis.n_rows += 1;
-    let mut wider = Dense::zeros(left.n_rows, left.n_cols + 1);
     let mut added = [0.0; 2];
-    for (row, (a, b)) in a.into_iter().zip(b).enumerate() {
-        let out = wider.row_mut(row);
-        out[..left.n_cols].copy_from_slice(left.row(row));
-        out[left.n_cols] = (0.5 * (a + b)) as f32;
+    for (a, b) in a.iter().zip(&b) {
         added[0] -= a * b;
         added[1] += 0.25 * (a - b).powi(2);
     }
-    *left = wider;
+    widen(left, a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)));
+    widen(doubt, a.iter().zip(&b).map(|(a, b)| 0.5 * (a - b)));
     added.map(|sum| sum / means.n_entries())
+}
+
+/// Adds a last column.
+fn widen(matrix: &mut Dense<f32>, last: impl Iterator<Item = f64>) {
+    let mut wider = Dense::zeros(matrix.n_rows, matrix.n_cols + 1);
+    for (row, last) in last.enumerate() {
+        let (out, own) = wider.row_mut(row).split_at_mut(matrix.n_cols);
+        out.copy_from_slice(matrix.row(row));
+        own[0] = last as f32;
+    }
+    *matrix = wider;
 }
 
 fn inner(a: impl Iterator<Item = f64>, b: &[f64]) -> f64 {

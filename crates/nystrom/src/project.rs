@@ -37,10 +37,11 @@ pub(crate) fn factor(
     let [of_a, of_b, mut of_mean] = fitted(means, bundle_len, tolerance, config, rng);
     let measured = measured(means, [&of_a, &of_b], tolerance, config);
     of_mean.keep(measured.rank);
-    let mut left = of_mean.mean();
-    let added = preserve(means, &mut of_mean, &mut left, preserved, allowed(means, tolerance));
+    let (mut left, mut doubt) = (of_mean.mean(), of_mean.doubt());
+    let added = preserve(means, &mut of_mean, [&mut left, &mut doubt], preserved, allowed(means, tolerance));
     Unpacked {
         left,
+        doubt,
         right: of_mean.basis,
         unit: means.unit,
         truncation: measured.truncation + added[0],

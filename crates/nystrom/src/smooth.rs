@@ -136,10 +136,11 @@ impl Smoother<'_> {
         let [left_out, sampling] = per_entry(held_out([&smooth.a, &smooth.b], &fits));
 
         let mut fit = self.back(of_mean);
-        let mut left = fit.mean();
-        let added = preserve(means, &mut fit, &mut left, &group.preserved, allowed(means, tolerance));
+        let (mut left, mut doubt) = (fit.mean(), fit.doubt());
+        let added = preserve(means, &mut fit, [&mut left, &mut doubt], &group.preserved, allowed(means, tolerance));
         let factors = Unpacked {
             left,
+            doubt,
             right: fit.basis,
             unit: means.unit,
             truncation: left_out.max(0.0) + lost / means.n_entries() + added[0],

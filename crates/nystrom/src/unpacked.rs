@@ -10,6 +10,8 @@ use crate::{
 pub(crate) struct Unpacked {
     /// Rows × rank.
     pub(crate) left: Dense<f32>,
+    /// Rows × rank: half of what the two halves differ by in the left factor, noise like that of `left`.
+    pub(crate) doubt: Dense<f32>,
     /// Rank × columns, orthonormal rows.
     pub(crate) right: Dense<f32>,
     /// A power of two.
@@ -33,7 +35,8 @@ impl Unpacked {
     /// Rounds the factors. A mean square beyond the range of `f32` is told as the last number of that range.
     pub(crate) fn packed(&self) -> BlockFactors {
         let (left, right) = (&self.left, &self.right);
-        let mut factors = BlockFactors::from_f32(&left.data, &right.data, left.n_rows, right.n_cols, left.n_cols);
+        let mut factors = BlockFactors::from_f32(&left.data, &right.data, left.n_rows, right.n_cols, left.n_cols)
+            .with_doubt(&self.doubt.data, &left.data);
         factors.scale.iter_mut().for_each(|scale| *scale = (f64::from(*scale) * self.unit) as f32);
         let [truncation, sampling, noise] = [self.truncation + self.packing, self.sampling, self.noise]
             .map(|x| (x * self.unit * self.unit).clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32);

@@ -91,7 +91,18 @@ impl Recipe {
         sparse.sort_by_key(|entry| (entry.row, entry.col));
         sparse.dedup_by_key(|entry| (entry.row, entry.col));
         let error = BlockError { truncation: self.truncation, ..BlockError::default() };
-        Some(Arc::new(BlockFactors { n_rows, n_cols, rank, left, scale, right, sparse, n_samples: 0, error }))
+        Some(Arc::new(BlockFactors {
+            n_rows,
+            n_cols,
+            rank,
+            left,
+            scale,
+            right,
+            sparse,
+            n_samples: 0,
+            error,
+            ..BlockFactors::default()
+        }))
     }
 }
 

@@ -3,6 +3,7 @@
 //! A bake is a value: the same scene, camera, film and config give the same bytes on any number of threads.
 
 mod clock;
+mod denoise;
 pub mod estimate;
 #[cfg(test)]
 mod floor;
@@ -39,8 +40,9 @@ use crate::cache::CachePlan;
 use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
 use crate::empty::EmptyPixels;
-use crate::figures::{ErrorDb, error_db};
+use crate::figures::ErrorDb;
 use crate::fingerprint::fingerprint;
+use crate::guides::Guides;
 use crate::import::stack::StackError;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::light::LightRig;
@@ -113,6 +115,10 @@ pub struct BakeConfig {
     /// Patches that free lamps may light, about; 0 for none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub patches: u32,
+    /// Whether noise is taken out where pixels that show the same surface tell each other, as far as both halves of the samples
+    /// say that it helps. Bakes of before have none of it.
+    #[serde(default)]
+    pub denoise: bool,
 }
 
 /// How the light that surfaces send to each other is found.
@@ -165,7 +171,8 @@ impl BakeConfig {
 impl Default for BakeConfig {
     fn default() -> Self {
         let (indirect, method) = (Indirect::default(), Method::default());
-        BakeConfig { spp: 256, tolerance_db: 40.0, bounces: None, seed: 0, indirect, method, patches: 0 }
+        let (spp, tolerance_db) = (256, 40.0);
+        BakeConfig { spp, tolerance_db, bounces: None, seed: 0, indirect, method, patches: 0, denoise: true }
     }
 }
 
@@ -387,6 +394,13 @@ pub enum BakeEvent {
         /// Seconds left, once there is something to judge by: never while the preview runs.
         secs_left: Option<f32>,
     },
+    /// Every block of a pass is there, and has less noise now: these take the place of the blocks that were told of.
+    Denoised {
+        /// Pass that ended.
+        pass: u32,
+        /// One matrix per group of columns, those of patches aside.
+        groups: Vec<BlockLowRank>,
+    },
     /// Every block of a pass is there.
     PassDone {
         /// Pass that ended.
@@ -582,7 +596,21 @@ impl BakeJob {
         let started = Instant::now();
         let deadline = self.passes.deadline().map(Deadline::new);
         let (job, matrix, run_header, bias) = (&self, &matrix, &header, None);
-        let mut run = Run { job, matrix, header: run_header, focus, empty, matrices, last, bias, started, deadline };
+        let (guides, denoised) = (None, None);
+        let mut run = Run {
+            job,
+            matrix,
+            header: run_header,
+            focus,
+            empty,
+            matrices,
+            guides,
+            denoised,
+            last,
+            bias,
+            started,
+            deadline,
+        };
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -605,7 +633,9 @@ impl BakeJob {
             if pass as u32 == last || run.deadline.is_some() || self.passes == Passes::Again {
                 blocks.retain(|b| !done.iter().any(|(d, _)| *d == *b as usize));
             }
-            if run.pass(pass as u32, samples, &blocks, &mut clock, &mut on_event)?.is_break() {
+            let pass = pass as u32;
+            let flow = run.pass(pass, samples, &blocks, &mut clock, &mut on_event)?;
+            if flow.is_break() || run.end_pass(pass, &mut on_event).is_break() {
                 if run.deadline.as_ref().is_some_and(|deadline| deadline.has_struck) {
                     break;
                 }
@@ -626,7 +656,7 @@ impl BakeJob {
         } else {
             header.clone()
         };
-        Ok(Bake::packing(header, run.matrices, focus))
+        Ok(run.into_matrices().and_then(|matrices| Bake::packing(header, matrices, focus)))
     }
 
     /// Samples per half of each pass; `None` is the preview.
@@ -719,6 +749,10 @@ struct Run<'a> {
     empty: Option<Arc<EmptyPixels>>,
     /// Of the picture, then of each matrix of irradiance.
     matrices: Vec<Vec<BlockLowRank>>,
+    /// What pixels show, once it was looked at.
+    guides: Option<Guides>,
+    /// The groups of the picture with less noise, where the last pass that ran has all of its blocks.
+    denoised: Option<Vec<BlockLowRank>>,
     /// The last pass.
     last: u32,
     /// See [`BakeHeader::sharing_bias`]: of the pass that every block has.
@@ -803,6 +837,7 @@ impl Run<'_> {
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
         let (job, header) = (self.job, self.header.clone());
+        self.denoised = None;
         let (partition, started, focus) = (header.partition(), self.started, self.focus);
         // The preview connects to fewer texels and sends no walks to mirrors and glass; the rest is the same.
         let (coarse_plan, mut coarse);
@@ -857,7 +892,6 @@ impl Run<'_> {
             return Ok(flow);
         }
         self.bias = bias;
-        let n_own = job.scene.lighting.basis.groups.len();
-        Ok(on_event(BakeEvent::PassDone { pass, error_db: error_db(&self.matrices[0][..n_own], self.bias) }))
+        Ok(flow)
     }
 }

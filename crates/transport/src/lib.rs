@@ -15,6 +15,7 @@ mod empty;
 pub mod error_maps;
 pub mod figures;
 mod fingerprint;
+mod guides;
 pub mod import;
 pub mod irradiance;
 pub mod lamp_units;

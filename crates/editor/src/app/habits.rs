@@ -24,6 +24,7 @@ pub(super) struct BakeHabits {
     tolerance_db: f32,
     indirect: Indirect,
     patches: u32,
+    denoise: bool,
     illuminance: bool,
 }
 
@@ -32,7 +33,7 @@ impl Default for BakeHabits {
     fn default() -> BakeHabits {
         let n_cores = std::thread::available_parallelism().map_or(1, usize::from);
         let quality = QUALITIES[if n_cores >= MANY_CORES { 2 } else { 1 }];
-        let BakeConfig { indirect, patches, .. } = BakeConfig::default();
+        let BakeConfig { indirect, patches, denoise, .. } = BakeConfig::default();
         BakeHabits {
             width_px: DEFAULT_WIDTH_PX,
             height_px: None,
@@ -40,6 +41,7 @@ impl Default for BakeHabits {
             tolerance_db: quality.tolerance_db,
             indirect,
             patches,
+            denoise,
             illuminance: false,
         }
     }
@@ -48,7 +50,7 @@ impl Default for BakeHabits {
 impl BakeHabits {
     /// Those of somebody who baked like this from a camera.
     pub fn of(settings: &BakeSettings, camera: Option<&Camera>) -> BakeHabits {
-        let BakeConfig { spp, tolerance_db, indirect, patches, .. } = settings.config;
+        let BakeConfig { spp, tolerance_db, indirect, patches, denoise, .. } = settings.config;
         let Film { width, height } = settings.film;
         // A height that follows a width by the pixel is still the camera's.
         let is_own = camera.is_none_or(|camera| Film::of_width(width, camera).height.abs_diff(height) > 1);
@@ -59,6 +61,7 @@ impl BakeHabits {
             tolerance_db,
             indirect,
             patches,
+            denoise,
             illuminance: settings.illuminance,
         }
     }
@@ -79,10 +82,11 @@ impl BakeHabits {
 
     /// The settings of a bake from the first camera of a scene.
     pub fn settings(self, camera: Option<&Camera>) -> BakeSettings {
-        let BakeHabits { width_px: width, height_px, spp, tolerance_db, indirect, patches, illuminance } = self;
+        let BakeHabits { width_px: width, height_px, spp, tolerance_db, indirect, patches, denoise, illuminance } =
+            self;
         let of_camera = camera.map_or(width * 9 / 16, |camera| Film::of_width(width, camera).height);
         let film = Film { width, height: height_px.unwrap_or(of_camera) };
-        let config = BakeConfig { spp, tolerance_db, indirect, patches, ..BakeConfig::default() };
+        let config = BakeConfig { spp, tolerance_db, indirect, patches, denoise, ..BakeConfig::default() };
         BakeSettings { camera_idx: 0, film, config, illuminance }
     }
 }

@@ -217,9 +217,13 @@ pub struct BakeOptions {
     /// pixels; the error says by how much, as measured on pixels that are traced as well.
     #[arg(long, conflicts_with = "exact")]
     pub fast: bool,
-    /// Follow the light between surfaces from every sample, without bias (the default).
+    /// Follow the light between surfaces from every sample (the default), and leave the noise of pixels as it is: without bias.
     #[arg(long)]
     pub exact: bool,
+    /// Leave the noise of pixels as it is. By default pixels that show the same surface tell each other, as far as two halves of the
+    /// samples agree that it helps.
+    #[arg(long)]
+    pub no_denoise: bool,
     /// Also bake how free lamps light the scene by way of its surfaces, told apart into about N patches (4096 will do, at most
     /// 16384): lamps of a look can then be moved and added after the bake. 0 is none.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_PATCHES)))]
@@ -234,7 +238,7 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 26] = [
+const OF_SCENES: [&str; 27] = [
     "scene",
     "camera",
     "viewpoint",
@@ -254,6 +258,7 @@ const OF_SCENES: [&str; 26] = [
     "sky_patches",
     "fast",
     "exact",
+    "no_denoise",
     "patches",
     "irradiance",
     "sensors",

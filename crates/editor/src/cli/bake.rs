@@ -165,6 +165,7 @@ pub(crate) fn job(view: View, options: &BakeOptions, passes: Passes) -> BakeJob 
         indirect: if options.fast { Indirect::Shared } else { Indirect::Traced },
         method: options.method,
         patches: options.patches,
+        denoise: !options.exact && !options.no_denoise,
     };
     let passes = options.seconds.map_or(passes, |limit| Passes::Until(Instant::now() + limit));
     BakeJob { scene: view.scene, camera: view.camera, film: view.film, config, passes, irradiance: Vec::new() }

@@ -139,6 +139,11 @@ fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, action
         }
         ui.end_row();
         ui.label("");
+        let words = "Takes noise out where pixels show the same surface, as far as two halves of the samples agree that it helps; \
+                     edges of shadows stay sharp";
+        ui.checkbox(&mut settings.config.denoise, "Denoise").on_hover_text(words);
+        ui.end_row();
+        ui.label("");
         patches_ui(ui, &mut settings.config.patches);
         ui.end_row();
         ui.label("");

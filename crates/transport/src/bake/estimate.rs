@@ -126,8 +126,10 @@ impl BakeJob {
         let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
         let started = Instant::now();
         let (matrix, header) = (&matrix, &header);
-        let (bias, deadline) = (None, None);
-        let mut run = Run { job: self, matrix, header, focus, empty, matrices, last, bias, started, deadline };
+        let (guides, denoised, bias, deadline) = (None, None, None, None);
+        let job = self;
+        let mut run =
+            Run { job, matrix, header, focus, empty, matrices, guides, denoised, last, bias, started, deadline };
         let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
         let all = self.config.samples_per_half();
         let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());

@@ -229,6 +229,9 @@ impl Reuse {
             BakeEvent::IrradianceDone { set, block_idx, factors } => {
                 BakeEvent::IrradianceDone { set, block_idx, factors: around(1 + set, block_idx, factors) }
             }
+            BakeEvent::Denoised { pass, groups } => {
+                BakeEvent::Denoised { pass, groups: self.kept[0].iter().cloned().chain(groups).collect() }
+            }
             other => other,
         }
     }

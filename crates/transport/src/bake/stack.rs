@@ -160,6 +160,7 @@ impl StackJob {
                 tolerance_db: self.tolerance_db,
                 bounces: None,
                 seed: self.seed,
+                denoise: false,
                 ..BakeConfig::default()
             },
             basis: LightBasis::new(keys.zip(0..).map(source).collect()),

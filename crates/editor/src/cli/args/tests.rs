@@ -93,6 +93,7 @@ fn pictures_take_the_place_of_a_scene_and_of_its_options() {
         "--sky-patches 145",
         "--fast",
         "--exact",
+        "--no-denoise",
         "--irradiance",
         "--sensors a=4x4",
         "--work-plane 1",

@@ -17,8 +17,8 @@ use crate::reference::{Reference, Sampling};
 const SCENES: [&str; 3] = ["gallery", "mixed", "reflections"];
 const TURNS: u64 = 2;
 
-/// What is done otherwise: the indirect light, the skips, and what becomes of the scene.
-type Way = (&'static str, Indirect, Skips, fn(PreparedScene) -> PreparedScene);
+/// What is done otherwise: how it is baked, the skips, and what becomes of the scene.
+type Way = (&'static str, fn(BakeConfig) -> BakeConfig, Skips, fn(PreparedScene) -> PreparedScene);
 
 /// A table: time and error of bakes whose samples are all taken.
 ///
@@ -29,13 +29,17 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     let sampling = Sampling { film, step: desk.choose(1, 2), bounces: None, spp: desk.choose(16, 128) };
     let all = Skips::default();
     let same: fn(PreparedScene) -> PreparedScene = |scene| scene;
-    let ways: [Way; 6] = [
-        ("as a bake does it", Indirect::Traced, all, same),
-        ("no walks sent toward mirrors and glass", Indirect::Traced, all, PreparedScene::without_guides),
-        ("no walks shared from and to coated surfaces", Indirect::Traced, all, PreparedScene::with_lone_coats),
-        ("weak later connections all made", Indirect::Traced, all.without(Skip::WeakLight), same),
-        ("lobes that a material has not are asked too", Indirect::Traced, all.without(Skip::Lobes), same),
-        ("indirect light shared between pixels", Indirect::Shared, all, same),
+    let as_it_is: fn(BakeConfig) -> BakeConfig = |config| config;
+    let undenoised: fn(BakeConfig) -> BakeConfig = |config| BakeConfig { denoise: false, ..config };
+    let shared: fn(BakeConfig) -> BakeConfig = |config| BakeConfig { indirect: Indirect::Shared, ..config };
+    let ways: [Way; 7] = [
+        ("as a bake does it", as_it_is, all, same),
+        ("noise of pixels left as it is", undenoised, all, same),
+        ("no walks sent toward mirrors and glass", as_it_is, all, PreparedScene::without_guides),
+        ("no walks shared from and to coated surfaces", as_it_is, all, PreparedScene::with_lone_coats),
+        ("weak later connections all made", as_it_is, all.without(Skip::WeakLight), same),
+        ("lobes that a material has not are asked too", as_it_is, all.without(Skip::Lobes), same),
+        ("indirect light shared between pixels", shared, all, same),
     ];
     let mut rows = String::new();
     for name in &SCENES[..desk.choose(1, SCENES.len())] {
@@ -49,11 +53,10 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
             let reference = Reference::new(desk, &load(all, same)?, sampling)?;
             let mut measured = vec![(Vec::new(), Vec::new()); ways.len()];
             for seed in 1..=TURNS {
-                for ((what, indirect, skips, prepare), (secs, dbs)) in ways.iter().zip(&mut measured) {
+                for ((what, configured, skips, prepare), (secs, dbs)) in ways.iter().zip(&mut measured) {
                     desk.say(&format!("{name}: {what}, seed {seed}"));
                     // A tolerance out of reach: every block takes all its samples.
-                    let config =
-                        BakeConfig { spp, tolerance_db: 80.0, seed, indirect: *indirect, ..BakeConfig::default() };
+                    let config = configured(BakeConfig { spp, tolerance_db: 80.0, seed, ..BakeConfig::default() });
                     let (cpu_secs, bake) = baked(&load(*skips, *prepare)?, film, config)?;
                     secs.push(cpu_secs);
                     dbs.push(reference.errors(&reference.rows_of(&bake.header, &bake.groups)).median_db());
