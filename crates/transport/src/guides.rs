@@ -86,6 +86,13 @@ impl Guides {
     }
 }
 
+impl Guides {
+    /// Memory that it takes, bytes.
+    pub fn n_bytes(&self) -> usize {
+        size_of_val(self.pixels.as_slice()) + size_of_val(self.gains.as_slice())
+    }
+}
+
 impl Likeness for Guides {
     fn likeness(&self, bundle: u32, other: u32) -> f32 {
         let (one, other) = (&self.pixels[bundle as usize], &self.pixels[other as usize]);

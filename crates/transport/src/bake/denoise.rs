@@ -1,6 +1,7 @@
 //! The end of a pass: noise is taken out of its picture, where pixels that show the same surface tell each other.
 
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{BlockLowRank, denoise};
@@ -40,6 +41,25 @@ impl Run<'_> {
         Some(self.matrices)
     }
 
+    /// For an estimate: the end of a pass that has some of its blocks, which have less noise then. Seconds that it takes once, and for
+    /// those blocks; `None` if nobody wants it any more.
+    pub(super) fn try_end(&mut self, is_last: bool) -> Option<[f32; 2]> {
+        if !self.is_denoised(is_last) {
+            return Some([0.0; 2]);
+        }
+        let begun = Instant::now();
+        self.look_at_pixels()?;
+        let once = begun.elapsed().as_secs_f32();
+        let groups = self.with_less_noise()?;
+        self.matrices[0].iter_mut().zip(groups).for_each(|(own, group)| *own = group);
+        Some([once, begun.elapsed().as_secs_f32() - once])
+    }
+
+    /// Memory of the factors of the picture, those of patches aside.
+    pub(super) fn sampled_bytes(&self) -> u64 {
+        self.matrices[0][..self.n_own()].iter().map(|group| group.n_bytes() as u64).sum()
+    }
+
     /// Groups of columns that are light, those of patches aside.
     fn n_own(&self) -> usize {
         self.job.scene.lighting.basis.groups.len()
@@ -50,11 +70,18 @@ impl Run<'_> {
         self.job.config.denoise && (!is_last || self.job.config.method == Method::default())
     }
 
-    fn with_less_noise(&mut self) -> Option<Vec<BlockLowRank>> {
-        let (job, goes_on) = (self.job, || !self.focus.is_left());
+    /// Looks at what pixels show, once.
+    fn look_at_pixels(&mut self) -> Option<()> {
+        let (job, focus) = (self.job, self.focus);
         if self.guides.is_none() {
-            self.guides = Some(Guides::new(&job.scene, &job.camera, job.film, &goes_on)?);
+            self.guides = Some(Guides::new(&job.scene, &job.camera, job.film, &|| !focus.is_left())?);
         }
+        Some(())
+    }
+
+    fn with_less_noise(&mut self) -> Option<Vec<BlockLowRank>> {
+        self.look_at_pixels()?;
+        let (job, goes_on) = (self.job, || !self.focus.is_left());
         let guides = self.guides.as_ref().expect("pixels were looked at");
         let basis = &job.scene.lighting.basis;
         let light = basis.file_light(&self.header.column_scale);

@@ -135,7 +135,7 @@ impl BakeJob {
         let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());
         partitions.iter().skip(1).for_each(|partition| clock.add_pass(all, partition.n_blocks(), 0));
 
-        let mut preview_secs = 0.0;
+        let (mut preview_secs, mut sampled) = (0.0, 0);
         for (nth, &samples) in passes.iter().enumerate() {
             let is_last = nth as u32 == last;
             // A block of an earlier pass must not stand for one of the last that was not tried.
@@ -147,6 +147,10 @@ impl BakeJob {
             });
             let Some(watch) = tried? else { return Ok(None) };
             secs += watch.secs_for(partition.n_blocks(), scales);
+            let n_there = run.matrices[0].first().map_or(0, n_there);
+            sampled = run.sampled_bytes() * partition.n_blocks() as u64 / n_there.max(1) as u64;
+            let Some([once, blocks]) = run.try_end(is_last) else { return Ok(None) };
+            secs += once + blocks * partition.n_blocks() as f32 / n_there.max(1) as f32;
             if nth == 0 && samples.is_none() {
                 preview_secs = secs;
             }
@@ -161,6 +165,7 @@ impl BakeJob {
             secs += watch.secs_for(partition.n_blocks(), Scales::Everything);
         }
         let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };
+        let sizes = Sizes { sampled, guides: run.guides.as_ref().map_or(0, |guides| guides.n_bytes() as u64), ..sizes };
         let thread_bytes = thread_bytes(header.basis.n_cols());
         let memory = |n_threads: u64| sizes.memory(n_threads * thread_bytes + self.shared_bytes());
         Ok(Some(BakeEstimate {
@@ -210,12 +215,18 @@ struct Sizes {
     packed: u64,
     /// While a group of columns is packed.
     packing: u64,
+    /// Of the picture, in memory, before noise was taken out.
+    sampled: u64,
+    /// What pixels show.
+    guides: u64,
 }
 
 impl Sizes {
-    /// At its most while blocks are sampled, or at the end, while they are packed.
+    /// At its most while blocks are sampled, or at the end, while noise is taken out of them or they are packed.
     fn memory(self, working: u64) -> u64 {
-        self.factors + working.max(self.packing).max(self.packed)
+        let sampling = self.sampled.max(self.factors) + working;
+        let denoising = if self.guides > 0 { self.sampled + self.factors + self.guides } else { 0 };
+        sampling.max(denoising).max(self.factors + self.packing.max(self.packed) + self.guides)
     }
 }
 

@@ -4,6 +4,7 @@ mod caustics;
 mod columns;
 mod cutoffs;
 mod deadline;
+mod denoise;
 mod estimators;
 mod finishes;
 mod irradiance;
