@@ -171,7 +171,7 @@ pub fn compress<M: SampledMatrix>(
     config: &CompressConfig,
     on_block: impl FnMut(u32, Vec<BlockFactors>) -> ControlFlow<()> + Send,
 ) -> Result<ControlFlow<()>, CompressError> {
-    compress_by(Guide { order: &|_| 0, goes_on: &|| true }, matrix, partition, blocks, config, on_block)
+    compress_by(Guide::default(), matrix, partition, blocks, config, on_block)
 }
 
 /// What somebody outside says while blocks are compressed.
@@ -182,6 +182,15 @@ pub struct Guide<'a> {
     pub order: &'a (dyn Fn(&[u32]) -> usize + Sync),
     /// Whether anybody wants the blocks; asked often, and never again after a no, which ends the run within blocks.
     pub goes_on: &'a (dyn Fn() -> bool + Sync),
+    /// Is told of each block after `on_block`, by the thread that worked on it and while others go on: for work that blocks call for.
+    pub delivered: &'a (dyn Fn(u32) + Sync),
+}
+
+impl Default for Guide<'_> {
+    /// The blocks as they come, all of them.
+    fn default() -> Self {
+        Guide { order: &|_| 0, goes_on: &|| true, delivered: &|_| {} }
+    }
 }
 
 /// The same under somebody's guidance, which may change while it runs.

@@ -55,40 +55,65 @@ const LEAST_LIKENESS: f32 = 1e-3;
 /// Rounds in which weights of a mixture are exchanged at most.
 const ROUNDS: usize = 64;
 
-/// The factors of groups of columns over the same rows, with less noise; their sampling error is what the halves tell of what is
-/// left. `preserved` is one weight per column of each group, as in [`ColumnGroup`](crate::ColumnGroup): their product is
-/// smoothed for itself. Blocks whose noise is not known stay as they are. `None` if `goes_on` said no.
-///
-/// The same factors give the same result on any number of threads.
-pub fn denoise(
-    groups: &[BlockLowRank],
-    preserved: &[&[f32]],
-    likeness: &impl Likeness,
-    goes_on: &(dyn Fn() -> bool + Sync),
-) -> Option<Vec<BlockLowRank>> {
-    assert_eq!(groups.len(), preserved.len(), "one set of weights per group");
-    let Some(BlockLowRank { partition, .. }) = groups.first() else { return Some(Vec::new()) };
-    let of_block = |block_idx: usize| {
-        let noisy = groups.iter().any(|group| group.blocks[block_idx].as_deref().is_some_and(is_noisy));
-        let alike = noisy.then(|| Alike::new(partition, block_idx, likeness));
-        let of_group = |(group, preserved): (&BlockLowRank, &&[f32])| {
-            let block = group.blocks[block_idx].as_ref()?;
+/// Takes noise out of blocks of groups of columns over the same rows.
+#[derive(Clone, Debug)]
+pub struct Denoiser<'a, L> {
+    /// How rows form blocks.
+    pub partition: &'a Partition,
+    /// Rows of a bundle.
+    pub bundle_len: usize,
+    /// For each group one weight per column, as in [`ColumnGroup`](crate::ColumnGroup): their product is smoothed for itself.
+    pub preserved: Vec<&'a [f32]>,
+    /// Which bundles are alike.
+    pub likeness: &'a L,
+}
+
+impl<L: Likeness> Denoiser<'_, L> {
+    /// The factors of a block in each group, with less noise; their sampling error is what the halves tell of what is left. A block
+    /// whose noise is not known stays as it is. `known` hands out the block of a group as it was sampled, this one or one
+    /// [around it](Partition::around), if it is there.
+    pub fn block(
+        &self,
+        block_idx: usize,
+        known: impl Fn(usize, usize) -> Option<Arc<BlockFactors>>,
+    ) -> Vec<Option<Arc<BlockFactors>>> {
+        let own: Vec<_> = (0..self.preserved.len()).map(|group| known(group, block_idx)).collect();
+        let noisy = own.iter().flatten().any(|block| is_noisy(block));
+        let alike = noisy.then(|| Alike::new(self.partition, block_idx, self.likeness));
+        let of_group = |(group, block): (usize, Option<Arc<BlockFactors>>)| {
+            let block = block?;
             let smoothed = match &alike {
-                Some(alike) if is_noisy(block) => Surroundings::new(group, block_idx, preserved, alike).smoothed(block),
+                Some(alike) if is_noisy(&block) => {
+                    let mut around = Surroundings::new(&block, self.preserved[group], alike, self.bundle_len);
+                    for other_idx in self.partition.around(block_idx) {
+                        if let Some(other) = known(group, other_idx) {
+                            let place = (self.partition.rect(other_idx), other_idx == block_idx);
+                            around.bring(place, &other, self.preserved[group]);
+                        }
+                    }
+                    around.smoothed(&block)
+                }
                 _ => None,
             };
-            Some(Arc::new(smoothed.unwrap_or_else(|| BlockFactors { doubt: Vec::new(), ..(**block).clone() })))
+            Some(Arc::new(smoothed.unwrap_or_else(|| BlockFactors { doubt: Vec::new(), ..(*block).clone() })))
         };
-        goes_on().then(|| groups.iter().zip(preserved).map(of_group).collect::<Vec<_>>())
-    };
-    let blocks: Option<Vec<_>> = (0..partition.n_blocks()).into_par_iter().map(of_block).collect();
-    let blocks = blocks?;
-    let group = |(nth, group): (usize, &BlockLowRank)| BlockLowRank {
-        partition: group.partition.clone(),
-        blocks: blocks.iter().map(|block| block[nth].clone()).collect(),
-        ..*group
-    };
-    Some(groups.iter().enumerate().map(group).collect())
+        own.into_iter().enumerate().map(of_group).collect()
+    }
+
+    /// All blocks of all groups. `None` if `goes_on` said no. The same factors give the same result on any number of threads.
+    pub fn all(&self, groups: &[BlockLowRank], goes_on: &(dyn Fn() -> bool + Sync)) -> Option<Vec<BlockLowRank>> {
+        assert_eq!(groups.len(), self.preserved.len(), "one set of weights per group");
+        let known = |group: usize, block_idx: usize| groups[group].blocks[block_idx].clone();
+        let of_block = |block_idx: usize| goes_on().then(|| self.block(block_idx, known));
+        let blocks: Option<Vec<_>> = (0..self.partition.n_blocks()).into_par_iter().map(of_block).collect();
+        let blocks = blocks?;
+        let group = |(nth, group): (usize, &BlockLowRank)| BlockLowRank {
+            partition: group.partition.clone(),
+            blocks: blocks.iter().map(|block| block[nth].clone()).collect(),
+            ..*group
+        };
+        Some(groups.iter().enumerate().map(group).collect())
+    }
 }
 
 /// Whether something is known of a block's noise, and there is some.
@@ -185,25 +210,12 @@ struct Surroundings<'a> {
 }
 
 impl<'a> Surroundings<'a> {
-    fn new(group: &BlockLowRank, block_idx: usize, preserved: &[f32], alike: &'a Alike) -> Self {
-        let own = group.blocks[block_idx].as_deref().expect("a block that is smoothed is there");
-        let (basis, bundle_len) = (Basis::of(own, preserved), group.bundle_len as usize);
+    /// Nothing is known yet.
+    fn new(own: &BlockFactors, preserved: &[f32], alike: &'a Alike, bundle_len: usize) -> Self {
         let n_window = (alike.window[2] * alike.window[3]) as usize;
         let n_values = bundle_len * 2 * (own.rank as usize + 1);
         let (values, known) = (vec![0.0; n_window * n_values], vec![false; n_window]);
-        let mut around = Surroundings { alike, basis, bundle_len, values, known };
-        let (tiles_x, tiles_y) = (group.partition.tiles_x() as usize, group.partition.tiles_y() as usize);
-        let (x, y) = (block_idx % tiles_x, block_idx / tiles_x);
-        for other_y in y.saturating_sub(1)..(y + 2).min(tiles_y) {
-            for other_x in x.saturating_sub(1)..(x + 2).min(tiles_x) {
-                let other_idx = other_y * tiles_x + other_x;
-                if let Some(other) = group.blocks[other_idx].as_deref() {
-                    let is_own = other_idx == block_idx;
-                    around.bring((group.partition.rect(other_idx), is_own), other, preserved);
-                }
-            }
-        }
-        around
+        Surroundings { alike, basis: Basis::of(own, preserved), bundle_len, values, known }
     }
 
     fn rank(&self) -> usize {

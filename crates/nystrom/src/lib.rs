@@ -92,7 +92,7 @@ pub use compress::{
     BlockSamples, ColumnGroup, CompressConfig, CompressError, Guide, SamplePlan, Tolerance, compress, compress_block,
     compress_by,
 };
-pub use denoise::{Likeness, denoise};
+pub use denoise::{Denoiser, Likeness};
 pub use factors::{BlockError, BlockFactors};
 pub use landmarks::{Landmarks, Selection};
 pub use low_rank::BlockLowRank;

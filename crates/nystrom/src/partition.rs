@@ -34,6 +34,14 @@ impl Partition {
         [x, y, self.tile.min(self.width - x), self.tile.min(self.height - y)]
     }
 
+    /// A block and those around it.
+    pub fn around(&self, block_idx: usize) -> impl Iterator<Item = usize> {
+        let (across, down) = (self.tiles_x() as usize, self.tiles_y() as usize);
+        let (x, y) = (block_idx % across, block_idx / across);
+        let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        near(y, down).flat_map(move |y| near(x, across).map(move |x| y * across + x))
+    }
+
     /// The bundles of a block, row by row; appended to `out` after clearing it.
     pub fn bundles(&self, block_idx: usize, out: &mut Vec<u32>) {
         let [x0, y0, w, h] = self.rect(block_idx);

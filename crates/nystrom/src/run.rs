@@ -115,6 +115,10 @@ where
         if !self.stops() && (sink.on_block)(block, factors).is_break() {
             self.stopping.store(true, Ordering::Relaxed);
         }
+        drop(sink);
+        if !self.stops() {
+            (self.guide.delivered)(block);
+        }
     }
 
     fn fail(&self, place: usize, error: CompressError) {

@@ -394,12 +394,12 @@ pub enum BakeEvent {
         /// Seconds left, once there is something to judge by: never while the preview runs.
         secs_left: Option<f32>,
     },
-    /// Every block of a pass is there, and has less noise now: these take the place of the blocks that were told of.
+    /// Blocks that were told of, and those around them, have less noise now: these take their place in the picture.
     Denoised {
-        /// Pass that ended.
+        /// Pass that they are of.
         pass: u32,
-        /// One matrix per group of columns, those of patches aside.
-        groups: Vec<BlockLowRank>,
+        /// Blocks of the partition, with one factor per group of columns, those of patches aside.
+        blocks: Vec<(usize, Vec<Arc<BlockFactors>>)>,
     },
     /// Every block of a pass is there.
     PassDone {
@@ -750,7 +750,7 @@ struct Run<'a> {
     /// Of the picture, then of each matrix of irradiance.
     matrices: Vec<Vec<BlockLowRank>>,
     /// What pixels show, once it was looked at.
-    guides: Option<Guides>,
+    guides: Option<Arc<Guides>>,
     /// The groups of the picture with less noise, where the last pass that ran has all of its blocks.
     denoised: Option<Vec<BlockLowRank>>,
     /// The last pass.
@@ -811,11 +811,10 @@ impl Run<'_> {
         &mut self,
         place: (usize, usize),
         pass: u32,
-        factors: Vec<BlockFactors>,
+        factors: Vec<Arc<BlockFactors>>,
         clock: &mut Clock,
         on_event: &mut impl FnMut(BakeEvent) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
         self.keep(place, &factors);
         let (mut done, mut secs_left) = clock.block_done(self.started.elapsed().as_secs_f32());
         on_event(BakeEvent::of_block(pass, place, factors))?;
@@ -878,12 +877,30 @@ impl Run<'_> {
         }
         let is_kept = is_last || self.deadline.is_some();
         let bias = shared.as_ref().filter(|_| is_kept).map(|shared| shared.bias(job.config.tolerance_db));
+        let likenesses = if self.is_denoised(pass == self.last) {
+            let Some(likenesses) = self.likenesses() else { return Ok(ControlFlow::Break(())) };
+            Some(likenesses)
+        } else {
+            None
+        };
+        let own = &self.matrices[0][..self.n_own()];
+        let arrivals = likenesses.as_ref().map(|likenesses| likenesses.arrivals(job, own, blocks));
         clock.start_pass(pass, started.elapsed().as_secs_f32());
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
             factors.extend(of_patches.take(block));
-            self.deliver((0, block as usize), pass, factors, clock, on_event)
+            let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
+            let blocks = arrivals.as_ref().map_or_else(Vec::new, |arrivals| {
+                arrivals.came(block as usize, &factors);
+                arrivals.take_ready()
+            });
+            self.deliver((0, block as usize), pass, factors, clock, on_event)?;
+            if blocks.is_empty() { ControlFlow::Continue(()) } else { on_event(BakeEvent::Denoised { pass, blocks }) }
         };
-        let guide = Guide { order: &|left| focus.next(&partition, left), goes_on: &|| !focus.is_left() };
+        let guide = Guide {
+            order: &|left| focus.next(&partition, left),
+            goes_on: &|| !focus.is_left(),
+            delivered: &|block| arrivals.iter().for_each(|arrivals| arrivals.denoise_around(block as usize)),
+        };
         let flow = match &shared {
             Some(shared) => compress_by(guide, shared, &partition, blocks, &config, on_block)?,
             None => compress_by(guide, matrix, &partition, blocks, &config, on_block)?,
@@ -892,6 +909,12 @@ impl Run<'_> {
             return Ok(flow);
         }
         self.bias = bias;
+        if let Some(arrivals) = arrivals {
+            let finished = arrivals.finish(&|| !focus.is_left());
+            let Some((blocks, denoised)) = finished else { return Ok(ControlFlow::Break(())) };
+            self.denoised = Some(denoised);
+            return Ok(on_event(BakeEvent::Denoised { pass, blocks }));
+        }
         Ok(flow)
     }
 }

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use clerestory_nystrom::BlockLowRank;
 use clerestory_relight::Frame;
 use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, Passes};
@@ -109,7 +108,9 @@ impl Session {
             }
             // It is shown once all of it is there.
             BakeEvent::IrradianceDone { .. } => {}
-            BakeEvent::Denoised { groups, .. } => self.denoised(groups),
+            BakeEvent::Denoised { blocks, .. } => {
+                blocks.iter().for_each(|(block_idx, factors)| self.block_done(*block_idx, factors));
+            }
             BakeEvent::Progress { pass, done, secs_left } => {
                 if let BakeState::Running { n_passes, .. } = self.bake {
                     let (n_blocks, n_done) = self.pass_blocks;
@@ -157,17 +158,6 @@ impl Session {
         }
         if is_shown {
             self.changed.absorb(Changed::Blocks((0..factors.len()).map(|group| (group, block_idx)).collect()));
-        }
-    }
-
-    /// A pass that is whole has less noise now.
-    fn denoised(&mut self, groups: Vec<BlockLowRank>) {
-        let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
-        for (own, group) in Arc::make_mut(&mut shown.frame).groups.iter_mut().zip(groups) {
-            *own = group;
-        }
-        if self.incoming.is_none() {
-            self.is_another();
         }
     }
 

@@ -110,8 +110,12 @@ impl Likeness for Sides {
     }
 }
 
+fn denoiser(partition: &Partition) -> Denoiser<'_, Sides> {
+    Denoiser { partition, bundle_len: 2, preserved: vec![&[1.0; N_COLS]], likeness: &Sides }
+}
+
 fn denoised(matrix: &BlockLowRank) -> BlockLowRank {
-    denoise(std::slice::from_ref(matrix), &[&[1.0; N_COLS]], &Sides, &|| true).unwrap().remove(0)
+    denoiser(&partition()).all(std::slice::from_ref(matrix), &|| true).unwrap().remove(0)
 }
 
 fn told(matrix: &BlockLowRank) -> f64 {
@@ -188,8 +192,7 @@ fn who_does_not_want_it_any_more_gets_nothing() {
     let raw = Field { noise: 0.5, has_secret: false }.compressed();
     let asked = AtomicU32::new(0);
     let goes_on = || asked.fetch_add(1, Ordering::Relaxed) < 3;
-    assert!(denoise(&[raw], &[&[1.0; N_COLS]], &Sides, &goes_on).is_none());
-    assert_eq!(denoise(&[], &[], &Sides, &|| true).map(|groups| groups.len()), Some(0));
+    assert!(denoiser(&partition()).all(&[raw], &goes_on).is_none());
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! They are never shared between neighbors and have no preview: what is measured in lux is measured without bias.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use clerestory_nystrom::{BlockFactors, Guide, compress_by};
 
@@ -69,13 +70,14 @@ impl Run<'_> {
         let mut config = job.compress_config(samples, job.config.tolerance_db, column_scale);
         config.smoothing = Some(header.smoothing(&partition));
         let focus = self.focus;
-        let guide = Guide { order: &|_| 0, goes_on: &|| !focus.is_left() };
+        let guide = Guide { goes_on: &|| !focus.is_left(), ..Guide::default() };
         let mut of_patches = PatchBlocks::dark(&header, &partition);
         if self.patches(&mut of_patches, (1 + set, blocks), (pass, clock.done()), on_event)?.is_break() {
             return Ok(ControlFlow::Break(()));
         }
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
             factors.extend(of_patches.take(block));
+            let factors = factors.into_iter().map(Arc::new).collect();
             self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
         };
         Ok(compress_by(guide, &matrix, &partition, blocks, &config, on_block)?)

@@ -120,7 +120,7 @@ impl Run<'_> {
             into.there.extend(factors.into_iter().map(|factors| (block, factors)));
             on_event(BakeEvent::Progress { pass, done, secs_left: None })
         };
-        let guide = Guide { order: &|_| 0, goes_on: &|| !self.focus.is_left() };
+        let guide = Guide { goes_on: &|| !self.focus.is_left(), ..Guide::default() };
         let partition = self.header.partitions().swap_remove(matrix_idx);
         Ok(compress_by(guide, &matrix, &partition, blocks, &config, on_block)?)
     }

@@ -229,8 +229,9 @@ impl Reuse {
             BakeEvent::IrradianceDone { set, block_idx, factors } => {
                 BakeEvent::IrradianceDone { set, block_idx, factors: around(1 + set, block_idx, factors) }
             }
-            BakeEvent::Denoised { pass, groups } => {
-                BakeEvent::Denoised { pass, groups: self.kept[0].iter().cloned().chain(groups).collect() }
+            BakeEvent::Denoised { pass, blocks } => {
+                let blocks = blocks.into_iter().map(|(block_idx, new)| (block_idx, around(0, block_idx, new)));
+                BakeEvent::Denoised { pass, blocks: blocks.collect() }
             }
             other => other,
         }

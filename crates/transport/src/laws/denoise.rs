@@ -6,7 +6,8 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::stage::{Stage, lambert, room};
-use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, Passes};
+use crate::bake::focus::Focus;
+use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, HalfDone, Passes};
 use crate::camera::{Camera, Film};
 
 fn job(spp: u32, denoise: bool) -> BakeJob {
@@ -52,31 +53,53 @@ fn a_denoised_bake_has_less_error_and_as_much_light() {
 }
 
 #[test]
-fn blocks_come_as_they_were_sampled_and_the_whole_picture_without_noise_at_the_end() {
+fn each_block_comes_as_it_was_sampled_and_once_more_without_noise() {
     let (mut sampled, mut denoised) = (Vec::new(), Vec::new());
     let run = job(8, true).run(|event| {
         match event {
             BakeEvent::BlockDone { block_idx, factors, .. } => sampled.push((block_idx, factors[0].clone())),
-            BakeEvent::Denoised { pass, groups } => denoised.push((pass, groups)),
+            BakeEvent::Denoised { pass: 0, blocks } => {
+                denoised.extend(blocks.into_iter().map(|(block_idx, factors)| (block_idx, factors[0].clone())));
+            }
             BakeEvent::PassDone { .. } => {
-                assert_eq!(denoised.len(), 1, "noise is taken out before a pass is told to be done")
+                assert_eq!((sampled.len(), denoised.len()), (12, 12), "all of them, each once")
             }
             _ => {}
         }
         ControlFlow::Continue(())
     });
     run.expect("the job is valid").expect("nobody stops it");
+    let mut n_plain = 0;
     let plain = job(8, false).run(|event| {
         if let BakeEvent::BlockDone { block_idx, factors, .. } = &event {
-            let same = sampled.iter().find(|(sampled, _)| sampled == block_idx).expect("each block comes");
-            assert_eq!(same.1, factors[0], "block {block_idx}");
+            let of = |blocks: &[(usize, Arc<_>)]| -> Arc<_> {
+                blocks.iter().find(|(other, _)| other == block_idx).expect("each block comes").1.clone()
+            };
+            assert_eq!(of(&sampled), factors[0], "block {block_idx}");
+            assert_ne!(of(&denoised), factors[0], "block {block_idx}");
+            n_plain += 1;
         }
         assert!(!matches!(event, BakeEvent::Denoised { .. }));
         ControlFlow::Continue(())
     });
     plain.expect("the job is valid").expect("nobody stops it");
-    let (pass, groups) = denoised.remove(0);
-    assert_eq!((pass, groups.len()), (0, 1));
-    let changed = |(block_idx, sampled): &&(usize, Arc<_>)| groups[0].blocks[*block_idx].as_ref() != Some(sampled);
-    assert_eq!(sampled.iter().filter(changed).count(), sampled.len());
+    assert_eq!(n_plain, 12);
+}
+
+#[test]
+fn a_bake_that_goes_on_is_denoised_as_one_that_was_never_stopped() {
+    let whole = baked(job(8, true));
+    let header = whole.header.clone();
+    let mut blocks = Vec::new();
+    let half = job(8, true).run(|event| {
+        if let BakeEvent::BlockDone { block_idx, factors, .. } = event {
+            blocks.push((block_idx, factors));
+        }
+        if blocks.len() < 7 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    });
+    assert!(half.expect("the job is valid").is_none());
+    let begun = HalfDone { header, blocks };
+    let again = job(8, true).run_toward(&Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
+    let again = again.expect("the job is valid").expect("nobody stops it");
+    assert_eq!(again.groups[0].blocks, whole.groups[0].blocks);
 }

@@ -34,8 +34,10 @@ pub fn run_until(job: BakeJob, mut is_enough: impl FnMut(&BakeEvent) -> bool + S
             BakeEvent::BlockDone { block_idx, factors, .. } => {
                 groups.iter_mut().zip(factors).for_each(|(group, block)| group.blocks[block_idx] = Some(block));
             }
-            BakeEvent::Denoised { groups: denoised, .. } => {
-                groups.iter_mut().zip(denoised).for_each(|(group, denoised)| *group = denoised);
+            BakeEvent::Denoised { blocks, .. } => {
+                for (block_idx, factors) in blocks {
+                    groups.iter_mut().zip(factors).for_each(|(group, block)| group.blocks[block_idx] = Some(block));
+                }
             }
             _ => {}
         }
