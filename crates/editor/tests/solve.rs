@@ -10,9 +10,9 @@ use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::camera::Film;
 use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, baked, click, drag, quick, room, wait};
+use desk::{Window, baked, click, drag, quick, room, save_as, wait};
 
 /// The room, baked with the light that arrives.
 fn measured() -> Window {
@@ -154,6 +154,23 @@ fn a_surface_is_marked_by_a_click_and_the_pointer_then_marks_instead_of_panning(
     let whole = window.state().marked_lux().unwrap();
     // All six walls but what the lamp and the panel hide: most of the picture.
     assert!(whole.points > 2000, "{whole:?}");
+}
+
+#[test]
+fn a_schedule_is_written_by_lamp_or_by_type() {
+    let mut window = measured();
+    let folder = tempfile::tempdir().unwrap();
+    click(&mut window, "Measure");
+    let written = |window: &mut Window, name: &str| {
+        let path = folder.path().join(name);
+        save_as(window, "Save schedule…", &path);
+        std::fs::read_to_string(path).unwrap()
+    };
+    assert!(written(&mut window, "lamps.csv").starts_with("key,name,"));
+    click(&mut window, "Per type");
+    let types = written(&mut window, "types.csv");
+    assert!(types.starts_with("type,kind,") && types.contains("\nA,Point lamp,,1,yes,37.7,,37.7,,,"), "{types}");
+    assert!(types.contains("\nlamps of unknown wattage,,,2,"), "{types}");
 }
 
 #[test]

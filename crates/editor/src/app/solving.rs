@@ -329,12 +329,13 @@ impl App {
     /// Writes the table of lamps.
     pub(super) fn save_schedule(&mut self, path: &std::path::Path) {
         let Some(basis) = self.session.basis() else { return };
-        let ScheduleState { efficacy_lm_w, floor_m2 } = self.solving.schedule;
+        let ScheduleState { by, efficacy_lm_w, floor_m2 } = self.solving.schedule;
+        let efficacy_lm_w = Some(efficacy_lm_w).filter(|efficacy| *efficacy > 0.0);
         let marked = self.marked_lux().and_then(|figures| figures.area_m2);
         let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { marked };
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
-        match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer))) {
+        match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer, by))) {
             Ok(()) => self.say(format!("Saved {}", path.display())),
             Err(error) => self.complain(format!("{error:#}")),
         }

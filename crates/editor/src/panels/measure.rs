@@ -6,6 +6,7 @@ use crate::action::{Action, FileTask};
 use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, share_words};
 use crate::legend::number_words;
 use crate::marks::Kin;
+use crate::schedule::ScheduleBy;
 use crate::theme::{self, Fold};
 use crate::viewport::marking::{Marking, Tool};
 
@@ -31,18 +32,14 @@ pub struct MeasureView<'a> {
 }
 
 /// What is set for the schedule of luminaires.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ScheduleState {
-    /// Lumen per watt of every lamp that tells no watts.
+    /// What has a row of its own.
+    pub by: ScheduleBy,
+    /// Lumen per watt of every lamp that tells no watts; 0 leaves these unknown.
     pub efficacy_lm_w: f64,
     /// Floor area in m²; 0 is the area that is marked.
     pub floor_m2: f64,
-}
-
-impl Default for ScheduleState {
-    fn default() -> Self {
-        ScheduleState { efficacy_lm_w: 100.0, floor_m2: 0.0 }
-    }
 }
 
 /// Draws it.
@@ -162,16 +159,22 @@ pub fn missing_ui(ui: &mut Ui, can_bake: bool, actions: &mut Vec<Action>) {
 
 fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, actions: &mut Vec<Action>) {
     Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
+        ui.label("Schedule");
+        ui.horizontal(|ui| {
+            ui.radio_value(&mut schedule.by, ScheduleBy::Lamp, "Per lamp").on_hover_text("A row for every lamp");
+            ui.radio_value(&mut schedule.by, ScheduleBy::Type, "Per type").on_hover_text(
+                "A row for lamps of one kind, distribution, flux, power and color, with how many there are",
+            );
+        });
+        ui.end_row();
         let label = ui.label("Efficacy");
-        let efficacy = DragValue::new(&mut schedule.efficacy_lm_w)
-            .range(1.0..=400.0)
-            .speed(0.5)
-            .max_decimals(1)
-            .min_decimals(0)
-            .suffix(" lm/W");
-        ui.add(efficacy)
-            .labelled_by(label.id)
-            .on_hover_text("Lumen per watt: the watts of the schedule are lumen over this");
+        let efficacy =
+            DragValue::new(&mut schedule.efficacy_lm_w).range(0.0..=400.0).speed(0.5).max_decimals(1).custom_formatter(
+                |lm_w, _| if lm_w > 0.0 { format!("{} lm/W", number_words(lm_w as f32)) } else { "none".into() },
+            );
+        ui.add(efficacy).labelled_by(label.id).on_hover_text(
+            "For lamps whose photometric file states no watts: theirs are lumen over this; without it they stay empty",
+        );
         ui.end_row();
         let label = ui.label("Floor area");
         let marked = view.marked.and_then(|figures| figures.area_m2);
@@ -186,8 +189,9 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
             .on_hover_text("For W/m² in the schedule; at 0 it is the area of what is marked");
         ui.end_row();
     });
-    let save =
-        ui.button("Save schedule…").on_hover_text("A table of all lamps: lumen, watt, place, aim, color, and W/m²");
+    let save = ui
+        .button("Save schedule…")
+        .on_hover_text("A table of all lamps, or of their types: lumen, watt, lm/W, place, aim, color, and W/m²");
     if save.clicked() {
         actions.push(Action::Ask(FileTask::SaveSchedule));
     }

@@ -10,6 +10,7 @@ use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm};
 
 use super::IesRequest;
+use crate::schedule::ScheduleBy;
 
 /// Most pixels of a picture, 8192 × 8192.
 const MAX_PIXELS: u64 = 1 << 26;
@@ -97,6 +98,14 @@ pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
 pub(super) fn parse_tolerance(text: &str) -> Result<f32, String> {
     let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
     decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
+}
+
+pub(super) fn parse_schedule_by(name: &str) -> Result<ScheduleBy, String> {
+    match name {
+        "lamp" => Ok(ScheduleBy::Lamp),
+        "type" => Ok(ScheduleBy::Type),
+        _ => Err("give lamp or type".into()),
+    }
 }
 
 pub(super) fn parse_tone(name: &str) -> Result<Tone, String> {
