@@ -11,6 +11,7 @@ mod heat;
 mod host;
 mod lamplight;
 mod lamps;
+mod isolux;
 mod layout;
 mod look_files;
 mod looks;
@@ -54,6 +55,7 @@ use daylight::Daylight;
 use follow::Follower;
 use habits::BakeHabits;
 pub use host::WindowLost;
+use isolux::IsoluxDesk;
 use look_files::LookFiles;
 use looks::Prints;
 use memory::MemoryWatch;
@@ -98,6 +100,7 @@ pub struct App {
     camera: CameraDesk,
     daylight: Daylight,
     solving: Solving,
+    isolux: IsoluxDesk,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -174,6 +177,7 @@ impl App {
             looks: LooksState::default(),
             prints: Prints::new(wake.clone())?,
             solving: Solving::new(wake.clone()),
+            isolux: IsoluxDesk::new(wake.clone()),
             prober: Prober::default(),
             daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
@@ -375,6 +379,7 @@ impl eframe::App for App {
         self.close_or_ask(ctx);
         self.set_title(ctx);
         self.follow_solving();
+        self.follow_isolux();
         self.advance_timeline(ctx);
         self.advance_daylight(ctx);
         self.follow(ctx);

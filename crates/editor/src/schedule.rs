@@ -139,12 +139,13 @@ impl Schedule {
 
     /// Lumen of all that shine and tell it.
     pub fn lumen(&self) -> f64 {
-        self.shining().filter_map(|luminaire| luminaire.lumen).sum()
+        self.shining().filter_map(|luminaire| luminaire.lumen).sum::<f64>() + 0.0
     }
 
     /// Watt of all that shine and tell it.
     pub fn watt(&self) -> f64 {
-        self.shining().filter_map(|luminaire| luminaire.watt).sum()
+        // Plus zero: a sum of nothing is a negative one.
+        self.shining().filter_map(|luminaire| luminaire.watt).sum::<f64>() + 0.0
     }
 
     /// Lamps that shine and whose power is not known.
@@ -351,6 +352,8 @@ mod tests {
         );
         assert!(lines[1].ends_with(",,efficacy") && !table.contains("W/m²"), "no floor is known: {table}");
         let types = written(&schedule, ScheduleBy::Type);
+        let unknown = written(&Schedule::new(&LightBasis::default(), None, &look(), None, None), ScheduleBy::Lamp);
+        assert!(unknown.contains("total of lamps that are on,,,1,,400.0,0.0,"), "{unknown}");
         assert!(types.contains(",'=SUM(A1)\n") && types.contains(",no,800.0,"), "{types}");
     }
 }

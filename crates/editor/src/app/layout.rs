@@ -207,6 +207,7 @@ impl App {
             bake: &self.session.bake,
             scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
             legend: self.follower.legend(),
+            isolines: self.isolux.lines(),
             compared,
             overlay,
             readings: self.prober.read(&self.session, &self.follower, &self.view.probes),

@@ -137,6 +137,7 @@ impl App {
             || solving.measuring.is_busy()
             || solving.looking.is_busy()
             || solving.reading.is_busy()
+            || self.isolux.is_busy()
     }
 
     /// What waits to be taken over.
