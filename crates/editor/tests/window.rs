@@ -84,7 +84,7 @@ fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
         // A window borrows it for as long as it lives.
         let kept: &'static Kept = Box::leak(Box::new(kept));
         let settings =
-            BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config: quick(), illuminance: false };
+            BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config: quick(), illuminance: false, work_plane: None };
         let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
         let start = Start { welcome: true, ..Start::alone(source, Some(settings)) };
         let builder = Harness::builder().with_size(vec2(1440.0, 900.0));

@@ -65,7 +65,7 @@ pub(super) fn parse_work_plane(text: &str) -> Result<WorkPlane, String> {
     let (height, spacing) = text.split_once(':').map_or((text, None), |(height, spacing)| (height, Some(spacing)));
     let meters = |text: &str| text.parse::<f32>().ok().filter(|m| (0.0..=1e4).contains(m)).ok_or(problem);
     let spacing_m = spacing.map(|text| meters(text).and_then(|m| if m >= 1e-3 { Ok(m) } else { Err(problem) }));
-    Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()? })
+    Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()?, floor: None })
 }
 
 pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
