@@ -172,8 +172,7 @@ impl App {
         Panel::bottom("status").frame(frame).show(ui, |ui| {
             let device = self.follower.device();
             let status = Status {
-                message: &self.message.0,
-                tone: self.message.1,
+                messages: &self.messages,
                 opening: matches!(self.session.stage, Stage::Loading(_)),
                 bake: &self.session.bake,
                 device: &device,
@@ -191,6 +190,7 @@ impl App {
 
     pub(super) fn picture_ui(&mut self, ui: &mut Ui) {
         self.strips_ui(ui);
+        self.picture_area = ui.available_rect_before_wrap();
         if self.camera.is_moving && self.session.lamp_scene().is_some() {
             return self.flight_ui(ui);
         }
