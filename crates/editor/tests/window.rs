@@ -468,6 +468,41 @@ fn the_keys_are_listed() {
 }
 
 #[test]
+fn the_keys_are_listed_over_a_question_and_closing_them_leaves_it() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_with(source, quick(), Some(home.path()));
+        wait(&mut window, |app| app.session().stage == Stage::Ready);
+        window
+    };
+    let mut window = open();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |_| home.path().join("unsaved/0.json").exists());
+    drop(window);
+    let mut window = open();
+    window.get_by_label("Recover unsaved lights?");
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    // The list is in front: its button hears the pointer where it covers the question.
+    let close = window.get_by_label("Close window").rect().center();
+    window.hover_at(close);
+    window.run_steps(2);
+    window.drag_at(close);
+    window.run_steps(1);
+    window.drop_at(close);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none(), "a click closes it");
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    window.get_by_label("Keyboard and mouse");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.get_by_label("Recover unsaved lights?");
+}
+
+#[test]
 fn messages_wait_for_their_reader_and_nothing_goes_while_a_slider_is_held() {
     let mut window = baked();
     let folder = tempfile::tempdir().unwrap();

@@ -9,7 +9,7 @@ use crate::panels::bake::{BakeView, bake_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{lights_ui, solo_banner_ui};
-use crate::panels::shortcuts::shortcuts_ui;
+use crate::panels::shortcuts::{close_by_key, shortcuts_ui};
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::Stage;
@@ -24,6 +24,7 @@ const PANELS_LEAST: [f32; 2] = [300.0, 228.0];
 
 impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
+        close_by_key(ctx, &mut self.shortcuts);
         self.question_ui(ctx);
         if self.unsaved.is_some()
             && let Some(answer) = unsaved_ui(ctx)
