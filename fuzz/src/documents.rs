@@ -37,7 +37,7 @@ pub fn look(bytes: &[u8]) {
     for look in [0.0, 0.5, 1e4].map(|secs| look.at(secs, Some(basis))).iter().chain([&look]) {
         let coefficients = basis.project(&look.lights);
         assert!(coefficients.iter().flatten().all(|c| c.is_finite() && *c >= 0.0), "{text}: {coefficients:?}");
-        let schedule = Schedule::new(basis, None, look, 100.0, Some(12.0));
+        let schedule = Schedule::new(basis, None, look, Some(100.0), Some(12.0));
         assert!(schedule.lumen() >= 0.0, "{text}: {} lm", schedule.lumen());
     }
 }

@@ -35,7 +35,7 @@ fn main() -> Result<()> {
         None => SPP,
     };
     let config = BakeConfig { spp, indirect: Indirect::Shared, ..BakeConfig::default() };
-    let settings = BakeSettings { camera_idx: 0, film: FILM, config, illuminance: false };
+    let settings = BakeSettings { camera_idx: 0, film: FILM, config, illuminance: false, work_plane: None };
     println!("baking the built-in scene with {spp} samples per pixel, which takes minutes");
     let start = Start::alone(Source::BuiltIn, Some(settings));
     let mut window: Window = Harness::builder()

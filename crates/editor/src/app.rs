@@ -9,6 +9,7 @@ mod follow;
 mod habits;
 mod heat;
 mod host;
+mod isolux;
 mod lamplight;
 mod lamps;
 mod layout;
@@ -33,7 +34,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
-use eframe::egui::{Context, ThemePreference, Ui, util::undoer::Undoer};
+use eframe::egui::{Context, Rect, ThemePreference, Ui, util::undoer::Undoer};
 use eframe::{CreationContext, Storage};
 
 use crate::action::{Action, dropped};
@@ -43,8 +44,8 @@ use crate::panels::dialogs::{FileDialogs, FileQuestion};
 use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
+use crate::panels::messages::{MessageTone, Messages};
 use crate::panels::shortcuts::take_keys;
-use crate::panels::status::MessageTone;
 use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
@@ -54,6 +55,7 @@ use daylight::Daylight;
 use follow::Follower;
 use habits::BakeHabits;
 pub use host::WindowLost;
+use isolux::IsoluxDesk;
 use look_files::LookFiles;
 use looks::Prints;
 use memory::MemoryWatch;
@@ -98,6 +100,7 @@ pub struct App {
     camera: CameraDesk,
     daylight: Daylight,
     solving: Solving,
+    isolux: IsoluxDesk,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -115,7 +118,9 @@ pub struct App {
     heat_map: HeatMap,
     heat: Option<heat::Heat>,
     recovery: Recovery,
-    message: (String, MessageTone),
+    messages: Messages,
+    /// Where the picture lies in the window.
+    picture_area: Rect,
     watched: strips::Watched,
     /// Where the scene that is being opened is the open one, changed: what stays.
     reloading: Option<scenes::Reloading>,
@@ -152,6 +157,8 @@ impl App {
             cc.storage.and_then(|storage| eframe::get_value(storage, MEMORY_KEY)).unwrap_or_default();
         session.open(start.source);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
+        let mut messages = Messages::default();
+        problem.into_iter().for_each(|words| messages.push(words, MessageTone::Problem));
         let mut follower = Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?;
         if let Some(wish) = cc.storage.and_then(|storage| eframe::get_value(storage, DEVICE_KEY)) {
             follower.use_device(wish);
@@ -174,6 +181,7 @@ impl App {
             looks: LooksState::default(),
             prints: Prints::new(wake.clone())?,
             solving: Solving::new(wake.clone()),
+            isolux: IsoluxDesk::new(wake.clone()),
             prober: Prober::default(),
             daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
@@ -190,7 +198,8 @@ impl App {
             heat_map: HeatMap::default(),
             heat: None,
             recovery,
-            message: problem.map_or((String::new(), MessageTone::Calm), |words| (words, MessageTone::Problem)),
+            messages,
+            picture_area: Rect::NOTHING,
             watched: strips::Watched::default(),
             reloading: None,
             is_new_here: start.welcome && !was_welcomed,
@@ -251,11 +260,11 @@ impl App {
     }
 
     fn say(&mut self, words: impl Into<String>) {
-        self.message = (self.look.renamed(&words.into()), MessageTone::Calm);
+        self.messages.push(self.look.renamed(&words.into()), MessageTone::Calm);
     }
 
     fn complain(&mut self, words: impl Into<String>) {
-        self.message = (self.look.renamed(&in_brief(words.into())), MessageTone::Problem);
+        self.messages.push(self.look.renamed(&in_brief(words.into())), MessageTone::Problem);
     }
 
     fn notice(&mut self, ctx: &Context, notice: Notice) {
@@ -375,6 +384,7 @@ impl eframe::App for App {
         self.close_or_ask(ctx);
         self.set_title(ctx);
         self.follow_solving();
+        self.follow_isolux();
         self.advance_timeline(ctx);
         self.advance_daylight(ctx);
         self.follow(ctx);
@@ -386,6 +396,7 @@ impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         let before = self.look.clone();
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
+        self.messages.follow(ui.ctx());
         self.bars_ui(ui);
         if !self.is_bare {
             self.side_panels_ui(ui);
@@ -393,6 +404,7 @@ impl eframe::App for App {
         }
         self.picture_ui(ui);
         let ctx = ui.ctx().clone();
+        self.messages.stack_ui(&ctx, self.picture_area);
         self.dialogs_ui(&ctx);
         // The worker starts on the new picture while this frame is still being painted.
         let are_lights_edited = self.look.lights != before.lights || self.lights.solo != solo_before;

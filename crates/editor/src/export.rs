@@ -137,7 +137,9 @@ impl Picture<'_> {
             }
             _ => (self.radiance, exposed),
         };
-        let legend = display.quantity().zip(params.false_color).map(|(quantity, scale)| Legend { quantity, scale });
+        let isolux = display.isolux();
+        let legend = display.quantity().zip(params.false_color);
+        let legend = legend.map(|(quantity, scale)| Legend { quantity, scale, isolux });
         Ok((shown, params, Shown { exposure_ev: exposed.exposure_ev, legend }))
     }
 

@@ -203,6 +203,7 @@ mod tests {
     use clerestory_transport::irradiance::IrradianceRows;
     use clerestory_transport::prepared::PreparedScene;
     use clerestory_transport::scene::{Material, Mesh, PunctualKind, PunctualLight, Scene, SceneNode};
+    use clerestory_transport::sensors::{IrradianceRequest, WorkPlane};
     use clerestory_transport::sky::SkyForm;
 
     use super::*;
@@ -232,6 +233,10 @@ mod tests {
 
     /// A floor of 4 m × 4 m with nothing on it, seen from a corner of the sky, and a lamp above its middle.
     fn floor(sky: Option<&SkyRequest>) -> (Bake, Seen) {
+        baked(sky, |_| vec![IrradianceRows::Pixels])
+    }
+
+    fn baked(sky: Option<&SkyRequest>, rows: impl FnOnce(&PreparedScene) -> Vec<IrradianceRows>) -> (Bake, Seen) {
         let corner = |x: f32, z: f32| Vec3::new(x, 0.0, z);
         let mesh = Mesh {
             positions: vec![corner(-2.0, 2.0), corner(2.0, 2.0), corner(2.0, -2.0), corner(-2.0, -2.0)],
@@ -264,7 +269,7 @@ mod tests {
         };
         let scene = Arc::new(PreparedScene::with_sky(scene, &[], sky).unwrap().0);
         let config = BakeConfig { spp: 8, tolerance_db: 60.0, ..BakeConfig::default() };
-        let irradiance = vec![IrradianceRows::Pixels];
+        let irradiance = rows(&scene);
         let (passes, of) = (Passes::FinalOnly, (scene.clone(), camera.clone()));
         let job = BakeJob { scene: of.0, camera: of.1, film: FILM, config, passes, irradiance };
         let bake = job.run(|_| std::ops::ControlFlow::Continue(())).unwrap().unwrap();
@@ -305,6 +310,29 @@ mod tests {
         assert!(inside.average > mean && inside.average < 1.1 * mean, "{} for {mean}", inside.average);
         assert!(inside.minimum > lux(2.0, 2.0) && inside.minimum < 1.3 * lux(2.0, 2.0), "{inside:?}");
         assert!(told.average < mean, "the rim is half in the dark: {} for {mean}", told.average);
+    }
+
+    #[test]
+    fn a_work_plane_over_a_chosen_floor_reads_the_inverse_square_law() {
+        let plane = WorkPlane { height_m: 0.5, spacing_m: Some(0.5), floor: Some(0) };
+        let request = IrradianceRequest { work_planes: vec![plane], ..IrradianceRequest::default() };
+        let (bake, _) = baked(None, |scene| request.rows(scene).unwrap());
+        let (set, grid) = bake.grids().next().unwrap();
+        assert_eq!((grid.size, grid.name.as_str()), ([8, 8], "work plane 0.5 m over floor"));
+        let (rig, added) = plain();
+        let points = of_grid(&bake, (set, grid), (rig, added)).unwrap();
+        let above = HEIGHT - 0.5;
+        let known = |x: f32, z: f32| CANDELA * above / (x * x + z * z + above * above).powf(1.5);
+        for (point, lux) in &points {
+            let known = known(point.x, point.z);
+            assert!((lux / known - 1.0).abs() < 0.02, "{lux} lx at {point}, not {known} lx");
+        }
+        // U0: the corner at (1.75, 1.75) over the mean of the 64 points.
+        let at = |nth: usize| nth as f32 * 0.5 - 1.75;
+        let mean = (0..64).map(|nth| known(at(nth % 8), at(nth / 8))).sum::<f32>() / 64.0;
+        let told = LuxFigures::of(points.iter().map(|(_, lux)| (f64::from(*lux), 1.0)));
+        let u0 = f64::from(known(1.75, 1.75) / mean);
+        assert!(told.points == 64 && (told.uniformity().unwrap() / u0 - 1.0).abs() < 0.03, "{told:?}, U0 {u0}");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use eframe::egui::{self, Align2, Color32, FontId, Rect, Ui, pos2, vec2};
 use image::{Rgb, RgbImage};
 use serde_json::{Value, json};
 
+use crate::isolux::Isolux;
 use crate::lettering::Lettering;
 use crate::look::Quantity;
 
@@ -15,6 +16,8 @@ pub struct Legend {
     pub quantity: Quantity,
     /// Which value has which color.
     pub scale: ColorScale,
+    /// Lines of equal value over it.
+    pub isolux: Isolux,
 }
 
 /// Background in a file: that of the window around the picture.
@@ -31,6 +34,11 @@ const LEAST_HEIGHT: u32 = 48;
 /// Rows of a picture for which letters have their least size; twice as many, twice the size.
 const ROWS_PER_SCALE: u32 = 360;
 
+/// How many times larger than the least letters and lines are in a picture of so many rows.
+pub fn scale_of(rows: u32) -> u32 {
+    (rows / ROWS_PER_SCALE).max(1)
+}
+
 impl Legend {
     /// For people and programs.
     pub fn json(&self) -> Value {
@@ -38,13 +46,13 @@ impl Legend {
         let number = |value: f32| value.to_string().parse::<f64>().unwrap_or(f64::from(value));
         json!({
             "quantity": self.quantity.name(), "unit": self.quantity.unit(), "spacing": self.scale.spacing,
-            "low": number(self.scale.low), "high": number(self.scale.high),
+            "low": number(self.scale.low), "high": number(self.scale.high), "isolux": self.isolux.name(),
         })
     }
 
     /// Sets the legend beside a picture of RGB bytes, on its right, so that nothing of it is covered.
     pub fn beside(&self, picture: &RgbImage) -> RgbImage {
-        let scale = (picture.height() / ROWS_PER_SCALE).max(1);
+        let scale = scale_of(picture.height());
         let mut letters = Lettering::new((LETTER * scale) as f32);
         let unit = self.quantity.unit();
         let [unit_width, line] = letters.size(unit);
@@ -172,7 +180,7 @@ mod tests {
 
     fn legend() -> Legend {
         let scale = ColorScale { spacing: Spacing::Log, low: 1.0, high: 1000.0 };
-        Legend { quantity: Quantity::Luminance, scale }
+        Legend { quantity: Quantity::Luminance, scale, isolux: Isolux::Off }
     }
 
     #[test]

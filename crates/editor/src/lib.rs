@@ -14,6 +14,7 @@ pub mod export;
 pub mod export_gltf;
 pub mod headless;
 pub mod illuminance;
+pub mod isolux;
 pub mod legend;
 pub mod lettering;
 pub mod look;

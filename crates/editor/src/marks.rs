@@ -161,6 +161,11 @@ impl Seen {
         }
     }
 
+    /// Index in the scene of the node that a pixel sees.
+    pub fn node(&self, pixel: u32) -> Option<u32> {
+        self.nodes.get(pixel as usize).copied().filter(|node| *node != NOTHING)
+    }
+
     /// Area of the surface that a pixel sees, m².
     pub fn area_m2(&self, pixel: u32) -> f32 {
         self.areas_m2.get(pixel as usize).copied().unwrap_or(0.0)

@@ -13,6 +13,7 @@ pub mod lights;
 pub mod looks;
 pub mod measure;
 pub mod menu;
+pub mod messages;
 pub mod plot;
 pub mod shortcuts;
 pub mod sky;

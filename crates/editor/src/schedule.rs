@@ -1,14 +1,18 @@
-//! A schedule of luminaires: every lamp with its flux, power, place and color, and what they sum up to.
+//! A schedule of luminaires: every lamp with its flux, power, place and color, or every type of lamp with how many there are of it,
+//! and what they sum up to.
 
 // What is read here was written by strangers, so no integer may wrap in silence.
 #![cfg_attr(not(test), deny(clippy::arithmetic_side_effects))]
 #![cfg_attr(not(test), deny(clippy::cast_possible_truncation, clippy::cast_sign_loss))]
 
-use std::io::Write;
+mod csv;
+mod types;
 
-use anyhow::Result;
+use std::path::Path;
+
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::emitters::Emitter;
+use clerestory_transport::import::read_profile;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::{LightSetting, luminance};
 use clerestory_transport::prepared::PreparedScene;
@@ -18,7 +22,29 @@ use serde::Serialize;
 use crate::look::Look;
 use crate::panels::lamps::kind_words;
 use crate::panels::lights::source_words;
-use crate::table::text_cell;
+
+pub use types::LuminaireType;
+
+/// What has a row of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ScheduleBy {
+    /// Every lamp.
+    #[default]
+    Lamp,
+    /// Lamps of one kind, distribution, flux, power and color together.
+    Type,
+}
+
+/// Where a power comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WattSource {
+    /// The file of the measured distribution.
+    Profile,
+    /// The flux, by the efficacy that was set.
+    Efficacy,
+}
 
 /// A lamp of the schedule.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,8 +59,13 @@ pub struct Luminaire {
     pub is_on: bool,
     /// Luminous flux in lumen, as it is set; `None` where that does not follow from what it is.
     pub lumen: Option<f64>,
-    /// Power in watt by the efficacy; `None` without flux.
+    /// Name of the file of its measured distribution.
+    pub profile: Option<String>,
+    /// Power in watt: what the profile states, however far the lamp is dimmed, or else the flux by the efficacy; `None` where
+    /// neither is known.
     pub watt: Option<f64>,
+    /// Where the power comes from.
+    pub watt_source: Option<WattSource>,
     /// World-space position in meters, if it is anywhere.
     pub position: Option<Vec3>,
     /// World-space unit direction that it shines in, if in one.
@@ -50,8 +81,8 @@ pub struct Luminaire {
 pub struct Schedule {
     /// Lamps, those of the scene first.
     pub luminaires: Vec<Luminaire>,
-    /// Lumen per watt that power follows from.
-    pub efficacy_lm_w: f64,
+    /// Lumen per watt that the power of lamps follows from whose profile states none; without it that stays unknown.
+    pub efficacy_lm_w: Option<f64>,
     /// Floor area in m², if it is known.
     pub floor_m2: Option<f64>,
 }
@@ -62,7 +93,7 @@ impl Schedule {
         basis: &LightBasis,
         scene: Option<&PreparedScene>,
         look: &Look,
-        efficacy_lm_w: f64,
+        efficacy_lm_w: Option<f64>,
         floor_m2: Option<f64>,
     ) -> Schedule {
         let is_lamp = |source: &&LightSource| {
@@ -88,7 +119,9 @@ impl Schedule {
                 kind: source_words(source.kind),
                 is_on: !setting.muted,
                 lumen: source_lumen(source, &setting, look, &coefficients),
-                watt: None,
+                profile: source.origin.profile.clone(),
+                watt: source.origin.watts.map(f64::from),
+                watt_source: None,
                 position: source.origin.position,
                 direction: emitter.and_then(direction),
                 kelvin: setting.kelvin,
@@ -99,66 +132,51 @@ impl Schedule {
         let mut luminaires: Vec<Luminaire> = basis.sources.iter().filter(is_lamp).map(of_source).collect();
         luminaires.extend(lamps.iter().map(|lamp| of_lamp(lamp, look)));
         for luminaire in &mut luminaires {
-            luminaire.watt = luminaire.lumen.map(|lumen| lumen / efficacy_lm_w);
+            luminaire.settle_watt(efficacy_lm_w);
         }
         Schedule { luminaires, efficacy_lm_w, floor_m2 }
     }
 
     /// Lumen of all that shine and tell it.
     pub fn lumen(&self) -> f64 {
-        self.shining().filter_map(|luminaire| luminaire.lumen).sum()
+        self.shining().filter_map(|luminaire| luminaire.lumen).sum::<f64>() + 0.0
     }
 
     /// Watt of all that shine and tell it.
     pub fn watt(&self) -> f64 {
-        self.shining().filter_map(|luminaire| luminaire.watt).sum()
+        // Plus zero: a sum of nothing is a negative one.
+        self.shining().filter_map(|luminaire| luminaire.watt).sum::<f64>() + 0.0
     }
 
-    /// Power of a square meter of floor.
+    /// Lamps that shine and whose power is not known.
+    pub fn n_unknown_watt(&self) -> usize {
+        self.shining().filter(|luminaire| luminaire.watt.is_none()).count()
+    }
+
+    /// Lumen per watt of all that shine and tell both.
+    pub fn lumen_per_watt(&self) -> Option<f64> {
+        let both = self.shining().filter_map(|luminaire| Some((luminaire.lumen?, luminaire.watt?)));
+        let (lumen, watt) = both.fold((0.0, 0.0), |(lumens, watts), (lumen, watt)| (lumens + lumen, watts + watt));
+        (watt > 0.0).then(|| lumen / watt)
+    }
+
+    /// Power of a square meter of floor; nothing where no power is known.
     pub fn watt_per_m2(&self) -> Option<f64> {
-        self.floor_m2.filter(|area| *area > 0.0).map(|area| self.watt() / area)
+        let is_known = self.shining().any(|luminaire| luminaire.watt.is_some());
+        self.floor_m2.filter(|area| *area > 0.0 && is_known).map(|area| self.watt() / area)
     }
 
     fn shining(&self) -> impl Iterator<Item = &Luminaire> {
         self.luminaires.iter().filter(|luminaire| luminaire.is_on)
     }
+}
 
-    /// Writes it as comma-separated values, as RFC 4180 has them; no cell of text begins as a formula does.
-    ///
-    /// # Errors
-    /// If it cannot be written.
-    pub fn write(&self, writer: &mut impl Write) -> Result<()> {
-        writeln!(writer, "key,name,kind,count,on,lumen,watt,x_m,y_m,z_m,aim_x,aim_y,aim_z,kelvin,red,green,blue")?;
-        let number = |x: Option<f64>| x.map_or(String::new(), |x| format!("{x:.1}"));
-        let three = |v: Option<Vec3>, digits: usize| match v {
-            // Plus zero, so that there is but one zero.
-            Some(v) => v.to_array().map(|x| format!("{:.digits$}", x + 0.0)).join(","),
-            None => ",,".into(),
-        };
-        for lamp in &self.luminaires {
-            writeln!(
-                writer,
-                "{},{},{},1,{},{},{},{},{},{},{}",
-                text_cell(&lamp.key),
-                text_cell(&lamp.name),
-                text_cell(&lamp.kind),
-                if lamp.is_on { "yes" } else { "no" },
-                number(lamp.lumen),
-                number(lamp.watt),
-                three(lamp.position, 3),
-                three(lamp.direction, 4),
-                lamp.kelvin.map_or(String::new(), |kelvin| format!("{kelvin:.0}")),
-                three(Some(lamp.color), 4),
-            )?;
-        }
-        let n_on = self.shining().count();
-        writeln!(writer, "total of lamps that are on,,,{n_on},,{:.1},{:.1},,,,,,,,,,", self.lumen(), self.watt())?;
-        writeln!(writer, "efficacy (lm/W),,,,,,{:.1},,,,,,,,,,", self.efficacy_lm_w)?;
-        if let (Some(area), Some(density)) = (self.floor_m2, self.watt_per_m2()) {
-            writeln!(writer, "floor area (m²),,,,,,{area:.2},,,,,,,,,,")?;
-            writeln!(writer, "power density (W/m²),,,,,,{density:.2},,,,,,,,,,")?;
-        }
-        Ok(())
+impl Luminaire {
+    /// Says where its power comes from: the profile where that states one, or else the flux.
+    fn settle_watt(&mut self, efficacy_lm_w: Option<f64>) {
+        let by_flux = || Some((self.lumen? / efficacy_lm_w?, WattSource::Efficacy));
+        let known = self.watt.map(|watt| (watt, WattSource::Profile)).or_else(by_flux);
+        (self.watt, self.watt_source) = known.unzip();
     }
 }
 
@@ -176,13 +194,20 @@ fn of_lamp(lamp: &FreeLamp, look: &Look) -> Luminaire {
     let color = lamp.setting.tint(Vec3::ONE);
     let lumen = lamp.strength_in(LampUnit::Lumen);
     let is_near = lamp.shape != LampShape::Directional;
+    let file = match &lamp.shape {
+        LampShape::Profile { file } => Some(Path::new(file)),
+        _ => None,
+    };
+    let watts = file.and_then(|file| read_profile(file).ok()?.watts());
     Luminaire {
         key: lamp.key.clone(),
         name: look.name_of(&lamp.key).to_owned(),
         kind: kind_words(&lamp.shape).into(),
         is_on: !lamp.setting.muted,
         lumen: lumen.map(|lumen| f64::from(lumen * luminance(color) * lamp.setting.intensity)),
-        watt: None,
+        profile: file.and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned()),
+        watt: watts.map(f64::from),
+        watt_source: None,
         position: is_near.then_some(lamp.position),
         direction: lamp.shape.is_aimed().then(|| (lamp.aim - lamp.position).normalize_or(Vec3::NEG_Y)),
         kelvin: lamp.setting.kelvin,
@@ -228,7 +253,7 @@ mod tests {
         let room = include_str!("../tests/room.gltf");
         let scene = import::load_bytes("room", room.as_bytes()).unwrap().scene;
         let (scene, _) = PreparedScene::new(scene, &[]).unwrap();
-        let schedule = Schedule::new(&scene.lighting.basis, Some(&scene), &look(), 80.0, Some(4.0));
+        let schedule = Schedule::new(&scene.lighting.basis, Some(&scene), &look(), Some(80.0), Some(4.0));
         // The lamp of the file has 3 cd all around.
         let lumen = 4.0 * std::f64::consts::PI * 3.0;
         let [file, free, dark] = &schedule.luminaires[..] else { panic!("{schedule:?}") };
@@ -239,19 +264,96 @@ mod tests {
         assert!((schedule.watt_per_m2().unwrap() - schedule.watt() / 4.0).abs() < 1e-9);
     }
 
+    /// Lamps of the two luminaires of a maker, whose files state 1221 lm and 14 W, and 321 lm and 9 W.
+    fn of_maker(look: &mut Look) -> bool {
+        let Some(folder) = std::env::var_os("CLERESTORY_SHARED").map(std::path::PathBuf::from) else {
+            println!("skipped: no shared data");
+            return false;
+        };
+        let lamp = look.lights.lamps[0].clone();
+        let of = |key: &str, file: &str, lumen: f32, intensity: f32| FreeLamp {
+            key: key.into(),
+            shape: LampShape::Profile { file: folder.join("env").join(file).display().to_string() },
+            strength: lumen,
+            setting: LightSetting { intensity, ..LightSetting::default() },
+            ..lamp.clone()
+        };
+        let (wide, narrow) = ("bega-50899.2K3.ies", "bega-50975.6K3.ies");
+        look.lights.lamps = vec![
+            of("a", wide, 1221.0, 1.0),
+            of("b", wide, 1221.0, 1.0),
+            of("c", narrow, 321.0, 1.0),
+            of("dimmed", narrow, 321.0, 0.5),
+            FreeLamp { key: "bare".into(), ..lamp },
+        ];
+        true
+    }
+
+    #[test]
+    fn profiles_tell_their_power_and_what_tells_none_is_counted() {
+        let mut look = look();
+        if !of_maker(&mut look) {
+            return;
+        }
+        let schedule = Schedule::new(&LightBasis::default(), None, &look, None, Some(10.0));
+        let watts: Vec<Option<f64>> = schedule.luminaires.iter().map(|lamp| lamp.watt).collect();
+        assert_eq!(watts, [Some(14.0), Some(14.0), Some(9.0), Some(9.0), None], "dimmed lamps keep their rated power");
+        assert_eq!((schedule.watt(), schedule.n_unknown_watt()), (46.0, 1));
+        assert_eq!(schedule.watt_per_m2(), Some(4.6));
+        // The bare lamp's 400 lm count in the flux, and not in what a watt gives.
+        let lumen = 2.0 * 1221.0 + 1.5 * 321.0;
+        assert!((schedule.lumen() - lumen - 400.0).abs() < 0.1, "{}", schedule.lumen());
+        assert!((schedule.lumen_per_watt().unwrap() - lumen / 46.0).abs() < 0.01, "{:?}", schedule.lumen_per_watt());
+        let estimated = Schedule::new(&LightBasis::default(), None, &look, Some(80.0), None);
+        assert_eq!((estimated.watt(), estimated.n_unknown_watt()), (51.0, 0), "400 lm at 80 lm/W are 5 W more");
+        assert_eq!(estimated.luminaires[0].watt_source, Some(WattSource::Profile));
+        assert_eq!(estimated.luminaires[4].watt_source, Some(WattSource::Efficacy));
+    }
+
+    #[test]
+    fn lamps_of_one_type_share_a_row() {
+        let mut look = look();
+        if !of_maker(&mut look) {
+            return;
+        }
+        let schedule = Schedule::new(&LightBasis::default(), None, &look, None, None);
+        let types = schedule.types();
+        let told: Vec<_> = types.iter().map(|of| (of.letters.as_str(), of.lamps.len(), of.watt)).collect();
+        assert_eq!(told, [("A", 2, Some(14.0)), ("B", 1, Some(9.0)), ("C", 1, Some(9.0)), ("D", 1, None)]);
+        let table = written(&schedule, ScheduleBy::Type);
+        let lines: Vec<&str> = table.lines().collect();
+        assert!(
+            lines[1].starts_with("A,") && lines[1].contains(",bega-50899.2K3.ies,2,yes,1221.0,14.0,2442.0,28.0,87.2,"),
+            "{table}"
+        );
+        assert!(lines[4].starts_with("D,") && lines[4].contains(",1,yes,400.0,,400.0,,,"), "{table}");
+        assert!(lines[5].starts_with("total of lamps that are on,,,5,,,,3323.5,46.0,"), "{table}");
+        assert!(lines[6].starts_with("lamps of unknown wattage,,,1,"), "{table}");
+        assert!(lines[7].starts_with("luminous efficacy of known wattage (lm/W),,,4,,,,,63.6,"), "{table}");
+    }
+
+    fn written(schedule: &Schedule, by: ScheduleBy) -> String {
+        let mut table = Vec::new();
+        schedule.write(&mut table, by).unwrap();
+        let table = String::from_utf8(table).unwrap();
+        let n_cells = table.lines().next().unwrap().split(',').count();
+        assert!(table.lines().all(|line| line.split(',').count() == n_cells), "{table}");
+        table
+    }
+
     #[test]
     fn no_name_becomes_a_formula_and_numbers_stay_numbers() {
-        let schedule = Schedule::new(&LightBasis::default(), None, &look(), 100.0, None);
-        let mut table = Vec::new();
-        schedule.write(&mut table).unwrap();
-        let table = String::from_utf8(table).unwrap();
+        let schedule = Schedule::new(&LightBasis::default(), None, &look(), Some(100.0), None);
+        let table = written(&schedule, ScheduleBy::Lamp);
         let lines: Vec<&str> = table.lines().collect();
         assert!(
             lines[1].starts_with("'=SUM(A1),'=SUM(A1),") && lines[1].contains(",1,yes,400.0,4.0,-1.000,2.000,0.500,"),
             "{table}"
         );
-        let n_cells = lines[0].split(',').count();
-        assert!(lines.iter().all(|line| line.split(',').count() == n_cells), "{table}");
-        assert!(!table.contains("W/m²"), "no floor is known");
+        assert!(lines[1].ends_with(",,efficacy") && !table.contains("W/m²"), "no floor is known: {table}");
+        let types = written(&schedule, ScheduleBy::Type);
+        let unknown = written(&Schedule::new(&LightBasis::default(), None, &look(), None, None), ScheduleBy::Lamp);
+        assert!(unknown.contains("total of lamps that are on,,,1,,400.0,0.0,"), "{unknown}");
+        assert!(types.contains(",'=SUM(A1)\n") && types.contains(",no,800.0,"), "{types}");
     }
 }

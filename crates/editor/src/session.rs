@@ -32,6 +32,7 @@ use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::sensors::WorkPlane;
 use eframe::egui::ColorImage;
 
 use self::begun::Begun;
@@ -65,6 +66,8 @@ pub struct BakeSettings {
     pub config: BakeConfig,
     /// Whether the light that arrives at the pixels and at the sensors of the file is baked as well.
     pub illuminance: bool,
+    /// A level grid of sensors that is baked with them.
+    pub work_plane: Option<WorkPlane>,
 }
 
 /// Where opening stands.
@@ -420,7 +423,7 @@ mod tests {
         wait(&mut session, |session| session.stage == Stage::Ready);
         let config = BakeConfig { spp: 2, tolerance_db: 10.0, ..BakeConfig::default() };
         let film = Film { width: 32, height: 24 };
-        let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false };
+        let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
         session.start_bake(&settings, None, Passes::Progressive);
         wait(&mut session, |session| session.bake == BakeState::Done);
         assert!(session.is_whole());

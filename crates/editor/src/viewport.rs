@@ -4,6 +4,7 @@ pub mod compare;
 pub mod flight;
 pub mod gizmo;
 pub mod handles;
+pub mod isolux;
 pub mod lamps;
 pub mod marking;
 pub mod names;
@@ -19,6 +20,7 @@ use eframe::egui::{
 };
 
 use crate::action::{Action, FileTask};
+use crate::isolux::{Isoline, Isolux};
 use crate::legend::Legend;
 use crate::look::Look;
 use crate::panels::arrows::{FINE, arrows};
@@ -46,6 +48,8 @@ pub struct Viewed<'a> {
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
     /// What its colors mean, where they are false.
     pub legend: Option<Legend>,
+    /// Lines of equal illuminance in it.
+    pub isolines: &'a [Isoline],
     /// What it is compared with.
     pub compared: Option<Compared>,
     /// A map of colors over it.
@@ -94,6 +98,8 @@ pub fn viewport_ui(
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
     if let Some(overlay) = viewed.overlay {
         overlay.paint(&painter, image);
+    } else if viewed.legend.is_some_and(|legend| legend.isolux != Isolux::Off) && viewed.compared.is_none() {
+        isolux::isolux_ui(ui, viewed.isolines, (area, image), [width, height]);
     }
     let marks = state.grab.is_none() && marking_ui(ui, &response, image, Film { width, height }, &mut state.marking);
     let mut is_free = !marks;

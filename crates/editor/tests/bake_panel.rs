@@ -234,7 +234,7 @@ fn after_a_reload_only_a_new_lamp_is_traced() {
 #[test]
 fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
     let film = Film { width: 64, height: 48 };
-    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false };
+    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
     let start = Start { welcome: true, ..Start::alone(source(), Some(settings)) };
     let mut window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap());
     wait(&mut window, |app| app.session().stage == Stage::Ready);

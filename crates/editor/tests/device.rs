@@ -48,7 +48,13 @@ fn relit_on(state: &RenderState) -> Window {
 /// The same, relit on the CPU.
 fn baked_on(state: &RenderState) -> Window {
     let config = BakeConfig { spp: 4, tolerance_db: 20.0, ..BakeConfig::default() };
-    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config, illuminance: false };
+    let settings = BakeSettings {
+        camera_idx: 0,
+        film: Film { width: 64, height: 48 },
+        config,
+        illuminance: false,
+        work_plane: None,
+    };
     let room = Source::Bytes { name: "room.gltf".into(), bytes: ROOM.to_vec() };
     let start = Start::alone(room, Some(settings));
     let renderer = WgpuTestRenderer::from_render_state(state.clone());

@@ -486,6 +486,10 @@ fn a_schedule_counts_what_shines_and_measures_the_floor() {
         table.lines().nth(1).unwrap().starts_with("lamp,lamp,Point lamp,1,yes,37.7,0.8,0.300,0.600,-0.200,"),
         "{table}"
     );
+    let told = answer(folder.path(), "schedule room.gltf --by type -o types.csv");
+    assert!(told["watt"] == 0.0 && told["n_unknown_watt"] == 1 && told["types"][0]["lamps"][0] == "lamp", "{told}");
+    let table = std::fs::read_to_string(folder.path().join("types.csv")).unwrap();
+    assert!(table.lines().nth(1).unwrap().starts_with("A,Point lamp,,1,yes,37.7,,37.7,,,"), "{table}");
     let refused = run(folder.path(), "schedule room.gltf -o room.gltf");
     assert!(String::from_utf8_lossy(&refused.stderr).contains("would overwrite"));
 }

@@ -7,17 +7,21 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source};
+use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, baked, click, drag, quick, room, wait};
+use desk::{Window, baked, click, drag, quick, room, save_as, wait};
 
 /// The room, baked with the light that arrives.
 fn measured() -> Window {
-    let settings =
-        BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config: quick(), illuminance: true };
+    measured_in(Film { width: 64, height: 48 }, quick())
+}
+
+fn measured_in(film: Film, config: BakeConfig) -> Window {
+    let settings = BakeSettings { camera_idx: 0, film, config, illuminance: true, work_plane: None };
     let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
     let start = Start::alone(source, Some(settings));
     let size = vec2(1440.0, 1400.0);
@@ -154,6 +158,80 @@ fn a_surface_is_marked_by_a_click_and_the_pointer_then_marks_instead_of_panning(
     let whole = window.state().marked_lux().unwrap();
     // All six walls but what the lamp and the panel hide: most of the picture.
     assert!(whole.points > 2000, "{whole:?}");
+}
+
+#[test]
+fn isolux_lines_lie_over_the_lux_while_they_are_wanted_and_follow_the_lights() {
+    // In fewer pixels the light jumps from one to the next.
+    let mut window = measured_in(Film { width: 160, height: 120 }, BakeConfig { spp: 32, ..quick() });
+    let choose = |window: &mut Window, list: &str, choice: &str| {
+        click(window, list);
+        let in_the_list = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == eframe::egui::Role::Button;
+        window.query_all_by_label(choice).find(in_the_list).unwrap().click();
+        window.run_steps(3);
+        wait(window, |app| !app.is_solving() && app.is_settled());
+    };
+    let lines = |window: &Window| window.query_all_by_label_contains("Isolux lines at").count();
+    choose(&mut window, "False color", "Illuminance");
+    assert_eq!(lines(&window), 0);
+    choose(&mut window, "Isolux lines", "Lux");
+    assert_eq!(lines(&window), 1);
+    assert_eq!(window.state().look().display.isolux(), clerestory::isolux::Isolux::Lux);
+    // In the dark there is none.
+    click(&mut window, "Mute lamp");
+    click(&mut window, "Mute panel");
+    wait(&mut window, |app| !app.is_solving() && app.is_settled());
+    assert_eq!((lines(&window), window.query_all_by_label("No isolux line").count()), (0, 1));
+    choose(&mut window, "Isolux lines", "Off");
+    assert_eq!(window.query_all_by_label("No isolux line").count(), 0);
+}
+
+#[test]
+fn a_work_plane_on_a_marked_floor_is_baked_and_tells_its_uniformity() {
+    let mut window = measured();
+    click(&mut window, "Measure");
+    assert!(window.query_by_label("U0").is_none() && window.query_by_label("Bake work plane").is_none());
+    window.get_all_by_label("Surface").next().unwrap().click();
+    window.run_steps(3);
+    let at = place(&window, 0.5, 0.8);
+    drag(&mut window, at, at);
+    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving());
+    click(&mut window, "Work plane");
+    let plane = window.state().settings().work_plane.unwrap();
+    assert!(plane.height_m == 0.75 && plane.spacing_m.is_none() && plane.floor.is_some(), "{plane:?}");
+    click(&mut window, "Whole scene");
+    click(&mut window, "Stand on what is marked");
+    assert_eq!(window.state().settings().work_plane, Some(plane));
+    click(&mut window, "Bake work plane");
+    let grid = "work plane 0.75 m over room";
+    let has_grid = |app: &App| {
+        let shown = app.session().shown.as_ref();
+        shown.is_some_and(|shown| shown.header.grids(shown.irradiance.len()).any(|(_, of)| of.name == grid))
+    };
+    wait(&mut window, |app| app.session().bake == BakeState::Done && has_grid(app) && !app.is_solving());
+    window.run_steps(2);
+    assert!(window.query_all_by_label(grid).count() > 0);
+    // One U0 for what is marked, one for the plane.
+    assert_eq!(window.query_all_by_label("U0").count(), 2);
+    click(&mut window, "Work plane");
+    assert_eq!(window.state().settings().work_plane, None);
+}
+
+#[test]
+fn a_schedule_is_written_by_lamp_or_by_type() {
+    let mut window = measured();
+    let folder = tempfile::tempdir().unwrap();
+    click(&mut window, "Measure");
+    let written = |window: &mut Window, name: &str| {
+        let path = folder.path().join(name);
+        save_as(window, "Save schedule…", &path);
+        std::fs::read_to_string(path).unwrap()
+    };
+    assert!(written(&mut window, "lamps.csv").starts_with("key,name,"));
+    click(&mut window, "Per type");
+    let types = written(&mut window, "types.csv");
+    assert!(types.starts_with("type,kind,") && types.contains("\nA,Point lamp,,1,yes,37.7,,37.7,,,"), "{types}");
+    assert!(types.contains("\nlamps of unknown wattage,,,2,"), "{types}");
 }
 
 #[test]

@@ -14,12 +14,12 @@ use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive::{self, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Key, Modifiers, ViewportEvent, pos2, vec2};
+use eframe::egui::{Key, Modifiers, Role, ViewportEvent, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
+use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, open, open_with, quick, room, save_as, wait};
 
 #[test]
 fn a_dragged_slider_relights_and_is_one_step_of_undo() {
@@ -83,8 +83,13 @@ fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
     let opened = |kept: Kept| {
         // A window borrows it for as long as it lives.
         let kept: &'static Kept = Box::leak(Box::new(kept));
-        let settings =
-            BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config: quick(), illuminance: false };
+        let settings = BakeSettings {
+            camera_idx: 0,
+            film: Film { width: 64, height: 48 },
+            config: quick(),
+            illuminance: false,
+            work_plane: None,
+        };
         let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
         let start = Start { welcome: true, ..Start::alone(source, Some(settings)) };
         let builder = Harness::builder().with_size(vec2(1440.0, 900.0));
@@ -460,6 +465,73 @@ fn the_keys_are_listed() {
     window.key_press(Key::F1);
     window.run_steps(3);
     window.get_by_label("Keyboard and mouse");
+}
+
+#[test]
+fn the_keys_are_listed_over_a_question_and_closing_them_leaves_it() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_with(source, quick(), Some(home.path()));
+        wait(&mut window, |app| app.session().stage == Stage::Ready);
+        window
+    };
+    let mut window = open();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |_| home.path().join("unsaved/0.json").exists());
+    drop(window);
+    let mut window = open();
+    window.get_by_label("Recover unsaved lights?");
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    // The list is in front: its button hears the pointer where it covers the question.
+    let close = window.get_by_label("Close window").rect().center();
+    window.hover_at(close);
+    window.run_steps(2);
+    window.drag_at(close);
+    window.run_steps(1);
+    window.drop_at(close);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none(), "a click closes it");
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    window.get_by_label("Keyboard and mouse");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.get_by_label("Recover unsaved lights?");
+}
+
+#[test]
+fn messages_wait_for_their_reader_and_nothing_goes_while_a_slider_is_held() {
+    let mut window = baked();
+    let folder = tempfile::tempdir().unwrap();
+    let told = |window: &Window, words: &str| window.query_all_by_label_contains(words).count();
+    for name in ["one", "two"] {
+        save_as(&mut window, "Save look…", &folder.path().join("missing").join(name).with_extension("look"));
+        window.run_steps(2);
+    }
+    assert_eq!((told(&window, "one.look"), told(&window, "two.look")), (1, 1), "the second leaves the first");
+    save_as(&mut window, "Save look…", &folder.path().join("three.look"));
+    assert_eq!(told(&window, "Saved"), 1);
+    // Six seconds are 24 steps. A slider in hand holds everything where it is.
+    let slider = window.get_by_role_and_label(Role::Slider, "Exposure").rect().center();
+    window.hover_at(slider);
+    window.run_steps(2);
+    window.drag_at(slider);
+    let before = window.get_all_by_label("Close message").map(|node| node.rect()).collect::<Vec<_>>();
+    window.run_steps(60);
+    let after = window.get_all_by_label("Close message").map(|node| node.rect()).collect::<Vec<_>>();
+    assert!(before.len() == 3 && before == after, "{before:?} {after:?}");
+    window.drop_at(slider);
+    window.hover_at(pos2(700.0, 300.0));
+    window.run_steps(40);
+    assert_eq!(window.query_all_by_label("Close message").count(), 2, "what went wrong stays");
+    window.query_all_by_label("Close message").next().unwrap().click();
+    window.run_steps(3);
+    assert_eq!((told(&window, "one.look"), told(&window, "two.look")), (1, 0), "the newest was on top");
+    click(&mut window, "Messages");
+    assert_eq!((told(&window, "one.look"), told(&window, "two.look")), (2, 1), "the list has it still");
 }
 
 #[test]

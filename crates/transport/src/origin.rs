@@ -9,6 +9,7 @@ use crate::basis::{LightSource, SourceKind};
 use crate::emitters::PanelEmitter;
 use crate::lamps::{LampUnit, lumen_per_candela};
 use crate::light::{LightSetting, luminance};
+use crate::photometry::PhotometricProfile;
 use crate::scene::{Material, PunctualKind, PunctualLight, Scene, SceneNode};
 
 /// What sorts a light among others, and its flux. Bakes of older programs do not tell it.
@@ -30,6 +31,12 @@ pub struct LightOrigin {
     /// Luminous flux in lumen of each candela or nit; not known where a texture dims it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lumens: Option<f32>,
+    /// Name of the file of its measured distribution.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub profile: Option<String>,
+    /// Electrical power in watt that this file states, at full light.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub watts: Option<f32>,
 }
 
 impl LightOrigin {
@@ -44,6 +51,8 @@ impl LightOrigin {
             material: None,
             position: is_near.then_some(light.position),
             lumens: is_near.then(|| lumen_per_candela(light.kind, profile) as f32),
+            profile: profile.map(|profile| file_name(profile.name())),
+            watts: profile.and_then(PhotometricProfile::watts),
         }
     }
 
@@ -60,8 +69,15 @@ impl LightOrigin {
             material: brightest.map(|triangle| material(triangle).name.clone()).filter(|name| !name.is_empty()),
             position: Some(center),
             lumens: flux(scene, triangles),
+            profile: None,
+            watts: None,
         }
     }
+}
+
+/// The last part of a path, so that a bake tells nothing about the folders of a machine.
+fn file_name(path: &str) -> String {
+    path.rsplit(['/', '\\']).next().unwrap_or(path).to_owned()
 }
 
 /// Lumen of each nit of the brightest radiance, channel by channel, of some triangles: π times their area, twice where they
@@ -152,6 +168,19 @@ mod tests {
         assert_eq!(position("bulb"), Some(Vec3::new(1.0, 2.0, 3.0)));
         assert!(position("square").is_some_and(|at| at.distance(Vec3::new(0.5, 0.5, 0.0)) < 1e-5));
         assert_eq!(position("far"), None);
+    }
+
+    #[test]
+    fn a_lamp_tells_the_file_of_its_distribution_and_the_power_that_it_states() {
+        let ies = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0\n1 1 17\n0 90\n0\n9 9\n";
+        let profile = PhotometricProfile::parse(ies.as_bytes(), "lamps/down.ies").expect("a valid file");
+        let stage = Stage::new(Camera::look_at("eye", Vec3::Z, Vec3::NEG_Z, 1.0, 1.0));
+        let mut scene = stage.lamp("down", Vec3::Y, 10.0).lamp("bare", Vec3::X, 10.0).into_scene();
+        crate::photometry::assign(&mut scene, "down", profile, 2.0).expect("it is there");
+        let (lighting, _) = Lighting::new(&scene, &[]).expect("valid lights");
+        let origin = |key: &str| &lighting.basis.source(key).expect("it is there").origin;
+        assert_eq!((origin("down").profile.as_deref(), origin("down").watts), (Some("down.ies"), Some(17.0)));
+        assert_eq!((origin("bare").profile.as_deref(), origin("bare").watts), (None, None));
     }
 
     #[test]

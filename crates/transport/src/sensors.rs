@@ -72,6 +72,12 @@ pub enum SensorError {
         /// Points of all grids together.
         n_points: usize,
     },
+    /// A work plane was asked for over something that nobody can stand on.
+    #[error("`{node}` has no surface that faces up, so no work plane stands on it; choose another floor")]
+    NoFloor {
+        /// Name of the node.
+        node: String,
+    },
     /// The scene is upright and thin.
     #[error("the scene covers no ground, so it has no work plane; lay sensors on a node instead")]
     NoPlan,

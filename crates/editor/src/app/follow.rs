@@ -158,8 +158,8 @@ impl Follower {
 
     /// What the colors of the picture mean, where they are false.
     pub fn legend(&self) -> Option<Legend> {
-        let quantity = self.asked.as_ref()?.display.quantity()?;
-        Some(Legend { quantity, scale: self.shown.false_color? })
+        let display = &self.asked.as_ref()?.display;
+        Some(Legend { quantity: display.quantity()?, scale: self.shown.false_color?, isolux: display.isolux() })
     }
 
     pub fn metered_ev(&self) -> f32 {

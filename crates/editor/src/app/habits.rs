@@ -87,7 +87,7 @@ impl BakeHabits {
         let of_camera = camera.map_or(width * 9 / 16, |camera| Film::of_width(width, camera).height);
         let film = Film { width, height: height_px.unwrap_or(of_camera) };
         let config = BakeConfig { spp, tolerance_db, indirect, patches, denoise, ..BakeConfig::default() };
-        BakeSettings { camera_idx: 0, film, config, illuminance }
+        BakeSettings { camera_idx: 0, film, config, illuminance, work_plane: None }
     }
 }
 

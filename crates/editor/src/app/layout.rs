@@ -9,7 +9,7 @@ use crate::panels::bake::{BakeView, bake_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{lights_ui, solo_banner_ui};
-use crate::panels::shortcuts::shortcuts_ui;
+use crate::panels::shortcuts::{close_by_key, shortcuts_ui};
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::Stage;
@@ -24,6 +24,7 @@ const PANELS_LEAST: [f32; 2] = [300.0, 228.0];
 
 impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
+        close_by_key(ctx, &mut self.shortcuts);
         self.question_ui(ctx);
         if self.unsaved.is_some()
             && let Some(answer) = unsaved_ui(ctx)
@@ -172,8 +173,7 @@ impl App {
         Panel::bottom("status").frame(frame).show(ui, |ui| {
             let device = self.follower.device();
             let status = Status {
-                message: &self.message.0,
-                tone: self.message.1,
+                messages: &self.messages,
                 opening: matches!(self.session.stage, Stage::Loading(_)),
                 bake: &self.session.bake,
                 device: &device,
@@ -191,6 +191,7 @@ impl App {
 
     pub(super) fn picture_ui(&mut self, ui: &mut Ui) {
         self.strips_ui(ui);
+        self.picture_area = ui.available_rect_before_wrap();
         if self.camera.is_moving && self.session.lamp_scene().is_some() {
             return self.flight_ui(ui);
         }
@@ -207,6 +208,7 @@ impl App {
             bake: &self.session.bake,
             scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
             legend: self.follower.legend(),
+            isolines: self.isolux.lines(),
             compared,
             overlay,
             readings: self.prober.read(&self.session, &self.follower, &self.view.probes),

@@ -13,10 +13,10 @@ use eframe::egui::Ui;
 use super::App;
 use crate::illuminance::{LuxFigures, of_grid, of_marks};
 use crate::look::Look;
-use crate::marks::{Marks, Seen};
+use crate::marks::{Kin, Marks, Seen};
 use crate::output::PendingFile;
 use crate::panels::lights::heard;
-use crate::panels::measure::{MeasureView, ScheduleState, measure_ui};
+use crate::panels::measure::{MeasureState, MeasureView, ScheduleState, measure_ui};
 use crate::panels::solve::{SolveState, SolveView, solve_ui};
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
@@ -37,6 +37,8 @@ pub(super) struct Solving {
     measuring: Aside<(Measured, Result<Figures, String>)>,
     problem: Option<String>,
     surface: Option<String>,
+    /// Node that was clicked on last, and its name.
+    picked_node: Option<(u32, String)>,
     solving: Aside<Result<Solution, String>>,
     /// A picture to match, by the name of its file.
     reading: Aside<(String, Result<Target, String>)>,
@@ -94,6 +96,7 @@ impl Solving {
             measuring: Aside::default(),
             problem: None,
             surface: None,
+            picked_node: None,
             solving: Aside::default(),
             reading: Aside::default(),
             solved_from: LightRig::default(),
@@ -137,6 +140,7 @@ impl App {
             || solving.measuring.is_busy()
             || solving.looking.is_busy()
             || solving.reading.is_busy()
+            || self.isolux.is_busy()
     }
 
     /// What waits to be taken over.
@@ -191,6 +195,8 @@ impl App {
         if let Some(picked) = self.view.marking.picked.take() {
             let kin = self.view.marking.kin;
             self.solving.surface = seen.name(&view.scene, picked.pixel, kin).filter(|name| !name.is_empty());
+            let node = seen.node(picked.pixel);
+            self.solving.picked_node = node.zip(seen.name(&view.scene, picked.pixel, Kin::Node));
             self.view.marking.join(seen.like(picked.pixel, kin), picked.join);
         }
     }
@@ -329,12 +335,13 @@ impl App {
     /// Writes the table of lamps.
     pub(super) fn save_schedule(&mut self, path: &std::path::Path) {
         let Some(basis) = self.session.basis() else { return };
-        let ScheduleState { efficacy_lm_w, floor_m2 } = self.solving.schedule;
+        let ScheduleState { by, efficacy_lm_w, floor_m2 } = self.solving.schedule;
+        let efficacy_lm_w = Some(efficacy_lm_w).filter(|efficacy| *efficacy > 0.0);
         let marked = self.marked_lux().and_then(|figures| figures.area_m2);
         let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { marked };
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
-        match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer))) {
+        match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer, by))) {
             Ok(()) => self.say(format!("Saved {}", path.display())),
             Err(error) => self.complain(format!("{error:#}")),
         }
@@ -355,6 +362,12 @@ impl App {
         sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key.clone())).collect()
     }
 
+    /// Name of a node of the open scene.
+    fn node_name(&self, node: u32) -> Option<String> {
+        let scene = self.session.opened.as_ref()?.scene.as_ref()?;
+        scene.scene.nodes.get(node as usize).map(|node| node.key())
+    }
+
     /// The sections of the right panel.
     pub(super) fn solving_ui(&mut self, ui: &mut Ui) {
         let shown = self.session.shown.as_ref();
@@ -363,6 +376,8 @@ impl App {
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
         let surface = self.solving.surface.clone();
+        let picked = self.solving.picked_node.clone();
+        let floor_name = self.settings.work_plane.and_then(|plane| self.node_name(plane.floor?));
         let problem = self.solving.problem.as_ref().map(|words| self.look.renamed(words));
         let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
         let view = MeasureView {
@@ -374,8 +389,15 @@ impl App {
             surface: surface.as_deref(),
             problem: problem.as_deref(),
             has_scene,
+            floor: picked.as_ref().filter(|_| self.view.marking.marks().is_some()),
+            floor_name: floor_name.as_deref(),
         };
-        measure_ui(ui, &mut self.view.marking, &mut self.solving.schedule, &view, &mut self.actions);
+        let state = MeasureState {
+            marking: &mut self.view.marking,
+            schedule: &mut self.solving.schedule,
+            work_plane: &mut self.settings.work_plane,
+        };
+        measure_ui(ui, state, &view, &mut self.actions);
         let grids = shown.into_iter().flat_map(|shown| shown.header.grids(shown.irradiance.len()));
         let grids = grids.map(|(set, grid)| (set, grid.name.clone())).collect();
         let view = SolveView {

@@ -40,24 +40,29 @@ pub(super) fn run(args: &ScheduleArgs, console: &mut Console) -> Result<Answer> 
     let untold: Vec<String> =
         untold.map(|lamp| format!("`{}` tells no lumen and counts in no total", lamp.key)).collect();
     console.warn_all(untold);
-    place.commit(|writer| schedule.write(writer))?;
+    place.commit(|writer| schedule.write(writer, args.by))?;
     let number = |x: f64| number_words(x as f32);
     let density = schedule.watt_per_m2().map_or(String::new(), |density| {
         format!(", {} W/m² of {} m² of floor", number(density), number(schedule.floor_m2.unwrap_or(0.0)))
     });
+    let per_watt = schedule.lumen_per_watt().map_or(String::new(), |efficacy| format!(", {} lm/W", number(efficacy)));
+    let unknown = match schedule.n_unknown_watt() {
+        0 => String::new(),
+        n => format!("; {n} of unknown wattage"),
+    };
     let output = args.output.display().to_string();
     let n_on = schedule.luminaires.iter().filter(|lamp| lamp.is_on).count();
     let words = format!(
-        "{output}: {n_on} of {} lamps on, {} lm, {} W at {} lm/W{density}",
+        "{output}: {n_on} of {} lamps on, {} lm, {} W{per_watt}{density}{unknown}",
         schedule.luminaires.len(),
         number(schedule.lumen()),
         number(schedule.watt()),
-        number(schedule.efficacy_lm_w),
     );
     let json = json!({
-        "output": output, "luminaires": schedule.luminaires, "lumen": schedule.lumen(), "watt": schedule.watt(),
-        "efficacy_lm_w": schedule.efficacy_lm_w, "floor_m2": schedule.floor_m2, "watt_per_m2": schedule.watt_per_m2(),
-        "warnings": console.warnings(),
+        "output": output, "by": args.by, "luminaires": schedule.luminaires, "types": schedule.types(),
+        "lumen": schedule.lumen(), "watt": schedule.watt(), "n_unknown_watt": schedule.n_unknown_watt(),
+        "lumen_per_watt": schedule.lumen_per_watt(), "efficacy_lm_w": schedule.efficacy_lm_w,
+        "floor_m2": schedule.floor_m2, "watt_per_m2": schedule.watt_per_m2(), "warnings": console.warnings(),
     });
     Ok(Answer { json, words })
 }

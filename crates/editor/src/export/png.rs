@@ -9,11 +9,13 @@ use clerestory_relight::display::{WhitePoint, encode16};
 use clerestory_relight::{DisplayParams, Radiance, Tone, encode};
 use flate2::Crc;
 use image::codecs::png::PngEncoder;
-use image::{DynamicImage, ImageBuffer, Rgb, RgbImage};
+use image::{DynamicImage, ImageBuffer, Rgb, RgbImage, RgbaImage};
 use serde::{Deserialize, Serialize};
 
 use super::options::PngDepth;
-use crate::legend::Legend;
+use crate::isolux::{self, Isolux};
+use crate::legend::{Legend, scale_of};
+use crate::look::Quantity;
 
 /// sRGB chunk (perceptual intent) and the gAMA chunk that goes with it, both with their checksums [PNG3, 11.3.2].
 const SRGB_CHUNKS: [u8; 29] = [
@@ -34,11 +36,19 @@ const STEP: u16 = 257;
 /// Radiance as it is shown, with its legend on the right where its colors are false.
 pub(super) fn shown(radiance: &Radiance, params: &DisplayParams, legend: Option<Legend>) -> RgbImage {
     let rgb = encode(radiance, params).chunks_exact(4).flat_map(|rgba| [rgba[0], rgba[1], rgba[2]]).collect();
-    let picture = RgbImage::from_raw(radiance.width, radiance.height, rgb).expect("three bytes per pixel");
-    match legend {
-        Some(legend) => legend.beside(&picture),
-        None => picture,
+    let mut picture = RgbImage::from_raw(radiance.width, radiance.height, rgb).expect("three bytes per pixel");
+    let Some(legend) = legend else { return picture };
+    if let Some(lines) = isolux_sheet(radiance, legend) {
+        isolux::lay_over(&lines, &mut picture);
     }
+    legend.beside(&picture)
+}
+
+/// Isolux lines of a picture of irradiance, where its legend has them.
+fn isolux_sheet(irradiance: &Radiance, legend: Legend) -> Option<RgbaImage> {
+    let is_lined = legend.isolux != Isolux::Off && legend.quantity == Quantity::Illuminance;
+    let size = [irradiance.width, irradiance.height];
+    is_lined.then(|| isolux::draw(&legend.isolux.lines(irradiance), size, scale_of(irradiance.height)))
 }
 
 /// The same at some depth; of a legend the words stay as coarse as they are.
@@ -57,12 +67,16 @@ pub(super) fn shown_at(
     match (depth, legend) {
         (PngDepth::Eight, _) => shown(radiance, params, legend).into(),
         (PngDepth::Sixteen, None) => deep().into(),
-        (PngDepth::Sixteen, Some(_)) => {
-            let sheet = shown(radiance, params, legend);
+        (PngDepth::Sixteen, Some(legend)) => {
+            let mut picture = deep();
+            if let Some(lines) = isolux_sheet(radiance, legend) {
+                isolux::lay_over_deep(&lines, &mut picture);
+            }
+            let sheet = shown(radiance, params, Some(legend));
             let mut deep_sheet = ImageBuffer::from_fn(sheet.width(), sheet.height(), |x, y| {
                 Rgb(sheet.get_pixel(x, y).0.map(|byte| u16::from(byte) * STEP))
             });
-            image::imageops::replace(&mut deep_sheet, &deep(), 0, 0);
+            image::imageops::replace(&mut deep_sheet, &picture, 0, 0);
             deep_sheet.into()
         }
     }

@@ -7,6 +7,7 @@ use clerestory_relight::{DisplayParams, encode};
 use super::options::{ExrCompression, ExrSamples, PngDepth, Region};
 use super::*;
 use crate::compare::read_exr;
+use crate::isolux::Isolux;
 use crate::look::FalseColor;
 
 fn gradient(scale: f32) -> Radiance {
@@ -83,6 +84,32 @@ fn false_color_of_illuminance_shows_irradiance_with_a_legend_or_says_what_is_mis
     let exr = folder.path().join("a.exr");
     assert_eq!(picture.save(&exr, &ExportOptions::default()).unwrap().legend, None);
     assert_eq!(read_exr(&exr).unwrap(), radiance, "an EXR stays linear");
+}
+
+#[test]
+fn isolux_lines_lie_over_false_color_where_the_light_is_at_either_depth() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let mut look = Look::default();
+    let colors = FalseColor { quantity: Quantity::Illuminance, range: Some([10.0, 1000.0]), ..FalseColor::default() };
+    // 95 lx on the left to 105 lx on the right: 100 lx are in the middle, from top to bottom.
+    let lux = |nth: u32| [95.0 + 10.0 * ((nth % 100) as f32 + 0.5) / 100.0; 3];
+    let lux = Radiance { width: 100, height: 120, pixels: (0..12_000).map(lux).collect() };
+    for depth in [PngDepth::Eight, PngDepth::Sixteen] {
+        let mut shown = |isolux: Isolux| {
+            look.display.false_color = Some(FalseColor { isolux, ..colors });
+            let picture = Picture { radiance: &lux, layers: &[], irradiance: Some(&lux), look: &look };
+            let options = ExportOptions { depth, ..ExportOptions::default() };
+            assert_eq!(picture.save(&path, &options).unwrap().legend.unwrap().json()["isolux"], isolux.name());
+            image::open(&path).unwrap().to_rgb8()
+        };
+        let (plain, lined) = (shown(Isolux::Off), shown(Isolux::Lux));
+        let differs = |x: u32, y: u32| plain.get_pixel(x, y) != lined.get_pixel(x, y);
+        assert!((0..120).all(|y| differs(49, y) || differs(50, y)), "the line is there, {depth:?}");
+        assert!(lined.get_pixel(50, 2).0.iter().all(|byte| *byte > 150), "it is bright");
+        assert!((0..120).all(|y| !differs(5, y) && !differs(95, y)), "and nowhere else");
+        assert!((0..120).any(|y| differs(38, y)), "its label is wider than the line");
+    }
 }
 
 #[test]

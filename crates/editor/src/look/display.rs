@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::parse::Reader;
 use super::write::{member, value};
+use crate::isolux::Isolux;
 
 /// Exposure in stops.
 const EXPOSURE_EV: RangeInclusive<f64> = -60.0..=60.0;
@@ -51,6 +52,8 @@ pub struct FalseColor {
     pub spacing: Spacing,
     /// Ends of the scale in the quantity's unit; `None` finds some that suit the picture.
     pub range: Option<[f32; 2]>,
+    /// Lines over it, where it shows illuminance.
+    pub isolux: Isolux,
 }
 
 /// What false color shows.
@@ -91,6 +94,12 @@ impl Display {
     pub fn of_seen_light(self) -> Display {
         let shown = self.false_color.filter(|false_color| false_color.quantity != Quantity::Illuminance);
         Display { false_color: shown, ..self }
+    }
+
+    /// Which lines lie over the picture.
+    pub fn isolux(&self) -> Isolux {
+        let shown = self.false_color.filter(|false_color| false_color.quantity == Quantity::Illuminance);
+        shown.map_or(Isolux::Off, |false_color| false_color.isolux)
     }
 
     /// Whether something of it depends on the picture.
@@ -170,7 +179,7 @@ impl Reader<'_> {
     /// None where the quantity is not known: another one would be a lie.
     fn false_color(&mut self, value: &Value) -> Result<Option<FalseColor>> {
         let object = self.object(value)?;
-        self.report_unknown(object, &["quantity", "spacing", "range"]);
+        self.report_unknown(object, &["quantity", "spacing", "range", "isolux"]);
         let quantities = [Quantity::Luminance, Quantity::Illuminance].map(|quantity| (quantity.name(), quantity));
         let quantity = match object.get("quantity") {
             None | Some(Value::Null) => Some(Quantity::default()),
@@ -179,7 +188,9 @@ impl Reader<'_> {
         let spacings = [Spacing::Log, Spacing::Linear];
         let spacing = self.optional(object, "spacing", |r, v| r.one_of(v, &spacings))?.flatten().unwrap_or_default();
         let range = self.optional(object, "range", |r, v| r.scale_range(v, spacing))?;
-        Ok(quantity.map(|quantity| FalseColor { quantity, spacing, range }))
+        let lines = Isolux::ALL.map(|isolux| (isolux.name(), isolux));
+        let isolux = self.optional(object, "isolux", |r, v| r.by_name(v, lines))?.flatten().unwrap_or_default();
+        Ok(quantity.map(|quantity| FalseColor { quantity, spacing, range, isolux }))
     }
 
     fn scale_range(&mut self, value: &Value, spacing: Spacing) -> Result<[f32; 2]> {
@@ -220,6 +231,7 @@ fn false_color_members(false_color: &FalseColor) -> String {
         Some(member("quantity", false_color.quantity.name())),
         (false_color.spacing != Spacing::default()).then(|| member("spacing", &false_color.spacing)),
         range,
+        (false_color.isolux != Isolux::default()).then(|| member("isolux", false_color.isolux.name())),
     ];
     members.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
@@ -237,8 +249,12 @@ mod tests {
     #[test]
     fn every_setting_comes_back() {
         let white = WhitePoint { kelvin: 3000.0, duv: -0.004 };
-        let false_color =
-            FalseColor { quantity: Quantity::Illuminance, spacing: Spacing::Linear, range: Some([0.0, 500.0]) };
+        let false_color = FalseColor {
+            quantity: Quantity::Illuminance,
+            spacing: Spacing::Linear,
+            range: Some([0.0, 500.0]),
+            isolux: Isolux::FootCandles,
+        };
         let rich = Display {
             exposure_ev: Some(-1.5),
             metering: Metering::Percentile(95.0),

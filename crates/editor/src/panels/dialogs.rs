@@ -298,7 +298,7 @@ impl<A: Copy> Answers<A> {
 }
 
 /// A time ago, roughly, for people.
-fn ago(age: Duration) -> String {
+pub(super) fn ago(age: Duration) -> String {
     let counted = |n: u64, unit: &str| format!("{n} {unit}{} ago", if n == 1 { "" } else { "s" });
     match age.as_secs() {
         secs if secs < 60 => "less than a minute ago".into(),

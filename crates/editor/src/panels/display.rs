@@ -5,6 +5,7 @@ use eframe::egui::{self, DragValue, Slider, SliderClamping, Ui};
 
 use super::measure::missing_ui;
 use crate::action::Action;
+use crate::isolux::Isolux;
 use crate::legend::Legend;
 use crate::look::display::{DISPLAY_KELVIN, PERCENT_DEFAULT, WHITE_DUV, WHITE_KELVIN};
 use crate::look::{Display, FalseColor, Quantity};
@@ -61,6 +62,11 @@ const QUANTITIES: [Named<Option<Quantity>>; 3] = [
     (None, "Off", "The picture"),
     (Some(Quantity::Luminance), "Luminance", "Light that is seen, cd/m²"),
     (Some(Quantity::Illuminance), "Illuminance", "Light that arrives at the surfaces seen, lx"),
+];
+const LINES: [Named<Isolux>; 3] = [
+    (Isolux::Off, "Off", "Colors alone"),
+    (Isolux::Lux, "Lux", "Lines at 100, 200, 300, 500, 750, 1000 lx and so on, each with its value"),
+    (Isolux::FootCandles, "Foot-candles", "Lines at 5, 10, 20, 30, 50, 75, 100 fc and so on, each with its value"),
 ];
 /// Stops on either side of the exposure that suits the picture.
 const EV_SPAN: f32 = 6.0;
@@ -173,7 +179,8 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
     if quantity != false_color.map(|f| f.quantity) {
         // Cd/m² and lux are different numbers: a range does not go along.
         let spacing = false_color.map_or(Spacing::default(), |f| f.spacing);
-        *false_color = quantity.map(|quantity| FalseColor { quantity, spacing, range: None });
+        let isolux = false_color.map_or(Isolux::default(), |f| f.isolux);
+        *false_color = quantity.map(|quantity| FalseColor { quantity, spacing, range: None, isolux });
     }
     ui.end_row();
     let Some(false_color) = false_color else { return };
@@ -189,6 +196,11 @@ fn false_color_rows(ui: &mut Ui, false_color: &mut Option<FalseColor>, view: &Di
     }
     ui.end_row();
     range_row(ui, false_color);
+    if false_color.quantity == Quantity::Illuminance {
+        let label = ui.label("Isolux lines");
+        choice_ui(ui, "isolux", &mut false_color.isolux, &LINES, label.id);
+        ui.end_row();
+    }
 }
 
 /// Keeps what a look can hold: from a lower to a higher value, above 0 where the scale is logarithmic.

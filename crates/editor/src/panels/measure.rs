@@ -1,11 +1,13 @@
 //! Measure: what is marked in the picture, and how much light arrives there.
 
+use clerestory_transport::sensors::WorkPlane;
 use eframe::egui::{Button, DragValue, Grid, RichText, Ui};
 
 use crate::action::{Action, FileTask};
 use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, share_words};
 use crate::legend::number_words;
 use crate::marks::Kin;
+use crate::schedule::ScheduleBy;
 use crate::theme::{self, Fold};
 use crate::viewport::marking::{Marking, Tool};
 
@@ -28,31 +30,39 @@ pub struct MeasureView<'a> {
     pub problem: Option<&'a str>,
     /// Whether surfaces can be told apart.
     pub has_scene: bool,
+    /// Index and name of the object that is marked, if it was clicked on.
+    pub floor: Option<&'a (u32, String)>,
+    /// Name of the object that the work plane stands on, if it is not the whole scene.
+    pub floor_name: Option<&'a str>,
 }
 
+/// What can be set here.
+pub struct MeasureState<'a> {
+    /// What is marked, and how.
+    pub marking: &'a mut Marking,
+    /// The schedule of luminaires.
+    pub schedule: &'a mut ScheduleState,
+    /// A level grid of sensors that the next bake has.
+    pub work_plane: &'a mut Option<WorkPlane>,
+}
+
+/// Least distance of points of a work plane, meters.
+const LEAST_SPACING_M: f32 = 0.01;
+
 /// What is set for the schedule of luminaires.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ScheduleState {
-    /// Lumen per watt of every lamp that tells no watts.
+    /// What has a row of its own.
+    pub by: ScheduleBy,
+    /// Lumen per watt of every lamp that tells no watts; 0 leaves these unknown.
     pub efficacy_lm_w: f64,
     /// Floor area in m²; 0 is the area that is marked.
     pub floor_m2: f64,
 }
 
-impl Default for ScheduleState {
-    fn default() -> Self {
-        ScheduleState { efficacy_lm_w: 100.0, floor_m2: 0.0 }
-    }
-}
-
 /// Draws it.
-pub fn measure_ui(
-    ui: &mut Ui,
-    marking: &mut Marking,
-    schedule: &mut ScheduleState,
-    view: &MeasureView,
-    actions: &mut Vec<Action>,
-) {
+pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions: &mut Vec<Action>) {
+    let MeasureState { marking, schedule, work_plane } = state;
     theme::folding(ui, "Measure", Fold::Closed, |ui| {
         tools_ui(ui, marking, view.has_scene);
         if let (Some(surface), true) = (view.surface, marking.marks().is_some()) {
@@ -79,6 +89,10 @@ pub fn measure_ui(
         if view.counts_direct_only && (view.marked.is_some() || !view.grids.is_empty()) {
             ui.label(RichText::new("Of added lamps only the direct light counts").weak())
                 .on_hover_text("Bake with “Movable lamps” and “Illuminance” on to count what surfaces make of it");
+        }
+        if view.can_bake {
+            ui.add_space(6.0);
+            work_plane_ui(ui, work_plane, view, actions);
         }
         ui.add_space(6.0);
         schedule_ui(ui, schedule, view, actions);
@@ -160,18 +174,71 @@ pub fn missing_ui(ui: &mut Ui, can_bake: bool, actions: &mut Vec<Action>) {
     }
 }
 
+/// Height of a work plane at first, meters: that of a desk.
+const DESK_M: f32 = 0.75;
+
+/// A level grid of sensors over a floor.
+fn work_plane_ui(ui: &mut Ui, plane: &mut Option<WorkPlane>, view: &MeasureView, actions: &mut Vec<Action>) {
+    let mut is_wanted = plane.is_some();
+    let hint = "A level grid of sensors above a floor, baked with the illuminance: average, minimum and uniformity";
+    if ui.checkbox(&mut is_wanted, "Work plane").on_hover_text(hint).changed() {
+        let floor = view.floor.map(|(node, _)| *node);
+        *plane = is_wanted.then_some(WorkPlane { height_m: DESK_M, spacing_m: None, floor });
+    }
+    let Some(plane) = plane else { return };
+    Grid::new("work plane").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
+        let label = ui.label("Height");
+        let height = DragValue::new(&mut plane.height_m).range(0.0..=100.0).speed(0.01).max_decimals(3).suffix(" m");
+        ui.add(height).labelled_by(label.id).on_hover_text("Above the floor");
+        ui.end_row();
+        let label = ui.label("Spacing");
+        let mut spacing = plane.spacing_m.unwrap_or(0.0);
+        let words = |m: f64, _| if m > 0.0 { format!("{} m", number_words(m as f32)) } else { "EN 12464-1".into() };
+        let drag = DragValue::new(&mut spacing).range(0.0..=100.0).speed(0.01).custom_formatter(words);
+        let hint = "Between points; at 0 it is as EN 12464-1 asks for the size of the floor";
+        if ui.add(drag).labelled_by(label.id).on_hover_text(hint).changed() {
+            plane.spacing_m = (spacing > 0.0).then_some(spacing.max(LEAST_SPACING_M));
+        }
+        ui.end_row();
+        ui.label("Floor");
+        ui.label(view.floor_name.unwrap_or("of the whole scene"));
+        ui.end_row();
+    });
+    ui.horizontal_wrapped(|ui| {
+        let choose = ui.add_enabled(view.floor.is_some(), Button::new("Stand on what is marked"));
+        let choose = choose.on_hover_text("The surfaces of the marked object that face up are the floor");
+        let choose = choose.on_disabled_hover_text("Mark a floor with the tool Surface first");
+        if let (true, Some((node, _))) = (choose.clicked(), view.floor) {
+            plane.floor = Some(*node);
+        }
+        if plane.floor.is_some() && ui.button("Whole scene").on_hover_text("Over the plan of all surfaces").clicked() {
+            plane.floor = None;
+        }
+        let bake = ui.button("Bake work plane").on_hover_text("Bakes again, with illuminance and this grid");
+        if bake.clicked() {
+            actions.push(Action::BakeIlluminance);
+        }
+    });
+}
+
 fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, actions: &mut Vec<Action>) {
     Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
+        ui.label("Schedule");
+        ui.horizontal(|ui| {
+            ui.radio_value(&mut schedule.by, ScheduleBy::Lamp, "Per lamp").on_hover_text("A row for every lamp");
+            ui.radio_value(&mut schedule.by, ScheduleBy::Type, "Per type").on_hover_text(
+                "A row for lamps of one kind, distribution, flux, power and color, with how many there are",
+            );
+        });
+        ui.end_row();
         let label = ui.label("Efficacy");
-        let efficacy = DragValue::new(&mut schedule.efficacy_lm_w)
-            .range(1.0..=400.0)
-            .speed(0.5)
-            .max_decimals(1)
-            .min_decimals(0)
-            .suffix(" lm/W");
-        ui.add(efficacy)
-            .labelled_by(label.id)
-            .on_hover_text("Lumen per watt: the watts of the schedule are lumen over this");
+        let efficacy =
+            DragValue::new(&mut schedule.efficacy_lm_w).range(0.0..=400.0).speed(0.5).max_decimals(1).custom_formatter(
+                |lm_w, _| if lm_w > 0.0 { format!("{} lm/W", number_words(lm_w as f32)) } else { "none".into() },
+            );
+        ui.add(efficacy).labelled_by(label.id).on_hover_text(
+            "For lamps whose photometric file states no watts: theirs are lumen over this; without it they stay empty",
+        );
         ui.end_row();
         let label = ui.label("Floor area");
         let marked = view.marked.and_then(|figures| figures.area_m2);
@@ -186,8 +253,9 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
             .on_hover_text("For W/m² in the schedule; at 0 it is the area of what is marked");
         ui.end_row();
     });
-    let save =
-        ui.button("Save schedule…").on_hover_text("A table of all lamps: lumen, watt, place, aim, color, and W/m²");
+    let save = ui
+        .button("Save schedule…")
+        .on_hover_text("A table of all lamps, or of their types: lumen, watt, lm/W, place, aim, color, and W/m²");
     if save.clicked() {
         actions.push(Action::Ask(FileTask::SaveSchedule));
     }

@@ -94,16 +94,21 @@ fn take_copy(ctx: &Context, actions: &mut Vec<Action>) {
 /// Points of the window above and below the list: its title and some air.
 const AROUND: f32 = 96.0;
 
-/// The list of keys and gestures; it scrolls where the window is lower than it.
-pub fn shortcuts_ui(ctx: &Context, open: &mut bool) {
+/// Closes the list, where it is open, before a question below it hears the same key.
+pub fn close_by_key(ctx: &Context, open: &mut bool) {
     if *open && ctx.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape)) {
         *open = false;
     }
+}
+
+/// The list of keys and gestures; it scrolls where the window is lower than it. It lies over a question that waits for an answer.
+pub fn shortcuts_ui(ctx: &Context, open: &mut bool) {
     let most = (ctx.content_rect().height() - AROUND).max(AROUND);
     egui::Window::new("Keyboard and mouse")
         .open(open)
         .collapsible(false)
         .resizable(false)
+        .order(egui::Order::Foreground)
         .anchor(egui::Align2::CENTER_CENTER, egui::Vec2::ZERO)
         .show(ctx, |ui| {
             egui::ScrollArea::vertical().max_height(most).min_scrolled_height(most).show(ui, |ui| {

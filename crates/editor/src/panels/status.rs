@@ -2,6 +2,7 @@
 
 use eframe::egui::{self, ProgressBar, RichText, Ui};
 
+use super::messages::Messages;
 use crate::action::Action;
 use crate::picture::DeviceWish;
 use crate::session::BakeState;
@@ -9,10 +10,8 @@ use crate::sizes::bytes_words;
 
 /// What the bar shows.
 pub struct Status<'a> {
-    /// What was said last, and whether it is a problem.
-    pub message: &'a str,
-    /// Whether the message tells of something that went wrong.
-    pub tone: MessageTone,
+    /// What was said.
+    pub messages: &'a Messages,
     /// Whether a file is being read.
     pub opening: bool,
     /// The bake.
@@ -53,15 +52,6 @@ pub enum LampNote {
 /// What the light of free lamps lacks in a scene with mirrors or clear bodies.
 pub const NO_CAUSTICS: &str =
     "Light of added and moved lamps that mirrors or clear bodies of glass throw onto other surfaces is missing";
-
-/// How a message is meant.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MessageTone {
-    /// For information.
-    Calm,
-    /// Something went wrong.
-    Problem,
-}
 
 /// Draws it.
 pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
@@ -115,11 +105,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 ui.label(RichText::new("Baking").weak());
             }
             ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
-                let text = match status.tone {
-                    MessageTone::Calm => RichText::new(status.message).weak(),
-                    MessageTone::Problem => RichText::new(status.message).color(ui.visuals().error_fg_color),
-                };
-                ui.add(egui::Label::new(text).truncate()).on_hover_text(status.message);
+                status.messages.bar_ui(ui);
             });
         });
     });

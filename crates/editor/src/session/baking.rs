@@ -62,7 +62,9 @@ impl Session {
         let of_scene = || scene.scene.cameras.get(settings.camera_idx).cloned();
         let camera = camera.or_else(of_scene).ok_or(NO_CAMERA)?;
         let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
-        let irradiance = IrradianceRequest { of_file, ..IrradianceRequest::default() }.rows(&scene).map_err(words)?;
+        let work_planes = settings.work_plane.filter(|_| settings.illuminance).into_iter().collect();
+        let irradiance = IrradianceRequest { of_file, nodes: Vec::new(), work_planes };
+        let irradiance = irradiance.rows(&scene).map_err(words)?;
         let (film, config, passes) = (settings.film, settings.config.clone(), Passes::Progressive);
         Ok(BakeJob { scene, camera, film, config, passes, irradiance })
     }

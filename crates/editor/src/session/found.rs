@@ -99,6 +99,8 @@ impl Shown {
             film: self.film(),
             config: self.header.config.clone(),
             illuminance: self.pixel_irradiance().is_some(),
+            // Its grid is in the bake; how that was asked for is not.
+            work_plane: None,
         }
     }
 }

@@ -54,7 +54,13 @@ pub fn open_with(source: Source, config: BakeConfig, home: Option<&Path>) -> Win
 
 /// The same in a window that is being built, with a graphics device of its own for one.
 pub fn open_by(builder: HarnessBuilder<App>, source: Source, config: BakeConfig, home: Option<&Path>) -> Window {
-    let settings = BakeSettings { camera_idx: 0, film: Film { width: 64, height: 48 }, config, illuminance: false };
+    let settings = BakeSettings {
+        camera_idx: 0,
+        film: Film { width: 64, height: 48 },
+        config,
+        illuminance: false,
+        work_plane: None,
+    };
     let unsaved = home.map(|home| home.join("unsaved"));
     let cache = home.map(|home| BakeCache::new(home.join("bakes"), 1 << 24));
     let start = Start { unsaved, cache, ..Start::alone(source, Some(settings)) };

@@ -96,7 +96,7 @@ fn a_furnace_gives_pi_times_its_radiance_on_walls_and_in_mid_air() {
     let scene = Stage::new(camera).surface("walls", &room(Vec3::new(1.0, 0.7, 1.3)), lambert(0.5, 0.5)).prepared();
     let request = IrradianceRequest {
         of_file: OfFile::All,
-        work_planes: vec![WorkPlane { height_m: 0.6, spacing_m: Some(0.25) }],
+        work_planes: vec![WorkPlane { height_m: 0.6, spacing_m: Some(0.25), floor: None }],
         ..Default::default()
     };
     let rows = request.rows(&scene).expect("the room has a floor");
@@ -148,13 +148,40 @@ fn points_inside_blocks_are_left_out_of_a_work_plane() {
     let block: Vec<Vec3> = block.into_iter().map(|corner| corner - Vec3::Y * 0.5).collect();
     let stage = Stage::new(above()).surface("walls", &room(Vec3::ONE), lambert(0.5, 0.5));
     let scene = stage.surface("block", &block, lambert(0.5, 0.0)).prepared();
-    let plane = WorkPlane { height_m: 0.7, spacing_m: Some(0.5) };
+    let plane = WorkPlane { height_m: 0.7, spacing_m: Some(0.5), floor: None };
     let request = IrradianceRequest { work_planes: vec![plane], ..Default::default() };
     let rows = request.rows(&scene).expect("the room has a floor");
     let IrradianceRows::Grid(grid) = &rows[0] else { panic!("only a grid was asked for") };
     assert_eq!((grid.size, &grid.left_out[..]), ([4, 4], &[5, 6, 9, 10][..]));
     let lux = sampled(&scene, Some(&rows[0]), 8);
     assert!((0..16).all(|n| (lux[n] == 0.0) == [5, 6, 9, 10].contains(&n)), "{lux:?}");
+}
+
+#[test]
+fn a_work_plane_stands_on_the_floor_that_was_chosen() {
+    let podium = quad(Vec3::new(-0.5, -0.6, 0.5), Vec3::X, Vec3::NEG_Z);
+    let wedge = vec![Vec3::new(-0.9, -0.8, 0.5), Vec3::new(0.9, -0.8, 0.5), Vec3::new(0.9, -0.8, -0.5)];
+    let stage = Stage::new(above()).surface("walls", &room(Vec3::ONE), lambert(0.5, 0.5));
+    let stage = stage.surface("podium", &podium, lambert(0.5, 0.0)).surface("wedge", &wedge, lambert(0.5, 0.0));
+    let board = quad(Vec3::new(-0.5, -0.5, 0.0), Vec3::X, Vec3::Y);
+    let scene = stage.surface("board", &board, lambert(0.5, 0.0)).prepared();
+    let node = |name: &str| scene.scene.nodes.iter().position(|node| node.is_named(name)).expect("it is there") as u32;
+    let over = |name: &str| {
+        let plane = WorkPlane { height_m: 0.4, spacing_m: Some(0.25), floor: Some(node(name)) };
+        IrradianceRequest { work_planes: vec![plane], ..Default::default() }.rows(&scene)
+    };
+    let grid = |name: &str| match &over(name).expect("it has a floor")[..] {
+        [IrradianceRows::Grid(grid)] => grid.clone(),
+        other => panic!("only a grid was asked for, not {other:?}"),
+    };
+    let podium = grid("podium");
+    assert_eq!((podium.name.as_str(), podium.size), ("work plane 0.4 m over podium", [4, 4]));
+    assert!((podium.origin - Vec3::new(-0.5, -0.2, -0.5)).length() < 1e-5 && podium.left_out.is_empty(), "{podium:?}");
+    // Half of its rectangle, on whose diagonal no point lies.
+    let wedge = grid("wedge");
+    assert_eq!((wedge.size, wedge.n_points() - wedge.left_out.len()), ([7, 4], 14));
+    let error = over("board").expect_err("it stands upright").to_string();
+    assert!(error.contains("`board` has no surface that faces up"), "{error}");
 }
 
 fn job(scene: &Arc<PreparedScene>, irradiance: Vec<IrradianceRows>, indirect: Indirect) -> BakeJob {

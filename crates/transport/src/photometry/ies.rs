@@ -1,7 +1,8 @@
 //! IES LM-63 of 1986, 1991, 1995, 2002 and 2019. \[LM63\]
 
+use super::Read;
 use super::numbers::{Comma, Fault, Numbers};
-use super::table::{Measured, Planes, Symmetry, Table};
+use super::table::{Measured, Planes, Symmetry};
 
 /// Most angles of a kind, and most tilt angles.
 const MAX_ANGLES: usize = 2000;
@@ -17,7 +18,7 @@ pub(super) fn tilt_line(lines: &[&str]) -> Option<usize> {
 
 /// Reads what follows the head; `tilt` is the index of its last line.
 #[expect(clippy::arithmetic_side_effects, reason = "a line number, and counts of at most `MAX_ANGLES`")]
-pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Table, Fault> {
+pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
     let mut numbers = Numbers::new(lines, tilt + 1, Comma::Separates);
     if lines[tilt].trim()[5..].trim().eq_ignore_ascii_case("INCLUDE") {
         skip_tilt(&mut numbers)?;
@@ -45,7 +46,7 @@ pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Table, Fault> {
     let ballast = numbers.factor("the ballast factor")?;
     let ballast_lamp = numbers.next("the ballast lamp factor")?;
     let scale = multiplier * ballast * if has_ballast_lamp_factor(lines[0]) { ballast_lamp } else { 1.0 };
-    numbers.next("the power in watts")?;
+    let input_watts = numbers.next("the power in watts")?;
     if scale <= 0.0 {
         return Err(numbers.fault("the ballast lamp factor before is not more than 0".into()));
     }
@@ -57,7 +58,8 @@ pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Table, Fault> {
     let horizontal_deg = numbers.angles(n_horizontal, "horizontal angle", ranges[1])?;
     let symmetry = symmetry(planes, &horizontal_deg).map_err(|reason| numbers.fault(reason))?;
     let candela = numbers.candela(n_vertical * n_horizontal, scale)?;
-    Ok(Measured { planes, vertical_deg, horizontal_deg, candela }.into_table(symmetry))
+    let table = Measured { planes, vertical_deg, horizontal_deg, candela }.into_table(symmetry);
+    Ok(Read { table, watts: Some(input_watts) })
 }
 
 /// How intensities change as the luminaire is tilted; it hangs here as it was measured.

@@ -3,8 +3,9 @@
 //! One value a line, known by the number of its line. Intensities are candela per 1000 lumen of the lamps; of several sets of
 //! lamps the first is taken.
 
+use super::Read;
 use super::numbers::{Comma, Fault, Numbers};
-use super::table::{Measured, Planes, Symmetry, Table};
+use super::table::{Measured, Planes, Symmetry};
 
 /// Most angles of a kind.
 const MAX_ANGLES: usize = 2000;
@@ -22,10 +23,11 @@ const N_ANGLES: usize = 6;
 const FACTOR: usize = 24;
 const N_SETS: usize = 26;
 const FLUX: usize = 29;
+const WATTS: usize = 32;
 
 /// Reads all lines.
 #[expect(clippy::arithmetic_side_effects, reason = "line numbers from 1 on, and counts of at most `MAX_ANGLES`")]
-pub(super) fn read(lines: &[&str]) -> Result<Table, Fault> {
+pub(super) fn read(lines: &[&str]) -> Result<Read, Fault> {
     let line = |number: usize| Numbers::new(&lines[..number.min(lines.len())], number - 1, Comma::Decimal);
     let isym = line(SYMMETRY).count("the symmetry", 0..=4)?;
     let n_planes = line(N_PLANES).count("the number of C planes", 1..=MAX_ANGLES)?;
@@ -33,6 +35,8 @@ pub(super) fn read(lines: &[&str]) -> Result<Table, Fault> {
     let factor = line(FACTOR).factor("the conversion factor")?;
     let n_sets = line(N_SETS).count("the number of sets of lamps", 1..=MAX_SETS)?;
     let flux_lm = line(FLUX).factor("the luminous flux of the lamps")?;
+    // Some makers write words here, or nothing; the light does not depend on it.
+    let watts = line(WATTS).next("the power in watts").ok();
 
     let first = N_SETS + n_sets * SET_LINES + N_RATIOS;
     let mut numbers = Numbers::new(lines, first, Comma::Decimal);
@@ -41,7 +45,8 @@ pub(super) fn read(lines: &[&str]) -> Result<Table, Fault> {
     let (symmetry, held) = held_planes(isym, n_planes).map_err(|reason| Fault { line: N_PLANES, reason })?;
     let horizontal_deg: Vec<f64> = held.map(|plane| all_planes_deg[plane % n_planes]).collect();
     let candela = numbers.candela(horizontal_deg.len() * n_angles, factor * flux_lm / 1000.0)?;
-    Ok(Measured { planes: Planes::C, vertical_deg, horizontal_deg, candela }.into_table(symmetry))
+    let table = Measured { planes: Planes::C, vertical_deg, horizontal_deg, candela }.into_table(symmetry);
+    Ok(Read { table, watts })
 }
 
 /// Which of the planes, counted from 0 and on round the circle, have intensities in the file.

@@ -31,6 +31,9 @@ use table::Table;
 /// Largest file that is read; the largest ones of makers have a few hundred kilobytes.
 const MAX_BYTES: usize = 32 << 20;
 
+/// Largest power that is believed, watt: the largest lamps ever built have a few hundred kilowatt.
+const MAX_WATTS: f64 = 1e6;
+
 /// Why a photometric file cannot be used.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
@@ -75,6 +78,14 @@ pub struct PhotometricProfile {
     name: String,
     table: Table,
     max_candela: f32,
+    watts: Option<f32>,
+}
+
+/// What a file says.
+struct Read {
+    table: Table,
+    /// Electrical power, as the file has it.
+    watts: Option<f64>,
 }
 
 impl PhotometricProfile {
@@ -96,15 +107,15 @@ impl PhotometricProfile {
             None if is_ldt => ldt::read(&lines),
             None => return Err(PhotometryError::UnknownFormat { name }),
         };
-        let table = match read {
-            Ok(table) => table,
+        let Read { table, watts } = match read {
+            Ok(read) => read,
             Err(Fault { line, reason }) => return Err(PhotometryError::Line { name, line, reason }),
         };
         let max_candela = table.max();
         if max_candela <= 0.0 {
             return Err(PhotometryError::Dark { name });
         }
-        Ok(PhotometricProfile { name, table, max_candela })
+        Ok(PhotometricProfile { name, table, max_candela, watts: watts.and_then(believed_watts) })
     }
 
     /// Name of the file.
@@ -129,8 +140,20 @@ impl PhotometricProfile {
         self.table.flux_lm() as f32
     }
 
+    /// Electrical power of the whole luminaire in watt, ballast and driver included, as the file states it; `None` where it
+    /// states none, or 0.
+    pub fn watts(&self) -> Option<f32> {
+        self.watts
+    }
+
     /// All that its light depends on, as bytes.
     pub(crate) fn light_bytes(&self) -> Vec<u8> {
         self.table.bytes()
     }
+}
+
+/// Power as it may be: makers who do not know it write 0.
+#[expect(clippy::cast_possible_truncation, reason = "a power in single precision")]
+fn believed_watts(watts: f64) -> Option<f32> {
+    (watts > 0.0 && watts <= MAX_WATTS).then_some(watts as f32)
 }

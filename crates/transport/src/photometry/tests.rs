@@ -212,6 +212,25 @@ impl Dice {
 }
 
 #[test]
+fn the_power_of_a_file_is_that_of_its_first_set_of_lamps_and_0_is_none() {
+    let plain = ies(1, &[0.0, 90.0], &[0.0], &[100.0, 100.0]);
+    let watts = |text: &str| parsed(text).watts();
+    assert_eq!(watts(&plain), Some(10.0));
+    for (written, known) in [("36.5", Some(36.5)), ("0", None), ("-3", None), ("1e300", None)] {
+        assert_eq!(watts(&plain.replace("1.0 1.0 10", &format!("1.0 1.0 {written}"))), known, "{written}");
+    }
+    let lines = ldt(1, &[9.0; 3]);
+    let with = |written: &str| {
+        let mut lines: Vec<&str> = lines.lines().collect();
+        lines[31] = written;
+        watts(&lines.join("\n"))
+    };
+    for (written, known) in [("58,5", Some(58.5)), ("0", None), ("unknown", None), ("", None)] {
+        assert_eq!(with(written), known, "{written}");
+    }
+}
+
+#[test]
 fn damaged_files_never_panic() {
     let mut dice = Dice(7);
     let (all, some) = ([0.0, 45.0, 90.0, 180.0, 270.0], [1.0, 2.5, 30.0]);
@@ -261,6 +280,7 @@ fn files_of_a_maker_hold_what_they_state() {
         Vec3::new(sin * x, sin * y, -cos)
     };
     let narrow = load("bega-50975.6K3.ies");
+    assert_eq!([narrow.watts(), load("bega-50899.2K3.ies").watts()], [Some(9.0), Some(14.0)]);
     expect(&narrow, &[(AIM, 330.8), (towards(25.0, 200.0), 238.1), (towards(41.25, 10.0), 34.5), (-AIM, 0.0)]);
     assert_eq!(narrow.max_candela(), 337.2);
     assert!((narrow.flux_lm() / 321.0 - 1.0).abs() < 0.03, "{} lm of 321", narrow.flux_lm());

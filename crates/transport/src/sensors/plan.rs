@@ -10,7 +10,7 @@ use crate::bvh::Ray;
 use crate::irradiance::IrradianceRows;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
-use crate::scene::{Mesh, Scene};
+use crate::scene::{Mesh, Scene, SceneNode};
 
 /// Irradiance that a designer asks for.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -49,6 +49,8 @@ pub struct WorkPlane {
     pub height_m: f32,
     /// Meters between points; `None` is as \[EN12464\] spaces them.
     pub spacing_m: Option<f32>,
+    /// Index of the node in the scene whose surface is the floor; `None` is the floor of the whole scene, over all of its plan.
+    pub floor: Option<u32>,
 }
 
 impl IrradianceRequest {
@@ -107,17 +109,16 @@ fn node_grid(scene: &Scene, request: &NodeGrid) -> Result<SensorGrid, SensorErro
 
 fn work_plane(scene: &PreparedScene, plane: WorkPlane) -> Result<SensorGrid, SensorError> {
     let mesh = &scene.scene.mesh;
-    let (low, high) = mesh.bounds().ok_or(SensorError::NoPlan)?;
-    let plan = Vec2::new(high.x - low.x, high.z - low.z);
-    if plan.min_element() <= 0.0 {
-        return Err(SensorError::NoPlan);
-    }
+    let Site { low, plan, floor_m, triangles } = match plane.floor {
+        Some(node) => Site::on(&scene.scene, node)?,
+        None => Site::of_scene(mesh)?,
+    };
     let spacing_m = plane.spacing_m.unwrap_or_else(|| standard_spacing(plan));
     // As many as the standard counts, the nearest whole number; far too many are refused by the check of the grid.
     let size = plan.to_array().map(|side| ((side / spacing_m).round() as u32).max(1));
     let mut grid = SensorGrid {
-        name: format!("work plane {} m", plane.height_m),
-        origin: Vec3::new(low.x, floor_height(mesh).unwrap_or(low.y) + plane.height_m, low.z),
+        name: name(&scene.scene, plane),
+        origin: Vec3::new(low.x, floor_m + plane.height_m, low.y),
         u_edge: Vec3::X * plan.x,
         v_edge: Vec3::Z * plan.y,
         normal: Vec3::Y,
@@ -126,13 +127,71 @@ fn work_plane(scene: &PreparedScene, plane: WorkPlane) -> Result<SensorGrid, Sen
     };
     grid.check()?;
     let all = 0..grid.n_points() as u32;
-    let hangs = |number: &u32| grid.point(*number).is_some_and(|point| !stands_on_a_floor(scene, point));
+    let is_over = |point: Vec3| triangles.is_empty() || triangles.iter().any(|corners| is_below(corners, point));
+    let stands = |point: Vec3| is_over(point) && stands_on_a_floor(scene, point);
+    let hangs = |number: &u32| grid.point(*number).is_some_and(|point| !stands(point));
     let left_out: Vec<u32> = all.filter(hangs).collect();
     // A scene whose floor is missing or turned round is measured all over.
     if left_out.len() < grid.n_points() {
         grid.left_out = left_out;
     }
     Ok(grid)
+}
+
+/// Where a work plane stands.
+struct Site {
+    /// Least x and z in meters.
+    low: Vec2,
+    /// Extent along x and z in meters; more than 0.
+    plan: Vec2,
+    /// Height of the floor in meters.
+    floor_m: f32,
+    /// Corners of the triangles that are the floor; none where every surface below is one.
+    triangles: Vec<[Vec3; 3]>,
+}
+
+impl Site {
+    /// The plan of all surfaces.
+    fn of_scene(mesh: &Mesh) -> Result<Site, SensorError> {
+        let (low, high) = mesh.bounds().ok_or(SensorError::NoPlan)?;
+        let plan = Vec2::new(high.x - low.x, high.z - low.z);
+        if plan.min_element() <= 0.0 {
+            return Err(SensorError::NoPlan);
+        }
+        let floor_m = floor(mesh, |_| true).map_or(low.y, |level| level.height_m());
+        Ok(Site { low: Vec2::new(low.x, low.z), plan, floor_m, triangles: Vec::new() })
+    }
+
+    /// The floor among the surfaces of a node.
+    fn on(scene: &Scene, node: u32) -> Result<Site, SensorError> {
+        let mesh = &scene.mesh;
+        let no_floor = || SensorError::NoFloor {
+            node: scene.nodes.get(node as usize).map_or_else(|| format!("node:{node}"), SceneNode::key),
+        };
+        let level = floor(mesh, |triangle| mesh.triangle_node[triangle as usize] == node).ok_or_else(no_floor)?;
+        let triangles: Vec<[Vec3; 3]> = level.triangles.iter().map(|triangle| mesh.corners(*triangle)).collect();
+        let corners = || triangles.iter().flatten().map(|corner| Vec2::new(corner.x, corner.z));
+        let low = corners().fold(Vec2::INFINITY, Vec2::min);
+        let plan = corners().fold(Vec2::NEG_INFINITY, Vec2::max) - low;
+        if plan.min_element() <= 0.0 {
+            return Err(no_floor());
+        }
+        Ok(Site { low, plan, floor_m: level.height_m(), triangles })
+    }
+}
+
+/// Whether a triangle that faces up lies straight below or above a point.
+fn is_below(corners: &[Vec3; 3], point: Vec3) -> bool {
+    let [a, b, c] = corners.map(|corner| Vec2::new(corner.x, corner.z));
+    let p = Vec2::new(point.x, point.z);
+    let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from));
+    sides.iter().all(|side| *side <= 0.0) || sides.iter().all(|side| *side >= 0.0)
+}
+
+fn name(scene: &Scene, plane: WorkPlane) -> String {
+    let node = plane.floor.and_then(|node| scene.nodes.get(node as usize));
+    let over = node.map_or(String::new(), |node| format!(" over {}", node.key()));
+    format!("work plane {} m{over}", plane.height_m)
 }
 
 /// Directions of six in which a point inside of something looks at backs: a cupboard in a corner may share its bottom, its
@@ -161,33 +220,43 @@ fn standard_spacing(sides: Vec2) -> f32 {
     (0.2 * 5f32.powf(side.log10())).min(10.0)
 }
 
-/// Height of the floor.
-fn floor_height(mesh: &Mesh) -> Option<f32> {
-    floor(mesh).map(|(_, height)| height)
-}
-
 /// Area of the floor in m², as far as it is one level.
 pub fn floor_area_m2(scene: &Scene) -> Option<f32> {
-    floor(&scene.mesh).map(|(area, _)| area)
+    floor(&scene.mesh, |_| true).map(|level| (0.5 * level.twice_m2) as f32)
 }
 
-/// Area in m² and height in meters of the floor: the lowest level of surfaces that face up with at least half the area of the
-/// largest level.
-fn floor(mesh: &Mesh) -> Option<(f32, f32)> {
-    // Twice the area, and that times the height, of each centimeter.
-    let mut levels: BTreeMap<i64, (f64, f64)> = BTreeMap::new();
-    for triangle in 0..mesh.triangles.len() as u32 {
+/// Surfaces of one height that face up.
+#[derive(Default)]
+struct Level {
+    /// Twice the area in m².
+    twice_m2: f64,
+    /// That times the height in meters.
+    moment: f64,
+    triangles: Vec<u32>,
+}
+
+impl Level {
+    fn height_m(&self) -> f32 {
+        (self.moment / self.twice_m2) as f32
+    }
+}
+
+/// The floor among some triangles: the lowest level of surfaces that face up with at least half the area of the largest level.
+fn floor(mesh: &Mesh, is_of: impl Fn(u32) -> bool) -> Option<Level> {
+    // Of each centimeter.
+    let mut levels: BTreeMap<i64, Level> = BTreeMap::new();
+    for triangle in (0..mesh.triangles.len() as u32).filter(|triangle| is_of(*triangle)) {
         let normal = mesh.area_normal(triangle);
         if normal.y > 0.99 * normal.length() {
             let height = mesh.corners(triangle).iter().map(|corner| f64::from(corner.y)).sum::<f64>() / 3.0;
-            let (area, moment) = levels.entry((height * 100.0).round() as i64).or_default();
-            *area += f64::from(normal.y);
-            *moment += f64::from(normal.y) * height;
+            let level = levels.entry((height * 100.0).round() as i64).or_default();
+            level.twice_m2 += f64::from(normal.y);
+            level.moment += f64::from(normal.y) * height;
+            level.triangles.push(triangle);
         }
     }
-    let largest = levels.values().map(|(area, _)| *area).fold(0.0, f64::max);
-    let floor = levels.values().find(|(area, _)| *area >= 0.5 * largest);
-    floor.map(|(area, moment)| ((0.5 * area) as f32, (moment / area) as f32))
+    let largest = levels.values().map(|level| level.twice_m2).fold(0.0, f64::max);
+    levels.into_values().find(|level| level.twice_m2 >= 0.5 * largest)
 }
 
 #[cfg(test)]

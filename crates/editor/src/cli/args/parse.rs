@@ -10,6 +10,7 @@ use clerestory_transport::sensors::{NodeGrid, SensorGrid, WorkPlane};
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyForm};
 
 use super::IesRequest;
+use crate::schedule::ScheduleBy;
 
 /// Most pixels of a picture, 8192 × 8192.
 const MAX_PIXELS: u64 = 1 << 26;
@@ -64,7 +65,7 @@ pub(super) fn parse_work_plane(text: &str) -> Result<WorkPlane, String> {
     let (height, spacing) = text.split_once(':').map_or((text, None), |(height, spacing)| (height, Some(spacing)));
     let meters = |text: &str| text.parse::<f32>().ok().filter(|m| (0.0..=1e4).contains(m)).ok_or(problem);
     let spacing_m = spacing.map(|text| meters(text).and_then(|m| if m >= 1e-3 { Ok(m) } else { Err(problem) }));
-    Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()? })
+    Ok(WorkPlane { height_m: meters(height)?, spacing_m: spacing_m.transpose()?, floor: None })
 }
 
 pub(super) fn parse_positive(text: &str) -> Result<f64, String> {
@@ -97,6 +98,14 @@ pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
 pub(super) fn parse_tolerance(text: &str) -> Result<f32, String> {
     let decibels = text.parse::<f32>().ok().filter(|db| (0.0..=120.0).contains(db));
     decibels.ok_or_else(|| "write decibels from 0 to 120, such as 40".into())
+}
+
+pub(super) fn parse_schedule_by(name: &str) -> Result<ScheduleBy, String> {
+    match name {
+        "lamp" => Ok(ScheduleBy::Lamp),
+        "type" => Ok(ScheduleBy::Type),
+        _ => Err("give lamp or type".into()),
+    }
 }
 
 pub(super) fn parse_tone(name: &str) -> Result<Tone, String> {

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use clerestory_relight::Tone;
 
-use super::parse::{parse_factor, parse_positive, parse_tone};
+use super::parse::{parse_factor, parse_positive, parse_schedule_by, parse_tone};
 use super::{LookChoice, OutputArgs};
+use crate::schedule::ScheduleBy;
 
 /// `clerestory sensors`.
 #[derive(Debug, Args)]
@@ -38,9 +39,12 @@ pub struct ScheduleArgs {
     /// Look that says how the lamps are set [default: as the scene says].
     #[arg(long, value_name = "FILE.look")]
     pub look: Option<PathBuf>,
-    /// Luminous efficacy of the lamps: their watts are lumen over this.
-    #[arg(long, value_name = "LM/W", default_value_t = 100.0, value_parser = parse_positive)]
-    pub efficacy: f64,
+    /// What has a row: every lamp, or every type of lamp with how many there are of it.
+    #[arg(long, value_name = "ROW", value_parser = parse_schedule_by, default_value = "lamp")]
+    pub by: ScheduleBy,
+    /// Luminous efficacy of lamps whose photometric file states no watts: theirs are lumen over this [default: unknown].
+    #[arg(long, value_name = "LM/W", value_parser = parse_positive)]
+    pub efficacy: Option<f64>,
     /// Floor area in m² [default: that of the scene's floor; none for a transport file].
     #[arg(long = "floor-area", value_name = "M2", value_parser = parse_positive)]
     pub floor_m2: Option<f64>,

@@ -1,0 +1,90 @@
+//! Isolux lines of the picture, found beside the window whenever its light changes.
+
+use std::sync::Arc;
+
+use clerestory_transport::light::LightRig;
+
+use super::App;
+use crate::illuminance::seen_irradiance;
+use crate::isolux::{Isoline, Isolux};
+use crate::panels::lights::heard;
+use crate::session::Wake;
+use crate::session::aside::Aside;
+use crate::session::lamps::LampLight;
+
+/// What lines are of.
+#[derive(Clone, PartialEq)]
+struct Lined {
+    isolux: Isolux,
+    /// Address of the header of the bake.
+    bake: usize,
+    n_sets: usize,
+    rig: LightRig,
+    /// Address of the light of free lamps; 0 without.
+    lamps: usize,
+}
+
+/// The lines that were found last.
+pub(super) struct IsoluxDesk {
+    wake: Wake,
+    drawn: Option<(Lined, Vec<Isoline>)>,
+    drawing: Aside<(Lined, Result<Vec<Isoline>, String>)>,
+}
+
+impl IsoluxDesk {
+    pub fn new(wake: Wake) -> IsoluxDesk {
+        IsoluxDesk { wake, drawn: None, drawing: Aside::default() }
+    }
+
+    /// Lines of the picture: those of the light a moment ago while it changes.
+    pub fn lines(&self) -> &[Isoline] {
+        self.drawn.as_ref().map_or(&[], |(_, lines)| lines)
+    }
+
+    pub fn is_busy(&self) -> bool {
+        self.drawing.is_busy()
+    }
+}
+
+impl App {
+    /// Takes lines in and asks for new ones where the light or the choice changed; every frame.
+    pub(super) fn follow_isolux(&mut self) {
+        match self.isolux.drawing.take() {
+            Some(Ok((of, Ok(lines)))) => self.isolux.drawn = Some((of, lines)),
+            Some(Ok((of, Err(words)))) => {
+                self.isolux.drawn = Some((of, Vec::new()));
+                self.complain(words);
+            }
+            Some(Err(words)) => self.complain(words),
+            None => {}
+        }
+        let isolux = self.look.display.isolux();
+        let shown = self.session.shown.as_ref().filter(|shown| shown.pixel_irradiance().is_some());
+        let Some(shown) = shown.filter(|_| isolux != Isolux::Off) else {
+            self.isolux.drawn = None;
+            return;
+        };
+        let light = self.follower.shown_lamp_light(shown);
+        let of = Lined {
+            isolux,
+            bake: Arc::as_ptr(&shown.header).addr(),
+            n_sets: shown.irradiance.len(),
+            rig: heard(&shown.header.basis, &self.shown_look().lights, &self.lights.solo),
+            lamps: light.map_or(0, |light| Arc::as_ptr(&light.direct).addr()),
+        };
+        let is_of_these = |known: &Lined| (known.bake, known.isolux) == (of.bake, of.isolux);
+        self.isolux.drawn.take_if(|(known, _)| !is_of_these(known));
+        if self.isolux.drawn.as_ref().is_some_and(|(known, _)| *known == of) || self.isolux.is_busy() {
+            return;
+        }
+        let (bake, added) = (shown.bake(), light.map(LampLight::added_lux).unwrap_or_default());
+        let started = self.isolux.drawing.start("isolux", &self.isolux.wake, move || {
+            let lines = seen_irradiance(&bake, &of.rig, &added).map(|irradiance| of.isolux.lines(&irradiance));
+            let lines = lines.map_err(|error| format!("{error:#}"));
+            (of, lines)
+        });
+        if let Err(words) = started {
+            self.complain(words);
+        }
+    }
+}
