@@ -14,6 +14,7 @@ mod lamps;
 mod layout;
 mod look_files;
 mod looks;
+mod marked;
 mod memory;
 mod probe;
 mod recovery;
@@ -56,6 +57,7 @@ use habits::BakeHabits;
 pub use host::WindowLost;
 use look_files::LookFiles;
 use looks::Prints;
+use marked::InView;
 use memory::MemoryWatch;
 use probe::Prober;
 use recovery::Recovery;
@@ -98,6 +100,7 @@ pub struct App {
     camera: CameraDesk,
     daylight: Daylight,
     solving: Solving,
+    in_view: InView,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
@@ -174,6 +177,7 @@ impl App {
             looks: LooksState::default(),
             prints: Prints::new(wake.clone())?,
             solving: Solving::new(wake.clone()),
+            in_view: InView::default(),
             prober: Prober::default(),
             daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
@@ -394,6 +398,7 @@ impl eframe::App for App {
         self.picture_ui(ui);
         let ctx = ui.ctx().clone();
         self.dialogs_ui(&ctx);
+        self.follow_marks();
         // The worker starts on the new picture while this frame is still being painted.
         let are_lights_edited = self.look.lights != before.lights || self.lights.solo != solo_before;
         if self.look.display != before.display {

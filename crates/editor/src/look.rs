@@ -10,6 +10,7 @@ pub mod display;
 pub mod fade;
 pub mod groups;
 pub mod lamps;
+mod marked;
 mod on_disk;
 mod parse;
 mod place;
@@ -17,6 +18,7 @@ pub mod presets;
 pub mod sky;
 pub mod snapshot;
 pub mod timeline;
+pub mod wishes;
 mod write;
 
 use std::collections::BTreeMap;
@@ -28,11 +30,13 @@ use clerestory_transport::basis::{LightBasis, Unheeded};
 use clerestory_transport::camera::Camera;
 use clerestory_transport::light::LightRig;
 
+use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
 pub use display::{Display, FalseColor, Quantity};
 pub use on_disk::OnDisk;
 use snapshot::Snapshot;
 use timeline::Timeline;
+use wishes::Wishes;
 
 /// Version that this program writes and the newest that it reads.
 pub const LOOK_VERSION: u64 = 1;
@@ -57,6 +61,12 @@ pub struct Look {
     pub timeline: Timeline,
     /// Views to come back to.
     pub bookmarks: Vec<Camera>,
+    /// What is wished for, and what may change for it.
+    pub wishes: Wishes,
+    /// What is marked in the picture.
+    pub marks: Option<Marked>,
+    /// Probes that stay, by the view that they are in.
+    pub probes: Vec<Probed>,
 }
 
 impl Look {
@@ -165,6 +175,7 @@ impl Look {
             rig.sky.iter_mut().for_each(|sky| sky::resolve(sky, folder));
             warnings.extend(lamps::resolve(&mut rig.lamps, folder));
         }
+        look.wishes.resolve(folder);
         Ok((look, warnings))
     }
 
@@ -180,6 +191,7 @@ impl Look {
             rig.lamps = lamps::relative(&rig.lamps, folder);
             rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
+        look.wishes.relative(path.parent().unwrap_or(Path::new("")));
         let json = look.to_json();
         write_whole(path, json.as_bytes())?;
         Ok(OnDisk::of(json.as_bytes()))

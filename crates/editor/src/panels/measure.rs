@@ -28,6 +28,8 @@ pub struct MeasureView<'a> {
     pub problem: Option<&'a str>,
     /// Whether surfaces can be told apart.
     pub has_scene: bool,
+    /// What of the look is of another view than the one that is shown, for people.
+    pub elsewhere: Option<String>,
 }
 
 /// What is set for the schedule of luminaires.
@@ -57,6 +59,10 @@ pub fn measure_ui(
         tools_ui(ui, marking, view.has_scene);
         if let (Some(surface), true) = (view.surface, marking.marks().is_some()) {
             ui.label(RichText::new(surface).weak());
+        }
+        if let Some(words) = &view.elsewhere {
+            let tip = "It stays in the look, and is back when that view is shown";
+            ui.label(RichText::new(words).color(ui.visuals().warn_fg_color)).on_hover_text(tip);
         }
         match (&view.marked, view.has_illuminance) {
             (Some(figures), _) => figures_ui(ui, "marked", figures),

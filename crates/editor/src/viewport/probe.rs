@@ -29,8 +29,13 @@ pub struct Probes {
 }
 
 impl Probes {
+    /// Points nowhere; what is pinned stays.
+    pub fn let_go(&mut self) {
+        *self = Probes { pins: std::mem::take(&mut self.pins), ..Probes::default() };
+    }
+
     /// Keeps a probe at a pixel.
-    fn pin(&mut self, px: [u32; 2]) {
+    pub fn pin(&mut self, px: [u32; 2]) {
         if !self.pins.contains(&px) {
             self.pins.push(px);
         }
