@@ -1,6 +1,7 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
 mod camera;
+mod choices;
 mod daylight;
 mod export;
 mod files;
@@ -51,6 +52,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::ViewState;
 use camera::CameraDesk;
+use choices::KeptChoices;
 use daylight::Daylight;
 use follow::Follower;
 use habits::BakeHabits;
@@ -72,6 +74,7 @@ const PANELS_KEY: &str = "panels";
 const DEVICE_KEY: &str = "device";
 const MEMORY_KEY: &str = "memory";
 const BAKE_KEY: &str = "bake";
+const CHOICES_KEY: &str = "chosen";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
 
@@ -99,6 +102,7 @@ pub struct App {
     prober: Prober,
     camera: CameraDesk,
     daylight: Daylight,
+    choices: KeptChoices,
     solving: Solving,
     in_view: InView,
     actions: Vec<Action>,
@@ -153,7 +157,10 @@ impl App {
         session.cache = start.cache;
         session.memory_limit =
             cc.storage.and_then(|storage| eframe::get_value(storage, MEMORY_KEY)).unwrap_or_default();
-        session.open(start.source);
+        let choices: KeptChoices =
+            cc.storage.and_then(|storage| eframe::get_value(storage, CHOICES_KEY)).unwrap_or_default();
+        let chosen = choices.of(&start.source);
+        session.open_with(start.source, chosen);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         let mut follower = Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?;
         if let Some(wish) = cc.storage.and_then(|storage| eframe::get_value(storage, DEVICE_KEY)) {
@@ -181,6 +188,7 @@ impl App {
             prober: Prober::default(),
             daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
+            choices,
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
@@ -265,7 +273,7 @@ impl App {
     fn notice(&mut self, ctx: &Context, notice: Notice) {
         match notice {
             Notice::Opened => self.scene_opened(),
-            Notice::PreparedAgain => self.start_bake(),
+            Notice::PreparedAgain => self.chosen_is_made(),
             Notice::SceneFound => self.scene_of_bake_found(),
             Notice::Said(words) => self.say(words),
             Notice::Developed(picture) => self.copied(ctx, picture),
@@ -300,8 +308,8 @@ impl App {
                 self.session.cancel_bake();
                 self.adopt_view();
             }
-            Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
-            Action::ChooseUnits(units) => self.session.choose_units(units),
+            Action::ChoosePanel { node, resolution } => self.choose_panel(node, resolution),
+            Action::ChooseUnits(units) => self.choose_units(units),
             Action::BakeWithSky { divisions } => self.bake_with_sky(divisions),
             Action::UseSky(path) => self.use_sky(&path),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
@@ -427,6 +435,7 @@ impl eframe::App for App {
         eframe::set_value(storage, DEVICE_KEY, &self.follower.wish());
         eframe::set_value(storage, MEMORY_KEY, &self.session.memory_limit);
         eframe::set_value(storage, BAKE_KEY, &self.habits);
+        eframe::set_value(storage, CHOICES_KEY, &self.choices);
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

@@ -15,6 +15,7 @@ mod on_disk;
 mod parse;
 mod place;
 pub mod presets;
+pub mod scene;
 pub mod sky;
 pub mod snapshot;
 pub mod timeline;
@@ -34,6 +35,7 @@ use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
 pub use display::{Display, FalseColor, Quantity};
 pub use on_disk::OnDisk;
+use scene::SceneChoice;
 use snapshot::Snapshot;
 use timeline::Timeline;
 use wishes::Wishes;
@@ -59,6 +61,8 @@ pub struct Look {
     pub on: Option<String>,
     /// Which of them is to be seen when.
     pub timeline: Timeline,
+    /// What is made of the scene before it is baked.
+    pub scene: SceneChoice,
     /// Views to come back to.
     pub bookmarks: Vec<Camera>,
     /// What is wished for, and what may change for it.
@@ -121,7 +125,20 @@ impl Look {
                 format!("the look has a lamp `{key}`, but a light of the scene has this name; rename the lamp")
             }
         };
-        basis.unheeded_keys(&self.lights).into_iter().map(words).map(|words| self.renamed(&words)).collect()
+        // Of a panel that is still to be made more is told elsewhere.
+        let counts = |(key, why): &(&str, Unheeded)| *why != Unheeded::NoPanel || !self.scene.panels.contains_key(*key);
+        let unknown = self.scene.panels.keys().filter(|node| basis.source(node).is_none());
+        let unknown = unknown.map(|node| {
+            format!("the look makes `{node}` a panel, but this scene has no light of that name; it is ignored")
+        });
+        basis
+            .unheeded_keys(&self.lights)
+            .into_iter()
+            .filter(counts)
+            .map(words)
+            .chain(unknown)
+            .map(|words| self.renamed(&words))
+            .collect()
     }
 
     /// Reads a file and the sky that it names, relative to its folder; see [`Look::from_json`].

@@ -236,6 +236,11 @@ impl Session {
         self.shown.as_ref().map(|shown| &shown.header.basis).or_else(of_scene)
     }
 
+    /// Whether a scene is open that can be baked; a bake has one once its own was found.
+    pub fn has_scene(&self) -> bool {
+        self.opened.as_ref().is_some_and(|opened| opened.scene.is_some())
+    }
+
     /// Cameras of the scene that is open, or of the one that was baked.
     pub fn cameras(&self) -> &[Camera] {
         self.lamp_scene().map_or(&[], |scene| &scene.scene.cameras)

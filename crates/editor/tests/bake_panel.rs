@@ -12,8 +12,9 @@ use clerestory::legend::number_words;
 use clerestory::session::estimate::Forecast;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::basis::SourceKind;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Role, vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
@@ -245,4 +246,93 @@ fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
     click(&mut window, "150 %");
     assert!((window.ctx.zoom_factor() - 1.5).abs() < 1e-3);
     window.get_by_label("Theme");
+}
+
+/// The room with a shining rectangle that its file does not make a panel, in a file.
+fn plain_room(folder: &std::path::Path) -> std::path::PathBuf {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    for node in gltf["nodes"].as_array_mut().unwrap() {
+        node.as_object_mut().unwrap().remove("extras");
+    }
+    let path = folder.join("room.gltf");
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    path
+}
+
+/// Texels along each side of the panel that is baked; none of a rectangle that is none.
+fn texels(app: &App) -> Option<u32> {
+    let shown = app.session().shown.as_ref().filter(|_| app.session().bake == BakeState::Done && app.is_settled())?;
+    match shown.header.basis.source("panel")?.kind {
+        SourceKind::Panel { resolution, .. } => Some(resolution),
+        _ => Some(0),
+    }
+}
+
+fn make_panel(window: &mut Window) {
+    window.get_by_label("Mute panel");
+    let name = window.get_by_label("Mute panel").rect();
+    let at = pos2(name.right() + 20.0, name.center().y);
+    window.hover_at(at);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        window.event(Event::PointerButton { pos: at, button, pressed, modifiers });
+        window.run_steps(2);
+    }
+    click(window, "Make it a panel");
+    window.run_steps(3);
+    click(window, "8 × 8 texels");
+}
+
+#[test]
+fn a_panel_that_was_made_comes_back_with_the_look_and_goes_with_undo() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, look) = (plain_room(folder.path()), folder.path().join("a.look"));
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| texels(app) == Some(0));
+    make_panel(&mut window);
+    wait(&mut window, |app| texels(app) == Some(8));
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    wait(&mut window, |app| texels(app) == Some(0));
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    wait(&mut window, |app| texels(app) == Some(8));
+    window.state().look().save(&look).unwrap();
+    drop(window);
+
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| texels(app) == Some(0));
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look)));
+    wait(&mut window, |app| texels(app) == Some(8));
+    assert_eq!(window.state().look().scene.panels["panel"], 8);
+}
+
+#[test]
+fn panels_and_units_that_were_chosen_are_there_when_the_scene_is_opened_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = plain_room(folder.path());
+    let film = Film { width: 64, height: 48 };
+    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false };
+    let opened = |kept: Kept| {
+        let kept: &'static Kept = Box::leak(Box::new(kept));
+        let start = Start::alone(Source::File(path.clone()), Some(settings.clone()));
+        let window: Window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| {
+            cc.storage = Some(kept);
+            App::new(cc, start).unwrap()
+        });
+        window
+    };
+    let mut window = opened(Kept::default());
+    wait(&mut window, |app| texels(app) == Some(0));
+    make_panel(&mut window);
+    wait(&mut window, |app| texels(app) == Some(8));
+    let kept = Kept::by(&mut window);
+    drop(window);
+    let mut window = opened(kept);
+    wait(&mut window, |app| texels(app) == Some(8));
+    assert_eq!(window.state().look().scene.panels["panel"], 8, "the look says so");
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(eframe::egui::ViewportEvent::Close);
+    window.run_steps(3);
+    assert!(window.query_by_label("Save the look?").is_none(), "nothing was done yet");
 }

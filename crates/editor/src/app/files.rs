@@ -38,7 +38,8 @@ impl App {
     /// Opens something else than what is open, or was about to be read again.
     pub(super) fn open_source(&mut self, source: Source) {
         self.reloading = None;
-        self.session.open(source);
+        let chosen = self.choices.of(&source);
+        self.session.open_with(source, chosen);
     }
 
     /// What is open now is the first of the recent files, however it was asked for.

@@ -10,6 +10,7 @@ impl App {
         if let Some(look) = self.undoer.undo(&self.look).cloned() {
             let before = std::mem::replace(&mut self.look, look);
             self.follow_file_of_look(before);
+            self.prepare_chosen();
             self.say("Undone");
         }
     }
@@ -19,6 +20,7 @@ impl App {
         if let Some(look) = self.undoer.redo(&self.look).cloned() {
             let before = std::mem::replace(&mut self.look, look);
             self.follow_file_of_look(before);
+            self.prepare_chosen();
             self.say("Done again");
         }
     }

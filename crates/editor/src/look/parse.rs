@@ -65,8 +65,11 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     check_version(document, &mut reader)?;
     reader.report_unknown(
         document,
-        &[&["clerestory", "names", "looks", "on", "timeline", "bookmarks", "wishes", "marks", "probes"], &LIGHTING[..]]
-            .concat(),
+        &[
+            &["clerestory", "names", "looks", "on", "timeline", "scene", "bookmarks", "wishes", "marks", "probes"],
+            &LIGHTING[..],
+        ]
+        .concat(),
     );
     let (lights, display) = reader.lighting(document)?;
     let snapshots = reader.optional(document, "looks", |reader, value| reader.snapshots(value))?.unwrap_or_default();
@@ -81,7 +84,8 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let wishes = reader.optional(document, "wishes", |reader, value| reader.wishes(value))?.unwrap_or_default();
     let marks = reader.optional(document, "marks", |reader, value| reader.marked(value, &mut MOST_MARKED.clone()))?;
     let probes = reader.optional(document, "probes", |reader, value| reader.probes(value))?.unwrap_or_default();
-    Ok((Look { lights, names, display, snapshots, on, timeline, bookmarks, wishes, marks, probes }, warnings))
+    let scene = reader.optional(document, "scene", |reader, value| reader.scene_choice(value))?.unwrap_or_default();
+    Ok((Look { lights, names, display, snapshots, on, timeline, scene, bookmarks, wishes, marks, probes }, warnings))
 }
 
 /// Refuses what a newer program wrote, and what is no look at all.
@@ -171,7 +175,7 @@ impl Reader<'_> {
     }
 
     /// All entries of an object of the document, by key; empty if it is left out.
-    fn entries<T>(
+    pub(super) fn entries<T>(
         &mut self,
         document: &Map<String, Value>,
         name: &str,

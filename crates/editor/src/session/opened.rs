@@ -47,6 +47,11 @@ pub enum SceneOfBake {
 }
 
 impl Opened {
+    /// Whether it was opened as a finished bake.
+    pub fn is_bake(&self) -> bool {
+        self.of_bake.is_some()
+    }
+
     /// Whether it has lamps that may be counted in other units.
     pub fn has_plain_lamps(&self) -> bool {
         self.lamps.iter().any(|lamp| lamp.profile.is_none())
@@ -76,7 +81,8 @@ impl Session {
         self.open_with(source, chosen);
     }
 
-    fn open_with(&mut self, source: Source, chosen: Chosen) {
+    /// The same, with what is chosen about it.
+    pub fn open_with(&mut self, source: Source, chosen: Chosen) {
         self.stop_loading();
         self.stage = Stage::Loading(source.name());
         self.opening = source.path();
@@ -96,17 +102,10 @@ impl Session {
         }
     }
 
-    /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
-    pub fn choose_panel(&mut self, node: String, resolution: u32) {
-        self.choose(|chosen| {
-            chosen.panels.retain(|panel| panel.node != node);
-            chosen.panels.push(PanelRequest { node, resolution });
-        });
-    }
-
-    /// Counts the lamps of the open scene otherwise; the scene is prepared again in the background.
-    pub fn choose_units(&mut self, units: LampUnits) {
-        self.choose(|chosen| chosen.units = units);
+    /// Makes panels of lights of the open scene, these and no others, and counts its lamps in these units; the scene is prepared
+    /// again in the background.
+    pub fn choose_scene(&mut self, panels: Vec<PanelRequest>, units: LampUnits) {
+        self.choose(|chosen| (chosen.panels, chosen.units) = (panels, units));
     }
 
     /// Puts a sky over the open scene; it is prepared again in the background.
