@@ -80,6 +80,7 @@ const WELCOMED_KEY: &str = "welcomed";
 
 /// The window.
 pub struct App {
+    wake: crate::session::Wake,
     session: Session,
     look: Look,
     saved_look: Look,
@@ -167,6 +168,7 @@ impl App {
             follower.use_device(wish);
         }
         Ok(App {
+            wake: wake.clone(),
             session,
             look: Look::default(),
             saved_look: Look::default(),

@@ -336,3 +336,89 @@ fn panels_and_units_that_were_chosen_are_there_when_the_scene_is_opened_again() 
     window.run_steps(3);
     assert!(window.query_by_label("Save the look?").is_none(), "nothing was done yet");
 }
+
+#[test]
+fn every_file_that_a_scene_is_made_of_is_watched_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    // Its buffer lies beside it, and an image that is still missing.
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let uri = gltf["buffers"][0]["uri"].as_str().unwrap().to_owned();
+    let bytes = base64(uri.split_once(',').unwrap().1);
+    std::fs::write(folder.path().join("room.bin"), &bytes).unwrap();
+    gltf["buffers"][0]["uri"] = "room.bin".into();
+    gltf["images"] = serde_json::json!([{ "uri": "wall.png" }]);
+    gltf["textures"] = serde_json::json!([{ "source": 0 }]);
+    gltf["materials"][0]["pbrMetallicRoughness"] = serde_json::json!({ "baseColorTexture": { "index": 0 } });
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    let mut window = open(Source::File(path));
+    let is_there = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
+    wait(&mut window, is_there);
+    let told = |window: &mut Window, name: &str| {
+        let words = format!("{name} has changed on disk");
+        for _ in 0..200 {
+            window.step();
+            if window.query_by_label(&words).is_some() {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        panic!("nobody told that {words}");
+    };
+    assert_eq!(window.query_all_by_label_contains("has changed on disk").count(), 0);
+    let longer = [bytes, vec![0; 4]].concat();
+    std::fs::write(folder.path().join("room.bin"), longer).unwrap();
+    told(&mut window, "room.bin");
+    click(&mut window, "Keep what is open");
+    assert_eq!(window.query_all_by_label_contains("has changed on disk").count(), 0);
+    image::RgbImage::from_pixel(2, 2, image::Rgb([90; 3])).save(folder.path().join("wall.png")).unwrap();
+    told(&mut window, "wall.png");
+    let before = window.state().session().shown.as_ref().unwrap().header.fingerprint.clone();
+    click(&mut window, "Reload");
+    let fingerprint = |app: &App| app.session().shown.as_ref().map(|shown| shown.header.fingerprint.clone());
+    wait(&mut window, |app| fingerprint(app).is_some_and(|now| now != before) && is_there(app));
+}
+
+#[test]
+fn a_sky_that_another_program_wrote_is_read_again_as_it_is_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("day.hdr");
+    let write = |level: f32, width: u32| {
+        let pixels = vec![image::Rgb([level; 3]); (width * width / 2) as usize];
+        let file = std::fs::File::create(&path).unwrap();
+        image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, width as usize, width as usize / 2).unwrap();
+    };
+    write(1.0, 8);
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path.clone())));
+    wait(&mut window, |app| app.look().lights.sky.is_some());
+    let map = |app: &App| app.look().lights.sky.as_ref().and_then(|sky| sky.map.clone()).map(|map| map.width());
+    assert_eq!(map(window.state()), Some(8));
+    write(3.0, 16);
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("day.hdr has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    click(&mut window, "Reload");
+    wait(&mut window, |app| map(app) == Some(16));
+    assert!(window.query_by_label_contains("has changed on disk").is_none());
+}
+
+/// Bytes of a data URI.
+fn base64(text: &str) -> Vec<u8> {
+    let digit = |byte: u8| match byte {
+        b'A'..=b'Z' => byte - b'A',
+        b'a'..=b'z' => byte - b'a' + 26,
+        b'0'..=b'9' => byte - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let bytes = text.trim_end_matches('=').as_bytes().chunks(4).flat_map(|four| {
+        let number = four.iter().fold(0u32, |sum, byte| sum << 6 | u32::from(digit(*byte))) << (6 * (4 - four.len()));
+        number.to_be_bytes()[1..four.len()].to_vec()
+    });
+    bytes.collect()
+}

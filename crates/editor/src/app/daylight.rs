@@ -139,6 +139,22 @@ impl App {
         }
     }
 
+    /// Reads the map of the look's sky again, which another program wrote; what is set of the sky stays.
+    pub(super) fn read_sky_again(&mut self) {
+        let Some(mut sky) = self.look.lights.sky.clone() else { return };
+        if self.daylight.reading.is_busy() {
+            return self.complain("another sky is being read; wait for it");
+        }
+        self.daylight.is_wanted = true;
+        let read = move || {
+            let odd = sky::load(&mut sky, Path::new("")).map_err(|error| format!("{error:#}"))?;
+            Ok((sky, odd))
+        };
+        if let Err(words) = self.daylight.reading.start("read sky", &self.daylight.wake, read) {
+            self.complain(words);
+        }
+    }
+
     fn take_sky(&mut self, read: Read) {
         match read {
             Ok((mut sky, odd)) => {

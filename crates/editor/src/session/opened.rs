@@ -22,6 +22,8 @@ pub struct Opened {
     pub source: Option<Source>,
     /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
     pub path: Option<PathBuf>,
+    /// Files beside it that it is made of, there or not.
+    pub files: Vec<PathBuf>,
     /// The scene; a bake that was opened from a file has none.
     pub scene: Option<Arc<PreparedScene>>,
     /// The folder of pictures, where one was opened instead.
@@ -158,24 +160,30 @@ impl Session {
         self.stage = Stage::Ready;
         self.history.clear();
         self.begun = None;
+        let nothing = Opened {
+            name,
+            source: None,
+            path,
+            files: Vec::new(),
+            scene: None,
+            stack: None,
+            report: Vec::new(),
+            lamps: Vec::new(),
+            chosen: Chosen::default(),
+            of_bake: None,
+        };
         match loaded {
-            Loaded::Scene { scene, report, lamps, chosen } => {
+            Loaded::Scene { scene, report, lamps, chosen, files } => {
                 let scene = Some(Arc::from(scene));
-                self.opened =
-                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
+                self.opened = Some(Opened { source, files, scene, report, lamps, chosen, ..nothing });
             }
             Loaded::Stack(stack) => {
-                let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
-                let stack = Some(Arc::new(stack));
-                let (scene, source) = (None, None);
-                self.opened = Some(Opened { name, source, path, scene, stack, report, lamps, chosen, of_bake: None });
+                let report = stack.remarks();
+                self.opened = Some(Opened { stack: Some(Arc::new(stack)), report, ..nothing });
             }
             Loaded::Bake(bake) => {
-                let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
-                let (scene, source) = (None, None);
-                self.opened =
-                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
+                let folder = nothing.path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+                self.opened = Some(nothing);
                 let folder = folder.filter(|_| !bake.header.basis.is_measured());
                 let scene = folder.map(|folder| folder.join(&bake.header.scene));
                 self.show_finished(bake);
