@@ -110,6 +110,8 @@ pub struct App {
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
     unsaved: Option<Action>,
+    /// Whether somebody said that the next action may lose the look.
+    may_lose_look: bool,
     /// What waits until the look is saved.
     after_saving: Option<Action>,
     /// Where the lamp goes whose profile is being asked for.
@@ -195,6 +197,7 @@ impl App {
             question: None,
             dialogs: start.dialogs,
             unsaved: None,
+            may_lose_look: false,
             after_saving: None,
             profile_at_px: None,
             shortcuts: false,

@@ -63,7 +63,8 @@ impl App {
 
     /// Does something that loses the look, or asks first.
     pub(super) fn unless_unsaved(&mut self, again: Action, job: impl FnOnce(&mut App)) {
-        if self.is_unsaved() {
+        let may_lose = std::mem::take(&mut self.may_lose_look);
+        if self.is_unsaved() && !may_lose {
             self.unsaved = Some(again);
         } else {
             job(self);

@@ -35,14 +35,11 @@ impl App {
                     self.after_saving = waiting;
                     self.actions.push(Action::SaveLookAgain);
                 }
-                UnsavedAnswer::Discard => match waiting {
-                    // Undo has what it replaces, which is as unsaved then as it is now.
-                    Some(Action::OpenLook(path)) => self.open_look(path),
-                    waiting => {
-                        self.saved_look = self.look.clone();
-                        self.actions.extend(waiting);
-                    }
-                },
+                // What is there stays unsaved until something else takes its place, which may fail.
+                UnsavedAnswer::Discard => {
+                    self.may_lose_look = true;
+                    self.actions.extend(waiting);
+                }
             }
         }
         self.look_conflict_ui(ctx);
