@@ -102,7 +102,7 @@ impl App {
         let view = SkyView {
             basis,
             is_shut_out: self.session.shown.as_ref().is_some_and(|shown| is_sky_dark(&shown.header)),
-            can_bake: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
+            can_bake: self.session.has_scene(),
             is_reading: self.daylight.reading.is_busy() && self.daylight.is_wanted,
         };
         let most = most_height(ui.available_height());

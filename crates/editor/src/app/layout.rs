@@ -107,7 +107,7 @@ impl App {
                     metered_ev: self.follower.metered_ev(),
                     legend: self.follower.legend(),
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
-                    can_bake: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
+                    can_bake: self.session.has_scene(),
                 };
                 display_ui(ui, &mut self.look.display, &view, &mut self.actions);
                 self.camera_panel_ui(ui);
@@ -125,7 +125,7 @@ impl App {
             figures: self.session.figures.as_ref(),
             device_bytes: self.follower.device_bytes(),
             error_db: self.session.error_db,
-            can_bake: opened.is_some_and(|opened| opened.scene.is_some() || opened.stack.is_some()),
+            can_bake: self.session.has_scene() || opened.is_some_and(|opened| opened.stack.is_some()),
             pictures: self.session.pictures(),
             units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),

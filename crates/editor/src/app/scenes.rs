@@ -81,7 +81,7 @@ impl App {
             return;
         }
         match self.session.opened.as_ref() {
-            Some(opened) if opened.scene.is_some() || opened.stack.is_some() => self.start_bake(),
+            Some(opened) if self.session.has_scene() || opened.stack.is_some() => self.start_bake(),
             _ => self.complain("a bake alone cannot be baked again; open its scene"),
         }
     }

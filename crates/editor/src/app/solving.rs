@@ -392,7 +392,7 @@ impl App {
     pub(super) fn solving_ui(&mut self, ui: &mut Ui) {
         let shown = self.session.shown.as_ref();
         let has_illuminance = shown.is_some_and(|shown| shown.pixel_irradiance().is_some());
-        let can_bake = self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some());
+        let can_bake = self.session.has_scene();
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
         let surface = self.solving.surface.clone();
