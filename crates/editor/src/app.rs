@@ -52,7 +52,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::ViewState;
 use camera::CameraDesk;
-use choices::KeptChoices;
+use choices::Choices;
 use daylight::Daylight;
 use follow::Follower;
 use habits::BakeHabits;
@@ -103,7 +103,7 @@ pub struct App {
     prober: Prober,
     camera: CameraDesk,
     daylight: Daylight,
-    choices: KeptChoices,
+    choices: Choices,
     solving: Solving,
     in_view: InView,
     actions: Vec<Action>,
@@ -160,9 +160,9 @@ impl App {
         session.cache = start.cache;
         session.memory_limit =
             cc.storage.and_then(|storage| eframe::get_value(storage, MEMORY_KEY)).unwrap_or_default();
-        let choices: KeptChoices =
-            cc.storage.and_then(|storage| eframe::get_value(storage, CHOICES_KEY)).unwrap_or_default();
-        let chosen = choices.of(&start.source);
+        let kept = cc.storage.and_then(|storage| eframe::get_value(storage, CHOICES_KEY)).unwrap_or_default();
+        let choices = Choices::new(kept);
+        let chosen = choices.kept.of(&start.source);
         session.open_with(start.source, chosen);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         let mut follower = Follower::new(cc.wgpu_render_state.as_ref(), wake.clone())?;
@@ -279,6 +279,7 @@ impl App {
         match notice {
             Notice::Opened => self.scene_opened(),
             Notice::PreparedAgain => self.chosen_is_made(),
+            Notice::NotPrepared(words) => self.chosen_cannot_be_made(words),
             Notice::SceneFound => self.scene_of_bake_found(),
             Notice::Said(words) => self.say(words),
             Notice::Developed(picture) => self.copied(ctx, picture),
@@ -440,7 +441,7 @@ impl eframe::App for App {
         eframe::set_value(storage, DEVICE_KEY, &self.follower.wish());
         eframe::set_value(storage, MEMORY_KEY, &self.session.memory_limit);
         eframe::set_value(storage, BAKE_KEY, &self.habits);
-        eframe::set_value(storage, CHOICES_KEY, &self.choices);
+        eframe::set_value(storage, CHOICES_KEY, &self.choices.kept);
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

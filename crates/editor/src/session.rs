@@ -122,6 +122,8 @@ pub enum Notice {
     Opened,
     /// The same scene with other panels or units is open.
     PreparedAgain,
+    /// The scene cannot be had with what was chosen, in words; it stays as it is.
+    NotPrepared(String),
     /// The scene of the bake that was opened is there.
     SceneFound,
     /// Something worth saying.

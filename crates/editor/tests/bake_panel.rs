@@ -307,6 +307,36 @@ fn a_panel_that_was_made_comes_back_with_the_look_and_goes_with_undo() {
 }
 
 #[test]
+fn what_cannot_be_made_a_panel_is_told_and_stands_in_the_way_of_no_bake() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, look) = (plain_room(folder.path()), folder.path().join("a.look"));
+    let mut gltf: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    // A box that shines on all sides is no rectangle.
+    let of_room = gltf["meshes"][0]["primitives"][0].clone();
+    let last = gltf["meshes"].as_array().unwrap().len() - 1;
+    let material = gltf["meshes"][last]["primitives"][0]["material"].clone();
+    gltf["meshes"][last]["primitives"][0] = of_room;
+    gltf["meshes"][last]["primitives"][0]["material"] = material;
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| texels(app) == Some(0));
+    make_panel(&mut window);
+    wait(&mut window, |app| app.look().scene.panels.is_empty());
+    assert!(window.query_all_by_label_contains("cannot be a panel").count() > 0);
+    // A look from a file keeps it, and the bake starts without.
+    std::fs::write(&look, r#"{"clerestory": 1, "scene": {"panels": {"panel": 8}}}"#).unwrap();
+    window.input_mut().dropped_files.push(Arc::new(Dropped(look)));
+    wait(&mut window, |app| app.look().scene.panels.contains_key("panel"));
+    for _ in 0..100 {
+        window.step();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    click(&mut window, "Start bake");
+    wait(&mut window, |app| app.session().bake.is_running() || texels(app) == Some(0));
+    assert_eq!(window.state().look().scene.panels["panel"], 8);
+}
+
+#[test]
 fn panels_and_units_that_were_chosen_are_there_when_the_scene_is_opened_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = plain_room(folder.path());

@@ -14,6 +14,22 @@ use crate::session::{Chosen, Source};
 /// Scenes whose choices are remembered.
 const MOST_SCENES: usize = 100;
 
+/// What is chosen, and what came of it.
+pub(super) struct Choices {
+    /// Of all scenes.
+    pub kept: KeptChoices,
+    /// What the look said before somebody chose something that is being made.
+    before: Option<SceneChoice>,
+    /// What the open scene could not be made: it is not tried again.
+    failed: Option<SceneChoice>,
+}
+
+impl Choices {
+    pub fn new(kept: KeptChoices) -> Choices {
+        Choices { kept, before: None, failed: None }
+    }
+}
+
 /// What was chosen about scenes, the newest first. It outlasts the program.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct KeptChoices(Vec<Kept>);
@@ -72,15 +88,20 @@ fn choice_of(chosen: &Chosen) -> SceneChoice {
 
 impl App {
     pub(super) fn choose_panel(&mut self, node: String, resolution: u32) {
-        self.as_one_step(|app| {
-            app.look.scene.panels.insert(node, resolution);
+        self.choose(|choice| {
+            choice.panels.insert(node, resolution);
         });
-        self.prepare_chosen();
     }
 
     pub(super) fn choose_units(&mut self, units: LampUnits) {
-        self.as_one_step(|app| app.look.scene.units = Some(units));
-        self.prepare_chosen();
+        self.choose(|choice| choice.units = Some(units));
+    }
+
+    fn choose(&mut self, edit: impl FnOnce(&mut SceneChoice)) {
+        let before = self.look.scene.clone();
+        self.choices.failed = None;
+        self.as_one_step(|app| edit(&mut app.look.scene));
+        self.choices.before = Some(before).filter(|_| self.prepare_chosen());
     }
 
     /// What was chosen about the scene that is open.
@@ -96,7 +117,8 @@ impl App {
         let units = self.look.scene.units.unwrap_or_default();
         let open = self.open_choice();
         let is_other = (&panels, units) != (&open.panels, open.units.unwrap_or_default());
-        let prepares = is_other && self.session.has_scene();
+        let has_failed = self.choices.failed.as_ref() == Some(&self.look.scene);
+        let prepares = is_other && !has_failed && self.session.has_scene();
         if prepares {
             self.session.choose_scene(requests(&panels), units);
         }
@@ -106,6 +128,7 @@ impl App {
     /// The scene is open, or was found, with what is chosen about it: the look says so, too, and is as saved as it was.
     pub(super) fn adopt_choice(&mut self) {
         let open = self.open_choice();
+        self.choices.failed = None;
         for look in [&mut self.look, &mut self.saved_look] {
             look.scene = std::mem::take(&mut look.scene).or(&open);
         }
@@ -116,12 +139,22 @@ impl App {
         if let Some(opened) = &self.session.opened
             && let Some(source) = &opened.source
         {
-            self.choices.keep(source, &opened.chosen);
+            self.choices.kept.keep(source, &opened.chosen);
         }
+        (self.choices.before, self.choices.failed) = (None, None);
         // It may have been undone meanwhile.
         if !self.prepare_chosen() {
             self.start_bake();
         }
+    }
+
+    /// What somebody chose cannot be made, and is left out of the look again; what a look from a file asks for stays in it.
+    pub(super) fn chosen_cannot_be_made(&mut self, words: String) {
+        self.choices.failed = Some(self.look.scene.clone());
+        if let Some(before) = self.choices.before.take() {
+            self.as_one_step(|app| app.look.scene = before);
+        }
+        self.complain(words);
     }
 
     /// What a look that was opened makes of the scene: it is made where a scene is open, and told where a bake is.

@@ -214,7 +214,7 @@ impl Session {
                 notices.push(Notice::PreparedAgain);
             }
             (Ok(_), None) => {}
-            (Err(why), _) => notices.push(Notice::Failed(why)),
+            (Err(why), _) => notices.push(Notice::NotPrepared(why)),
         }
     }
 
