@@ -1,6 +1,7 @@
 //! The window: `logic()` drains facts and applies requests, `ui()` draws and lets the look be edited.
 
 mod camera;
+mod choices;
 mod daylight;
 mod export;
 mod files;
@@ -15,6 +16,7 @@ mod lamps;
 mod layout;
 mod look_files;
 mod looks;
+mod marked;
 mod memory;
 mod probe;
 mod recovery;
@@ -51,6 +53,7 @@ use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
 use crate::viewport::ViewState;
 use camera::CameraDesk;
+use choices::Choices;
 use daylight::Daylight;
 use follow::Follower;
 use habits::BakeHabits;
@@ -58,6 +61,7 @@ pub use host::WindowLost;
 use isolux::IsoluxDesk;
 use look_files::LookFiles;
 use looks::Prints;
+use marked::InView;
 use memory::MemoryWatch;
 use probe::Prober;
 use recovery::Recovery;
@@ -72,11 +76,13 @@ const PANELS_KEY: &str = "panels";
 const DEVICE_KEY: &str = "device";
 const MEMORY_KEY: &str = "memory";
 const BAKE_KEY: &str = "bake";
+const CHOICES_KEY: &str = "chosen";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
 
 /// The window.
 pub struct App {
+    wake: crate::session::Wake,
     session: Session,
     look: Look,
     saved_look: Look,
@@ -99,12 +105,16 @@ pub struct App {
     prober: Prober,
     camera: CameraDesk,
     daylight: Daylight,
+    choices: Choices,
     solving: Solving,
     isolux: IsoluxDesk,
+    in_view: InView,
     actions: Vec<Action>,
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
     unsaved: Option<Action>,
+    /// Whether somebody said that the next action may lose the look.
+    may_lose_look: bool,
     /// What waits until the look is saved.
     after_saving: Option<Action>,
     /// Where the lamp goes whose profile is being asked for.
@@ -155,7 +165,10 @@ impl App {
         session.cache = start.cache;
         session.memory_limit =
             cc.storage.and_then(|storage| eframe::get_value(storage, MEMORY_KEY)).unwrap_or_default();
-        session.open(start.source);
+        let kept = cc.storage.and_then(|storage| eframe::get_value(storage, CHOICES_KEY)).unwrap_or_default();
+        let choices = Choices::new(kept);
+        let chosen = choices.kept.of(&start.source);
+        session.open_with(start.source, chosen);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
         let mut messages = Messages::default();
         problem.into_iter().for_each(|words| messages.push(words, MessageTone::Problem));
@@ -164,6 +177,7 @@ impl App {
             follower.use_device(wish);
         }
         Ok(App {
+            wake: wake.clone(),
             session,
             look: Look::default(),
             saved_look: Look::default(),
@@ -182,13 +196,16 @@ impl App {
             prints: Prints::new(wake.clone())?,
             solving: Solving::new(wake.clone()),
             isolux: IsoluxDesk::new(wake.clone()),
+            in_view: InView::default(),
             prober: Prober::default(),
             daylight: Daylight::new(wake.clone()),
             camera: CameraDesk::start(cc, wake)?,
+            choices,
             actions: Vec::new(),
             question: None,
             dialogs: start.dialogs,
             unsaved: None,
+            may_lose_look: false,
             after_saving: None,
             profile_at_px: None,
             shortcuts: false,
@@ -270,7 +287,8 @@ impl App {
     fn notice(&mut self, ctx: &Context, notice: Notice) {
         match notice {
             Notice::Opened => self.scene_opened(),
-            Notice::PreparedAgain => self.start_bake(),
+            Notice::PreparedAgain => self.chosen_is_made(),
+            Notice::NotPrepared(words) => self.chosen_cannot_be_made(words),
             Notice::SceneFound => self.scene_of_bake_found(),
             Notice::Said(words) => self.say(words),
             Notice::Developed(picture) => self.copied(ctx, picture),
@@ -305,8 +323,8 @@ impl App {
                 self.session.cancel_bake();
                 self.adopt_view();
             }
-            Action::ChoosePanel { node, resolution } => self.session.choose_panel(node, resolution),
-            Action::ChooseUnits(units) => self.session.choose_units(units),
+            Action::ChoosePanel { node, resolution } => self.choose_panel(node, resolution),
+            Action::ChooseUnits(units) => self.choose_units(units),
             Action::BakeWithSky { divisions } => self.bake_with_sky(divisions),
             Action::UseSky(path) => self.use_sky(&path),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
@@ -406,6 +424,7 @@ impl eframe::App for App {
         let ctx = ui.ctx().clone();
         self.messages.stack_ui(&ctx, self.picture_area);
         self.dialogs_ui(&ctx);
+        self.follow_marks();
         // The worker starts on the new picture while this frame is still being painted.
         let are_lights_edited = self.look.lights != before.lights || self.lights.solo != solo_before;
         if self.look.display != before.display {
@@ -434,6 +453,7 @@ impl eframe::App for App {
         eframe::set_value(storage, DEVICE_KEY, &self.follower.wish());
         eframe::set_value(storage, MEMORY_KEY, &self.session.memory_limit);
         eframe::set_value(storage, BAKE_KEY, &self.habits);
+        eframe::set_value(storage, CHOICES_KEY, &self.choices.kept);
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

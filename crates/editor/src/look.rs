@@ -10,13 +10,16 @@ pub mod display;
 pub mod fade;
 pub mod groups;
 pub mod lamps;
+mod marked;
 mod on_disk;
 mod parse;
 mod place;
 pub mod presets;
+pub mod scene;
 pub mod sky;
 pub mod snapshot;
 pub mod timeline;
+pub mod wishes;
 mod write;
 
 use std::collections::BTreeMap;
@@ -28,11 +31,14 @@ use clerestory_transport::basis::{LightBasis, Unheeded};
 use clerestory_transport::camera::Camera;
 use clerestory_transport::light::LightRig;
 
+use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
 pub use display::{Display, FalseColor, Quantity};
 pub use on_disk::OnDisk;
+use scene::SceneChoice;
 use snapshot::Snapshot;
 use timeline::Timeline;
+use wishes::Wishes;
 
 /// Version that this program writes and the newest that it reads.
 pub const LOOK_VERSION: u64 = 1;
@@ -55,8 +61,16 @@ pub struct Look {
     pub on: Option<String>,
     /// Which of them is to be seen when.
     pub timeline: Timeline,
+    /// What is made of the scene before it is baked.
+    pub scene: SceneChoice,
     /// Views to come back to.
     pub bookmarks: Vec<Camera>,
+    /// What is wished for, and what may change for it.
+    pub wishes: Wishes,
+    /// What is marked in the picture.
+    pub marks: Option<Marked>,
+    /// Probes that stay, by the view that they are in.
+    pub probes: Vec<Probed>,
 }
 
 impl Look {
@@ -111,7 +125,20 @@ impl Look {
                 format!("the look has a lamp `{key}`, but a light of the scene has this name; rename the lamp")
             }
         };
-        basis.unheeded_keys(&self.lights).into_iter().map(words).map(|words| self.renamed(&words)).collect()
+        // Of a panel that is still to be made more is told elsewhere.
+        let counts = |(key, why): &(&str, Unheeded)| *why != Unheeded::NoPanel || !self.scene.panels.contains_key(*key);
+        let unknown = self.scene.panels.keys().filter(|node| basis.source(node).is_none());
+        let unknown = unknown.map(|node| {
+            format!("the look makes `{node}` a panel, but this scene has no light of that name; it is ignored")
+        });
+        basis
+            .unheeded_keys(&self.lights)
+            .into_iter()
+            .filter(counts)
+            .map(words)
+            .chain(unknown)
+            .map(|words| self.renamed(&words))
+            .collect()
     }
 
     /// Reads a file and the sky that it names, relative to its folder; see [`Look::from_json`].
@@ -165,6 +192,7 @@ impl Look {
             rig.sky.iter_mut().for_each(|sky| sky::resolve(sky, folder));
             warnings.extend(lamps::resolve(&mut rig.lamps, folder));
         }
+        look.wishes.resolve(folder);
         Ok((look, warnings))
     }
 
@@ -180,6 +208,7 @@ impl Look {
             rig.lamps = lamps::relative(&rig.lamps, folder);
             rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
         }
+        look.wishes.relative(path.parent().unwrap_or(Path::new("")));
         let json = look.to_json();
         write_whole(path, json.as_bytes())?;
         Ok(OnDisk::of(json.as_bytes()))

@@ -1,12 +1,16 @@
 //! Marked pixels of a picture: a rectangle, a stroke of a brush, or the surface that is seen there, with the area that each
 //! pixel stands for.
 
+use std::sync::Arc;
+
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::Sampler;
 use clerestory_transport::scene::SceneNode;
 use rayon::prelude::*;
+
+use crate::session::views::sees_alike;
 
 /// Clear panes that a pixel looks through.
 const MOST_PANES: usize = 16;
@@ -15,8 +19,66 @@ const LEAST_COSINE: f32 = 0.02;
 /// Where a pixel sees no surface.
 const NOTHING: u32 = u32::MAX;
 
-/// Pixels of a film, ascending, each once.
+/// The picture that something was marked in: its size, and where it is seen from. Pictures that were taken have no camera.
 #[derive(Clone, Debug, PartialEq)]
+pub struct Framing {
+    /// Size of the picture.
+    pub film: Film,
+    /// Where it is seen from, as far as that is known.
+    pub camera: Option<Camera>,
+}
+
+impl Framing {
+    /// Whether what was marked here means the same there: in the same view, at whatever size it is baked.
+    pub fn fits(&self, shown: &Framing) -> bool {
+        let height = shown.film.width as f32 * self.film.height as f32 / self.film.width.max(1) as f32;
+        let cameras = self.camera.as_ref().zip(shown.camera.as_ref());
+        cameras.is_none_or(|(own, other)| sees_alike(own, other)) && (height - shown.film.height as f32).abs() <= 1.0
+    }
+}
+
+/// Marks of one picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Marked {
+    /// The picture.
+    pub framing: Framing,
+    /// What is marked in it.
+    pub marks: Arc<Marks>,
+}
+
+impl Marked {
+    /// The same marks in the picture that is shown; none if that is of another view.
+    pub fn on(&self, shown: &Framing) -> Option<Arc<Marks>> {
+        let is_same = self.marks.film == shown.film;
+        let resized = || if is_same { self.marks.clone() } else { Arc::new(self.marks.resized(shown.film)) };
+        self.framing.fits(shown).then(resized)
+    }
+}
+
+/// Probes that stay in one picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probed {
+    /// The picture.
+    pub framing: Framing,
+    /// Pixels from its top left corner.
+    pub pixels: Vec<[u32; 2]>,
+}
+
+impl Probed {
+    /// The same places in the picture that is shown; none if that is of another view.
+    pub fn on(&self, shown: &Framing) -> Option<Vec<[u32; 2]>> {
+        let (own, other) = (self.framing.film, shown.film);
+        let moved = |at: u32, from: u32, to: u32| {
+            let at = (2 * u64::from(at) + 1) * u64::from(to) / (2 * u64::from(from.max(1)));
+            at.min(u64::from(to.saturating_sub(1))) as u32
+        };
+        let move_all = |[x, y]: &[u32; 2]| [moved(*x, own.width, other.width), moved(*y, own.height, other.height)];
+        self.framing.fits(shown).then(|| self.pixels.iter().map(move_all).collect())
+    }
+}
+
+/// Pixels of a film, ascending, each once.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Marks {
     /// Size of the picture.
     pub film: Film,
@@ -54,6 +116,44 @@ impl Marks {
         };
         marks.pixels.retain(is_near);
         marks
+    }
+
+    /// From numbers of pixels that are passed over and marked, in turns, row by row from the top left; none where they leave
+    /// the film.
+    pub fn of_runs(film: Film, runs: &[u32]) -> Option<Marks> {
+        let (mut pixels, mut at) = (Vec::new(), 0u32);
+        let n_pixels = u32::try_from(film.n_pixels()).ok()?;
+        for (nth, run) in runs.iter().enumerate() {
+            let end = at.checked_add(*run).filter(|end| *end <= n_pixels)?;
+            if nth % 2 == 1 {
+                pixels.extend(at..end);
+            }
+            at = end;
+        }
+        Some(Marks { film, pixels })
+    }
+
+    /// The same as numbers of pixels that are passed over and marked, in turns.
+    pub fn runs(&self) -> Vec<u32> {
+        let (mut runs, mut at) = (Vec::new(), 0);
+        for run in self.pixels.chunk_by(|a, b| a + 1 == *b) {
+            runs.extend([run[0] - at, run.len() as u32]);
+            at = run[0] + run.len() as u32;
+        }
+        runs
+    }
+
+    /// The same parts of the picture at another size.
+    pub fn resized(&self, film: Film) -> Marks {
+        let mut is_marked = vec![false; self.film.n_pixels()];
+        self.pixels.iter().for_each(|pixel| is_marked[*pixel as usize] = true);
+        let from = |at: u32, own: u32, other: u32| (2 * u64::from(at) + 1) * u64::from(own) / (2 * u64::from(other));
+        let marked = |pixel: &u32| {
+            let x = from(pixel % film.width, self.film.width, film.width);
+            let y = from(pixel / film.width, self.film.height, film.height);
+            is_marked[(y * u64::from(self.film.width) + x) as usize]
+        };
+        Marks { film, pixels: (0..film.n_pixels() as u32).filter(marked).collect() }
     }
 
     /// All pixels that another set has are marked as well.
@@ -217,6 +317,38 @@ mod tests {
         assert_eq!(marks.pixels().len(), n, "each pixel is there once");
         marks.remove(&Marks::rect(FILM, [[0.0, 0.0], [10.0, 8.0]]));
         assert!(marks.is_empty());
+    }
+
+    #[test]
+    fn runs_come_back_as_the_same_pixels_and_never_leave_the_film() {
+        for marks in [
+            Marks::new(FILM),
+            Marks::rect(FILM, [[0.0, 0.0], [10.0, 8.0]]),
+            Marks::stroke(FILM, [[2.5, 3.5], [6.5, 6.5]], 1.5),
+        ] {
+            assert_eq!(Marks::of_runs(FILM, &marks.runs()), Some(marks));
+        }
+        assert_eq!(Marks::of_runs(FILM, &[70, 11]), None);
+        assert_eq!(Marks::of_runs(FILM, &[u32::MAX, 3]), None);
+    }
+
+    #[test]
+    fn marks_and_probes_fit_the_same_view_at_every_size_and_no_other() {
+        let camera = |x: f32| Some(Camera::look_at("a", glam::Vec3::X * x, glam::Vec3::ZERO, 1.0, 1.25));
+        let framing = |width, height, x| Framing { film: Film { width, height }, camera: camera(x) };
+        let own = framing(10, 8, 1.0);
+        let marked = Marked { framing: own.clone(), marks: Arc::new(Marks::rect(FILM, [[2.0, 2.0], [5.0, 4.0]])) };
+        let twice = Film { width: 20, height: 16 };
+        let larger = Marks::rect(twice, [[4.0, 4.0], [10.0, 8.0]]);
+        assert_eq!(marked.on(&framing(20, 16, 1.0)).as_deref(), Some(&larger));
+        assert_eq!(larger.resized(FILM), *marked.marks, "and back");
+        let probed = Probed { framing: own, pixels: vec![[9, 7], [0, 3]] };
+        assert_eq!(probed.on(&framing(20, 16, 1.0)), Some(vec![[19, 15], [1, 7]]));
+        for other in [framing(10, 8, 2.0), framing(10, 5, 1.0)] {
+            assert_eq!((marked.on(&other), probed.on(&other)), (None, None));
+        }
+        // Pictures that were taken, and bakes whose scene is not at hand, know no camera.
+        assert!(marked.on(&Framing { film: FILM, camera: None }).is_some());
     }
 
     #[test]

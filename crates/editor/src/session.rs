@@ -125,6 +125,8 @@ pub enum Notice {
     Opened,
     /// The same scene with other panels or units is open.
     PreparedAgain,
+    /// The scene cannot be had with what was chosen, in words; it stays as it is.
+    NotPrepared(String),
     /// The scene of the bake that was opened is there.
     SceneFound,
     /// Something worth saying.
@@ -237,6 +239,11 @@ impl Session {
     pub fn basis(&self) -> Option<&LightBasis> {
         let of_scene = || self.opened.as_ref()?.scene.as_ref().map(|scene| &scene.lighting.basis);
         self.shown.as_ref().map(|shown| &shown.header.basis).or_else(of_scene)
+    }
+
+    /// Whether a scene is open that can be baked; a bake has one once its own was found.
+    pub fn has_scene(&self) -> bool {
+        self.opened.as_ref().is_some_and(|opened| opened.scene.is_some())
     }
 
     /// Cameras of the scene that is open, or of the one that was baked.

@@ -5,6 +5,7 @@
 //! problem within bounds ([`clerestory_nystrom::bounded`]).
 
 mod fit;
+pub mod kept;
 mod lights;
 pub mod parse;
 mod picture;

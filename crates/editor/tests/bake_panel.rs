@@ -12,8 +12,9 @@ use clerestory::legend::number_words;
 use clerestory::session::estimate::Forecast;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::basis::SourceKind;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Role, vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
@@ -245,4 +246,209 @@ fn who_is_new_is_welcomed_once_and_text_grows_as_wished() {
     click(&mut window, "150 %");
     assert!((window.ctx.zoom_factor() - 1.5).abs() < 1e-3);
     window.get_by_label("Theme");
+}
+
+/// The room with a shining rectangle that its file does not make a panel, in a file.
+fn plain_room(folder: &std::path::Path) -> std::path::PathBuf {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    for node in gltf["nodes"].as_array_mut().unwrap() {
+        node.as_object_mut().unwrap().remove("extras");
+    }
+    let path = folder.join("room.gltf");
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    path
+}
+
+/// Texels along each side of the panel that is baked; none of a rectangle that is none.
+fn texels(app: &App) -> Option<u32> {
+    let shown = app.session().shown.as_ref().filter(|_| app.session().bake == BakeState::Done && app.is_settled())?;
+    match shown.header.basis.source("panel")?.kind {
+        SourceKind::Panel { resolution, .. } => Some(resolution),
+        _ => Some(0),
+    }
+}
+
+fn make_panel(window: &mut Window) {
+    window.get_by_label("Mute panel");
+    let name = window.get_by_label("Mute panel").rect();
+    let at = pos2(name.right() + 20.0, name.center().y);
+    window.hover_at(at);
+    window.run_steps(2);
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        window.event(Event::PointerButton { pos: at, button, pressed, modifiers });
+        window.run_steps(2);
+    }
+    click(window, "Make it a panel");
+    window.run_steps(3);
+    click(window, "8 × 8 texels");
+}
+
+#[test]
+fn a_panel_that_was_made_comes_back_with_the_look_and_goes_with_undo() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, look) = (plain_room(folder.path()), folder.path().join("a.look"));
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| texels(app) == Some(0));
+    make_panel(&mut window);
+    wait(&mut window, |app| texels(app) == Some(8));
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    wait(&mut window, |app| texels(app) == Some(0));
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z);
+    wait(&mut window, |app| texels(app) == Some(8));
+    window.state().look().save(&look).unwrap();
+    drop(window);
+
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| texels(app) == Some(0));
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look)));
+    wait(&mut window, |app| texels(app) == Some(8));
+    assert_eq!(window.state().look().scene.panels["panel"], 8);
+}
+
+#[test]
+fn what_cannot_be_made_a_panel_is_told_and_stands_in_the_way_of_no_bake() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, look) = (plain_room(folder.path()), folder.path().join("a.look"));
+    let mut gltf: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    // A box that shines on all sides is no rectangle.
+    let of_room = gltf["meshes"][0]["primitives"][0].clone();
+    let last = gltf["meshes"].as_array().unwrap().len() - 1;
+    let material = gltf["meshes"][last]["primitives"][0]["material"].clone();
+    gltf["meshes"][last]["primitives"][0] = of_room;
+    gltf["meshes"][last]["primitives"][0]["material"] = material;
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    let mut window = open(Source::File(path));
+    wait(&mut window, |app| texels(app) == Some(0));
+    make_panel(&mut window);
+    wait(&mut window, |app| app.look().scene.panels.is_empty());
+    assert!(window.query_all_by_label_contains("cannot be a panel").count() > 0);
+    // A look from a file keeps it, and the bake starts without.
+    std::fs::write(&look, r#"{"clerestory": 1, "scene": {"panels": {"panel": 8}}}"#).unwrap();
+    window.input_mut().dropped_files.push(Arc::new(Dropped(look)));
+    wait(&mut window, |app| app.look().scene.panels.contains_key("panel"));
+    for _ in 0..100 {
+        window.step();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    click(&mut window, "Start bake");
+    wait(&mut window, |app| app.session().bake.is_running() || texels(app) == Some(0));
+    assert_eq!(window.state().look().scene.panels["panel"], 8);
+}
+
+#[test]
+fn panels_and_units_that_were_chosen_are_there_when_the_scene_is_opened_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = plain_room(folder.path());
+    let film = Film { width: 64, height: 48 };
+    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
+    let opened = |kept: Kept| {
+        let kept: &'static Kept = Box::leak(Box::new(kept));
+        let start = Start::alone(Source::File(path.clone()), Some(settings.clone()));
+        let window: Window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| {
+            cc.storage = Some(kept);
+            App::new(cc, start).unwrap()
+        });
+        window
+    };
+    let mut window = opened(Kept::default());
+    wait(&mut window, |app| texels(app) == Some(0));
+    make_panel(&mut window);
+    wait(&mut window, |app| texels(app) == Some(8));
+    let kept = Kept::by(&mut window);
+    drop(window);
+    let mut window = opened(kept);
+    wait(&mut window, |app| texels(app) == Some(8));
+    assert_eq!(window.state().look().scene.panels["panel"], 8, "the look says so");
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(eframe::egui::ViewportEvent::Close);
+    window.run_steps(3);
+    assert!(window.query_by_label("Save the look?").is_none(), "nothing was done yet");
+}
+
+#[test]
+fn every_file_that_a_scene_is_made_of_is_watched_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    // Its buffer lies beside it, and an image that is still missing.
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let uri = gltf["buffers"][0]["uri"].as_str().unwrap().to_owned();
+    let bytes = base64(uri.split_once(',').unwrap().1);
+    std::fs::write(folder.path().join("room.bin"), &bytes).unwrap();
+    gltf["buffers"][0]["uri"] = "room.bin".into();
+    gltf["images"] = serde_json::json!([{ "uri": "wall.png" }]);
+    gltf["textures"] = serde_json::json!([{ "source": 0 }]);
+    gltf["materials"][0]["pbrMetallicRoughness"] = serde_json::json!({ "baseColorTexture": { "index": 0 } });
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    let mut window = open(Source::File(path));
+    let is_there = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
+    wait(&mut window, is_there);
+    let told = |window: &mut Window, name: &str| {
+        let words = format!("{name} has changed on disk");
+        for _ in 0..200 {
+            window.step();
+            if window.query_by_label(&words).is_some() {
+                return;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        panic!("nobody told that {words}");
+    };
+    assert_eq!(window.query_all_by_label_contains("has changed on disk").count(), 0);
+    let longer = [bytes, vec![0; 4]].concat();
+    std::fs::write(folder.path().join("room.bin"), longer).unwrap();
+    told(&mut window, "room.bin");
+    click(&mut window, "Keep what is open");
+    assert_eq!(window.query_all_by_label_contains("has changed on disk").count(), 0);
+    image::RgbImage::from_pixel(2, 2, image::Rgb([90; 3])).save(folder.path().join("wall.png")).unwrap();
+    told(&mut window, "wall.png");
+    let before = window.state().session().shown.as_ref().unwrap().header.fingerprint.clone();
+    click(&mut window, "Reload");
+    let fingerprint = |app: &App| app.session().shown.as_ref().map(|shown| shown.header.fingerprint.clone());
+    wait(&mut window, |app| fingerprint(app).is_some_and(|now| now != before) && is_there(app));
+}
+
+#[test]
+fn a_sky_that_another_program_wrote_is_read_again_as_it_is_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("day.hdr");
+    let write = |level: f32, width: u32| {
+        let pixels = vec![image::Rgb([level; 3]); (width * width / 2) as usize];
+        let file = std::fs::File::create(&path).unwrap();
+        image::codecs::hdr::HdrEncoder::new(file).encode(&pixels, width as usize, width as usize / 2).unwrap();
+    };
+    write(1.0, 8);
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(path.clone())));
+    wait(&mut window, |app| app.look().lights.sky.is_some());
+    let map = |app: &App| app.look().lights.sky.as_ref().and_then(|sky| sky.map.clone()).map(|map| map.width());
+    assert_eq!(map(window.state()), Some(8));
+    write(3.0, 16);
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("day.hdr has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    click(&mut window, "Reload");
+    wait(&mut window, |app| map(app) == Some(16));
+    assert!(window.query_by_label_contains("has changed on disk").is_none());
+}
+
+/// Bytes of a data URI.
+fn base64(text: &str) -> Vec<u8> {
+    let digit = |byte: u8| match byte {
+        b'A'..=b'Z' => byte - b'A',
+        b'a'..=b'z' => byte - b'a' + 26,
+        b'0'..=b'9' => byte - b'0' + 52,
+        b'+' => 62,
+        _ => 63,
+    };
+    let bytes = text.trim_end_matches('=').as_bytes().chunks(4).flat_map(|four| {
+        let number = four.iter().fold(0u32, |sum, byte| sum << 6 | u32::from(digit(*byte))) << (6 * (4 - four.len()));
+        number.to_be_bytes()[1..four.len()].to_vec()
+    });
+    bytes.collect()
 }

@@ -401,3 +401,41 @@ fn a_light_that_was_renamed_is_called_so_everywhere() {
     press(&mut window, Key::Delete);
     window.get_by_label("Deleted Door 1");
 }
+
+#[test]
+fn a_click_in_the_picture_adds_to_what_is_selected_with_shift_or_ctrl_and_else_selects_one() {
+    let mut window = lit();
+    let lamp = |window: &mut Window, name: &str| {
+        // Marks of lamps are there while the pointer is in the picture.
+        window.hover_at(window.get_by_label("Picture").rect().center());
+        window.run_steps(2);
+        window.get_by_label(&format!("{name} in the picture")).rect().center()
+    };
+    let pick = |window: &mut Window, name: &str, modifiers: Modifiers| {
+        let at = lamp(window, name);
+        window.event(Event::ModifiersChanged(modifiers));
+        click_with(window, at, PointerButton::Primary, modifiers);
+        window.event(Event::ModifiersChanged(Modifiers::NONE));
+        window.run_steps(3);
+        let selected = window.query_all_by_label_contains(" lights selected").next();
+        selected.map(|title| title.accesskit_node().value().unwrap_or_default())
+    };
+    select(&mut window, &["lamp", "panel"]);
+    assert_eq!(pick(&mut window, "left", Modifiers::SHIFT).as_deref(), Some("3 lights selected"));
+    assert_eq!(pick(&mut window, "right", Modifiers::COMMAND).as_deref(), Some("4 lights selected"));
+    assert_eq!(pick(&mut window, "right", Modifiers::NONE), None, "this one alone");
+    assert_eq!(pick(&mut window, "left", Modifiers::SHIFT).as_deref(), Some("2 lights selected"));
+    assert_eq!(pick(&mut window, "middle", Modifiers::NONE), None);
+
+    // A surface adds what lights it most.
+    select(&mut window, &["lamp", "panel"]);
+    let at = window.get_by_label("Picture").rect().center();
+    window.event(Event::ModifiersChanged(Modifiers::SHIFT));
+    click_with(&mut window, at, PointerButton::Primary, Modifiers::SHIFT);
+    window.event(Event::ModifiersChanged(Modifiers::NONE));
+    window.run_steps(6);
+    assert_eq!(window.query_all_by_label_contains(" lights selected").count(), 1, "they stay selected");
+    click_with(&mut window, at, PointerButton::Primary, Modifiers::NONE);
+    window.run_steps(6);
+    assert_eq!(window.query_all_by_label_contains(" lights selected").count(), 0);
+}

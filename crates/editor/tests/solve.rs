@@ -13,7 +13,7 @@ use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, baked, click, drag, quick, room, save_as, wait};
+use desk::{Dropped, Window, baked, click, drag, quick, replace_and_reload, room, save_as, wait};
 
 /// The room, baked with the light that arrives.
 fn measured() -> Window {
@@ -21,8 +21,16 @@ fn measured() -> Window {
 }
 
 fn measured_in(film: Film, config: BakeConfig) -> Window {
+    measured_of(Source::Bytes { name: "room.gltf".into(), bytes: room() }, film, config)
+}
+
+/// The same from anywhere, at a multiple of its usual size.
+fn measured_at(source: Source, scale: u32) -> Window {
+    measured_of(source, Film { width: 64 * scale, height: 48 * scale }, quick())
+}
+
+fn measured_of(source: Source, film: Film, config: BakeConfig) -> Window {
     let settings = BakeSettings { camera_idx: 0, film, config, illuminance: true, work_plane: None };
-    let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
     let start = Start::alone(source, Some(settings));
     let size = vec2(1440.0, 1400.0);
     let mut window = Harness::builder().with_size(size).build_eframe(|cc| App::new(cc, start).unwrap());
@@ -81,7 +89,7 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     assert!(window.query_all_by_label_contains("wanted, was").count() == 1);
     // The picture shows it, the look does not have it yet.
     wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.5);
-    assert_eq!(*window.state().look(), Look::default());
+    assert_eq!(window.state().look().lights, Look::default().lights);
     wait(&mut window, |app| {
         !app.is_solving() && app.marked_lux().is_some_and(|now| (now.average / before - 2.0).abs() < 0.3)
     });
@@ -91,7 +99,8 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     assert_eq!(window.state().look().lights, found.rig);
     window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
     window.run_steps(3);
-    assert_eq!(*window.state().look(), Look::default(), "one step");
+    assert_eq!(window.state().look().lights, Look::default().lights, "one step");
+    assert_eq!(window.state().look().wishes.list.len(), 1, "the wish is another step");
 }
 
 #[test]
@@ -111,9 +120,12 @@ fn what_was_found_can_be_left_and_wishes_removed() {
     }
     click(&mut window, "Discard");
     assert!(window.state().solution().is_none());
-    assert_eq!(*window.state().look(), Look::default());
+    assert_eq!(window.state().look().lights, Look::default().lights);
     click(&mut window, "Remove Wish");
     assert!(window.query_by_label("Remove Wish").is_none());
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run_steps(3);
+    assert!(window.query_by_label("Remove Wish").is_some(), "undo brings a wish back");
 }
 
 #[test]
@@ -246,4 +258,80 @@ fn without_illuminance_the_panel_says_so_and_offers_the_bake() {
             && app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_some())
     });
     assert!(window.query_by_label("This bake holds no illuminance").is_none());
+}
+
+/// The room in a file, with a wish for what is marked and a probe.
+fn wished(path: &std::path::Path) -> Window {
+    std::fs::write(path, room()).unwrap();
+    let mut window = measured_at(Source::File(path.into()), 1);
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    click(&mut window, "Kind of wish");
+    click(&mut window, "Times as bright");
+    click(&mut window, "Add wish");
+    window.hover_at(place(&window, 0.2, 0.3));
+    window.run_steps(3);
+    window.key_press(Key::P);
+    window.run_steps(4);
+    window
+}
+
+#[test]
+fn wishes_marks_and_probes_come_back_with_the_look_at_any_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, look) = (folder.path().join("room.gltf"), folder.path().join("a.look"));
+    let mut first = wished(&scene);
+    assert_eq!(first.query_all_by_label_contains("Probe 1, ").count(), 1);
+    first.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    first.run_steps(3);
+    first.get_by_label("Path").set_text_value_accesskit(&look.display().to_string());
+    first.run_steps(3);
+    click(&mut first, "Save");
+    let kept = first.state().look().clone();
+    assert!(kept.wishes.list.len() == 1 && kept.marks.is_some() && kept.probes.len() == 1, "{kept:?}");
+    let small = first.state().marked_lux().unwrap();
+    drop(first);
+
+    let mut second = measured_at(Source::File(scene), 2);
+    second.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look)));
+    wait(&mut second, |app| !app.is_reading_look() && app.marked_lux().is_some() && !app.is_solving());
+    assert_eq!(*second.state().look(), kept);
+    assert_eq!(second.query_all_by_label_contains("Probe 1, ").count(), 1);
+    let large = second.state().marked_lux().unwrap();
+    let area = large.area_m2.unwrap() / small.area_m2.unwrap();
+    assert!(large.points == 4 * small.points && (area - 1.0).abs() < 0.05, "{large:?} {small:?}");
+    click(&mut second, "Solve for light");
+    click(&mut second, "Solve");
+    wait(&mut second, |app| app.solution().is_some());
+    assert!(second.state().solution().unwrap().outcomes[0].is_met);
+}
+
+#[test]
+fn what_no_longer_fits_the_view_of_a_reloaded_file_is_told_and_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    let mut window = wished(&path);
+    click(&mut window, "Measure");
+    let kept = window.state().look().clone();
+    let told = |window: &Window| {
+        let words = ["Marked in another view", "What was marked is in another view", "A probe is in another view"];
+        words.map(|words| window.query_all_by_label_contains(words).count())
+    };
+    assert_eq!(told(&window), [0; 3]);
+    let as_it_was: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let reload = |window: &mut Window, x: f32| {
+        let mut gltf = as_it_was.clone();
+        gltf["nodes"][2]["translation"][0] = serde_json::json!(x);
+        replace_and_reload(window, &path, &gltf);
+        let is_there = |app: &App| app.session().shown.as_ref()?.camera.as_ref().map(|camera| camera.position().x);
+        wait(window, |app| is_there(app) == Some(x) && app.session().bake == BakeState::Done && app.is_settled());
+        assert_eq!(*window.state().look(), kept);
+    };
+    reload(&mut window, 0.1);
+    assert_eq!(told(&window).map(|n| n > 0), [true; 3]);
+    assert_eq!(window.query_all_by_label_contains("Probe 1, ").count(), 0);
+    reload(&mut window, 0.0);
+    assert_eq!(told(&window), [0; 3]);
+    assert_eq!(window.query_all_by_label_contains("Probe 1, ").count(), 1);
+    wait(&mut window, |app| app.marked_lux().is_some());
 }

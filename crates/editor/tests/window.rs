@@ -563,3 +563,30 @@ fn closing_asks_only_when_the_look_would_be_lost() {
     click(&mut window, "Cancel");
     assert!(window.query_by_label("Save the look?").is_none());
 }
+
+#[test]
+fn work_that_may_be_lost_is_unsaved_still_where_what_was_to_replace_it_cannot_be_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("torn.glb");
+    std::fs::write(&path, b"glTF, but no more").unwrap();
+    let mut window = baked();
+    click(&mut window, "Mute lamp");
+    let look = window.state().look().clone();
+    let drop_and_discard = |window: &mut Window| {
+        window.input_mut().dropped_files.push(Arc::new(Dropped(path.clone())));
+        window.run_steps(3);
+        click(window, "Discard");
+        wait(window, |app| app.session().stage == Stage::Ready);
+        window.run_steps(3);
+    };
+    for _ in 0..2 {
+        // The second time it asks again: what may be lost is lost once.
+        drop_and_discard(&mut window);
+    }
+    assert_eq!(*window.state().look(), look);
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    window.run_steps(3);
+    window.get_by_label("Save the look?");
+}

@@ -102,7 +102,7 @@ impl App {
         let view = SkyView {
             basis,
             is_shut_out: self.session.shown.as_ref().is_some_and(|shown| is_sky_dark(&shown.header)),
-            can_bake: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
+            can_bake: self.session.has_scene(),
             is_reading: self.daylight.reading.is_busy() && self.daylight.is_wanted,
         };
         let most = most_height(ui.available_height());
@@ -135,6 +135,22 @@ impl App {
         let read = move || read_sky(&path);
         let started = self.daylight.reading.start("read sky", &self.daylight.wake, read);
         if let Err(words) = started {
+            self.complain(words);
+        }
+    }
+
+    /// Reads the map of the look's sky again, which another program wrote; what is set of the sky stays.
+    pub(super) fn read_sky_again(&mut self) {
+        let Some(mut sky) = self.look.lights.sky.clone() else { return };
+        if self.daylight.reading.is_busy() {
+            return self.complain("another sky is being read; wait for it");
+        }
+        self.daylight.is_wanted = true;
+        let read = move || {
+            let odd = sky::load(&mut sky, Path::new("")).map_err(|error| format!("{error:#}"))?;
+            Ok((sky, odd))
+        };
+        if let Err(words) = self.daylight.reading.start("read sky", &self.daylight.wake, read) {
             self.complain(words);
         }
     }

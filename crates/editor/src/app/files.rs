@@ -38,7 +38,8 @@ impl App {
     /// Opens something else than what is open, or was about to be read again.
     pub(super) fn open_source(&mut self, source: Source) {
         self.reloading = None;
-        self.session.open(source);
+        let chosen = self.choices.kept.of(&source);
+        self.session.open_with(source, chosen);
     }
 
     /// What is open now is the first of the recent files, however it was asked for.
@@ -62,7 +63,8 @@ impl App {
 
     /// Does something that loses the look, or asks first.
     pub(super) fn unless_unsaved(&mut self, again: Action, job: impl FnOnce(&mut App)) {
-        if self.is_unsaved() {
+        let may_lose = std::mem::take(&mut self.may_lose_look);
+        if self.is_unsaved() && !may_lose {
             self.unsaved = Some(again);
         } else {
             job(self);

@@ -36,14 +36,11 @@ impl App {
                     self.after_saving = waiting;
                     self.actions.push(Action::SaveLookAgain);
                 }
-                UnsavedAnswer::Discard => match waiting {
-                    // Undo has what it replaces, which is as unsaved then as it is now.
-                    Some(Action::OpenLook(path)) => self.open_look(path),
-                    waiting => {
-                        self.saved_look = self.look.clone();
-                        self.actions.extend(waiting);
-                    }
-                },
+                // What is there stays unsaved until something else takes its place, which may fail.
+                UnsavedAnswer::Discard => {
+                    self.may_lose_look = true;
+                    self.actions.extend(waiting);
+                }
             }
         }
         self.look_conflict_ui(ctx);
@@ -111,7 +108,7 @@ impl App {
                     metered_ev: self.follower.metered_ev(),
                     legend: self.follower.legend(),
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
-                    can_bake: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
+                    can_bake: self.session.has_scene(),
                 };
                 display_ui(ui, &mut self.look.display, &view, &mut self.actions);
                 self.camera_panel_ui(ui);
@@ -129,7 +126,7 @@ impl App {
             figures: self.session.figures.as_ref(),
             device_bytes: self.follower.device_bytes(),
             error_db: self.session.error_db,
-            can_bake: opened.is_some_and(|opened| opened.scene.is_some() || opened.stack.is_some()),
+            can_bake: self.session.has_scene() || opened.is_some_and(|opened| opened.stack.is_some()),
             pictures: self.session.pictures(),
             units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
             report: opened.map_or(&[], |opened| &opened.report),

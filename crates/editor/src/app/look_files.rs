@@ -82,11 +82,13 @@ impl App {
                 rig.lamps.retain(|lamp| basis.source(&lamp.key).is_none());
             }
         }
-        let words = format!("Opened {}", path.display());
-        let problem = format!("{}: {}", path.display(), warnings.join(", "));
+        look.scene = std::mem::take(&mut look.scene).or(&self.look.scene);
         self.daylight.stop();
         let before = self.standing();
         self.as_one_step(|app| app.look = look.clone());
+        warnings.extend(self.heed_choice());
+        let words = format!("Opened {}", path.display());
+        let problem = format!("{}: {}", path.display(), warnings.join(", "));
         (self.saved_look, self.look_path, self.look_files.on_disk) = (look, Some(path), Some(on_disk));
         let after = self.standing();
         self.look_files.opened.push([before, after]);

@@ -129,7 +129,7 @@ impl App {
                 thumbnail: &thumbnail,
                 frames: self.session.frames(),
                 can_export: self.session.shown.is_some(),
-                is_scene: self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some()),
+                is_scene: self.session.has_scene(),
             };
             let area = egui::ScrollArea::vertical().id_salt("strip").max_height(most).min_scrolled_height(most);
             area.auto_shrink([false, true]).show(ui, |ui| {

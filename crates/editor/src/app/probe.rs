@@ -20,13 +20,13 @@ pub(super) struct Prober {
 }
 
 impl Prober {
-    /// Probes of another view mean nothing.
+    /// What was pointed at in another view means nothing; pins come from the look.
     pub fn heed_view(&mut self, shown: Option<&Shown>, probes: &mut Probes) {
         let is_it = |(film, camera): &(Film, Option<Camera>)| {
             shown.is_some_and(|shown| (shown.film(), &shown.camera) == (*film, camera))
         };
         if self.view.as_ref().is_none_or(|view| !is_it(view)) {
-            *probes = Probes::default();
+            probes.let_go();
             self.view = shown.map(|shown| (shown.film(), shown.camera.clone()));
         }
     }

@@ -104,6 +104,7 @@ impl App {
         };
         self.look = look;
         (self.look_path, self.look_files.on_disk) = (left.work.look_path.clone(), left.work.on_disk);
+        self.prepare_chosen();
         match warnings.as_slice() {
             [] => self.say(format!("Recovered the look of {}", left.work.scene_name())),
             some => self.complain(format!("Recovered in part: {}", some.join(", "))),

@@ -23,6 +23,7 @@ impl App {
             let look = self.session.basis().map_or_else(Look::default, Look::of_file);
             (self.look, self.saved_look, self.look_path) = (look.clone(), look, None);
             self.look_files.forget();
+            self.adopt_choice();
             self.undoer = Undoer::default();
         }
         (self.export.width_px, self.export.region) = (None, None);
@@ -67,6 +68,7 @@ impl App {
     /// The bake that was opened is one of its scene from now on, baked as it was.
     pub(super) fn scene_of_bake_found(&mut self) {
         self.adopt_view();
+        self.adopt_choice();
         if let (None, Some(settings)) = (&self.fixed_settings, self.session.settings_of_shown()) {
             self.settings = settings;
         }
@@ -74,8 +76,12 @@ impl App {
 
     /// Starts what somebody asked for.
     pub(super) fn bake_as_asked(&mut self) {
+        // A look may make another scene of that of a bake.
+        if self.prepare_chosen() {
+            return;
+        }
         match self.session.opened.as_ref() {
-            Some(opened) if opened.scene.is_some() || opened.stack.is_some() => self.start_bake(),
+            Some(opened) if self.session.has_scene() || opened.stack.is_some() => self.start_bake(),
             _ => self.complain("a bake alone cannot be baked again; open its scene"),
         }
     }

@@ -1,6 +1,7 @@
 //! What is marked in the picture, measured there, and wished for: threads beside the window, and what is done with their answers.
 
 use std::borrow::Cow;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clerestory_transport::basis::SourceKind;
@@ -13,7 +14,8 @@ use eframe::egui::Ui;
 use super::App;
 use crate::illuminance::{LuxFigures, of_grid, of_marks};
 use crate::look::Look;
-use crate::marks::{Kin, Marks, Seen};
+use crate::look::wishes::{Wanted, Where};
+use crate::marks::{Framing, Kin, Marks, Seen};
 use crate::output::PendingFile;
 use crate::panels::lights::heard;
 use crate::panels::measure::{MeasureState, MeasureView, ScheduleState, measure_ui};
@@ -22,7 +24,8 @@ use crate::schedule::Schedule;
 use crate::session::aside::Aside;
 use crate::session::lamps::{LampLight, LampPart};
 use crate::session::{Session, Shown, Wake};
-use crate::solve::{AtPixel, LampColumn, Place, Scene, Solution, Target, at_point, parse, solve};
+use crate::solve::kept::{Here, Pictures};
+use crate::solve::{AtPixel, LampColumn, Scene, Solution, TargetPicture, at_point, solve};
 
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
@@ -40,10 +43,21 @@ pub(super) struct Solving {
     /// Node that was clicked on last, and its name.
     picked_node: Option<(u32, String)>,
     solving: Aside<Result<Solution, String>>,
-    /// A picture to match, by the name of its file.
-    reading: Aside<(String, Result<Target, String>)>,
+    /// A picture to match, and whether it is a wish from then on.
+    reading: Aside<(PathBuf, Reading, Result<TargetPicture, String>)>,
+    /// Pictures of wishes, by their files.
+    pictures: Pictures,
     /// The lights as they were when solving began.
     solved_from: LightRig,
+}
+
+/// What a picture is read for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Reading {
+    /// A new wish.
+    NewWish,
+    /// A wish that the look has.
+    OfLook,
 }
 
 /// What the picture is of.
@@ -63,7 +77,7 @@ struct Measured {
     rig: LightRig,
     /// Address of the light of free lamps; 0 without.
     lamps: usize,
-    marks: Option<Marks>,
+    marks: Option<Arc<Marks>>,
     by_area: bool,
 }
 
@@ -99,6 +113,7 @@ impl Solving {
             picked_node: None,
             solving: Aside::default(),
             reading: Aside::default(),
+            pictures: Pictures::new(),
             solved_from: LightRig::default(),
         }
     }
@@ -155,19 +170,17 @@ impl App {
 
     /// Takes answers in and asks for what is new; every frame.
     pub(super) fn follow_solving(&mut self) {
+        self.follow_marks();
         let view = View::of(&self.session);
         self.take_seen(view.as_ref());
+        self.follow_marks();
         self.take_solution();
         self.take_target();
+        self.read_targets();
         self.measure(view.as_ref());
         if self.solving.state.solution.is_some() && self.look.lights != self.solving.solved_from {
             self.solving.state.solution = None;
             self.say("The lights have changed since; solve again");
-        }
-        let film = self.session.shown.as_ref().map(Shown::film);
-        let marking = &mut self.view.marking;
-        if marking.marks.as_ref().is_some_and(|marks| Some(marks.film) != film) {
-            marking.marks = None;
         }
     }
 
@@ -257,7 +270,7 @@ impl App {
     /// Looks for the lights that come closest, beside the window.
     pub(super) fn solve(&mut self) {
         let Some(shown) = &self.session.shown else { return };
-        let request = self.solving.state.request(&self.free_lights());
+        let request = here(&self.session, &self.solving.pictures).request(&self.look.wishes, &self.free_lights());
         let rig = self.look.lights.clone();
         let parts = self.follower.lamp_light().map(|light| light.parts.clone()).unwrap_or_default();
         let lit = rig.lit_lamps();
@@ -301,14 +314,18 @@ impl App {
     }
 
     /// A wish for a picture to be matched, read beside the window.
-    pub(super) fn match_picture(&mut self, path: std::path::PathBuf) {
+    pub(super) fn match_picture(&mut self, path: PathBuf) {
         if self.solving.reading.is_busy() {
             return self.complain("another picture is still being read; try again in a moment");
         }
         self.say(format!("Reading {}", path.display()));
+        self.read_target(path, Reading::NewWish);
+    }
+
+    fn read_target(&mut self, path: PathBuf, reading: Reading) {
         let started = self.solving.reading.start("target", &self.solving.wake, move || {
-            let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-            (name, parse::picture(&path, None, None).map_err(|error| format!("{error:#}")))
+            let read = TargetPicture::read(&path).map_err(|error| format!("{error:#}"));
+            (path, reading, read)
         });
         if let Err(words) = started {
             self.complain(words);
@@ -317,12 +334,28 @@ impl App {
 
     fn take_target(&mut self) {
         match self.solving.reading.take() {
-            Some(Ok((name, Ok(target)))) => {
+            Some(Ok((path, Reading::NewWish, Ok(picture)))) => {
+                let (name, file) = (picture.name.clone(), path.display().to_string());
                 self.say(format!("{name} is among the wishes"));
-                self.solving.state.push(&name, Place::Whole, target);
+                self.solving.pictures.insert(file.clone(), Ok(Arc::new(picture)));
+                self.look.wishes.push(&name, Where::Whole, Wanted::Match { file, tone: None, exposure_ev: None });
             }
-            Some(Ok((_, Err(words))) | Err(words)) => self.complain(words),
+            Some(Ok((path, Reading::OfLook, read))) => {
+                self.solving.pictures.insert(path.display().to_string(), read.map(Arc::new));
+            }
+            Some(Ok((_, Reading::NewWish, Err(words))) | Err(words)) => self.complain(words),
             None => {}
+        }
+    }
+
+    /// Pictures that wishes of the look name are read one after the other.
+    fn read_targets(&mut self) {
+        if self.solving.reading.is_busy() {
+            return;
+        }
+        let next = self.look.wishes.files().find(|file| !self.solving.pictures.contains_key(*file)).map(PathBuf::from);
+        if let Some(path) = next {
+            self.read_target(path, Reading::OfLook);
         }
     }
 
@@ -333,7 +366,7 @@ impl App {
     }
 
     /// Writes the table of lamps.
-    pub(super) fn save_schedule(&mut self, path: &std::path::Path) {
+    pub(super) fn save_schedule(&mut self, path: &Path) {
         let Some(basis) = self.session.basis() else { return };
         let ScheduleState { by, efficacy_lm_w, floor_m2 } = self.solving.schedule;
         let efficacy_lm_w = Some(efficacy_lm_w).filter(|efficacy| *efficacy > 0.0);
@@ -372,7 +405,7 @@ impl App {
     pub(super) fn solving_ui(&mut self, ui: &mut Ui) {
         let shown = self.session.shown.as_ref();
         let has_illuminance = shown.is_some_and(|shown| shown.pixel_irradiance().is_some());
-        let can_bake = self.session.opened.as_ref().is_some_and(|opened| opened.scene.is_some());
+        let can_bake = self.session.has_scene();
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
         let surface = self.solving.surface.clone();
@@ -391,6 +424,7 @@ impl App {
             has_scene,
             floor: picked.as_ref().filter(|_| self.view.marking.marks().is_some()),
             floor_name: floor_name.as_deref(),
+            elsewhere: self.elsewhere(),
         };
         let state = MeasureState {
             marking: &mut self.view.marking,
@@ -398,19 +432,31 @@ impl App {
             work_plane: &mut self.settings.work_plane,
         };
         measure_ui(ui, state, &view, &mut self.actions);
-        let grids = shown.into_iter().flat_map(|shown| shown.header.grids(shown.irradiance.len()));
-        let grids = grids.map(|(set, grid)| (set, grid.name.clone())).collect();
+        let (mut wishes, lights) = (self.look.wishes.clone(), self.free_lights());
         let view = SolveView {
             look: &self.look,
-            lights: self.free_lights(),
+            lights,
             is_busy: self.solving.solving.is_busy(),
-            has_illuminance,
-            grids,
+            here: here(&self.session, &self.solving.pictures),
             can_bake,
             has_scene,
             marked: surface.as_deref(),
         };
-        solve_ui(ui, &mut self.solving.state, &mut self.view.marking, &view, &mut self.actions);
+        let state = (&mut self.solving.state, &mut wishes);
+        solve_ui(ui, state, &mut self.view.marking, &view, &mut self.actions);
+        self.look.wishes = wishes;
+    }
+}
+
+/// What wishes are about where they are solved.
+fn here<'a>(session: &Session, pictures: &'a Pictures) -> Here<'a> {
+    let shown = session.shown.as_ref();
+    let grids = shown.into_iter().flat_map(|shown| shown.header.grids(shown.irradiance.len()));
+    Here {
+        framing: shown.map(|shown| Framing { film: shown.film(), camera: shown.camera.clone() }),
+        grids: grids.map(|(set, grid)| (set, grid.name.clone())).collect(),
+        has_illuminance: shown.is_some_and(|shown| shown.pixel_irradiance().is_some()),
+        pictures: Cow::Borrowed(pictures),
     }
 }
 

@@ -10,58 +10,99 @@ use super::scenes::Reloading;
 use crate::action::Action;
 use crate::panels::strip::strip_ui;
 use crate::session::Source;
+use crate::session::aside::Aside;
 
-/// Seconds between two looks at the file, while something is drawn anyway.
+/// Seconds between two looks at the files, while something is drawn anyway.
 const LOOK_EVERY_SECS: f64 = 1.0;
 
 const WELCOME: &str =
     "Drag lights in the picture, or sliders on the left. Drop a glTF file here, or press Open…, to light your own room";
 
-/// When a file was written last, and its length.
-type Stamp = (Option<SystemTime>, u64);
+/// When a file was written last, and its length; none of one that is not there.
+type Stamp = Option<(Option<SystemTime>, u64)>;
 
-/// The file that is open, as it was when it was opened.
+/// What the picture is made of, as it was when it was opened.
 #[derive(Default)]
 pub(super) struct Watched {
-    file: Option<(PathBuf, Stamp)>,
+    /// The scene, first, and the files beside it.
+    files: Vec<(PathBuf, Stamp)>,
+    /// The map of the sky of the look.
+    sky: Option<(PathBuf, Stamp)>,
+    looking: Aside<Option<PathBuf>>,
     looked_at: f64,
-    has_changed: bool,
+    changed: Option<PathBuf>,
 }
 
-fn stamp(path: &Path) -> Option<Stamp> {
+fn stamp(path: &Path) -> Stamp {
     let meta = std::fs::metadata(path).ok()?;
     meta.is_file().then(|| (meta.modified().ok(), meta.len()))
+}
+
+fn stamped(path: PathBuf) -> (PathBuf, Stamp) {
+    let stamp = stamp(&path);
+    (path, stamp)
+}
+
+/// The first of some files that was written since. One that is gone is being written, or will be.
+fn changed(files: &[(PathBuf, Stamp)]) -> Option<PathBuf> {
+    let is_other = |(path, old): &&(PathBuf, Stamp)| stamp(path).is_some_and(|now| Some(now) != *old);
+    files.iter().find(is_other).map(|(path, _)| path.clone())
 }
 
 impl App {
     /// Starts to watch what was opened.
     pub(super) fn watch_opened(&mut self) {
-        let path = self.session.opened.as_ref().and_then(|opened| opened.path.clone());
-        let file = path.and_then(|path| stamp(&path).map(|stamp| (path, stamp)));
-        self.watched = Watched { file, ..Watched::default() };
+        let opened = self.session.opened.as_ref();
+        let path = opened.and_then(|opened| opened.path.clone()).filter(|path| path.is_file());
+        let beside = opened.into_iter().flat_map(|opened| opened.files.iter().cloned());
+        let files = path.into_iter().chain(beside).map(stamped).collect();
+        self.watched = Watched { files, ..Watched::default() };
+        self.watch_sky();
     }
 
-    /// Looks now and then whether the file that is open was written since; nothing is drawn for that alone.
+    /// Watches the map that the look names from now on.
+    fn watch_sky(&mut self) {
+        let file = self.look.lights.sky.as_ref().and_then(|sky| sky.file.as_ref()).filter(|file| *file != "uniform");
+        let file = file.map(PathBuf::from);
+        if file.as_ref() != self.watched.sky.as_ref().map(|(path, _)| path) {
+            self.watched.sky = file.map(stamped);
+        }
+    }
+
+    /// Looks now and then whether something of what is open was written since, beside the window: files may lie far off. Nothing
+    /// is drawn for that alone.
     pub(super) fn watch_file(&mut self, ctx: &Context) {
-        let now = ctx.input(|input| input.time);
-        let Some((path, opened)) = &self.watched.file else { return };
-        if now - self.watched.looked_at < LOOK_EVERY_SECS {
+        // What is being read again is told once it is there.
+        if self.reloading.is_some() {
             return;
         }
-        self.watched.looked_at = now;
-        // One that is gone is being written, or will be.
-        self.watched.has_changed = stamp(path).is_some_and(|found| found != *opened);
+        self.watch_sky();
+        let now = ctx.input(|input| input.time);
+        let Watched { files, sky, looking, looked_at, changed: found } = &mut self.watched;
+        if let Some(answer) = looking.take() {
+            (*looked_at, *found) = (now, answer.ok().flatten());
+        }
+        if (files.is_empty() && sky.is_none()) || looking.is_busy() || now - *looked_at < LOOK_EVERY_SECS {
+            return;
+        }
+        let watched: Vec<(PathBuf, Stamp)> = files.iter().chain(sky.as_ref()).cloned().collect();
+        if let Err(words) = looking.start("watch", &self.wake, move || changed(&watched)) {
+            self.complain(words);
+        }
     }
 
-    /// Opens the same file again; what is set stays, light by light, as their names are.
+    /// Opens the same file again; what is set stays, light by light, as their names are. Of a sky only its map is read.
     pub(super) fn reload(&mut self) {
-        if let Some((path, _)) = self.watched.file.clone() {
-            let of_file = self.session.cameras().get(self.settings.camera_idx);
-            let camera = self.camera.camera.clone().filter(|camera| Some(camera) != of_file);
-            self.reloading = Some(Reloading { camera });
-            self.watched.has_changed = false;
-            self.session.reopen(Source::File(path));
+        let found = self.watched.changed.take();
+        if found.is_some() && found.as_ref() == self.watched.sky.as_ref().map(|(path, _)| path) {
+            self.watched.sky = found.map(stamped);
+            return self.read_sky_again();
         }
+        let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };
+        let of_file = self.session.cameras().get(self.settings.camera_idx);
+        let camera = self.camera.camera.clone().filter(|camera| Some(camera) != of_file);
+        self.reloading = Some(Reloading { camera });
+        self.session.reopen(Source::File(path));
     }
 
     /// What is to be told over the picture.
@@ -69,7 +110,7 @@ impl App {
         if self.is_new_here && strip_ui(ui, "welcome", WELCOME, &["Got it"]).is_some() {
             self.is_new_here = false;
         }
-        let Some((path, _)) = self.watched.file.as_ref().filter(|_| self.watched.has_changed) else { return };
+        let Some(path) = &self.watched.changed else { return };
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let words = format!("{name} has changed on disk");
         match strip_ui(ui, "changed", &words, &["Reload", "Keep what is open"]) {

@@ -11,6 +11,7 @@ impl App {
             let before = std::mem::replace(&mut self.look, look);
             self.follow_file_of_look(before);
             self.messages.take_back();
+            self.prepare_chosen();
             self.say("Undone");
         }
     }
@@ -21,6 +22,7 @@ impl App {
             let before = std::mem::replace(&mut self.look, look);
             self.follow_file_of_look(before);
             self.messages.take_back();
+            self.prepare_chosen();
             self.say("Done again");
         }
     }

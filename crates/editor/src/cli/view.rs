@@ -183,7 +183,7 @@ pub(crate) fn or_of_file(look: Look, path: Option<&Path>, basis: &LightBasis) ->
 
 /// A warning for each light that a look sets without effect.
 pub(crate) fn warn_of_unknown_lights(basis: &LightBasis, look: &Look, console: &mut Console) {
-    console.warn_all(look.unheeded(basis));
+    console.warn_all(look.unheeded(basis).into_iter().chain(look.unbaked(basis)));
     if look.lights.sky.is_some() && basis.sky.is_none() {
         console.warn("the look sets the sky, but there is none to turn or exchange; name one with --sky (of the bake)");
     }

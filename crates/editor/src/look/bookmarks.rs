@@ -15,20 +15,22 @@ const TURN_SLACK: f32 = 1e-3;
 
 /// The bookmarks as a member of the document; none without any.
 pub(super) fn json(bookmarks: &[Camera]) -> Option<String> {
-    let line = |camera: &Camera| {
-        let mut members = vec![
-            format!("\"name\": {}", value(&camera.name)),
-            member("matrix", &camera.world_from_camera.to_cols_array()),
-            member("yfov", &camera.yfov_rad),
-            member("aspect", &camera.aspect),
-        ];
-        if camera.shift != [0.0; 2] {
-            members.push(member("shift", &camera.shift));
-        }
-        format!("    {{ {} }}", members.join(", "))
-    };
-    let lines: Vec<String> = bookmarks.iter().map(line).collect();
+    let lines: Vec<String> = bookmarks.iter().map(|camera| format!("    {}", camera_json(camera))).collect();
     (!lines.is_empty()).then(|| format!("  \"bookmarks\": [\n{}\n  ]", lines.join(",\n")))
+}
+
+/// A camera on one line.
+pub(super) fn camera_json(camera: &Camera) -> String {
+    let mut members = vec![
+        format!("\"name\": {}", value(&camera.name)),
+        member("matrix", &camera.world_from_camera.to_cols_array()),
+        member("yfov", &camera.yfov_rad),
+        member("aspect", &camera.aspect),
+    ];
+    if camera.shift != [0.0; 2] {
+        members.push(member("shift", &camera.shift));
+    }
+    format!("{{ {} }}", members.join(", "))
 }
 
 impl Reader<'_> {
@@ -36,11 +38,12 @@ impl Reader<'_> {
     pub(super) fn bookmarks(&mut self, value: &Value) -> Result<Vec<Camera>> {
         let list = self.array(value)?;
         ensure!(list.len() <= MAX_BOOKMARKS, "a look has at most {MAX_BOOKMARKS} bookmarks, not {}", list.len());
-        let bookmarks = list.iter().enumerate().map(|(idx, value)| self.part(idx, |reader| reader.bookmark(value)));
+        let bookmarks = list.iter().enumerate().map(|(idx, value)| self.part(idx, |reader| reader.camera(value)));
         bookmarks.filter_map(Result::transpose).collect()
     }
 
-    fn bookmark(&mut self, value: &Value) -> Result<Camera> {
+    /// A camera that may stand anywhere.
+    pub(super) fn camera(&mut self, value: &Value) -> Result<Camera> {
         let object = self.object(value)?;
         self.report_unknown(object, &["name", "matrix", "yfov", "aspect", "shift"]);
         let missing = |reader: &Reader, key: &str| anyhow!("`{}.{key}` is missing: a view needs it", reader.name());

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
 use serde_json::{Map, Value};
 
+use super::marked::MOST_MARKED;
 use super::place::{self, Step};
 use super::{Display, LOOK_VERSION, Look, damage};
 
@@ -64,7 +65,11 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     check_version(document, &mut reader)?;
     reader.report_unknown(
         document,
-        &[&["clerestory", "names", "looks", "on", "timeline", "bookmarks"], &LIGHTING[..]].concat(),
+        &[
+            &["clerestory", "names", "looks", "on", "timeline", "scene", "bookmarks", "wishes", "marks", "probes"],
+            &LIGHTING[..],
+        ]
+        .concat(),
     );
     let (lights, display) = reader.lighting(document)?;
     let snapshots = reader.optional(document, "looks", |reader, value| reader.snapshots(value))?.unwrap_or_default();
@@ -76,7 +81,11 @@ pub(super) fn look(json: &str, on_fault: OnFault) -> Result<(Look, Vec<String>)>
     let names = reader.entries(document, "names", |reader, value| reader.text(value))?;
     let bookmarks =
         reader.optional(document, "bookmarks", |reader, value| reader.bookmarks(value))?.unwrap_or_default();
-    Ok((Look { lights, names, display, snapshots, on, timeline, bookmarks }, warnings))
+    let wishes = reader.optional(document, "wishes", |reader, value| reader.wishes(value))?.unwrap_or_default();
+    let marks = reader.optional(document, "marks", |reader, value| reader.marked(value, &mut MOST_MARKED.clone()))?;
+    let probes = reader.optional(document, "probes", |reader, value| reader.probes(value))?.unwrap_or_default();
+    let scene = reader.optional(document, "scene", |reader, value| reader.scene_choice(value))?.unwrap_or_default();
+    Ok((Look { lights, names, display, snapshots, on, timeline, scene, bookmarks, wishes, marks, probes }, warnings))
 }
 
 /// Refuses what a newer program wrote, and what is no look at all.
@@ -166,7 +175,7 @@ impl Reader<'_> {
     }
 
     /// All entries of an object of the document, by key; empty if it is left out.
-    fn entries<T>(
+    pub(super) fn entries<T>(
         &mut self,
         document: &Map<String, Value>,
         name: &str,

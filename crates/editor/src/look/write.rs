@@ -17,7 +17,11 @@ pub(super) fn json(look: &Look) -> String {
     }
     members.extend(look.on.as_ref().map(|on| format!("  \"on\": {}", value(on))));
     members.extend(super::timeline::json(&look.timeline).map(|timeline| format!("  \"timeline\": {timeline}")));
+    members.extend(super::scene::json(&look.scene));
     members.extend(super::bookmarks::json(&look.bookmarks));
+    members.extend(super::wishes::json(&look.wishes));
+    members.extend(look.marks.as_ref().map(|marks| format!("  \"marks\": {}", super::marked::json(marks))));
+    members.extend(super::marked::probes_json(&look.probes));
     format!("{{\n{}\n}}\n", members.join(",\n"))
 }
 

@@ -196,7 +196,7 @@ pub enum UnsavedAnswer {
 
 /// Asks before a look is lost.
 pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
-    let words = "The lights were changed since the look was last saved";
+    let words = "It was changed since it was last saved";
     let answers = Answers {
         best: ("Save look…", UnsavedAnswer::Save),
         back: ("Cancel", UnsavedAnswer::Stay),

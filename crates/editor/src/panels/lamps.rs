@@ -2,7 +2,7 @@
 
 use clerestory_transport::lamps::{FreeLamp, LampShape};
 use clerestory_transport::light::luminance;
-use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Pos2, RichText, Ui};
+use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Modifiers, Pos2, RichText, Ui};
 use glam::Vec3;
 
 use super::lights::listed::Listed;
@@ -16,6 +16,8 @@ use crate::viewport::gizmo::{AimWhileMoving, Drag, move_to};
 pub struct LampState {
     /// Key of the lamp that was touched last.
     pub chosen: Option<String>,
+    /// The light that a click in the picture was for, until the list has taken it over.
+    pub picked: Option<(String, Pick)>,
     /// Whether the next click in the picture says what it is to light.
     pub aiming: bool,
     /// What moving does to the aim.
@@ -30,6 +32,23 @@ pub struct LampState {
     pub menu_at: Option<Pos2>,
     /// A name that is being typed.
     naming: Renaming,
+}
+
+/// What a click on a light of the picture does to what is selected.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pick {
+    /// This light alone is selected from then on.
+    #[default]
+    Alone,
+    /// It is selected as well.
+    Another,
+}
+
+impl Pick {
+    /// With Shift, Ctrl or ⌘ a click adds, as in the list.
+    pub fn of(modifiers: Modifiers) -> Pick {
+        if modifiers.shift || modifiers.command { Pick::Another } else { Pick::Alone }
+    }
 }
 
 impl LampState {

@@ -23,7 +23,7 @@ use clerestory_transport::basis::LightBasis;
 use eframe::egui::{self, Align, ComboBox, DragValue, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
 use serde::{Deserialize, Serialize};
 
-use super::lamps::{LampChoice, LampState, add_button, missing_ui};
+use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
 use crate::action::Action;
 use crate::look::Look;
 pub use groups::with_groups;
@@ -126,6 +126,7 @@ impl LightsState {
 
     /// Takes over what was chosen in the picture: a lamp that was clicked, or a light that was asked for.
     fn follow_picture(&mut self) {
+        let picked = self.lamps.picked.take();
         let mut asked = self.chosen.clone().filter(|_| self.chosen != self.chosen_before);
         if self.lamps.chosen != self.lamp_before {
             match &self.lamps.chosen {
@@ -137,8 +138,12 @@ impl LightsState {
             }
             self.lamp_before.clone_from(&self.lamps.chosen);
         }
+        let (asked, pick) = picked.map_or((asked, Pick::Alone), |(key, pick)| (Some(key), pick));
         if let Some(key) = asked {
-            self.selection.set(&key);
+            match pick {
+                Pick::Alone => self.selection.set(&key),
+                Pick::Another => self.selection.add(&key),
+            }
             (self.chosen, self.scroll_to) = (Some(key.clone()), Some(key));
         }
         self.chosen_before.clone_from(&self.chosen);

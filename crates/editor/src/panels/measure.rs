@@ -34,6 +34,8 @@ pub struct MeasureView<'a> {
     pub floor: Option<&'a (u32, String)>,
     /// Name of the object that the work plane stands on, if it is not the whole scene.
     pub floor_name: Option<&'a str>,
+    /// What of the look is of another view than the one that is shown, for people.
+    pub elsewhere: Option<String>,
 }
 
 /// What can be set here.
@@ -67,6 +69,10 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
         tools_ui(ui, marking, view.has_scene);
         if let (Some(surface), true) = (view.surface, marking.marks().is_some()) {
             ui.label(RichText::new(surface).weak());
+        }
+        if let Some(words) = &view.elsewhere {
+            let tip = "It stays in the look, and is back when that view is shown";
+            ui.label(RichText::new(words).color(ui.visuals().warn_fg_color)).on_hover_text(tip);
         }
         match (&view.marked, view.has_illuminance) {
             (Some(figures), _) => figures_ui(ui, "marked", figures),

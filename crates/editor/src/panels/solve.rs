@@ -1,8 +1,5 @@
 //! Solve for light: wishes for parts of the picture, the lights that may change for them, and what came of it.
 
-use std::collections::BTreeSet;
-use std::sync::Arc;
-
 use clerestory_relight::Tone;
 use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui, vec2};
 
@@ -10,7 +7,10 @@ use super::display::tone_name;
 use super::measure::{missing_ui, tools_ui};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
-use crate::solve::{Exposure, Freedom, Place, Request, Solution, Target, TargetPicture, Wish};
+use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
+use crate::marks::Marked;
+use crate::solve::kept::Here;
+use crate::solve::{Exposure, Solution};
 use crate::theme::{self, Fold};
 use crate::viewport::marking::Marking;
 
@@ -36,22 +36,11 @@ const KINDS: [(Kind, &str, &str, f64, &str); 4] = [
     (Kind::Keep, "Keep", "", 0.0, "What is marked stays as it is"),
 ];
 
-/// The wishes, what may change, and what came of it.
+/// What the next wish is, and what came of those of the look.
 #[derive(Clone, Debug)]
 pub struct SolveState {
-    /// Wishes, and the number that the next one gets in its name.
-    pub wishes: Vec<Wish>,
-    n_made: usize,
-    /// What the next wish is.
     kind: Kind,
     value: f64,
-    /// Keys of lights that may not change.
-    pub held: BTreeSet<String>,
-    /// Least and largest factor.
-    bounds: [f64; 2],
-    colors: bool,
-    saturation: f64,
-    keep: f64,
     /// What was found, and waits to be taken over.
     pub solution: Option<Solution>,
     /// Whether the picture shows it meanwhile.
@@ -62,23 +51,13 @@ pub struct SolveState {
 
 impl Default for SolveState {
     fn default() -> Self {
-        let usual = Request::default();
-        SolveState {
-            wishes: Vec::new(),
-            n_made: 0,
-            kind: Kind::default(),
-            value: KINDS[0].3,
-            held: BTreeSet::new(),
-            bounds: usual.bounds,
-            colors: false,
-            saturation: 0.5,
-            keep: usual.keep,
-            solution: None,
-            is_previewed: true,
-            problem: None,
-        }
+        let (kind, value) = (Kind::default(), KINDS[0].3);
+        SolveState { kind, value, solution: None, is_previewed: true, problem: None }
     }
 }
+
+/// Saturation that colors may change up to where nobody says.
+const USUAL_SATURATION: f64 = 0.5;
 
 /// What the panel needs to know.
 pub struct SolveView<'a> {
@@ -88,10 +67,8 @@ pub struct SolveView<'a> {
     pub lights: Vec<String>,
     /// Whether a solution is being looked for.
     pub is_busy: bool,
-    /// Whether the light that arrives at the pixels was baked.
-    pub has_illuminance: bool,
-    /// Sensor grids of the bake: number and name.
-    pub grids: Vec<(usize, String)>,
+    /// What wishes are about.
+    pub here: Here<'a>,
     /// Whether a bake can be started here.
     pub can_bake: bool,
     /// Whether surfaces can be told apart.
@@ -101,36 +78,12 @@ pub struct SolveView<'a> {
 }
 
 impl SolveState {
-    /// What is to be solved.
-    pub fn request(&self, lights: &[String]) -> Request {
-        let free = lights.iter().filter(|key| !self.held.contains(*key)).cloned().collect();
-        let freedom =
-            if self.colors { Freedom::Color { most_saturation: self.saturation } } else { Freedom::Intensity };
-        Request {
-            wishes: self.wishes.clone(),
-            lights: Some(free),
-            bounds: self.bounds,
-            freedom,
-            keep: self.keep,
-            ..Request::default()
-        }
-    }
-
-    /// One more wish; its name tells it from the others.
-    pub fn push(&mut self, name: &str, place: Place, target: Target) {
-        self.n_made += 1;
-        let is_taken = self.wishes.iter().any(|wish| wish.name == name);
-        let name =
-            if is_taken || name.is_empty() { format!("{name} {}", self.n_made).trim().to_owned() } else { name.into() };
-        self.wishes.push(Wish { name, place, target, weight: 1.0 });
-    }
-
-    fn target(&self) -> Target {
+    fn wanted(&self) -> Wanted {
         match self.kind {
-            Kind::Lux => Target::Illuminance(self.value),
-            Kind::Luminance => Target::Luminance(self.value),
-            Kind::Times => Target::Times(self.value),
-            Kind::Keep => Target::Keep,
+            Kind::Lux => Wanted::Lux(self.value),
+            Kind::Luminance => Wanted::Luminance(self.value),
+            Kind::Times => Wanted::Times(self.value),
+            Kind::Keep => Wanted::Keep,
         }
     }
 }
@@ -138,7 +91,7 @@ impl SolveState {
 /// Draws it.
 pub fn solve_ui(
     ui: &mut Ui,
-    state: &mut SolveState,
+    (state, wishes): (&mut SolveState, &mut Wishes),
     marking: &mut Marking,
     view: &SolveView,
     actions: &mut Vec<Action>,
@@ -146,11 +99,12 @@ pub fn solve_ui(
     theme::folding(ui, "Solve for light", Fold::Closed, |ui| {
         ui.label(RichText::new("Say what you want to see, and let the lights be found").weak());
         tools_ui(ui, marking, view.has_scene);
-        new_wish_ui(ui, state, marking, view, actions);
-        wishes_ui(ui, state);
-        limits_ui(ui, state, view);
+        kind_ui(ui, state);
+        new_wish_ui(ui, (state, wishes), marking, view, actions);
+        wishes_ui(ui, wishes, &view.here);
+        limits_ui(ui, wishes, view);
         ui.add_space(4.0);
-        run_ui(ui, state, view, actions);
+        run_ui(ui, wishes, view, actions);
         if let Some(problem) = &state.problem {
             ui.colored_label(ui.visuals().error_fg_color, view.look.renamed(problem));
         }
@@ -158,7 +112,7 @@ pub fn solve_ui(
     });
 }
 
-fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &SolveView, actions: &mut Vec<Action>) {
+fn kind_ui(ui: &mut Ui, state: &mut SolveState) {
     ui.horizontal(|ui| {
         let (_, name, unit, _, hint) = KINDS[KINDS.iter().position(|kind| kind.0 == state.kind).unwrap_or(0)];
         let combo = egui::ComboBox::from_id_salt("wish kind").selected_text(name).width(128.0);
@@ -181,8 +135,17 @@ fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &So
             ui.add(value).on_hover_text(hint).accessible_name("Wanted");
         }
     });
-    let lacks_lux = state.kind == Kind::Lux && !view.has_illuminance;
-    if lacks_lux && view.grids.is_empty() {
+}
+
+fn new_wish_ui(
+    ui: &mut Ui,
+    (state, wishes): (&SolveState, &mut Wishes),
+    marking: &Marking,
+    view: &SolveView,
+    actions: &mut Vec<Action>,
+) {
+    let lacks_lux = state.kind == Kind::Lux && !view.here.has_illuminance;
+    if lacks_lux && view.here.grids.is_empty() {
         missing_ui(ui, view.can_bake, actions);
     }
     ui.horizontal_wrapped(|ui| {
@@ -190,17 +153,16 @@ fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &So
         let add = ui.add_enabled(can_add, Button::new("Add wish")).on_hover_text("For what is marked in the picture");
         let why = if lacks_lux { "This bake holds no illuminance" } else { "Mark a part of the picture first" };
         if add.on_disabled_hover_text(why).clicked()
-            && let Some(marks) = marking.marks()
+            && let Some((marks, framing)) = marking.marks().zip(view.here.framing.clone())
         {
-            let target = state.target();
-            state.push(view.marked.unwrap_or("Wish"), Place::Marks(Arc::new(marks.clone())), target);
+            let place = Where::Marked(Marked { framing, marks: marks.clone() });
+            wishes.push(view.marked.unwrap_or("Wish"), place, state.wanted());
         }
-        for (set, name) in &view.grids {
+        for (_, name) in &view.here.grids {
             let is_for_grid = matches!(state.kind, Kind::Lux | Kind::Times);
             let hint = "For this sensor grid of the bake";
             if ui.add_enabled(is_for_grid, Button::new(format!("Add for {name}"))).on_hover_text(hint).clicked() {
-                let target = state.target();
-                state.push(name, Place::Grid(*set), target);
+                wishes.push(name, Where::Sensors(name.clone()), state.wanted());
             }
         }
         let hint = "Lights that make the picture look like another one: EXR or HDR in cd/m², or PNG or JPEG";
@@ -211,9 +173,9 @@ fn new_wish_ui(ui: &mut Ui, state: &mut SolveState, marking: &Marking, view: &So
 }
 
 /// Each wish has a line for its name and one for what is wanted, so that a narrow panel has room for both.
-fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
+fn wishes_ui(ui: &mut Ui, wishes: &mut Wishes, here: &Here) {
     let mut gone = None;
-    for (idx, wish) in state.wishes.iter_mut().enumerate() {
+    for (idx, wish) in wishes.list.iter_mut().enumerate() {
         ui.push_id(idx, |ui| {
             let right_to_left = egui::Layout::right_to_left(egui::Align::Center);
             ui.allocate_ui_with_layout(vec2(ui.available_width(), ui.spacing().interact_size.y), right_to_left, |ui| {
@@ -226,27 +188,33 @@ fn wishes_ui(ui: &mut Ui, state: &mut SolveState) {
                 let left_to_right = egui::Layout::left_to_right(egui::Align::Center);
                 ui.with_layout(left_to_right, |ui| ui.add(egui::Label::new(&wish.name).truncate()));
             });
-            ui.horizontal_wrapped(|ui| wanted_ui(ui, wish));
+            ui.horizontal_wrapped(|ui| wanted_ui(ui, wish, here));
+            if let Some(words) = here.misfit(wish) {
+                ui.label(RichText::new(words).color(ui.visuals().warn_fg_color))
+                    .on_hover_text("It stays in the look, and does not count until it fits");
+            }
         });
     }
     if let Some(gone) = gone {
-        state.wishes.remove(gone);
+        wishes.list.remove(gone);
     }
 }
 
 /// What a wish wants, and how much it counts.
-fn wanted_ui(ui: &mut Ui, wish: &mut Wish) {
+fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
     let name = format!("{} wanted", wish.name);
-    let (value, unit) = match &mut wish.target {
-        Target::Illuminance(lux) => (Some(lux), " lx"),
-        Target::Luminance(nit) => (Some(nit), " cd/m²"),
-        Target::Times(times) => (Some(times), "×"),
-        Target::Keep => (None, "keep"),
-        Target::Picture(picture, Exposure::Free) => {
-            curve_ui(ui, &wish.name, picture);
-            (None, "")
-        }
-        Target::Picture(..) => (None, "match"),
+    let (value, unit) = match &mut wish.wanted {
+        Wanted::Lux(lux) => (Some(lux), " lx"),
+        Wanted::Luminance(nit) => (Some(nit), " cd/m²"),
+        Wanted::Times(times) => (Some(times), "×"),
+        Wanted::Keep => (None, "keep"),
+        Wanted::Match { file, tone, exposure_ev } => match here.shown_with(file, *tone, *exposure_ev) {
+            Some((shown, Exposure::Free)) => {
+                curve_ui(ui, &wish.name, shown, tone);
+                (None, "")
+            }
+            _ => (None, "match"),
+        },
     };
     match value {
         Some(value) => {
@@ -267,12 +235,12 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Wish) {
 }
 
 /// Which tone curve a picture of unknown exposure was shown with.
-fn curve_ui(ui: &mut Ui, name: &str, picture: &mut Arc<TargetPicture>) {
+fn curve_ui(ui: &mut Ui, name: &str, shown: Tone, own: &mut Option<Tone>) {
     let words = |tone: Tone| if tone == Tone::Linear { "Photograph" } else { tone_name(tone) };
-    let mut tone = picture.display.tone;
+    let mut tone = shown;
     let combo = egui::ComboBox::from_id_salt(("curve", name)).selected_text(words(tone)).width(96.0);
     let combo = combo.show_ui(ui, |ui| {
-        for known in [Tone::Linear, Tone::Agx, Tone::Aces, Tone::Neutral, Tone::Reinhard] {
+        for known in CURVES {
             ui.selectable_value(&mut tone, known, words(known));
         }
     });
@@ -280,31 +248,31 @@ fn curve_ui(ui: &mut Ui, name: &str, picture: &mut Arc<TargetPicture>) {
         .response
         .on_hover_text("The tone curve that the picture was made with. Its exposure is found; an EXR, or a PNG of this program, needs neither")
         .widget_info(|| egui::WidgetInfo::labeled(egui::Role::ComboBox, true, format!("{name} tone curve")));
-    if tone != picture.display.tone {
-        Arc::make_mut(picture).display.tone = tone;
+    if tone != shown {
+        *own = Some(tone);
     }
 }
 
-fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
-    let n_free = view.lights.iter().filter(|key| !state.held.contains(*key)).count();
+fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
+    let n_free = view.lights.iter().filter(|key| !wishes.held.contains(*key)).count();
     let title = format!("Lights to change ({n_free} of {})", view.lights.len());
     CollapsingHeader::new(title).id_salt("free lights").show(ui, |ui| {
         ui.horizontal(|ui| {
             if ui.button("All").on_hover_text("All that are not muted").clicked() {
-                state.held.clear();
+                wishes.held.clear();
             }
             if ui.button("None").clicked() {
-                state.held = view.lights.iter().cloned().collect();
+                wishes.held = view.lights.iter().cloned().collect();
             }
         });
         ScrollArea::vertical().id_salt("free list").max_height(160.0).show(ui, |ui| {
             for key in &view.lights {
-                let mut is_free = !state.held.contains(key);
+                let mut is_free = !wishes.held.contains(key);
                 let name = view.look.name_of(key);
                 let check = ui.add(Checkbox::new(&mut is_free, name)).accessible_name(format!("{name} may change"));
                 match (check.changed(), is_free) {
-                    (true, true) => drop(state.held.remove(key)),
-                    (true, false) => drop(state.held.insert(key.clone())),
+                    (true, true) => drop(wishes.held.remove(key)),
+                    (true, false) => drop(wishes.held.insert(key.clone())),
                     _ => {}
                 }
             }
@@ -313,7 +281,7 @@ fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
     Grid::new("limits").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         ui.label("Factor");
         ui.horizontal(|ui| {
-            let [least, most] = &mut state.bounds;
+            let [least, most] = &mut wishes.bounds;
             let low = DragValue::new(least).range(0.0..=1e6).speed(0.01).suffix("×").max_decimals(3);
             ui.add(low).on_hover_text("Least intensity, times the file").accessible_name("Least factor");
             ui.label("to");
@@ -323,17 +291,20 @@ fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
         });
         ui.end_row();
         ui.label("Rest");
-        let keep = Slider::new(&mut state.keep, 1e-4..=1.0).logarithmic(true).show_value(false);
+        let keep = Slider::new(&mut wishes.keep, 1e-4..=1.0).logarithmic(true).show_value(false);
         ui.add(keep)
             .on_hover_text("How much the rest of the picture is kept: left hardly, right as much as a wish counts")
             .accessible_name("Keep the rest");
         ui.end_row();
         ui.label("");
         ui.horizontal(|ui| {
-            ui.checkbox(&mut state.colors, "Colors too")
-                .on_hover_text("Lets the colors of lamps change, but not of the sky");
-            if state.colors {
-                let saturation = DragValue::new(&mut state.saturation).range(0.0..=1.0).speed(0.005).fixed_decimals(2);
+            let mut may_change = wishes.colors.is_some();
+            let check = ui.checkbox(&mut may_change, "Colors too");
+            if check.on_hover_text("Lets the colors of lamps change, but not of the sky").changed() {
+                wishes.colors = may_change.then_some(USUAL_SATURATION);
+            }
+            if let Some(saturation) = &mut wishes.colors {
+                let saturation = DragValue::new(saturation).range(0.0..=1.0).speed(0.005).fixed_decimals(2);
                 ui.add(saturation)
                     .on_hover_text("Most saturation: 0 is white, 1 is any color")
                     .accessible_name("Most saturation");
@@ -343,12 +314,14 @@ fn limits_ui(ui: &mut Ui, state: &mut SolveState, view: &SolveView) {
     });
 }
 
-fn run_ui(ui: &mut Ui, state: &SolveState, view: &SolveView, actions: &mut Vec<Action>) {
+fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Action>) {
+    let can_solve = wishes.list.iter().any(|wish| view.here.misfit(wish).is_none());
     ui.horizontal(|ui| {
         let solve = Button::new(RichText::new("Solve").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-        let solve = ui.add_enabled(!state.wishes.is_empty() && !view.is_busy, solve);
+        let solve = ui.add_enabled(can_solve && !view.is_busy, solve);
         let solve = solve.on_hover_text("Looks for the lights that come closest");
-        if solve.on_disabled_hover_text("Add a wish first").clicked() {
+        let why = if wishes.list.is_empty() { "Add a wish first" } else { "No wish fits what is shown" };
+        if solve.on_disabled_hover_text(why).clicked() {
             actions.push(Action::Solve);
         }
         if view.is_busy {

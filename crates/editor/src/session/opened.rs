@@ -22,6 +22,8 @@ pub struct Opened {
     pub source: Option<Source>,
     /// Where it lies; what is part of the program, or came as bytes, lies nowhere.
     pub path: Option<PathBuf>,
+    /// Files beside it that it is made of, there or not.
+    pub files: Vec<PathBuf>,
     /// The scene; a bake that was opened from a file has none.
     pub scene: Option<Arc<PreparedScene>>,
     /// The folder of pictures, where one was opened instead.
@@ -47,6 +49,11 @@ pub enum SceneOfBake {
 }
 
 impl Opened {
+    /// Whether it was opened as a finished bake.
+    pub fn is_bake(&self) -> bool {
+        self.of_bake.is_some()
+    }
+
     /// Whether it has lamps that may be counted in other units.
     pub fn has_plain_lamps(&self) -> bool {
         self.lamps.iter().any(|lamp| lamp.profile.is_none())
@@ -76,7 +83,8 @@ impl Session {
         self.open_with(source, chosen);
     }
 
-    fn open_with(&mut self, source: Source, chosen: Chosen) {
+    /// The same, with what is chosen about it.
+    pub fn open_with(&mut self, source: Source, chosen: Chosen) {
         self.stop_loading();
         self.stage = Stage::Loading(source.name());
         self.opening = source.path();
@@ -96,17 +104,10 @@ impl Session {
         }
     }
 
-    /// Makes a light of the open scene a panel of texels; the scene is prepared again in the background.
-    pub fn choose_panel(&mut self, node: String, resolution: u32) {
-        self.choose(|chosen| {
-            chosen.panels.retain(|panel| panel.node != node);
-            chosen.panels.push(PanelRequest { node, resolution });
-        });
-    }
-
-    /// Counts the lamps of the open scene otherwise; the scene is prepared again in the background.
-    pub fn choose_units(&mut self, units: LampUnits) {
-        self.choose(|chosen| chosen.units = units);
+    /// Makes panels of lights of the open scene, these and no others, and counts its lamps in these units; the scene is prepared
+    /// again in the background.
+    pub fn choose_scene(&mut self, panels: Vec<PanelRequest>, units: LampUnits) {
+        self.choose(|chosen| (chosen.panels, chosen.units) = (panels, units));
     }
 
     /// Puts a sky over the open scene; it is prepared again in the background.
@@ -159,24 +160,30 @@ impl Session {
         self.stage = Stage::Ready;
         self.history.clear();
         self.begun = None;
+        let nothing = Opened {
+            name,
+            source: None,
+            path,
+            files: Vec::new(),
+            scene: None,
+            stack: None,
+            report: Vec::new(),
+            lamps: Vec::new(),
+            chosen: Chosen::default(),
+            of_bake: None,
+        };
         match loaded {
-            Loaded::Scene { scene, report, lamps, chosen } => {
+            Loaded::Scene { scene, report, lamps, chosen, files } => {
                 let scene = Some(Arc::from(scene));
-                self.opened =
-                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
+                self.opened = Some(Opened { source, files, scene, report, lamps, chosen, ..nothing });
             }
             Loaded::Stack(stack) => {
-                let (report, lamps, chosen) = (stack.remarks(), Vec::new(), Chosen::default());
-                let stack = Some(Arc::new(stack));
-                let (scene, source) = (None, None);
-                self.opened = Some(Opened { name, source, path, scene, stack, report, lamps, chosen, of_bake: None });
+                let report = stack.remarks();
+                self.opened = Some(Opened { stack: Some(Arc::new(stack)), report, ..nothing });
             }
             Loaded::Bake(bake) => {
-                let (report, lamps, chosen) = (Vec::new(), Vec::new(), Chosen::default());
-                let folder = path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
-                let (scene, source) = (None, None);
-                self.opened =
-                    Some(Opened { name, source, path, scene, stack: None, report, lamps, chosen, of_bake: None });
+                let folder = nothing.path.as_deref().and_then(Path::parent).map(Path::to_path_buf);
+                self.opened = Some(nothing);
                 let folder = folder.filter(|_| !bake.header.basis.is_measured());
                 let scene = folder.map(|folder| folder.join(&bake.header.scene));
                 self.show_finished(bake);
@@ -207,7 +214,7 @@ impl Session {
                 notices.push(Notice::PreparedAgain);
             }
             (Ok(_), None) => {}
-            (Err(why), _) => notices.push(Notice::Failed(why)),
+            (Err(why), _) => notices.push(Notice::NotPrepared(why)),
         }
     }
 

@@ -82,6 +82,8 @@ pub enum Loaded {
         lamps: Vec<PunctualLight>,
         /// What was chosen about it.
         chosen: Chosen,
+        /// Files beside it that it is made of, there or not.
+        files: Vec<PathBuf>,
     },
     /// Pictures, ready to be baked.
     Stack(ImageStack),
@@ -228,12 +230,12 @@ pub(super) fn load(source: Source, chosen: Chosen, stop: &Stop) -> Result<Loaded
     if imported.report.made_camera {
         report.push("It has no perspective camera; one was made".into());
     }
-    let lamps = imported.scene.punctual.clone();
+    let (lamps, files) = (imported.scene.punctual.clone(), imported.report.files);
     if chosen != Chosen::default() {
         match prepare_again(&imported.scene, lamps.clone(), chosen, stop) {
             Ok(Prepared { scene, chosen, warnings }) => {
                 report.extend(warnings);
-                return Ok(Loaded::Scene { scene, report, lamps, chosen });
+                return Ok(Loaded::Scene { scene, report, lamps, chosen, files });
             }
             Err(error @ LightingError::Stopped(_)) => return Err(error.into()),
             // The file has changed: what was chosen about it may not be there any more.
@@ -243,7 +245,7 @@ pub(super) fn load(source: Source, chosen: Chosen, stop: &Stop) -> Result<Loaded
     let prepared = PreparedScene::until(imported.scene, &[], None, Skips::default(), stop);
     let (scene, warnings) = prepared.context("its lights cannot be used")?;
     report.extend(warnings);
-    Ok(Loaded::Scene { scene: Box::new(scene), report, lamps, chosen: Chosen::default() })
+    Ok(Loaded::Scene { scene: Box::new(scene), report, lamps, chosen: Chosen::default(), files })
 }
 
 /// The same scene with its lamps as the file has them, changed by what was chosen.

@@ -144,19 +144,23 @@ fn wish(entry: Entry, idx: usize, folder: &Path, of: &Surroundings) -> Result<Wi
 /// # Errors
 /// If it cannot be read.
 pub fn picture(path: &Path, exposure_ev: Option<f64>, tone: Option<Tone>) -> Result<Target> {
-    let mut picture = TargetPicture::read(path)?;
-    if let Some(tone) = tone.filter(|_| picture.was_encoded()) {
-        picture.display.tone = tone;
+    if let Some(ev) = exposure_ev {
+        ensure!((-60.0..=60.0).contains(&ev), "`exposure` must be -60 to 60 EV");
+    }
+    Ok(matching(Arc::new(TargetPicture::read(path)?), exposure_ev, tone))
+}
+
+/// The same of a picture that was read.
+pub(super) fn matching(mut picture: Arc<TargetPicture>, exposure_ev: Option<f64>, tone: Option<Tone>) -> Target {
+    if let Some(tone) = tone.filter(|tone| picture.was_encoded() && picture.display.tone != *tone) {
+        Arc::make_mut(&mut picture).display.tone = tone;
     }
     let exposure = match exposure_ev {
-        Some(ev) => {
-            ensure!((-60.0..=60.0).contains(&ev), "`exposure` must be -60 to 60 EV");
-            Exposure::Ev(ev)
-        }
+        Some(ev) => Exposure::Ev(ev),
         None if picture.was_encoded() => Exposure::Free,
         None => Exposure::Ev(0.0),
     };
-    Ok(Target::Picture(Arc::new(picture), exposure))
+    Target::Picture(picture, exposure)
 }
 
 fn place(entry: &Entry, of: &Surroundings) -> Result<(Place, Option<String>)> {

@@ -11,7 +11,7 @@ use glam::Vec3;
 use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, frame};
 use crate::action::Action;
 use crate::look::Look;
-use crate::panels::lamps::{LampState, add_menu, lamp_menu, shown_color};
+use crate::panels::lamps::{LampState, Pick, add_menu, lamp_menu, shown_color};
 use crate::panels::menu::{context_menu, is_asked};
 use crate::theme;
 
@@ -63,7 +63,8 @@ pub fn lamps_ui(
         }
         touched |= body_ui(ui, &painter, (sight, picture), center, (&lamp, &name), state, actions);
     }
-    if picture.clicked() && !touched && !state.aiming {
+    let adds = ui.input(|input| Pick::of(input.modifiers)) == Pick::Another;
+    if picture.clicked() && !touched && !state.aiming && !adds {
         // With handles on the screen a click beside them puts them away, and that is all.
         touched |= lamps.iter().any(|lamp| state.is_chosen(&lamp.key));
         state.chosen = None;
@@ -197,6 +198,9 @@ fn body_ui(
     let rim = if is_chosen { theme::ACCENT } else { Color32::from_gray(235) };
     paint_body(painter, (center, if response.hovered() { 7.0 } else { 6.0 }), lamp, rim);
     let is_held = take_hold(ui, [&response, picture], sight, Part::Body, lamp, state);
+    if response.clicked() {
+        state.picked = Some((lamp.key.clone(), Pick::of(ui.input(|input| input.modifiers))));
+    }
     if response.clicked() || is_held || response.secondary_clicked() {
         state.chosen = Some(lamp.key.clone());
     }

@@ -1,5 +1,7 @@
 //! Marking a part of the picture: a rectangle, a brush, or the surface under the pointer.
 
+use std::sync::Arc;
+
 use clerestory_transport::camera::Film;
 use eframe::egui::{self, Color32, CursorIcon, Mesh, PointerButton, Pos2, Rect, Response, Shape, Stroke, Ui, vec2};
 
@@ -48,7 +50,7 @@ pub struct Marking {
     /// Radius of the brush, pixels; 0 is one that suits the picture.
     pub radius_px: f32,
     /// What is marked.
-    pub marks: Option<Marks>,
+    pub marks: Option<Arc<Marks>>,
     /// A click on a surface that waits until it is known what each pixel sees.
     pub picked: Option<Picked>,
     /// Where the press began, and where the brush was last, in pixels.
@@ -57,7 +59,7 @@ pub struct Marking {
 
 impl Marking {
     /// Marks of this film, if any pixel is marked.
-    pub fn marks(&self) -> Option<&Marks> {
+    pub fn marks(&self) -> Option<&Arc<Marks>> {
         self.marks.as_ref().filter(|marks| !marks.is_empty())
     }
 
@@ -68,20 +70,19 @@ impl Marking {
 
     /// Takes new marks in.
     pub fn join(&mut self, new: Marks, join: Join) {
-        let same_film = |marks: &Marks| marks.film == new.film;
-        match (join, self.marks.take().filter(same_film)) {
-            (Join::Replace, _) => self.marks = Some(new),
+        let old = self.marks.take().filter(|marks| marks.film == new.film);
+        self.marks = match (join, old) {
+            (Join::Replace, _) | (Join::Add, None) => Some(Arc::new(new)),
             (Join::Add, Some(mut old)) => {
-                old.add(&new);
-                self.marks = Some(old);
+                Arc::make_mut(&mut old).add(&new);
+                Some(old)
             }
-            (Join::Add, None) => self.marks = Some(new),
             (Join::Remove, Some(mut old)) => {
-                old.remove(&new);
-                self.marks = Some(old);
+                Arc::make_mut(&mut old).remove(&new);
+                Some(old)
             }
-            (Join::Remove, None) => {}
-        }
+            (Join::Remove, None) => None,
+        };
     }
 }
 

@@ -12,7 +12,7 @@ use super::gizmo::Sight;
 use super::lamps::hint;
 use crate::action::Action;
 use crate::look::Look;
-use crate::panels::lamps::{MAKE_MOVABLE, MAKE_MOVABLE_HINT};
+use crate::panels::lamps::{MAKE_MOVABLE, MAKE_MOVABLE_HINT, Pick};
 use crate::panels::lights::LightsState;
 use crate::panels::menu::context_menu;
 use crate::theme;
@@ -72,7 +72,10 @@ pub fn marks_ui(
             actions.push(Action::PullLamp { key: source.key.clone(), at: at.into() });
         }
         // Chosen, it stays there while its menu is open.
-        if response.clicked() || response.secondary_clicked() {
+        if response.clicked() {
+            lights.chosen = Some(source.key.clone());
+            lights.lamps.picked = Some((source.key.clone(), Pick::of(ui.input(|input| input.modifiers))));
+        } else if response.secondary_clicked() {
             lights.chosen = Some(source.key.clone());
         }
         context_menu(&response, |ui| mark_menu(ui, &source.key, lights, actions));

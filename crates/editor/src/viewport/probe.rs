@@ -11,6 +11,7 @@ use crate::illuminance::FOOT_CANDLE_LX;
 use crate::legend::number_words;
 use crate::look::Look;
 use crate::panels::color::swatch_color;
+use crate::panels::lamps::Pick;
 use crate::panels::lights::LightsState;
 use crate::session::shares::{Share, sum};
 use crate::theme;
@@ -23,14 +24,19 @@ pub struct Probes {
     /// Where the light is told apart.
     pub picked: Option<[u32; 2]>,
     /// Whether the light that shines there most is still to be chosen.
-    awaits_light: bool,
+    awaits_light: Option<Pick>,
     /// Where it stays.
     pub pins: Vec<[u32; 2]>,
 }
 
 impl Probes {
+    /// Points nowhere; what is pinned stays.
+    pub fn let_go(&mut self) {
+        *self = Probes { pins: std::mem::take(&mut self.pins), ..Probes::default() };
+    }
+
     /// Keeps a probe at a pixel.
-    fn pin(&mut self, px: [u32; 2]) {
+    pub fn pin(&mut self, px: [u32; 2]) {
         if !self.pins.contains(&px) {
             self.pins.push(px);
         }
@@ -124,7 +130,7 @@ pub fn follow(ui: &Ui, picture: &Response, grid: Grid, probes: &mut Probes, is_f
     }
     if picture.clicked() && is_free {
         probes.picked = picture.interact_pointer_pos().and_then(|at| grid.pixel(at));
-        probes.awaits_light = true;
+        probes.awaits_light = Some(Pick::of(ui.input(|input| input.modifiers)));
         ui.ctx().request_repaint();
     }
     if picture.double_clicked() || keys(Key::Escape) {
@@ -152,11 +158,12 @@ pub fn readings_ui(
     }
     if let Some((reading, shares)) = readings.picked.as_ref().filter(|(at, _)| Some(at.px) == probes.picked) {
         // A click on what a light shines on picks it. Free lamps are picked by themselves: their handles would be in the way.
-        let strongest = shares.first().filter(|share| share.luminance() > 0.0 && probes.awaits_light);
-        if let Some(share) = strongest.filter(|share| look.lights.lamps.iter().all(|lamp| lamp.key != share.key)) {
-            choose(lights, &share.key);
+        let strongest = shares.first().filter(|share| share.luminance() > 0.0);
+        let of_file = strongest.filter(|share| look.lights.lamps.iter().all(|lamp| lamp.key != share.key));
+        if let Some((share, pick)) = of_file.zip(probes.awaits_light.take()) {
+            choose(lights, &share.key, pick);
         }
-        probes.awaits_light = false;
+        probes.awaits_light = None;
         breakdown_ui(ui, picture, grid, (reading, shares), probes, (look, lights));
     }
 }
@@ -299,12 +306,13 @@ fn share_ui(ui: &mut Ui, share: &Share, total: f32, name: &str, lights: &mut Lig
     let room = rect.with_max_x(left - 52.0);
     ui.painter_at(room).text(rect.left_center() + vec2(22.0, 0.0), Align2::LEFT_CENTER, name, font, ink);
     if response.on_hover_text(format!("{name}\nClick to choose it in the list")).clicked() {
-        choose(lights, &share.key);
+        choose(lights, &share.key, Pick::of(ui.input(|input| input.modifiers)));
     }
 }
 
 /// Makes a light the chosen one, a free lamp with its handles.
-pub fn choose(lights: &mut LightsState, key: &str) {
+pub fn choose(lights: &mut LightsState, key: &str, pick: Pick) {
+    lights.lamps.picked = Some((key.to_owned(), pick));
     lights.chosen = Some(key.to_owned());
     lights.lamps.chosen = Some(key.to_owned());
 }

@@ -306,6 +306,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
         n_degenerate_triangles,
         variants: variants::names(&document),
         made_camera: made_camera.is_some(),
+        files: locator.files(),
     };
     scene.cameras.extend(made_camera);
     Ok(Imported { scene, report })

@@ -1,5 +1,7 @@
 //! What people are told about a file.
 
+use std::path::PathBuf;
+
 use serde::Serialize;
 
 /// What an import found, and what it could not use, in plain words.
@@ -29,6 +31,9 @@ pub struct ImportReport {
     pub variants: Vec<String>,
     /// Whether the scene's only camera is one that was made, as the file has none that can be used.
     pub made_camera: bool,
+    /// Files beside it that it refers to: buffers, images, light profiles; there or not.
+    #[serde(skip)]
+    pub files: Vec<PathBuf>,
 }
 
 /// Lines for the report while it grows; a line that is already there is not repeated.

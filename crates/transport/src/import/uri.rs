@@ -3,8 +3,10 @@
 //! A file from a stranger must not make this program read what is not part of it: a URI names a file in the folder of the
 //! glTF or below, whatever links lie there, and nothing is ever fetched over a network.
 
+use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use super::files::read_until;
 use crate::stop::Stop;
@@ -18,6 +20,8 @@ pub(super) struct Locator {
     folder: Option<PathBuf>,
     /// What may still be read.
     n_bytes_left: AtomicU64,
+    /// Files that were asked for, there or not.
+    asked: Mutex<BTreeSet<PathBuf>>,
     /// Whether the file is still wanted.
     pub stop: Stop,
 }
@@ -26,7 +30,18 @@ impl Locator {
     /// For a glTF in a folder, or for bytes that came without one.
     pub fn new(folder: Option<&Path>, stop: &Stop) -> Locator {
         let folder = folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
-        Locator { folder: folder.map(Path::to_path_buf), n_bytes_left: AtomicU64::new(MAX_BYTES), stop: stop.clone() }
+        let (folder, asked) = (folder.map(Path::to_path_buf), Mutex::default());
+        Locator { folder, n_bytes_left: AtomicU64::new(MAX_BYTES), asked, stop: stop.clone() }
+    }
+
+    /// Files beside the glTF that were asked for, there or not.
+    pub fn files(&self) -> Vec<PathBuf> {
+        // Whoever panicked left a set of paths, which is never half done.
+        self.asked.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
+    }
+
+    fn note(&self, path: PathBuf) {
+        self.asked.lock().unwrap_or_else(PoisonError::into_inner).insert(path);
     }
 
     /// Bytes behind a URI, or a reason in words.
@@ -47,10 +62,15 @@ impl Locator {
         };
         let named = folder.join(&decoded).canonicalize();
         // Some names hold percent signs of their own.
-        let path = named.or_else(|error| folder.join(uri).canonicalize().map_err(|_| error)).map_err(in_words)?;
+        let path = named.or_else(|error| folder.join(uri).canonicalize().map_err(|_| error));
+        if path.is_err() {
+            self.note(folder.join(&decoded));
+        }
+        let path = path.map_err(in_words)?;
         if !path.starts_with(folder.canonicalize().map_err(in_words)?) {
             return Err(elsewhere());
         }
+        self.note(path.clone());
         self.read(&path).map_err(in_words)
     }
 

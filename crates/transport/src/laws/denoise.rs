@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use clerestory_nystrom::BlockFactors;
 use glam::Vec3;
 
 use super::stage::{Stage, lambert, room};
@@ -72,7 +73,7 @@ fn each_block_comes_as_it_was_sampled_and_once_more_without_noise() {
     let mut n_plain = 0;
     let plain = job(8, false).run(|event| {
         if let BakeEvent::BlockDone { block_idx, factors, .. } = &event {
-            let of = |blocks: &[(usize, Arc<_>)]| -> Arc<_> {
+            let of = |blocks: &[(usize, Arc<BlockFactors>)]| -> Arc<BlockFactors> {
                 blocks.iter().find(|(other, _)| other == block_idx).expect("each block comes").1.clone()
             };
             assert_eq!(of(&sampled), factors[0], "block {block_idx}");

@@ -39,6 +39,12 @@ impl Selection {
         self.anchor = self.keys.first().cloned();
     }
 
+    /// Selects one more light.
+    pub fn add(&mut self, key: &str) {
+        self.keys.insert(key.to_owned());
+        self.anchor = Some(key.to_owned());
+    }
+
     /// Selects nothing.
     pub fn clear(&mut self) {
         *self = Selection::default();
@@ -100,6 +106,10 @@ mod tests {
         assert_eq!(click("c", Modifiers::COMMAND), "ad");
         assert_eq!(click("b", Modifiers::NONE), "b");
         assert_eq!(click("b", Modifiers::NONE), "");
+        selection.set("a");
+        selection.add("c");
+        selection.add("a");
+        assert!(selection.has("a") && selection.has("c") && selection.keys.len() == 2);
         selection.click_group(&order[..2], Modifiers::NONE);
         selection.click_group(&order[2..3], Modifiers::COMMAND);
         assert_eq!(selection.keys.len(), 3);
