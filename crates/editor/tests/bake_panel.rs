@@ -179,7 +179,7 @@ fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
     let n_kept = window.state().session().n_resumable(&settings);
     assert!(n_kept > 0 && n_kept < 12, "{n_kept} blocks of the last pass were there");
     window.get_by_label("Start over");
-    click(&mut window, "Resume bake");
+    reach(&mut window, "Resume bake");
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
     let error_db = window.state().session().error_db.unwrap().total;
     window.get_by_label(&format!("{error_db:.1} dB"));

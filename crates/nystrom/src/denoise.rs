@@ -78,17 +78,18 @@ impl<L: Likeness> Denoiser<'_, L> {
         known: impl Fn(usize, usize) -> Option<Arc<BlockFactors>>,
     ) -> Vec<Option<Arc<BlockFactors>>> {
         let own: Vec<_> = (0..self.preserved.len()).map(|group| known(group, block_idx)).collect();
+        let directions: Vec<Vec<f32>> = self.preserved.iter().map(|preserved| direction(preserved)).collect();
         let noisy = own.iter().flatten().any(|block| is_noisy(block));
         let alike = noisy.then(|| Alike::new(self.partition, block_idx, self.likeness));
         let of_group = |(group, block): (usize, Option<Arc<BlockFactors>>)| {
             let block = block?;
             let smoothed = match &alike {
                 Some(alike) if is_noisy(&block) => {
-                    let mut around = Surroundings::new(&block, self.preserved[group], alike, self.bundle_len);
+                    let mut around = Surroundings::new(&block, &directions[group], alike, self.bundle_len);
                     for other_idx in self.partition.around(block_idx) {
                         if let Some(other) = known(group, other_idx) {
                             let place = (self.partition.rect(other_idx), other_idx == block_idx);
-                            around.bring(place, &other, self.preserved[group]);
+                            around.bring(place, &other, &directions[group]);
                         }
                     }
                     around.smoothed(&block)
@@ -114,6 +115,13 @@ impl<L: Likeness> Denoiser<'_, L> {
         };
         Some(groups.iter().enumerate().map(group).collect())
     }
+}
+
+/// A vector of length 1, or of zeros where there is none: weights may be of any size.
+fn direction(weights: &[f32]) -> Vec<f32> {
+    let norm = weights.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+    let scale = if norm > 0.0 && norm.is_finite() { 1.0 / norm } else { 0.0 };
+    weights.iter().map(|&x| (f64::from(x) * scale) as f32).collect()
 }
 
 /// Whether something is known of a block's noise, and there is some.

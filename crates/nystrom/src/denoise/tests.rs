@@ -150,6 +150,20 @@ fn the_preserved_product_is_smoothed_and_keeps_its_mean() {
 }
 
 #[test]
+fn preserved_weights_of_any_size_give_the_same_factors() {
+    let raw = Field { noise: 0.5, has_secret: false }.compressed();
+    let by = |size: f32| {
+        let weights = [size; N_COLS];
+        let partition = partition();
+        let denoiser = Denoiser { preserved: vec![&weights], ..denoiser(&partition) };
+        denoiser.all(std::slice::from_ref(&raw), &|| true).unwrap().remove(0).blocks
+    };
+    for size in [1e-30, 1e30] {
+        assert_eq!(by(size), by(1.0), "{size:e}");
+    }
+}
+
+#[test]
 fn what_nobody_told_of_stays_where_it_stands_out_of_the_noise() {
     let field = Field { noise: 0.1, has_secret: true };
     let raw = field.compressed();
