@@ -894,7 +894,7 @@ impl Run<'_> {
                 arrivals.take_ready()
             });
             self.deliver((0, block as usize), pass, factors, clock, on_event)?;
-            if blocks.is_empty() { ControlFlow::Continue(()) } else { on_event(BakeEvent::Denoised { pass, blocks }) }
+            denoise::tell(focus, pass, blocks, on_event)
         };
         let guide = Guide {
             order: &|left| focus.next(&partition, left),
@@ -913,7 +913,7 @@ impl Run<'_> {
             let finished = arrivals.finish(&|| !focus.is_left());
             let Some((blocks, denoised)) = finished else { return Ok(ControlFlow::Break(())) };
             self.denoised = Some(denoised);
-            return Ok(on_event(BakeEvent::Denoised { pass, blocks }));
+            return Ok(denoise::tell(focus, pass, blocks, on_event));
         }
         Ok(flow)
     }

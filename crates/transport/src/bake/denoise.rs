@@ -9,6 +9,7 @@ use clerestory_nystrom::rivals::Method;
 use clerestory_nystrom::{BlockFactors, BlockLowRank, Denoiser, Partition};
 use rayon::prelude::*;
 
+use super::focus::Focus;
 use super::{BakeEvent, BakeJob, Run};
 use crate::figures::error_db;
 use crate::guides::Guides;
@@ -102,6 +103,19 @@ impl<'a> Arrivals<'a> {
     }
 }
 
+/// Tells of blocks with less noise, unless there are none or nobody wants them any more.
+pub(super) fn tell(
+    focus: &Focus,
+    pass: u32,
+    blocks: Vec<Denoised>,
+    on_event: &mut impl FnMut(BakeEvent) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    if focus.is_left() {
+        return ControlFlow::Break(());
+    }
+    if blocks.is_empty() { ControlFlow::Continue(()) } else { on_event(BakeEvent::Denoised { pass, blocks }) }
+}
+
 impl BakeJob {
     /// The light of the file in the scale of the columns, of each group.
     fn preserved<'l>(&self, light: &'l [f32]) -> Vec<&'l [f32]> {
@@ -153,6 +167,9 @@ impl Run<'_> {
         pass: u32,
         on_event: &mut impl FnMut(BakeEvent) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
+        if self.focus.is_left() {
+            return ControlFlow::Break(());
+        }
         let n_own = self.n_own();
         let groups = self.denoised.as_deref().unwrap_or(&self.matrices[0][..n_own]);
         on_event(BakeEvent::PassDone { pass, error_db: error_db(groups, self.bias) })

@@ -45,7 +45,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     let sampling = Sampling { film, step, bounces: BOUNCES, spp };
     let mut text = format!(
         "## Matrix\n\n\
-         {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced from each sample; CPU\n\
+         {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced as `--exact` does; CPU\n\
          seconds (user and system) of the bake alone, without loading and without preview. The error of a column is the mean of\n\
          (x − a)(x − b) over its entries, x baked, a and b two independent references of {spp} samples per pixel each that are not\n\
          compressed{}: so their noise does not count. It is told in dB below the square of the reference column's 99.5 percentile;\n\
@@ -93,7 +93,10 @@ fn scene(
         let mut measured = [Vec::new(), Vec::new()];
         for &(spp, tolerance_db) in asked {
             desk.say(&format!("baking {name} with {spp} samples per pixel, indirect light {way}"));
-            let config = BakeConfig { spp, tolerance_db, bounces: BOUNCES, seed: 1, indirect, ..BakeConfig::default() };
+            // Traced as `--exact` does it: free of bias.
+            let denoise = indirect == Indirect::Shared;
+            let config =
+                BakeConfig { spp, tolerance_db, bounces: BOUNCES, seed: 1, indirect, denoise, ..BakeConfig::default() };
             let (secs, bake) = baked(&scene, sampling.film, config)?;
             let errors = reference.errors(&reference.rows_of(&bake.header, &bake.groups));
             measured[usize::from(tolerance_db < NO_TOLERANCE_DB)].push([secs, errors.mean_db()]);
