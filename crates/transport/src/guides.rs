@@ -28,6 +28,8 @@ const SHINING: f32 = 0.1;
 /// distance between both.
 const STEP_PIXELS: f32 = 0.5;
 const SLOPE: f32 = 0.1;
+/// Differences, in those at which likeness falls to 1/e, squared and added, from which on there is none left.
+const FAR: f32 = 8.0;
 /// What is added to the color of a surface: coats and metals reflect light that has not its color.
 const COLORLESS: f32 = 0.05;
 
@@ -96,12 +98,16 @@ impl Guides {
 impl Likeness for Guides {
     fn likeness(&self, bundle: u32, other: u32) -> f32 {
         let (one, other) = (&self.pixels[bundle as usize], &self.pixels[other as usize]);
-        let away = other.place - one.place;
-        let off_plane =
-            away.dot(one.normal).abs() / (STEP_PIXELS * one.extent + SLOPE * away.length() + f32::MIN_POSITIVE);
         let turn = one.normal.distance_squared(other.normal) / (TURN * TURN);
         let apart = (one.shining - other.shining).powi(2) + (one.solid - other.solid).powi(2);
-        (-(off_plane * off_plane + turn + apart / (SHINING * SHINING))).exp()
+        let unlike = turn + apart / (SHINING * SHINING);
+        if unlike > FAR {
+            return 0.0;
+        }
+        let away = other.place - one.place;
+        let reach = STEP_PIXELS * one.extent + SLOPE * away.length() + f32::MIN_POSITIVE;
+        let off_plane = away.dot(one.normal) / reach;
+        (-(off_plane * off_plane + unlike)).exp()
     }
 
     fn gains(&self, bundle: u32) -> &[f32] {
