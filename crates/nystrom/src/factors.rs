@@ -54,9 +54,9 @@ impl BlockFactors {
             "factors do not fit {n_rows} × {rank} × {n_cols}"
         );
         let mut factors = Self { n_rows: n_rows as u32, n_cols: n_cols as u32, rank: rank as u32, ..Self::default() };
-        let left_exponents: Vec<i32> = (0..rank).map(|r| exponent(left.iter().skip(r).step_by(rank))).collect();
+        let left_exponents = exponents_of_columns(left, rank);
         let right_exponents: Vec<i32> = right.chunks(n_cols.max(1)).map(|row| exponent(row.iter())).collect();
-        factors.left = left.iter().enumerate().map(|(i, &x)| scaled(x, -left_exponents[i % rank])).collect();
+        factors.left = scaled_columns(left, &left_exponents);
         factors.right = right.iter().enumerate().map(|(i, &x)| scaled(x, -right_exponents[i / n_cols])).collect();
         factors.scale =
             (0..rank).map(|r| power_of_two((left_exponents[r] + right_exponents[r]).clamp(-126, 127)) as f32).collect();
@@ -65,19 +65,17 @@ impl BlockFactors {
 
     /// Packs the noise of `left` in the scale of that; both row-major rows × rank.
     pub(crate) fn with_doubt(mut self, doubt: &[f32], left: &[f32]) -> Self {
-        let rank = self.rank as usize;
-        let exponents: Vec<i32> = (0..rank).map(|r| exponent(left.iter().skip(r).step_by(rank))).collect();
-        self.doubt = doubt.iter().enumerate().map(|(i, &x)| scaled(x, -exponents[i % rank])).collect();
+        let exponents = exponents_of_columns(left, self.rank as usize);
+        self.doubt = scaled_columns(doubt, &exponents);
         self
     }
 
     /// The same right factor and sparse part with another left factor, row-major rows × rank, for `right` as it is; its noise is
     /// not known.
     pub(crate) fn with_left(&self, left: &[f32]) -> Self {
-        let rank = self.rank as usize;
-        let exponents: Vec<i32> = (0..rank).map(|r| exponent(left.iter().skip(r).step_by(rank))).collect();
+        let exponents = exponents_of_columns(left, self.rank as usize);
         Self {
-            left: left.iter().enumerate().map(|(i, &x)| scaled(x, -exponents[i % rank])).collect(),
+            left: scaled_columns(left, &exponents),
             scale: exponents.iter().map(|&exponent| power_of_two(exponent.clamp(-126, 127)) as f32).collect(),
             doubt: Vec::new(),
             right: self.right.clone(),
@@ -177,6 +175,16 @@ impl BlockFactors {
             + 4 * self.scale.len()
             + size_of_val(self.sparse.as_slice())
     }
+}
+
+/// [`exponent`] of each column of a row-major matrix.
+fn exponents_of_columns(values: &[f32], n_cols: usize) -> Vec<i32> {
+    (0..n_cols).map(|col| exponent(values.iter().skip(col).step_by(n_cols))).collect()
+}
+
+/// A row-major matrix with each column divided by a power of two.
+fn scaled_columns(values: &[f32], exponents: &[i32]) -> Vec<f16> {
+    values.iter().enumerate().map(|(i, &x)| scaled(x, -exponents[i % exponents.len()])).collect()
 }
 
 /// The exponent of the largest magnitude: dividing by its power of two brings it into [1, 2). 0 if all are zero.
