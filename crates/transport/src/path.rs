@@ -214,6 +214,8 @@ struct LightPoint {
 const ROULETTE_AFTER: u32 = 2;
 /// Highest probability of going on.
 const ROULETTE_MAX: f32 = 0.95;
+/// Share of what a walk set out with below which roulette begins on casters.
+const EXPENDABLE_ON_CASTERS: f32 = 1.0 / 16.0;
 
 /// Squared difference of unit vectors below which glass has not turned a ray.
 const STRAIGHT: f32 = 1e-10;
@@ -430,13 +432,20 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         }
         // Roulette: a walk that carries little goes on seldom, and then carries more.
         if walk.n_hits > ROULETTE_AFTER {
-            let survival = (walk.throughput.max_element() / walk.share).min(ROULETTE_MAX);
+            let survival = (walk.throughput.max_element() / (walk.share * self.expendable(&hit))).min(ROULETTE_MAX);
             if sampler.next_1d() >= survival {
                 return None;
             }
             walk.throughput /= survival;
         }
         Some(hit)
+    }
+
+    /// What a walk may carry of its share at a surface and still be left to roulette. From a caster it may come to a lamp that
+    /// no connection finds, so that what roulette makes of a faint walk would be one bright speck.
+    fn expendable(&self, hit: &SurfaceHit) -> f32 {
+        let throws = self.casters.is_some_and(|casters| casters.has(hit.triangle));
+        if throws { EXPENDABLE_ON_CASTERS } else { 1.0 }
     }
 
     /// Whether a walk has met one surface more than it may scatter at: only a clear pane still lets it pass.

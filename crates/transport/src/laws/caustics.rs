@@ -78,7 +78,7 @@ fn guided_walks_keep_the_mean() {
 }
 
 #[test]
-fn guided_walks_take_more_than_half_of_the_variance_out_of_caustics() {
+fn guided_walks_take_two_thirds_of_the_variance_out_of_caustics() {
     // Of a single texel, two runs against each other.
     let noise = |scene: &PreparedScene| {
         let n_cols = scene.lighting.basis.n_cols();
@@ -89,7 +89,7 @@ fn guided_walks_take_more_than_half_of_the_variance_out_of_caustics() {
     let scene = small_mirror(MIRROR);
     let guided = noise(&scene);
     let unguided = noise(&scene.without_guides());
-    assert!(guided < 0.7 * unguided, "{guided} beside {unguided}");
+    assert!(guided < 0.55 * unguided, "{guided} beside {unguided}");
 }
 
 #[test]

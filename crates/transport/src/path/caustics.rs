@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
+use super::{Deposit, Integrator, LightPlan, Scratch, Vertex, Walk};
 use crate::bsdf::Bsdf;
 use crate::casters::Guide;
 use crate::prepared::SurfaceHit;
@@ -30,7 +30,10 @@ pub(super) enum Guides {
 /// Guided walks of a vertex, as is to be expected: fewest and most.
 const GUIDES: [f32; 2] = [0.125, 1024.0];
 /// Light that the guided walks of a vertex bring together, in peaks of a column, for each of them.
-const LIGHT_PER_GUIDE: f32 = 40.0;
+const LIGHT_PER_GUIDE: f32 = 20.0;
+/// The same of the first vertex of a walk, for a single one: it is met once, however many walks go on from it, and the light that is
+/// expected at a place is a rough guess.
+const LIGHT_OF_ONE: f32 = 0.25;
 
 impl<P: LightPlan> Integrator<'_, P> {
     /// Sends guided walks from a vertex where light was sampled, and that is left by `splits` walks like this one.
@@ -48,7 +51,7 @@ impl<P: LightPlan> Integrator<'_, P> {
             return Guides::None;
         };
         let guide = casters.guide(at.0.position);
-        let n = self.n_guides(&guide, walk.throughput * splits as f32 * at.1.peak_estimate() * PI);
+        let n = self.n_guides(walk, &guide, splits as f32 * at.1.peak_estimate() * PI);
         let value = |wi: Vec3| {
             let (f_cos, pdf) = at.1.eval(wi);
             (f_cos * splits as f32, pdf * splits as f32)
@@ -57,10 +60,11 @@ impl<P: LightPlan> Integrator<'_, P> {
         Guides::Some(n)
     }
 
-    /// How many guided walks leave a vertex that scatters so much of its light to the camera.
-    pub(super) fn n_guides(&self, guide: &Guide<'_>, scattered: Vec3) -> f32 {
-        let n = guide.light() * scattered.max_element() * self.peaks / LIGHT_PER_GUIDE;
-        n.clamp(GUIDES[0], GUIDES[1])
+    /// How many guided walks leave a vertex that scatters so much of its light the way the walk came.
+    pub(super) fn n_guides(&self, walk: &Walk, guide: &Guide<'_>, scattered: f32) -> f32 {
+        let light = guide.light() * walk.throughput.max_element() * scattered * self.peaks;
+        let at_first = if walk.sampled_at == Some(Vertex::First) { (light / LIGHT_OF_ONE).min(1.0) } else { 0.0 };
+        (light / LIGHT_PER_GUIDE).max(at_first).clamp(GUIDES[0], GUIDES[1])
     }
 
     /// Sends guided walks, `n` as is to be expected. `value` tells of a direction what multiplies its light, and the density with which

@@ -130,7 +130,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let Some(casters) = self.casters else { return };
         let normal = hit.outward(-walk.direction);
         let guide = casters.guide(hit.position);
-        let n = self.n_guides(&guide, walk.throughput * bsdf.base_albedo());
+        let n = self.n_guides(walk, &guide, bsdf.base_albedo().max_element());
         let value = |wi: Vec3| (bsdf.eval_parts(wi).base, wi.dot(normal).max(0.0) * FRAC_1_PI);
         self.guide(walk, (&guide, n), (hit, &value), sampler, scratch, deposit);
         let mut own = sampler.fork(0, 1);
