@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use clerestory_nystrom::BlockLowRank;
+use clerestory_nystrom::{BlockFactors, BlockLowRank};
 use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::{BakeConfig, BakeError, BakeEvent, BakeHeader, BakeJob, Passes};
 
@@ -39,15 +39,19 @@ pub(super) fn job(of: &BakeJob) -> Option<BakeJob> {
 /// As the bake itself.
 pub(super) fn run(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
     let (mut glimpse, mut is_whole) = (None::<Glimpse>, false);
+    let keep = |glimpse: &mut Option<Glimpse>, block_idx: usize, factors: Vec<Arc<BlockFactors>>| {
+        let groups = glimpse.iter_mut().flat_map(|glimpse| &mut glimpse.groups);
+        groups.zip(factors).for_each(|(group, factors)| group.blocks[block_idx] = Some(factors));
+    };
     let on_event = |event| {
         match event {
             BakeEvent::Started { header, .. } => {
                 let groups = header.empty_groups();
                 glimpse = Some(Glimpse { header, groups });
             }
-            BakeEvent::BlockDone { block_idx, factors, .. } => {
-                let groups = glimpse.iter_mut().flat_map(|glimpse| &mut glimpse.groups);
-                groups.zip(factors).for_each(|(group, factors)| group.blocks[block_idx] = Some(factors));
+            BakeEvent::BlockDone { block_idx, factors, .. } => keep(&mut glimpse, block_idx, factors),
+            BakeEvent::Denoised { blocks, .. } => {
+                blocks.into_iter().for_each(|(block_idx, factors)| keep(&mut glimpse, block_idx, factors));
             }
             BakeEvent::PassDone { .. } => {
                 is_whole = true;
@@ -86,6 +90,16 @@ mod tests {
         assert_eq!((header.width, header.height), (240, 180));
         assert_eq!(header.basis.sources, sources);
         assert!(groups.iter().all(|group| group.blocks.iter().all(Option::is_some)));
+    }
+
+    #[test]
+    fn it_has_as_little_noise_as_a_preview() {
+        let of = bake_of(Film { width: 480, height: 360 });
+        let mut grainy = of.clone();
+        grainy.config.denoise = false;
+        let [denoised, grainy] = [of, grainy].map(|of| run(job(&of).unwrap(), &Focus::default()).unwrap().unwrap());
+        let sampled = denoised.groups[0].blocks.iter().zip(&grainy.groups[0].blocks).filter(|(a, b)| a == b).count();
+        assert!(2 * sampled < denoised.groups[0].blocks.len(), "{sampled} blocks are as they were sampled");
     }
 
     #[test]
