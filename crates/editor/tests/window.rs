@@ -505,6 +505,33 @@ fn the_keys_are_listed() {
 }
 
 #[test]
+fn a_question_mark_lists_the_keys_on_any_keyboard_and_types_itself_into_a_field() {
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    let typed = |window: &mut Window, with_key: bool| {
+        if with_key {
+            window.key_down(Key::Questionmark);
+        }
+        window.event(eframe::egui::Event::Text("?".into()));
+        window.run_steps(3);
+        if with_key {
+            window.key_up(Key::Questionmark);
+        }
+        window.query_by_label("This list").is_some()
+    };
+    // Keyboards tell it as a key and as a letter, or as a letter alone: it is one and the same wish.
+    for with_key in [true, false] {
+        assert!(typed(&mut window, with_key));
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+    }
+    click(&mut window, "Open…");
+    window.get_by_label("Path").focus();
+    window.run_steps(3);
+    assert!(!typed(&mut window, false), "it belongs to the field");
+}
+
+#[test]
 fn the_keys_are_listed_over_a_question_and_closing_them_leaves_it() {
     let home = tempfile::tempdir().unwrap();
     let open = || {
