@@ -244,6 +244,11 @@ impl FileTask {
         )
     }
 
+    /// Whether what is seen is written.
+    pub fn writes_pictures(self) -> bool {
+        matches!(self, FileTask::Export | FileTask::ExportFrames | FileTask::SaveSheet)
+    }
+
     /// What happens once a file is chosen.
     pub fn action(self, mut path: PathBuf) -> Action {
         if self.writes() && path.extension().is_none() {

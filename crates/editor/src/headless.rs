@@ -18,6 +18,7 @@ use crate::cli::view::{load_scene, prepare_view, warn_of_unknown_lights};
 use crate::cli::{Answer, Console, nothing_kept};
 use crate::export::{ExportOptions, Picture};
 use crate::look::Look;
+use crate::look::scene::SceneChoice;
 
 /// The built-in scene, a gallery with daylight high in the wall.
 pub const GALLERY: &[u8] = include_bytes!("../../../assets/scenes/gallery.glb");
@@ -100,6 +101,7 @@ fn images(folder: &Path, console: &mut Console) -> Result<Baked> {
 
 fn options() -> BakeOptions {
     let view = ViewArgs {
+        of_look: SceneChoice::default(),
         viewpoint: None,
         shift: None,
         camera: None,

@@ -196,20 +196,33 @@ impl Look {
         Ok((look, warnings))
     }
 
+    /// Names all files from the root that were named relative to `folder`.
+    pub fn resolve(&mut self, folder: &Path) {
+        for rig in self.rigs_mut() {
+            rig.sky.iter_mut().for_each(|sky| sky::resolve(sky, folder));
+            rig.lamps.iter_mut().for_each(|lamp| lamps::root(lamp, folder));
+        }
+        self.wishes.resolve(folder);
+    }
+
+    /// What a file at `path` holds: files of its own folder are named relative to that.
+    pub fn json_at(&self, path: &Path) -> String {
+        let (mut look, folder) = (self.clone(), path.parent().unwrap_or(Path::new("")));
+        for rig in look.rigs_mut() {
+            rig.lamps = lamps::relative(&rig.lamps, folder);
+            rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
+        }
+        look.wishes.relative(folder);
+        look.to_json()
+    }
+
     /// Writes a file, whole or not at all, and says how it stands now. Profiles of lamps and skies in its folder are named
     /// relative to it.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<OnDisk> {
-        let mut look = self.clone();
-        for rig in look.rigs_mut() {
-            let folder = path.parent().unwrap_or(Path::new(""));
-            rig.lamps = lamps::relative(&rig.lamps, folder);
-            rig.sky.iter_mut().for_each(|sky| sky::relative(sky, folder));
-        }
-        look.wishes.relative(path.parent().unwrap_or(Path::new("")));
-        let json = look.to_json();
+        let json = self.json_at(path);
         write_whole(path, json.as_bytes())?;
         Ok(OnDisk::of(json.as_bytes()))
     }

@@ -6,6 +6,7 @@ mod begun;
 mod earlier;
 pub mod estimate;
 mod found;
+mod glimpse;
 pub mod lamps;
 mod mailbox;
 mod opened;
@@ -187,7 +188,7 @@ pub struct Session {
     forecasting: Forecasting,
     room_seen: RoomSeen,
     /// Where somebody looks while a bake runs.
-    pub focus: Arc<Focus>,
+    focus: Arc<Focus>,
     /// Where finished bakes of scenes are found and kept.
     pub cache: Option<BakeCache>,
     /// The most memory that the whole program may take, bytes; what the system has left where nobody says.
@@ -271,6 +272,11 @@ impl Session {
         self.shown.as_ref().is_some_and(|shown| !is_coming || shown.is_whole())
     }
 
+    /// Whether what is shown is a first look with few pixels.
+    pub fn is_glimpse(&self) -> bool {
+        self.shown.as_ref().is_some_and(|shown| shown.is_glimpse)
+    }
+
     /// What is new in the matrix since the last call.
     pub fn take_changed(&mut self) -> Changed {
         std::mem::take(&mut self.changed)
@@ -316,6 +322,7 @@ impl Session {
             Fact::Loaded(name, result) if is_of(&self.loading) => self.loaded(name, result, notices),
             Fact::Prepared(result) if is_of(&self.loading) => self.prepared_again(result, notices),
             Fact::Bake(event) if is_of(&self.baking) => self.bake_event(event),
+            Fact::Glimpsed(glimpse) if is_of(&self.baking) => self.glimpsed(glimpse),
             Fact::Remarks(remarks) if is_of(&self.baking) => self.remarked(remarks),
             Fact::Found(bake) if is_of(&self.baking) => self.bake_found(*bake, notices),
             Fact::BakeEnded(result) if is_of(&self.baking) => self.bake_ended(result, notices),
@@ -330,7 +337,7 @@ impl Session {
             Fact::Foreseen(answer) => self.foreseen(id, answer),
             Fact::Developed(Ok(picture)) => notices.push(Notice::Developed(picture)),
             // Facts of a task that was stopped no longer count.
-            Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Remarks(_) => {}
+            Fact::Loaded(..) | Fact::Prepared(_) | Fact::Bake(_) | Fact::Glimpsed(_) | Fact::Remarks(_) => {}
             Fact::Found(_) | Fact::BakeEnded(_) | Fact::SceneFound(_) => {}
         }
     }

@@ -20,7 +20,7 @@ use clerestory_transport::bake::Bake;
 use clerestory_transport::light::LightRig;
 
 use crate::marks::Seen;
-pub use lights::{AtPixel, LampColumn, at_point};
+pub use lights::{AtPixel, LampColumn, at_point, may_change};
 pub use picture::TargetPicture;
 pub use report::{Change, Outcome, Solution};
 pub use wish::{Exposure, Freedom, Place, Request, Target, Wish};

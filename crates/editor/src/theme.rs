@@ -34,6 +34,26 @@ pub fn apply(ctx: &egui::Context) {
     });
 }
 
+/// Dots of the sign that something is on its way, and how many of them it goes on in a second.
+const DOTS: u32 = 10;
+const STEPS_PER_SEC: f64 = 10.0;
+
+/// A sign that something is on its way. It goes on in steps: a window that is drawn for it without a pause takes the time of what it
+/// waits for.
+pub fn busy(ui: &mut egui::Ui, side: f32) {
+    let (rect, response) = ui.allocate_exact_size(egui::Vec2::splat(side), egui::Sense::hover());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::ProgressIndicator, true, "Working"));
+    let step = ui.input(|input| (input.time * STEPS_PER_SEC) as u64 % u64::from(DOTS)) as u32;
+    ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(1.0 / STEPS_PER_SEC));
+    for dot in 0..DOTS {
+        let (sin, cos) = (std::f32::consts::TAU * dot as f32 / DOTS as f32).sin_cos();
+        let at = rect.center() + 0.4 * side * egui::vec2(sin, -cos);
+        let behind = (step + DOTS - dot) % DOTS;
+        let strength = (1.0 - behind as f32 / DOTS as f32).max(0.15);
+        ui.painter().circle_filled(at, 0.08 * side, ACCENT.gamma_multiply(strength));
+    }
+}
+
 fn dark() -> Visuals {
     let mut v = Visuals::dark();
     let corner = CornerRadius::same(4);

@@ -44,6 +44,8 @@ pub struct Viewed<'a> {
     pub stage: &'a Stage,
     /// Where the bake stands.
     pub bake: &'a BakeState,
+    /// Whether the picture is a first look with few pixels.
+    pub is_glimpse: bool,
     /// Scene and camera of the picture, where they are known.
     pub scene: Option<(&'a PreparedScene, &'a Camera)>,
     /// What its colors mean, where they are false.
@@ -92,6 +94,7 @@ pub fn viewport_ui(
     let response = ui.allocate_rect(area, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
     let size = vec2(width as f32, height as f32);
+    state.zoom.heed_size(size, ui.pixels_per_point());
     zoom::navigate(ui, &response, (&mut state.zoom, &mut state.grab), size);
     let image = state.zoom.image_rect(area, size);
     let painter = ui.painter_at(area);
@@ -143,7 +146,8 @@ pub fn viewport_ui(
         (None, Some(legend)) => legend.ui(ui, area),
         (None, None) => {}
     }
-    if matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
+    let is_coarse = viewed.is_glimpse && viewed.bake.is_running();
+    if is_coarse || matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
         busy_corner(ui, area, &busy_words(viewed));
     }
 }
@@ -195,6 +199,7 @@ fn nudge_spot(ui: &Ui, response: &Response, picker: &PanelPicker, look: &mut Loo
 fn busy_words(viewed: &Viewed) -> String {
     match (viewed.stage, viewed.bake) {
         (Stage::Loading(name), _) => format!("Opening {name}"),
+        _ if viewed.is_glimpse && viewed.picture.is_some() => "A first look: sharper in a moment".into(),
         (_, BakeState::Preparing) => "Measuring the lights".into(),
         (_, BakeState::Running { .. }) => "Baking the first picture".into(),
         _ => "Preparing the picture".into(),
@@ -206,7 +211,7 @@ fn busy_corner(ui: &mut Ui, area: Rect, words: &str) {
     let place = Rect::from_min_size(area.left_top() + vec2(14.0, 12.0), vec2(260.0, 22.0));
     ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
         ui.horizontal(|ui| {
-            ui.add(egui::Spinner::new().size(16.0).color(theme::ACCENT));
+            theme::busy(ui, 16.0);
             ui.label(RichText::new(words).color(Color32::from_gray(220)));
         });
     });
@@ -252,7 +257,7 @@ fn words_ui(ui: &mut Ui, area: Rect, viewed: &Viewed, actions: &mut Vec<Action>)
                     ui.label(RichText::new("Start the bake").color(dim));
                 }
                 _ => {
-                    ui.add(egui::Spinner::new().size(30.0).color(theme::ACCENT));
+                    theme::busy(ui, 30.0);
                     ui.add_space(10.0);
                     ui.label(RichText::new(busy_words(viewed)).size(15.0).color(bright));
                 }

@@ -17,7 +17,7 @@ use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
+use desk::{Dropped, Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
     window.state().look().lights.lamps.clone()
@@ -396,4 +396,36 @@ fn wait_for_words(window: &mut Window, words: &str) {
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
     panic!("{words:?} was never said");
+}
+
+#[test]
+fn a_profile_that_another_program_wrote_is_read_again_where_the_lamp_hangs() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ies, look) = (folder.path().join("down.ies"), folder.path().join("a.look"));
+    // Straight down alone, then as much to all sides.
+    let write = |at_45: u32, at_90: u32| {
+        let file = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n";
+        std::fs::write(&ies, format!("{file}100 {at_45} {at_90}\n")).unwrap();
+    };
+    write(0, 0);
+    let lamp = json!({ "key": "down", "type": "ies", "position": [0.0, 0.9, 0.0], "aim": [0.0, -1.0, 0.0], "strength": 3000,
+        "unit": "cd", "file": "down.ies" });
+    let document = json!({ "clerestory": 1, "lights": { "lamp": { "muted": true } }, "lamps": [lamp] });
+    std::fs::write(&look, document.to_string()).unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look)));
+    wait(&mut window, |app| app.look().lights.lamps.len() == 1 && app.is_settled());
+    let (narrow, before) = (window.state().shown_ev(), lamps(&window));
+    write(100, 100);
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("down.ies has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    click(&mut window, "Reload");
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() < narrow - 1.0);
+    assert_eq!(lamps(&window), before, "it hangs and shines as it was set");
+    assert!(window.query_by_label_contains("has changed on disk").is_none());
 }

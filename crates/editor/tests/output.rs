@@ -199,6 +199,45 @@ fn the_command_line_writes_groups_parts_and_a_sheet_of_looks() {
 }
 
 #[test]
+fn the_command_line_bakes_the_panels_that_a_look_makes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    for node in gltf["nodes"].as_array_mut().unwrap() {
+        node.as_object_mut().unwrap().remove("extras");
+    }
+    std::fs::write(at("room.gltf"), gltf.to_string()).unwrap();
+    let spots = json!({ "panel": [{ "position": [0.5, 0.5], "radius": 0.2 }] });
+    let choice = json!({ "panels": { "panel": 6, "gone": 8 }, "units": "unitless" });
+    std::fs::write(at("a.look"), json!({ "clerestory": 1, "panels": spots, "scene": choice }).to_string()).unwrap();
+    let (scene, look) = (at("room.gltf"), at("a.look"));
+    let size = ["--size", "16x12", "--spp", "2"];
+    let columns = |told: &serde_json::Value| told["columns"].as_u64();
+    let told = |told: &serde_json::Value| told["warnings"].to_string();
+    let plain = answer(&[&["bake", &scene, "-o", &at("plain.transport")], &size[..]].concat());
+    let made = answer(&[&["bake", &scene, "--look", &look, "-o", &at("made.transport")], &size[..]].concat());
+    assert_eq!(columns(&made), columns(&plain).map(|n| n + 35), "a rectangle is now 6 × 6 texels");
+    assert!(told(&made).contains("`gone` a panel") && !told(&made).contains("not baked"), "{made}");
+    // What is typed wins over the look, and lamps are counted as it says.
+    let typed = ["bake", &scene, "--look", &look, "--panel", "panel=4", "-o", &at("typed.transport")];
+    assert_eq!(columns(&answer(&[&typed[..], &size[..]].concat())), columns(&plain).map(|n| n + 15));
+    let lit = |transport: &str| {
+        answer(&["relight", &at(transport), "-o", &at("a.exr")]);
+        let picture = read_exr(at("a.exr").as_ref()).unwrap();
+        picture.pixels.iter().map(|rgb| rgb[1]).sum::<f32>()
+    };
+    assert!(lit("made.transport") > 100.0 * lit("plain.transport"), "watts are 683 times as much");
+    for command in ["render", "trace"] {
+        let out = at("b.png");
+        let all = answer(&[&[command, &scene, "--look", &look, "-o", &out], &size[..]].concat());
+        assert!(told(&all).contains("`gone`") && !told(&all).contains("which is no panel"), "{command}: {all}");
+        assert!(!told(&all).contains("not baked"), "{command}: {all}");
+    }
+    let relit = answer(&["relight", &at("plain.transport"), "--look", &look, "-o", &at("a.exr")]);
+    assert!(told(&relit).contains("a panel of 6 × 6 texels, which was not baked"), "{relit}");
+}
+
+#[test]
 fn a_lamp_that_is_off_is_written_dark_and_comes_back_muted() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();

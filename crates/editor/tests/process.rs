@@ -468,6 +468,41 @@ fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
 }
 
 #[test]
+fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
+    let folder = desk();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::create_dir(path("looks")).unwrap();
+    succeeds(folder.path(), "bake room.gltf --size 32x24 --spp 16 --work-plane 0.5:0.4 -o room.transport");
+    succeeds(folder.path(), "relight room.transport -o looks/as-it-is.exr");
+    let marks = r#"{"film": [64, 48], "runs": [1000, 40]}"#;
+    let look = format!(
+        r#"{{"clerestory": 1, "wishes": {{"factor": [0, 50], "list": [
+            {{"name": "plane", "sensors": "work plane 0.5 m", "times": 3}},
+            {{"name": "wall", "marks": {marks}, "times": 3}},
+            {{"name": "picture", "match": "as-it-is.exr", "exposure": -1.5849625, "weight": 0.5}},
+            {{"name": "desk", "sensors": "desk", "lux": 500}}]}}}}"#
+    );
+    std::fs::write(path("looks/wished.look"), look).unwrap();
+    let solved = answer(folder.path(), "solve room.transport --look looks/wished.look -o solved.look");
+    let names: Vec<_> = solved["wishes"].as_array().unwrap().iter().map(|wish| wish["name"].clone()).collect();
+    assert_eq!(names, ["plane", "wall", "picture"], "{solved}");
+    assert!(solved["wishes"].as_array().unwrap().iter().all(|wish| wish["met"] == true), "{solved}");
+    assert!((solved["lights"][0]["after"].as_f64().unwrap() - 3.0).abs() < 0.1, "{solved}");
+    assert!(solved["warnings"].to_string().contains("`desk` is left out: This bake has no sensors desk"), "{solved}");
+    // The wishes are still there, and what they name is found from where the look lies now.
+    let written = std::fs::read_to_string(path("solved.look")).unwrap();
+    assert!(written.contains("looks/as-it-is.exr") && written.contains("work plane 0.5 m"), "{written}");
+    answer(folder.path(), "solve room.transport --look solved.look -o again.look");
+    // What is named takes their place, and a look without any is nothing to solve for.
+    std::fs::write(path("own.json"), r#"{"wishes": [{"times": 2}]}"#).unwrap();
+    let own = answer(folder.path(), "solve room.transport --look solved.look --wishes own.json -o own.look");
+    assert_eq!(own["wishes"].as_array().unwrap().len(), 1, "{own}");
+    std::fs::write(path("bare.look"), r#"{"clerestory": 1}"#).unwrap();
+    let output = run(folder.path(), "solve room.transport --look bare.look -o bad.look");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("a --look with wishes"));
+}
+
+#[test]
 fn a_schedule_counts_what_shines_and_measures_the_floor() {
     let folder = desk();
     let told = answer(folder.path(), "schedule room.gltf --efficacy 50 -o lamps.csv");

@@ -213,6 +213,43 @@ fn a_finished_bake_is_found_again() {
 }
 
 #[test]
+fn a_whole_picture_is_there_long_before_the_preview_and_no_file_is_made_of_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let film = Film { width: 480, height: 360 };
+    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+    let start = Start::alone(source, Some(settings));
+    let mut window: Window =
+        Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap());
+    let shown = |app: &App| app.session().shown.as_ref().map(|shown| shown.film());
+    let coarse = Film { width: 240, height: 180 };
+    wait(&mut window, |app| app.session().is_glimpse() && app.n_pictures() > 0);
+    window.get_by_label("A first look: sharper in a moment");
+    click(&mut window, "Stop the bake");
+    assert!(shown(window.state()) == Some(coarse) && window.state().session().shown.as_ref().unwrap().is_whole());
+    // It answers to the lights as any picture does.
+    let n_before = window.state().n_pictures();
+    click(&mut window, "Mute lamp");
+    wait(&mut window, |app| app.n_pictures() > n_before);
+    click(&mut window, "Export…");
+    assert!(window.query_by_label("Path").is_none());
+    assert!(window.query_all_by_label_contains("wait until the bake has a whole picture").count() > 0);
+    // What was found out stays while the bake is made, and makes way for its preview, in the same place of the list of views.
+    let zoomed = |window: &Window| on_screen(window, Vec3::ZERO);
+    let before = zoomed(&window);
+    window.get_by_label("Start bake").scroll_to_me();
+    window.run_steps(8);
+    click(&mut window, "Start bake");
+    wait(&mut window, |app| app.session().bake.is_running() || app.session().bake == BakeState::Done);
+    wait(&mut window, |app| !app.session().is_glimpse());
+    assert_eq!((shown(window.state()), window.state().session().views().len()), (Some(film), 1));
+    assert!((zoomed(&window) - before).length() < 2.0, "{before:?} {:?}", zoomed(&window));
+    save_as(&mut window, "Export…", &folder.path().join("a.png"));
+    wait(&mut window, |_| folder.path().join("a.png").exists());
+    assert_eq!(image::image_dimensions(folder.path().join("a.png")).unwrap(), (480, 360));
+}
+
+#[test]
 fn mute_is_in_the_look_and_solo_is_not() {
     let mut window = baked();
     let ev_before = window.state().shown_ev();
@@ -465,6 +502,33 @@ fn the_keys_are_listed() {
     window.key_press(Key::F1);
     window.run_steps(3);
     window.get_by_label("Keyboard and mouse");
+}
+
+#[test]
+fn a_question_mark_lists_the_keys_on_any_keyboard_and_types_itself_into_a_field() {
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: room() });
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    let typed = |window: &mut Window, with_key: bool| {
+        if with_key {
+            window.key_down(Key::Questionmark);
+        }
+        window.event(eframe::egui::Event::Text("?".into()));
+        window.run_steps(3);
+        if with_key {
+            window.key_up(Key::Questionmark);
+        }
+        window.query_by_label("This list").is_some()
+    };
+    // Keyboards tell it as a key and as a letter, or as a letter alone: it is one and the same wish.
+    for with_key in [true, false] {
+        assert!(typed(&mut window, with_key));
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+    }
+    click(&mut window, "Open…");
+    window.get_by_label("Path").focus();
+    window.run_steps(3);
+    assert!(!typed(&mut window, false), "it belongs to the field");
 }
 
 #[test]

@@ -26,6 +26,15 @@ impl App {
         seen
     }
 
+    /// Whether there is no more to be seen than a first look, and says so: nobody wants that as a file.
+    pub(super) fn is_too_coarse(&mut self) -> bool {
+        let is_glimpse = self.session.is_glimpse();
+        if is_glimpse {
+            self.complain("This is a first look with few pixels; wait until the bake has a whole picture");
+        }
+        is_glimpse
+    }
+
     pub(super) fn export(&mut self, path: PathBuf) {
         self.say(format!("Writing {}", path.display()));
         let (mut look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
@@ -38,6 +47,9 @@ impl App {
     pub(super) fn copy_image(&mut self) {
         if self.session.shown.is_none() {
             self.complain("There is no picture to copy yet; start the bake");
+            return;
+        }
+        if self.is_too_coarse() {
             return;
         }
         let (look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());

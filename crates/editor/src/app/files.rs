@@ -14,6 +14,9 @@ const MAX_RECENT: usize = 8;
 
 impl App {
     pub(super) fn ask(&mut self, task: FileTask) {
+        if task.writes_pictures() && self.is_too_coarse() {
+            return;
+        }
         let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
         let look_path = self.look_path.as_ref().map(|path| path.display().to_string());

@@ -15,8 +15,8 @@ impl App {
         }
         let still_secs = ctx.input(|input| input.pointer.time_since_last_movement());
         match self.view.probes.hover {
-            None => self.session.focus.set(None),
-            Some(pixel) if still_secs >= RESTS_SECS => self.session.focus.set(Some(pixel)),
+            None => self.session.attend(None),
+            Some(pixel) if still_secs >= RESTS_SECS => self.session.attend(Some(pixel)),
             Some(_) => {}
         }
     }

@@ -142,6 +142,11 @@ impl Follower {
         self.lamplight.light().filter(|_| self.lamplight.is_idle())
     }
 
+    /// Has the light of free lamps traced anew: a file that one of them names is another one.
+    pub fn read_lamps_again(&mut self) {
+        self.lamplight.forget_view();
+    }
+
     /// The lighting that is shown.
     pub fn rig(&self) -> Option<&LightRig> {
         self.asked.as_ref().map(|asked| &asked.rig)

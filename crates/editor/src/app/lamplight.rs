@@ -46,6 +46,11 @@ impl Lamplight {
         self.light.as_ref()
     }
 
+    /// Nothing that is known of the lamps in this view counts any more.
+    pub fn forget_view(&mut self) {
+        (self.view, self.header) = (None, None);
+    }
+
     /// Whether the light of the lamps is as smooth as it gets.
     pub fn is_idle(&self) -> bool {
         self.ordered.is_none()

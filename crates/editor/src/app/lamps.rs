@@ -88,6 +88,13 @@ impl App {
         }
     }
 
+    /// Profiles of lamps were written by another program: the lamps shine by what they are now, as strong as they are set.
+    pub(super) fn read_profiles_again(&mut self) {
+        self.follower.read_lamps_again();
+        self.lights.forget_profiles();
+        self.prints.forget();
+    }
+
     /// Puts a lamp where the picture was clicked on; without a strength with one that suits the picture.
     fn place_lamp(&mut self, shape: LampShape, strength: Option<(f32, LampUnit)>, at_px: Option<[f32; 2]>) {
         let Some((scene, camera, film)) = self.lamp_view() else {

@@ -203,6 +203,7 @@ impl App {
             picture,
             stage: &self.session.stage,
             bake: &self.session.bake,
+            is_glimpse: self.session.is_glimpse(),
             scene: scene.zip(shown_camera).filter(|_| self.has_handles()),
             legend: self.follower.legend(),
             isolines: self.isolux.lines(),

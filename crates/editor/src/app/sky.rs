@@ -165,7 +165,7 @@ mod tests {
         let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
         let bake = job.run(|_| ControlFlow::Continue(())).unwrap().unwrap();
         let frame = Arc::new(Frame { width: film.width, height: film.height, groups: bake.groups.clone() });
-        Shown { header: bake.header, camera: None, frame, irradiance: Vec::new(), packed: None }
+        Shown { header: bake.header, camera: None, frame, irradiance: Vec::new(), packed: None, is_glimpse: false }
     }
 
     fn sky(typed_sky: &str) -> SkySetting {

@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clerestory_transport::basis::SourceKind;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
@@ -25,7 +24,7 @@ use crate::session::aside::Aside;
 use crate::session::lamps::{LampLight, LampPart};
 use crate::session::{Session, Shown, Wake};
 use crate::solve::kept::{Here, Pictures};
-use crate::solve::{AtPixel, LampColumn, Scene, Solution, TargetPicture, at_point, solve};
+use crate::solve::{AtPixel, LampColumn, Scene, Solution, TargetPicture, at_point, may_change, solve};
 
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
@@ -382,17 +381,10 @@ impl App {
 
     /// Keys of all lights that shine.
     fn free_lights(&self) -> Vec<String> {
-        let rig = &self.look.lights;
-        let is_muted = |key: &str| rig.setting(key).muted;
-        let sources = self.session.basis().into_iter().flat_map(|basis| &basis.sources);
-        let sources = sources.filter(|source| source.kind != SourceKind::Constant && !is_muted(&source.key));
         let known = self.follower.lamp_light().map(|light| &light.parts[..]).unwrap_or_default();
-        let lamps = rig.lamps.iter().filter(|lamp| {
-            !is_muted(&lamp.key)
-                && rig.setting(&lamp.key).intensity > 0.0
-                && known.iter().any(|part| part.key == lamp.key)
-        });
-        sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key.clone())).collect()
+        let is_known = |key: &str| known.iter().any(|part| part.key == key);
+        let basis = self.session.basis();
+        basis.map_or_else(Vec::new, |basis| may_change(basis, &self.look.lights, is_known))
     }
 
     /// Name of a node of the open scene.

@@ -1,8 +1,10 @@
 //! Lines over the picture: a welcome for who is new, and a file that has changed on disk.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use clerestory_transport::lamps::LampShape;
 use eframe::egui::{Context, Ui};
 
 use super::App;
@@ -26,8 +28,8 @@ type Stamp = Option<(Option<SystemTime>, u64)>;
 pub(super) struct Watched {
     /// The scene, first, and the files beside it.
     files: Vec<(PathBuf, Stamp)>,
-    /// The map of the sky of the look.
-    sky: Option<(PathBuf, Stamp)>,
+    /// The map of the sky of the look, and the profiles of its lamps.
+    of_look: Vec<(PathBuf, Stamp)>,
     looking: Aside<Option<PathBuf>>,
     looked_at: f64,
     changed: Option<PathBuf>,
@@ -57,16 +59,27 @@ impl App {
         let beside = opened.into_iter().flat_map(|opened| opened.files.iter().cloned());
         let files = path.into_iter().chain(beside).map(stamped).collect();
         self.watched = Watched { files, ..Watched::default() };
-        self.watch_sky();
+        self.watch_look();
     }
 
-    /// Watches the map that the look names from now on.
-    fn watch_sky(&mut self) {
-        let file = self.look.lights.sky.as_ref().and_then(|sky| sky.file.as_ref()).filter(|file| *file != "uniform");
-        let file = file.map(PathBuf::from);
-        if file.as_ref() != self.watched.sky.as_ref().map(|(path, _)| path) {
-            self.watched.sky = file.map(stamped);
-        }
+    /// The map of the sky that the look names.
+    fn sky_file(&self) -> Option<PathBuf> {
+        let file = self.look.lights.sky.as_ref()?.file.as_ref().filter(|file| *file != "uniform")?;
+        Some(file.into())
+    }
+
+    /// Watches what the look names from now on; what it named before is known as it was read.
+    fn watch_look(&mut self) {
+        let profiles = self.look.lights.lamps.iter().filter_map(|lamp| match &lamp.shape {
+            LampShape::Profile { file } => Some(PathBuf::from(file)),
+            _ => None,
+        });
+        let named: BTreeSet<PathBuf> = self.sky_file().into_iter().chain(profiles).collect();
+        let of_look = &mut self.watched.of_look;
+        of_look.retain(|(path, _)| named.contains(path));
+        let is_known = |path: &PathBuf| of_look.iter().any(|(known, _)| known == path);
+        let new: Vec<_> = named.iter().filter(|path| !is_known(path)).cloned().map(stamped).collect();
+        of_look.extend(new);
     }
 
     /// Looks now and then whether something of what is open was written since, beside the window: files may lie far off. Nothing
@@ -76,27 +89,29 @@ impl App {
         if self.reloading.is_some() {
             return;
         }
-        self.watch_sky();
+        self.watch_look();
         let now = ctx.input(|input| input.time);
-        let Watched { files, sky, looking, looked_at, changed: found } = &mut self.watched;
+        let Watched { files, of_look, looking, looked_at, changed: found } = &mut self.watched;
         if let Some(answer) = looking.take() {
             (*looked_at, *found) = (now, answer.ok().flatten());
         }
-        if (files.is_empty() && sky.is_none()) || looking.is_busy() || now - *looked_at < LOOK_EVERY_SECS {
+        if (files.is_empty() && of_look.is_empty()) || looking.is_busy() || now - *looked_at < LOOK_EVERY_SECS {
             return;
         }
-        let watched: Vec<(PathBuf, Stamp)> = files.iter().chain(sky.as_ref()).cloned().collect();
+        let watched: Vec<(PathBuf, Stamp)> = files.iter().chain(&*of_look).cloned().collect();
         if let Err(words) = looking.start("watch", &self.wake, move || changed(&watched)) {
             self.complain(words);
         }
     }
 
-    /// Opens the same file again; what is set stays, light by light, as their names are. Of a sky only its map is read.
+    /// Opens the same file again; what is set stays, light by light, as their names are. What belongs to the look is read alone: the
+    /// map of a sky, or the profile of a lamp.
     pub(super) fn reload(&mut self) {
         let found = self.watched.changed.take();
-        if found.is_some() && found.as_ref() == self.watched.sky.as_ref().map(|(path, _)| path) {
-            self.watched.sky = found.map(stamped);
-            return self.read_sky_again();
+        if let Some(known) = self.watched.of_look.iter_mut().find(|(path, _)| Some(path) == found.as_ref()) {
+            *known = stamped(known.0.clone());
+            let is_sky = found == self.sky_file();
+            return if is_sky { self.read_sky_again() } else { self.read_profiles_again() };
         }
         let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };
         let of_file = self.session.cameras().get(self.settings.camera_idx);

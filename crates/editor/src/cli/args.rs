@@ -11,6 +11,7 @@ use clerestory_nystrom::rivals::Method;
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::import::Choice;
+use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::patches::MOST_PATCHES;
 use clerestory_transport::sensors::{NodeGrid, WorkPlane};
 use clerestory_transport::skips::Skips;
@@ -22,6 +23,8 @@ use super::looks::LookChoice;
 use super::picture::{CutArgs, DepthArgs};
 use super::sequence::FramesArgs;
 use super::viewpoint::{Viewpoint, parse_shift, parse_view};
+use crate::look::Look;
+use crate::look::scene::SceneChoice;
 pub(super) use parse::parse_panel;
 use parse::{
     parse_ies, parse_method, parse_patches, parse_seconds, parse_sensors, parse_size, parse_sun_size, parse_tolerance,
@@ -167,6 +170,9 @@ pub struct ViewArgs {
     #[arg(long, value_name = "NAMES", num_args = 0..=1, require_equals = true, default_missing_value = "all",
         value_parser = Skips::all_but)]
     pub no_skip: Option<Skips>,
+    /// What a look makes of the scene, beside what is typed.
+    #[arg(skip)]
+    pub of_look: SceneChoice,
     /// Seed of all random numbers.
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
@@ -179,6 +185,16 @@ impl ViewArgs {
     /// The work that is left out.
     pub fn skips(&self) -> Skips {
         self.no_skip.unwrap_or_default()
+    }
+
+    /// The same with what a look makes of the scene.
+    pub fn as_in(&self, look: &Look) -> ViewArgs {
+        ViewArgs { of_look: look.scene.clone(), ..self.clone() }
+    }
+
+    /// Whether the numbers of lamps are taken as watts.
+    pub fn is_unitless(&self) -> bool {
+        self.unitless || self.of_look.units == Some(LampUnits::Unitless)
     }
 
     /// What of a file is loaded.
@@ -238,8 +254,9 @@ pub struct BakeOptions {
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.
-const OF_SCENES: [&str; 27] = [
+const OF_SCENES: [&str; 28] = [
     "scene",
+    "look",
     "camera",
     "viewpoint",
     "shift",
@@ -278,6 +295,9 @@ pub struct BakeArgs {
     /// key is the file's name. Takes 1 GiB of memory for pixels, however many there are.
     #[arg(long, value_name = "DIR", conflicts_with_all = OF_SCENES)]
     pub images: Option<PathBuf>,
+    /// Look whose panels, units of lamps and sky are baked, beside what is typed [default: as the scene says].
+    #[arg(long, value_name = "FILE.look")]
+    pub look: Option<PathBuf>,
     /// Transport file to write.
     #[arg(short, long, value_name = "FILE.transport", required_unless_present = "estimate")]
     pub output: Option<PathBuf>,

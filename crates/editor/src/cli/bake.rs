@@ -20,7 +20,8 @@ use super::args::{BakeArgs, BakeOptions, IrradianceArgs};
 use super::console::{Answer, Console, advance, duration_words};
 use super::estimate;
 use super::reuse::Earlier;
-use super::view::{View, inputs_of, on_threads, open_view, requested_sky};
+use super::view::{View, inputs_of, load_look, on_threads, open_view, requested_sky, spare_look};
+use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 use crate::sizes::bytes_words;
 
@@ -37,7 +38,8 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
     let output = match (&args.output, &args.scene) {
         (Some(output), _) => output,
         (None, Some(scene)) => {
-            let job = scene_job(scene, args, console)?;
+            let look = load_look(args.look.as_deref(), console)?;
+            let job = scene_job(scene, args, &look, console)?;
             return Ok(estimate::told(&estimate::forecast(&job, args, console)?, &job.config, console));
         }
         (None, None) => bail!("name the file to write with -o"),
@@ -58,12 +60,15 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
 }
 
 /// What is to be baked of a scene.
-fn scene_job(scene: &Path, args: &BakeArgs, console: &mut Console) -> Result<BakeJob> {
+fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) -> Result<BakeJob> {
     if scene.is_dir() {
         bail!("{0} is a folder; name a scene, or bake the pictures in it with --images {0}", scene.display());
     }
-    let sky = requested_sky(&args.options.view, None, args.options.sky_patches, console)?;
-    let view = open_view(scene, &args.options.view, sky.as_ref(), console)?;
+    let asked = args.options.view.as_in(look);
+    let sky = requested_sky(&asked, look.lights.sky.as_ref(), args.options.sky_patches, console)?;
+    let view = open_view(scene, &asked, sky.as_ref(), console)?;
+    let unheeded = Look { scene: look.scene.clone(), ..Look::default() }.unheeded(&view.scene.lighting.basis);
+    console.warn_all(unheeded);
     let rows = requested(&args.irradiance).rows(&view.scene);
     let irradiance = rows.with_context(|| format!("cannot measure light in {}", scene.display()))?;
     Ok(BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) })
@@ -75,7 +80,9 @@ type Baked = (Bake, BakeTimes, Option<Earlier>);
 fn bake_scene(scene: &Path, output: &Path, args: &BakeArgs, console: &mut Console) -> Result<Baked> {
     let inputs: Vec<_> = [("scene", scene)].into_iter().chain(inputs_of(&args.options.view)).collect();
     reserve(output, &inputs)?;
-    let mut job = scene_job(scene, args, console)?;
+    let look = load_look(args.look.as_deref(), console)?;
+    spare_look(output, args.look.as_deref(), &look)?;
+    let mut job = scene_job(scene, args, &look, console)?;
     let mut options = args.options.clone();
     if let Some(limit_bytes) = args.memory {
         options.view.threads = Some(estimate::fit(limit_bytes, &mut job, args, console)?);

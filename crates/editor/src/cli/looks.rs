@@ -37,10 +37,12 @@ impl LookChoice {
             (None, Some(secs)) => document.at(secs, basis),
             (None, None) => document.present(),
         };
-        Ok(match (self.preset, basis) {
+        let look = match (self.preset, basis) {
             (Some(preset), Some(basis)) => preset.of(basis, &look).look(),
             _ => look,
-        })
+        };
+        // What the document makes of the scene belongs to all of its looks.
+        Ok(Look { scene: document.scene.clone(), ..look })
     }
 }
 

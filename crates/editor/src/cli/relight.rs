@@ -53,8 +53,9 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let mut target = Target::new(&args.relight, console)?;
     let kept = || discarded(&target.place);
     let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
-    let mut view = interrupt
-        .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.bake.view, sky.as_ref(), console))?;
+    let asked = args.bake.view.as_in(&target.document);
+    let mut view =
+        interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;
     target.look = chosen(&target.document, &args.relight, &view.scene.lighting.basis, console)?;
     target.told = Some(target.look.clone());
     // Nothing is kept of this bake, so that its lamps need not be movable.

@@ -1,6 +1,8 @@
 //! `clerestory solve`: the lights that come closest to wishes, as a look.
 
+use std::borrow::Cow;
 use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
@@ -18,10 +20,13 @@ use super::console::{Answer, Console};
 use super::lamps::{Arriving, DEFAULT_SAMPLES, LampLight, open};
 use super::view::{load_look, or_of_file, spare_look, warn_of_unknown_lights};
 use crate::look::Look;
-use crate::marks::Seen;
+use crate::marks::{Framing, Seen};
 use crate::output::{PendingFile, spare_inputs};
+use crate::solve::kept::{Here, Pictures};
 use crate::solve::parse::{self, Surroundings};
-use crate::solve::{AtPixel, Freedom, LampColumn, Place, Request, Scene, Wish, at_point, solve};
+use crate::solve::{
+    AtPixel, Freedom, LampColumn, Place, Request, Scene, TargetPicture, Wish, at_point, may_change, solve,
+};
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
@@ -35,18 +40,25 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     look = or_of_file(look, args.look.as_deref(), &bake.header.basis);
     warn_of_unknown_lights(&bake.header.basis, &look, console);
     let lamps = lamps(args, &bake, &look, console)?;
+    look.resolve(args.look.as_deref().and_then(Path::parent).unwrap_or(Path::new("")));
     let scene = args.scene.as_deref().map(|path| open(&bake.header, path, console)).transpose()?;
     let film = Film { width: bake.header.width, height: bake.header.height };
+    let camera = scene.as_ref().map(|(_, camera)| camera.clone()).or_else(|| bake.header.view.clone());
     let scene = scene.map(|(scene, camera)| {
         let seen = Arc::new(Seen::new(&scene, &camera, film));
         (scene, seen)
     });
-    let request = request(args, &bake, scene.as_ref())?;
+    let wished = if args.wishes.is_some() || args.picture.is_some() {
+        wished(args, &bake, scene.as_ref())?
+    } else {
+        wished_in(&look, &bake, Framing { film, camera }, &lamps, console)?
+    };
+    let request = as_typed(wished, args)?;
     let seen = scene.map(|(_, seen)| seen);
     let solved = solve(&Scene { bake, rig: look.lights.clone(), lamps, seen }, &request)?;
     console.warn_all(solved.notes.iter().map(|note| look.renamed(note)));
     look.lights = solved.rig.clone();
-    place.commit(|writer| Ok(writer.write_all(look.to_json().as_bytes())?))?;
+    place.commit(|writer| Ok(writer.write_all(look.json_at(&args.output).as_bytes())?))?;
     let output = args.output.display().to_string();
     let mut json = json!({ "output": output, "warnings": console.warnings() });
     merge(&mut json, solved.json());
@@ -54,7 +66,7 @@ pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
 }
 
 /// The wishes of the file and of the command line.
-fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<Seen>)>) -> Result<Request> {
+fn wished(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<Seen>)>) -> Result<Request> {
     let surroundings = Surroundings { bake, seen: scene.map(|(scene, seen)| (scene, seen.as_ref())) };
     let mut request = match &args.wishes {
         Some(path) => parse::read(path, &surroundings)?,
@@ -65,6 +77,36 @@ fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<See
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         request.wishes.push(Wish { name, place: Place::Whole, target, weight: 1.0 });
     }
+    Ok(request)
+}
+
+/// The wishes of the look, as far as they fit the bake; why others do not is told.
+fn wished_in(
+    look: &Look,
+    bake: &Bake,
+    framing: Framing,
+    lamps: &[LampColumn],
+    console: &mut Console,
+) -> Result<Request> {
+    let read = |file: &str| TargetPicture::read(Path::new(file)).map(Arc::new).map_err(|error| format!("{error:#}"));
+    let pictures: Pictures = look.wishes.files().map(|file| (file.to_owned(), read(file))).collect();
+    let here = Here {
+        framing: Some(framing),
+        grids: bake.grids().map(|(set, grid)| (set, grid.name.clone())).collect(),
+        has_illuminance: bake.pixel_irradiance().is_some(),
+        pictures: Cow::Owned(pictures),
+    };
+    for entry in &look.wishes.list {
+        if let Some(why) = here.misfit(entry) {
+            console.warn(&format!("the wish `{}` is left out: {why}", entry.name));
+        }
+    }
+    let is_lamp = |key: &str| lamps.iter().any(|lamp| lamp.key == key);
+    Ok(here.request(&look.wishes, &may_change(&bake.header.basis, &look.lights, is_lamp)))
+}
+
+/// The same with what was typed.
+fn as_typed(mut request: Request, args: &SolveArgs) -> Result<Request> {
     if !args.lights.is_empty() {
         request.lights = Some(args.lights.clone());
     }
@@ -75,7 +117,7 @@ fn request(args: &SolveArgs, bake: &Bake, scene: Option<&(PreparedScene, Arc<See
     parse::check(&request)?;
     ensure!(
         !request.wishes.is_empty(),
-        "there is nothing to solve for; name a file with --wishes, or a picture with --match"
+        "there is nothing to solve for; name a file with --wishes, a picture with --match, or a --look with wishes for this view"
     );
     Ok(request)
 }

@@ -35,8 +35,9 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
         bail!("trace measures no light that arrives, which the look shows in false color; use `clerestory render`");
     }
     let sky = requested_sky(&args.view, look.lights.sky.as_ref(), SkyForm::Whole, console)?;
-    let mut view = interrupt
-        .watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &args.view, sky.as_ref(), console))?;
+    let asked = args.view.as_in(&document);
+    let mut view =
+        interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;
     let basis = &view.scene.lighting.basis;
     let look = args.choice.of(&or_of_file(document, args.look.as_deref(), basis), Some(basis))?;
     warn_of_unknown_lights(basis, &look, console);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::emitters::SkyRequest;
+use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
 use clerestory_transport::import::{self, Choice, Imported};
 use clerestory_transport::lamp_units::assume_unitless;
 use clerestory_transport::photometry::{PhotometricProfile, assign};
@@ -117,16 +117,35 @@ pub(crate) fn prepare_view(
     let mut camera = args.viewpoint.map_or_else(|| camera.clone(), |viewpoint| viewpoint.camera(camera));
     camera.shift = args.shift.unwrap_or(camera.shift);
     let film = args.size.unwrap_or_else(|| Film::of_width(DEFAULT_WIDTH_PX, &camera));
-    let (scene, warnings) = PreparedScene::with_skips(scene, &args.panels, sky, args.skips())
+    let panels = panels(&scene, args, console);
+    let (scene, warnings) = PreparedScene::with_skips(scene, &panels, sky, args.skips())
         .with_context(|| format!("cannot prepare the scene {name}"))?;
     console.warn_all(warnings);
     Ok(View { scene: Arc::new(scene), camera, film })
 }
 
+/// The panels that were typed, and those that the look makes of other lights. What it cannot make of this scene is told and left
+/// out: it may be a look of another one.
+fn panels(scene: &Scene, args: &ViewArgs, console: &mut Console) -> Vec<PanelRequest> {
+    let mut panels = args.panels.clone();
+    for (node, resolution) in &args.of_look.panels {
+        panels.push(PanelRequest { node: node.clone(), resolution: *resolution });
+        let Err(error) = Lighting::new(scene, &panels) else { continue };
+        panels.pop();
+        match error {
+            // What is typed wins; what no light is called is told with all that the look sets without effect.
+            LightingError::Twice { .. } | LightingError::UnknownPanelNode { .. } => {}
+            error => console.warn(&format!("a panel of the look is left out: {error}")),
+        }
+    }
+    panels
+}
+
 /// What was asked for about the lamps of the file.
 fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Result<()> {
-    if args.unitless && assume_unitless(scene) == 0 {
-        console.warn("--unitless changes nothing: no lamp of the scene counts in candela or lux of its own");
+    if args.is_unitless() && assume_unitless(scene) == 0 {
+        let what = if args.unitless { "--unitless" } else { "counting lamps in watts, as the look does," };
+        console.warn(&format!("{what} changes nothing: no lamp of the scene counts in candela or lux of its own"));
     }
     let radius_rad = args.sun_size.map(|degrees| (0.5 * degrees).to_radians());
     if radius_rad.is_some_and(|radius_rad| scene.set_sun_radius(radius_rad) == 0) {

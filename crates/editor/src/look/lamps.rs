@@ -30,16 +30,23 @@ pub fn below(position: Vec3) -> Vec3 {
     position - Vec3::Y
 }
 
+/// Names the profile of a lamp, if it has one, from the root; it lies relative to `folder`.
+pub fn root(lamp: &mut FreeLamp, folder: &Path) {
+    if let LampShape::Profile { file } = &mut lamp.shape {
+        let path = folder.join(&*file);
+        *file = std::path::absolute(&path).unwrap_or(path).display().to_string();
+    }
+}
+
 /// Makes paths of profiles absolute; they lie relative to `folder`. Leaves out lamps whose profile cannot be used, with a
 /// sentence for each.
 pub fn resolve(lamps: &mut Vec<FreeLamp>, folder: &Path) -> Vec<String> {
     let mut warnings = Vec::new();
     lamps.retain_mut(|lamp| {
-        let LampShape::Profile { file } = &mut lamp.shape else { return true };
-        let path = folder.join(&*file);
-        let path = std::path::absolute(&path).unwrap_or(path);
-        *file = path.display().to_string();
-        match read_profile(&path) {
+        root(lamp, folder);
+        let LampShape::Profile { file } = &lamp.shape else { return true };
+        let path = Path::new(file);
+        match read_profile(path) {
             Ok(_) => true,
             Err(why) => {
                 warnings.push(format!("{}: {why}; the lamp `{}` is left out", path.display(), lamp.key));

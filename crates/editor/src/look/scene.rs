@@ -47,7 +47,7 @@ impl Look {
         let words = |(node, m): (&String, &u32)| {
             let name = self.name_of(node);
             format!(
-                "the look makes `{name}` a panel of {m} × {m} texels, which was not baked; bake the scene again, on the command line with --panel \"{node}={m}\""
+                "the look makes `{name}` a panel of {m} × {m} texels, which was not baked; bake the scene again, on the command line with --look, or --panel \"{node}={m}\""
             )
         };
         self.scene.panels.iter().filter(lacks).map(words).collect()

@@ -116,6 +116,11 @@ impl LightsState {
         LightsState { layout, ..LightsState::default() }
     }
 
+    /// Files of measured lamps are read again where they are asked.
+    pub fn forget_profiles(&mut self) {
+        self.profiles.clear();
+    }
+
     /// Chooses a lamp of the picture, or none, from within the panel, after what is selected changed. What is selected alone
     /// is the chosen light of the picture, too.
     fn choose_lamp(&mut self, key: Option<String>) {

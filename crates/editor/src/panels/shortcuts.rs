@@ -80,7 +80,18 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&DELETE_TOO, Action::DeleteLamp);
     take(&DUPLICATE, Action::DuplicateLamp);
     take(&AIM, Action::AimLamp);
-    take(&HELP_TOO, Action::ToggleShortcuts);
+    if asks_for_help(ctx) {
+        actions.push(Action::ToggleShortcuts);
+    }
+}
+
+/// Whether a question mark was typed: where it lies, and with which keys it is made, each keyboard has for itself.
+fn asks_for_help(ctx: &Context) -> bool {
+    ctx.input_mut(|input| {
+        let is_key = input.consume_shortcut(&HELP_TOO);
+        let is_text = input.events.iter().any(|event| matches!(event, Event::Text(text) if text == "?"));
+        is_key || is_text
+    })
 }
 
 /// The toolkit makes an event of the keys that copy; words that are marked go before the picture.

@@ -10,6 +10,7 @@ use clerestory_transport::camera::Camera;
 use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 
 use super::begun::Begun;
+use super::glimpse::{self, Glimpse};
 use super::task::{self, Task, words};
 use super::{BakeSettings, BakeState, Notice, Session, Shown, earlier};
 use crate::picture::Changed;
@@ -76,8 +77,9 @@ impl Session {
         self.history.clear();
         self.bake_began = Instant::now();
         let (cache, focus) = (self.cache.clone(), self.focus.clone());
+        let glimpse = glimpse::job(&job).filter(|_| half_done.is_none() && !self.shows_view_of(&job));
         let there = (half_done, self.earlier_bakes());
-        self.baking = self.spawn("bake", move |post| task::bake((job, n_threads), there, cache, &focus, post));
+        self.baking = self.spawn("bake", move |post| task::bake((job, n_threads), glimpse, there, cache, &focus, post));
     }
 
     /// Stops the bake; what was done stays.
@@ -87,6 +89,18 @@ impl Session {
             self.stop_baking();
             self.bake = if was_aside { self.state_of_shown() } else { BakeState::Stopped };
         }
+    }
+
+    /// Somebody looks at a pixel of the picture that is shown: a bake that runs makes what is there first.
+    pub fn attend(&self, pixel: Option<[u32; 2]>) {
+        let baking = self.incoming.as_ref().filter(|_| !self.is_aside());
+        let films = self.shown.as_ref().zip(baking).map(|(shown, baking)| (shown.film(), baking.film()));
+        let scaled = |px: u32, from: u32, to: u32| (u64::from(px) * u64::from(to) / u64::from(from.max(1))) as u32;
+        let there = |[x, y]: [u32; 2]| match films {
+            Some((from, to)) => [scaled(x, from.width, to.width), scaled(y, from.height, to.height)],
+            None => [x, y],
+        };
+        self.focus.set(pixel.map(there));
     }
 
     pub(super) fn stop_baking(&mut self) {
@@ -142,7 +156,14 @@ impl Session {
         self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
         let camera = self.camera_of(&header);
         let frame = Arc::new(Frame { width: header.width, height: header.height, groups: header.empty_groups() });
-        self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None });
+        self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None, is_glimpse: false });
+    }
+
+    /// A first look at what is about to be baked.
+    pub(super) fn glimpsed(&mut self, Glimpse { header, groups }: Glimpse) {
+        let camera = self.camera_of(&header);
+        let frame = Arc::new(Frame { width: header.width, height: header.height, groups });
+        self.show_beside(Shown { header, camera, frame, irradiance: Vec::new(), packed: None, is_glimpse: true });
     }
 
     /// The camera of the bake that runs, or of a bake of the scene that is open.
@@ -209,7 +230,7 @@ impl Session {
         let Bake { header, groups, irradiance, packed } = bake;
         let camera = self.camera_of(&header);
         let frame = Arc::new(Frame { width: header.width, height: header.height, groups });
-        let found = Shown { header, camera, frame, irradiance, packed };
+        let found = Shown { header, camera, frame, irradiance, packed, is_glimpse: false };
         self.begin_view(found);
         // The same view as before: what was found takes its place.
         if let Some(found) = self.incoming.take() {
@@ -233,7 +254,9 @@ impl Session {
 
     /// Counts ranks and bytes of what is there.
     pub(super) fn count(&mut self) {
-        self.figures = self.shown.as_ref().map(|shown| shown.bake().figures());
+        // What is glimpsed at says nothing of the bake.
+        let shown = self.shown.as_ref().filter(|shown| !shown.is_glimpse);
+        self.figures = shown.map(|shown| shown.bake().figures());
         (self.figures_at, self.n_counts) = (Instant::now(), self.n_counts + 1);
         // Before the first block there is no error to speak of.
         let counted = self.figures.as_ref().filter(|figures| figures.max_rank > 0 && self.bake.is_running());

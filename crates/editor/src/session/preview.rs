@@ -70,7 +70,7 @@ fn work(mailbox: &Mailbox<PreviewOrder, Preview>) {
 }
 
 /// A film of the same shape whose sides are no longer than so many pixels.
-fn within(film: Film, side: u32) -> Film {
+pub(super) fn within(film: Film, side: u32) -> Film {
     let scale = (side as f32 / film.width.max(film.height) as f32).min(1.0);
     let scaled = |side: u32| ((side as f32 * scale).round() as u32).max(1);
     Film { width: scaled(film.width), height: scaled(film.height) }

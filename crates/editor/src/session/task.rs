@@ -24,6 +24,7 @@ use clerestory_transport::stop::Stop;
 use eframe::egui::ColorImage;
 
 use super::found::FoundScene;
+use super::glimpse::{self, Glimpse};
 use super::room::all_threads;
 use super::{Chosen, Wake};
 use crate::bake_cache::{BakeCache, Found};
@@ -106,6 +107,8 @@ pub(super) enum Fact {
     Prepared(Result<Prepared, String>),
     /// The bake goes on.
     Bake(BakeEvent),
+    /// A first look at what is about to be baked.
+    Glimpsed(Glimpse),
     /// What was done with what is baked, in words.
     Remarks(Vec<String>),
     /// The bake ended; with nothing if it was stopped.
@@ -273,6 +276,7 @@ const BLOCKS_WITHIN: Duration = Duration::from_millis(100);
 /// ends before its bake loses no more than the blocks under way. What an earlier one has in common with it is taken over.
 pub(super) fn bake(
     (mut job, n_threads): (BakeJob, usize),
+    glimpse: Option<BakeJob>,
     (mut begun, mut earlier): (Option<HalfDone>, Vec<Bake>),
     cache: Option<BakeCache>,
     focus: &Focus,
@@ -309,6 +313,14 @@ pub(super) fn bake(
         Some(Ok(None)) | None => {}
     }
     let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
+    if let Some(glimpse) = glimpse.filter(|_| begun.is_none()) {
+        // Until there is something to see, the window needs no core of its own.
+        match beside_the_window(n_threads + 1, || glimpse::run(glimpse, focus)) {
+            Ok(Some(glimpse)) => drop(post.send(Fact::Glimpsed(glimpse), Duration::ZERO)),
+            // It was stopped, or the bake fails as well, in the same words.
+            Ok(None) | Err(_) => {}
+        }
+    }
     let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(Reuse::n_traced_columns);
     let on_event = |event| {
         if let Some(Err(error)) = kept.as_mut().map(|kept| kept.heed(&event)) {

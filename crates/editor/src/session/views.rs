@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use clerestory_transport::bake::Bake;
+use clerestory_transport::bake::{Bake, BakeJob};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 
@@ -54,10 +54,11 @@ impl Session {
     /// All views in the order in which they were begun.
     pub fn views(&self) -> Vec<ViewEntry> {
         let is_running = self.bake.is_running();
+        let coming = self.incoming.as_ref().filter(|_| !self.is_aside()).map(Shown::film);
         let entry = |id: u64, shown: &Shown, error_db: Option<ErrorDb>, figures: Option<&Figures>| ViewEntry {
             id,
             name: shown.header.camera.clone(),
-            film: shown.film(),
+            film: if shown.is_glimpse { coming.unwrap_or(shown.film()) } else { shown.film() },
             bytes: figures.map(|figures| figures.bytes),
             error_db: error_db.map(|error| error.total),
             is_shown: id == self.views.shown,
@@ -133,9 +134,18 @@ impl Session {
             self.views.n_made += 1;
             self.views.aside = Some(self.views.n_made);
         }
-        if shown.is_whole() {
+        if shown.is_whole() && !shown.is_glimpse {
             self.views.kept.push(Kept { id, shown, error_db, figures });
         }
+    }
+
+    /// Whether the view of a bake is shown already, as large or at a glimpse.
+    pub(super) fn shows_view_of(&self, job: &BakeJob) -> bool {
+        self.shown.as_ref().is_some_and(|shown| {
+            (shown.film() == job.film || shown.is_glimpse)
+                && shown.camera.as_ref() == Some(&job.camera)
+                && shown.header.basis.sources == job.scene.lighting.basis.sources
+        })
     }
 
     /// A bake begins. Another view than the one that is shown comes beside it; the same one stays until the new one is whole.
@@ -153,11 +163,16 @@ impl Session {
             self.incoming = Some(started);
             return;
         }
+        self.show_beside(started);
+    }
+
+    /// Shows another view than the one that is shown, which comes into the list.
+    pub(super) fn show_beside(&mut self, shown: Shown) {
         self.set_aside_idle(Session::put_away);
         self.views.n_made += 1;
         self.views.shown = self.views.n_made;
         (self.error_db, self.figures) = (None, None);
-        self.show(started);
+        self.show(shown);
     }
 
     /// Does something while no bake counts as running.
@@ -200,9 +215,10 @@ impl Session {
     }
 }
 
-/// Whether two bakes are of the same picture and the same lights.
+/// Whether two bakes are of the same picture and the same lights. A glimpse is of the picture that comes after it.
 fn is_same_view(a: &Shown, b: &Shown) -> bool {
-    (a.film(), &a.header.camera, &a.header.basis.sources) == (b.film(), &b.header.camera, &b.header.basis.sources)
+    (a.film() == b.film() || a.is_glimpse)
+        && (&a.header.camera, &a.header.basis.sources) == (&b.header.camera, &b.header.basis.sources)
         && a.camera == b.camera
 }
 

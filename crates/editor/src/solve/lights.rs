@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::{Result, bail};
-use clerestory_transport::basis::{LightSource, SourceKind};
+use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
 use clerestory_transport::lamps::PreparedLamps;
 use clerestory_transport::light::{LightRig, LightSetting, luminance};
 use clerestory_transport::prepared::PreparedScene;
@@ -73,6 +73,17 @@ impl Unknown {
             _ => LightSetting { intensity: found[0], ..self.own },
         }
     }
+}
+
+/// Keys of all lights that shine and may be changed; of free lamps those of which it is known what they bring.
+pub fn may_change(basis: &LightBasis, rig: &LightRig, is_known: impl Fn(&str) -> bool) -> Vec<String> {
+    let is_muted = |key: &str| rig.setting(key).muted;
+    let sources = basis.sources.iter().filter(|source| source.kind != SourceKind::Constant && !is_muted(&source.key));
+    let lamps = rig
+        .lamps
+        .iter()
+        .filter(|lamp| !is_muted(&lamp.key) && rig.setting(&lamp.key).intensity > 0.0 && is_known(&lamp.key));
+    sources.map(|source| source.key.clone()).chain(lamps.map(|lamp| lamp.key.clone())).collect()
 }
 
 /// The lights that a request lets change.

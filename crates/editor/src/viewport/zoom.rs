@@ -12,6 +12,8 @@ pub struct Zoom {
     scale: Option<f32>,
     /// Center of the picture from the center of the area, points.
     offset: Vec2,
+    /// Size in pixels of the picture that the scale is for.
+    size: Vec2,
 }
 
 /// Room around a picture that fits, points.
@@ -26,7 +28,7 @@ const LEAST_REGION: f32 = 6.0;
 impl Zoom {
     /// Shows the whole picture.
     pub fn fit(&mut self) {
-        *self = Zoom::default();
+        (self.scale, self.offset) = (None, Vec2::ZERO);
     }
 
     /// Shows a pixel of the picture on each pixel of a screen with so many of them per point; what is in the middle stays.
@@ -34,6 +36,15 @@ impl Zoom {
         let scale = 1.0 / pixels_per_point;
         self.offset *= scale / self.scale.unwrap_or(scale);
         self.scale = Some(scale);
+    }
+
+    /// Another picture of the view has another number of pixels: it lies where the one before lay, unless that was one to one.
+    pub(super) fn heed_size(&mut self, size: Vec2, pixels_per_point: f32) {
+        let before = std::mem::replace(&mut self.size, size);
+        let is_another = before.x > 0.0 && before.x != size.x;
+        if let Some(scale) = self.scale.as_mut().filter(|scale| is_another && **scale != 1.0 / pixels_per_point) {
+            *scale *= before.x / size.x;
+        }
     }
 
     /// Where a picture of some size in pixels is drawn.
@@ -157,6 +168,21 @@ mod tests {
         let before = zoom.image_rect(AREA, size);
         zoom.show_region(AREA, size, Rect::from_min_size(pos2(200.0, 250.0), vec2(3.0, 60.0)));
         assert_eq!(zoom.image_rect(AREA, size), before, "a click with the key held is no region");
+    }
+
+    #[test]
+    fn a_picture_with_more_pixels_lies_where_the_coarse_one_lay() {
+        let (coarse, fine) = (vec2(100.0, 50.0), vec2(400.0, 200.0));
+        let mut zoom = Zoom::default();
+        zoom.heed_size(coarse, 1.0);
+        zoom.zoom_at(AREA, coarse, pos2(150.0, 300.0), 3.0);
+        let before = zoom.image_rect(AREA, coarse);
+        zoom.heed_size(fine, 1.0);
+        let after = zoom.image_rect(AREA, fine);
+        assert!((before.min - after.min).length() < 1e-2 && (before.max - after.max).length() < 1e-2);
+        zoom.one_to_one(2.0);
+        zoom.heed_size(coarse, 2.0);
+        assert_eq!(zoom.image_rect(AREA, coarse).size(), coarse / 2.0, "one to one stays so");
     }
 
     #[test]

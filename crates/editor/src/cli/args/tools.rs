@@ -61,8 +61,8 @@ pub struct ScheduleArgs {
 pub struct SolveArgs {
     /// Transport file of an earlier bake.
     pub transport: PathBuf,
-    /// Wishes, as docs/cli.md describes them.
-    #[arg(long, value_name = "FILE.json", required_unless_present = "picture")]
+    /// Wishes, as docs/cli.md describes them [default: those of the look].
+    #[arg(long, value_name = "FILE.json", required_unless_present_any = ["picture", "look"])]
     pub wishes: Option<PathBuf>,
     /// Picture to match, of any size: linear .exr or .hdr in nit, or .png or .jpg, whose exposure is found.
     #[arg(long = "match", value_name = "PICTURE")]
@@ -77,7 +77,7 @@ pub struct SolveArgs {
     /// Scene that was baked: for surfaces by name, means over areas of surface, and lamps of the look.
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
-    /// Look to start from [default: as the scene says].
+    /// Look to start from [default: as the scene says]; what is wished in it is solved where neither --wishes nor --match is given.
     #[arg(long, value_name = "FILE.look")]
     pub look: Option<PathBuf>,
     /// Light that may change, by its key; may be repeated [default: all that are not muted].

@@ -1,0 +1,117 @@
+//! A first look at a view: few pixels, but all of them and under every light, long before the preview of its bake is whole.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use clerestory_nystrom::{BlockFactors, BlockLowRank};
+use clerestory_transport::bake::focus::Focus;
+use clerestory_transport::bake::{BakeConfig, BakeError, BakeEvent, BakeHeader, BakeJob, Passes};
+
+use super::preview::within;
+
+/// Longest side, pixels: a picture that is seen for seconds, made in a fraction of them.
+const SIDE_PX: u32 = 240;
+/// Pixels of the bake for each of a glimpse, at least: else the preview itself is there as soon.
+const LEAST_GAIN: u64 = 4;
+
+/// The matrix of a first look.
+pub(super) struct Glimpse {
+    pub header: Arc<BakeHeader>,
+    /// One part per group of columns.
+    pub groups: Vec<BlockLowRank>,
+}
+
+/// What a first look at a bake is made by; none where the bake is as small itself.
+pub(super) fn job(of: &BakeJob) -> Option<BakeJob> {
+    let film = within(of.film, SIDE_PX);
+    let n_pixels = |width: u32, height: u32| u64::from(width) * u64::from(height);
+    if n_pixels(of.film.width, of.film.height) < LEAST_GAIN * n_pixels(film.width, film.height) {
+        return None;
+    }
+    // Light that arrives and lamps that move wait for the bake.
+    let config = BakeConfig { patches: 0, ..of.config.clone() };
+    Some(BakeJob { film, config, passes: Passes::PreviewAndFinal, irradiance: Vec::new(), ..of.clone() })
+}
+
+/// Bakes no further than the preview; nothing if it was stopped before.
+///
+/// # Errors
+/// As the bake itself.
+pub(super) fn run(job: BakeJob, focus: &Focus) -> Result<Option<Glimpse>, BakeError> {
+    let (mut glimpse, mut is_whole) = (None::<Glimpse>, false);
+    let keep = |glimpse: &mut Option<Glimpse>, block_idx: usize, factors: Vec<Arc<BlockFactors>>| {
+        let groups = glimpse.iter_mut().flat_map(|glimpse| &mut glimpse.groups);
+        groups.zip(factors).for_each(|(group, factors)| group.blocks[block_idx] = Some(factors));
+    };
+    let on_event = |event| {
+        match event {
+            BakeEvent::Started { header, .. } => {
+                let groups = header.empty_groups();
+                glimpse = Some(Glimpse { header, groups });
+            }
+            BakeEvent::BlockDone { block_idx, factors, .. } => keep(&mut glimpse, block_idx, factors),
+            BakeEvent::Denoised { blocks, .. } => {
+                blocks.into_iter().for_each(|(block_idx, factors)| keep(&mut glimpse, block_idx, factors));
+            }
+            BakeEvent::PassDone { .. } => {
+                is_whole = true;
+                return ControlFlow::Break(());
+            }
+            _ => {}
+        }
+        ControlFlow::Continue(())
+    };
+    job.run_toward(focus, None, on_event)?;
+    Ok(glimpse.filter(|_| is_whole))
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::import;
+    use clerestory_transport::irradiance::IrradianceRows;
+    use clerestory_transport::prepared::PreparedScene;
+
+    use super::*;
+
+    fn bake_of(film: Film) -> BakeJob {
+        let scene = import::load_bytes("room.gltf", include_bytes!("../../tests/room.gltf")).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let camera = scene.scene.cameras[0].clone();
+        let config = BakeConfig { spp: 4096, tolerance_db: 100.0, patches: 64, ..BakeConfig::default() };
+        BakeJob { scene, camera, film, config, passes: Passes::Progressive, irradiance: vec![IrradianceRows::Pixels] }
+    }
+
+    #[test]
+    fn a_glimpse_has_few_pixels_and_all_of_them_under_every_light() {
+        let of = bake_of(Film { width: 1280, height: 960 });
+        let sources = of.scene.lighting.basis.sources.clone();
+        let Glimpse { header, groups } = run(job(&of).unwrap(), &Focus::default()).unwrap().unwrap();
+        assert_eq!((header.width, header.height), (240, 180));
+        assert_eq!(header.basis.sources, sources);
+        assert!(groups.iter().all(|group| group.blocks.iter().all(Option::is_some)));
+    }
+
+    #[test]
+    fn it_has_as_little_noise_as_a_preview() {
+        let of = bake_of(Film { width: 480, height: 360 });
+        let mut grainy = of.clone();
+        grainy.config.denoise = false;
+        let [denoised, grainy] = [of, grainy].map(|of| run(job(&of).unwrap(), &Focus::default()).unwrap().unwrap());
+        let sampled = denoised.groups[0].blocks.iter().zip(&grainy.groups[0].blocks).filter(|(a, b)| a == b).count();
+        assert!(2 * sampled < denoised.groups[0].blocks.len(), "{sampled} blocks are as they were sampled");
+    }
+
+    #[test]
+    fn nobody_who_has_left_gets_one() {
+        let focus = Focus::default();
+        focus.leave();
+        assert!(run(job(&bake_of(Film { width: 640, height: 480 })).unwrap(), &focus).unwrap().is_none());
+    }
+
+    #[test]
+    fn a_bake_as_small_as_a_glimpse_has_none() {
+        assert!(job(&bake_of(Film { width: 400, height: 300 })).is_none());
+        assert!(job(&bake_of(Film { width: 480, height: 360 })).is_some());
+    }
+}
