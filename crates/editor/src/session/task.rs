@@ -315,10 +315,9 @@ pub(super) fn bake(
     let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
     if let Some(glimpse) = glimpse.filter(|_| begun.is_none()) {
         // Until there is something to see, the window needs no core of its own.
-        match beside_the_window(n_threads + 1, || glimpse::run(glimpse, focus)) {
-            Ok(Some(glimpse)) => drop(post.send(Fact::Glimpsed(glimpse), Duration::ZERO)),
-            // It was stopped, or the bake fails as well, in the same words.
-            Ok(None) | Err(_) => {}
+        // Else it was stopped, or the bake fails as well, in the same words.
+        if let Ok(Some(glimpse)) = beside_the_window(n_threads + 1, || glimpse::run(glimpse, focus)) {
+            drop(post.send(Fact::Glimpsed(glimpse), Duration::ZERO));
         }
     }
     let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(Reuse::n_traced_columns);
