@@ -317,7 +317,7 @@ pub(super) fn bake(
         // Until there is something to see, the window needs no core of its own.
         // Else it was stopped, or the bake fails as well, in the same words.
         if let Ok(Some(glimpse)) = beside_the_window(n_threads + 1, || glimpse::run(glimpse, focus)) {
-            drop(post.send(Fact::Glimpsed(glimpse), Duration::ZERO));
+            let _ = post.send(Fact::Glimpsed(glimpse), Duration::ZERO);
         }
     }
     let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(Reuse::n_traced_columns);
