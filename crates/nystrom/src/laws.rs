@@ -6,6 +6,7 @@ use std::{
 };
 
 mod adaptive;
+mod never_worse;
 mod properties;
 mod stability;
 
