@@ -1,4 +1,4 @@
-// What project, gather and expand have in common; it stands before each of them.
+// What project, gather, settle and expand have in common; it stands before each of them.
 
 struct Block {
     rank: u32,
@@ -7,34 +7,34 @@ struct Block {
     y: u32,
     width: u32,
     left: u32,
-    right: u32,
     z: u32,
     sparse: u32,
     n_sparse: u32,
     // Components of z, those included that fill the last word.
     n_components: u32,
-    // Components that are halves, of the left factor and of the right; the rest are bytes.
+    // Components of the left factor that are halves; the rest are bytes.
     left_halves: u32,
-    right_halves: u32,
+    // Its number among the tiles of the frame.
+    tile: u32,
 }
 
 struct Group {
     n_cols: u32,
     frame_width: u32,
     n_segments: u32,
-    // What expand does: 0 adds, 1 sets, 2 sets where z moved.
+    // What expand does: 0 adds, 1 sets on top of the settled groups, 2 sets alone.
     mode: u32,
-    // Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
+    // Nit by which tiles may miss the exact answer; below 0 all of them are brought up to date.
     unseen: f32,
 }
 
 @group(0) @binding(0) var<uniform> group: Group;
 
-@group(1) @binding(0) var<storage, read> blocks: array<Block>;
-
 const THREADS: u32 = 64u;
 // Workgroups of a row of the grid.
 const ROW: u32 = 32768u;
+// Threads that share a block in gather and settle.
+const PER_BLOCK: u32 = 8u;
 
 // Four bytes of a word, the lowest first.
 fn signed_bytes(word: u32) -> vec4<f32> {

@@ -1,29 +1,28 @@
-// Expand: left · z + sparse · x, one thread per pixel of a block, added to the radiance or to that of the other groups. Twin
-// of src/cpu/expand.rs.
-
-struct SparseTerm {
-    // Column, and the channel in the upper two bits.
-    col_channel: u32,
-    value: f32,
-}
+// Expand: left · z + sparse · x, four pixels of a block per thread, so that what they meet is read once for all four; added to the
+// radiance, or in its place, or in that of the settled groups. Twin of src/cpu/expand.rs.
 
 @group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
 // The frame, row by row; the fourth component stays 0.
 @group(0) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 // The groups that do not move, summed.
 @group(0) @binding(3) var<storage, read> settled: array<vec4<f32>>;
+// One per tile of the frame.
+@group(0) @binding(4) var<storage, read> behind: array<f32>;
 
+// Every tile, those without content, too.
+@group(1) @binding(0) var<storage, read> blocks: array<Block>;
 // Pairs of f16 (two components of one row), then fours of bytes. Of a block: pair by pair and four by four, channel by
 // channel, pixel by pixel, so that neighboring threads read neighboring words.
 @group(1) @binding(1) var<storage, read> left: array<u32>;
-// The fourth component says whether those of the block moved.
 @group(1) @binding(2) var<storage, read> z: array<vec4<f32>>;
-// Of a block with sparse terms: n_pixels + 1 positions in `sparse_terms`.
-@group(1) @binding(3) var<storage, read> sparse_starts: array<u32>;
-@group(1) @binding(4) var<storage, read> sparse_terms: array<SparseTerm>;
+// Of a block with sparse terms: where the terms of each pixel start, and where the last ends; then the terms: column, with the
+// channel in the upper two bits, and value.
+@group(1) @binding(3) var<storage, read> sparse: array<u32>;
 
 const ADD: u32 = 0u;
-const SET_MOVED: u32 = 2u;
+const SET: u32 = 1u;
+// Pixels of a thread.
+const PIXELS: u32 = 4u;
 
 @compute @workgroup_size(THREADS)
 fn expand(
@@ -32,52 +31,107 @@ fn expand(
     @builtin(local_invocation_index) thread: u32,
 ) {
     let block = blocks[id.y];
-    if group.mode == SET_MOVED && block.n_sparse == 0u && (block.rank == 0u || z[block.z].w == 0.0) {
+    if group.unseen >= 0.0 && behind[block.tile] <= group.unseen {
         return;
     }
-    for (var pixel = id.x * THREADS + thread; pixel < block.n_pixels; pixel += n_groups.x * THREADS) {
-        expand_pixel(block, pixel);
+    if group.mode == ADD && block.rank == 0u && block.n_sparse == 0u {
+        return;
+    }
+    let run = PIXELS * THREADS;
+    for (var first = id.x * run; first < block.n_pixels; first += n_groups.x * run) {
+        if first + run <= block.n_pixels {
+            expand_four(block, first + thread);
+        } else {
+            for (var pixel = first + thread; pixel < block.n_pixels; pixel += THREADS) {
+                expand_one(block, pixel);
+            }
+        }
     }
 }
 
-fn expand_pixel(block: Block, pixel: u32) {
-    var sum = vec3<f32>(0.0);
+// The pixels that lie as many apart as there are threads.
+fn expand_four(block: Block, pixel: u32) {
+    let n = block.n_pixels;
+    var a = vec3<f32>(0.0);
+    var b = vec3<f32>(0.0);
+    var c = vec3<f32>(0.0);
+    var d = vec3<f32>(0.0);
     var word = block.left + pixel;
     for (var k = 0u; k < block.left_halves; k += 2u) {
-        let r = unpack2x16float(left[word]);
-        let g = unpack2x16float(left[word + block.n_pixels]);
-        let b = unpack2x16float(left[word + 2u * block.n_pixels]);
         let z_0 = z[block.z + k].xyz;
         let z_1 = z[block.z + k + 1u].xyz;
-        sum += vec3<f32>(r.x, g.x, b.x) * z_0 + vec3<f32>(r.y, g.y, b.y) * z_1;
-        word += 3u * block.n_pixels;
+        a += of_pair(word, n, z_0, z_1);
+        b += of_pair(word + THREADS, n, z_0, z_1);
+        c += of_pair(word + 2u * THREADS, n, z_0, z_1);
+        d += of_pair(word + 3u * THREADS, n, z_0, z_1);
+        word += 3u * n;
     }
     // Where halves are followed by bytes they are a whole number of pairs.
     for (var k = block.left_halves; k < block.rank; k += 4u) {
-        let r = signed_bytes(left[word]);
-        let g = signed_bytes(left[word + block.n_pixels]);
-        let b = signed_bytes(left[word + 2u * block.n_pixels]);
-        for (var i = 0u; i < 4u; i += 1u) {
-            sum += vec3<f32>(r[i], g[i], b[i]) * z[block.z + k + i].xyz;
-        }
-        word += 3u * block.n_pixels;
+        let z_4 = mat4x3<f32>(z[block.z + k].xyz, z[block.z + k + 1u].xyz, z[block.z + k + 2u].xyz, z[block.z + k + 3u].xyz);
+        a += of_four(word, n, z_4);
+        b += of_four(word + THREADS, n, z_4);
+        c += of_four(word + 2u * THREADS, n, z_4);
+        d += of_four(word + 3u * THREADS, n, z_4);
+        word += 3u * n;
     }
+    put(block, pixel, a);
+    put(block, pixel + THREADS, b);
+    put(block, pixel + 2u * THREADS, c);
+    put(block, pixel + 3u * THREADS, d);
+}
 
+fn expand_one(block: Block, pixel: u32) {
+    let n = block.n_pixels;
+    var sum = vec3<f32>(0.0);
+    var word = block.left + pixel;
+    for (var k = 0u; k < block.left_halves; k += 2u) {
+        sum += of_pair(word, n, z[block.z + k].xyz, z[block.z + k + 1u].xyz);
+        word += 3u * n;
+    }
+    for (var k = block.left_halves; k < block.rank; k += 4u) {
+        let z_4 = mat4x3<f32>(z[block.z + k].xyz, z[block.z + k + 1u].xyz, z[block.z + k + 2u].xyz, z[block.z + k + 3u].xyz);
+        sum += of_four(word, n, z_4);
+        word += 3u * n;
+    }
+    put(block, pixel, sum);
+}
+
+// Two components of a pixel.
+fn of_pair(word: u32, n_pixels: u32, z_0: vec3<f32>, z_1: vec3<f32>) -> vec3<f32> {
+    let r = unpack2x16float(left[word]);
+    let g = unpack2x16float(left[word + n_pixels]);
+    let b = unpack2x16float(left[word + 2u * n_pixels]);
+    return vec3<f32>(r.x, g.x, b.x) * z_0 + vec3<f32>(r.y, g.y, b.y) * z_1;
+}
+
+// Four components of a pixel.
+fn of_four(word: u32, n_pixels: u32, z_4: mat4x3<f32>) -> vec3<f32> {
+    let r = signed_bytes(left[word]);
+    let g = signed_bytes(left[word + n_pixels]);
+    let b = signed_bytes(left[word + 2u * n_pixels]);
+    let low = vec3<f32>(r.x, g.x, b.x) * z_4[0] + vec3<f32>(r.y, g.y, b.y) * z_4[1];
+    return low + vec3<f32>(r.z, g.z, b.z) * z_4[2] + vec3<f32>(r.w, g.w, b.w) * z_4[3];
+}
+
+fn put(block: Block, pixel: u32, low_rank: vec3<f32>) {
+    var sum = low_rank;
     if block.n_sparse > 0u {
-        let last = sparse_starts[block.sparse + pixel + 1u];
-        for (var i = sparse_starts[block.sparse + pixel]; i < last; i += 1u) {
-            let term = sparse_terms[i];
-            let channel = term.col_channel >> 30u;
-            sum[channel] += term.value * coefficients[term.col_channel & 0x3fffffffu][channel];
+        let last = sparse[block.sparse + pixel + 1u];
+        for (var i = sparse[block.sparse + pixel]; i < last; i += 2u) {
+            let col_channel = sparse[i];
+            let channel = col_channel >> 30u;
+            sum[channel] += bitcast<f32>(sparse[i + 1u]) * coefficients[col_channel & 0x3fffffffu][channel];
         }
     }
-
     let x = block.x + pixel % block.width;
     let y = block.y + pixel / block.width;
     let at = y * group.frame_width + x;
+    var below = vec4<f32>(0.0);
     if group.mode == ADD {
-        radiance[at] += vec4<f32>(sum, 0.0);
-    } else {
-        radiance[at] = settled[at] + vec4<f32>(sum, 0.0);
+        below = radiance[at];
+    } else if group.mode == SET {
+        below = settled[at];
     }
+    radiance[at] = below + vec4<f32>(sum, 0.0);
 }

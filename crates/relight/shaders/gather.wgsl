@@ -1,51 +1,68 @@
-// Gather: z = scale · sum over segments, one workgroup per block; where the block would change by less than is seen, z stays
-// what it was expanded from. Twin of src/cpu/project.rs and src/cpu/left.rs.
+// Gather: fresh z = scale · sum over segments, a few threads per block; and by how much each tile would miss what that expands
+// to if it stayed as it is, added up over the groups. Twin of src/cpu/project.rs and src/cpu/left.rs; settle.wgsl decides.
 
-// One per component: the largest magnitude of its left factor per channel, and its scale; all 0 of those that fill a word.
+@group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
+// One per tile of the frame.
+@group(0) @binding(2) var<storage, read_write> behind: array<f32>;
+
+@group(1) @binding(0) var<storage, read> blocks: array<Block>;
+// One per component: the largest magnitude of its left factor per channel, and its scale.
 @group(1) @binding(1) var<storage, read> components: array<vec4<f32>>;
-@group(1) @binding(2) var<storage, read> partials: array<vec4<f32>>;
-// What blocks are to be expanded from. The fourth component says whether that moved.
-@group(1) @binding(3) var<storage, read_write> z: array<vec4<f32>>;
+// Segment by segment as long as z, and then the fresh z.
+@group(1) @binding(2) var<storage, read_write> partials: array<vec4<f32>>;
+// What blocks were expanded from.
+@group(1) @binding(3) var<storage, read> z: array<vec4<f32>>;
+// As in expand.wgsl.
+@group(1) @binding(4) var<storage, read> sparse: array<u32>;
 
-var<workgroup> behind: array<vec3<f32>, THREADS>;
+// More than anybody overlooks.
+const FAR: f32 = 1e30;
+
+var<workgroup> shares: array<vec3<f32>, THREADS>;
 
 @compute @workgroup_size(THREADS)
 fn gather(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let block = blocks[id.x];
-    let n_components = block.n_components;
-
-    // How far any pixel of the block is behind, at most.
-    var most = vec3<f32>(0.0);
-    for (var component = thread; component < n_components; component += THREADS) {
-        let at = block.z + component;
-        most += components[at].xyz * abs(fresh(block, component) - z[at].xyz);
+    let at = id.x * (THREADS / PER_BLOCK) + thread / PER_BLOCK;
+    let lane = thread % PER_BLOCK;
+    let is_there = at < arrayLength(&blocks);
+    var share = vec3<f32>(0.0);
+    if is_there {
+        share = gathered(blocks[at], lane);
     }
-    behind[thread] = most;
+    shares[thread] = share;
     workgroupBarrier();
-    for (var half = THREADS / 2u; half > 0u; half /= 2u) {
-        if thread < half {
-            behind[thread] += behind[thread + half];
+    if is_there && lane == 0u {
+        var most = vec3<f32>(0.0);
+        for (var i = 0u; i < PER_BLOCK; i += 1u) {
+            most += shares[thread + i];
         }
-        workgroupBarrier();
-    }
-    let is_seen = group.unseen < 0.0 || max(behind[0].x, max(behind[0].y, behind[0].z)) > group.unseen;
-
-    for (var component = thread; component < n_components; component += THREADS) {
-        let at = block.z + component;
-        if is_seen {
-            z[at] = vec4<f32>(fresh(block, component), 1.0);
-        } else {
-            z[at].w = 0.0;
-        }
+        behind[blocks[at].tile] += max(most.x, max(most.y, most.z));
     }
 }
 
-// In the order of the segments, whatever was projected just now.
-fn fresh(block: Block, component: u32) -> vec3<f32> {
-    let first = block.z * group.n_segments + component;
-    var sum = vec3<f32>(0.0);
-    for (var segment = 0u; segment < group.n_segments; segment += 1u) {
-        sum += partials[first + segment * block.n_components].xyz;
+// How far any pixel of the block is behind, at most: the share of this thread.
+fn gathered(block: Block, lane: u32) -> vec3<f32> {
+    let stride = arrayLength(&partials) / (group.n_segments + 1u);
+    var most = vec3<f32>(0.0);
+    for (var component = lane; component < block.n_components; component += PER_BLOCK) {
+        let place = block.z + component;
+        var sum = vec3<f32>(0.0);
+        // Those that fill a word stay 0. In the order of the segments, whatever was projected just now.
+        if component < block.rank {
+            for (var segment = 0u; segment < group.n_segments; segment += 1u) {
+                sum += partials[segment * stride + place].xyz;
+            }
+            sum *= components[place].w;
+        }
+        partials[group.n_segments * stride + place] = vec4<f32>(sum, 0.0);
+        most += components[place].xyz * abs(sum - z[place].xyz);
     }
-    return components[block.z + component].w * sum;
+    // An entry that no low rank holds carries another coefficient past z.
+    let terms = block.sparse + block.n_pixels + 1u;
+    for (var i = lane; i < block.n_sparse; i += PER_BLOCK) {
+        if coefficients[sparse[terms + 2u * i] & 0x3fffffffu].w != 0.0 {
+            most = vec3<f32>(FAR);
+        }
+    }
+    return most;
 }

@@ -5,6 +5,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use crate::cpu::prefetch::prefetch;
+use crate::gpu::clock::Stamps;
 use crate::gpu::{Gpu, copy_pass};
 use crate::relight::RelightError;
 
@@ -73,6 +74,19 @@ pub struct CopyProbe<'a> {
     n_bytes: u64,
     buffers: [wgpu::Buffer; 2],
     stage: wgpu::ComputePipeline,
+    stamps: Option<Stamps>,
+}
+
+/// Copies in a row.
+const COPIES: u32 = 8;
+
+/// Bytes that a device reads and writes per second when it copies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CopyRates {
+    /// From handing over some copies in a row to their end, as the CPU sees it.
+    pub from_outside: f64,
+    /// From the begin of the first to the end of the last, as the device notes it; none where it takes no time.
+    pub within: Option<f64>,
 }
 
 impl<'a> CopyProbe<'a> {
@@ -83,21 +97,24 @@ impl<'a> CopyProbe<'a> {
     pub fn new(gpu: &'a Gpu, n_bytes: u64) -> Result<Self, RelightError> {
         gpu.guarded(|| {
             let (n_bytes, buffers, stage) = copy_pass::prepare(gpu, n_bytes);
-            Ok(Self { gpu, n_bytes, buffers, stage })
+            Ok(Self { gpu, n_bytes, buffers, stage, stamps: Stamps::new(gpu, COPIES) })
         })
     }
 
-    /// Copies so many times, one after the other; bytes read and written per second.
+    /// Copies some times, one after the other.
     ///
     /// # Errors
     /// [`RelightError::Device`] where the device fails.
-    pub fn bytes_per_sec(&self, n_times: u32) -> Result<f64, RelightError> {
+    pub fn rates(&self) -> Result<CopyRates, RelightError> {
         let start = Instant::now();
         self.gpu.guarded(|| {
-            copy_pass::run(self.gpu, &self.stage, &self.buffers, n_times);
+            copy_pass::run(self.gpu, &self.stage, &self.buffers, (COPIES, self.stamps.as_ref()));
             self.gpu.wait()
         })?;
-        Ok(2.0 * self.n_bytes as f64 * f64::from(n_times) / start.elapsed().as_secs_f64())
+        let (n_bytes, secs) = (2.0 * self.n_bytes as f64, start.elapsed().as_secs_f64());
+        let rate = |secs: f64| n_bytes * f64::from(COPIES) / secs;
+        let within = self.stamps.as_ref().map(|stamps| stamps.spans(self.gpu, COPIES)).transpose()?;
+        Ok(CopyRates { from_outside: rate(secs), within: within.map(|spans| rate(spans.iter().sum())) })
     }
 }
 
@@ -122,7 +139,8 @@ mod tests {
     fn the_copy_is_whole() {
         let Some(gpu) = gpu() else { return };
         let probe = CopyProbe::new(&gpu, 1 << 20).unwrap();
-        probe.bytes_per_sec(2).unwrap();
+        let rates = probe.rates().unwrap();
+        assert!(rates.from_outside > 0.0 && rates.within.is_some() == gpu.takes_time(), "{rates:?}");
         let copied = gpu.read_back(probe.n_bytes, |encoder, buffer| {
             encoder.copy_buffer_to_buffer(&probe.buffers[1], 0, buffer, 0, probe.n_bytes);
         });

@@ -2,7 +2,7 @@
 //!
 //! A row of tiles is one run of the output, so rows of tiles go to threads and nothing is shared. Every group keeps its
 //! own radiance and the `z` of its blocks: a slider that touches one group leaves the others' factors unread, columns
-//! that did not change are not projected again, and a block whose `z` did not move is not expanded. Factors are read from a
+//! that did not change are not projected again (unless all of them changed again and again), and a block whose `z` did not move is not expanded. Factors are read from a
 //! copy that is one stream per row of tiles. The answer depends on frame
 //! and coefficients alone, not on what was asked before nor on the number of threads.
 //!
@@ -115,12 +115,11 @@ impl CpuRelighter {
         out.resize(self.frame.width, self.frame.height);
         let inputs: Vec<_> = coefficients.iter().enumerate().map(|(group, x)| self.input(group, x)).collect();
 
-        // A row of tiles is a run of whole pixel rows, so threads never share an output. Groups add up, so each may miss a share.
+        // A row of tiles is a run of whole pixel rows, so threads never share an output.
         let partition = self.frame.partition();
         let row_len = (partition.tile as usize).min(self.frame.height as usize) * self.frame.width as usize;
         let layer = self.layer.as_deref();
-        let (kernel, precision, tolerance) = (self.kernel, self.precision, tolerance / inputs.len().max(1) as f32);
-        let step = Step { frame: &self.frame, kernel, precision, tolerance };
+        let step = Step { frame: &self.frame, kernel: self.kernel, precision: self.precision, tolerance };
         self.stats = (self.rows.par_iter_mut(), out.pixels.par_chunks_mut(row_len))
             .into_par_iter()
             .enumerate()
@@ -192,7 +191,7 @@ struct Step<'a> {
     frame: &'a Frame,
     kernel: Kernel,
     precision: Precision,
-    /// Nit by which any channel of one group's radiance may miss the exact answer.
+    /// Nit by which any channel of the radiance may miss the exact answer.
     tolerance: f32,
 }
 

@@ -2,6 +2,7 @@
 
 mod buffers;
 mod chunk;
+pub(crate) mod clock;
 pub(crate) mod copy_pass;
 mod group;
 mod lamplight;
@@ -11,6 +12,7 @@ mod relighter;
 mod stages;
 
 pub use buffers::DeviceMemory;
+pub use clock::StageSecs;
 pub use lamplight::{LampWords, Lamplight, LitSample, TreeWords};
 pub use relighter::{GpuRelighter, device_bytes};
 
@@ -95,6 +97,7 @@ impl Gpu {
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("relight"),
             required_limits,
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
             ..Default::default()
         });
         let (device, queue) = pollster::block_on(request).map_err(|error| RelightError::NoDevice {
@@ -109,9 +112,19 @@ impl Gpu {
         describe(&self.device.adapter_info())
     }
 
+    /// The interface that its driver speaks, in a word.
+    pub fn api(&self) -> String {
+        format!("{:?}", self.device.adapter_info().backend).to_lowercase()
+    }
+
     /// Whether the adapter runs on the CPU, where [`CpuRelighter`](crate::CpuRelighter) is several times faster.
     pub fn is_software(&self) -> bool {
         self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Whether the device notes when a stage begins and ends.
+    pub fn takes_time(&self) -> bool {
+        self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
     }
 
     /// Waits until everything submitted is done.

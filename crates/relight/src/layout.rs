@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::display::{DisplayParams, Dither, Spacing, Tone, WhitePoint};
 
-/// `Block` in `blocks.wgsl`: one tile with content. Positions count elements of their buffer.
+/// `Block` in `blocks.wgsl`: one tile of a group. Positions count elements of their buffer.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct Block {
@@ -14,15 +14,15 @@ pub(crate) struct Block {
     pub y: u32,
     pub width: u32,
     pub left: u32,
-    pub right: u32,
     pub z: u32,
     pub sparse: u32,
     pub n_sparse: u32,
     /// Components of `z`, those included that fill the last word.
     pub n_components: u32,
-    /// Components that are halves, of the left factor and of the right; the rest are bytes.
+    /// Components of the left factor that are halves; the rest are bytes.
     pub left_halves: u32,
-    pub right_halves: u32,
+    /// Its number among the tiles of the frame.
+    pub tile: u32,
 }
 
 /// `Group` in `blocks.wgsl`.
@@ -34,7 +34,7 @@ pub(crate) struct Group {
     pub n_segments: u32,
     /// An [`ExpandMode`].
     pub mode: u32,
-    /// Nit by which blocks may miss the exact answer; below 0 all of them are brought up to date.
+    /// Nit by which tiles may miss the exact answer; below 0 all of them are brought up to date.
     pub unseen: f32,
 }
 
@@ -45,16 +45,8 @@ pub(crate) enum ExpandMode {
     Add = 0,
     /// Sets it on top of the settled groups.
     Set = 1,
-    /// The same, but leaves blocks alone whose `z` did not move.
-    SetMoved = 2,
-}
-
-/// `SparseTerm` in `expand.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub(crate) struct SparseTerm {
-    pub col_channel: u32,
-    pub value: f32,
+    /// Sets it alone.
+    Put = 2,
 }
 
 /// `Display` in `display.wgsl`.
@@ -145,9 +137,10 @@ macro_rules! of_blocks {
 }
 
 /// Name and source of each stage.
-pub(crate) const SHADERS: [(&str, &str); 4] = [
+pub(crate) const SHADERS: [(&str, &str); 5] = [
     ("project", of_blocks!("project")),
     ("gather", of_blocks!("gather")),
+    ("settle", of_blocks!("settle")),
     ("expand", of_blocks!("expand")),
     ("display", include_str!("../shaders/display.wgsl")),
 ];
@@ -158,14 +151,23 @@ pub(crate) const LAMPLIGHT: (&str, &str) = ("lamplight", include_str!("../shader
 /// Name and source of the kernel that the others are measured by.
 pub(crate) const COPY: (&str, &str) = ("copy", include_str!("../shaders/copy.wgsl"));
 
-/// Threads of a workgroup of `project`, `gather` and `expand`.
+/// Threads of a workgroup of `project`, `gather`, `settle` and `expand`.
 pub(crate) const THREADS: u32 = 64;
+
+/// Threads that share a block in `gather` and `settle`.
+pub(crate) const PER_BLOCK: u32 = 8;
+
+/// Pixels of a thread in `expand`.
+pub(crate) const PIXELS: u32 = 4;
 
 /// Workgroups of a row of a grid, as many as every device takes.
 pub(crate) const ROW: u32 = 32_768;
 
-/// Columns of a segment: a pair for each thread of `project`.
-pub(crate) const SEGMENT: u32 = 2 * THREADS;
+/// Columns of a segment, as in `project.wgsl`.
+pub(crate) const SEGMENT: u32 = 128;
+
+/// Columns that `project` reads at a time, of halves and of bytes.
+pub(crate) const AT_A_TIME: [u32; 2] = [8, 16];
 
 #[cfg(test)]
 mod tests {
@@ -186,9 +188,8 @@ mod tests {
 
     fn shapes() -> Vec<Shape> {
         vec![
-            shape!(Block: rank, n_pixels, x, y, width, left, right, z, sparse, n_sparse, n_components, left_halves, right_halves),
+            shape!(Block: rank, n_pixels, x, y, width, left, z, sparse, n_sparse, n_components, left_halves, tile),
             shape!(Group: n_cols, frame_width, n_segments, mode, unseen),
-            shape!(SparseTerm: col_channel, value),
             shape!(Display: width, height, tone, gain, balance, dither, spacing, scale_start, scale_per_unit, layered),
             (
                 "Lamp",
@@ -232,6 +233,6 @@ mod tests {
                 n_checked += 1;
             }
         }
-        assert_eq!(n_checked, 9);
+        assert_eq!(n_checked, 10);
     }
 }

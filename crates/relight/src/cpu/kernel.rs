@@ -43,11 +43,11 @@ pub(super) enum Kernel {
     Neon,
 }
 
-/// Entries from what is projected to what memory is asked for meanwhile, line by line: what was fastest of 2 to 64 KB.
-const PROJECT_AHEAD: usize = 1024;
+/// Bytes from what is projected to what memory is asked for meanwhile, line by line: what was fastest of 2 to 64 KB.
+const PROJECT_AHEAD: usize = 2 << 10;
 
 /// The same for what is expanded.
-const EXPAND_AHEAD: usize = 2048;
+const EXPAND_AHEAD: usize = 4 << 10;
 
 /// Entries that are expanded, and asked for, in one go; at least one run.
 const EXPAND_LEN: usize = 1024;
@@ -120,7 +120,7 @@ impl Kernel {
         }
         let len = QUAD * n_cols;
         for (quad, (entries, sums)) in right[..n_components * n_cols].chunks(len).zip(sums).enumerate() {
-            let later = behind(right, quad * len + PROJECT_AHEAD, entries.len());
+            let later = behind(right, quad * len + PROJECT_AHEAD / size_of::<T>(), entries.len());
             *sums = match entries.len() / n_cols {
                 1 => self.project_rows::<T, 1>(rows(entries), rows(later), cols),
                 2 => self.project_rows::<T, 2>(rows(entries), rows(later), cols),
@@ -181,7 +181,7 @@ impl Kernel {
             let (first, len) = (first_row * patterns.len(), out.len() * patterns.len());
             self.expand_runs(
                 &left[first..first + len],
-                behind(left, first + EXPAND_AHEAD, len),
+                behind(left, first + EXPAND_AHEAD / size_of::<T>(), len),
                 patterns,
                 (write, out),
             );

@@ -6,8 +6,8 @@
 use clerestory_nystrom::SparseEntry;
 
 use super::kernel::Kernel;
-use super::quad::QUAD;
-use super::store::{Share, Store};
+use super::quad::{QUAD, Quad};
+use super::store::{Share, Store, Tile};
 
 /// Columns that are looked at together; one register of f32 where those are widest.
 pub(super) const LANES: usize = 16;
@@ -65,6 +65,11 @@ impl Planes {
         Cols { x, lit: Lit(self.lit[segment]) }
     }
 
+    /// Whether every segment changed.
+    pub(super) fn are_all_changed(&self) -> bool {
+        !self.changed.contains(&false)
+    }
+
     /// Whether any of a block's sparse entries carries a coefficient that is another than before.
     pub(super) fn moves(&self, sparse: &[SparseEntry]) -> bool {
         sparse.iter().any(|entry| self.changed_cols[entry.col as usize])
@@ -107,24 +112,57 @@ impl Iterator for Lit {
     }
 }
 
-/// Projects the segments of a row of tiles that changed, and all of tiles that have no sums yet; returns the bytes of factors read.
-pub(super) fn project(store: &mut Store, kernel: Kernel, planes: &Planes) -> u64 {
+/// Whether the sums of segments are kept, so that the next change of a few columns reads no others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sums {
+    Kept,
+    /// They would be written for nothing where everything will change again.
+    AddedUp,
+}
+
+/// Projects the segments of a row of tiles that changed, and all of tiles that are `due` and have no sums; returns the bytes of factors
+/// read. Sums that are added up are left in `total`, one after the other in the order of the segments, so that they are the same to the last bit.
+pub(super) fn project(
+    store: &mut Store,
+    kernel: Kernel,
+    planes: &Planes,
+    (sums_are, total): (Sums, &mut Vec<Quad>),
+    is_due: impl Fn(usize, &Tile) -> bool,
+) -> u64 {
     let Store { tiles, right, widths, sums, .. } = store;
     let n_components = tiles.last().map_or(Share::default(), |tile| tile.first_right.plus(tile.right));
     let n_quads = tiles.last().map_or(0, |tile| tile.quads().end);
+    let due: Vec<bool> = tiles.iter().enumerate().map(|(i, tile)| !tile.is_summed && is_due(i, tile)).collect();
+    if sums_are == Sums::AddedUp {
+        total.clear();
+        total.resize(n_quads, Quad::default());
+    }
     let (mut first, mut n_bytes) = (Share::default(), 0);
+    let mut room: Vec<Quad> = Vec::new();
     for (segment, width) in widths.iter().enumerate() {
         let cols = planes.segment(segment);
-        for tile in tiles.iter().filter(|tile| planes.changed[segment] || !tile.is_summed) {
+        for (tile, _) in tiles.iter().zip(&due).filter(|(_, due)| planes.changed[segment] || **due) {
             let (halves, bytes) = right.from(first.plus(tile.first_right.times(*width)));
-            let sums = &mut sums[segment * n_quads..][tile.quads()];
+            let sums = match sums_are {
+                Sums::Kept => &mut sums[segment * n_quads..][tile.quads()],
+                Sums::AddedUp => {
+                    room.resize(tile.quads().len(), Quad::default());
+                    &mut room[..]
+                }
+            };
             let (of_halves, of_bytes) = sums.split_at_mut(tile.right.halves.div_ceil(QUAD));
             kernel.project(halves, (tile.right.halves, *width), &cols, of_halves);
             kernel.project(bytes, (tile.right.bytes, *width), &cols, of_bytes);
+            if sums_are == Sums::AddedUp {
+                total[tile.quads()].iter_mut().zip(&*sums).for_each(|(total, sum)| *total = total.plus(sum));
+            }
             n_bytes += tile.right.n_bytes() * planes.n_lit_cols(segment);
         }
         first = first.plus(n_components.times(*width));
     }
-    tiles.iter_mut().for_each(|tile| tile.is_summed = true);
+    for (tile, due) in tiles.iter_mut().zip(due) {
+        // A tile that was not due and has no sums has still none.
+        tile.is_summed = sums_are == Sums::Kept && (tile.is_summed || due);
+    }
     n_bytes as u64
 }

@@ -2,9 +2,9 @@
 
 use super::expand::{Place, Scratch, Source, Write};
 use super::kernel::Left;
-use super::project::project;
+use super::project::{Sums, project};
 use super::quad::Quad;
-use super::store::Store;
+use super::store::{Store, Tile};
 use super::{GroupInput, GroupState, Step};
 use crate::relight::RelightStats;
 use clerestory_nystrom::SparseEntry;
@@ -26,14 +26,20 @@ pub(super) struct GroupRow {
     is_kept: bool,
     /// Whether no tile stayed what it was at the last change; the first picture is none.
     moved_whole: bool,
+    /// Whether every segment of columns changed the last time.
+    changed_whole: bool,
 }
 
 /// Room that tiles use one after the other.
 #[derive(Default)]
 struct Room {
     z: Vec<Quad>,
+    /// Sums over all segments, where those of each are not kept.
+    total: Vec<Quad>,
     /// Of each tile of the row whether it must be expanded.
     moves: Vec<bool>,
+    /// Group after group, of each tile the most by which its radiance misses the coefficients, nit.
+    behind: Vec<f32>,
     scratch: Scratch,
 }
 
@@ -48,8 +54,15 @@ struct Job<'a> {
 impl TileRow {
     /// Before anything is lit.
     pub(super) fn new(n_groups: usize, n_tiles: usize) -> Self {
-        let stale = vec![false; n_tiles];
-        Self(vec![GroupRow { store: None, stale, radiance: Vec::new(), is_kept: false, moved_whole: false }; n_groups])
+        let row = GroupRow {
+            store: None,
+            stale: vec![false; n_tiles],
+            radiance: Vec::new(),
+            is_kept: false,
+            moved_whole: false,
+            changed_whole: false,
+        };
+        Self(vec![row; n_groups])
     }
 
     /// Brings every lit group up to date and sums them into `pixels`.
@@ -63,6 +76,9 @@ impl TileRow {
         let mut stats = RelightStats::default();
         let mut room = Room::default();
         let mut write = Write::Set;
+        for (group_row, input) in self.0.iter().zip(inputs) {
+            group_row.put_behind(input.state, &mut room.behind);
+        }
         for (group, (group_row, input)) in self.0.iter_mut().zip(inputs).enumerate() {
             if input.state == GroupState::Dark {
                 stats.n_skipped += group_row.stale.len();
@@ -84,6 +100,14 @@ impl GroupRow {
         self.stale[tile] = true;
     }
 
+    /// Appends by how much each tile of the group is behind; a dark group is in no picture.
+    fn put_behind(&self, state: GroupState, behind: &mut Vec<f32>) {
+        match &self.store {
+            Some(store) if state != GroupState::Dark => behind.extend(store.tiles.iter().map(|tile| tile.behind)),
+            _ => behind.resize(behind.len() + self.stale.len(), 0.0),
+        }
+    }
+
     /// Where all of a row moves, and moved the last time, too, it goes straight into the picture: what will move again is not
     /// worth keeping. Otherwise it is kept, and the picture takes a copy.
     fn relight(
@@ -103,7 +127,12 @@ impl GroupRow {
         };
         self.stale.fill(false);
 
-        let is_whole = job.project(&mut store, room, stats);
+        let is_changed_whole = job.input.state == GroupState::Changed && job.input.planes.are_all_changed();
+        let sums = if is_changed_whole && self.changed_whole { Sums::AddedUp } else { Sums::Kept };
+        if job.input.state == GroupState::Changed {
+            self.changed_whole = is_changed_whole;
+        }
+        let is_whole = job.project(&mut store, sums, room, stats);
         if is_whole && self.moved_whole {
             self.is_kept = false;
             (0..store.tiles.len()).for_each(|tile| job.expand(&store, tile, &mut room.scratch, (pixels, write), stats));
@@ -132,20 +161,31 @@ impl GroupRow {
 
 impl Job<'_> {
     /// Finds the tiles in which something moves that is seen; whether those are all that have any content.
-    fn project(&self, store: &mut Store, room: &mut Room, stats: &mut RelightStats) -> bool {
-        let planes = &self.input.planes;
-        stats.n_bytes += project(store, self.step.kernel, planes);
+    fn project(&self, store: &mut Store, sums: Sums, room: &mut Room, stats: &mut RelightStats) -> bool {
+        let (planes, n_tiles) = (&self.input.planes, store.tiles.len());
         let is_changed = self.input.state == GroupState::Changed;
+        // Groups add up, and what the others miss already is not left for this one.
+        let allowed = |tile_idx: usize, behind: &[f32]| {
+            let groups = behind.chunks_exact(n_tiles).enumerate().filter(|(group, _)| *group != self.group);
+            (self.step.tolerance - groups.map(|(_, tiles)| tiles[tile_idx]).sum::<f32>()).max(0.0)
+        };
+        let is_due = |tile_idx: usize, tile: &Tile| {
+            is_changed || !tile.is_shown || tile.behind > allowed(tile_idx, &room.behind)
+        };
+        stats.n_bytes += project(store, self.step.kernel, planes, (sums, &mut room.total), is_due);
         let mut is_whole = is_changed;
         room.moves.clear();
-        for tile_idx in 0..store.tiles.len() {
+        for tile_idx in 0..n_tiles {
+            let tolerance = allowed(tile_idx, &room.behind);
             let tile = &store.tiles[tile_idx];
-            let (rank, is_settled) = (tile.rank, tile.is_shown && tile.behind <= self.step.tolerance);
+            let (rank, is_settled) = (tile.rank, tile.is_shown && tile.behind <= tolerance);
             // The same `z` expands to the same pixels, and nearly the same to nearly the same, unless sparse entries carry
             // another coefficient past it.
             let sparse = self.sparse(store, tile_idx);
+            let total = (sums == Sums::AddedUp).then_some(&room.total[..]);
             let moves = (is_changed || !is_settled)
-                && store.settle(tile_idx, self.step.tolerance, planes.moves(sparse), &mut room.z);
+                && store.settle(tile_idx, (tolerance, planes.moves(sparse)), total, &mut room.z);
+            room.behind[self.group * n_tiles + tile_idx] = store.tiles[tile_idx].behind;
             is_whole &= moves || (rank == 0 && sparse.is_empty());
             room.moves.push(moves);
         }

@@ -166,21 +166,33 @@ impl Store {
         &self.z[tile.quads()]
     }
 
-    /// Brings `z` of a tile to what its sums give, unless its radiance would change by no more than `tolerance`, nit, and nothing else
-    /// `moves` there; whether it must be expanded.
-    pub(super) fn settle(&mut self, tile_idx: usize, tolerance: f32, moves: bool, fresh: &mut Vec<Quad>) -> bool {
+    /// Brings `z` of a tile to what its sums give, or what they were added up to, unless its radiance would change by no more than
+    /// `tolerance`, nit, and nothing else `moves` there; whether it must be expanded.
+    pub(super) fn settle(
+        &mut self,
+        tile_idx: usize,
+        (tolerance, moves): (f32, bool),
+        total: Option<&[Quad]>,
+        fresh: &mut Vec<Quad>,
+    ) -> bool {
         let tile = &mut self.tiles[tile_idx];
         fresh.clear();
-        fresh.resize(tile.quads().len(), Quad::default());
-        // In the order of the segments, whatever was projected just now.
-        for sums in self.sums.chunks_exact(self.z.len().max(1)) {
-            fresh.iter_mut().zip(&sums[tile.quads()]).for_each(|(z, sum)| *z = z.plus(sum));
+        if let Some(total) = total {
+            fresh.extend_from_slice(&total[tile.quads()]);
+        } else {
+            fresh.resize(tile.quads().len(), Quad::default());
+            // In the order of the segments, whatever was projected just now.
+            for sums in self.sums.chunks_exact(self.z.len().max(1)) {
+                fresh.iter_mut().zip(&sums[tile.quads()]).for_each(|(z, sum)| *z = z.plus(sum));
+            }
         }
         fresh.iter_mut().zip(&self.scales[tile.quads()]).for_each(|(z, scale)| *z = z.times(scale));
 
         let shown = &mut self.z[tile.quads()];
         let is_same = shown == fresh;
-        let behind = left::most_change(&self.largest[tile.quads()], shown, fresh);
+        // Nothing is left out where nothing may be.
+        let behind =
+            if tolerance > 0.0 { left::most_change(&self.largest[tile.quads()], shown, fresh) } else { f32::MAX };
         if tile.is_shown && !moves && (is_same || (behind > 0.0 && behind <= tolerance)) {
             tile.behind = behind;
             return false;

@@ -150,6 +150,43 @@ fn ten_thousand_increments_end_exactly_where_a_fresh_relight_does() {
 }
 
 #[test]
+fn sums_that_are_not_kept_while_all_changes_change_no_bit_and_come_back_when_little_does() {
+    let recipe = Recipe { n_cols: vec![300, 9], rank: Ranks::Mixed(6), n_sparse: 2, ..Recipe::default() };
+    let frame = recipe.frame();
+    let display = crate::DisplayParams { exposure_ev: -9.0, ..crate::DisplayParams::default() };
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let mut out = Radiance::default();
+    let fresh = |x: &[Vec<[f32; 3]>]| relit(&mut CpuRelighter::new(&frame).unwrap(), x);
+    let mut x = recipe.coefficients(0);
+    let whole = |relighter: &mut CpuRelighter, x: &[Vec<[f32; 3]>]| {
+        assert_eq!(relit(relighter, x), fresh(x));
+        relighter.stats().n_bytes
+    };
+    for step in 1..9 {
+        x = recipe.coefficients(step);
+        whole(&mut relighter, &x);
+    }
+    x[0][3] = [3.0; 3];
+    let again = whole(&mut relighter, &x);
+    x[0][4] = [2.0; 3];
+    let kept = whole(&mut relighter, &x);
+    assert!(kept < again, "{kept} bytes once sums are kept, {again} before");
+    // The same where little that moves is not seen: it comes to light later, from sums that nobody kept.
+    for step in 0..3 {
+        x = recipe.coefficients(20);
+        x.iter_mut().flatten().for_each(|rgb| rgb[1] += 1e-6 * step as f32);
+        relighter.relight_for_display(&x, &display, &mut out).unwrap();
+    }
+    assert!(relighter.stats().n_unseen > 0);
+    assert_eq!(relit(&mut relighter, &x), fresh(&x));
+    let other = Recipe { seed: 9, ..recipe.clone() }.frame();
+    let mut changed = frame.clone();
+    changed.groups[0].blocks[2] = other.groups[0].blocks[2].clone();
+    relighter.update(&changed, &[(0, 2)]).unwrap();
+    assert_eq!(relit(&mut relighter, &x), relit(&mut CpuRelighter::new(&changed).unwrap(), &x));
+}
+
+#[test]
 fn sparse_entries_of_lights_that_stayed_do_not_expand_their_block() {
     let recipe = Recipe { n_cols: vec![16], rank: Ranks::Fixed(4), n_sparse: 0, ..Recipe::default() };
     let mut frame = recipe.frame();

@@ -88,3 +88,36 @@ fn ten_thousand_increments_for_a_display_leave_no_drift() {
     relighter.relight(&x, &mut out).unwrap();
     assert_eq!(out, exact(&frame, &x));
 }
+
+#[test]
+fn what_one_group_misses_is_not_left_for_the_others_and_none_of_it_is_lost() {
+    let recipe = Recipe { n_cols: vec![19, 70, 9], ..recipe() };
+    let frame = recipe.frame();
+    let display = DisplayParams { tone: Tone::Linear, exposure_ev: -5.0, ..DisplayParams::default() };
+    let relit = |relighter: &mut CpuRelighter, x: &[Vec<[f32; 3]>]| {
+        let mut out = Radiance::default();
+        relighter.relight_for_display(x, &display, &mut out).unwrap();
+        (relighter.stats().n_unseen, difference(&display, &out, &exact(&frame, x)))
+    };
+    let mut x = recipe.coefficients(1);
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    relit(&mut relighter, &x);
+    // One group alone may miss more than a third of half a step.
+    let mut most_alone = 0f32;
+    for _ in 0..300 {
+        x[1][5][0] += 2e-5;
+        most_alone = most_alone.max(relit(&mut relighter, &x).1);
+    }
+    assert!(most_alone > 0.5 / 3.0 && most_alone <= 0.5, "{most_alone} steps alone");
+    let (mut most, mut n_unseen) = (0f32, 0);
+    for step in 0..300 {
+        x[step % 2][5][0] += 3e-5;
+        x[2][3][step % 3] += 1e-5;
+        let (unseen, difference) = relit(&mut relighter, &x);
+        (most, n_unseen) = (most.max(difference), n_unseen + unseen);
+    }
+    assert!(most > 0.1 && most <= 0.5 && n_unseen > 100, "{most} steps together, {n_unseen} left out");
+    let mut out = Radiance::default();
+    relighter.relight(&x, &mut out).unwrap();
+    assert_eq!(out, exact(&frame, &x));
+}

@@ -7,7 +7,7 @@ use super::buffers::{filled, largest_storage, storage, working};
 use super::pack::{Packed, cut, items, pack};
 use super::stages::{Stages, bind};
 use crate::gpu::Gpu;
-use crate::layout::{ROW, SEGMENT, THREADS};
+use crate::layout::{ExpandMode, PER_BLOCK, PIXELS, ROW, SEGMENT, THREADS};
 use crate::packing::Precision;
 use crate::relight::RelightError;
 
@@ -50,19 +50,19 @@ pub(super) struct Chunk {
     pub n_bytes: u64,
     /// Blocks with content.
     pub n_blocks: u32,
-    /// None where no block has content.
-    bindings: Option<Bindings>,
+    bindings: Bindings,
+    /// Workgroups of project: a band of components each.
+    n_bands: u32,
+    /// Workgroups of expand side by side.
+    n_runs: u32,
 }
 
 #[derive(Debug)]
 struct Bindings {
     project: wgpu::BindGroup,
     gather: wgpu::BindGroup,
+    settle: wgpu::BindGroup,
     expand: wgpu::BindGroup,
-    /// Of all blocks.
-    n_components: u32,
-    most_pixels: u32,
-    n_bytes: u64,
 }
 
 impl Chunk {
@@ -77,81 +77,98 @@ impl Chunk {
     ) -> Result<(), RelightError> {
         let (items, first) = (items(low_rank, run.clone(), precision), run.start);
         for run in cut(&items, run, limits)? {
-            let packed = pack(&items[run.start - first..run.end - first]);
+            let packed = pack(low_rank, run.clone(), &items[run.start - first..run.end - first]);
             chunks.push(Self::new(gpu, stages, run, &packed, low_rank.n_cols));
         }
         Ok(())
     }
 
     fn new(gpu: &Gpu, stages: &Stages, run: Range<usize>, packed: &Packed<'_>, n_cols: u32) -> Self {
-        let n_right_bytes = 4 * packed.n_right + 16 * packed.components.len() as u64;
-        let n_left_bytes = 4 * packed.n_left + 8 * packed.sparse_terms.len() as u64;
-        let n_blocks = packed.blocks.len() as u32;
+        let n_right_bytes = 4 * packed.n_right_words() + 16 * packed.components.len() as u64;
+        let n_left_bytes = 4 * (packed.n_left + packed.sparse.len() as u64);
         let n_segments = n_cols.div_ceil(SEGMENT);
-        let bindings = (n_blocks > 0).then(|| Bindings::new(gpu, stages, packed, n_segments));
-        let n_bytes = bindings.as_ref().map_or(0, |bindings| bindings.n_bytes);
-        Self { run, n_right_bytes, n_left_bytes, n_bytes, n_blocks, bindings }
+        let (bindings, n_bytes) = Bindings::new(gpu, stages, packed, n_segments);
+        let most_pixels = packed.blocks.iter().map(|b| b.n_pixels).max().unwrap_or(0);
+        Self {
+            run,
+            n_right_bytes,
+            n_left_bytes,
+            n_bytes,
+            n_blocks: packed.n_items() as u32,
+            bindings,
+            n_bands: packed.n_right().into_iter().map(|n| n.div_ceil(THREADS)).sum(),
+            n_runs: most_pixels.div_ceil(PIXELS * THREADS).min(ROW),
+        }
     }
 
     /// Records `right · x` for all blocks, over as many segments as the group names.
     pub(super) fn project(&self, pass: &mut wgpu::ComputePass<'_>, n_segments: u32) {
-        if let Some(bindings) = self.bindings.as_ref().filter(|b| b.n_components > 0) {
-            let n = bindings.n_components;
-            pass.set_bind_group(1, &bindings.project, &[]);
+        let n = self.n_bands;
+        if n > 0 {
+            pass.set_bind_group(1, &self.bindings.project, &[]);
             pass.dispatch_workgroups(n.min(ROW), n.div_ceil(ROW), n_segments);
         }
     }
 
-    /// Records `z = scale · sum of the segments` for all blocks where that is seen.
+    /// Records `scale · sum of the segments` for all blocks, and how far each tile is behind.
     pub(super) fn gather(&self, pass: &mut wgpu::ComputePass<'_>) {
-        if let Some(bindings) = self.bindings.as_ref().filter(|b| b.n_components > 0) {
-            pass.set_bind_group(1, &bindings.gather, &[]);
-            pass.dispatch_workgroups(self.n_blocks, 1, 1);
+        self.by_block(pass, &self.bindings.gather);
+    }
+
+    /// Records what becomes of `z`.
+    pub(super) fn settle(&self, pass: &mut wgpu::ComputePass<'_>) {
+        self.by_block(pass, &self.bindings.settle);
+    }
+
+    fn by_block(&self, pass: &mut wgpu::ComputePass<'_>, bindings: &wgpu::BindGroup) {
+        if self.n_blocks > 0 {
+            pass.set_bind_group(1, bindings, &[]);
+            pass.dispatch_workgroups((self.run.len() as u32).div_ceil(THREADS / PER_BLOCK), 1, 1);
         }
     }
 
-    /// Records `left · z + sparse · x` for all blocks.
-    pub(super) fn expand(&self, pass: &mut wgpu::ComputePass<'_>) {
-        if let Some(bindings) = &self.bindings {
-            pass.set_bind_group(1, &bindings.expand, &[]);
-            pass.dispatch_workgroups(bindings.most_pixels.div_ceil(THREADS).min(ROW), self.n_blocks, 1);
+    /// Records `left · z + sparse · x` for all tiles; those without content matter only where radiance is set.
+    pub(super) fn expand(&self, pass: &mut wgpu::ComputePass<'_>, mode: ExpandMode) {
+        if self.n_blocks > 0 || mode != ExpandMode::Add {
+            pass.set_bind_group(1, &self.bindings.expand, &[]);
+            pass.dispatch_workgroups(self.n_runs, self.run.len() as u32, 1);
         }
     }
 }
 
 impl Bindings {
-    fn new(gpu: &Gpu, stages: &Stages, packed: &Packed<'_>, n_segments: u32) -> Self {
+    /// With the bytes of all buffers.
+    fn new(gpu: &Gpu, stages: &Stages, packed: &Packed<'_>, n_segments: u32) -> (Self, u64) {
         let blocks = filled(gpu, "blocks", &packed.blocks);
         let left = filled_in_parts(gpu, "left", packed.n_left, packed.left_parts());
-        let right = filled_in_parts(gpu, "right", packed.n_right, packed.right_parts());
+        let right = filled_in_parts(gpu, "right", packed.n_right_words(), packed.right_parts());
         let components = filled(gpu, "components", &packed.components);
-        let owners = filled(gpu, "owners", &packed.owners);
+        let components_of = filled(gpu, "components_of", &packed.components_of());
         let n_components = packed.components.len() as u64;
         let z = working(gpu, "z", 16 * n_components, wgpu::BufferUsages::empty());
-        let n_partials = n_components * u64::from(n_segments);
+        let n_partials = n_components * (u64::from(n_segments) + 1);
         let partials = working(gpu, "partials", 16 * n_partials, wgpu::BufferUsages::empty());
-        let starts = filled(gpu, "sparse_starts", &packed.sparse_starts);
-        let terms = filled(gpu, "sparse_terms", &packed.sparse_terms);
-        let all = [&blocks, &left, &right, &components, &owners, &z, &partials, &starts, &terms];
-        let project = [&blocks, &right, &partials, &owners].map(|buffer| buffer.as_entire_binding());
-        let gather = [&blocks, &components, &partials, &z].map(|buffer| buffer.as_entire_binding());
-        let expand = [&blocks, &left, &z, &starts, &terms].map(|buffer| buffer.as_entire_binding());
-        Self {
+        let sparse = filled(gpu, "sparse", &packed.sparse);
+        let all = [&blocks, &left, &right, &components, &components_of, &z, &partials, &sparse];
+        let project = [&right, &partials, &components_of].map(|buffer| buffer.as_entire_binding());
+        let gather = [&blocks, &components, &partials, &z, &sparse].map(|buffer| buffer.as_entire_binding());
+        let settle = [&blocks, &partials, &z].map(|buffer| buffer.as_entire_binding());
+        let expand = [&blocks, &left, &z, &sparse].map(|buffer| buffer.as_entire_binding());
+        let bindings = Self {
             project: bind(gpu, &stages.project, 1, &project),
             gather: bind(gpu, &stages.gather, 1, &gather),
+            settle: bind(gpu, &stages.settle, 1, &settle),
             expand: bind(gpu, &stages.expand, 1, &expand),
-            n_components: n_components as u32,
-            most_pixels: packed.blocks.iter().map(|b| b.n_pixels).max().unwrap_or(0),
-            n_bytes: all.iter().map(|buffer| buffer.size()).sum(),
-        }
+        };
+        (bindings, all.iter().map(|buffer| buffer.size()).sum())
     }
 }
 
 /// A storage buffer of words, written part after part, each with its position.
-fn filled_in_parts(gpu: &Gpu, name: &str, n_words: u64, parts: impl Iterator<Item = (u32, Vec<u32>)>) -> wgpu::Buffer {
+fn filled_in_parts(gpu: &Gpu, name: &str, n_words: u64, parts: impl Iterator<Item = (u64, Vec<u32>)>) -> wgpu::Buffer {
     let buffer = storage(gpu, name, 4 * n_words, wgpu::BufferUsages::COPY_DST);
     for (position, words) in parts.filter(|(_, words)| !words.is_empty()) {
-        gpu.queue.write_buffer(&buffer, 4 * u64::from(position), bytemuck::cast_slice(&words));
+        gpu.queue.write_buffer(&buffer, 4 * position, bytemuck::cast_slice(&words));
         // What was written is on its way before more of it is packed.
         gpu.queue.submit([]);
     }
@@ -194,10 +211,10 @@ mod tests {
             assert!(runs.iter().flat_map(Clone::clone).eq(3..n_blocks), "{runs:?}");
             assert!(runs.len() > 3 && runs.iter().all(|run| run.len() <= limits.n_blocks), "{runs:?}");
             for run in runs {
-                let items = items(run);
-                let packed = pack(&items);
-                let partials = 16 * 3 * packed.components.len() as u64;
-                assert!((4 * packed.n_left.max(packed.n_right)).max(partials) <= limits.n_bytes);
+                let items = items(run.clone());
+                let packed = pack(low_rank, run, &items);
+                let partials = 16 * 4 * packed.components.len() as u64;
+                assert!((4 * packed.n_left.max(packed.n_right_words())).max(partials) <= limits.n_bytes);
             }
         }
         let narrow = cut(&items(0..n_blocks), 0..n_blocks, ChunkLimits { n_bytes: 4000, ..whole });

@@ -1,6 +1,7 @@
 //! A kernel that copies, to measure what memory of a device can do.
 
 use super::buffers::storage;
+use super::clock::Stamps;
 use super::stages::{bind, pipeline};
 use crate::gpu::Gpu;
 use crate::layout::COPY;
@@ -23,17 +24,26 @@ pub(crate) fn content(n_bytes: u64) -> Vec<u8> {
     (0..n_bytes / 4).flat_map(|i| (i as f32).to_le_bytes()).collect()
 }
 
-/// Copies the first buffer into the second, so many times.
-pub(crate) fn run(gpu: &Gpu, stage: &wgpu::ComputePipeline, buffers: &[wgpu::Buffer; 2], n_times: u32) {
+/// Copies the first buffer into the second, so many times, and notes when, where there are stamps for as many.
+pub(crate) fn run(
+    gpu: &Gpu,
+    stage: &wgpu::ComputePipeline,
+    buffers: &[wgpu::Buffer; 2],
+    (n_times, stamps): (u32, Option<&Stamps>),
+) {
     let resources = [&buffers[0], &buffers[1]].map(|buffer| buffer.as_entire_binding());
     let group = bind(gpu, stage, 0, &resources);
     let n_groups = buffers[1].size().div_ceil(16 * THREADS);
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    for _ in 0..n_times {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    for turn in 0..n_times {
+        let timestamp_writes = stamps.map(|stamps| stamps.around(turn));
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
         pass.set_pipeline(stage);
         pass.set_bind_group(0, &group, &[]);
         pass.dispatch_workgroups(n_groups.min(ROW) as u32, n_groups.div_ceil(ROW) as u32, 1);
+    }
+    if let Some(stamps) = stamps {
+        stamps.resolve(&mut encoder, n_times);
     }
     gpu.queue.submit([encoder.finish()]);
 }

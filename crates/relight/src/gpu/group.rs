@@ -1,13 +1,14 @@
-//! One group of columns on the device: its chunks, its coefficients, and what its `z` stands for.
+//! One group of columns on the device: its chunks, its coefficients, and what was projected.
 
 use clerestory_nystrom::BlockLowRank;
 
 use super::buffers::{storage, uniform};
 use super::chunk::{Chunk, ChunkLimits};
+use super::output::Output;
 use super::stages::{Stages, bind};
 use crate::frame::Frame;
 use crate::gpu::Gpu;
-use crate::layout::{ExpandMode, Group, SEGMENT};
+use crate::layout::{AT_A_TIME, ExpandMode, Group, SEGMENT};
 use crate::packing::Precision;
 use crate::relight::{RelightError, RelightStats, is_dark};
 
@@ -22,11 +23,12 @@ pub(super) struct GroupBuffers {
     segments: wgpu::Buffer,
     project: wgpu::BindGroup,
     gather: wgpu::BindGroup,
+    settle: wgpu::BindGroup,
     expand: wgpu::BindGroup,
-    /// What `z` stands for; none where all of it must be projected.
+    /// What was projected; none where all of it must be.
     projected: Option<Vec<[f32; 3]>>,
-    /// Nit by which its radiance may miss what was projected.
-    behind: f32,
+    /// Whether `z` is what was projected, in every tile.
+    is_settled: bool,
     /// Whether the radiance holds this group; a dark group adds nothing.
     lit: Lit,
 }
@@ -37,7 +39,7 @@ pub(super) enum Lit {
     Shining,
 }
 
-/// Brings every block up to date, however little it changes.
+/// Brings every tile up to date, however little it changes.
 pub(super) const WHATEVER: f32 = -1.0;
 
 impl Lit {
@@ -47,14 +49,13 @@ impl Lit {
 }
 
 impl GroupBuffers {
-    /// `[radiance, settled]` are those of the output.
     pub(super) fn new(
         gpu: &Gpu,
         stages: &Stages,
         limits: (ChunkLimits, Precision),
         frame: &Frame,
         group: usize,
-        [radiance, settled]: [&wgpu::Buffer; 2],
+        output: &Output,
     ) -> Result<Self, RelightError> {
         let low_rank = &frame.groups[group];
         let n_segments = low_rank.n_cols.div_ceil(SEGMENT);
@@ -62,18 +63,34 @@ impl GroupBuffers {
         let content =
             Group { n_cols: low_rank.n_cols, frame_width: frame.width, n_segments, mode: 0, unseen: WHATEVER };
         gpu.queue.write_buffer(&params, 0, bytemuck::bytes_of(&content));
-        let n_bytes = 16 * u64::from(low_rank.n_cols).next_multiple_of(2);
+        let n_bytes = 16 * u64::from(low_rank.n_cols.next_multiple_of(AT_A_TIME[1]));
         let coefficients = storage(gpu, "coefficients", n_bytes, wgpu::BufferUsages::COPY_DST);
         let segments = storage(gpu, "segments", 4 * u64::from(n_segments), wgpu::BufferUsages::COPY_DST);
+        let Output { radiance, settled, behind, .. } = output;
         let resources = [&params, &coefficients, &segments].map(|buffer| buffer.as_entire_binding());
         let project = bind(gpu, &stages.project, 0, &resources);
-        let gather = bind(gpu, &stages.gather, 0, &resources[..1]);
-        let resources = [&params, &coefficients, radiance, settled].map(|buffer| buffer.as_entire_binding());
+        let resources = [&params, &coefficients, behind].map(|buffer| buffer.as_entire_binding());
+        let gather = bind(gpu, &stages.gather, 0, &resources);
+        let resources = [&params, behind].map(|buffer| buffer.as_entire_binding());
+        let settle = bind(gpu, &stages.settle, 0, &resources);
+        let resources = [&params, &coefficients, radiance, settled, behind].map(|buffer| buffer.as_entire_binding());
         let expand = bind(gpu, &stages.expand, 0, &resources);
         let mut chunks = Vec::new();
         Chunk::upload(gpu, stages, limits, low_rank, 0..low_rank.blocks.len(), &mut chunks)?;
-        let (projected, behind, lit) = (None, 0.0, Lit::Dark);
-        Ok(Self { chunks, params, content, coefficients, segments, project, gather, expand, projected, behind, lit })
+        Ok(Self {
+            chunks,
+            params,
+            content,
+            coefficients,
+            segments,
+            project,
+            gather,
+            settle,
+            expand,
+            projected: None,
+            is_settled: false,
+            lit: Lit::Dark,
+        })
     }
 
     /// Uploads the chunks that hold any of `blocks`, as shorter ones where they were long.
@@ -105,49 +122,26 @@ impl GroupBuffers {
 
     /// All of `z` must be projected.
     pub(super) fn forget(&mut self) {
-        self.projected = None;
+        (self.projected, self.is_settled) = (None, false);
     }
 
     pub(super) fn is_shining(&self) -> bool {
         self.lit == Lit::Shining
     }
 
-    /// Whether the radiance holds the group under these coefficients, but for what is unseen, nit.
-    pub(super) fn shows(&self, x: &[[f32; 3]], unseen: f32) -> bool {
+    /// Whether these coefficients are those that it was told last, or both are dark.
+    pub(super) fn has(&self, x: &[[f32; 3]]) -> bool {
         let lit = Lit::of(x);
-        self.lit == lit && (lit == Lit::Dark || (self.projected.as_deref() == Some(x) && self.behind <= unseen))
+        self.lit == lit && (lit == Lit::Dark || self.projected.as_deref() == Some(x))
     }
 
-    /// Takes over coefficients, records project over the segments where they are others, and gather where `z` may miss what
-    /// it should be by more than `unseen`, nit, which is [`WHATEVER`] where all blocks are expanded anyway.
-    pub(super) fn take(
-        &mut self,
-        gpu: &Gpu,
-        stages: &Stages,
-        encoder: &mut wgpu::CommandEncoder,
-        (x, unseen): (&[[f32; 3]], f32),
-        stats: &mut RelightStats,
-    ) {
-        self.lit = Lit::of(x);
-        let is_projected = self.projected.as_deref() == Some(x);
-        if self.lit == Lit::Dark || (is_projected && self.behind <= unseen.max(0.0)) {
-            return;
-        }
-        if self.content.unseen != unseen {
-            self.content.unseen = unseen;
-            gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&self.content));
-        }
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        if !is_projected {
-            self.project(gpu, stages, &mut pass, x, stats);
-        }
-        pass.set_pipeline(&stages.gather);
-        pass.set_bind_group(0, &self.gather, &[]);
-        self.chunks.iter().for_each(|chunk| chunk.gather(&mut pass));
-        self.behind = unseen.max(0.0);
+    /// Whether these coefficients are those that it was told last, and every tile is what they make of it.
+    pub(super) fn is_done(&self, x: &[[f32; 3]]) -> bool {
+        self.has(x) && (self.is_settled || self.lit == Lit::Dark)
     }
 
-    fn project(
+    /// Takes over coefficients, and records project over the segments where they are others.
+    pub(super) fn project(
         &mut self,
         gpu: &Gpu,
         stages: &Stages,
@@ -155,17 +149,24 @@ impl GroupBuffers {
         x: &[[f32; 3]],
         stats: &mut RelightStats,
     ) {
-        let before = self.projected.as_deref();
-        let size = SEGMENT as usize;
-        let is_other = |(i, new): &(u32, &[[f32; 3]])| {
-            before.is_none_or(|before| before[*i as usize * size..].chunks(size).next() != Some(new))
-        };
-        let changed: Vec<u32> = (0..).zip(x.chunks(size)).filter(is_other).map(|(i, _)| i).collect();
-        let padded: Vec<[f32; 4]> = x.iter().map(|&[r, g, b]| [r, g, b, 0.0]).collect();
-        gpu.queue.write_buffer(&self.coefficients, 0, bytemuck::cast_slice(&padded));
+        self.lit = Lit::of(x);
+        if self.lit == Lit::Dark {
+            return;
+        }
+        let before = self.projected.replace(x.to_vec());
+        let is_other = |col: usize| before.as_ref().is_none_or(|before| before[col] != x[col]);
+        let of_col = |(col, [r, g, b]): (usize, &[f32; 3])| [*r, *g, *b, if is_other(col) { 1.0 } else { 0.0 }];
+        let content: Vec<[f32; 4]> = x.iter().enumerate().map(of_col).collect();
+        let segments = (0..).zip(content.chunks(SEGMENT as usize));
+        let changed: Vec<u32> =
+            segments.filter(|(_, cols)| cols.iter().any(|col| col[3] != 0.0)).map(|(segment, _)| segment).collect();
+        // What nothing changed in is written, too, so that nothing counts as changed any more.
+        gpu.queue.write_buffer(&self.coefficients, 0, bytemuck::cast_slice(&content));
+        if changed.is_empty() {
+            return;
+        }
         gpu.queue.write_buffer(&self.segments, 0, bytemuck::cast_slice(&changed));
-        self.projected = Some(x.to_vec());
-
+        self.is_settled = false;
         pass.set_pipeline(&stages.project);
         pass.set_bind_group(0, &self.project, &[]);
         for chunk in &self.chunks {
@@ -174,24 +175,46 @@ impl GroupBuffers {
         }
     }
 
-    /// Records expand; one mode per submission.
+    /// Records gather, unless every tile is what was projected.
+    pub(super) fn gather(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>) {
+        if !self.is_settled {
+            pass.set_pipeline(&stages.gather);
+            pass.set_bind_group(0, &self.gather, &[]);
+            self.chunks.iter().for_each(|chunk| chunk.gather(pass));
+        }
+    }
+
+    /// Records settle behind gather.
+    pub(super) fn settle(&mut self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>) {
+        if !self.is_settled {
+            pass.set_pipeline(&stages.settle);
+            pass.set_bind_group(0, &self.settle, &[]);
+            self.chunks.iter().for_each(|chunk| chunk.settle(pass));
+            self.is_settled = self.content.unseen <= 0.0;
+        }
+    }
+
+    /// What the stages of this submission do, once for each.
+    pub(super) fn set(&mut self, gpu: &Gpu, mode: ExpandMode, unseen: f32) {
+        let content = Group { mode: mode as u32, unseen, ..self.content };
+        if self.content != content {
+            self.content = content;
+            gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&content));
+        }
+    }
+
+    /// Records expand.
     pub(super) fn expand(
-        &mut self,
-        gpu: &Gpu,
+        &self,
         stages: &Stages,
-        encoder: &mut wgpu::CommandEncoder,
+        pass: &mut wgpu::ComputePass<'_>,
         mode: ExpandMode,
         stats: &mut RelightStats,
     ) {
-        if self.content.mode != mode as u32 {
-            self.content.mode = mode as u32;
-            gpu.queue.write_buffer(&self.params, 0, bytemuck::bytes_of(&self.content));
-        }
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&stages.expand);
         pass.set_bind_group(0, &self.expand, &[]);
         for chunk in &self.chunks {
-            chunk.expand(&mut pass);
+            chunk.expand(pass, mode);
             stats.n_expanded += chunk.n_blocks as usize;
             stats.n_bytes += chunk.n_left_bytes;
         }

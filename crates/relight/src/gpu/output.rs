@@ -11,8 +11,10 @@ use crate::layout::Display;
 pub(super) struct Output {
     /// RGB and a fourth float, row by row.
     pub radiance: wgpu::Buffer,
-    /// The same of all groups but the one that moves.
+    /// The same of all groups but those that move.
     pub settled: wgpu::Buffer,
+    /// One float per tile: by how many nit it would miss what was projected if it stayed as it is.
+    pub behind: wgpu::Buffer,
     pub texture: wgpu::Texture,
     pub view: wgpu::TextureView,
     pub display_params: wgpu::Buffer,
@@ -26,6 +28,7 @@ impl Output {
         let n_bytes = radiance_bytes(frame);
         let usage = wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST;
         let [radiance, settled] = ["radiance", "settled"].map(|name| working(gpu, name, n_bytes, usage));
+        let behind = working(gpu, "behind", 4 * frame.partition().n_blocks() as u64, wgpu::BufferUsages::empty());
         let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("display"),
             size: wgpu::Extent3d { width: frame.width, height: frame.height, depth_or_array_layers: 1 },
@@ -42,12 +45,13 @@ impl Output {
         let display_params = uniform(gpu, "display", size_of::<Display>());
         let layer = storage(gpu, "layer", size_of::<f32>() as u64, wgpu::BufferUsages::COPY_DST);
         let display = bind_display(gpu, stages, &display_params, &radiance, &view, &layer);
-        Self { radiance, settled, texture, view, display_params, display, layer }
+        Self { radiance, settled, behind, texture, view, display_params, display, layer }
     }
 
     /// Bytes of its buffers and of the texture.
     pub(super) fn n_bytes(&self) -> u64 {
-        let buffers = [&self.radiance, &self.settled, &self.display_params, &self.layer].map(|buffer| buffer.size());
+        let buffers = [&self.radiance, &self.settled, &self.behind, &self.display_params, &self.layer];
+        let buffers = buffers.map(|buffer| buffer.size());
         let size = self.texture.size();
         buffers.iter().sum::<u64>() + 4 * u64::from(size.width) * u64::from(size.height)
     }

@@ -1,12 +1,12 @@
 //! Brings runs of blocks into the form the shaders read, cut where a device's buffers end.
 
-use clerestory_nystrom::{BlockFactors, BlockLowRank};
+use clerestory_nystrom::{BlockFactors, BlockLowRank, SparseEntry};
 use half::f16;
 use rayon::prelude::*;
 use std::ops::Range;
 
 use super::chunk::ChunkLimits;
-use crate::layout::{Block, SEGMENT, SparseTerm};
+use crate::layout::{AT_A_TIME, Block, SEGMENT, THREADS};
 use crate::packing::{Kept, Precision};
 use crate::relight::RelightError;
 
@@ -15,7 +15,6 @@ use crate::relight::RelightError;
 pub(super) struct Item<'a> {
     factors: &'a BlockFactors,
     kept: Kept,
-    rect: [u32; 4],
 }
 
 /// Blocks of a run, by all cores; none where there is nothing.
@@ -23,8 +22,7 @@ pub(super) fn items(low_rank: &BlockLowRank, run: Range<usize>, precision: Preci
     let item = |block_idx: usize| {
         let factors = low_rank.blocks[block_idx].as_deref()?;
         let is_empty = factors.rank == 0 && factors.sparse.is_empty();
-        let rect = low_rank.partition.rect(block_idx);
-        (!is_empty).then(|| Item { factors, kept: precision.keep(factors), rect })
+        (!is_empty).then(|| Item { factors, kept: precision.keep(factors) })
     };
     run.into_par_iter().map(item).collect()
 }
@@ -37,10 +35,10 @@ impl Item<'_> {
         3 * n_pixels * u64::from(n_halves.div_ceil(2) + (self.factors.rank - n_halves).div_ceil(4))
     }
 
-    /// Words of the right factor: the same, row by row.
-    fn n_right(&self) -> u64 {
-        let (n_halves, n_cols) = (self.kept.right.n_halves as u64, u64::from(self.factors.n_cols));
-        n_halves * n_cols.div_ceil(2) + (u64::from(self.factors.rank) - n_halves) * n_cols.div_ceil(4)
+    /// Components of the right factor: halves, and bytes.
+    fn n_right(&self) -> [u64; 2] {
+        let n_halves = self.kept.right.n_halves as u64;
+        [n_halves, u64::from(self.factors.rank) - n_halves]
     }
 
     /// Components of `z`, those included that fill the last word of the left factor.
@@ -50,48 +48,64 @@ impl Item<'_> {
     }
 }
 
+/// Words of one component of a right factor, of halves or of bytes: as many as `project` reads at a time, again and again.
+fn right_words(kind: usize, n_cols: u32) -> u64 {
+    4 * u64::from(n_cols.div_ceil(AT_A_TIME[kind]))
+}
+
+/// One component of a right factor.
+#[derive(Clone, Copy, Debug)]
+struct Component {
+    /// Among the items.
+    item: u32,
+    /// Within its block.
+    k: u32,
+    /// Place in `z`.
+    z: u32,
+}
+
 /// What the buffers of a chunk hold, before upload.
 #[derive(Debug, Default)]
 pub(super) struct Packed<'a> {
-    /// Blocks with content; the others are left out.
+    /// One per tile, with content or without.
     pub blocks: Vec<Block>,
     items: Vec<&'a Item<'a>>,
+    /// The block of each item.
+    item_blocks: Vec<u32>,
+    n_cols: u32,
     /// Words of left factors, which [`Self::left_parts`] packs.
     pub n_left: u64,
-    /// Words of right factors, which [`Self::right_parts`] packs.
-    pub n_right: u64,
+    /// Components of right factors, halves and bytes, which [`Self::right_parts`] packs.
+    right: [Vec<Component>; 2],
     /// Largest magnitude of the left factor per channel, and scale; one per component, and some that fill words.
     pub components: Vec<[f32; 4]>,
-    /// The block of each component.
-    pub owners: Vec<u32>,
-    /// Of each block with sparse terms, where the terms of its pixels start, and where the last ends.
-    pub sparse_starts: Vec<u32>,
-    pub sparse_terms: Vec<SparseTerm>,
+    /// Of each block with sparse terms, where the terms of its pixels start, and where the last ends; then its terms.
+    pub sparse: Vec<u32>,
 }
 
 /// Words that are packed at a time, so that little of a large frame lies in memory twice.
-const PART_WORDS: u32 = 8 << 20;
+const PART_WORDS: u64 = 8 << 20;
 
-/// Bytes of the buffers that a run of blocks needs: blocks, left, right, components (which are as many as `z`), partials, owners,
-/// starts and terms of sparse entries.
+/// Bytes of the buffers that a run of blocks needs: blocks, left, right, components (which are as many as `z`), partials, places of
+/// components, sparse entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Sizes([u64; 8]);
+pub(super) struct Sizes([u64; 7]);
 
 impl Sizes {
+    /// Of a tile without content.
+    const EMPTY: Self = Self([size_of::<Block>() as u64, 0, 0, 0, 0, 0, 0]);
+
     fn of(item: &Item) -> Self {
-        let (n_pixels, n_cols) = (u64::from(item.factors.n_rows) / 3, u64::from(item.factors.n_cols));
-        let n_components = u64::from(item.n_components());
-        let n_sparse = item.factors.sparse.len() as u64;
-        let starts = if n_sparse > 0 { 4 * (n_pixels + 1) } else { 0 };
+        let n_cols = item.factors.n_cols;
+        let (n_right, n_components) = (item.n_right(), u64::from(item.n_components()));
         Self([
             size_of::<Block>() as u64,
             4 * item.n_left(),
-            4 * item.n_right(),
+            4 * (0..2).map(|kind| n_right[kind] * right_words(kind, n_cols)).sum::<u64>(),
             16 * n_components,
-            16 * n_components * n_cols.div_ceil(SEGMENT.into()),
-            4 * n_components,
-            starts,
-            8 * n_sparse,
+            16 * n_components * (u64::from(n_cols.div_ceil(SEGMENT)) + 1),
+            4 * n_right.iter().sum::<u64>(),
+            4 * n_sparse_words(item.factors),
         ])
     }
 
@@ -109,10 +123,15 @@ impl Sizes {
     }
 }
 
+/// Words of a block's sparse entries.
+fn n_sparse_words(factors: &BlockFactors) -> u64 {
+    if factors.sparse.is_empty() { 0 } else { u64::from(factors.n_rows) / 3 + 1 + 2 * factors.sparse.len() as u64 }
+}
+
 /// Bytes that the factors of a group take on a device, without the edges of buffers.
 pub(super) fn group_bytes(low_rank: &BlockLowRank, precision: Precision) -> u64 {
     let items = items(low_rank, 0..low_rank.blocks.len(), precision);
-    items.iter().flatten().map(|item| Sizes::of(item).total()).sum()
+    items.iter().map(|item| item.as_ref().map_or(Sizes::EMPTY, Sizes::of).total()).sum()
 }
 
 /// Cuts a run of blocks, of which `items` are the first, where a buffer would get too large.
@@ -126,7 +145,7 @@ pub(super) fn cut(
 ) -> Result<Vec<Range<usize>>, RelightError> {
     let (mut runs, mut start, mut sizes) = (Vec::new(), run.start, Sizes::default());
     for (block, item) in run.clone().zip(items) {
-        let own = item.as_ref().map_or_else(Sizes::default, Sizes::of);
+        let own = item.as_ref().map_or(Sizes::EMPTY, Sizes::of);
         let (size, limit) = (own.largest(), limits.n_bytes);
         if size > limit {
             return Err(RelightError::TooLarge { what: "one block of the frame", size, limit });
@@ -141,87 +160,154 @@ pub(super) fn cut(
     Ok(runs)
 }
 
-/// Packs blocks of one group.
-pub(super) fn pack<'a>(items: &'a [Option<Item<'a>>]) -> Packed<'a> {
-    let mut packed = Packed::default();
-    items.iter().flatten().for_each(|item| packed.push(item));
+/// Packs a run of blocks of one group.
+pub(super) fn pack<'a>(low_rank: &BlockLowRank, run: Range<usize>, items: &'a [Option<Item<'a>>]) -> Packed<'a> {
+    let mut packed = Packed { n_cols: low_rank.n_cols, ..Packed::default() };
+    for (tile, item) in run.zip(items) {
+        let [x, y, width, height] = low_rank.partition.rect(tile);
+        let empty = Block { n_pixels: width * height, x, y, width, tile: tile as u32, ..Block::default() };
+        match item {
+            Some(item) => packed.push(item, empty),
+            None => packed.blocks.push(empty),
+        }
+    }
     packed
 }
 
 impl<'a> Packed<'a> {
     /// Appends the table entry and the small parts of a block, and makes room for the large ones.
-    fn push(&mut self, item: &'a Item<'a>) {
-        let (factors, [x, y, width, height]) = (item.factors, item.rect);
-        let (n_pixels, n_components) = (width * height, item.n_components());
+    fn push(&mut self, item: &'a Item<'a>, tile: Block) {
+        let (factors, z) = (item.factors, self.components.len() as u32);
+        self.item_blocks.push(self.blocks.len() as u32);
         self.blocks.push(Block {
             rank: factors.rank,
-            n_pixels,
-            x,
-            y,
-            width,
             left: self.n_left as u32,
-            right: self.n_right as u32,
-            z: self.components.len() as u32,
-            sparse: self.sparse_starts.len() as u32,
+            z,
+            sparse: self.sparse.len() as u32,
             n_sparse: factors.sparse.len() as u32,
-            n_components,
+            n_components: item.n_components(),
             left_halves: item.kept.left.n_halves as u32,
-            right_halves: item.kept.right.n_halves as u32,
+            ..tile
         });
         self.n_left += item.n_left();
-        self.n_right += item.n_right();
-        self.owners.resize(self.owners.len() + n_components as usize, self.items.len() as u32);
+        for k in 0..factors.rank {
+            let kind = usize::from(k as usize >= item.kept.right.n_halves);
+            self.right[kind].push(Component { item: self.items.len() as u32, k, z: z + k });
+        }
         self.items.push(item);
         self.components.extend(components(item));
-        self.components.resize(self.owners.len(), [0.0; 4]);
+        self.components.resize((z + item.n_components()) as usize, [0.0; 4]);
         if !factors.sparse.is_empty() {
-            self.push_sparse(factors, n_pixels);
+            self.push_sparse(factors, tile.n_pixels);
         }
     }
 
+    /// Blocks with content.
+    pub(super) fn n_items(&self) -> usize {
+        self.items.len()
+    }
+
+    /// Components of right factors, halves and bytes.
+    pub(super) fn n_right(&self) -> [u32; 2] {
+        [0, 1].map(|kind| self.right[kind].len() as u32)
+    }
+
+    /// How many components of right factors are halves, how many bytes, and the place in `z` of each.
+    pub(super) fn components_of(&self) -> Vec<u32> {
+        self.n_right().into_iter().chain(self.right.iter().flatten().map(|component| component.z)).collect()
+    }
+
+    /// Words of right factors.
+    pub(super) fn n_right_words(&self) -> u64 {
+        (0..2).map(|kind| self.right[kind].len() as u64 * right_words(kind, self.n_cols)).sum()
+    }
+
     /// Pairs of f16 and fours of bytes, of each block word by word, channel by channel, pixel by pixel; with the position of each part.
-    pub(super) fn left_parts(&self) -> impl Iterator<Item = (u32, Vec<u32>)> {
-        self.parts(self.n_left, |block| block.left, pack_left)
-    }
-
-    /// Pairs of f16 and fours of bytes, of each block row by row; with the position of each part.
-    pub(super) fn right_parts(&self) -> impl Iterator<Item = (u32, Vec<u32>)> {
-        self.parts(self.n_right, |block| block.right, |item, _, words| pack_right(item, words))
-    }
-
-    /// Some blocks after the other, each by all cores. Entries say where each block's share lies.
-    fn parts(
-        &self,
-        n_words: u64,
-        start: impl Fn(&Block) -> u32,
-        pack_block: impl Fn(&Item, usize, &mut [u32]) + Sync,
-    ) -> impl Iterator<Item = (u32, Vec<u32>)> {
+    pub(super) fn left_parts(&self) -> impl Iterator<Item = (u64, Vec<u32>)> {
+        let start = |item: usize| {
+            self.item_blocks.get(item).map_or(self.n_left, |block| self.blocks[*block as usize].left.into())
+        };
         let mut first = 0;
         std::iter::from_fn(move || {
-            let from = start(self.blocks.get(first)?);
-            let within = |block: &Block| start(block) - from < PART_WORDS;
-            let n_blocks = self.blocks[first..].iter().take_while(|block| within(block)).count();
-            let end = self.blocks.get(first + n_blocks).map_or(n_words, |next| start(next).into());
-            let mut words = vec![0; (end - u64::from(from)) as usize];
-            let run = first..first + n_blocks;
-            fill(&self.blocks[run.clone()], &self.items[run], &mut words, &start, &pack_block);
-            first += n_blocks;
+            let (from, begin) = (start(first), first);
+            self.items.get(first)?;
+            while first < self.items.len() && start(first) - from < PART_WORDS {
+                first += 1;
+            }
+            let mut words = vec![0; (start(first) - from) as usize];
+            let shares = (begin..first).map(|item| (start(item + 1) - start(item)) as usize);
+            let shares = split(&mut words, shares);
+            self.items[begin..first].par_iter().zip(shares).for_each(|(item, share)| pack_left(item, share));
             Some((from, words))
         })
     }
 
-    fn push_sparse(&mut self, factors: &BlockFactors, n_pixels: u32) {
-        // Entries are sorted by row, and so by pixel.
-        let mut entries = factors.sparse.iter().peekable();
-        for pixel in 0..n_pixels {
-            self.sparse_starts.push(self.sparse_terms.len() as u32);
-            while let Some(entry) = entries.next_if(|entry| entry.row / 3 == pixel) {
-                let col_channel = entry.col | (entry.row % 3) << 30;
-                self.sparse_terms.push(SparseTerm { col_channel, value: entry.value });
+    /// Bands of components, as `project` reads them; with the position of each part.
+    pub(super) fn right_parts(&self) -> impl Iterator<Item = (u64, Vec<u32>)> {
+        let bands = (0..2).flat_map(|kind| self.right[kind].chunks(THREADS as usize).map(move |band| (kind, band)));
+        let mut bands = bands.peekable();
+        let mut position = 0;
+        std::iter::from_fn(move || {
+            let (mut part, mut lens) = (Vec::new(), Vec::new());
+            while lens.iter().sum::<usize>() < PART_WORDS as usize
+                && let Some((kind, band)) = bands.next()
+            {
+                lens.push(band.len() * right_words(kind, self.n_cols) as usize);
+                part.push((kind, band));
+            }
+            let mut words = vec![0; lens.iter().sum()];
+            let shares = split(&mut words, lens.into_iter());
+            part.par_iter().zip(shares).for_each(|((kind, band), share)| self.pack_right(*kind, band, share));
+            let from = position;
+            position += words.len() as u64;
+            (!part.is_empty()).then_some((from, words))
+        })
+    }
+
+    /// One band: of as many columns as are read at a time component after component, and so on.
+    fn pack_right(&self, kind: usize, band: &[Component], words: &mut [u32]) {
+        let at_a_time = AT_A_TIME[kind] as usize;
+        for (at, component) in band.iter().enumerate() {
+            let (item, k) = (self.items[component.item as usize], component.k as usize);
+            let n_cols = self.n_cols as usize;
+            let row = &item.factors.right[k * n_cols..][..n_cols];
+            for (i, cols) in row.chunks(at_a_time).enumerate() {
+                let words = &mut words[4 * (i * band.len() + at)..][..4];
+                for (word, entries) in words.iter_mut().zip(cols.chunks(at_a_time / 4)) {
+                    *word = match kind {
+                        0 => word_of(entries[0], entries.get(1)),
+                        _ => word_of_bytes(|i| entries.get(i).map_or(0, |entry| item.kept.right.byte(k, *entry))),
+                    };
+                }
             }
         }
-        self.sparse_starts.push(self.sparse_terms.len() as u32);
     }
+
+    fn push_sparse(&mut self, factors: &BlockFactors, n_pixels: u32) {
+        // Entries are sorted by row, and so by pixel.
+        let mut at = self.sparse.len() as u32 + n_pixels + 1;
+        let mut entries = factors.sparse.iter().peekable();
+        for pixel in 0..n_pixels {
+            self.sparse.push(at);
+            while entries.next_if(|entry| entry.row / 3 == pixel).is_some() {
+                at += 2;
+            }
+        }
+        self.sparse.push(at);
+        let words = |entry: &SparseEntry| [entry.col | (entry.row % 3) << 30, entry.value.to_bits()];
+        self.sparse.extend(factors.sparse.iter().flat_map(words));
+    }
+}
+
+/// Cuts `words` into shares of these lengths.
+fn split(mut words: &mut [u32], lens: impl Iterator<Item = usize>) -> Vec<&mut [u32]> {
+    let mut shares = Vec::new();
+    for len in lens {
+        let (share, rest) = words.split_at_mut(len);
+        shares.push(share);
+        words = rest;
+    }
+    shares
 }
 
 /// Largest magnitude of the left factor per channel, and scale, of each component; in steps where they are bytes.
@@ -238,26 +324,9 @@ fn components(item: &Item) -> Vec<[f32; 4]> {
     components
 }
 
-/// Cuts `words` at the blocks' positions and lets `pack_block` fill each share.
-fn fill(
-    blocks: &[Block],
-    items: &[&Item],
-    mut words: &mut [u32],
-    start: impl Fn(&Block) -> u32,
-    pack_block: impl Fn(&Item, usize, &mut [u32]) + Sync,
-) {
-    let mut shares = Vec::with_capacity(blocks.len());
-    for (i, block) in blocks.iter().enumerate() {
-        let len = blocks.get(i + 1).map_or(words.len(), |next| (start(next) - start(block)) as usize);
-        let (share, rest) = words.split_at_mut(len);
-        shares.push((items[i], block.n_pixels as usize, share));
-        words = rest;
-    }
-    shares.into_par_iter().for_each(|(item, n_pixels, share)| pack_block(item, n_pixels, share));
-}
-
-fn pack_left(item: &Item, n_pixels: usize, words: &mut [u32]) {
+fn pack_left(item: &Item, words: &mut [u32]) {
     let (rank, side) = (item.factors.rank as usize, &item.kept.left);
+    let n_pixels = item.factors.n_rows as usize / 3;
     let (of_halves, of_bytes) = words.split_at_mut(3 * n_pixels * side.n_halves.div_ceil(2));
     let row = |plane: usize, pixel: usize| &item.factors.left[(3 * pixel + plane % 3) * rank..][..rank];
     for (plane, words) in of_halves.chunks_exact_mut(n_pixels).enumerate() {
@@ -272,24 +341,6 @@ fn pack_left(item: &Item, n_pixels: usize, words: &mut [u32]) {
         for (pixel, word) in words.iter_mut().enumerate() {
             let row = row(plane, pixel);
             *word = word_of_bytes(|i| row.get(k + i).map_or(0, |entry| side.byte(k + i, *entry)));
-        }
-    }
-}
-
-fn pack_right(item: &Item, words: &mut [u32]) {
-    let (n_cols, side) = (item.factors.n_cols as usize, &item.kept.right);
-    // A group without columns has no words; the length of a run may still not be 0.
-    let [per_half, per_byte] = [n_cols.div_ceil(2).max(1), n_cols.div_ceil(4).max(1)];
-    let (of_halves, of_bytes) = words.split_at_mut(side.n_halves * n_cols.div_ceil(2));
-    let mut rows = item.factors.right.chunks_exact(n_cols.max(1));
-    for (words, row) in of_halves.chunks_exact_mut(per_half).zip(rows.by_ref()) {
-        for (word, pair) in words.iter_mut().zip(row.chunks(2)) {
-            *word = word_of(pair[0], pair.get(1));
-        }
-    }
-    for ((k, words), row) in (side.n_halves..).zip(of_bytes.chunks_exact_mut(per_byte)).zip(rows) {
-        for (word, four) in words.iter_mut().zip(row.chunks(4)) {
-            *word = word_of_bytes(|i| four.get(i).map_or(0, |entry| side.byte(k, *entry)));
         }
     }
 }

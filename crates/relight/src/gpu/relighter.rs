@@ -1,8 +1,8 @@
 //! Relighting on a device: factors live there, coefficients go in, a texture (or radiance) comes out.
 //!
-//! While one group moves, the others are summed once and kept; on top of that sum only those blocks of the moving group are
-//! expanded whose `z` moved, and for a display only those that it moved by more than is seen. Where nothing changed nothing is
-//! submitted.
+//! While some groups move, the others are summed once and kept; on top of that sum the moving groups are expanded in those
+//! tiles alone in which the `z` of any of them moved, and for a display only where all together moved by more than is seen. Where nothing
+//! changed nothing is submitted.
 
 use std::sync::Arc;
 
@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::buffers::check_storage;
 use super::chunk::ChunkLimits;
+use super::clock::{Clock, Stage, StageSecs, begin_pass};
 use super::group::{GroupBuffers, Lit, WHATEVER};
 use super::output::{Output, radiance_bytes};
 use super::pack::group_bytes;
@@ -33,13 +34,33 @@ pub struct GpuRelighter {
     output: Output,
     /// Whether `output.radiance` shows the coefficients of the groups.
     state: OutputState,
-    /// The group that `output.settled` leaves out, where it holds all others that shine.
-    moving: Option<usize>,
+    /// The groups that `output.settled` leaves out, where it holds all others that shine.
+    moving: Vec<usize>,
+    /// Those of them that moved last.
+    moved: Vec<usize>,
+    /// Nit by which the radiance may miss what was projected.
+    behind: f32,
     /// How the texture shows the radiance; none where it shows an older one.
     shown: Option<DisplayParams>,
     /// Added to every picture: on the device by display, to radiance that is read back on the CPU.
     layer: Option<Arc<Radiance>>,
+    clock: Option<Clock>,
     stats: RelightStats,
+}
+
+/// What becomes of one group in one submission.
+#[derive(Clone, Copy, Debug)]
+struct Planned {
+    group: usize,
+    mode: ExpandMode,
+    /// Nit by which tiles may miss the exact answer, or [`WHATEVER`].
+    unseen: f32,
+}
+
+/// The first group takes the place of what was there, on whichever base, and the others add.
+fn modes(groups: &[usize], base: ExpandMode, unseen: f32) -> Vec<Planned> {
+    let mode = |i: usize| if i == 0 { base } else { ExpandMode::Add };
+    groups.iter().enumerate().map(|(i, group)| Planned { group: *group, mode: mode(i), unseen }).collect()
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,8 +98,7 @@ impl GpuRelighter {
             let output = Output::new(gpu, &stages, frame);
             let mut groups = Vec::new();
             for group in 0..frame.groups.len() {
-                let buffers = [&output.radiance, &output.settled];
-                groups.push(GroupBuffers::new(gpu, &stages, (limits, precision), frame, group, buffers)?);
+                groups.push(GroupBuffers::new(gpu, &stages, (limits, precision), frame, group, &output)?);
             }
             gpu.queue.submit([]);
             Ok(Self {
@@ -90,9 +110,12 @@ impl GpuRelighter {
                 groups,
                 output,
                 state: OutputState::Stale,
-                moving: None,
+                moving: Vec::new(),
+                moved: Vec::new(),
+                behind: 0.0,
                 shown: None,
                 layer: None,
+                clock: None,
                 stats: RelightStats::default(),
             })
         })
@@ -117,6 +140,24 @@ impl GpuRelighter {
     /// The display-encoded picture that [`Self::relight_to_texture`] writes: rgba8unorm, width × height.
     pub fn texture(&self) -> &wgpu::Texture {
         &self.output.texture
+    }
+
+    /// Has the device take the time of the stages of all pictures to come, where it can.
+    pub fn start_clock(&mut self) {
+        self.clock = Clock::new(&self.gpu);
+    }
+
+    /// Takes no time any more.
+    pub fn stop_clock(&mut self) {
+        self.clock = None;
+    }
+
+    /// Waits, and tells how long the stages of the last picture took; none where no clock runs.
+    ///
+    /// # Errors
+    /// A failing device.
+    pub fn stage_secs(&self) -> Result<Option<StageSecs>, RelightError> {
+        self.clock.as_ref().map(|clock| clock.read(&self.gpu)).transpose()
     }
 
     /// Memory of the device that the frame and its picture take, bytes.
@@ -144,9 +185,11 @@ impl GpuRelighter {
         self.stats = RelightStats::default();
         let unseen = display.map_or(0.0, DisplayParams::unseen);
         let lit = self.state == OutputState::Current
-            && self.groups.iter().zip(coefficients).all(|(group, x)| group.shows(x, unseen));
+            && self.behind <= unseen
+            && self.groups.iter().zip(coefficients).all(|(group, x)| group.has(x));
         let shown = display.is_none_or(|display| self.shown.as_ref() == Some(display));
         let gpu = self.gpu.clone();
+        self.clock.iter_mut().for_each(Clock::reset);
         let result = if lit && shown {
             // A picture that is there already vanished with its device.
             gpu.alive()
@@ -161,12 +204,13 @@ impl GpuRelighter {
                 if let Some(display) = display {
                     self.record_display(&mut encoder, display);
                 }
+                self.clock.iter().for_each(|clock| clock.resolve(&mut encoder));
                 gpu.queue.submit([encoder.finish()]);
                 Ok(())
             })
         };
         if result.is_err() {
-            (self.state, self.moving, self.shown) = (OutputState::Stale, None, None);
+            (self.state, self.shown) = (OutputState::Stale, None);
             self.groups.iter_mut().for_each(GroupBuffers::forget);
         }
         self.stats.n_dark_groups = self.groups.iter().filter(|group| !group.is_shining()).count();
@@ -174,61 +218,104 @@ impl GpuRelighter {
         result
     }
 
-    /// Records project, gather and expand where the coefficients, or blocks, are others than those shown.
+    /// Records project, gather, settle and expand where the coefficients, or blocks, are others than those shown.
     fn record(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>], unseen: f32) {
-        let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].shows(x, unseen)).then_some(idx);
+        let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].has(x)).then_some(idx);
         let moved: Vec<usize> = coefficients.iter().enumerate().filter_map(is_other).collect();
-        let is_settled = self.state == OutputState::Current && moved.iter().all(|idx| self.moving == Some(*idx));
-        let mut shining = moved.into_iter().filter(|idx| Lit::of(&coefficients[*idx]) == Lit::Shining);
-        let alone = shining.next().filter(|_| shining.next().is_none());
-        let skips = alone.filter(|_| is_settled);
-        for (idx, (group, x)) in self.groups.iter_mut().zip(coefficients).enumerate() {
-            // Whatever is summed anew is summed as it is.
-            let unseen = if skips.is_some() { unseen } else { WHATEVER };
-            if skips.is_none_or(|moving| moving == idx) {
-                group.take(&self.gpu, &self.stages, encoder, (x, unseen), &mut self.stats);
-            }
+        if self.moves_on(&moved, coefficients) {
+            encoder.clear_buffer(&self.output.behind, 0, None);
+            let shining = |idx: &usize| self.groups[*idx].is_shining();
+            let is_alone = (0..self.groups.len()).filter(shining).all(|idx| self.moving.contains(&idx));
+            let base = if is_alone { ExpandMode::Put } else { ExpandMode::Set };
+            let plan = modes(&self.moving, base, unseen);
+            self.gather(encoder, coefficients, &plan);
+            self.expand(encoder, &plan);
+            self.behind = unseen;
+        } else {
+            self.sum(encoder, coefficients, &moved);
+            self.behind = 0.0;
         }
-        match alone {
-            Some(idx) if is_settled => self.expand(encoder, idx, ExpandMode::SetMoved),
-            Some(idx) => {
-                self.sum(encoder, Some(idx));
-                let n_bytes = radiance_bytes(&self.frame);
-                encoder.copy_buffer_to_buffer(&self.output.radiance, 0, &self.output.settled, 0, n_bytes);
-                self.expand(encoder, idx, ExpandMode::Set);
-                self.moving = Some(idx);
-            }
-            None => {
-                self.sum(encoder, None);
-                self.moving = None;
-            }
+        if !moved.is_empty() {
+            self.moved = moved;
         }
         self.state = OutputState::Current;
     }
 
-    /// Records the sum of all groups that shine, but one, one after the other.
-    fn sum(&mut self, encoder: &mut wgpu::CommandEncoder, but: Option<usize>) {
-        encoder.clear_buffer(&self.output.radiance, 0, None);
-        for idx in (0..self.groups.len()).filter(|idx| but != Some(*idx)) {
-            if self.groups[idx].is_shining() {
-                self.expand(encoder, idx, ExpandMode::Add);
-            }
-        }
+    /// Whether the groups that move now are among those that moved. Where some of these have stopped to, the others are better off
+    /// without them.
+    fn moves_on(&self, moved: &[usize], coefficients: &[Vec<[f32; 3]>]) -> bool {
+        let shines_on = |idx: &usize| self.groups[*idx].is_shining() && Lit::of(&coefficients[*idx]) == Lit::Shining;
+        let is_among = moved.iter().all(|idx| self.moving.contains(idx) && shines_on(idx));
+        let have_others_stopped = !moved.is_empty() && moved == self.moved && moved.len() < self.moving.len();
+        self.state == OutputState::Current && is_among && !have_others_stopped
     }
 
-    fn expand(&mut self, encoder: &mut wgpu::CommandEncoder, group: usize, mode: ExpandMode) {
-        self.groups[group].expand(&self.gpu, &self.stages, encoder, mode, &mut self.stats);
+    /// Records the sum of all groups that shine: first of those that stay, which is kept, then of those that move.
+    fn sum(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>], moved: &[usize]) {
+        let shines = |idx: &usize| Lit::of(&coefficients[*idx]) == Lit::Shining;
+        let shining: Vec<usize> = (0..self.groups.len()).filter(shines).collect();
+        self.moving = moved.iter().copied().filter(shines).collect();
+        // Nobody knows yet what moves where there was no picture.
+        if self.state == OutputState::Stale && self.moving.len() > 1 {
+            self.moving.clear();
+        }
+        let staying: Vec<usize> = shining.into_iter().filter(|idx| !self.moving.contains(idx)).collect();
+        let stay = modes(&staying, ExpandMode::Put, WHATEVER);
+        let base = if stay.is_empty() { ExpandMode::Put } else { ExpandMode::Set };
+        let plan = [stay, modes(&self.moving, base, WHATEVER)];
+        self.gather(encoder, coefficients, &plan.concat());
+        let [stay, moving] = plan;
+        if stay.is_empty() && moving.is_empty() {
+            encoder.clear_buffer(&self.output.radiance, 0, None);
+        }
+        self.expand(encoder, &stay);
+        if !stay.is_empty() && !moving.is_empty() {
+            let n_bytes = radiance_bytes(&self.frame);
+            encoder.copy_buffer_to_buffer(&self.output.radiance, 0, &self.output.settled, 0, n_bytes);
+        }
+        self.expand(encoder, &moving);
+    }
+
+    /// Records all that comes before expand for the groups of a plan.
+    fn gather(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>], plan: &[Planned]) {
+        plan.iter().for_each(|planned| self.groups[planned.group].set(&self.gpu, planned.mode, planned.unseen));
+        let mut pass = begin_pass(encoder, &mut self.clock, Stage::Project);
+        for (group, x) in self.groups.iter_mut().zip(coefficients).filter(|(group, x)| !group.is_done(x)) {
+            group.project(&self.gpu, &self.stages, &mut pass, x, &mut self.stats);
+        }
+        drop(pass);
+        // How far a tile is behind counts all groups, so it is known before any of them settles.
+        let mut pass = begin_pass(encoder, &mut self.clock, Stage::Gather);
+        plan.iter().for_each(|planned| self.groups[planned.group].gather(&self.stages, &mut pass));
+        plan.iter().for_each(|planned| self.groups[planned.group].settle(&self.stages, &mut pass));
+    }
+
+    /// Records expand of the groups of a plan, one after the other.
+    fn expand(&mut self, encoder: &mut wgpu::CommandEncoder, plan: &[Planned]) {
+        if plan.is_empty() {
+            return;
+        }
+        let mut pass = begin_pass(encoder, &mut self.clock, Stage::Expand);
+        for &Planned { group, mode, .. } in plan {
+            self.groups[group].expand(&self.stages, &mut pass, mode, &mut self.stats);
+        }
     }
 
     fn record_display(&mut self, encoder: &mut wgpu::CommandEncoder, display: &DisplayParams) {
         let layered = if self.layer.is_some() { Layered::Yes } else { Layered::No };
         let params = Display::new(self.frame.width, self.frame.height, display, layered);
         self.gpu.queue.write_buffer(&self.output.display_params, 0, bytemuck::bytes_of(&params));
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        let mut pass = begin_pass(encoder, &mut self.clock, Stage::Display);
         pass.set_pipeline(&self.stages.display);
         pass.set_bind_group(0, &self.output.display, &[]);
         pass.dispatch_workgroups(self.frame.width.div_ceil(8), self.frame.height.div_ceil(8), 1);
         self.shown = Some(*display);
+    }
+
+    /// What the texture shows, without the layer.
+    #[cfg(test)]
+    pub(super) fn radiance(&self) -> &wgpu::Buffer {
+        &self.output.radiance
     }
 
     /// Reads back what the texture shows, without the layer.
@@ -306,7 +393,7 @@ impl Relight for GpuRelighter {
 pub fn device_bytes(frame: &Frame, precision: Precision) -> u64 {
     let n_pixels = u64::from(frame.width) * u64::from(frame.height);
     2 * radiance_bytes(frame)
-        + 4 * n_pixels
+        + 4 * (n_pixels + frame.partition().n_blocks() as u64)
         + frame.groups.iter().map(|group| group_bytes(group, precision)).sum::<u64>()
 }
 

@@ -174,6 +174,109 @@ fn ten_thousand_increments_in_five_hundred_pictures_end_where_a_fresh_relight_do
 }
 
 #[test]
+fn ten_thousand_increments_of_groups_that_move_together_end_where_a_fresh_relight_does() {
+    let Some(gpu) = gpu() else { return };
+    let n_cols = vec![150, 9, 4];
+    let recipe = Recipe { width: 20, height: 9, n_cols, rank: Ranks::Mixed(6), ..Recipe::default() };
+    let frame = recipe.frame();
+    let display = DisplayParams { exposure_ev: -6.0, ..DisplayParams::default() };
+    let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    let (mut n_alone, mut n_together) = (0, 0);
+    for step in 0..5_000usize {
+        // Two increments a step; for a while one group moves alone.
+        x[0][step * 7 % 150] = [0.01 * (step % 331) as f32, 0.3, 0.02 * (step % 57) as f32];
+        if step % 1000 < 800 {
+            x[1][step % 9][step % 3] += 1e-4;
+        }
+        if step % 40 < 3 {
+            relighter.relight_to_texture(&x, &display).unwrap();
+            match relighter.stats().n_expanded / frame.partition().n_blocks() {
+                0 => n_alone += 1,
+                _ => n_together += 1,
+            }
+        }
+    }
+    assert!(n_alone > 10 && n_together > 100, "{n_alone} alone, {n_together} together");
+    let fresh = relit(&mut GpuRelighter::new(&gpu, &frame).unwrap(), &x);
+    let found = relit(&mut relighter, &x);
+    let largest = fresh.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
+    for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
+        assert!((a - b).abs() <= 4.0 * f32::EPSILON * largest, "{a} after increments, {b} fresh");
+    }
+}
+
+#[test]
+fn tiles_without_content_in_the_first_group_that_moves_follow_the_others() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { n_cols: vec![19, 40, 7], rank: Ranks::Fixed(5), ..Recipe::default() };
+    let mut frame = recipe.frame();
+    (0..6).for_each(|block| frame.groups[0].blocks[block] = None);
+    (4..9).for_each(|block| frame.groups[1].blocks[block] = None);
+    let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    relit(&mut relighter, &x);
+    for step in 1..4 {
+        (x[0][3], x[1][7]) = ([step as f32; 3], [0.25, step as f32, 1.0]);
+        assert_twins_agree(&mut relighter, &frame, &x);
+    }
+    // One of them goes dark, comes back, and moves alone.
+    let lit = std::mem::replace(&mut x[0], vec![[0.0; 3]; 19]);
+    assert_twins_agree(&mut relighter, &frame, &x);
+    x[0] = lit;
+    for step in 0..3 {
+        x[0][3] = [0.5 * step as f32; 3];
+        assert_twins_agree(&mut relighter, &frame, &x);
+    }
+}
+
+#[test]
+fn sparse_entries_of_lights_that_stayed_leave_their_tile_alone() {
+    let Some(gpu) = gpu() else { return };
+    let recipe = Recipe { n_cols: vec![16], rank: Ranks::Fixed(4), n_sparse: 0, ..Recipe::default() };
+    let mut frame = recipe.frame();
+    let block = std::sync::Arc::make_mut(frame.groups[0].blocks[1].as_mut().unwrap());
+    (0..4).for_each(|k| block.right[k * 16 + 3] = half::f16::ZERO);
+    block.sparse = vec![clerestory_nystrom::SparseEntry { row: 2, col: 9, value: 1.5 }];
+    let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+    let mut x = recipe.coefficients(1);
+    assert_twins_agree(&mut relighter, &frame, &x);
+    // Numbers that nobody computes stay where the tile is left alone.
+    let [left, top, ..] = frame.groups[0].partition.rect(1);
+    let pixel = u64::from(top * frame.width + left);
+    let mark =
+        |relighter: &GpuRelighter| gpu.queue.write_buffer(relighter.radiance(), 16 * pixel, &77f32.to_le_bytes());
+    mark(&relighter);
+    x[0][3] = [9.0; 3];
+    assert_eq!(relit(&mut relighter, &x).pixels[pixel as usize][0], 77.0, "the light of the entry did not change");
+    x[0][9] = [7.0; 3];
+    assert_twins_agree(&mut relighter, &frame, &x);
+}
+
+#[test]
+fn a_device_that_takes_time_tells_that_of_every_stage() {
+    for gpu in super::twin_tests::gpus() {
+        let recipe = Recipe { n_cols: vec![300, 40], ..Recipe::default() };
+        let mut relighter = GpuRelighter::new(&gpu, &recipe.frame()).unwrap();
+        assert_eq!(relighter.stage_secs().unwrap(), None);
+        relighter.start_clock();
+        let display = DisplayParams::default();
+        relighter.relight_to_texture(&recipe.coefficients(1), &display).unwrap();
+        let secs = relighter.stage_secs().unwrap();
+        assert_eq!(secs.is_some(), gpu.takes_time());
+        let Some(secs) = secs else { continue };
+        assert!([secs.project, secs.gather, secs.expand, secs.display].iter().all(|secs| *secs > 0.0), "{secs:?}");
+        relighter.relight_to_texture(&recipe.coefficients(1), &DisplayParams { exposure_ev: 1.0, ..display }).unwrap();
+        let secs = relighter.stage_secs().unwrap().unwrap();
+        assert!(secs.project == 0.0 && secs.expand == 0.0 && secs.whole == secs.display, "{secs:?}");
+        relighter.relight_to_texture(&recipe.coefficients(1), &DisplayParams { exposure_ev: 1.0, ..display }).unwrap();
+        assert_eq!(relighter.stage_secs().unwrap().unwrap().whole, 0.0, "nothing was submitted");
+        relighter.stop_clock();
+        assert_eq!(relighter.stage_secs().unwrap(), None);
+    }
+}
+
+#[test]
 fn display_agrees_within_one_step() {
     let Some(gpu) = gpu() else { return };
     let recipe = Recipe { width: 83, height: 61, rank: Ranks::Fixed(3), n_sparse: 9, ..Recipe::default() };

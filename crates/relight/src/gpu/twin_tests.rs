@@ -10,7 +10,7 @@ use crate::packing::tests::falling;
 use crate::synthetic::{Ranks, Recipe};
 
 /// All that run here, on a second driver, too, where there is one.
-fn gpus() -> Vec<Gpu> {
+pub(super) fn gpus() -> Vec<Gpu> {
     if gpu().is_none() {
         return Vec::new();
     }

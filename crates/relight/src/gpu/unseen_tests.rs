@@ -73,3 +73,33 @@ fn what_a_texture_lacks_comes_with_more_exposure_and_when_another_group_moves() 
     relighter.relight_to_texture(&x, &dark).unwrap();
     assert!(difference(&bright, &shown(&relighter), &exact(&gpu, &frame, &x)) <= ROUNDING, "it was summed as it is");
 }
+
+#[test]
+fn groups_that_move_together_share_half_a_step_and_leave_no_drift() {
+    for gpu in super::twin_tests::gpus() {
+        let recipe = Recipe { n_cols: vec![19, 70, 3], n_sparse: 1, ..recipe() };
+        let frame = recipe.frame();
+        let display = DisplayParams { tone: Tone::Linear, exposure_ev: -5.0, ..DisplayParams::default() };
+        let mut relighter = GpuRelighter::new(&gpu, &frame).unwrap();
+        let mut x = recipe.coefficients(1);
+        relighter.relight_to_texture(&x, &display).unwrap();
+        let (mut largest, mut n_behind, mut n_expanded) = (0f32, 0, 0);
+        for step in 0..40 {
+            x[1][5] = [0.3 + 4e-6 * (step * step) as f32, 0.4, 0.2 + 1e-5 * step as f32];
+            x[0][3][1] += 1e-5 * (step % 3) as f32;
+            relighter.relight_to_texture(&x, &display).unwrap();
+            n_expanded = relighter.stats().n_expanded;
+            let difference = difference(&display, &shown(&relighter), &exact(&gpu, &frame, &x));
+            (largest, n_behind) = (largest.max(difference), n_behind + usize::from(difference > 10.0 * ROUNDING));
+        }
+        assert!(largest <= 0.5 + ROUNDING, "{largest} steps");
+        assert!(n_behind > 10, "nothing was left out, {n_behind}, {largest}");
+        assert_eq!(n_expanded, 2 * frame.partition().n_blocks(), "the group that stays is not read");
+        let fresh = exact(&gpu, &frame, &x);
+        let found = relit(&mut relighter, &x);
+        let most = fresh.pixels.as_flattened().iter().fold(0f32, |most, v| most.max(v.abs()));
+        for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
+            assert!((a - b).abs() <= 4.0 * f32::EPSILON * most, "{a} after increments, {b} fresh");
+        }
+    }
+}

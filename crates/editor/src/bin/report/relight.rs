@@ -1,12 +1,14 @@
 //! Relighting against what memory can do: all columns, one light, display alone.
 
+mod device;
+
 use std::time::Instant;
 
-use anyhow::Result;
-use clerestory_relight::bandwidth::{CopyProbe, ReadProbe};
+use anyhow::{Context, Result};
+use clerestory_relight::bandwidth::ReadProbe;
 use clerestory_relight::synthetic::{Ranks, Recipe};
 use clerestory_relight::{
-    CpuRelighter, DeviceChoice, DisplayParams, Gpu, GpuRelighter, Precision, Radiance, Relight, RelightError, encode,
+    CpuRelighter, DeviceChoice, DisplayParams, Gpu, Precision, Radiance, Relight, RelightError, encode,
 };
 
 use super::desk::{Desk, cpu_name};
@@ -36,12 +38,14 @@ const TURNS: usize = 12;
 const PROBE_BYTES: usize = 1 << 30;
 /// The same on a device, which is asked for twice as many.
 const DEVICE_PROBE_BYTES: u64 = 256 << 20;
-/// Copies that a device makes in a row.
-const COPIES: u32 = 8;
+/// Pictures that a device is handed in a row before anybody waits, where it is one of hardware and where it is none.
+const IN_A_ROW: [usize; 2] = [16, 2];
 /// Bytes of a pixel's radiance, and of its bytes for the display.
 const RADIANCE_BYTES: u64 = 12;
 const DEVICE_RADIANCE_BYTES: u64 = 16;
 const SHOWN_BYTES: u64 = 4;
+/// Relights of one kind in a row on the CPU, of which the last counts.
+const REPEATS: usize = 3;
 
 /// Relights synthetic frames on the CPU and on every device there is.
 ///
@@ -55,15 +59,20 @@ pub fn write(desk: &Desk) -> Result<String> {
         measured += "\nNo graphics adapter was there.\n";
     }
     for gpu in &gpus {
-        measured += &on_device(desk, gpu, jobs)?;
+        measured += &device::table(desk, gpu, jobs)?;
     }
     Ok(format!(
         "## Relighting\n\n\
          Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
          {TURNS} turns: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
-         read (16-bit floats, or bytes with a scale per vector), and the radiance that is written. The share is that of what the same memory did in the same turns: read\n\
-         by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves little comes from caches, faster than memory\n\
-         is: the last two columns hold it against reading as many bytes again and again. {}\n{measured}",
+         read (16-bit floats, or bytes with a scale per vector), and the radiance that is written. On the CPU each is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
+         The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\
+         little comes from caches, faster than memory is: the last two columns hold it against reading as many bytes again and again.\n\n\
+         On a device, *by its clock* is what the device itself notes between the begin of the first stage and the end of the last (project, expand and display are parts of it; sums of segments\n\
+         are the rest), and the bandwidth of its copies is noted in the same way in the same turns: that share is the one that counts. *Waited for* is one picture from outside, handing over\n\
+         and waiting included; *in a row* is a picture of {} (of {} where there is no hardware) that are handed over before anybody waits, against copies timed from outside. {}\n{measured}",
+        IN_A_ROW[0],
+        IN_A_ROW[1],
         desk.load_words(),
     ))
 }
@@ -78,12 +87,12 @@ struct Row {
     /// Bytes per second of memory.
     memory: f64,
     /// The same where only as many bytes are read as all columns move, so that caches help both alike.
-    as_many: Option<f64>,
+    as_many: f64,
 }
 
 impl Row {
     fn new(job: Job) -> Row {
-        Row { job, n_bytes: [0; 2], secs: [f64::INFINITY; 3], memory: 0.0, as_many: None }
+        Row { job, n_bytes: [0; 2], secs: [f64::INFINITY; 3], memory: 0.0, as_many: 0.0 }
     }
 
     fn time(&mut self, what: usize, job: impl FnOnce() -> Result<(), RelightError>) -> Result<(), RelightError> {
@@ -94,21 +103,24 @@ impl Row {
     }
 
     fn line(&self) -> String {
-        let [width, height, n_cols, rank, depth] = self.job;
         let share = |what: usize| 100.0 * self.n_bytes[what] as f64 / self.secs[what] / self.memory;
         let [all, one, display] = self.secs.map(|secs| 1e3 * secs);
-        let of_as_many = self
-            .as_many
-            .map_or("| | |".into(), |rate| format!("| {:.1} | {:.0} % |", rate / 1e9, share(0) * self.memory / rate));
         format!(
-            "| relight/{width}x{height}/{n_cols}/{rank}/{depth} | {:.0} | {all:.2} | {:.0} % | {:.1} | {one:.2} | {:.0} % | {display:.2} | {:.1} {of_as_many}\n",
+            "| {} | {:.0} | {all:.2} | {:.0} % | {:.1} | {one:.2} | {:.0} % | {display:.2} | {:.1} | {:.1} | {:.0} % |\n",
+            name(self.job),
             self.n_bytes[0] as f64 / 1e6,
             share(0),
             self.n_bytes[1] as f64 / 1e6,
             share(1),
             self.memory / 1e9,
+            self.as_many / 1e9,
+            share(0) * self.memory / self.as_many,
         )
     }
+}
+
+fn name([width, height, n_cols, rank, depth]: Job) -> String {
+    format!("relight/{width}x{height}/{n_cols}/{rank}/{depth}")
 }
 
 fn table(title: &str, rows: &[Row]) -> String {
@@ -135,12 +147,12 @@ fn recipe([width, height, n_cols, rank, depth]: Job) -> Recipe {
     }
 }
 
-/// Coefficients of a turn: all of them others than before, then one.
-fn coefficients(recipe: &Recipe, turn: usize) -> [Vec<Vec<[f32; 3]>>; 2] {
-    let all = recipe.coefficients(turn as u64);
-    let mut one = all.clone();
+/// Coefficients of a step of a turn: all of them others than before, then one.
+pub fn coefficients(recipe: &Recipe, turn: usize, step: usize) -> [Vec<Vec<[f32; 3]>>; 2] {
+    let all = recipe.coefficients((100 * turn + step) as u64);
+    let mut one = recipe.coefficients((100 * turn) as u64);
     let n_cols = one[0].len();
-    one[0][turn * 37 % n_cols] = [1.5, 0.25, 0.75];
+    one[0][turn * 37 % n_cols] = [1.5, 0.25, 0.75 + step as f32];
     [all, one]
 }
 
@@ -155,8 +167,11 @@ fn on_cpu(desk: &Desk, jobs: &[Job]) -> Result<String> {
         let (mut radiance, mut row) = (Radiance::default(), Row::new(job));
         relighter.relight(&recipe.coefficients(1000), &mut radiance)?;
         for turn in 0..TURNS {
-            for (what, x) in coefficients(&recipe, turn).iter().enumerate() {
-                row.time(what, || relighter.relight(x, &mut radiance))?;
+            for what in 0..2 {
+                let drag: Vec<_> = (0..REPEATS).map(|i| coefficients(&recipe, turn, i)[what].clone()).collect();
+                let (last, before) = drag.split_last().context("some repeats")?;
+                before.iter().try_for_each(|x| relighter.relight(x, &mut radiance))?;
+                row.time(what, || relighter.relight(last, &mut radiance))?;
                 row.n_bytes[what] = relighter.stats().n_bytes + n_written;
             }
             row.time(2, || {
@@ -166,44 +181,10 @@ fn on_cpu(desk: &Desk, jobs: &[Job]) -> Result<String> {
             })?;
             row.memory = row.memory.max(probe.bytes_per_sec(PROBE_BYTES as u64));
             let as_many = probe.bytes_per_sec(row.n_bytes[0]);
-            row.as_many = Some(row.as_many.map_or(as_many, |most| most.max(as_many)));
+            row.as_many = row.as_many.max(as_many);
         }
         rows.push(row);
     }
     let threads = rayon::current_num_threads();
     Ok(table(&format!("CPU, {threads} threads: {}", cpu_name()), &rows))
-}
-
-fn on_device(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
-    let is_small = |job: &&Job| !gpu.is_software() || job[0] * job[1] <= SOFTWARE_PIXELS;
-    let probe = CopyProbe::new(gpu, DEVICE_PROBE_BYTES)?;
-    let mut rows = Vec::new();
-    for &job in jobs.iter().filter(is_small) {
-        desk.say(&format!("relighting {job:?} on {}", gpu.description()));
-        let recipe = recipe(job);
-        let n_pixels = u64::from(job[0]) * u64::from(job[1]);
-        let mut relighter = GpuRelighter::with_precision(gpu, &recipe.frame(), Precision::ByError)?;
-        let mut row = Row::new(job);
-        let mut display = DisplayParams::default();
-        relighter.relight_to_texture(&recipe.coefficients(1000), &display)?;
-        for turn in 0..TURNS {
-            for (what, x) in coefficients(&recipe, turn).iter().enumerate() {
-                row.time(what, || {
-                    relighter.relight_to_texture(x, &display)?;
-                    gpu.wait()
-                })?;
-                row.n_bytes[what] = relighter.stats().n_bytes + n_pixels * (2 * DEVICE_RADIANCE_BYTES + SHOWN_BYTES);
-            }
-            let [_, x] = coefficients(&recipe, turn);
-            // More light would ask for blocks that were not seen before.
-            display.exposure_ev -= 1e-3;
-            row.time(2, || {
-                relighter.relight_to_texture(&x, &display)?;
-                gpu.wait()
-            })?;
-            row.memory = row.memory.max(probe.bytes_per_sec(COPIES)?);
-        }
-        rows.push(row);
-    }
-    Ok(table(&gpu.description(), &rows))
 }
