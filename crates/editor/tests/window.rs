@@ -517,7 +517,7 @@ fn a_question_mark_lists_the_keys_on_any_keyboard_and_types_itself_into_a_field(
         if with_key {
             window.key_up(Key::Questionmark);
         }
-        window.query_by_label("This list").is_some()
+        window.query_by_label("Keyboard and mouse").is_some()
     };
     // Keyboards tell it as a key and as a letter, or as a letter alone: it is one and the same wish.
     for with_key in [true, false] {

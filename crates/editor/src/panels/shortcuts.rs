@@ -43,7 +43,6 @@ const DELETE_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key:
 pub const DUPLICATE: KeyboardShortcut = command(Key::D);
 const AIM: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::A);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
-const HELP_TOO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::Questionmark);
 
 /// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it.
 pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
@@ -87,11 +86,7 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
 
 /// Whether a question mark was typed: where it lies, and with which keys it is made, each keyboard has for itself.
 fn asks_for_help(ctx: &Context) -> bool {
-    ctx.input_mut(|input| {
-        let is_key = input.consume_shortcut(&HELP_TOO);
-        let is_text = input.events.iter().any(|event| matches!(event, Event::Text(text) if text == "?"));
-        is_key || is_text
-    })
+    ctx.input(|input| input.events.iter().any(|event| matches!(event, Event::Text(text) if text == "?")))
 }
 
 /// The toolkit makes an event of the keys that copy; words that are marked go before the picture.
