@@ -12,7 +12,7 @@ use super::preview::within;
 /// Longest side, pixels: a picture that is seen for seconds, made in a fraction of them.
 const SIDE_PX: u32 = 240;
 /// Pixels of the bake for each of a glimpse, at least: else the preview itself is there as soon.
-const LEAST_GAIN: u64 = 4;
+const LEAST_GAIN: usize = 4;
 
 /// The matrix of a first look.
 pub(super) struct Glimpse {
@@ -24,8 +24,7 @@ pub(super) struct Glimpse {
 /// What a first look at a bake is made by; none where the bake is as small itself.
 pub(super) fn job(of: &BakeJob) -> Option<BakeJob> {
     let film = within(of.film, SIDE_PX);
-    let n_pixels = |width: u32, height: u32| u64::from(width) * u64::from(height);
-    if n_pixels(of.film.width, of.film.height) < LEAST_GAIN * n_pixels(film.width, film.height) {
+    if of.film.n_pixels() < LEAST_GAIN * film.n_pixels() {
         return None;
     }
     // Light that arrives and lamps that move wait for the bake.

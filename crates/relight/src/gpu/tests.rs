@@ -149,6 +149,16 @@ fn a_group_that_moves_alone_is_the_only_one_read_and_only_by_its_changed_columns
     assert_eq!(relighter.stats().n_expanded, 3 * n_blocks, "another group moves now");
 }
 
+/// Groups are summed in another order while some move; nothing else may differ.
+fn assert_ends_where_a_fresh_relight_does(gpu: &Gpu, frame: &Frame, relighter: &mut GpuRelighter, x: &[Vec<[f32; 3]>]) {
+    let fresh = relit(&mut GpuRelighter::new(gpu, frame).unwrap(), x);
+    let found = relit(relighter, x);
+    let largest = fresh.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
+    for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
+        assert!((a - b).abs() <= 4.0 * f32::EPSILON * largest, "{a} after increments, {b} fresh");
+    }
+}
+
 #[test]
 fn ten_thousand_increments_in_five_hundred_pictures_end_where_a_fresh_relight_does() {
     let Some(gpu) = gpu() else { return };
@@ -164,13 +174,7 @@ fn ten_thousand_increments_in_five_hundred_pictures_end_where_a_fresh_relight_do
             relighter.relight_to_texture(&x, &DisplayParams::default()).unwrap();
         }
     }
-    let fresh = relit(&mut GpuRelighter::new(&gpu, &frame).unwrap(), &x);
-    let found = relit(&mut relighter, &x);
-    let largest = fresh.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
-    for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
-        // Groups are summed in another order while one moves; nothing else may differ.
-        assert!((a - b).abs() <= 4.0 * f32::EPSILON * largest, "{a} after increments, {b} fresh");
-    }
+    assert_ends_where_a_fresh_relight_does(&gpu, &frame, &mut relighter, &x);
 }
 
 #[test]
@@ -198,12 +202,7 @@ fn ten_thousand_increments_of_groups_that_move_together_end_where_a_fresh_religh
         }
     }
     assert!(n_alone > 10 && n_together > 100, "{n_alone} alone, {n_together} together");
-    let fresh = relit(&mut GpuRelighter::new(&gpu, &frame).unwrap(), &x);
-    let found = relit(&mut relighter, &x);
-    let largest = fresh.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));
-    for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
-        assert!((a - b).abs() <= 4.0 * f32::EPSILON * largest, "{a} after increments, {b} fresh");
-    }
+    assert_ends_where_a_fresh_relight_does(&gpu, &frame, &mut relighter, &x);
 }
 
 #[test]

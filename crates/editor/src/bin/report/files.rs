@@ -1,4 +1,4 @@
-//! From a file to a picture: the command line as a script calls it, start of the process included.
+//! From a file to a picture: the command line as a script calls it, but for the start of its process.
 
 use std::time::Instant;
 
@@ -46,7 +46,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "## From a file to a picture\n\n\
-         `clerestory relight FILE.transport -o PICTURE` at {} pixels on the CPU, from the start of the process to its end: median of\n\
+         `clerestory relight FILE.transport -o PICTURE` at {} pixels on the CPU, in a process that runs already: median of\n\
          {TRIES}, and least to most. Bakes of at most {spp} samples.\n\n\
          | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}",
         size.replace('x', " × "),
