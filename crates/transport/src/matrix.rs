@@ -43,9 +43,14 @@ pub struct TransportMatrix<'a> {
 /// Streams of random numbers of rows of irradiance, which no pixel and no node uses: of pixels and of grids.
 const IRRADIANCE_STREAMS: [u64; 2] = [1 << 60, 1 << 61];
 
-/// Pixels that measure how bright each column is, and samples of each.
+/// Pixels that measure how bright each column is, about; the samples of each half, most where columns are few; and the entries that they may
+/// hold together.
 const PILOT_PIXELS: usize = 2048;
-const PILOT_SAMPLES: u32 = 2;
+const PILOT_SAMPLES: u32 = 4;
+const SAMPLED_COLUMNS: usize = 256;
+const PILOT_ENTRIES: usize = 1 << 24;
+/// Pilots draw numbers of their own: the samples of a bake do not depend on its scale.
+const PILOT_SEED: u64 = 7 << 60;
 /// Pixels that tell how many connections are left to roulette.
 const WEAK_PIXELS: usize = 128;
 /// Part of a column's entries that may be brighter than its peak.
@@ -121,55 +126,80 @@ impl<'a> TransportMatrix<'a> {
         self.column_scale = column_scale;
     }
 
-    /// Measures the brightness of each column on a few thousand pixels: one over its 99.5 percentile, and the mean over
+    /// Measures the brightness of each column on a small picture of its own: one over its 99.5 percentile, and the mean over
     /// pixels of each patch of the sky. A dim column is scaled to an eighth of the median column's peak, both under the
     /// light of the file.
     ///
     /// Patches of the sky share one scale: they shine together, and most of them light few pixels through a window, so
     /// that a percentile of their own would be next to nothing.
-    pub fn measure_columns(&self) -> (Vec<f32>, Vec<f32>) {
+    pub fn measure_columns(self) -> (Vec<f32>, Vec<f32>) {
+        let lighting = &self.integrator.scene().lighting;
         let (mut peaks, means): (Vec<f32>, Vec<f32>) = self.measure_brightness().into_iter().unzip();
-        let patches = SkyPicks::new(self.integrator.lighting());
+        let patches = SkyPicks::new(lighting);
         let peak = |column: &u32| f64::from(peaks[*column as usize]);
         let reach = patches.columns().iter().map(|&column| means[column as usize]).collect();
         // The mean of the peaks, each weighed by its square: that of the patches that shine in.
         let moment = |power: i32| patches.columns().iter().map(|column| peak(column).powi(power)).sum::<f64>();
         let shared = (moment(3) / moment(2).max(f64::MIN_POSITIVE)) as f32;
         patches.columns().iter().for_each(|&column| peaks[column as usize] = shared);
-        let light = self.integrator.lighting().basis.project(&LightRig::default());
+        let light = lighting.basis.project(&LightRig::default());
         let light: Vec<f32> = light.into_iter().map(|rgb| luminance(Vec3::from(rgb))).collect();
         (scale_of_peaks(&peaks, &light), reach)
     }
 
     /// The 99.5 percentile of each column (where that is dark, its brightest entry) and its mean.
-    fn measure_brightness(&self) -> Vec<(f32, f32)> {
-        let (n_cols, n_pixels) = (self.n_cols(), self.film.n_pixels());
-        let n_pilots = n_pixels.min(PILOT_PIXELS).min((1 << 26) / n_cols.max(1)).max(1);
-        let pilots: Vec<u32> = (0..n_pilots).map(|i| (i * n_pixels / n_pilots) as u32).collect();
-        let mut rows = vec![0.0; n_pilots * CHANNELS * n_cols];
-        rows.par_chunks_mut(CHANNELS * n_cols).zip(&pilots).for_each(|(out, &pixel)| {
-            // A stream of its own: the bake's samples stay independent of the scale.
-            self.deposit_pixel(
-                pixel,
-                0..PILOT_SAMPLES,
-                2,
-                &mut Scratch::default(),
-                &mut RowDeposit::new(out, n_cols, &self.column_scale),
-            );
-        });
-        let n_rows = n_pilots * CHANNELS;
-        (0..n_cols)
-            .into_par_iter()
-            .map(|column| {
-                let mut values: Vec<f32> = (0..n_rows).map(|row| rows[row * n_cols + column]).collect();
-                let mean = values.iter().sum::<f32>() / n_rows as f32;
-                let at = ((n_rows as f32 * PEAK_QUANTILE) as usize).min(n_rows - 1);
-                let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
-                // A lamp that lights less than this share of the picture is measured by what it does light.
-                (if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }, mean)
-            })
-            .map(|(peak, mean)| (peak / PILOT_SAMPLES as f32, mean / PILOT_SAMPLES as f32))
-            .collect()
+    ///
+    /// Few samples scatter far more than pixels do, and their percentile would tell of noise. So it is that of the geometric mean of
+    /// two halves: a speck that only one of them has does not count.
+    fn measure_brightness(self) -> Vec<(f32, f32)> {
+        let (n_cols, pilots) = (self.n_cols(), self.pilots());
+        let samples = 0..((SAMPLED_COLUMNS / n_cols.max(1)) as u32).clamp(1, PILOT_SAMPLES);
+        let (film, is_grid) = (pilots.film, matches!(pilots.irradiance, Some(IrradianceRows::Grid(_))));
+        let most = (PILOT_ENTRIES / n_cols.max(1)).max(1);
+        let step = if is_grid { film.n_pixels().div_ceil(PILOT_PIXELS.min(most)) } else { 1 };
+        let tiles = reuse::tiles_of(film, (0..film.n_pixels() as u32).step_by(step.max(1)));
+        let n_rows = CHANNELS * tiles.iter().map(Vec::len).sum::<usize>();
+        let both = |tile: &Vec<u32>| {
+            let half = |half: Half| {
+                let mut rows = vec![0.0; tile.len() * CHANNELS * n_cols];
+                pilots.add_rows(tile, samples.clone(), half, &mut rows, &mut Vec::new());
+                rows
+            };
+            let (mut rows, b) = (half(Half::A), half(Half::B));
+            let mut sums = vec![0.0; n_cols];
+            for (a, b) in rows.chunks_exact_mut(n_cols).zip(b.chunks_exact(n_cols)) {
+                for ((a, b), sum) in a.iter_mut().zip(b).zip(&mut sums) {
+                    *sum += 0.5 * (*a + b);
+                    *a = (*a * b).sqrt();
+                }
+            }
+            (rows, sums)
+        };
+        let measured: Vec<(Vec<f32>, Vec<f32>)> = tiles.par_iter().map(both).collect();
+        let of_column = |column: usize| {
+            let mean = measured.iter().map(|(_, sums)| sums[column]).sum::<f32>() / n_rows as f32;
+            let rows = measured.iter().flat_map(|(rows, _)| rows.chunks_exact(n_cols));
+            let mut values: Vec<f32> = rows.map(|row| row[column]).collect();
+            let at = ((n_rows as f32 * PEAK_QUANTILE) as usize).min(n_rows - 1);
+            let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
+            // A lamp that lights less than this share of the picture is measured by what it does light.
+            (if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }, mean)
+        };
+        let n_samples = samples.end as f32;
+        (0..n_cols).into_par_iter().map(of_column).map(|(peak, mean)| (peak / n_samples, mean / n_samples)).collect()
+    }
+
+    /// The same rows of a picture with few pixels, unless they are points of a grid.
+    fn pilots(self) -> Self {
+        let film = if matches!(self.irradiance, Some(IrradianceRows::Grid(_))) {
+            self.film
+        } else {
+            let n_pilots = PILOT_PIXELS.min(PILOT_ENTRIES / self.n_cols().max(1)).max(1);
+            let shrink = (n_pilots as f64 / self.film.n_pixels().max(1) as f64).sqrt().min(1.0);
+            let side = |length: u32| ((f64::from(length) * shrink).round() as u32).max(1);
+            Film { width: side(self.film.width), height: side(self.film.height) }
+        };
+        TransportMatrix { film, seed: self.seed ^ PILOT_SEED, empty: None, ..self }
     }
 
     /// Random numbers of a pixel and half.
@@ -242,7 +272,7 @@ impl<'a> TransportMatrix<'a> {
     }
 }
 
-/// Halves are 0 and 1; 2 are the pilots.
+/// Halves are 0 and 1; 2 tells of weak connections.
 fn stream(pixel: u32, half: u64) -> u64 {
     u64::from(pixel) * 4 + half
 }

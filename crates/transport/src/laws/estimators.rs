@@ -1,11 +1,13 @@
 //! However lights are sampled and walks are ended, the mean is that of the plainest walk.
 
+use clerestory_nystrom::{Half, SampledMatrix};
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 use super::stage::{Stage, lambert, pane, quad, room};
 use super::walks::{Always, Even, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
-use crate::matrix::TransportMatrix;
+use crate::matrix::{CHANNELS, PEAK_QUANTILE, TransportMatrix};
 use crate::path::{LightPlan, Vertex};
 use crate::plan::{Density, MatrixPlan, PicturePlan};
 use crate::prepared::PreparedScene;
@@ -34,6 +36,32 @@ fn room_with_everything() -> PreparedScene {
 fn column_scale(scene: &PreparedScene) -> Vec<f32> {
     let plan = MatrixPlan::new(&scene.lighting, Density::Full);
     TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 3).measure_columns().0
+}
+
+#[test]
+fn the_scale_of_columns_is_that_of_a_converged_picture() {
+    let scene = room_with_everything();
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    let film = Film { width: 96, height: 72 };
+    let matrix = || TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), film, None, 3);
+    // Every fourth pixel each way is enough.
+    let pixels: Vec<u32> = (0..film.n_pixels() as u32).filter(|p| p % 4 == 0 && p / film.width % 4 == 0).collect();
+    let (n_cols, n_samples) = (matrix().n_cols(), 256);
+    let of_tile = |tile: &[u32]| {
+        let mut rows = vec![0.0; tile.len() * CHANNELS * n_cols];
+        matrix().add_rows(tile, 0..n_samples, Half::A, &mut rows, &mut Vec::new());
+        rows
+    };
+    let rows: Vec<f32> = pixels.par_chunks(16).flat_map_iter(of_tile).collect();
+    let peak = |column: usize| {
+        let mut values: Vec<f32> = rows.iter().skip(column).step_by(n_cols).copied().collect();
+        values.sort_unstable_by(f32::total_cmp);
+        values[(values.len() as f32 * PEAK_QUANTILE) as usize] / n_samples as f32
+    };
+    let mut told: Vec<f32> = matrix().measure_columns().0.iter().enumerate().map(|(c, s)| s * peak(c)).collect();
+    told.sort_unstable_by(f32::total_cmp);
+    let median = told[n_cols / 2];
+    assert!((0.85..1.18).contains(&median), "scaled peaks are {told:?}");
 }
 
 fn walks(thousands: u64, spp: u32, bounces: Option<u32>, seed: u64) -> Walks {

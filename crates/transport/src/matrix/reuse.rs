@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::hand_out::HandOut;
 use super::{CHANNELS, RowDeposit, TransportMatrix};
+use crate::camera::Film;
 use crate::path::{Meeting, Scratch, Start};
 use crate::plan::along_morton;
 use crate::sampler::Sampler;
@@ -47,12 +48,10 @@ impl TransportMatrix<'_> {
         out: &mut [f32],
         sparse: &mut Vec<SparseEntry>,
     ) {
-        let along_curve = |&pixel: &u32| along_morton([pixel % self.film.width, pixel / self.film.width]);
-        let mut order: Vec<(u64, usize)> = bundles.iter().map(along_curve).zip(0..).collect();
+        let mut order: Vec<(u64, usize)> = bundles.iter().map(|pixel| place(self.film, *pixel)).zip(0..).collect();
         order.sort_unstable();
-        let tile_of = |place: u64| place / (TILE * TILE);
         let mut buffers = Buffers::default();
-        for tile in order.chunk_by(|a, b| tile_of(a.0) == tile_of(b.0)) {
+        for tile in order.chunk_by(|a, b| tile(a.0) == tile(b.0)) {
             for sample in samples.clone() {
                 buffers.starts.clear();
                 for &(_, nth) in tile {
@@ -122,6 +121,24 @@ impl TransportMatrix<'_> {
         let rows = &mut out[first_row * n_cols..][..CHANNELS * n_cols];
         RowDeposit::new(rows, n_cols, &self.column_scale).with_first_row(first_row as u32)
     }
+}
+
+/// Where a pixel comes among all, those of a tile in a row.
+fn place(film: Film, pixel: u32) -> u64 {
+    along_morton([pixel % film.width, pixel / film.width])
+}
+
+/// The tile of a place.
+fn tile(place: u64) -> u64 {
+    place / (TILE * TILE)
+}
+
+/// Pixels of a picture by the tiles in which they share walks.
+pub(super) fn tiles_of(film: Film, pixels: impl Iterator<Item = u32>) -> Vec<Vec<u32>> {
+    let mut pixels: Vec<u32> = pixels.collect();
+    pixels.sort_unstable_by_key(|pixel| place(film, *pixel));
+    let of_tile = pixels.chunk_by(|a, b| tile(place(film, *a)) == tile(place(film, *b)));
+    of_tile.map(<[u32]>::to_vec).collect()
 }
 
 impl Shared {

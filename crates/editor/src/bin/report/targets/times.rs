@@ -49,9 +49,9 @@ fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
     let imported = import::load(&path).with_context(|| format!("cannot load the scene {}", path.display()))?;
     let scene = PreparedScene::new(imported.scene, &[])?.0;
     let plan = MatrixPlan::new(&scene.lighting, Density::Full);
-    let mut matrix = TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 1);
-    let scale = matrix.measure_columns().0;
-    matrix.set_column_scale(scale);
+    let new = || TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 1);
+    let mut matrix = new();
+    matrix.set_column_scale(new().measure_columns().0);
     let n_cols = matrix.n_cols();
     let side = n_cols.isqrt() as u32;
     let partition = Partition { width: FILM.width, height: FILM.height, tile: 16 };
