@@ -36,6 +36,7 @@ use crate::casters::Casters;
 use crate::emitters::{Emitter, Plate, SurfacePoint, punctual_falloff};
 use crate::lamps::Body;
 use crate::matrix::median;
+use crate::plan::ROULETTE_BELOW;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
@@ -242,7 +243,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let (bounces, dome) = (bounces.unwrap_or(u32::MAX), scene.lighting.dome());
         let (casters, focus, coats_share) = (scene.casters.as_deref(), None, reuse::coats_share(scene, plan));
         let worth = (0..basis.n_cols() as u32).map(|column| plan.worth(column)).filter(|worth| worth.is_finite());
-        let peaks = median(worth).unwrap_or(64.0);
+        let peaks = median(worth).map_or(32.0, |worth| worth * ROULETTE_BELOW);
         Integrator {
             scene,
             plan,

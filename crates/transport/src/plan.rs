@@ -60,7 +60,7 @@ const LATER_TEXELS: u32 = 8;
 /// Columns of lamps that a later vertex connects to: unlike texels each has a place of its own, and roulette takes the weak.
 const LATER_LAMPS: u32 = 32;
 /// Radiance, in peaks of its column, below which a connection is left to roulette.
-const ROULETTE_BELOW: f32 = 0.5;
+pub(crate) const ROULETTE_BELOW: f32 = 0.5;
 /// Radiance, in the unit of [`LightPlan::worth`], that a single pick of few may carry; where it would be more, all are taken.
 const MOST_PER_PICK: f32 = 50.0;
 

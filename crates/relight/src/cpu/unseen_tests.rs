@@ -24,6 +24,28 @@ pub(crate) fn difference(display: &DisplayParams, a: &Radiance, b: &Radiance) ->
     a.pixels.iter().zip(&b.pixels).map(of_pixel).fold(0.0, f32::max)
 }
 
+/// A dark picture of two groups of one column each, the same everywhere, of which a change is as large as can be told; and a change of
+/// each that alone is 0.4 steps.
+pub(crate) fn of_two_changes() -> (Frame, DisplayParams, Vec<Vec<[f32; 3]>>, f32) {
+    let recipe =
+        Recipe { n_cols: vec![1, 1, 1], rank: Ranks::Fixed(1), n_sparse: 0, is_positive: true, ..Recipe::default() };
+    let mut frame = recipe.frame();
+    for block in frame.groups.iter_mut().flat_map(|group| &mut group.blocks).flatten() {
+        let block = std::sync::Arc::make_mut(block);
+        block.left.fill(half::f16::ONE);
+        block.right.fill(half::f16::ONE);
+        block.scale.fill(1.0);
+    }
+    // Where sRGB is a straight line.
+    let display = DisplayParams { tone: Tone::Linear, exposure_ev: 0.0, ..DisplayParams::default() };
+    let dark = 1e-3 / display.gain();
+    let x = vec![vec![[0.3 * dark; 3]], vec![[0.3 * dark; 3]], vec![[0.1 * dark; 3]]];
+    let mut brighter = x.clone();
+    brighter[0][0] = [0.6 * dark; 3];
+    let steps = difference(&display, &exact(&frame, &x), &exact(&frame, &brighter));
+    (frame, display, x, 0.4 * 0.3 * dark / steps)
+}
+
 /// Displays under which a synthetic picture is neither black nor white.
 fn displays() -> impl Iterator<Item = DisplayParams> {
     Tone::ALL.into_iter().map(|tone| DisplayParams { tone, exposure_ev: -5.0, ..DisplayParams::default() })
@@ -120,4 +142,21 @@ fn what_one_group_misses_is_not_left_for_the_others_and_none_of_it_is_lost() {
     let mut out = Radiance::default();
     relighter.relight(&x, &mut out).unwrap();
     assert_eq!(out, exact(&frame, &x));
+}
+
+#[test]
+fn two_changes_that_nobody_sees_alone_are_seen_together() {
+    let (frame, display, x, change) = of_two_changes();
+    let after = |groups: &[usize]| {
+        let mut relighter = CpuRelighter::new(&frame).unwrap();
+        let (mut x, mut out) = (x.clone(), Radiance::default());
+        relighter.relight_for_display(&x, &display, &mut out).unwrap();
+        groups.iter().for_each(|&group| x[group][0].iter_mut().for_each(|x| *x += change));
+        relighter.relight_for_display(&x, &display, &mut out).unwrap();
+        difference(&display, &out, &exact(&frame, &x))
+    };
+    for alone in [0, 1] {
+        assert!((0.39..0.41).contains(&after(&[alone])), "group {alone}: {} steps are left out", after(&[alone]));
+    }
+    assert!(after(&[0, 1]) <= 0.5, "{} steps", after(&[0, 1]));
 }

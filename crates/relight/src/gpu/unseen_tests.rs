@@ -2,7 +2,7 @@
 
 use super::tests::{gpu, relit};
 use super::*;
-use crate::cpu::unseen_tests::difference;
+use crate::cpu::unseen_tests::{difference, of_two_changes};
 use crate::synthetic::{Ranks, Recipe};
 use crate::{DisplayParams, Frame, Radiance, Relight, Tone};
 
@@ -101,5 +101,26 @@ fn groups_that_move_together_share_half_a_step_and_leave_no_drift() {
         for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
             assert!((a - b).abs() <= 4.0 * f32::EPSILON * most, "{a} after increments, {b} fresh");
         }
+    }
+}
+
+#[test]
+fn two_changes_that_nobody_sees_alone_are_seen_together() {
+    let (frame, display, before, change) = of_two_changes();
+    for gpu in super::twin_tests::gpus() {
+        let after = |groups: &[usize]| {
+            let (mut relighter, mut x) = (GpuRelighter::new(&gpu, &frame).unwrap(), before.clone());
+            let mut add = |change: f32| {
+                groups.iter().for_each(|&group| x[group][0].iter_mut().for_each(|x| *x += change));
+                relighter.relight_to_texture(&x, &display).unwrap();
+            };
+            // The groups are seen to move before they move by what is not seen.
+            [0.0, 3.0 * change, 0.0, change].into_iter().for_each(&mut add);
+            difference(&display, &shown(&relighter), &exact(&gpu, &frame, &x))
+        };
+        for alone in [0, 1] {
+            assert!((0.38..0.42).contains(&after(&[alone])), "group {alone}: {} steps are left out", after(&[alone]));
+        }
+        assert!(after(&[0, 1]) <= 0.5 + ROUNDING, "{} steps", after(&[0, 1]));
     }
 }

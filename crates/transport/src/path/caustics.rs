@@ -30,10 +30,10 @@ pub(super) enum Guides {
 /// Guided walks of a vertex, as is to be expected: fewest and most.
 const GUIDES: [f32; 2] = [0.125, 1024.0];
 /// Light that the guided walks of a vertex bring together, in peaks of a column, for each of them.
-const LIGHT_PER_GUIDE: f32 = 50.0;
+const LIGHT_PER_GUIDE: f32 = 25.0;
 /// The same of the first vertex of a walk, for a single one: it is met once, however many walks go on from it, and the light that is
 /// expected at a place is a rough guess.
-const LIGHT_OF_ONE: f32 = 0.6;
+const LIGHT_OF_ONE: f32 = 0.3;
 
 impl<P: LightPlan> Integrator<'_, P> {
     /// Sends guided walks from a vertex where light was sampled, and that is left by `splits` walks like this one.

@@ -14,11 +14,6 @@ pub(super) fn sources_beyond(lighting: &Lighting) -> Vec<u32> {
 }
 
 impl<P: LightPlan> Integrator<'_, P> {
-    /// The lights of the scene.
-    pub(crate) fn lighting(&self) -> &Lighting {
-        &self.scene.lighting
-    }
-
     /// Collects what shines where a walk meets no surface.
     pub(super) fn collect_beyond(&self, walk: &Walk, deposit: &mut impl Deposit) {
         for &source in &self.beyond {

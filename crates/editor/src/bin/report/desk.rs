@@ -1,7 +1,7 @@
 //! What every section works with: the repository, a folder for files that come and go, and the command line.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -17,6 +17,8 @@ use super::plot::{Panel, figure};
 pub struct Desk {
     /// Root of the repository.
     pub root: PathBuf,
+    /// Where pages are written, with their plots: the repository's `docs` unless another folder is named.
+    pub pages: PathBuf,
     /// Small pictures and few samples.
     pub quick: bool,
     /// What is kept between runs.
@@ -31,11 +33,13 @@ impl Desk {
     ///
     /// # Errors
     /// If it cannot be made.
-    pub fn new(quick: bool) -> Result<Desk> {
+    pub fn new(quick: bool, pages: Option<&Path>) -> Result<Desk> {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize()?;
         let scratch = std::env::temp_dir().join(format!("clerestory-report-{}", std::process::id()));
         std::fs::create_dir_all(&scratch).with_context(|| format!("cannot make the folder {}", scratch.display()))?;
-        Ok(Desk { root, quick, kept: Kept::of_user()?, scratch, begun: Mutex::new(Computed::now()) })
+        let pages = pages.map_or_else(|| root.join("docs"), Path::to_path_buf);
+        std::fs::create_dir_all(&pages).with_context(|| format!("cannot make the folder {}", pages.display()))?;
+        Ok(Desk { root, pages, quick, kept: Kept::of_user()?, scratch, begun: Mutex::new(Computed::now()) })
     }
 
     /// One of two: for a quick report or for a full one.
@@ -59,13 +63,14 @@ impl Desk {
         complain(&format!("{words} …"));
     }
 
-    /// The command that writes a section, its version, and the threads that it ran on.
+    /// The command that writes a section, its version and commit, and the threads that it ran on.
     pub fn provenance(&self, section: &str) -> String {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
         format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}, on {threads} threads of {}.*",
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, on {threads} threads of {}.*",
             env!("CARGO_PKG_VERSION"),
+            commit(&self.root).unwrap_or_default(),
             cpu_name(),
         )
     }
@@ -129,7 +134,7 @@ impl Desk {
     /// # Errors
     /// If it cannot be written.
     pub fn show(&self, name: &str, words: &str, bytes: &[u8]) -> Result<String> {
-        let folder = self.root.join("docs/plots");
+        let folder = self.pages.join("plots");
         std::fs::create_dir_all(&folder).with_context(|| format!("cannot make the folder {}", folder.display()))?;
         clerestory::output::write_whole(&folder.join(name), bytes)?;
         Ok(format!("\n![{words}](plots/{name})\n"))
@@ -203,6 +208,18 @@ pub fn process_secs(told: &str) -> Option<[f64; 2]> {
     let mut words = told.rsplit_once(')')?.1.split_whitespace().skip(11);
     let mut secs = || Some(0.01 * (words.next()?.parse::<f64>().ok()? + words.next()?.parse::<f64>().ok()?));
     Some([secs()?, secs()?])
+}
+
+/// The commit of a repository in words, and whether the program was changed since; nothing where there is none.
+fn commit(root: &Path) -> Option<String> {
+    let git = |args: &[&str]| {
+        let done = Command::new("git").arg("-C").arg(root).args(args).output().ok()?;
+        done.status.success().then(|| String::from_utf8_lossy(&done.stdout).trim().to_string())
+    };
+    let commit = git(&["show", "--no-patch", "--format=%h of %cs", "HEAD"])?;
+    let changed = git(&["status", "--porcelain", "--", "crates", "assets", "Cargo.lock"])?;
+    let changed = if changed.is_empty() { "" } else { ", changed since" };
+    Some(format!(" ({commit}{changed})"))
 }
 
 /// What the system calls its processor.

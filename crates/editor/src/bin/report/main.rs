@@ -1,11 +1,12 @@
 //! The one command that writes `docs/benchmarks.md`, and the measured parts of `docs/reliability.md` and `docs/stability.md`: it
 //! measures, and writes down what it measured, section by section.
-//! `cargo run --release -p clerestory --bin report -- [--quick] [SECTION]…`
+//! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
 //! Without a section it runs all of them, in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
-//! it is finished by the same program. Plots and small pictures are written to `docs/plots`.
+//! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
+//! folder, so that a check leaves the pages as they are.
 
 mod ablations;
 mod bakes;
@@ -41,7 +42,7 @@ mod targets;
 mod time;
 mod under_way;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -109,8 +110,17 @@ fn answered(args: Vec<String>) -> Result<()> {
         println!("{}", growth::one(bench)?);
         return Ok(());
     }
-    let (flags, names): (Vec<String>, Vec<String>) = args.into_iter().partition(|arg| arg.starts_with("--"));
-    report(&flags, &names)
+    let (mut quick, mut pages, mut names) = (false, None, Vec::new());
+    let mut args = args.into_iter();
+    while let Some(arg) = args.next() {
+        match arg.as_str() {
+            "--quick" => quick = true,
+            "--into" => pages = Some(PathBuf::from(args.next().context("--into needs a folder")?)),
+            flag if flag.starts_with("--") => anyhow::bail!("no option `{flag}`; there are --quick and --into DIR"),
+            _ => names.push(arg),
+        }
+    }
+    report(&Desk::new(quick, pages.as_deref())?, &names)
 }
 
 #[expect(clippy::print_stderr, reason = "this binary speaks to people")]
@@ -118,15 +128,11 @@ fn complain(words: &str) {
     eprintln!("{words}");
 }
 
-fn report(flags: &[String], names: &[String]) -> Result<()> {
+fn report(desk: &Desk, names: &[String]) -> Result<()> {
     let known = || SECTIONS.iter().chain(OWN_PAGES.iter().map(|(_, section)| section)).map(|section| section.name);
-    if let Some(flag) = flags.iter().find(|flag| *flag != "--quick") {
-        anyhow::bail!("no option `{flag}`; there is --quick");
-    }
     if let Some(name) = names.iter().find(|name| !known().any(|known| known == name.as_str())) {
         anyhow::bail!("no section `{name}`; there are: {}", known().collect::<Vec<_>>().join(", "));
     }
-    let desk = Desk::new(!flags.is_empty())?;
     let asked = |section: &&Section| match names {
         [] => !desk.quick || IN_A_HURRY.contains(&section.name),
         names => names.iter().any(|name| name == section.name),
@@ -134,19 +140,19 @@ fn report(flags: &[String], names: &[String]) -> Result<()> {
     let measured = |section: &Section| {
         let begun = Instant::now();
         desk.begin();
-        let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
+        let text = (section.write)(desk).with_context(|| format!("cannot measure the section {}", section.name))?;
         complain(&format!("{} took {:.0} s", section.name, begun.elapsed().as_secs_f64()));
         Ok::<_, anyhow::Error>(text)
     };
     for (page, section) in OWN_PAGES.iter().filter(|(_, section)| asked(&section)) {
-        let path = desk.root.join(format!("docs/{page}.md"));
-        let text = measured(section)?;
-        let page = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
+        let (path, text) = (desk.pages.join(format!("{page}.md")), measured(section)?);
+        let before = if path.exists() { path.clone() } else { desk.root.join(format!("docs/{page}.md")) };
+        let page = std::fs::read_to_string(&before).with_context(|| format!("cannot read {}", before.display()))?;
         let page = page::replaced(&page, section.name, text.trim_end())
             .with_context(|| format!("{} has lost its marks", path.display()))?;
         put(&path, &page)?;
     }
-    let path = desk.root.join("docs/benchmarks.md");
+    let path = desk.pages.join("benchmarks.md");
     for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
         let text = format!("{}\n\n{}", desk.provenance(section.name), measured(section)?.trim_end());
