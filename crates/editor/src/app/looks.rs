@@ -220,7 +220,7 @@ impl App {
         let inputs = inputs.into_iter().filter_map(|(what, input)| Some((what, input?.as_path())));
         match spare_inputs(&path, inputs) {
             Ok(()) => {
-                self.say(format!("Writing {}", path.display()));
+                self.say_begun(format!("Writing {}", path.display()));
                 self.session.save_sheet(self.look.snapshots.clone(), path);
             }
             Err(error) => self.complain(format!("{error:#}")),
@@ -242,7 +242,7 @@ impl App {
         });
         match sequence {
             Ok(sequence) => {
-                self.say(format!("Writing {} frames", sequence.n_frames()));
+                self.say_begun(format!("Writing {} frames", sequence.n_frames()));
                 self.session.export_frames(sequence);
             }
             Err(error) => self.complain(format!("{error:#}")),
