@@ -77,6 +77,11 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     let mut window = measured();
     click(&mut window, "Solve for light");
     mark(&mut window);
+    // Where there is little room, what was found would lie below the fold.
+    window.set_size(vec2(1440.0, 700.0));
+    window.run_steps(3);
+    window.get_by_label("Kind of wish").scroll_to_me();
+    window.run_steps(10);
     let before = window.state().marked_lux().unwrap().average;
     let ev = window.state().shown_ev();
     click(&mut window, "Kind of wish");
@@ -87,6 +92,9 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     let found = window.state().solution().unwrap().clone();
     assert!(found.outcomes[0].is_met, "{}", found.words(window.state().look()));
     assert!(window.query_all_by_label_contains("wanted, was").count() == 1);
+    window.run_steps(12);
+    let (accept, start) = (window.get_by_label("Accept").rect(), window.get_by_label("Start bake").rect());
+    assert!(accept.top() > 40.0 && accept.bottom() < start.top(), "it comes in sight: {accept} above {start}");
     // The picture shows it, the look does not have it yet.
     wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.5);
     assert_eq!(window.state().look().lights, Look::default().lights);

@@ -293,7 +293,7 @@ impl App {
         match self.solving.solving.take() {
             Some(Ok(Ok(solution))) => {
                 self.say(format!("Solved, residual {:.2} %", 100.0 * solution.misfit));
-                self.solving.state.solution = Some(solution);
+                (self.solving.state.solution, self.solving.state.is_news) = (Some(solution), true);
             }
             Some(Ok(Err(words)) | Err(words)) => self.solving.state.problem = Some(words),
             None => {}

@@ -43,6 +43,8 @@ pub struct SolveState {
     value: f64,
     /// What was found, and waits to be taken over.
     pub solution: Option<Solution>,
+    /// Whether it is still to be scrolled to.
+    pub is_news: bool,
     /// Whether the picture shows it meanwhile.
     pub is_previewed: bool,
     /// Why nothing was found, in words.
@@ -52,7 +54,7 @@ pub struct SolveState {
 impl Default for SolveState {
     fn default() -> Self {
         let (kind, value) = (Kind::default(), KINDS[0].3);
-        SolveState { kind, value, solution: None, is_previewed: true, problem: None }
+        SolveState { kind, value, solution: None, is_news: false, is_previewed: true, problem: None }
     }
 }
 
@@ -352,7 +354,7 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
     }
     ui.checkbox(&mut state.is_previewed, "Preview")
         .on_hover_text("Show the picture under these lights before they are taken over");
-    ui.horizontal(|ui| {
+    let answers = ui.horizontal(|ui| {
         if ui.button("Accept").on_hover_text("Take these lights over, one step of undo").clicked() {
             actions.push(Action::AcceptSolution);
         }
@@ -360,4 +362,7 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
             actions.push(Action::DiscardSolution);
         }
     });
+    if std::mem::take(&mut state.is_news) {
+        answers.response.scroll_to_me(None);
+    }
 }
