@@ -230,12 +230,11 @@ fn work_plane_ui(ui: &mut Ui, plane: &mut Option<WorkPlane>, view: &MeasureView,
 fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, actions: &mut Vec<Action>) {
     Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         ui.label("Schedule");
-        ui.horizontal(|ui| {
-            ui.radio_value(&mut schedule.by, ScheduleBy::Lamp, "Per lamp").on_hover_text("A row for every lamp");
-            ui.radio_value(&mut schedule.by, ScheduleBy::Type, "Per type").on_hover_text(
-                "A row for lamps of one kind, distribution, flux, power and color, with how many there are",
-            );
-        });
+        ui.radio_value(&mut schedule.by, ScheduleBy::Lamp, "Per lamp").on_hover_text("A row for every lamp");
+        ui.end_row();
+        ui.label("");
+        ui.radio_value(&mut schedule.by, ScheduleBy::Type, "Per type")
+            .on_hover_text("A row for lamps of one kind, distribution, flux, power and color, with how many there are");
         ui.end_row();
         let label = ui.label("Efficacy");
         let efficacy =
