@@ -18,14 +18,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, replace_and_reload, room, wait};
-
-/// Clicks on something that may lie below what is seen of its panel.
-fn reach(window: &mut Window, label: &str) {
-    window.get_by_label(label).scroll_to_me();
-    window.run_steps(8);
-    click(window, label);
-}
+use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, reach, replace_and_reload, room, wait};
 
 fn source() -> Source {
     Source::Bytes { name: "room.gltf".into(), bytes: room() }

@@ -268,6 +268,27 @@ fn without_illuminance_the_panel_says_so_and_offers_the_bake() {
     assert!(window.query_by_label("This bake holds no illuminance").is_none());
 }
 
+#[test]
+fn while_illuminance_is_baked_the_panels_say_when_it_comes_and_offer_no_other_bake() {
+    let mut window = measured_in(Film { width: 64, height: 48 }, quick());
+    click(&mut window, "Measure");
+    let words = "Illuminance comes at the end of this bake";
+    assert!(window.query_by_label(words).is_none(), "it is there");
+    window.get_by_label("Samples per pixel").set_value_accesskit(512.0);
+    window.get_by_label("Tolerance").set_value_accesskit(60.0);
+    window.run_steps(3);
+    click(&mut window, "Start bake");
+    let waits = |app: &App| {
+        let lacks_lux = app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_none());
+        lacks_lux && matches!(app.session().bake, BakeState::Running { .. })
+    };
+    wait(&mut window, waits);
+    assert!(window.query_by_label(words).is_some() && window.query_by_label("Bake with illuminance").is_none());
+    click(&mut window, "Cancel bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
+    window.get_by_label("Bake with illuminance");
+}
+
 /// The room in a file, with a wish for what is marked and a probe.
 fn wished(path: &std::path::Path) -> Window {
     std::fs::write(path, room()).unwrap();

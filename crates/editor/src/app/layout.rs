@@ -120,7 +120,7 @@ impl App {
                     metered_ev: self.follower.metered_ev(),
                     legend: self.follower.legend(),
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
-                    can_bake: self.session.has_scene(),
+                    lux_bake: self.lux_bake(),
                 };
                 display_ui(ui, &mut self.look.display, &view, &mut self.actions);
                 self.camera_panel_ui(ui);

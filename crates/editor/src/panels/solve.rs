@@ -4,7 +4,7 @@ use clerestory_relight::Tone;
 use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui, vec2};
 
 use super::display::tone_name;
-use super::measure::{missing_ui, tools_ui};
+use super::measure::{LuxBake, missing_ui, tools_ui};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
@@ -71,8 +71,8 @@ pub struct SolveView<'a> {
     pub is_busy: bool,
     /// What wishes are about.
     pub here: Here<'a>,
-    /// Whether a bake can be started here.
-    pub can_bake: bool,
+    /// How illuminance can be had, where it is not there.
+    pub lux_bake: LuxBake,
     /// Whether surfaces can be told apart.
     pub has_scene: bool,
     /// What is marked, for people.
@@ -148,7 +148,7 @@ fn new_wish_ui(
 ) {
     let lacks_lux = state.kind == Kind::Lux && !view.here.has_illuminance;
     if lacks_lux && view.here.grids.is_empty() {
-        missing_ui(ui, view.can_bake, actions);
+        missing_ui(ui, view.lux_bake, actions);
     }
     ui.horizontal_wrapped(|ui| {
         let can_add = marking.marks().is_some() && !lacks_lux;
