@@ -177,8 +177,9 @@ fn the_start_of_a_bake_is_in_sight_whatever_is_unfolded() {
     // And so is what stops it, beside how far it is.
     let config = BakeConfig { spp: 128, tolerance_db: 60.0, ..BakeConfig::default() };
     let mut window = open_with(source(), config, None);
-    window.set_size(vec2(720.0, 450.0));
-    wait(&mut window, |app| matches!(app.session().bake, BakeState::Running { .. }));
+    window.set_size(vec2(640.0, 450.0));
+    let tells_all = |app: &App| app.session().error_db.is_some() && app.n_pictures() > 0;
+    wait(&mut window, |app| matches!(app.session().bake, BakeState::Running { .. }) && tells_all(app));
     let [messages, baking] = ["Messages", "Baking"].map(|label| window.get_by_label(label).rect());
     assert!(baking.left() > messages.right(), "large letters leave room: {messages} {baking}");
     window.key_press(Key::N);
