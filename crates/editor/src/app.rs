@@ -280,11 +280,19 @@ impl App {
         self.messages.push(self.look.renamed(&words.into()), MessageTone::Calm);
     }
 
+    /// Says that something has begun whose end will be told.
+    fn say_begun(&mut self, words: impl Into<String>) {
+        self.messages.push(self.look.renamed(&words.into()), MessageTone::Begun);
+    }
+
     fn complain(&mut self, words: impl Into<String>) {
         self.messages.push(self.look.renamed(&in_brief(words.into())), MessageTone::Problem);
     }
 
     fn notice(&mut self, ctx: &Context, notice: Notice) {
+        if matches!(notice, Notice::Said(_) | Notice::Failed(_)) {
+            self.messages.end_begun();
+        }
         match notice {
             Notice::Opened => self.scene_opened(),
             Notice::PreparedAgain => self.chosen_is_made(),

@@ -34,6 +34,7 @@ use serde_json::json;
 use crate::app::WindowLost;
 use crate::compare::{compare, read_exr};
 use crate::platform::has_display;
+use crate::words::in_words;
 use args::{Arguments, Command, CompareArgs};
 pub use console::{Answer, Console};
 pub use interrupt::Interrupt;
@@ -115,17 +116,6 @@ fn finish(result: Result<()>, stderr: &mut (dyn Write + Send)) -> ExitCode {
     ExitCode::from(FAILED)
 }
 
-/// An error and its causes; a cause that the sentence before already told is not repeated.
-fn in_words(error: &anyhow::Error) -> String {
-    let mut sentences: Vec<String> = Vec::new();
-    for cause in error.chain().map(ToString::to_string) {
-        if !sentences.last().is_some_and(|told| told.contains(&cause)) {
-            sentences.push(cause);
-        }
-    }
-    sentences.join(": ")
-}
-
 fn open_editor(arguments: &Arguments, console: &mut Console) -> Result<()> {
     if let Some(scene) = &arguments.scene {
         std::fs::metadata(scene).with_context(|| format!("cannot open {}: check the path", scene.display()))?;
@@ -134,7 +124,7 @@ fn open_editor(arguments: &Arguments, console: &mut Console) -> Result<()> {
         match crate::app::run(arguments.scene.clone()) {
             Ok(()) => return Ok(()),
             Err(error) if error.is::<WindowLost>() => return Err(error),
-            Err(error) => format!("the window could not be opened ({error:#})"),
+            Err(error) => format!("the window could not be opened ({})", in_words(&error)),
         }
     } else {
         "there is no display".to_string()

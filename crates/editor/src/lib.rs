@@ -35,3 +35,4 @@ pub mod table;
 pub mod theme;
 pub mod unsaved;
 pub mod viewport;
+pub mod words;

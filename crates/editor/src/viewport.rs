@@ -206,13 +206,16 @@ fn busy_words(viewed: &Viewed) -> String {
     }
 }
 
-/// A small sign that something new is on its way.
+/// A small sign that something new is on its way, on a dark ground: the picture may be bright there.
 fn busy_corner(ui: &mut Ui, area: Rect, words: &str) {
-    let place = Rect::from_min_size(area.left_top() + vec2(14.0, 12.0), vec2(260.0, 22.0));
+    let place = Rect::from_min_size(area.left_top() + vec2(8.0, 8.0), vec2(280.0, 30.0));
+    let ground = egui::Frame::NONE.fill(Color32::from_black_alpha(185)).corner_radius(4).inner_margin(5);
     ui.scope_builder(egui::UiBuilder::new().max_rect(place), |ui| {
         ui.horizontal(|ui| {
-            theme::busy(ui, 16.0);
-            ui.label(RichText::new(words).color(Color32::from_gray(220)));
+            ground.show(ui, |ui| {
+                theme::busy(ui, 16.0);
+                ui.label(RichText::new(words).color(Color32::from_gray(220)));
+            });
         });
     });
 }
@@ -264,4 +267,27 @@ fn words_ui(ui: &mut Ui, area: Rect, viewed: &Viewed, actions: &mut Vec<Action>)
             }
         },
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_on_its_way_can_be_read_over_a_bright_picture() {
+        let area = Rect::from_min_size(pos2(0.0, 0.0), vec2(640.0, 480.0));
+        let input = egui::RawInput { screen_rect: Some(area), ..egui::RawInput::default() };
+        let output = egui::Context::default().run_ui(input, |ui| busy_corner(ui, area, "on its way"));
+        let shapes = || output.shapes.iter().map(|clipped| &clipped.shape);
+        let words = shapes().find_map(|shape| match shape {
+            egui::Shape::Text(text) => Some(text.visual_bounding_rect()),
+            _ => None,
+        });
+        let words = words.expect("words are drawn");
+        let is_ground = |shape: &egui::Shape| match shape {
+            egui::Shape::Rect(rect) => rect.rect.contains_rect(words) && rect.fill.a() > 150,
+            _ => false,
+        };
+        assert!(shapes().any(is_ground), "{words}");
+    }
 }

@@ -18,14 +18,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, replace_and_reload, room, wait};
-
-/// Clicks on something that may lie below what is seen of its panel.
-fn reach(window: &mut Window, label: &str) {
-    window.get_by_label(label).scroll_to_me();
-    window.run_steps(8);
-    click(window, label);
-}
+use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, reach, replace_and_reload, room, wait};
 
 fn source() -> Source {
     Source::Bytes { name: "room.gltf".into(), bytes: room() }
@@ -142,7 +135,10 @@ fn maps_of_rank_layers_of_error_and_samples_lie_over_the_picture() {
     for (name, scale, layer) in choices {
         reach(&mut window, "Heat map");
         // The figures have a row of that name, too.
-        let is_choice = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() != Role::Label;
+        let is_figure = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == Role::Label;
+        let n_figures = window.get_all_by_label(name).filter(is_figure).count();
+        assert_eq!(n_figures, usize::from(!matches!(name, "Noise sampled" | "Samples")), "the same words for {name}");
+        let is_choice = |node: &egui_kittest::Node<'_>| !is_figure(node);
         window.get_all_by_label(name).find(is_choice).unwrap().click();
         window.run_steps(3);
         let bar = window.get_by_label_contains(scale).accesskit_node().label().unwrap();
@@ -163,6 +159,35 @@ fn maps_of_rank_layers_of_error_and_samples_lie_over_the_picture() {
     reach(&mut window, "Heat map");
     click(&mut window, "Off");
     assert!(window.query_by_label_contains("Scale of").is_none());
+}
+
+#[test]
+fn the_start_of_a_bake_is_in_sight_whatever_is_unfolded() {
+    let mut window = baked();
+    for section in ["Measure", "Solve for light", "Navigation", "Numbers"] {
+        for height in [900.0, 600.0] {
+            window.set_size(vec2(1440.0, height));
+            window.run_steps(4);
+            let (start, bar) = (window.get_by_label("Start bake").rect(), window.get_by_label("Messages").rect());
+            assert!(start.top() > 40.0 && start.bottom() < bar.top(), "{start} above {bar} of {height}");
+        }
+        window.set_size(vec2(1440.0, 900.0));
+        reach(&mut window, section);
+    }
+    // And so is what stops it, beside how far it is.
+    let config = BakeConfig { spp: 128, tolerance_db: 60.0, ..BakeConfig::default() };
+    let mut window = open_with(source(), config, None);
+    window.set_size(vec2(640.0, 450.0));
+    let tells_all = |app: &App| app.session().error_db.is_some() && app.n_pictures() > 0;
+    wait(&mut window, |app| matches!(app.session().bake, BakeState::Running { .. }) && tells_all(app));
+    let [messages, baking] = ["Messages", "Baking"].map(|label| window.get_by_label(label).rect());
+    assert!(baking.left() > messages.right(), "large letters leave room: {messages} {baking}");
+    window.key_press(Key::N);
+    window.run_steps(4);
+    let cancel = window.get_by_label("Cancel bake").rect();
+    assert!(cancel.bottom() < window.get_by_label("Messages").rect().top(), "{cancel}");
+    click(&mut window, "Cancel bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
 }
 
 #[test]

@@ -167,3 +167,31 @@ fn a_small_window_has_its_buttons_in_a_line_and_the_settings_end_within_it() {
         }
     }
 }
+
+#[test]
+fn large_letters_cut_nothing_of_the_settings_and_leave_no_narrow_panel_behind() {
+    let mut window = gallery();
+    for section in ["Measure", "Numbers"] {
+        reach(&mut window, section);
+        click(&mut window, section);
+    }
+    let width = |window: &Window| place(window, "Start bake").width();
+    let before = width(&window);
+    assert!((place(&window, "View").left() - place(&window, "Move camera").left()).abs() < 1.0, "they line up");
+    assert!(place(&window, "Add lamp").height() >= place(&window, "Board").height(), "it is as high as its neighbors");
+    for letters in [1.5, 1.25, 1.0] {
+        with_letters(&mut window, letters);
+        let edge = 1440.0 / letters - 12.0;
+        let all =
+            ["Camera X", "Camera Z", "Copy as options", "Per lamp", "Per type", "Bookmark", "Share indirect light"];
+        for label in all {
+            let right = reach(&mut window, label).right();
+            assert!(right < edge, "{label} ends at {right} of {edge} at {letters}");
+        }
+    }
+    for view in ["Table", "List"] {
+        click(&mut window, view);
+        window.run_steps(4);
+    }
+    assert!((width(&window) - before).abs() < 1.0, "{} points after {before}", width(&window));
+}

@@ -109,6 +109,27 @@ fn a_png_of_a_smaller_size_is_written() {
     wait(&mut window, |_| path.exists());
     let picture = image::open(&path).unwrap();
     assert_eq!((picture.width(), picture.height(), picture.color()), (32, 24, image::ColorType::Rgb16));
+    window.run_steps(4);
+    window.get_by_label_contains("Saved");
+    assert!(window.query_by_label_contains("Writing").is_none(), "it is over");
+}
+
+#[test]
+fn a_name_alone_goes_beside_the_scene_and_the_dialog_says_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("room.gltf");
+    std::fs::write(&scene, room()).unwrap();
+    let mut window = open_with(Source::File(scene), quick(), None);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "Export…");
+    window.get_by_label(&format!("In {}", folder.path().display()));
+    click(&mut window, "Save");
+    wait(&mut window, |_| folder.path().join("room.png").exists());
+    click(&mut window, "Export…");
+    window.get_by_label("A file of this name is there; saving replaces it");
+    window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("b.png").display().to_string());
+    window.run_steps(3);
+    assert!(window.query_by_label(&format!("In {}", folder.path().display())).is_none(), "the path tells it");
 }
 
 #[test]

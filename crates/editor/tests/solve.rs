@@ -77,6 +77,11 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     let mut window = measured();
     click(&mut window, "Solve for light");
     mark(&mut window);
+    // Where there is little room, what was found would lie below the fold.
+    window.set_size(vec2(1440.0, 700.0));
+    window.run_steps(3);
+    window.get_by_label("Kind of wish").scroll_to_me();
+    window.run_steps(10);
     let before = window.state().marked_lux().unwrap().average;
     let ev = window.state().shown_ev();
     click(&mut window, "Kind of wish");
@@ -87,6 +92,9 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     let found = window.state().solution().unwrap().clone();
     assert!(found.outcomes[0].is_met, "{}", found.words(window.state().look()));
     assert!(window.query_all_by_label_contains("wanted, was").count() == 1);
+    window.run_steps(12);
+    let (accept, start) = (window.get_by_label("Accept").rect(), window.get_by_label("Start bake").rect());
+    assert!(accept.top() > 40.0 && accept.bottom() < start.top(), "it comes in sight: {accept} above {start}");
     // The picture shows it, the look does not have it yet.
     wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.5);
     assert_eq!(window.state().look().lights, Look::default().lights);
@@ -258,6 +266,27 @@ fn without_illuminance_the_panel_says_so_and_offers_the_bake() {
             && app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_some())
     });
     assert!(window.query_by_label("This bake holds no illuminance").is_none());
+}
+
+#[test]
+fn while_illuminance_is_baked_the_panels_say_when_it_comes_and_offer_no_other_bake() {
+    let mut window = measured_in(Film { width: 64, height: 48 }, quick());
+    click(&mut window, "Measure");
+    let words = "Illuminance comes at the end of this bake";
+    assert!(window.query_by_label(words).is_none(), "it is there");
+    window.get_by_label("Samples per pixel").set_value_accesskit(512.0);
+    window.get_by_label("Tolerance").set_value_accesskit(60.0);
+    window.run_steps(3);
+    click(&mut window, "Start bake");
+    let waits = |app: &App| {
+        let lacks_lux = app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_none());
+        lacks_lux && matches!(app.session().bake, BakeState::Running { .. })
+    };
+    wait(&mut window, waits);
+    assert!(window.query_by_label(words).is_some() && window.query_by_label("Bake with illuminance").is_none());
+    click(&mut window, "Cancel bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Stopped);
+    window.get_by_label("Bake with illuminance");
 }
 
 /// The room in a file, with a wish for what is marked and a probe.

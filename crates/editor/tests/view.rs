@@ -15,7 +15,7 @@ use eframe::egui::{Key, Pos2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Window, baked, click, drag, on_screen, open, replace_and_reload, room, wait};
+use desk::{Window, baked, click, drag, on_screen, open, reach, replace_and_reload, room, wait};
 
 /// A click that is no drag.
 fn click_at(window: &mut Window, at: Pos2) {
@@ -247,7 +247,7 @@ fn a_reload_keeps_the_view_and_what_was_chosen() {
     let strength = |app: &App| app.session().basis().and_then(|basis| basis.source("lamp")).map_or(0.0, |s| s.strength);
     let is_ready = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
     wait(&mut window, is_ready);
-    click(&mut window, "Unitless lamps");
+    reach(&mut window, "Unitless lamps");
     wait(&mut window, |app| strength(app) > 100.0 && is_ready(app));
     turn_camera(&mut window);
     bake_view(&mut window);

@@ -19,7 +19,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, open, open_with, quick, room, save_as, wait};
+use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, open, open_with, quick, reach, room, save_as, wait};
 
 #[test]
 fn a_dragged_slider_relights_and_is_one_step_of_undo() {
@@ -476,11 +476,11 @@ fn lamps_without_units_shine_683_times_as_bright_and_back() {
     let strength = |window: &Window| window.state().session().basis().unwrap().source("lamp").unwrap().strength;
     let of_file = strength(&window);
     click(&mut window, "Mute panel");
-    click(&mut window, "Unitless lamps");
+    reach(&mut window, "Unitless lamps");
     wait(&mut window, |app| app.session().basis().unwrap().source("lamp").unwrap().strength > 100.0);
     assert_eq!(strength(&window), 683.0 * of_file);
     assert!(window.state().look().lights.lights["panel"].muted, "the look stays");
-    click(&mut window, "Unitless lamps");
+    reach(&mut window, "Unitless lamps");
     wait(&mut window, |app| app.session().basis().unwrap().source("lamp").unwrap().strength < 100.0);
     assert_eq!(strength(&window), of_file);
 }
@@ -626,6 +626,18 @@ fn closing_asks_only_when_the_look_would_be_lost() {
     window.get_by_label("Save the look?");
     click(&mut window, "Cancel");
     assert!(window.query_by_label("Save the look?").is_none());
+}
+
+#[test]
+fn why_a_file_cannot_be_opened_is_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = baked();
+    window.input_mut().dropped_files.push(Arc::new(Dropped(folder.path().join("nothing.glb"))));
+    window.run_steps(3);
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    window.run_steps(3);
+    let told = window.get_by_label_contains("nothing.glb could not be opened").accesskit_node().value().unwrap();
+    assert_eq!(told.matches("os error").count(), 1, "{told}");
 }
 
 #[test]

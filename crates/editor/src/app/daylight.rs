@@ -13,6 +13,7 @@ use crate::look::sky;
 use crate::panels::sky::{NEW_SUN, SkyState, SkyView, sky_ui};
 use crate::session::Wake;
 use crate::session::aside::Aside;
+use crate::words::in_words;
 
 /// Hours of the day that pass in a second while it plays.
 const HOURS_PER_SEC: f64 = 1.0;
@@ -147,7 +148,7 @@ impl App {
         }
         self.daylight.is_wanted = true;
         let read = move || {
-            let odd = sky::load(&mut sky, Path::new("")).map_err(|error| format!("{error:#}"))?;
+            let odd = sky::load(&mut sky, Path::new("")).map_err(|error| in_words(&error))?;
             Ok((sky, odd))
         };
         if let Err(words) = self.daylight.reading.start("read sky", &self.daylight.wake, read) {
@@ -273,7 +274,7 @@ fn at_hour(sky: &SkySetting, hour: f64) -> Option<SkySetting> {
 /// Reads a map, and makes of it what relighting needs.
 fn read_sky(path: &Path) -> Read {
     let mut sky = SkySetting { file: Some(path.display().to_string()), ..SkySetting::default() };
-    let odd = sky::load(&mut sky, Path::new("")).map_err(|error| format!("{error:#}"))?;
+    let odd = sky::load(&mut sky, Path::new("")).map_err(|error| in_words(&error))?;
     // What is made of a map once is kept with it; of a large one that takes a while.
     sky.map.iter().for_each(|map| {
         map.level_irradiance();

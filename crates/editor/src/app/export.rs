@@ -36,7 +36,7 @@ impl App {
     }
 
     pub(super) fn export(&mut self, path: PathBuf) {
-        self.say(format!("Writing {}", path.display()));
+        self.say_begun(format!("Writing {}", path.display()));
         let (mut look, light) = (self.seen_look(), self.follower.final_lamp_light().cloned());
         if let Some(basis) = self.session.basis().filter(|_| self.export.layers == LayerSet::Groups) {
             look = crate::panels::lights::with_groups(basis, look, self.lights.layout.group_by);

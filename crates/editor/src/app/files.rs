@@ -31,7 +31,16 @@ impl App {
             FileTask::ExportGltf => format!("{stem}-lit.glb"),
             FileTask::SaveBake => format!("{stem}.transport"),
         };
-        self.question = Some(FileQuestion::new(task, &suggestion, self.dialogs));
+        self.question = Some(FileQuestion::new(task, &suggestion, self.folder(), self.dialogs));
+    }
+
+    /// Where files are looked for and written first: beside the scene that is open, else where the program was started. A start
+    /// by a click has no place of its own, and is at the root of the disk.
+    fn folder(&self) -> PathBuf {
+        let opened = self.session.opened.as_ref().and_then(|opened| opened.path.as_ref());
+        let beside = opened.and_then(|path| std::path::absolute(path).ok()?.parent().map(PathBuf::from));
+        let started_in = || std::env::current_dir().ok().filter(|folder| folder.parent().is_some());
+        beside.or_else(started_in).or_else(dirs::home_dir).unwrap_or_default()
     }
 
     pub(super) fn open(&mut self, path: PathBuf) {
@@ -57,8 +66,7 @@ impl App {
     pub(super) fn answered(&mut self, answer: Option<Option<PathBuf>>) {
         let Some(path) = answer else { return };
         if let (Some(question), Some(path)) = (self.question.take(), path) {
-            // What is said afterwards tells the folder, too.
-            self.actions.push(question.action(std::path::absolute(&path).unwrap_or(path)));
+            self.actions.push(question.action(path));
         } else {
             self.after_saving = None;
         }

@@ -11,6 +11,7 @@ use crate::panels::lights::heard;
 use crate::session::Wake;
 use crate::session::aside::Aside;
 use crate::session::lamps::LampLight;
+use crate::words::in_words;
 
 /// What lines are of.
 #[derive(Clone, PartialEq)]
@@ -80,7 +81,7 @@ impl App {
         let (bake, added) = (shown.bake(), light.map(LampLight::added_lux).unwrap_or_default());
         let started = self.isolux.drawing.start("isolux", &self.isolux.wake, move || {
             let lines = seen_irradiance(&bake, &of.rig, &added).map(|irradiance| of.isolux.lines(&irradiance));
-            let lines = lines.map_err(|error| format!("{error:#}"));
+            let lines = lines.map_err(|error| in_words(&error));
             (of, lines)
         });
         if let Err(words) = started {

@@ -5,22 +5,27 @@ use eframe::egui::{self, Context, Panel, Ui};
 use super::App;
 use super::habits::BakeHabits;
 use crate::action::{Action, Side};
-use crate::panels::bake::{BakeView, bake_ui};
+use crate::panels::bake::{BakeView, bake_ui, start_ui};
 use crate::panels::dialogs::{UnsavedAnswer, unsaved_ui};
 use crate::panels::display::{DisplayView, display_ui};
 use crate::panels::lights::{lights_ui, solo_banner_ui};
 use crate::panels::shortcuts::{close_by_key, shortcuts_ui};
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
-use crate::session::Stage;
 use crate::session::estimate::Forecast;
+use crate::session::{BakeSettings, Session, Stage};
 use crate::theme;
 use crate::viewport::{Viewed, viewport_ui};
 
 /// Points that picture and right panel keep when the lights take room.
 const PICTURE_LEAST: f32 = 660.0;
+/// Points that the picture keeps when the right panel takes room, and the most that this takes.
+const PICTURE_BESIDE: f32 = 380.0;
+const SETTINGS_MOST: f32 = 460.0;
+/// Width of the right panel at first, points.
+const SETTINGS_WIDTH: f32 = 264.0;
 /// Least widths of the panel of lights and of the right panel, points.
-const PANELS_LEAST: [f32; 2] = [300.0, 228.0];
+const PANELS_LEAST: [f32; 2] = [300.0, 252.0];
 
 impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
@@ -69,7 +74,7 @@ impl App {
             self.lights_panel_ui(ui, settings);
         }
         if settings {
-            self.settings_panel_ui(ui, lights);
+            self.settings_panel_ui(ui);
         }
     }
 
@@ -94,21 +99,28 @@ impl App {
         });
     }
 
-    fn settings_panel_ui(&mut self, ui: &mut Ui, has_other: bool) {
-        let share = if has_other { 0.25 } else { 0.4 };
+    fn settings_panel_ui(&mut self, ui: &mut Ui) {
         let [_, least] = PANELS_LEAST;
-        let range = least..=(share * ui.available_width()).clamp(least, 460.0);
-        Panel::right("bake").frame(side_frame(ui)).default_size(316.0).size_range(range).show(ui, |ui| {
+        let most = (ui.available_width() - PICTURE_BESIDE).clamp(least, SETTINGS_MOST);
+        // Large letters do not leave a narrow panel behind.
+        let id = egui::Id::unique(("settings", most < SETTINGS_WIDTH));
+        let panel =
+            Panel::right(id).frame(side_frame(ui)).default_size(SETTINGS_WIDTH.min(most)).size_range(least..=most);
+        panel.show(ui, |ui| {
             // What is too wide for one frame (a grid that is new) must not widen the panel for ever.
             let room = ui.available_rect_before_wrap();
             let inner = &mut ui.new_child(egui::UiBuilder::new().max_rect(room));
+            let frame = egui::Frame::NONE.inner_margin(egui::Margin { top: 6, ..egui::Margin::ZERO });
+            Panel::bottom("start").frame(frame).show(inner, |ui| {
+                start_ui(ui, &bake_view(&self.session, &self.settings, None), &mut self.actions);
+            });
             egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(inner, |ui| {
                 let view = DisplayView {
                     shown_ev: self.follower.shown_ev(),
                     metered_ev: self.follower.metered_ev(),
                     legend: self.follower.legend(),
                     has_illuminance: self.session.shown.as_ref().is_some_and(|s| s.pixel_irradiance().is_some()),
-                    can_bake: self.session.has_scene(),
+                    lux_bake: self.lux_bake(),
                 };
                 display_ui(ui, &mut self.look.display, &view, &mut self.actions);
                 self.camera_panel_ui(ui);
@@ -120,25 +132,7 @@ impl App {
     }
 
     pub(super) fn bake_panel_ui(&mut self, ui: &mut Ui) {
-        let opened = self.session.opened.as_ref();
-        let view = BakeView {
-            state: &self.session.bake,
-            figures: self.session.figures.as_ref(),
-            device_bytes: self.follower.device_bytes(),
-            error_db: self.session.error_db,
-            can_bake: self.session.has_scene() || opened.is_some_and(|opened| opened.stack.is_some()),
-            pictures: self.session.pictures(),
-            units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
-            report: opened.map_or(&[], |opened| &opened.report),
-            n_resumable: self.session.n_resumable(&self.settings),
-            forecast: self.session.forecast(),
-            threads: match self.session.forecast() {
-                Forecast::Told(estimate) => Some(self.session.threads_foreseen(estimate)),
-                _ => None,
-            },
-            memory_limit: self.session.memory_limit,
-            history: &self.session.history,
-        };
+        let view = bake_view(&self.session, &self.settings, self.follower.device_bytes());
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
         let is_of_scene = view.can_bake && view.pictures.is_none();
@@ -216,6 +210,28 @@ impl App {
             viewport_ui(ui, &viewed, &mut self.view, &mut self.look, &mut self.lights, &mut self.actions);
             solo_banner_ui(ui, area, &self.look, &mut self.lights.solo);
         });
+    }
+}
+
+fn bake_view<'a>(session: &'a Session, settings: &BakeSettings, device_bytes: Option<u64>) -> BakeView<'a> {
+    let opened = session.opened.as_ref();
+    BakeView {
+        state: &session.bake,
+        figures: session.figures.as_ref(),
+        device_bytes,
+        error_db: session.error_db,
+        can_bake: session.has_scene() || opened.is_some_and(|opened| opened.stack.is_some()),
+        pictures: session.pictures(),
+        units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
+        report: opened.map_or(&[], |opened| &opened.report),
+        n_resumable: session.n_resumable(settings),
+        forecast: session.forecast(),
+        threads: match session.forecast() {
+            Forecast::Told(estimate) => Some(session.threads_foreseen(estimate)),
+            _ => None,
+        },
+        memory_limit: session.memory_limit,
+        history: &session.history,
     }
 }
 

@@ -10,6 +10,7 @@ use crate::look::{Look, OnDisk};
 use crate::panels::dialogs::{ReplaceAnswer, replace_ui};
 use crate::session::Wake;
 use crate::session::aside::Aside;
+use crate::words::in_words;
 
 /// A look, what is odd about it, and how its file stood.
 type Read = Result<(Look, Vec<String>, OnDisk), String>;
@@ -58,7 +59,7 @@ impl App {
             return self.complain("another look is still being read; try again in a moment");
         }
         let started = self.look_files.reading.start("read look", &self.look_files.wake, move || {
-            let read = Look::load_as_it_stands(&path).map_err(|error| format!("{error:#}"));
+            let read = Look::load_as_it_stands(&path).map_err(|error| in_words(&error));
             (path, read)
         });
         if let Err(words) = started {
@@ -136,7 +137,7 @@ impl App {
                 self.look_files.on_disk = Some(on_disk);
                 self.actions.extend(self.after_saving.take());
             }
-            Err(error) => self.complain(format!("{error:#}")),
+            Err(error) => self.complain(in_words(&error)),
         }
     }
 

@@ -20,6 +20,7 @@ use crate::session::prints::{PrintOrder, Printer, Slot};
 use crate::session::{Session, Wake};
 use crate::stills::{Size, Subject};
 use crate::viewport::compare::{Compared, Way};
+use crate::words::in_words;
 
 /// Width of a thumbnail in pixels: as wide as a card at twice the usual scale.
 const THUMBNAIL_PX: u32 = 232;
@@ -209,7 +210,7 @@ impl App {
         let spared = spare_inputs(&path, opened.iter().map(|scene| ("opened scene", scene.as_path())));
         match spared {
             Ok(()) => self.session.export_gltf(seen, path),
-            Err(error) => self.complain(format!("{error:#}")),
+            Err(error) => self.complain(in_words(&error)),
         }
     }
 
@@ -220,10 +221,10 @@ impl App {
         let inputs = inputs.into_iter().filter_map(|(what, input)| Some((what, input?.as_path())));
         match spare_inputs(&path, inputs) {
             Ok(()) => {
-                self.say(format!("Writing {}", path.display()));
+                self.say_begun(format!("Writing {}", path.display()));
                 self.session.save_sheet(self.look.snapshots.clone(), path);
             }
-            Err(error) => self.complain(format!("{error:#}")),
+            Err(error) => self.complain(in_words(&error)),
         }
     }
 
@@ -242,10 +243,10 @@ impl App {
         });
         match sequence {
             Ok(sequence) => {
-                self.say(format!("Writing {} frames", sequence.n_frames()));
+                self.say_begun(format!("Writing {} frames", sequence.n_frames()));
                 self.session.export_frames(sequence);
             }
-            Err(error) => self.complain(format!("{error:#}")),
+            Err(error) => self.complain(in_words(&error)),
         }
     }
 }

@@ -9,6 +9,7 @@ use super::App;
 use crate::panels::dialogs::{RecoveryAnswer, recovery_ui};
 use crate::session::{Source, Stage};
 use crate::unsaved::{Keeper, LeftBehind, Work};
+use crate::words::in_words;
 
 /// Keeping and recovering.
 #[derive(Default)]
@@ -100,7 +101,7 @@ impl App {
         let Some(left) = self.recovery.taken.take().filter(|left| left.work.scene.as_ref() == open) else { return };
         let (look, warnings) = match left.work.look() {
             Ok(read) => read,
-            Err(error) => return self.complain(format!("the unsaved look cannot be read: {error:#}")),
+            Err(error) => return self.complain(format!("the unsaved look cannot be read: {}", in_words(&error))),
         };
         self.look = look;
         (self.look_path, self.look_files.on_disk) = (left.work.look_path.clone(), left.work.on_disk);

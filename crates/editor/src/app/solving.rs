@@ -17,7 +17,7 @@ use crate::look::wishes::{Wanted, Where};
 use crate::marks::{Framing, Kin, Marks, Seen};
 use crate::output::PendingFile;
 use crate::panels::lights::heard;
-use crate::panels::measure::{MeasureState, MeasureView, ScheduleState, measure_ui};
+use crate::panels::measure::{LuxBake, MeasureState, MeasureView, ScheduleState, measure_ui};
 use crate::panels::solve::{SolveState, SolveView, solve_ui};
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
@@ -25,6 +25,7 @@ use crate::session::lamps::{LampLight, LampPart};
 use crate::session::{Session, Shown, Wake};
 use crate::solve::kept::{Here, Pictures};
 use crate::solve::{AtPixel, LampColumn, Scene, Solution, TargetPicture, at_point, may_change, solve};
+use crate::words::in_words;
 
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
@@ -258,7 +259,7 @@ impl App {
                 };
                 Ok(Figures { marked, grids: bake.grids().map(grid).collect::<anyhow::Result<_>>()? })
             };
-            let figures = figures().map_err(|error| format!("{error:#}"));
+            let figures = figures().map_err(|error| in_words(&error));
             (of, figures)
         });
         if let Err(words) = started {
@@ -283,7 +284,7 @@ impl App {
         let started = self
             .solving
             .solving
-            .start("solve", &self.solving.wake, move || solve(&scene, &request).map_err(|error| format!("{error:#}")));
+            .start("solve", &self.solving.wake, move || solve(&scene, &request).map_err(|error| in_words(&error)));
         if let Err(words) = started {
             self.complain(words);
         }
@@ -293,7 +294,7 @@ impl App {
         match self.solving.solving.take() {
             Some(Ok(Ok(solution))) => {
                 self.say(format!("Solved, residual {:.2} %", 100.0 * solution.misfit));
-                self.solving.state.solution = Some(solution);
+                (self.solving.state.solution, self.solving.state.is_news) = (Some(solution), true);
             }
             Some(Ok(Err(words)) | Err(words)) => self.solving.state.problem = Some(words),
             None => {}
@@ -323,7 +324,7 @@ impl App {
 
     fn read_target(&mut self, path: PathBuf, reading: Reading) {
         let started = self.solving.reading.start("target", &self.solving.wake, move || {
-            let read = TargetPicture::read(&path).map_err(|error| format!("{error:#}"));
+            let read = TargetPicture::read(&path).map_err(|error| in_words(&error));
             (path, reading, read)
         });
         if let Err(words) = started {
@@ -375,7 +376,7 @@ impl App {
         let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
         match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer, by))) {
             Ok(()) => self.say(format!("Saved {}", path.display())),
-            Err(error) => self.complain(format!("{error:#}")),
+            Err(error) => self.complain(in_words(&error)),
         }
     }
 
@@ -393,11 +394,20 @@ impl App {
         scene.scene.nodes.get(node as usize).map(|node| node.key())
     }
 
+    /// How illuminance can be had, where it is not there.
+    pub(super) fn lux_bake(&self) -> LuxBake {
+        match () {
+            () if self.session.bakes_illuminance() => LuxBake::Underway,
+            () if self.session.has_scene() => LuxBake::Ready,
+            () => LuxBake::Never,
+        }
+    }
+
     /// The sections of the right panel.
     pub(super) fn solving_ui(&mut self, ui: &mut Ui) {
         let shown = self.session.shown.as_ref();
         let has_illuminance = shown.is_some_and(|shown| shown.pixel_irradiance().is_some());
-        let can_bake = self.session.has_scene();
+        let lux_bake = self.lux_bake();
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
         let surface = self.solving.surface.clone();
@@ -409,7 +419,7 @@ impl App {
             marked: figures.marked.filter(|_| self.view.marking.marks().is_some()),
             grids: &figures.grids,
             has_illuminance,
-            can_bake,
+            lux_bake,
             counts_direct_only: shines && !shown.is_some_and(Shown::holds_lamp_lux),
             surface: surface.as_deref(),
             problem: problem.as_deref(),
@@ -430,7 +440,7 @@ impl App {
             lights,
             is_busy: self.solving.solving.is_busy(),
             here: here(&self.session, &self.solving.pictures),
-            can_bake,
+            lux_bake,
             has_scene,
             marked: surface.as_deref(),
         };

@@ -27,6 +27,7 @@ use crate::solve::parse::{self, Surroundings};
 use crate::solve::{
     AtPixel, Freedom, LampColumn, Place, Request, Scene, TargetPicture, Wish, at_point, may_change, solve,
 };
+use crate::words::in_words;
 
 pub(super) fn run(args: &SolveArgs, console: &mut Console) -> Result<Answer> {
     let mut look = load_look(args.look.as_deref(), console)?;
@@ -88,7 +89,7 @@ fn wished_in(
     lamps: &[LampColumn],
     console: &mut Console,
 ) -> Result<Request> {
-    let read = |file: &str| TargetPicture::read(Path::new(file)).map(Arc::new).map_err(|error| format!("{error:#}"));
+    let read = |file: &str| TargetPicture::read(Path::new(file)).map(Arc::new).map_err(|error| in_words(&error));
     let pictures: Pictures = look.wishes.files().map(|file| (file.to_owned(), read(file))).collect();
     let here = Here {
         framing: Some(framing),

@@ -76,6 +76,13 @@ pub struct BakeView<'a> {
     pub history: &'a [[f32; 2]],
 }
 
+/// What the bake will take or how far it is, and the button that starts or stops it: below all sections, where it is at hand
+/// whatever is unfolded.
+pub fn start_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
+    forecast_ui(ui, view);
+    progress_ui(ui, view, actions);
+}
+
 /// Draws it.
 pub fn bake_ui(
     ui: &mut Ui,
@@ -98,9 +105,6 @@ fn content_ui(
         Some(pictures) => pictures_ui(ui, &mut settings.config, pictures),
         None => settings_ui(ui, settings, view, actions),
     });
-    ui.add_space(4.0);
-    forecast_ui(ui, view);
-    progress_ui(ui, view, actions);
     if !view.history.is_empty() {
         ui.add_space(2.0);
         error_plot_ui(ui, view.history, settings.config.tolerance_db);
@@ -295,7 +299,7 @@ fn progress_ui(ui: &mut Ui, view: &BakeView, actions: &mut Vec<Action>) {
             _ => (0.0, "Measuring the lights".into()),
         };
         ui.add(ProgressBar::new(done).corner_radius(3).text(RichText::new(text).small()));
-        if ui.add_sized(width, Button::new("Cancel")).on_hover_text("What is done stays").clicked() {
+        if ui.add_sized(width, Button::new("Cancel bake")).on_hover_text("What is done stays").clicked() {
             actions.push(Action::CancelBake);
         }
         return;
@@ -352,18 +356,14 @@ fn figures_ui(
         ("Blocks", format!("{}", figures.blocks), "Blocks of pixels"),
         ("Rank", format!("{:.1} mean, {} most", figures.mean_rank, figures.max_rank), "Terms that each block needs"),
         ("Memory", bytes_words(figures.bytes as u64), "What relighting reads"),
-        (
-            "File",
-            figures.file_bytes.map_or("when the bake is done".into(), |n| bytes_words(n as u64)),
-            "The packed factors",
-        ),
+        ("File", figures.file_bytes.map_or("after the bake".into(), |n| bytes_words(n as u64)), "The packed factors"),
         (
             "Full matrix",
             format!("{:.0}× as large", figures.ratio),
             "In 32-bit floats, against the file once there is one",
         ),
-        ("Truncation", decibels(error.map(|e| e.truncation)), "What the ranks leave out"),
-        ("Sampling", decibels(error.map(|e| e.sampling)), "Noise that stays"),
+        ("Lost detail", decibels(error.map(|e| e.truncation)), "What the ranks leave out"),
+        ("Noise left", decibels(error.map(|e| e.sampling)), "Grain of the samples that stays"),
         (
             "Total error",
             decibels(error.map(|e| e.total)),

@@ -96,7 +96,7 @@ fn row_ui(ui: &mut Ui, content: impl FnOnce(&mut Ui)) {
 fn known_ui(ui: &mut Ui, cameras: &[Camera], camera: &Camera, bookmarks: &[Camera], actions: &mut Vec<Action>) {
     let is_known = cameras.iter().chain(bookmarks).any(|known| known == camera);
     let name = if is_known { camera.name.as_str() } else { "Free view" };
-    let width = (ui.available_width() - 4.0).max(40.0);
+    let width = ui.available_width().max(40.0);
     let combo = ComboBox::from_id_salt("cameras").width(width).truncate().selected_text(name);
     let response = combo.show_ui(ui, |ui| {
         for (idx, known) in cameras.iter().chain(bookmarks).enumerate() {
@@ -153,15 +153,14 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
     let before = Pose::of(camera);
     let mut pose = before;
     Grid::new("view numbers").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
-        ui.label("Position");
-        ui.horizontal(|ui| {
-            let axes = [("X", &mut pose.position.x), ("Y", &mut pose.position.y), ("Z", &mut pose.position.z)];
-            for (axis, meters) in axes {
-                let number = DragValue::new(meters).speed(0.02).max_decimals(2);
-                ui.add(number).on_hover_text(format!("{axis} in meters")).accessible_name(format!("Camera {axis}"));
-            }
-        });
-        ui.end_row();
+        // Each in a row of its own: the panel may be narrow.
+        let axes = [("X", &mut pose.position.x), ("Y", &mut pose.position.y), ("Z", &mut pose.position.z)];
+        for (axis, meters) in axes {
+            ui.label(format!("Position {axis}"));
+            let number = DragValue::new(meters).speed(0.02).max_decimals(2).suffix(" m");
+            ui.add(number).accessible_name(format!("Camera {axis}"));
+            ui.end_row();
+        }
         let angles = [
             ("Yaw", &mut pose.yaw_rad, "0° looks along −Z, 90° along +X", -360.0..=360.0),
             ("Pitch", &mut pose.pitch_rad, "Above the horizon", -90.0..=90.0),
@@ -173,21 +172,19 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
             ui.end_row();
         }
         lens_ui(ui, camera, film);
-        ui.label("Shift");
-        ui.horizontal(|ui| {
-            for (axis, idx, hint) in [("Shift X", 0, "To the right"), ("Shift Y", 1, "Up")] {
-                let range = -Camera::MOST_SHIFT..=Camera::MOST_SHIFT;
-                let number = DragValue::new(&mut camera.shift[idx]).speed(0.002).range(range).max_decimals(3);
-                let hint = format!("{hint}, in {} of the picture", ["widths", "heights"][idx]);
-                ui.add(number).on_hover_text(hint).accessible_name(axis);
-            }
-        });
-        ui.end_row();
+        for (axis, idx, hint) in [("Shift X", 0, "To the right"), ("Shift Y", 1, "Up")] {
+            ui.label(axis);
+            let range = -Camera::MOST_SHIFT..=Camera::MOST_SHIFT;
+            let number = DragValue::new(&mut camera.shift[idx]).speed(0.002).range(range).max_decimals(3);
+            let hint = format!("{hint}, in {} of the picture", ["widths", "heights"][idx]);
+            ui.add(number).on_hover_text(hint).accessible_name(axis);
+            ui.end_row();
+        }
     });
     if pose != before {
         *camera = camera.posed(&pose);
     }
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         let hint = "Levels the camera and shifts the lens instead, so that vertical edges are vertical in the picture";
         if ui.button("Straighten verticals").on_hover_text(hint).clicked() {
             *camera = camera.upright();

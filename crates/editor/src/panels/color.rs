@@ -144,7 +144,7 @@ fn swatch(ui: &mut Ui, color: Color32, is_changed: bool) -> Response {
         };
         ui.painter().rect(rect.shrink2(vec2(0.0, 2.0)), 4.0, color, stroke, StrokeKind::Inside);
     }
-    response.on_hover_text("Color")
+    response.on_hover_text(if is_changed { "Color, another one than in the file" } else { "Color" })
 }
 
 /// sRGB of a linear color, as bright as can be shown.

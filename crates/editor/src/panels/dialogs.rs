@@ -57,6 +57,8 @@ pub enum FileDialogs {
 pub struct FileQuestion {
     task: FileTask,
     path: String,
+    /// What a path that names no folder is relative to.
+    folder: PathBuf,
     native: Option<NativeDialog>,
     dialogs: FileDialogs,
     is_fresh: bool,
@@ -71,9 +73,10 @@ impl Wake for Repaint {
 }
 
 impl FileQuestion {
-    /// Asks. The desktop's dialog is opened as well unless only the field is wanted.
-    pub fn new(task: FileTask, suggestion: &str, dialogs: FileDialogs) -> FileQuestion {
-        let mut question = FileQuestion { task, path: suggestion.into(), native: None, dialogs, is_fresh: true };
+    /// Asks for a file in `folder`, or elsewhere. The desktop's dialog is opened as well unless only the field is wanted.
+    pub fn new(task: FileTask, suggestion: &str, folder: PathBuf, dialogs: FileDialogs) -> FileQuestion {
+        let mut question =
+            FileQuestion { task, path: suggestion.into(), folder, native: None, dialogs, is_fresh: true };
         if dialogs == FileDialogs::Desktop && !task.asks_more() {
             question.browse();
         }
@@ -82,11 +85,14 @@ impl FileQuestion {
 
     fn browse(&mut self) {
         let (what, extensions) = self.task.extensions();
-        let dialog = rfd::AsyncFileDialog::new().set_title(self.task.title());
+        let place = self.place();
+        let folder = place.parent().unwrap_or(&self.folder);
+        let dialog = rfd::AsyncFileDialog::new().set_title(self.task.title()).set_directory(folder);
         let dialog = if extensions.is_empty() { dialog } else { dialog.add_filter(what, extensions) };
         let path_of = |file: Option<rfd::FileHandle>| file.map(|file| file.path().to_path_buf());
         let answer: Answer = if self.task.writes() {
-            let dialog = dialog.set_file_name(&self.path);
+            let name = place.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+            let dialog = dialog.set_file_name(name);
             Box::pin(async move { path_of(dialog.save_file().await) })
         } else if extensions.is_empty() {
             Box::pin(async move { path_of(dialog.pick_folder().await) })
@@ -111,6 +117,11 @@ impl FileQuestion {
             Ended::Closed => Some(None),
             Ended::Unseen => None,
         }
+    }
+
+    /// The path that was typed, as a whole.
+    fn place(&self) -> PathBuf {
+        self.folder.join(self.path.trim())
     }
 
     /// What the file is wanted for.
@@ -143,9 +154,10 @@ impl FileQuestion {
         }
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let (_, extensions) = self.task.extensions();
-        let path = Path::new(self.path.trim());
         let hint = match extensions {
-            _ if self.task.writes() && path.is_file() => "A file of this name is there; saving replaces it".into(),
+            _ if self.task.writes() && self.place().is_file() => {
+                "A file of this name is there; saving replaces it".into()
+            }
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
         };
@@ -153,6 +165,9 @@ impl FileQuestion {
             Some(words) => ui.colored_label(ui.visuals().error_fg_color, words),
             None => ui.label(RichText::new(hint).weak().small()),
         };
+        if Path::new(self.path.trim()).is_relative() {
+            ui.label(RichText::new(format!("In {}", self.folder.display())).weak().small());
+        }
         ui.add_space(8.0);
         let mut answer = None;
         ui.horizontal(|ui| {
@@ -167,7 +182,7 @@ impl FileQuestion {
                 let ok = Button::new(RichText::new(verb).color(theme::ON_ACCENT)).fill(theme::ACCENT);
                 let has_path = !self.path.trim().is_empty() && problem.is_none();
                 if (ui.add_enabled(has_path, ok).clicked() || entered) && has_path {
-                    answer = Some(Some(PathBuf::from(self.path.trim())));
+                    answer = Some(Some(self.place()));
                 }
                 if ui.button("Cancel").clicked() {
                     answer = Some(None);

@@ -3,7 +3,7 @@
 use clerestory_relight::display::{Dither, Metering, Spacing, Tone, WhitePoint};
 use eframe::egui::{self, DragValue, Slider, SliderClamping, Ui};
 
-use super::measure::missing_ui;
+use super::measure::{LuxBake, missing_ui};
 use crate::action::Action;
 use crate::isolux::Isolux;
 use crate::legend::Legend;
@@ -22,8 +22,8 @@ pub struct DisplayView {
     pub legend: Option<Legend>,
     /// Whether the light that arrives at its pixels was baked.
     pub has_illuminance: bool,
-    /// Whether it can be baked again.
-    pub can_bake: bool,
+    /// How it can be had.
+    pub lux_bake: LuxBake,
 }
 
 /// A choice with its name and its hint.
@@ -87,7 +87,7 @@ fn content_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView, actions: &
         false_color_rows(ui, &mut display.false_color, view);
     });
     if display.quantity() == Some(Quantity::Illuminance) && !view.has_illuminance {
-        missing_ui(ui, view.can_bake, actions);
+        missing_ui(ui, view.lux_bake, actions);
     }
 }
 

@@ -320,7 +320,7 @@ pub fn add_button(ui: &mut Ui, choice: &LampChoice, actions: &mut Vec<Action>) {
         return;
     }
     ui.add_enabled_ui(*choice == LampChoice::Ready, |ui| {
-        let button = egui::containers::menu::MenuButton::from_button(Button::new("Add lamp").small());
+        let button = egui::containers::menu::MenuButton::from_button(Button::new("Add lamp"));
         button.ui(ui, |ui| add_menu(ui, None, actions)).0.on_disabled_hover_text("It takes the scene of this bake");
     });
 }

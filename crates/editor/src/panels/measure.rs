@@ -20,8 +20,8 @@ pub struct MeasureView<'a> {
     pub grids: &'a [(String, LuxFigures)],
     /// Whether the light that arrives at the pixels was baked.
     pub has_illuminance: bool,
-    /// Whether a bake with it can be started here.
-    pub can_bake: bool,
+    /// How it can be had.
+    pub lux_bake: LuxBake,
     /// Whether lamps that were added shine, of which these figures count no more than the direct light.
     pub counts_direct_only: bool,
     /// What the pixel that was clicked on last shows.
@@ -36,6 +36,18 @@ pub struct MeasureView<'a> {
     pub floor_name: Option<&'a str>,
     /// What of the look is of another view than the one that is shown, for people.
     pub elsewhere: Option<String>,
+}
+
+/// How the light that arrives can be had, where it is not there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LuxBake {
+    /// There is no scene to bake it of.
+    #[default]
+    Never,
+    /// By a bake that can be started here.
+    Ready,
+    /// By the bake that runs.
+    Underway,
 }
 
 /// What can be set here.
@@ -76,7 +88,7 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
         }
         match (&view.marked, view.has_illuminance) {
             (Some(figures), _) => figures_ui(ui, "marked", figures),
-            (None, false) => missing_ui(ui, view.can_bake, actions),
+            (None, false) => missing_ui(ui, view.lux_bake, actions),
             (None, true) if marking.marks().is_none() => {
                 ui.label(RichText::new("Mark a part of the picture to read its illuminance").weak());
             }
@@ -96,7 +108,7 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             ui.label(RichText::new("Of added lamps only the direct light counts").weak())
                 .on_hover_text("Bake with “Movable lamps” and “Illuminance” on to count what surfaces make of it");
         }
-        if view.can_bake {
+        if view.lux_bake != LuxBake::Never {
             ui.add_space(6.0);
             work_plane_ui(ui, work_plane, view, actions);
         }
@@ -171,9 +183,14 @@ fn figures_ui(ui: &mut Ui, salt: &str, figures: &LuxFigures) {
 }
 
 /// What to do where no illuminance was baked.
-pub fn missing_ui(ui: &mut Ui, can_bake: bool, actions: &mut Vec<Action>) {
+pub fn missing_ui(ui: &mut Ui, lux_bake: LuxBake, actions: &mut Vec<Action>) {
+    if lux_bake == LuxBake::Underway {
+        let words = RichText::new("Illuminance comes at the end of this bake").weak();
+        ui.label(words).on_hover_text("The passes of the picture are first");
+        return;
+    }
     ui.label(RichText::new("This bake holds no illuminance").weak());
-    let button = ui.add_enabled(can_bake, Button::new("Bake with illuminance"));
+    let button = ui.add_enabled(lux_bake == LuxBake::Ready, Button::new("Bake with illuminance"));
     let button = button.on_hover_text("Bakes again, with the light that arrives at each pixel, in lux");
     if button.on_disabled_hover_text("Open the scene, or bake it with --irradiance").clicked() {
         actions.push(Action::BakeIlluminance);
@@ -230,12 +247,11 @@ fn work_plane_ui(ui: &mut Ui, plane: &mut Option<WorkPlane>, view: &MeasureView,
 fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, actions: &mut Vec<Action>) {
     Grid::new("schedule").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         ui.label("Schedule");
-        ui.horizontal(|ui| {
-            ui.radio_value(&mut schedule.by, ScheduleBy::Lamp, "Per lamp").on_hover_text("A row for every lamp");
-            ui.radio_value(&mut schedule.by, ScheduleBy::Type, "Per type").on_hover_text(
-                "A row for lamps of one kind, distribution, flux, power and color, with how many there are",
-            );
-        });
+        ui.radio_value(&mut schedule.by, ScheduleBy::Lamp, "Per lamp").on_hover_text("A row for every lamp");
+        ui.end_row();
+        ui.label("");
+        ui.radio_value(&mut schedule.by, ScheduleBy::Type, "Per type")
+            .on_hover_text("A row for lamps of one kind, distribution, flux, power and color, with how many there are");
         ui.end_row();
         let label = ui.label("Efficacy");
         let efficacy =

@@ -15,6 +15,8 @@ use super::dialogs::ago;
 pub enum MessageTone {
     /// For information.
     Calm,
+    /// Something has begun: what comes of it takes its place.
+    Begun,
     /// Something went wrong.
     Problem,
 }
@@ -63,7 +65,7 @@ impl Messages {
     pub fn push(&mut self, words: String, tone: MessageTone) {
         let now = Instant::now();
         if let Some(last) = self.kept.front_mut().filter(|last| last.words == words && last.tone == tone) {
-            if tone == MessageTone::Calm || now.duration_since(last.said_at) > SAME {
+            if tone != MessageTone::Problem || now.duration_since(last.said_at) > SAME {
                 (last.is_open, last.seen_at) = (true, None);
             }
             last.said_at = now;
@@ -75,9 +77,15 @@ impl Messages {
         self.kept.truncate(MOST_KEPT);
     }
 
+    /// What has begun is over: it goes from the stack, and stays in the list.
+    pub fn end_begun(&mut self) {
+        let begun = self.kept.iter_mut().filter(|message| message.tone == MessageTone::Begun);
+        begun.for_each(|message| message.is_open = false);
+    }
+
     /// What was said for information does not hold any more: it goes from the stack, and stays in the list.
     pub fn take_back(&mut self) {
-        let calm = self.kept.iter_mut().filter(|message| message.tone == MessageTone::Calm);
+        let calm = self.kept.iter_mut().filter(|message| message.tone != MessageTone::Problem);
         calm.for_each(|message| message.is_open = false);
     }
 
@@ -187,21 +195,21 @@ impl Messages {
 impl Message {
     fn text(&self, ui: &Ui) -> RichText {
         match self.tone {
-            MessageTone::Calm => RichText::new(&self.words).weak(),
+            MessageTone::Calm | MessageTone::Begun => RichText::new(&self.words).weak(),
             MessageTone::Problem => RichText::new(&self.words).color(ui.visuals().error_fg_color),
         }
     }
 
     fn ui(&mut self, ui: &mut Ui, width: f32, now: f64) {
         let left = CALM_SECS - (now - self.seen_at.unwrap_or(now));
-        let opacity = if self.tone == MessageTone::Calm { (left / FADE_SECS).clamp(0.0, 1.0) } else { 1.0 };
+        let opacity = if self.tone == MessageTone::Problem { 1.0 } else { (left / FADE_SECS).clamp(0.0, 1.0) };
         egui::Frame::popup(ui.style()).show(ui, |ui| {
             ui.set_opacity(opacity as f32);
             ui.horizontal_top(|ui| {
                 ui.vertical(|ui| {
                     ui.set_width(width - CLOSE - 2.0 * GAP);
                     let text = match self.tone {
-                        MessageTone::Calm => RichText::new(&self.words),
+                        MessageTone::Calm | MessageTone::Begun => RichText::new(&self.words),
                         MessageTone::Problem => self.text(ui),
                     };
                     ScrollArea::vertical().id_salt(self.number).max_height(HEIGHT).show(ui, |ui| {
@@ -240,6 +248,16 @@ mod tests {
         messages.push("saved".into(), MessageTone::Calm);
         assert_eq!(words(&messages), ["saved", "broken"]);
         assert_eq!(messages.kept.len(), 3, "the list keeps what has faded");
+    }
+
+    #[test]
+    fn what_has_begun_makes_way_for_its_end() {
+        let mut messages = Messages::default();
+        messages.push("writing".into(), MessageTone::Begun);
+        messages.end_begun();
+        messages.push("saved".into(), MessageTone::Calm);
+        assert_eq!(words(&messages), ["saved"]);
+        assert_eq!(messages.kept.len(), 2, "the list keeps both");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use clerestory_relight::Tone;
 use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui, vec2};
 
 use super::display::tone_name;
-use super::measure::{missing_ui, tools_ui};
+use super::measure::{LuxBake, missing_ui, tools_ui};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
@@ -43,6 +43,8 @@ pub struct SolveState {
     value: f64,
     /// What was found, and waits to be taken over.
     pub solution: Option<Solution>,
+    /// Whether it is still to be scrolled to.
+    pub is_news: bool,
     /// Whether the picture shows it meanwhile.
     pub is_previewed: bool,
     /// Why nothing was found, in words.
@@ -52,7 +54,7 @@ pub struct SolveState {
 impl Default for SolveState {
     fn default() -> Self {
         let (kind, value) = (Kind::default(), KINDS[0].3);
-        SolveState { kind, value, solution: None, is_previewed: true, problem: None }
+        SolveState { kind, value, solution: None, is_news: false, is_previewed: true, problem: None }
     }
 }
 
@@ -69,8 +71,8 @@ pub struct SolveView<'a> {
     pub is_busy: bool,
     /// What wishes are about.
     pub here: Here<'a>,
-    /// Whether a bake can be started here.
-    pub can_bake: bool,
+    /// How illuminance can be had, where it is not there.
+    pub lux_bake: LuxBake,
     /// Whether surfaces can be told apart.
     pub has_scene: bool,
     /// What is marked, for people.
@@ -146,7 +148,7 @@ fn new_wish_ui(
 ) {
     let lacks_lux = state.kind == Kind::Lux && !view.here.has_illuminance;
     if lacks_lux && view.here.grids.is_empty() {
-        missing_ui(ui, view.can_bake, actions);
+        missing_ui(ui, view.lux_bake, actions);
     }
     ui.horizontal_wrapped(|ui| {
         let can_add = marking.marks().is_some() && !lacks_lux;
@@ -352,7 +354,7 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
     }
     ui.checkbox(&mut state.is_previewed, "Preview")
         .on_hover_text("Show the picture under these lights before they are taken over");
-    ui.horizontal(|ui| {
+    let answers = ui.horizontal(|ui| {
         if ui.button("Accept").on_hover_text("Take these lights over, one step of undo").clicked() {
             actions.push(Action::AcceptSolution);
         }
@@ -360,4 +362,7 @@ fn solution_ui(ui: &mut Ui, state: &mut SolveState, look: &Look, actions: &mut V
             actions.push(Action::DiscardSolution);
         }
     });
+    if std::mem::take(&mut state.is_news) {
+        answers.response.scroll_to_me(None);
+    }
 }

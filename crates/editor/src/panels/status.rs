@@ -34,6 +34,19 @@ pub struct Status<'a> {
     pub device_bytes: Option<u64>,
 }
 
+impl Status<'_> {
+    /// What is good to know and can be done without, with what it is.
+    fn figures(&self) -> impl Iterator<Item = (String, &'static str)> {
+        let millis = self.millis.map(|millis| (format!("{millis:.1} ms"), "From an edit to the picture"));
+        let size = self.size.map(|[width, height]| (format!("{width} × {height}"), "Pixels of the picture"));
+        let on_device = self.device_bytes.map(|bytes| {
+            (format!("{} on the device", bytes_words(bytes)), "Memory of the graphics device that the picture takes")
+        });
+        let memory = self.memory_bytes.map(|bytes| (bytes_words(bytes), "Memory of the program"));
+        [millis, size, on_device, memory].into_iter().flatten()
+    }
+}
+
 /// About the light of free lamps.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LampNote {
@@ -53,24 +66,24 @@ pub enum LampNote {
 pub const NO_CAUSTICS: &str =
     "Light of added and moved lamps that mirrors or clear bodies of glass throw onto other surfaces is missing";
 
+/// Width in points that all figures have room in.
+const WIDE: f32 = 1000.0;
+
 /// Draws it.
 pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
+    let is_wide = ui.available_width() >= WIDE;
     ui.horizontal(|ui| {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.menu_button(format!("Relight: {}", status.device), |ui| device_menu(ui, status.wish, actions));
-            if let Some(millis) = status.millis {
-                ui.label(RichText::new(format!("{millis:.1} ms")).weak()).on_hover_text("From an edit to the picture");
-            }
-            if let Some([width, height]) = status.size {
-                ui.label(RichText::new(format!("{width} × {height}")).weak());
-            }
-            if let Some(on_device) = status.device_bytes {
-                let words = format!("{} on the device", bytes_words(on_device));
-                ui.label(RichText::new(words).weak())
-                    .on_hover_text("Memory of the graphics device that the picture takes");
-            }
-            if let Some(memory) = status.memory_bytes {
-                ui.label(RichText::new(bytes_words(memory)).weak()).on_hover_text("Memory of the program");
+            let device =
+                ui.menu_button(format!("Relight: {}", status.device), |ui| device_menu(ui, status.wish, actions));
+            let figures = status.figures();
+            if is_wide {
+                for (words, hint) in figures {
+                    ui.label(RichText::new(words).weak()).on_hover_text(hint);
+                }
+            } else {
+                let lines = figures.map(|(words, hint)| format!("{hint}: {words}"));
+                device.response.on_hover_text(lines.collect::<Vec<_>>().join("\n"));
             }
             if let Some(db) = status.error_db {
                 let hint = "Error of the bake, below the peaks of the lights: more is better";

@@ -56,6 +56,11 @@ impl Session {
             .map_or(0, |(begun, _)| begun.blocks.len())
     }
 
+    /// Whether the bake that runs holds illuminance in the end.
+    pub fn bakes_illuminance(&self) -> bool {
+        self.bake.is_running() && self.begun.as_ref().is_some_and(|begun| begun.settings.illuminance)
+    }
+
     /// Whether the bake that is there was made with these settings, so that nothing is to be foreseen.
     pub(super) fn is_baked_with(&self, settings: &BakeSettings) -> bool {
         let scene = self.opened.as_ref().and_then(|opened| opened.scene.as_ref());

@@ -20,6 +20,7 @@ use clerestory_transport::stop::Stop;
 use super::begun::Begun;
 use super::task::{Fact, Task};
 use super::{BakeSettings, Chosen, Notice, SceneOfBake, Session, Shown, Source};
+use crate::words::in_words;
 
 /// The scene of a bake, prepared as it was for that.
 pub(super) struct FoundScene {
@@ -46,7 +47,7 @@ impl Session {
         let Some(header) = self.shown.as_ref().map(|shown| shown.header.clone()) else { return };
         self.stop_finding();
         let task = self.spawn("scene", move |post| {
-            let found = scene_of(&header, path, &post.stop).map_err(|error| format!("{error:#}"));
+            let found = scene_of(&header, path, &post.stop).map_err(|error| in_words(&error));
             let _ = post.send(Fact::SceneFound(found), Duration::ZERO);
         });
         self.finding = task.as_ref().map(Task::id);

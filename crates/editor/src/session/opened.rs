@@ -13,6 +13,7 @@ use clerestory_transport::scene::PunctualLight;
 
 use super::task::{self, Fact, Loaded, Prepared, words};
 use super::{BakeState, Notice, Session, Source, Stage};
+use crate::words::in_words;
 
 /// A scene, a stack or a bake that is open.
 pub struct Opened {
@@ -91,7 +92,7 @@ impl Session {
         self.opening_source = Some(source.clone());
         self.loading = self.spawn("open", move |post| {
             let name = source.name();
-            let loaded = task::load(source, chosen, &post.stop).map_err(|error| format!("{error:#}"));
+            let loaded = task::load(source, chosen, &post.stop).map_err(|error| in_words(&error));
             let _ = post.send(Fact::Loaded(name, loaded), Duration::ZERO);
         });
     }

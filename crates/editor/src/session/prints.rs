@@ -14,6 +14,7 @@ use crate::crash;
 use crate::look::Look;
 use crate::picture::color_image;
 use crate::stills::{Size, Stills, Subject};
+use crate::words::in_words;
 
 /// What a print is for. What is looked at comes before what stands below it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -140,7 +141,7 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
             let (_, own) = stills
                 .insert(kept.unwrap_or_else(|| (order.subject.clone(), Stills::new(order.subject.clone(), None))));
             let stop = || mailbox.closed.load(Ordering::Relaxed);
-            let printed = crash::guarded(|| print(own, &order, &stop).map_err(|error| format!("{error:#}")));
+            let printed = crash::guarded(|| print(own, &order, &stop).map_err(|error| in_words(&error)));
             let image = match printed.flatten() {
                 Ok(None) => return,
                 Ok(Some(image)) => Ok(image),

@@ -12,6 +12,7 @@ use crate::export::{ExportOptions, ImageFormat, Picture};
 use crate::look::snapshot::Snapshot;
 use crate::output::PendingFile;
 use crate::stills::{Size, Stills, Subject};
+use crate::words::in_words;
 
 /// Widest picture on a sheet, pixels.
 const WIDTH_PX: u32 = 960;
@@ -23,7 +24,7 @@ pub(super) fn write(snapshots: &[Snapshot], subject: Subject, path: &Path, post:
         Some(n) => format!("Saved {n} looks on {}", path.display()),
         None => format!("{} was not saved", path.display()),
     });
-    let _ = post.send(Fact::Written(words.map_err(|error| format!("{error:#}"))), Duration::ZERO);
+    let _ = post.send(Fact::Written(words.map_err(|error| in_words(&error))), Duration::ZERO);
 }
 
 /// Number of looks that are on the sheet; `None` if it was stopped.

@@ -33,6 +33,7 @@ use crate::headless::GALLERY;
 use crate::look::Look;
 use crate::sequence::Sequence;
 use crate::stills::{Stills, Subject};
+use crate::words::in_words;
 
 /// Something to open.
 #[derive(Clone, Debug, PartialEq)]
@@ -210,7 +211,7 @@ impl Drop for WakeOnDrop {
 
 /// An error with all its causes.
 pub(super) fn words(error: impl std::error::Error + Send + Sync + 'static) -> String {
-    format!("{:#}", anyhow::Error::from(error))
+    in_words(&anyhow::Error::from(error))
 }
 
 /// Reads and prepares something, a scene with what is chosen about it, if nobody asks for a stop meanwhile.
@@ -309,7 +310,7 @@ pub(super) fn bake(
                 (begun, job.passes) = (Some(left), Passes::Again);
             }
         }
-        Some(Err(error)) => remarks.push(format!("{error:#}")),
+        Some(Err(error)) => remarks.push(in_words(&error)),
         Some(Ok(None)) | None => {}
     }
     let _ = post.send(Fact::Remarks(remarks), BLOCKS_WITHIN);
@@ -338,7 +339,7 @@ pub(super) fn bake(
     if let (Some((place, cache)), Some(bake)) = (cached, baked) {
         match cache.keep(&place, &bake) {
             Ok(_) => kept.into_iter().for_each(UnderWay::remove),
-            Err(error) => drop(post.send(Fact::Written(Err(format!("{error:#}"))), Duration::ZERO)),
+            Err(error) => drop(post.send(Fact::Written(Err(in_words(&error))), Duration::ZERO)),
         }
     }
 }
@@ -383,7 +384,7 @@ pub(super) fn write_gltf(scene: &PreparedScene, source: Source, look: &Look, pat
         let but = if warnings.is_empty() { String::new() } else { format!("; {}", warnings.join(", ")) };
         Ok(format!("Saved {}{but}", path.display()))
     };
-    let _ = post.send(Fact::Written(write().map_err(|error| format!("{error:#}"))), Duration::ZERO);
+    let _ = post.send(Fact::Written(write().map_err(|error| in_words(&error))), Duration::ZERO);
 }
 
 /// Writes the frames of a timeline one after the other.
@@ -401,6 +402,6 @@ pub(super) fn write_frames(sequence: &Sequence, subject: Subject, post: &Post) {
         true => format!("Saved {n} frames up to {}", last.display()),
         false => format!("{n} of {n_frames} frames were saved"),
     };
-    let result = written.map(words).map_err(|error| format!("{error:#}"));
+    let result = written.map(words).map_err(|error| in_words(&error));
     let _ = post.send(Fact::Written(result), Duration::ZERO);
 }

@@ -13,6 +13,7 @@ use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::look::snapshot::Snapshot;
 use crate::sequence::Sequence;
+use crate::words::in_words;
 
 impl Session {
     /// Writes the picture under `look` in the background, with the light of its free lamps; without `light` that is traced.
@@ -25,7 +26,7 @@ impl Session {
     pub fn copy(&mut self, look: Look, light: Option<LampLight>) {
         let Some(subject) = self.subject() else { return };
         let task = self.spawn("copy", move |post| {
-            let developed = Seen::of(subject, look, light).develop().map_err(|error| format!("{error:#}"));
+            let developed = Seen::of(subject, look, light).develop().map_err(|error| in_words(&error));
             let _ = post.send(Fact::Developed(developed), Duration::ZERO);
         });
         self.others.extend(task);
@@ -74,7 +75,7 @@ impl Session {
 
     pub(super) fn write(&mut self, path: PathBuf, job: impl FnOnce() -> anyhow::Result<()> + Send + 'static) {
         let task = self.spawn("write", move |post| {
-            let result = job().map(|()| format!("Saved {}", path.display())).map_err(|error| format!("{error:#}"));
+            let result = job().map(|()| format!("Saved {}", path.display())).map_err(|error| in_words(&error));
             let _ = post.send(Fact::Written(result), Duration::ZERO);
         });
         self.others.extend(task);

@@ -112,6 +112,14 @@ pub fn click(window: &mut Window, label: &str) {
     window.run_steps(3);
 }
 
+/// Clicks on something that may lie below what is seen of its panel.
+#[allow(dead_code, reason = "not every test of the window is about a panel")]
+pub fn reach(window: &mut Window, label: &str) {
+    window.get_by_label(label).scroll_to_me();
+    window.run_steps(8);
+    click(window, label);
+}
+
 /// Clicks what asks for a file, and types its path.
 #[allow(dead_code, reason = "not every test of the window writes files")]
 pub fn ask_for(window: &mut Window, label: &str, path: &Path) {

@@ -1,7 +1,7 @@
 //! The editor of what is selected: one light or many, changed relatively or set to one value.
 
 use clerestory_transport::light::LightSetting;
-use eframe::egui::{Align, Button, DragValue, Layout, RichText, Ui};
+use eframe::egui::{Align, DragValue, Layout, RichText, Ui};
 
 use super::fader::{STEP_EV, stepped};
 use super::listed::{LightOf, Listed};
@@ -56,12 +56,12 @@ fn heading_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
             many => format!("{} lights selected", many.len()),
         };
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            let close = ui.add(Button::new("×").small()).on_hover_text("Select nothing");
+            let close = ui.button("×").on_hover_text("Select nothing");
             if close.accessible_name("Select nothing").clicked() {
                 mix.state.selection.clear();
                 mix.state.choose_lamp(None);
             }
-            let reset = ui.small_button("Reset").on_hover_text("As in the file");
+            let reset = ui.button("Reset").on_hover_text("As in the file");
             if reset.accessible_name("Reset selected lights").clicked() {
                 keys.iter().for_each(|key| mix.reset(key));
             }
