@@ -16,10 +16,11 @@ pub fn decibels(peak: f64, mean_square: f64) -> f64 {
     (10.0 * (peak * peak / mean_square.max(f64::MIN_POSITIVE)).log10()).min(BEST_DB)
 }
 
-/// A sum and how many went into it.
+/// A sum, that of the squares, and how many went into it.
 #[derive(Clone, Copy, Default)]
 pub struct Sum {
     sum: f64,
+    squares: f64,
     n: f64,
 }
 
@@ -27,7 +28,15 @@ impl Sum {
     /// One more.
     pub fn add(&mut self, value: f64) {
         self.sum += value;
+        self.squares += value * value;
         self.n += 1.0;
+    }
+
+    /// The mean, or its standard error where that is greater: what is known of something that is not negative, but that its estimates
+    /// scatter around.
+    pub fn mean_at_least_known(&self) -> f64 {
+        let n = self.n.max(1.0);
+        self.mean().max((self.squares / n - self.mean().powi(2)).max(0.0).sqrt() / n.sqrt())
     }
 
     /// 0 of nothing.
@@ -47,7 +56,7 @@ pub fn beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<f64> {
     (sum.mean() > 0.0).then(|| decibels(quantile(both), sum.mean()))
 }
 
-/// Errors of the columns that light anything, as mean squares over the squares of their peaks.
+/// Errors of the columns that light anything, as mean squares over the squares of their peaks; none less than its standard error.
 #[derive(Default)]
 pub struct ColumnErrors {
     /// Without and with the entries where the light itself is seen.
@@ -59,11 +68,11 @@ impl ColumnErrors {
         self.squares.iter().map(move |squares| decibels(1.0, squares[which]))
     }
 
-    /// Median over columns; `None` where it is lost in what is left of the reference's noise.
+    /// Median over columns; `None` of none.
     pub fn median_db(&self) -> Option<f64> {
         let mut squares: Vec<f64> = self.squares.iter().map(|squares| squares[0]).collect();
         squares.sort_by(f64::total_cmp);
-        squares.get(squares.len() / 2).filter(|square| **square > 0.0).map(|square| decibels(1.0, *square))
+        squares.get(squares.len() / 2).map(|square| decibels(1.0, *square))
     }
 
     /// Mean over columns.
@@ -84,5 +93,23 @@ impl ColumnErrors {
     /// Of the worst column, lights that are seen included.
     pub fn worst_db_with_seen(&self) -> f64 {
         self.db(1).fold(f64::INFINITY, f64::min)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_is_told_as_no_less_than_its_standard_error() {
+        let mean = |values: &[f64]| {
+            let mut sum = Sum::default();
+            values.iter().for_each(|&value| sum.add(value));
+            (sum.mean(), sum.mean_at_least_known())
+        };
+        assert_eq!(mean(&[0.25; 16]), (0.25, 0.25));
+        // Scattered around less than nothing: 2 over the root of 16.
+        let scattered: Vec<f64> = (0..16).map(|i| if i % 2 == 0 { 1.0 } else { -3.0 }).collect();
+        assert_eq!(mean(&scattered), (-1.0, 0.5));
     }
 }

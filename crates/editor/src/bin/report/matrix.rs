@@ -48,7 +48,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          {} × {} pixels, six bounces, one bake per row, its indirect light shared between pixels or traced as `--exact` does; CPU\n\
          seconds (user and system) of the bake alone, without loading and without preview. The error of a column is the mean of\n\
          (x − a)(x − b) over its entries, x baked, a and b two independent references of {spp} samples per pixel each that are not\n\
-         compressed{}: so their noise does not count. It is told in dB below the square of the reference column's 99.5 percentile;\n\
+         compressed{}: so their noise does not count, but no error is told as less than its standard error. It is told in dB below the square of the reference column's 99.5 percentile;\n\
          nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
          column has them too. Where a tolerance is told, a block takes samples until its own error is below it; CPU seconds for a\n\
          number of dB lie between two rows of a kind.\n",

@@ -134,7 +134,7 @@ impl Reference {
                     sums[0].add(error);
                 }
             }
-            (peak > 0.0).then(|| sums.map(|sum| sum.mean() / (peak * peak)))
+            (peak > 0.0).then(|| sums.map(|sum| sum.mean_at_least_known() / (peak * peak)))
         };
         ColumnErrors { squares: (0..self.n_cols).into_par_iter().filter_map(column).collect() }
     }
