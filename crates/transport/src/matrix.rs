@@ -147,7 +147,7 @@ impl<'a> TransportMatrix<'a> {
         (scale_of_peaks(&peaks, &light), reach)
     }
 
-    /// The 99.5 percentile of each column (where that is dark, its brightest entry) and its mean.
+    /// The 99.5 percentile of each column (where that is dark, its brightest entry or its mean) and its mean.
     ///
     /// Few samples scatter far more than pixels do, and their percentile would tell of noise. So it is that of the geometric mean of
     /// two halves: a speck that only one of them has does not count.
@@ -170,7 +170,7 @@ impl<'a> TransportMatrix<'a> {
             for (a, b) in rows.chunks_exact_mut(n_cols).zip(b.chunks_exact(n_cols)) {
                 for ((a, b), sum) in a.iter_mut().zip(b).zip(&mut sums) {
                     *sum += 0.5 * (*a + b);
-                    *a = (*a * b).sqrt();
+                    *a = a.sqrt() * b.sqrt();
                 }
             }
             (rows, sums)
@@ -182,8 +182,9 @@ impl<'a> TransportMatrix<'a> {
             let mut values: Vec<f32> = rows.map(|row| row[column]).collect();
             let at = ((n_rows as f32 * PEAK_QUANTILE) as usize).min(n_rows - 1);
             let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
-            // A lamp that lights less than this share of the picture is measured by what it does light.
-            (if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }, mean)
+            // A lamp that lights less than this share of the picture is measured by what it does light, one that no pixel meets twice by
+            // its mean.
+            (if *peak > 0.0 { *peak } else { above.iter().copied().fold(mean, f32::max) }, mean)
         };
         let n_samples = samples.end as f32;
         (0..n_cols).into_par_iter().map(of_column).map(|(peak, mean)| (peak / n_samples, mean / n_samples)).collect()
