@@ -45,7 +45,8 @@ fn the_scale_of_columns_is_that_of_a_converged_picture() {
     let film = Film { width: 96, height: 72 };
     let matrix = || TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), film, None, 3);
     // Every fourth pixel each way is enough.
-    let pixels: Vec<u32> = (0..film.n_pixels() as u32).filter(|p| p % 4 == 0 && p / film.width % 4 == 0).collect();
+    let is_asked = |pixel: &u32| [pixel % film.width, pixel / film.width].iter().all(|at| at.is_multiple_of(4));
+    let pixels: Vec<u32> = (0..film.n_pixels() as u32).filter(is_asked).collect();
     let (n_cols, n_samples) = (matrix().n_cols(), 256);
     let of_tile = |tile: &[u32]| {
         let mut rows = vec![0.0; tile.len() * CHANNELS * n_cols];
