@@ -33,6 +33,7 @@ use clerestory_transport::light::LightRig;
 
 use crate::marks::{Marked, Probed};
 use crate::output::write_whole;
+use crate::words::in_words;
 pub use display::{Display, FalseColor, Quantity};
 pub use on_disk::OnDisk;
 use scene::SceneChoice;
@@ -184,7 +185,7 @@ impl Look {
             match rig.sky.as_mut().map(|sky| sky::load(sky, folder)) {
                 Some(Ok(odd)) => warnings.extend(odd),
                 Some(Err(error)) => {
-                    warnings.push(format!("{error:#}; the sky of the look is left out"));
+                    warnings.push(format!("{}; the sky of the look is left out", in_words(&error)));
                     rig.sky = None;
                 }
                 None => {}

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::look::{Look, OnDisk};
 use crate::output::write_whole;
+use crate::words::in_words;
 
 /// How long a change may go unkept.
 const KEPT_WITHIN: Duration = Duration::from_secs(2);
@@ -216,7 +217,7 @@ fn carry_out(order: Order, tell: &Sender<String>) {
         },
     };
     if let Err(error) = result {
-        let _ = tell.send(format!("unsaved changes are not kept for a crash: {error:#}"));
+        let _ = tell.send(format!("unsaved changes are not kept for a crash: {}", in_words(&error)));
     }
 }
 

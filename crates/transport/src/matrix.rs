@@ -152,12 +152,9 @@ impl<'a> TransportMatrix<'a> {
     /// Few samples scatter far more than pixels do, and their percentile would tell of noise. So it is that of the geometric mean of
     /// two halves: a speck that only one of them has does not count.
     fn measure_brightness(self) -> Vec<(f32, f32)> {
-        let (n_cols, pilots) = (self.n_cols(), self.pilots());
+        let n_cols = self.n_cols();
         let samples = 0..((SAMPLED_COLUMNS / n_cols.max(1)) as u32).clamp(1, PILOT_SAMPLES);
-        let (film, is_grid) = (pilots.film, matches!(pilots.irradiance, Some(IrradianceRows::Grid(_))));
-        let most = (PILOT_ENTRIES / n_cols.max(1)).max(1);
-        let step = if is_grid { film.n_pixels().div_ceil(PILOT_PIXELS.min(most)) } else { 1 };
-        let tiles = reuse::tiles_of(film, (0..film.n_pixels() as u32).step_by(step.max(1)));
+        let (pilots, tiles) = self.pilots();
         let n_rows = CHANNELS * tiles.iter().map(Vec::len).sum::<usize>();
         let both = |tile: &Vec<u32>| {
             let half = |half: Half| {
@@ -180,27 +177,25 @@ impl<'a> TransportMatrix<'a> {
             let mean = measured.iter().map(|(_, sums)| sums[column]).sum::<f32>() / n_rows as f32;
             let rows = measured.iter().flat_map(|(rows, _)| rows.chunks_exact(n_cols));
             let mut values: Vec<f32> = rows.map(|row| row[column]).collect();
-            let at = ((n_rows as f32 * PEAK_QUANTILE) as usize).min(n_rows - 1);
-            let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
-            // A lamp that lights less than this share of the picture is measured by what it does light, one that no pixel meets twice by
-            // its mean.
-            (if *peak > 0.0 { *peak } else { above.iter().copied().fold(mean, f32::max) }, mean)
+            // A lamp that no pixel meets twice is measured by its mean.
+            (peak(&mut values, mean), mean)
         };
         let n_samples = samples.end as f32;
         (0..n_cols).into_par_iter().map(of_column).map(|(peak, mean)| (peak / n_samples, mean / n_samples)).collect()
     }
 
-    /// The same rows of a picture with few pixels, unless they are points of a grid.
-    fn pilots(self) -> Self {
-        let film = if matches!(self.irradiance, Some(IrradianceRows::Grid(_))) {
-            self.film
+    /// The same rows of a picture with few pixels, all of which are pilots, tile by tile; of a grid some of its points.
+    fn pilots(self) -> (Self, Vec<Vec<u32>>) {
+        let n_pilots = PILOT_PIXELS.min(PILOT_ENTRIES / self.n_cols().max(1)).max(1);
+        let (film, step) = if matches!(self.irradiance, Some(IrradianceRows::Grid(_))) {
+            (self.film, self.film.n_pixels().div_ceil(n_pilots).max(1))
         } else {
-            let n_pilots = PILOT_PIXELS.min(PILOT_ENTRIES / self.n_cols().max(1)).max(1);
             let shrink = (n_pilots as f64 / self.film.n_pixels().max(1) as f64).sqrt().min(1.0);
             let side = |length: u32| ((f64::from(length) * shrink).round() as u32).max(1);
-            Film { width: side(self.film.width), height: side(self.film.height) }
+            (Film { width: side(self.film.width), height: side(self.film.height) }, 1)
         };
-        TransportMatrix { film, seed: self.seed ^ PILOT_SEED, empty: None, ..self }
+        let tiles = reuse::tiles_of(film, (0..film.n_pixels() as u32).step_by(step));
+        (TransportMatrix { film, seed: self.seed ^ PILOT_SEED, empty: None, ..self }, tiles)
     }
 
     /// Random numbers of a pixel and half.
@@ -291,6 +286,14 @@ pub(crate) fn scale_of_peaks(peaks: &[f32], light: &[f32]) -> Vec<f32> {
         1.0 / if lit(peak) { peak } else { median_peak }
     };
     peaks.iter().zip(light).map(scale).collect()
+}
+
+/// The 99.5 percentile of some values. Where that is dark, what is lit counts, which is less than this share: the brightest value, and no
+/// less than `least`.
+pub(crate) fn peak(values: &mut [f32], least: f32) -> f32 {
+    let at = ((values.len() as f32 * PEAK_QUANTILE) as usize).min(values.len() - 1);
+    let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
+    if *peak > 0.0 { *peak } else { above.iter().copied().fold(least, f32::max) }
 }
 
 /// The middle one, of two the greater; `None` of none.

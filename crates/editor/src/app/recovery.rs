@@ -27,7 +27,7 @@ impl Recovery {
         match folder.map(Keeper::start) {
             None => (Recovery::default(), None),
             Some(Ok((keeper, left))) => (Recovery { keeper: Some(keeper), left, taken: None }, None),
-            Some(Err(error)) => (Recovery::default(), Some(format!("{error:#}; save looks by hand"))),
+            Some(Err(error)) => (Recovery::default(), Some(format!("{}; save looks by hand", in_words(&error)))),
         }
     }
 }

@@ -150,7 +150,12 @@ fn a_group_that_moves_alone_is_the_only_one_read_and_only_by_its_changed_columns
 }
 
 /// Groups are summed in another order while some move; nothing else may differ.
-fn assert_ends_where_a_fresh_relight_does(gpu: &Gpu, frame: &Frame, relighter: &mut GpuRelighter, x: &[Vec<[f32; 3]>]) {
+pub(super) fn assert_ends_where_a_fresh_relight_does(
+    gpu: &Gpu,
+    frame: &Frame,
+    relighter: &mut GpuRelighter,
+    x: &[Vec<[f32; 3]>],
+) {
     let fresh = relit(&mut GpuRelighter::new(gpu, frame).unwrap(), x);
     let found = relit(relighter, x);
     let largest = fresh.pixels.as_flattened().iter().fold(0f32, |m, v| m.max(v.abs()));

@@ -1,6 +1,6 @@
 //! Changes that nobody sees, left out on a device.
 
-use super::tests::{gpu, relit};
+use super::tests::{assert_ends_where_a_fresh_relight_does, gpu, relit};
 use super::*;
 use crate::cpu::unseen_tests::{difference, of_two_changes};
 use crate::synthetic::{Ranks, Recipe};
@@ -95,12 +95,7 @@ fn groups_that_move_together_share_half_a_step_and_leave_no_drift() {
         assert!(largest <= 0.5 + ROUNDING, "{largest} steps");
         assert!(n_behind > 10, "nothing was left out, {n_behind}, {largest}");
         assert_eq!(n_expanded, 2 * frame.partition().n_blocks(), "the group that stays is not read");
-        let fresh = exact(&gpu, &frame, &x);
-        let found = relit(&mut relighter, &x);
-        let most = fresh.pixels.as_flattened().iter().fold(0f32, |most, v| most.max(v.abs()));
-        for (a, b) in found.pixels.as_flattened().iter().zip(fresh.pixels.as_flattened()) {
-            assert!((a - b).abs() <= 4.0 * f32::EPSILON * most, "{a} after increments, {b} fresh");
-        }
+        assert_ends_where_a_fresh_relight_does(&gpu, &frame, &mut relighter, &x);
     }
 }
 

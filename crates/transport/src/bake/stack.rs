@@ -19,7 +19,7 @@ use crate::basis::{LightBasis, LightSource, SourceKind};
 use crate::camera::Film;
 use crate::fingerprint::digest;
 use crate::import::stack::{ImageStack, StackError};
-use crate::matrix::{PEAK_QUANTILE, scale_of_peaks};
+use crate::matrix::{peak, scale_of_peaks};
 use crate::origin::LightOrigin;
 use crate::skips::{Skips, Spared};
 use band::Band;
@@ -111,7 +111,7 @@ impl StackJob {
         let (picture, bytes) = self.stack.read(&self.stack.images[nth])?;
         Ok(Survey {
             digest: digest(&bytes),
-            peak: peak(&picture.pixels),
+            peak: peak_of(&picture.pixels),
             n_negative: picture.pixels.iter().flatten().filter(|value| **value < 0.0).count() as u64,
             was_encoded: picture.was_encoded,
             column: band::column(&picture, rows),
@@ -200,13 +200,10 @@ impl From<StackError> for Halt {
     }
 }
 
-/// The 99.5 percentile of a picture's values; where that is dark, the brightest of them.
-fn peak(pixels: &[[f32; 3]]) -> f32 {
+/// The peak of a picture's values.
+fn peak_of(pixels: &[[f32; 3]]) -> f32 {
     let every = pixels.len().div_ceil(PEAK_PIXELS);
-    let mut values: Vec<f32> = pixels.iter().step_by(every).flatten().copied().collect();
-    let at = ((values.len() as f32 * PEAK_QUANTILE) as usize).min(values.len() - 1);
-    let (_, peak, above) = values.select_nth_unstable_by(at, f32::total_cmp);
-    if *peak > 0.0 { *peak } else { above.iter().copied().fold(0.0, f32::max) }
+    peak(&mut pixels.iter().step_by(every).flatten().copied().collect::<Vec<f32>>(), 0.0)
 }
 
 impl SurveyedStack {

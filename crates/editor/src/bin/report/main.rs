@@ -120,7 +120,7 @@ fn answered(args: Vec<String>) -> Result<()> {
             _ => names.push(arg),
         }
     }
-    report(&Desk::new(quick, pages.as_deref())?, &names)
+    report(quick, pages.as_deref(), &names)
 }
 
 #[expect(clippy::print_stderr, reason = "this binary speaks to people")]
@@ -128,11 +128,12 @@ fn complain(words: &str) {
     eprintln!("{words}");
 }
 
-fn report(desk: &Desk, names: &[String]) -> Result<()> {
+fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     let known = || SECTIONS.iter().chain(OWN_PAGES.iter().map(|(_, section)| section)).map(|section| section.name);
     if let Some(name) = names.iter().find(|name| !known().any(|known| known == name.as_str())) {
         anyhow::bail!("no section `{name}`; there are: {}", known().collect::<Vec<_>>().join(", "));
     }
+    let desk = Desk::new(quick, pages)?;
     let asked = |section: &&Section| match names {
         [] => !desk.quick || IN_A_HURRY.contains(&section.name),
         names => names.iter().any(|name| name == section.name),
@@ -140,7 +141,7 @@ fn report(desk: &Desk, names: &[String]) -> Result<()> {
     let measured = |section: &Section| {
         let begun = Instant::now();
         desk.begin();
-        let text = (section.write)(desk).with_context(|| format!("cannot measure the section {}", section.name))?;
+        let text = (section.write)(&desk).with_context(|| format!("cannot measure the section {}", section.name))?;
         complain(&format!("{} took {:.0} s", section.name, begun.elapsed().as_secs_f64()));
         Ok::<_, anyhow::Error>(text)
     };
