@@ -19,6 +19,7 @@
 //! **Decision.** Weights of neighbors never depend on samples: means over bright and dark ones alike keep the light that is there.
 //! **Refused:** weights that fall where a sample stands out; they make rare bright light darker than it is.
 
+mod around;
 #[cfg(test)]
 mod tests;
 
@@ -26,6 +27,8 @@ use std::{array, sync::Arc};
 
 use half::f16;
 use rayon::prelude::*;
+
+use around::{Alike, Means, Planes};
 
 use crate::{
     dense::Dense,
@@ -37,16 +40,15 @@ use crate::{
 
 /// Which bundles are expected to be alike.
 pub trait Likeness: Sync {
-    /// How alike the rows of two bundles are expected to be, from 0 to 1; nothing that samples decide.
-    fn likeness(&self, bundle: u32, other: u32) -> f32;
+    /// How alike the rows of a bundle and of each of some others, from the first on one after the other, are expected to be, from 0 to 1;
+    /// nothing that samples decide.
+    fn likeness(&self, bundle: u32, first: u32, out: &mut [f32]);
     /// What each row of a bundle is divided by before it is held against others, above 0: rows may be alike but for a factor.
     fn gains(&self, bundle: u32) -> &[f32];
 }
 
 /// Bundles around one, to each side, that small, middle and large means are made of.
 const REACHES: [u32; 3] = [2, 4, 8];
-/// Places across and down that the largest mean is made of.
-const SPAN: usize = 2 * REACHES[2] as usize + 1;
 /// What is mixed: the coefficients as they are, and the means.
 const N_MIXED: usize = 1 + REACHES.len();
 
@@ -85,14 +87,17 @@ impl<L: Likeness> Denoiser<'_, L> {
             let block = block?;
             let smoothed = match &alike {
                 Some(alike) if is_noisy(&block) => {
-                    let mut around = Surroundings::new(&block, &directions[group], alike, self.bundle_len);
+                    let guide = (alike, self.likeness);
+                    let mut around = Surroundings::new(&block, &directions[group], guide, self.bundle_len);
                     for other_idx in self.partition.around(block_idx) {
                         if let Some(other) = known(group, other_idx) {
-                            let place = (self.partition.rect(other_idx), other_idx == block_idx);
+                            let place = (self.partition, other_idx, other_idx == block_idx);
                             around.bring(place, &other, &directions[group]);
                         }
                     }
-                    around.smoothed(&block)
+                    let mut own = Vec::new();
+                    self.partition.bundles(block_idx, &mut own);
+                    around.smoothed(&block, &own)
                 }
                 _ => None,
             };
@@ -129,52 +134,6 @@ fn is_noisy(block: &BlockFactors) -> bool {
     block.rank > 0 && block.doubt.iter().any(|x| x.to_f32() != 0.0)
 }
 
-/// The bundles of a tile, and those around it that they are held against.
-struct Alike {
-    /// First column, first row, width and height of the tile.
-    tile: [u32; 4],
-    /// The same of all that is within reach.
-    window: [u32; 4],
-    /// Bundles of the tile × places across and down around each; 0 beyond the grid.
-    weights: Vec<f32>,
-    /// What rows are divided by, bundles of the window × bundle length.
-    gains: Vec<f32>,
-}
-
-impl Alike {
-    fn new(partition: &Partition, block_idx: usize, likeness: &impl Likeness) -> Self {
-        let tile = partition.rect(block_idx);
-        let [x0, y0, width, height] = tile;
-        let reach = REACHES[2];
-        let (left, top) = (x0.saturating_sub(reach), y0.saturating_sub(reach));
-        let (right, bottom) = ((x0 + width + reach).min(partition.width), (y0 + height + reach).min(partition.height));
-        let window = [left, top, right - left, bottom - top];
-        let mut weights = Vec::with_capacity((width * height) as usize * SPAN * SPAN);
-        for (y, x) in (y0..y0 + height).flat_map(|y| (x0..x0 + width).map(move |x| (y, x))) {
-            let bundle = y * partition.width + x;
-            for (down, across) in (0..SPAN as u32).flat_map(|down| (0..SPAN as u32).map(move |across| (down, across))) {
-                let (other_x, other_y) = ((x + across).wrapping_sub(reach), (y + down).wrapping_sub(reach));
-                let is_there = other_x < partition.width && other_y < partition.height;
-                let other = || other_y * partition.width + other_x;
-                let weight = if is_there { likeness.likeness(bundle, other()) } else { 0.0 };
-                weights.push(if weight > LEAST_LIKENESS { weight } else { 0.0 });
-            }
-        }
-        let bundles = (top..bottom).flat_map(|y| (left..right).map(move |x| y * partition.width + x));
-        let gains = bundles.flat_map(|bundle| likeness.gains(bundle).iter().copied()).collect();
-        Alike { tile, window, weights, gains }
-    }
-
-    /// Place in the window of a place in the tile, moved across and down from the first that is within reach of it; it may lie
-    /// beyond the grid.
-    fn in_window(&self, [x, y]: [usize; 2], [across, down]: [usize; 2]) -> usize {
-        let ([x0, y0, ..], [left, top, width, _]) = (self.tile, self.window);
-        let reach = REACHES[2] as usize;
-        let (column, row) = ((x0 - left) as usize + x + across, (y0 - top) as usize + y + down);
-        (row.wrapping_sub(reach)).wrapping_mul(width as usize).wrapping_add(column.wrapping_sub(reach))
-    }
-}
-
 /// A block's right factor with rows of length 1, and what they were divided by.
 struct Basis {
     rows: Dense<f32>,
@@ -207,36 +166,33 @@ impl Basis {
 }
 
 /// All that is within reach of a block, in the block's own basis and divided by gains.
-struct Surroundings<'a> {
+struct Surroundings<'a, L> {
     alike: &'a Alike,
     basis: Basis,
     bundle_len: usize,
-    /// Window bundles × rows of a bundle × (mean, noise) × (components, preserved product).
-    values: Vec<f32>,
-    /// Which window bundles are known.
-    known: Vec<bool>,
+    likeness: &'a L,
+    /// Of each bundle its rows × (mean, noise) × (components, preserved product).
+    planes: Planes,
 }
 
-impl<'a> Surroundings<'a> {
+impl<'a, L: Likeness> Surroundings<'a, L> {
     /// Nothing is known yet.
-    fn new(own: &BlockFactors, preserved: &[f32], alike: &'a Alike, bundle_len: usize) -> Self {
-        let n_window = (alike.window[2] * alike.window[3]) as usize;
-        let n_values = bundle_len * 2 * (own.rank as usize + 1);
-        let (values, known) = (vec![0.0; n_window * n_values], vec![false; n_window]);
-        Surroundings { alike, basis: Basis::of(own, preserved), bundle_len, values, known }
+    fn new(own: &BlockFactors, preserved: &[f32], (alike, likeness): (&'a Alike, &'a L), bundle_len: usize) -> Self {
+        let planes = Planes::new(&alike.window, bundle_len * 2 * (own.rank as usize + 1));
+        Surroundings { alike, basis: Basis::of(own, preserved), bundle_len, likeness, planes }
     }
 
     fn rank(&self) -> usize {
         self.basis.rows.n_rows
     }
 
-    /// Values of a bundle of the window.
-    fn n_values(&self) -> usize {
-        self.bundle_len * 2 * (self.rank() + 1)
-    }
-
     /// Brings what is within reach of a block around, or of the block itself, into the basis.
-    fn bring(&mut self, (rect, is_own): ([u32; 4], bool), other: &BlockFactors, preserved: &[f32]) {
+    fn bring(
+        &mut self,
+        (partition, block_idx, is_own): (&Partition, usize, bool),
+        other: &BlockFactors,
+        preserved: &[f32],
+    ) {
         // What is zero is known, what has factors without noise is not.
         if other.rank > 0 && other.doubt.len() != other.left.len() {
             return;
@@ -248,72 +204,48 @@ impl<'a> Surroundings<'a> {
             let turned = if is_own { coefficients.clone() } else { product(coefficients.view(), turn.view()) };
             (coefficients, turned)
         });
-        let ([x0, y0, width, height], [left, top, across, down]) = (rect, self.alike.window);
-        let (rank, n_values) = (self.rank(), self.n_values());
-        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
-            let (column, row) = ((x0 + x).wrapping_sub(left), (y0 + y).wrapping_sub(top));
-            if column >= across || row >= down {
-                continue;
-            }
-            let (place, bundle) = ((row * across + column) as usize, (y * width + x) as usize);
-            self.known[place] = true;
-            let gains = &self.alike.gains[place * self.bundle_len..][..self.bundle_len];
-            let rows = self.values[place * n_values..][..n_values].chunks_exact_mut(2 * (rank + 1));
-            for ((nth, out), gain) in rows.enumerate().zip(gains) {
-                for ((coefficients, turned), out) in parts.iter().zip(out.chunks_exact_mut(rank + 1)) {
-                    let row = bundle * self.bundle_len + nth;
+        let [x0, y0, width, height] = partition.rect(block_idx);
+        let mut values = Vec::new();
+        for (nth, (y, x)) in (y0..y0 + height).flat_map(|y| (x0..x0 + width).map(move |x| (y, x))).enumerate() {
+            let Some(place) = self.alike.window.place(x, y) else { continue };
+            values.clear();
+            for (row, gain) in (nth * self.bundle_len..).zip(self.likeness.gains(y * partition.width + x)) {
+                for (coefficients, turned) in &parts {
                     let preserved: f32 = coefficients.row(row).iter().zip(&theirs.along).map(|(c, x)| c * x).sum();
-                    out[..rank].copy_from_slice(turned.row(row));
-                    out[rank] = preserved;
-                    out.iter_mut().for_each(|value| *value /= gain);
+                    values.extend(turned.row(row).iter().chain(&[preserved]).map(|value| value / gain));
                 }
             }
+            self.planes.set(place, &values);
         }
     }
 
-    /// The block's bundles as they are and as the three means have them: bundles of the tile × values, gains multiplied again.
-    fn means(&self) -> [Vec<f32>; N_MIXED] {
-        let [_, _, width, height] = self.alike.tile.map(|side| side as usize);
-        let (n_values, reach) = (self.n_values(), REACHES[2] as usize);
-        let mut means: [Vec<f32>; N_MIXED] = array::from_fn(|_| Vec::with_capacity(width * height * n_values));
-        let mut sums = vec![0.0; n_values];
-        for (nth, (y, x)) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))).enumerate() {
-            let weights = &self.alike.weights[nth * SPAN * SPAN..][..SPAN * SPAN];
-            let own = self.alike.in_window([x, y], [reach; 2]);
-            let gains = &self.alike.gains[own * self.bundle_len..][..self.bundle_len];
-            let (mut total, mut within) = (0.0, 0..0);
-            sums.fill(0.0);
-            for (mean, of_reach) in means.iter_mut().zip([0].iter().chain(&REACHES)) {
-                let inner = within;
-                within = reach - *of_reach as usize..reach + *of_reach as usize + 1;
-                for (down, across) in within.clone().flat_map(|down| within.clone().map(move |across| (down, across))) {
-                    let weight = weights[down * SPAN + across];
-                    if weight == 0.0 || (inner.contains(&down) && inner.contains(&across)) {
-                        continue;
-                    }
-                    let place = self.alike.in_window([x, y], [across, down]);
-                    if self.known[place] {
-                        total += weight;
-                        let values = &self.values[place * n_values..][..n_values];
-                        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
-                    }
-                }
-                let per_row = n_values / self.bundle_len;
-                mean.extend(sums.iter().enumerate().map(|(i, sum)| sum / total * gains[i / per_row]));
+    /// The block's bundles as they are and as the three means have them, gains multiplied again.
+    fn means(&self, own: &[u32]) -> Means {
+        let (mut means, per_row) = (self.planes.means(self.alike), 2 * (self.rank() + 1));
+        let gains: Vec<&[f32]> = own.iter().map(|bundle| self.likeness.gains(*bundle)).collect();
+        for (mean, row) in (0..N_MIXED).flat_map(|mean| (0..self.bundle_len).map(move |row| (mean, row))) {
+            for value in row * per_row..(row + 1) * per_row {
+                means.plane_mut(mean, value).iter_mut().zip(&gains).for_each(|(x, gains)| *x *= gains[row]);
             }
         }
         means
     }
 
     /// The block with the mixtures that leave the least error; `None` where numbers are beyond single precision.
-    fn smoothed(&self, block: &BlockFactors) -> Option<BlockFactors> {
-        let means = self.means();
+    fn smoothed(&self, block: &BlockFactors, own: &[u32]) -> Option<BlockFactors> {
+        let means = self.means(own);
         let (rank, n_rows) = (self.rank(), block.n_rows as usize);
-        let mixtures: Vec<Mixture> = (0..=rank).map(|component| Mixture::of(&means, component, rank)).collect();
+        let value = |row: usize, component: usize| row * 2 * (rank + 1) + component;
+        let mixtures: Vec<Mixture> = (0..=rank)
+            .map(|component| {
+                let of_row = |row: usize| [value(row, component), value(row, component) + rank + 1];
+                Mixture::of(&means, (0..self.bundle_len).map(of_row))
+            })
+            .collect();
         let mixed = |row: usize, component: usize| {
-            let at = row * 2 * (rank + 1) + component;
-            let parts = means.iter().zip(&mixtures[component].weights);
-            parts.map(|(mean, weight)| mean[at] * *weight as f32).sum::<f32>()
+            let (bundle, value) = (row / self.bundle_len, value(row % self.bundle_len, component));
+            let parts = mixtures[component].weights.iter().enumerate();
+            parts.map(|(mean, weight)| means.plane(mean, value)[bundle] * *weight as f32).sum::<f32>()
         };
         let along = &self.basis.along;
         let square: f32 = along.iter().map(|x| x * x).sum();
@@ -354,18 +286,21 @@ struct Mixture {
 }
 
 impl Mixture {
-    /// The best one for a component.
-    fn of(means: &[Vec<f32>; N_MIXED], component: usize, rank: usize) -> Self {
-        let (mut gram, mut noise_gram) = ([[0.0; N_MIXED]; N_MIXED], [[0.0; N_MIXED]; N_MIXED]);
-        let (per_row, noise_at, mut fourth) = (2 * (rank + 1), rank + 1 + component, 0.0);
-        for first in (0..means[0].len()).step_by(per_row) {
-            let value = |at: usize| -> [f64; N_MIXED] { array::from_fn(|i| f64::from(means[i][first + at])) };
-            let (values, noises) = (value(component), value(noise_at));
-            fourth += noises[0].powi(4);
-            for i in 0..N_MIXED {
-                for j in 0..N_MIXED {
-                    gram[i][j] += values[i] * values[j];
-                    noise_gram[i][j] += noises[i] * noises[j];
+    /// The best one for a component, of which each row of a bundle has a value and its noise.
+    fn of(means: &Means, rows: impl Iterator<Item = [usize; 2]>) -> Self {
+        let (mut gram, mut noise_gram, mut fourth) = ([[0.0; N_MIXED]; N_MIXED], [[0.0; N_MIXED]; N_MIXED], 0.0);
+        for [value, noise] in rows {
+            let plane = |value: usize| -> [&[f32]; N_MIXED] { array::from_fn(|mean| means.plane(mean, value)) };
+            let (values, noises) = (plane(value), plane(noise));
+            for bundle in 0..values[0].len() {
+                let of = |planes: [&[f32]; N_MIXED]| planes.map(|plane| f64::from(plane[bundle]));
+                let (values, noises) = (of(values), of(noises));
+                fourth += noises[0].powi(4);
+                for i in 0..N_MIXED {
+                    for j in 0..N_MIXED {
+                        gram[i][j] += values[i] * values[j];
+                        noise_gram[i][j] += noises[i] * noises[j];
+                    }
                 }
             }
         }

@@ -28,14 +28,17 @@ const SHINING: f32 = 0.1;
 /// distance between both.
 const STEP_PIXELS: f32 = 0.5;
 const SLOPE: f32 = 0.1;
-/// Differences, in those at which likeness falls to 1/e, squared and added, from which on there is none left.
-const FAR: f32 = 8.0;
+/// Differences, in those at which likeness falls to about 1/e, squared and added, from which on there is none left.
+const FAR: f32 = 16.0;
 /// What is added to the color of a surface: coats and metals reflect light that has not its color.
 const COLORLESS: f32 = 0.05;
 
 /// What the pixels of a picture show.
 pub(crate) struct Guides {
-    pixels: Vec<Pixel>,
+    /// What is compared of all pixels, number by number.
+    compared: [Vec<f32>; 8],
+    /// How far a neighbor's place is at least, m.
+    extents: Vec<f32>,
     gains: Vec<[f32; CHANNELS]>,
 }
 
@@ -46,8 +49,6 @@ struct Pixel {
     place: Vec3,
     /// Normal of the first surface, as it is shaded; shorter where looks differ.
     normal: Vec3,
-    /// How far a neighbor's place is at least, m.
-    extent: f32,
     /// Share of looks that see a light first.
     shining: f32,
     /// Share of looks that meet a surface.
@@ -75,44 +76,67 @@ impl Guides {
         let row =
             |y: u32| goes_on().then(|| (0..film.width).map(|x| looks(scene, camera, film, [x, y])).collect::<Vec<_>>());
         let rows: Option<Vec<_>> = (0..film.height).into_par_iter().map(row).collect();
-        let (mut pixels, gains): (Vec<Pixel>, Vec<_>) = rows?.into_iter().flatten().unzip();
-        let (width, places) = (film.width as usize, pixels.iter().map(|pixel| pixel.place).collect::<Vec<_>>());
-        for (at, pixel) in pixels.iter_mut().enumerate() {
+        let (pixels, gains): (Vec<Pixel>, Vec<_>) = rows?.into_iter().flatten().unzip();
+        let width = film.width as usize;
+        let extent = |(at, pixel): (usize, &Pixel)| {
             let (x, y) = (at % width, at / width);
             let beside = [(x > 0).then(|| at - 1), (x + 1 < width).then(|| at + 1)];
             let above = [(y > 0).then(|| at - width), (y + 1 < film.height as usize).then(|| at + width)];
-            let distances = beside.into_iter().chain(above).flatten().map(|other| places[other].distance(pixel.place));
-            pixel.extent = distances.fold(f32::INFINITY, f32::min).min(1e9);
-        }
-        Some(Guides { pixels, gains })
+            let near = beside.into_iter().chain(above).flatten();
+            let distances = near.map(|other| pixels[other].place.distance(pixel.place));
+            distances.fold(f32::INFINITY, f32::min).min(1e9)
+        };
+        let extents = pixels.iter().enumerate().map(extent).collect();
+        let compared = std::array::from_fn(|nth| pixels.iter().map(|pixel| pixel.compared()[nth]).collect());
+        Some(Guides { compared, extents, gains })
     }
 }
 
 impl Guides {
     /// Memory that it takes, bytes.
     pub fn n_bytes(&self) -> usize {
-        size_of_val(self.pixels.as_slice()) + size_of_val(self.gains.as_slice())
+        let numbers = self.compared.iter().chain([&self.extents]).map(|plane| size_of_val(plane.as_slice()));
+        numbers.sum::<usize>() + size_of_val(self.gains.as_slice())
     }
 }
 
 impl Likeness for Guides {
-    fn likeness(&self, bundle: u32, other: u32) -> f32 {
-        let (one, other) = (&self.pixels[bundle as usize], &self.pixels[other as usize]);
-        let turn = one.normal.distance_squared(other.normal) / (TURN * TURN);
-        let apart = (one.shining - other.shining).powi(2) + (one.solid - other.solid).powi(2);
-        let unlike = turn + apart / (SHINING * SHINING);
-        if unlike > FAR {
-            return 0.0;
+    fn likeness(&self, bundle: u32, first: u32, out: &mut [f32]) {
+        let [x, y, z, nx, ny, nz, shining, solid] = self.compared.each_ref().map(|plane| plane[bundle as usize]);
+        let others = first as usize..first as usize + out.len();
+        let [xs, ys, zs, nxs, nys, nzs, shinings, solids] =
+            self.compared.each_ref().map(|plane| &plane[others.clone()]);
+        let least_reach = STEP_PIXELS * self.extents[bundle as usize] + f32::MIN_POSITIVE;
+        // Without branches, so that several pixels are compared at a time.
+        for (at, out) in out.iter_mut().enumerate() {
+            let square = |other: f32, own: f32| (other - own) * (other - own);
+            let turn = square(nxs[at], nx) + square(nys[at], ny) + square(nzs[at], nz);
+            let apart = square(shinings[at], shining) + square(solids[at], solid);
+            let away = [xs[at] - x, ys[at] - y, zs[at] - z];
+            let distance = (away[0] * away[0] + away[1] * away[1] + away[2] * away[2]).sqrt();
+            let off_plane = (away[0] * nx + away[1] * ny + away[2] * nz) / (least_reach + SLOPE * distance);
+            *out = fallen(turn / (TURN * TURN) + apart / (SHINING * SHINING) + off_plane * off_plane);
         }
-        let away = other.place - one.place;
-        let reach = STEP_PIXELS * one.extent + SLOPE * away.length() + f32::MIN_POSITIVE;
-        let off_plane = away.dot(one.normal) / reach;
-        (-(off_plane * off_plane + unlike)).exp()
     }
 
     fn gains(&self, bundle: u32) -> &[f32] {
         &self.gains[bundle as usize]
     }
+}
+
+impl Pixel {
+    /// Place, normal, and what shines and is there.
+    fn compared(&self) -> [f32; 8] {
+        let Pixel { place, normal, shining, solid, .. } = self;
+        [place.x, place.y, place.z, normal.x, normal.y, normal.z, *shining, *solid]
+    }
+}
+
+/// Likeness at a difference, squared: `exp(−unlike)` but for a few hundredths, and none from [`FAR`] on. A power takes no call.
+fn fallen(unlike: f32) -> f32 {
+    let near = (1.0 - unlike / FAR).max(0.0);
+    let fourth = (near * near) * (near * near);
+    (fourth * fourth) * (fourth * fourth)
 }
 
 fn looks(scene: &PreparedScene, camera: &Camera, film: Film, [x, y]: [u32; 2]) -> (Pixel, [f32; CHANNELS]) {
@@ -185,10 +209,13 @@ mod tests {
         let guides = guides();
         let (mut alike, mut others) = (0, 0);
         for (one, other) in (0..FILM.n_pixels() as u32 - 1).map(|pixel| (pixel, pixel + 1)) {
-            let likeness = guides.likeness(one, other);
+            let mut likeness = [0.0; 2];
+            guides.likeness(one, one, &mut likeness);
+            let [own, likeness] = likeness;
             assert!((0.0..=1.0).contains(&likeness), "{one}, {other}: {likeness}");
-            assert_eq!(guides.likeness(one, one), 1.0);
-            let [a, b] = [one, other].map(|pixel| guides.pixels[pixel as usize].normal);
+            assert_eq!(own, 1.0);
+            let [a, b] =
+                [one, other].map(|pixel| Vec3::from([3, 4, 5].map(|nth| guides.compared[nth][pixel as usize])));
             let (same, turned) = (a.distance(b) < 1e-3 && a.length() > 0.999, a.dot(b) < 0.3);
             assert!(!turned || likeness < 1e-3, "{one}, {other}: {a} {b} {likeness}");
             alike += usize::from(same && likeness > 0.9);

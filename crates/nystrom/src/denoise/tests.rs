@@ -101,8 +101,9 @@ impl SampledMatrix for Field {
 struct Sides;
 
 impl Likeness for Sides {
-    fn likeness(&self, bundle: u32, other: u32) -> f32 {
-        f32::from(u8::from((bundle % SIDE < 24) == (other % SIDE < 24)))
+    fn likeness(&self, bundle: u32, first: u32, out: &mut [f32]) {
+        let likeness = |other: u32| f32::from(u8::from((bundle % SIDE < 24) == (other % SIDE < 24)));
+        (first..).zip(out).for_each(|(other, out)| *out = likeness(other));
     }
 
     fn gains(&self, _: u32) -> &[f32] {
