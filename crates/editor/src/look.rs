@@ -310,7 +310,7 @@ mod tests {
         let json = r#"{"clerestory": 1, "lights": {"KEY": {"intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}},
             "panels": {"KEY": [{"position": [0.5, 0.5], "radius": 0.2, "color": [1, 1, 1], "intensity": 1.0}]},
             "sky": {"file": "day.hdr", "rotation_deg": 0, "intensity": 1, "sun": {"azimuth_deg": 135, "elevation_deg": 40,
-            "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "metering": "auto", "tone": "agx", "white_kelvin": 3000,
+            "turbidity": 3, "intensity": 1}}, "display": {"exposure_ev": 0.0, "metering": "auto", "compensation_ev": 0, "tone": "agx", "white_kelvin": 3000,
             "white_duv": 0, "dither": false, "false_color": {"quantity": "luminance", "spacing": "log", "range": [1, 1000]}},
             "lamps": [{"key": "Lamp 1", "type": "spot", "position": [0, 2.4, 0], "aim": [0, 0, 0], "inner_deg": 20, "outer_deg": 30,
             "strength": 800, "unit": "lm", "intensity": 1.0, "color": [1, 1, 1], "kelvin": 3000, "muted": false}],

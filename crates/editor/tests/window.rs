@@ -332,6 +332,15 @@ fn a_spot_is_placed_and_dragged_in_the_picture() {
 #[test]
 fn exposure_and_tone_are_part_of_the_look() {
     let mut window = baked();
+    let suits = window.state().shown_ev();
+    // An arrow on a number that has the focus changes it by a step.
+    window.get_by_label("Exposure compensation").focus();
+    window.run_steps(2);
+    (0..50).for_each(|_| window.key_press(Key::ArrowDown));
+    window.run_steps(3);
+    let added = window.state().look().display.compensation_ev;
+    assert!(added < -0.3, "{added}");
+    wait(&mut window, |app| (app.shown_ev() - suits - added).abs() < 0.01);
     let ev = window.state().shown_ev();
     click(&mut window, "Auto");
     let kept = window.state().look().display.exposure_ev.unwrap();

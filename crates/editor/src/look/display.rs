@@ -13,6 +13,8 @@ use crate::isolux::Isolux;
 
 /// Exposure in stops.
 const EXPOSURE_EV: RangeInclusive<f64> = -60.0..=60.0;
+/// Stops that may be added to a metered exposure.
+pub const COMPENSATION_EV: RangeInclusive<f64> = -10.0..=10.0;
 /// Percentage of pixels.
 const PERCENT: RangeInclusive<f64> = 0.0..=100.0;
 /// Percentile that is metered if none is named.
@@ -33,6 +35,8 @@ pub struct Display {
     pub exposure_ev: Option<f32>,
     /// How that exposure is found.
     pub metering: Metering,
+    /// Stops that are added to it: a night is to be darker than a day.
+    pub compensation_ev: f32,
     /// Tone curve.
     pub tone: Tone,
     /// Light that is shown as neutral; `None` leaves colors as they are.
@@ -116,7 +120,7 @@ impl Display {
 
     /// What suits `picture`, where this leaves it open: radiance, or irradiance where that is shown.
     pub fn metered(&self, picture: &Radiance) -> DisplayParams {
-        let exposure_ev = self.exposure_ev.unwrap_or_else(|| self.metering.exposure_ev(picture));
+        let exposure_ev = self.exposure_ev.unwrap_or_else(|| self.metering.exposure_ev(picture) + self.compensation_ev);
         let fitting = |f: FalseColor| ColorScale::fitting(picture, f.spacing);
         self.with(exposure_ev, self.false_color.map(|f| f.given().unwrap_or_else(|| fitting(f))))
     }
@@ -145,8 +149,18 @@ impl Reader<'_> {
     /// The member `display`.
     pub(super) fn display(&mut self, value: &Value) -> Result<Display> {
         let object = self.object(value)?;
-        let known = ["exposure_ev", "metering", "tone", "white_kelvin", "white_duv", "dither", "false_color"];
+        let known = [
+            "exposure_ev",
+            "metering",
+            "compensation_ev",
+            "tone",
+            "white_kelvin",
+            "white_duv",
+            "dither",
+            "false_color",
+        ];
         self.report_unknown(object, &known);
+        let compensation_ev = self.optional(object, "compensation_ev", |r, v| r.number(v, &COMPENSATION_EV))?;
         let kelvin = self.optional(object, "white_kelvin", |r, v| r.number(v, &WHITE_KELVIN))?;
         let duv = self.optional(object, "white_duv", |r, v| r.number(v, &WHITE_DUV))?;
         let white = WhitePoint { kelvin: kelvin.unwrap_or(DISPLAY_KELVIN), duv: duv.unwrap_or(0.0) };
@@ -154,6 +168,7 @@ impl Reader<'_> {
         Ok(Display {
             exposure_ev: self.optional(object, "exposure_ev", |r, v| r.number(v, &EXPOSURE_EV))?,
             metering: self.optional(object, "metering", |r, v| r.metering(v))?.unwrap_or_default(),
+            compensation_ev: compensation_ev.unwrap_or_default(),
             tone: self.optional(object, "tone", |r, v| r.one_of(v, &Tone::ALL))?.flatten().unwrap_or_default(),
             white: (kelvin.is_some() || duv.is_some()).then_some(white),
             dither: if dithered { Dither::Ordered } else { Dither::Off },
@@ -216,6 +231,7 @@ pub(super) fn members(display: &Display) -> Vec<String> {
     let members = [
         display.exposure_ev.map(|ev| member("exposure_ev", &ev)),
         metering,
+        (display.compensation_ev != 0.0).then(|| member("compensation_ev", &display.compensation_ev)),
         (display.tone != default.tone).then(|| member("tone", &display.tone)),
         display.white.map(|white| member("white_kelvin", &white.kelvin)),
         display.white.filter(|white| white.duv != 0.0).map(|white| member("white_duv", &white.duv)),
@@ -258,6 +274,7 @@ mod tests {
         let rich = Display {
             exposure_ev: Some(-1.5),
             metering: Metering::Percentile(95.0),
+            compensation_ev: -1.25,
             tone: Tone::Reinhard,
             white: Some(white),
             dither: Dither::Ordered,
@@ -276,6 +293,15 @@ mod tests {
             assert_eq!(back.display, display, "{json}");
             assert!(warnings.is_empty(), "{warnings:?}");
         }
+    }
+
+    #[test]
+    fn what_is_metered_is_compensated_and_what_is_fixed_is_not() {
+        let picture = Radiance { width: 1, height: 1, pixels: vec![[2.0; 3]], ..Radiance::default() };
+        let ev = |display: Display| display.metered(&picture).exposure_ev;
+        let darker = Display { compensation_ev: -1.5, ..Display::default() };
+        assert_eq!(ev(darker), ev(Display::default()) - 1.5);
+        assert_eq!(ev(Display { exposure_ev: Some(3.0), ..darker }), 3.0);
     }
 
     #[test]
@@ -312,6 +338,7 @@ mod tests {
         let cases = [
             (r#"{"tone": 3}"#, "`display.tone`"),
             (r#"{"metering": {"percentile": 101}}"#, "`display.metering.percentile`"),
+            (r#"{"compensation_ev": 11}"#, "`display.compensation_ev`"),
             (r#"{"white_kelvin": 100}"#, "`display.white_kelvin`"),
             (r#"{"white_duv": 1}"#, "`display.white_duv`"),
             (r#"{"dither": 1}"#, "`display.dither`"),

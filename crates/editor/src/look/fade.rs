@@ -241,7 +241,7 @@ fn shape(a: &LampShape, b: &LampShape, t: f32) -> LampShape {
     }
 }
 
-/// Exposure in stops where both are fixed, else automatic; white by its reciprocal color temperature. What has no middle
+/// Exposure in stops where both are fixed, else automatic, with what is added to it in stops; white by its reciprocal color temperature. What has no middle
 /// changes half way.
 fn display(a: &Display, b: &Display, t: f32) -> Display {
     let nearer = if t < 0.5 { a } else { b };
@@ -250,7 +250,8 @@ fn display(a: &Display, b: &Display, t: f32) -> Display {
     let between = WhitePoint { kelvin: 1.0 / lerp(1.0 / x.kelvin, 1.0 / y.kelvin, t), duv: lerp(x.duv, y.duv, t) };
     let exposure_ev = a.exposure_ev.zip(b.exposure_ev).map(|(x, y)| lerp(x, y, t));
     let white = if a.white == b.white { a.white } else { Some(between) };
-    Display { exposure_ev, white, ..*nearer }
+    let compensation_ev = lerp(a.compensation_ev, b.compensation_ev, t);
+    Display { exposure_ev, compensation_ev, white, ..*nearer }
 }
 
 #[cfg(test)]
@@ -370,5 +371,7 @@ mod tests {
         assert!((half.exposure_ev.unwrap() + 0.5).abs() < 1e-6 && (half.white.unwrap().kelvin - 4000.0).abs() < 0.1);
         let automatic = display(&of(1.0, 3000.0), &Display::default(), 0.5);
         assert_eq!(automatic.exposure_ev, None);
+        let night = Display { compensation_ev: -2.0, ..Display::default() };
+        assert_eq!(display(&Display::default(), &night, 0.25).compensation_ev, -0.5);
     }
 }

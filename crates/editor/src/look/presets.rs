@@ -10,6 +10,7 @@ use clerestory_transport::light::{LightRig, LightSetting, PanelSpot};
 use glam::Vec3;
 
 use super::Look;
+use super::display::Display;
 use super::snapshot::Snapshot;
 
 /// A look that any scene can have.
@@ -89,7 +90,18 @@ impl Preset {
             FreeLamp { setting: LightSetting { color, ..setting }, ..(*lamp).clone() }
         };
         rig.lamps = lamps.iter().map(dimmed).collect();
-        Snapshot { name: self.words().into(), lights: rig, display: look.display }
+        let display = Display { compensation_ev: self.compensation_ev(), ..look.display };
+        Snapshot { name: self.words().into(), lights: rig, display }
+    }
+
+    /// Stops by which it is to be brighter than what suits the picture: eyes get used to the dark, but not wholly.
+    fn compensation_ev(self) -> f32 {
+        match self {
+            Preset::Day => 0.0,
+            Preset::Dusk => -0.75,
+            Preset::Night => -1.5,
+            Preset::Exhibition => -0.5,
+        }
     }
 
     fn level(self, part: Part, place: Place, has_accents: bool) -> Level {
@@ -193,6 +205,8 @@ mod tests {
         assert!(sky[0] > sky[1] && sky[1] > sky[2] && sky[3] < sky[0], "{sky:?}");
         let lamp = Preset::ALL.map(|(preset, ..)| light(&basis, preset, "lamp"));
         assert!(lamp[0] == 0.0 && lamp[1] > lamp[2] && lamp[2] > 0.0, "{lamp:?}");
+        let ev = Preset::ALL.map(|(preset, ..)| preset.of(&basis, &Look::default()).display.compensation_ev);
+        assert!(ev[0] == 0.0 && ev[0] > ev[1] && ev[1] > ev[2], "night is seen as darker than dusk: {ev:?}");
         assert!(light(&basis, Preset::Exhibition, "spot") > 4.0 * light(&basis, Preset::Exhibition, "lamp"));
     }
 

@@ -7,7 +7,7 @@ use super::measure::{LuxBake, missing_ui};
 use crate::action::Action;
 use crate::isolux::Isolux;
 use crate::legend::Legend;
-use crate::look::display::{DISPLAY_KELVIN, PERCENT_DEFAULT, WHITE_DUV, WHITE_KELVIN};
+use crate::look::display::{COMPENSATION_EV, DISPLAY_KELVIN, PERCENT_DEFAULT, WHITE_DUV, WHITE_KELVIN};
 use crate::look::{Display, FalseColor, Quantity};
 use crate::theme::{self, Fold};
 
@@ -97,10 +97,15 @@ fn exposure_rows(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     ui.end_row();
     ui.label("");
     let mut is_auto = display.exposure_ev.is_none();
-    let auto = ui.checkbox(&mut is_auto, "Auto").on_hover_text("Keep the exposure that suits the picture");
-    if auto.changed() {
-        display.exposure_ev = if is_auto { None } else { Some((view.shown_ev * 100.0).round() / 100.0) };
-    }
+    ui.horizontal(|ui| {
+        let auto = ui.checkbox(&mut is_auto, "Auto").on_hover_text("Keep the exposure that suits the picture");
+        if auto.changed() {
+            display.exposure_ev = if is_auto { None } else { Some((view.shown_ev * 100.0).round() / 100.0) };
+        }
+        if is_auto {
+            compensation_ui(ui, &mut display.compensation_ev);
+        }
+    });
     ui.end_row();
     if display.exposure_ev.is_some() {
         return;
@@ -120,6 +125,15 @@ fn exposure_rows(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
         ui.add(drag).labelled_by(label.id).on_hover_text(METERINGS[2].2);
         ui.end_row();
     }
+}
+
+/// What is added to the exposure that suits the picture.
+fn compensation_ui(ui: &mut Ui, compensation_ev: &mut f32) {
+    let range = (*COMPENSATION_EV.start() as f32)..=(*COMPENSATION_EV.end() as f32);
+    let drag = DragValue::new(compensation_ev).range(range).speed(0.02).fixed_decimals(2).suffix(" EV");
+    let signed = drag.custom_formatter(|ev, _| if ev == 0.0 { "±0.00".into() } else { format!("{ev:+.2}") });
+    let hint = "Exposure compensation: stops (EV) that are added to the exposure that suits the picture, so that a night may be darker than a day";
+    ui.add(signed).on_hover_text(hint).accessible_name("Exposure compensation");
 }
 
 fn exposure_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
