@@ -26,9 +26,11 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Bakes\n\n\
          Asked for {TOLERANCE} dB, with as many samples per pixel at most as the table tells. Times in seconds, from the start of the command: to the preview (a whole\n\
          picture with all columns) and to the end. Errors in dB, measured on held-out entries: truncation / sampling / total. The\n\
-         last column holds the relit picture (all lights as in the file) against a path-traced one of {reference_spp} samples, whose own noise counts.\n\n\
+         last column holds the relit picture (all lights as in the file) against a path-traced one of {reference_spp} samples, whose own noise counts.\n\
+         Each row is one bake, of seed 0; traced pictures have seed 7. {}\n\n\
          | scene | size | samples | columns | preview | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | PSNR against trace |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}"
+         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}",
+        desk.load_words(),
     ))
 }
 

@@ -63,7 +63,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          compressed{}: so their noise does not count, but no error is told as less than its standard error. It is told in dB below the square of the reference column's 99.5 percentile;\n\
          nothing is clipped. Entries of a pixel that shows the column's own light, or beside one that does, are left out; the last\n\
          column has them too. Where a tolerance is told, a block takes samples until its own error is below it; CPU seconds for a\n\
-         number of dB lie between two rows of a kind. {}\n{scenes}",
+         number of dB lie between two rows of a kind. All bakes have seed 1, the references another. {}\n{scenes}",
         film.width,
         film.height,
         if step == 1 { String::new() } else { format!(", of every {step}th pixel across and down") },
