@@ -351,6 +351,15 @@ fn exposure_and_tone_are_part_of_the_look() {
 }
 
 #[test]
+fn the_bar_tells_the_error_of_the_whole_and_of_half_of_it() {
+    let window = baked();
+    let figures = window.state().session().figures.as_ref().unwrap();
+    let (total, median) = (figures.error_db.total, figures.block_error_db.total.median);
+    assert!(median > total, "a mean of squares is ruled by the worst: {median} {total}");
+    window.get_by_label(&format!("{total:.1} dB, median {median:.1} dB"));
+}
+
+#[test]
 fn false_color_of_lux_that_were_not_baked_offers_to_bake_them() {
     let mut window = baked();
     click(&mut window, "False color");

@@ -173,6 +173,7 @@ impl App {
                 millis: self.follower.millis(),
                 lamps: self.lamp_note(),
                 error_db: self.session.error_db.map(|error| error.total),
+                median_db: self.session.figures.as_ref().map(|figures| figures.block_error_db.total.median),
                 memory_bytes: self.memory.bytes(),
                 device_bytes: self.follower.device_bytes(),
             };

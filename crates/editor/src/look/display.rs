@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn what_is_metered_is_compensated_and_what_is_fixed_is_not() {
-        let picture = Radiance { width: 1, height: 1, pixels: vec![[2.0; 3]], ..Radiance::default() };
+        let picture = Radiance { width: 1, height: 1, pixels: vec![[2.0; 3]] };
         let ev = |display: Display| display.metered(&picture).exposure_ev;
         let darker = Display { compensation_ev: -1.5, ..Display::default() };
         assert_eq!(ev(darker), ev(Display::default()) - 1.5);

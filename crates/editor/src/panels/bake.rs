@@ -369,6 +369,11 @@ fn figures_ui(
             decibels(error.map(|e| e.total)),
             "Of entries of the matrix, below what the lights reach at their brightest",
         ),
+        (
+            "Median error",
+            decibels(Some(figures.block_error_db.total.median)),
+            "Half of the blocks of pixels are at this or better; a few pixels beside a light may hold most of the total",
+        ),
     ];
     let bias = error.and_then(|e| e.bias);
     let shared =

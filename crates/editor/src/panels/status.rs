@@ -28,6 +28,8 @@ pub struct Status<'a> {
     pub lamps: LampNote,
     /// Error of what is shown, dB below the peaks of the lights.
     pub error_db: Option<f32>,
+    /// Error that half of its blocks do not reach: a few bright pixels beside a light can hold most of the whole.
+    pub median_db: Option<f32>,
     /// Memory of the program, bytes.
     pub memory_bytes: Option<u64>,
     /// Memory of the graphics device that the picture takes, bytes, while that relights.
@@ -86,8 +88,9 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 device.response.on_hover_text(lines.collect::<Vec<_>>().join("\n"));
             }
             if let Some(db) = status.error_db {
-                let hint = "Error of the bake, below the peaks of the lights: more is better";
-                ui.label(RichText::new(format!("{db:.1} dB")).weak()).on_hover_text(hint);
+                let hint = "Error of the bake, below the peaks of the lights: more is better. A few pixels beside a light may hold most of it; half of the picture is at the median or better";
+                let median = status.median_db.map_or(String::new(), |median| format!(", median {median:.1} dB"));
+                ui.label(RichText::new(format!("{db:.1} dB{median}")).weak()).on_hover_text(hint);
             }
             lamps_ui(ui, &status.lamps);
             if status.opening {
