@@ -249,3 +249,81 @@ impl Means {
         &mut self.data[(mean * self.n_values + value) * self.n_bundles..][..self.n_bundles]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    const N_VALUES: usize = 3;
+    const GRID: [u32; 2] = [21, 19];
+
+    /// Any two bundles are alike by chance; each is like itself.
+    struct Chance;
+
+    impl Chance {
+        fn of(bundle: u32, other: u32) -> f32 {
+            let like = Random::new([u64::from(bundle), u64::from(other)]).normal();
+            if bundle == other { 1.0 } else { like.clamp(0.0, 1.0) }
+        }
+    }
+
+    impl Likeness for Chance {
+        fn likeness(&self, bundle: u32, first: u32, out: &mut [f32]) {
+            (first..).zip(out).for_each(|(other, out)| *out = Chance::of(bundle, other));
+        }
+
+        fn gains(&self, _: u32) -> &[f32] {
+            &[1.0]
+        }
+    }
+
+    fn values(bundle: u32) -> [f32; N_VALUES] {
+        let mut rng = Random::new([7, u64::from(bundle)]);
+        std::array::from_fn(|_| rng.normal())
+    }
+
+    /// The mean of a value around a bundle, by the definition.
+    fn mean(bundle: u32, value: usize, reach: u32, is_known: impl Fn(u32) -> bool) -> f32 {
+        let [x, y] = [bundle % GRID[0], bundle / GRID[0]];
+        let near = (0..GRID[0] * GRID[1])
+            .filter(|other| (other % GRID[0]).abs_diff(x) <= reach && (other / GRID[0]).abs_diff(y) <= reach);
+        let (mut sum, mut total) = (0.0, 0.0);
+        for other in near.filter(|other| is_known(*other)) {
+            let weight = Chance::of(bundle, other);
+            if weight > LEAST_LIKENESS {
+                sum += f64::from(weight) * f64::from(values(other)[value]);
+                total += f64::from(weight);
+            }
+        }
+        (sum / total) as f32
+    }
+
+    #[test]
+    fn means_are_those_of_the_definition_at_every_edge_of_the_grid() {
+        for tile in [5, 8, 16] {
+            let partition = Partition { width: GRID[0], height: GRID[1], tile };
+            for block_idx in 0..partition.n_blocks() {
+                let mut own = Vec::new();
+                partition.bundles(block_idx, &mut own);
+                let is_known = |bundle: u32| bundle % 5 != 0 || own.contains(&bundle);
+                let alike = Alike::new(&partition, block_idx, &Chance);
+                let mut planes = Planes::new(&alike.window, N_VALUES);
+                for bundle in (0..GRID[0] * GRID[1]).filter(|bundle| is_known(*bundle)) {
+                    if let Some(place) = alike.window.place(bundle % GRID[0], bundle / GRID[0]) {
+                        planes.set(place, &values(bundle));
+                    }
+                }
+                let means = planes.means(&alike);
+                for (nth, reach) in [0].into_iter().chain(REACHES).enumerate() {
+                    for value in 0..N_VALUES {
+                        for (got, bundle) in means.plane(nth, value).iter().zip(&own) {
+                            let want = mean(*bundle, value, reach, is_known);
+                            assert!((got - want).abs() < 1e-5, "{tile}, bundle {bundle}, {reach}: {got} {want}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
