@@ -89,7 +89,8 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             }
             if let Some(db) = status.error_db {
                 let hint = "Error of the bake, below the peaks of the lights: more is better. A few pixels beside a light may hold most of it; half of the picture is at the median or better";
-                let median = status.median_db.map_or(String::new(), |median| format!(", median {median:.1} dB"));
+                let median = status.median_db.filter(|_| is_wide);
+                let median = median.map_or(String::new(), |median| format!(", median {median:.1} dB"));
                 ui.label(RichText::new(format!("{db:.1} dB{median}")).weak()).on_hover_text(hint);
             }
             lamps_ui(ui, &status.lamps);
