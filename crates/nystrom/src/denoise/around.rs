@@ -306,7 +306,7 @@ mod tests {
             for block_idx in 0..partition.n_blocks() {
                 let mut own = Vec::new();
                 partition.bundles(block_idx, &mut own);
-                let is_known = |bundle: u32| bundle % 5 != 0 || own.contains(&bundle);
+                let is_known = |bundle: u32| !bundle.is_multiple_of(5) || own.contains(&bundle);
                 let alike = Alike::new(&partition, block_idx, &Chance);
                 let mut planes = Planes::new(&alike.window, N_VALUES);
                 for bundle in (0..GRID[0] * GRID[1]).filter(|bundle| is_known(*bundle)) {
