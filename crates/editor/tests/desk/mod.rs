@@ -78,7 +78,7 @@ pub fn baked() -> Window {
 /// Steps until something is so. Pictures and bakes come from threads, so this takes real time.
 #[track_caller]
 pub fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {
-    for _ in 0..4000 {
+    for _ in 0..40_000 {
         window.step();
         if until(window.state()) {
             window.run_steps(2);
