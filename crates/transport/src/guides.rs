@@ -127,7 +127,7 @@ impl Likeness for Guides {
 impl Pixel {
     /// Place, normal, and what shines and is there.
     fn compared(&self) -> [f32; 8] {
-        let Pixel { place, normal, shining, solid, .. } = self;
+        let Pixel { place, normal, shining, solid } = self;
         [place.x, place.y, place.z, normal.x, normal.y, normal.z, *shining, *solid]
     }
 }

@@ -272,13 +272,11 @@ fn look(path: &Path, console: &mut Console) -> Result<Answer> {
     let sky = look.lights.sky.as_ref().map_or("as baked".into(), |sky| {
         format!("{}, turned {}°, intensity {}", sky.name(), sky.rotation_deg, sky.intensity)
     });
-    let exposure = look.display.exposure_ev.map_or_else(
-        || match look.display.compensation_ev {
-            0.0 => "automatic".into(),
-            ev => format!("automatic {ev:+} EV"),
-        },
-        |ev| format!("{ev:+} EV"),
-    );
+    let exposure = match (look.display.exposure_ev, look.display.compensation_ev) {
+        (Some(ev), _) => format!("{ev:+} EV"),
+        (None, 0.0) => "automatic".into(),
+        (None, ev) => format!("automatic {ev:+} EV"),
+    };
     let white = look.display.white.map_or(String::new(), |w| format!(", white {} K {:+} Duv", w.kelvin, w.duv));
     let false_color = look.display.quantity().map_or(String::new(), |q| format!(", false color of {}", q.name()));
     let tone = serde_json::to_value(look.display.tone).context("a tone curve always has a JSON form")?;

@@ -241,8 +241,8 @@ fn shape(a: &LampShape, b: &LampShape, t: f32) -> LampShape {
     }
 }
 
-/// Exposure in stops where both are fixed, else automatic, with what is added to it in stops; white by its reciprocal color temperature. What has no middle
-/// changes half way.
+/// Exposure in stops where both are fixed, else automatic, with what is added to it in stops; white by its reciprocal color
+/// temperature. What has no middle changes half way.
 fn display(a: &Display, b: &Display, t: f32) -> Display {
     let nearer = if t < 0.5 { a } else { b };
     let white = |display: &Display| display.white.unwrap_or(WhitePoint { kelvin: DISPLAY_KELVIN, duv: 0.0 });

@@ -94,7 +94,7 @@ impl Preset {
         Snapshot { name: self.words().into(), lights: rig, display }
     }
 
-    /// Stops by which it is to be brighter than what suits the picture: eyes get used to the dark, but not wholly.
+    /// Stops that are added to the exposure that suits the picture: eyes get used to the dark, but not wholly.
     fn compensation_ev(self) -> f32 {
         match self {
             Preset::Day => 0.0,

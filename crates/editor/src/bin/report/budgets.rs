@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, ensure};
 use serde_json::Value;
 
-use super::desk::{Desk, number};
+use super::desk::{Desk, number, program};
 
 /// Scenes, sizes of their pictures, and further options.
 const CASES: [(&str, &str, &[&str]); 7] = [
@@ -66,8 +66,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 
 /// Runs the command line in a process of its own: what it answers, and the most memory that it took, bytes.
 fn run(args: &[String]) -> Result<(Value, u64)> {
-    let binary = std::env::current_exe()?.with_file_name(format!("clerestory{}", std::env::consts::EXE_SUFFIX));
-    let mut command = Command::new(&binary);
+    let mut command = Command::new(program()?);
     let begun = Instant::now();
     let mut child = command.args(args).stdout(Stdio::piped()).stderr(Stdio::null()).stdin(Stdio::null()).spawn()?;
     let mut peak_bytes = 0;

@@ -18,7 +18,7 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::skips::Skips;
 use clerestory_transport::stop::Stop;
 
-use super::desk::Desk;
+use super::desk::{Desk, program};
 
 const FILM: Film = Film { width: 96, height: 72 };
 /// Patches for movable lamps.
@@ -231,7 +231,7 @@ fn answer(job: &BakeJob, stage: Stage, after_secs: f64) -> Result<Option<f64>> {
 
 /// Interrupts the command line at moments spread over a bake: how often it was still at work, and the slowest answer in seconds.
 fn signals(desk: &Desk, scene: &Path, n: usize) -> Result<(usize, f64)> {
-    let binary = std::env::current_exe()?.with_file_name(format!("clerestory{}", std::env::consts::EXE_SUFFIX));
+    let binary = program()?;
     let output = PathBuf::from(desk.file("interrupted.transport"));
     let start = || {
         let mut command = Command::new(&binary);

@@ -5,7 +5,7 @@ use std::process::{Command, ExitCode};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
@@ -146,6 +146,16 @@ impl Drop for Desk {
         // Best effort: it lies among the temporary files of the system anyway.
         let _ = std::fs::remove_dir_all(&self.scratch);
     }
+}
+
+/// The program that users call, which is built beside this one.
+///
+/// # Errors
+/// If it is not there.
+pub fn program() -> Result<PathBuf> {
+    let program = std::env::current_exe()?.with_file_name(format!("clerestory{}", std::env::consts::EXE_SUFFIX));
+    ensure!(program.exists(), "{} is missing: build it with `cargo build --release`", program.display());
+    Ok(program)
 }
 
 /// Runs the command line in this process and reads the JSON that it prints.

@@ -1,12 +1,12 @@
 //! From a file to a picture: the command line as a script calls it, a process for each picture.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use super::desk::{Desk, clerestory, number};
+use super::desk::{Desk, clerestory, number, program};
 
 /// Times that each picture is written.
 const TRIES: usize = 9;
@@ -54,14 +54,6 @@ pub fn write(desk: &Desk) -> Result<String> {
          | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}",
         size.replace('x', " × "),
     ))
-}
-
-/// The program that users call, which is built beside this one.
-fn program() -> Result<PathBuf> {
-    let own = std::env::current_exe().context("cannot tell where this program lies")?;
-    let program = own.with_file_name(format!("clerestory{}", std::env::consts::EXE_SUFFIX));
-    ensure!(program.exists(), "there is no {}: build it by `cargo build --release`", program.display());
-    Ok(program)
 }
 
 fn relight(program: &Path, [transport, picture]: [&str; 2]) -> Result<()> {

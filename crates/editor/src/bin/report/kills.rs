@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, bail, ensure};
 use clerestory_transport::archive::{PartState, part_of, part_state};
 
-use super::desk::Desk;
+use super::desk::{Desk, program};
 
 /// Scene of the repository, and how it is baked: some seconds on two threads, 48 blocks.
 const SCENE: &str = "crates/editor/tests/room.gltf";
@@ -104,9 +104,7 @@ struct Bench<'a> {
 
 impl Bench<'_> {
     fn new(desk: &Desk) -> Result<Bench<'_>> {
-        let binary = std::env::current_exe()?.with_file_name(format!("clerestory{}", std::env::consts::EXE_SUFFIX));
-        ensure!(binary.exists(), "{} is missing: build it with `cargo build --release`", binary.display());
-        Ok(Bench { desk, binary })
+        Ok(Bench { desk, binary: program()? })
     }
 
     fn output(&self, name: &str) -> PathBuf {
