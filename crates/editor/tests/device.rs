@@ -26,7 +26,7 @@ type Window = Harness<'static, App>;
 /// Steps until something is so. Pictures and bakes come from threads, so this takes real time.
 #[track_caller]
 fn wait(window: &mut Window, until: impl Fn(&Window) -> bool) {
-    for _ in 0..4000 {
+    for _ in 0..40_000 {
         window.step();
         if until(window) {
             window.run_steps(2);
@@ -41,8 +41,17 @@ fn wait(window: &mut Window, until: impl Fn(&Window) -> bool) {
 fn relit_on(state: &RenderState) -> Window {
     let mut window = baked_on(state);
     choose_device(&mut window);
-    wait(&mut window, |window| window.query_by_label_contains("Relight: llvmpipe").is_some());
+    wait(&mut window, is_on_device);
     window
+}
+
+fn is_on_device(window: &Window) -> bool {
+    // Whatever its name is.
+    window.query_by_label_contains("Relight: ").is_some() && !is_on_cpu(window)
+}
+
+fn is_on_cpu(window: &Window) -> bool {
+    window.query_by_label_contains("Relight: CPU").is_some()
 }
 
 /// The same, relit on the CPU.
@@ -105,13 +114,12 @@ fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
 
     let at = take_fader(&mut window);
     let (n_before, ev_before) = (window.state().n_pictures(), window.state().shown_ev());
-    assert!(window.query_by_label_contains("Relight: llvmpipe").is_some(), "it still works");
+    assert!(is_on_device(&window), "it still works");
 
     state.device.destroy();
     window.hover_at(at(0.9));
     // A picture of the device's may still be under way and come first.
-    let on_cpu = |window: &Window| window.query_by_label_contains("Relight: CPU").is_some();
-    wait(&mut window, |window| on_cpu(window) && window.state().n_pictures() > n_before);
+    wait(&mut window, |window| is_on_cpu(window) && window.state().n_pictures() > n_before);
     assert!(window.query_by_label_contains("The CPU goes on: the graphics device failed").is_some(), "and why");
     window.drop_at(at(0.9));
     window.run_steps(3);
@@ -123,10 +131,45 @@ fn a_device_lost_in_mid_drag_leaves_the_picture_to_the_cpu_and_is_told() {
 }
 
 #[test]
+fn another_window_goes_on_with_a_device_of_its_own_and_all_that_was_open() {
+    let state = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
+    let mut window = relit_on(&state);
+    let at = take_fader(&mut window);
+    window.drop_at(at(0.9));
+    wait(&mut window, |window| window.state().is_settled());
+    let intensity = |window: &Window| window.state().look().lights.lights.get("lamp").map_or(1.0, |set| set.intensity);
+    let (chosen, n_before) = (intensity(&window), window.state().n_pictures());
+    state.device.destroy();
+    let app = window.into_state();
+
+    let state = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
+    let mut window: Window = Harness::builder()
+        .with_size(vec2(1440.0, 900.0))
+        .renderer(WgpuTestRenderer::from_render_state(state))
+        .build_eframe(|cc| app.moved_to(cc));
+    wait(&mut window, |window| window.state().n_pictures() > n_before && window.state().is_settled());
+    assert!(is_on_device(&window), "the device that was asked for relights again");
+    assert!(!window.state().graphics().unwrap().is_lost());
+    assert!(window.query_by_label_contains("this window goes on with another one").is_some());
+    assert_eq!(window.state().session().bake, BakeState::Done, "nothing is baked again");
+    assert_eq!(intensity(&window), chosen);
+
+    // What was drawn for the old window is drawn for this one, and the way back is still there.
+    let picture = window.render().unwrap();
+    let middle = picture.get_pixel(picture.width() / 2, picture.height() / 2).0;
+    assert!(middle[..3].iter().any(|v| *v > 20), "{middle:?}");
+    let n_before = window.state().n_pictures();
+    window.get_by_label("Undo").click();
+    window.run_steps(3);
+    assert!(intensity(&window) != chosen);
+    wait(&mut window, |window| window.state().n_pictures() > n_before && window.state().is_settled());
+    assert!(is_on_device(&window));
+}
+
+#[test]
 fn a_device_without_memory_leaves_the_picture_to_the_cpu_and_takes_it_up_again() {
     let state = create_render_state(default_wgpu_setup(), RendererOptions::PREDICTABLE);
     let mut window = relit_on(&state);
-    let on_cpu = |window: &Window| window.query_by_label_contains("Relight: CPU").is_some();
     let told = "The CPU goes on: the graphics device is out of memory";
     assert!(window.query_by_label_contains("on the device").is_some(), "what it takes of the device");
 
@@ -135,10 +178,10 @@ fn a_device_without_memory_leaves_the_picture_to_the_cpu_and_takes_it_up_again()
     window.state().graphics().unwrap().set_memory(DeviceMemory::Exhausted);
     window.hover_at(at(0.8));
     window.run_steps(3);
-    assert!(!on_cpu(&window), "light that moves needs none");
+    assert!(!is_on_cpu(&window), "light that moves needs none");
     window.drop_at(at(0.8));
     add_lamp(&mut window);
-    wait(&mut window, |window| on_cpu(window) && window.query_by_label_contains(told).is_some());
+    wait(&mut window, |window| is_on_cpu(window) && window.query_by_label_contains(told).is_some());
     assert!(window.query_by_label_contains("on the device").is_none());
     let n_before = window.state().n_pictures();
     wait(&mut window, |window| window.state().n_pictures() > n_before && window.state().is_settled());
@@ -148,16 +191,16 @@ fn a_device_without_memory_leaves_the_picture_to_the_cpu_and_takes_it_up_again()
     let before = intensity(&window);
     window.run_steps(20);
     let at = take_fader(&mut window);
-    wait(&mut window, |window| on_cpu(window) && window.query_by_label_contains(told).is_some());
+    wait(&mut window, |window| is_on_cpu(window) && window.query_by_label_contains(told).is_some());
     window.state().graphics().unwrap().set_memory(DeviceMemory::Available);
     for turn in 0..400 {
         window.hover_at(at(0.5 + 0.3 * (turn % 2) as f32));
         window.run_steps(2);
-        if !on_cpu(&window) {
+        if !is_on_cpu(&window) {
             break;
         }
     }
-    assert!(!on_cpu(&window) && window.query_by_label_contains("The graphics device relights again").is_some());
+    assert!(!is_on_cpu(&window) && window.query_by_label_contains("The graphics device relights again").is_some());
     window.drop_at(at(0.3));
     window.run_steps(3);
     assert!(intensity(&window) < before, "the drag went on");
@@ -177,14 +220,14 @@ fn a_device_that_refuses_a_frame_leaves_it_to_the_cpu_and_takes_a_smaller_one() 
     choose_device(&mut window);
     let told = "The CPU goes on: the frame's radiance takes 49152, the graphics device allows 40000";
     wait(&mut window, |window| window.query_by_label_contains(told).is_some());
-    assert!(window.query_by_label_contains("Relight: CPU").is_some());
+    assert!(is_on_cpu(&window));
     wait(&mut window, |window| window.state().is_settled());
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("small.transport");
     archive::write(&small_bake(), &path).unwrap();
     window.input_mut().dropped_files.push(Arc::new(Dropped(path)));
-    wait(&mut window, |window| window.query_by_label_contains("Relight: llvmpipe").is_some());
+    wait(&mut window, is_on_device);
     let small = |window: &Window| window.state().session().shown.as_ref().is_some_and(|s| s.header.width == 32);
     assert!(small(&window), "the smaller frame is on the device");
 }

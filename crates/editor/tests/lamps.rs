@@ -103,7 +103,7 @@ fn a_lamp_that_stands_still_costs_nothing_in_the_end() {
     // Frames that were asked for meanwhile end as well: the window sleeps.
     window.run_steps(60);
     let asked = window.output().viewport_output.values().map(|viewport| viewport.repaint_delay).min();
-    assert!(asked.is_none_or(|delay| delay >= std::time::Duration::from_secs(1)), "the next frame is due in {asked:?}");
+    assert!(asked.is_none_or(|delay| delay == std::time::Duration::MAX), "the next frame is due in {asked:?}");
 }
 
 #[test]
@@ -388,7 +388,7 @@ fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
 }
 
 fn wait_for_words(window: &mut Window, words: &str) {
-    for _ in 0..4000 {
+    for _ in 0..40_000 {
         window.step();
         if window.query_all_by_label_contains(words).next().is_some() {
             return;

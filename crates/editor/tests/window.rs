@@ -161,7 +161,7 @@ fn two_editors_on_one_scene_keep_their_work_apart() {
     let is_baked = |app: &App| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled();
     // Both bake the same at the same time, into one cache.
     let (mut first, mut second) = (open(), open());
-    for _ in 0..4000 {
+    for _ in 0..40_000 {
         first.step();
         second.step();
         if is_baked(first.state()) && is_baked(second.state()) {

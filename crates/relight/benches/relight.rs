@@ -1,5 +1,6 @@
 //! Relighting, the whole job first and then its parts, on the CPU and on every device there is: by the own clock of hardware that
-//! has one. What computes on our cores may note a moment before its work is done.
+//! has one, which tells parts apart. What computes on our cores may note a moment before its work is done, so there a part is the
+//! picture in which nothing else is due.
 //!
 //! `cargo bench -p clerestory-relight -- [FILTER]`, as in `relight/512x384/256/4/cpu`: size, columns, rank and what runs it.
 
@@ -17,6 +18,9 @@ use criterion::{BenchmarkId, Criterion, Throughput};
 const JOBS: [[u32; 4]; 4] = [[512, 384, 256, 4], [1024, 768, 256, 8], [1024, 768, 1024, 8], [1920, 1080, 1024, 16]];
 /// The largest for a device that is none.
 const SOFTWARE_JOBS: usize = 1;
+/// What a device keeps of a pixel, and shows of it.
+const RADIANCE_BYTES: u64 = 16;
+const SHOWN_BYTES: u64 = 4;
 
 fn recipe([width, height, n_cols, rank]: [u32; 4]) -> Recipe {
     Recipe { width, height, tile: 16, n_cols: vec![n_cols], rank: Ranks::Fixed(rank), n_sparse: 0, ..Recipe::default() }
@@ -31,6 +35,12 @@ fn blind(recipe: &Recipe) -> Frame {
         *block = std::sync::Arc::new(clerestory_nystrom::BlockFactors { right, ..blind });
     }
     frame
+}
+
+/// Bytes of its right factors as halves.
+fn right_bytes(frame: &Frame) -> u64 {
+    let blocks = frame.groups.iter().flat_map(|group| group.blocks.iter().flatten());
+    blocks.map(|block| 2 * block.right.len() as u64).sum()
 }
 
 /// A frame whose blocks say that they miss so much that bytes will do.
@@ -130,8 +140,15 @@ fn on_device(criterion: &mut Criterion, gpu: &Gpu) {
                 display.exposure_ev += ev_step;
                 relighter.relight_to_texture(x, &display)?;
                 gpu.wait()?;
-                let within = relighter.stage_secs()?.map(|secs| Duration::from_secs_f64(secs.whole));
-                Ok(Done { n_bytes: relighter.stats().n_bytes, within })
+                let clock = relighter.stage_secs()?;
+                let n_pixels = u64::from(width) * u64::from(height);
+                let (secs, n_bytes) = match name {
+                    "project" => (clock.map(|clock| clock.project), right_bytes(frame)),
+                    "expand" => (clock.map(|clock| clock.expand), n_pixels * (6 * u64::from(rank) + RADIANCE_BYTES)),
+                    "display" => (clock.map(|clock| clock.display), n_pixels * (RADIANCE_BYTES + SHOWN_BYTES)),
+                    _ => (clock.map(|clock| clock.whole), relighter.stats().n_bytes),
+                };
+                Ok(Done { n_bytes, within: secs.map(Duration::from_secs_f64) })
             });
         };
         run("relight", &recipe(*job).frame(), *job, n_cols, 0.0);

@@ -37,7 +37,7 @@ fn display(@builtin(global_invocation_id) id: vec3<u32>) {
         nit += vec3<f32>(layer[3u * pixel], layer[3u * pixel + 1u], layer[3u * pixel + 2u]);
     }
     if display_params.spacing != 0u {
-        textureStore(picture, id.xy, vec4<f32>(turbo(place(luminance(nit))), 1.0));
+        textureStore(picture, id.xy, vec4<f32>(turbo(place(luminance(finite(nit)))), 1.0));
         return;
     }
     let gained = nit * display_params.gain;
@@ -56,6 +56,13 @@ fn display(@builtin(global_invocation_id) id: vec3<u32>) {
         encoded = floor(255.0 * encoded + threshold(id.x, id.y)) / 255.0;
     }
     textureStore(picture, id.xy, vec4<f32>(encoded, 1.0));
+}
+
+// 0 for what is no number; what is beyond all numbers is the most that there is. Told by the bits: compilers may take numbers for granted.
+fn finite(rgb: vec3<f32>) -> vec3<f32> {
+    let magnitude = bitcast<vec3<u32>>(rgb) & vec3<u32>(0x7fffffffu);
+    let bounded = clamp(rgb, vec3<f32>(-1e30), vec3<f32>(1e30));
+    return select(bounded, vec3<f32>(0.0), magnitude > vec3<u32>(0x7f800000u));
 }
 
 fn luminance(rgb: vec3<f32>) -> f32 {

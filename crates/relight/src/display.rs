@@ -265,6 +265,20 @@ pub(crate) mod tests {
     }
 
     #[test]
+    fn linear_tone_is_the_srgb_encoding_and_nothing_else() {
+        // Worked out on paper from the standard's two pieces, in double precision.
+        let cases = [
+            ([0.0, 0.001, 0.003_130_8], [0.0, 0.012_92, 0.040_45]),
+            ([0.02, 0.18, 0.5], [0.151_97, 0.461_36, 0.735_36]),
+            ([0.9, 1.0, 4.0], [0.954_69, 1.0, 1.0]),
+        ];
+        for (rgb, expected) in cases {
+            let found = exact::encoded(&linear(), rgb);
+            assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{rgb:?}: {found:?}");
+        }
+    }
+
+    #[test]
     fn srgb_has_its_published_values() {
         // The ends, the join of both pieces, and middle gray: 0.18 is 117.6 of 255, 0.5 is 187.5.
         for (linear, encoded) in [(0.0, 0.0), (1.0, 1.0), (0.003_130_8, 0.040_45), (0.18, 0.461_36), (0.5, 0.735_36)] {

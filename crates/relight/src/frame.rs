@@ -58,7 +58,11 @@ impl Frame {
     /// Whether sizes, tiles and numbers of columns are those of `other`, so that blocks can be exchanged one by one.
     pub fn same_shape(&self, other: &Self) -> bool {
         (self.width, self.height, self.groups.len()) == (other.width, other.height, other.groups.len())
-            && self.groups.iter().zip(&other.groups).all(|(a, b)| a.n_cols == b.n_cols && a.partition == b.partition)
+            && self
+                .groups
+                .iter()
+                .zip(&other.groups)
+                .all(|(a, b)| (a.n_cols, &a.partition, a.blocks.len()) == (b.n_cols, &b.partition, b.blocks.len()))
     }
 
     /// Block of a group, if it is there yet.

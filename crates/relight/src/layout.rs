@@ -160,7 +160,7 @@ pub(crate) const PER_BLOCK: u32 = 8;
 /// Pixels of a thread in `expand`.
 pub(crate) const PIXELS: u32 = 4;
 
-/// Workgroups of a row of a grid, as many as every device takes.
+/// Workgroups of a row of a grid: WebGPU promises 65,535 of every device.
 pub(crate) const ROW: u32 = 32_768;
 
 /// Columns of a segment, as in `project.wgsl`.

@@ -160,7 +160,7 @@ impl App {
     }
 
     /// Goes on in another window; what was on the device of the last one is made again.
-    fn moved_to(mut self, cc: &CreationContext<'_>) -> App {
+    pub fn moved_to(mut self, cc: &CreationContext<'_>) -> App {
         let ctx = &cc.egui_ctx;
         // Letters and textures that were kept for the last window are not in this one.
         ctx.set_glyph_rasterizers(Vec::new());

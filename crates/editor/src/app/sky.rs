@@ -173,7 +173,7 @@ mod tests {
     }
 
     fn settled(layer: &mut SkyLayer, shown: &Shown, rig: &LightRig) -> u64 {
-        for _ in 0..4000 {
+        for _ in 0..40_000 {
             let number = layer.follow(shown, rig).unwrap();
             if layer.is_idle() {
                 return number;

@@ -341,7 +341,7 @@ mod tests {
         let gpu = match Gpu::headless(DeviceChoice::Any) {
             Ok(gpu) => gpu,
             Err(error) => {
-                assert!(std::env::var("CLERESTORY_REQUIRE_GPU").as_deref() != Ok("1"), "{error}");
+                assert!(std::env::var_os("CLERESTORY_REQUIRE_GPU").is_none(), "{error}");
                 return;
             }
         };

@@ -190,9 +190,12 @@ impl Store {
 
         let shown = &mut self.z[tile.quads()];
         let is_same = shown == fresh;
-        // Nothing is left out where nothing may be.
-        let behind =
-            if tolerance > 0.0 { left::most_change(&self.largest[tile.quads()], shown, fresh) } else { f32::MAX };
+        let behind = match (is_same, tolerance > 0.0) {
+            (true, _) => 0.0,
+            (false, true) => left::most_change(&self.largest[tile.quads()], shown, fresh),
+            // Nothing is left out where nothing may be.
+            (false, false) => f32::MAX,
+        };
         if tile.is_shown && !moves && (is_same || (behind > 0.0 && behind <= tolerance)) {
             tile.behind = behind;
             return false;

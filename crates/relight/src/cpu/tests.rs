@@ -245,6 +245,14 @@ fn wrong_input_is_refused_in_words() {
     assert!(relighter.update(&frame, &[(1, 1000)]).is_err());
     frame.groups[0].bundle_len = 1;
     assert!(matches!(CpuRelighter::new(&frame), Err(RelightError::Frame(_))));
+
+    // More blocks than there are tiles.
+    let mut frame = recipe.frame();
+    let last = frame.groups[0].blocks.len();
+    let more = frame.groups[0].blocks[0].clone();
+    frame.groups[0].blocks.push(more);
+    assert!(matches!(relighter.update(&frame, &[(0, last)]), Err(RelightError::Frame(_))));
+    relighter.relight(&recipe.coefficients(1), &mut Radiance::default()).unwrap();
 }
 
 #[test]

@@ -93,6 +93,27 @@ fn what_was_not_seen_is_made_up_for_under_more_exposure() {
 }
 
 #[test]
+fn a_column_that_a_tile_does_not_see_leaves_it_exact_and_nothing_to_make_up_for() {
+    let (recipe, mut frame) = (recipe(), recipe().frame());
+    let n_cols = frame.groups[1].n_cols as usize;
+    for block in frame.groups[1].blocks.iter_mut().flatten() {
+        let block = std::sync::Arc::make_mut(block);
+        block.right.iter_mut().skip(5).step_by(n_cols).for_each(|entry| *entry = half::f16::ZERO);
+        block.sparse.clear();
+    }
+    let mut relighter = CpuRelighter::new(&frame).unwrap();
+    let (mut x, mut out) = (recipe.coefficients(1), Radiance::default());
+    relighter.relight(&x, &mut out).unwrap();
+    x[1][5] = [7.0, 8.0, 9.0];
+    relighter.relight(&x, &mut out).unwrap();
+    assert_eq!((relighter.stats().n_expanded, relighter.stats().n_unseen), (0, 0), "it misses nothing");
+    // So half a step is left for the other group, and no factor of this one is read again.
+    relighter.relight_for_display(&x, &displays().next().unwrap(), &mut out).unwrap();
+    assert_eq!((relighter.stats().n_bytes, relighter.stats().n_unseen), (0, 0));
+    assert_eq!(out, exact(&frame, &x));
+}
+
+#[test]
 fn ten_thousand_increments_for_a_display_leave_no_drift() {
     let recipe = Recipe { width: 20, height: 9, n_cols: vec![150, 9], rank: Ranks::Mixed(6), ..Recipe::default() };
     let frame = recipe.frame();

@@ -3,13 +3,13 @@
 
 use rayon::prelude::*;
 
-use super::{DisplayParams, Tone, curves, exposed, luminance, srgb_from_linear, turbo, white};
+use super::{DisplayParams, Tone, curves, exposed, finite_luminance, srgb_from_linear, turbo, white};
 use crate::frame::Radiance;
 
 /// Display-encoded sRGB of a color in nit, each 0…1.
 pub(crate) fn encoded(params: &DisplayParams, rgb: [f32; 3]) -> [f32; 3] {
     if let Some(scale) = &params.false_color {
-        return turbo(scale.position(luminance(rgb)));
+        return turbo(scale.position(finite_luminance(&rgb)));
     }
     let exposed = rgb.map(|v| exposed(v, params.gain()));
     let balanced = params.white.map_or(exposed, |white| white::balanced(&white.matrix(), exposed));

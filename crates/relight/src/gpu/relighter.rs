@@ -224,6 +224,8 @@ impl GpuRelighter {
         let moved: Vec<usize> = coefficients.iter().enumerate().filter_map(is_other).collect();
         if self.moves_on(&moved, coefficients) {
             encoder.clear_buffer(&self.output.behind, 0, None);
+            // Where nothing moves any more, all that is behind is made up for, so that more exposure finds nothing left.
+            let unseen = if moved.is_empty() { 0.0 } else { unseen };
             let shining = |idx: &usize| self.groups[*idx].is_shining();
             let is_alone = (0..self.groups.len()).filter(shining).all(|idx| self.moving.contains(&idx));
             let base = if is_alone { ExpandMode::Put } else { ExpandMode::Set };

@@ -68,6 +68,12 @@ fn what_a_texture_lacks_comes_with_more_exposure_and_when_another_group_moves() 
     assert_eq!(relighter.stats().n_submitted, 1);
     assert!(difference(&bright, &shown(&relighter), &exact(&gpu, &frame, &x)) <= 0.5 + ROUNDING);
 
+    // All that was behind is made up for, so that still more exposure is display alone.
+    let brighter = DisplayParams { exposure_ev: 2.0, ..dark };
+    relighter.relight_to_texture(&x, &brighter).unwrap();
+    assert_eq!((relighter.stats().n_submitted, relighter.stats().n_expanded), (1, 0));
+    assert!(difference(&brighter, &shown(&relighter), &exact(&gpu, &frame, &x)) <= 0.1);
+
     fall_behind(&mut relighter, &mut x);
     x[0][3] = [0.9; 3];
     relighter.relight_to_texture(&x, &dark).unwrap();
