@@ -73,6 +73,7 @@ def cycles(args, samples, path):
     render.image_settings.file_format = "OPEN_EXR"
     render.image_settings.color_depth = "32"
     settings.samples = samples
+    settings.seed = args.seed
     settings.use_adaptive_sampling = settings.use_denoising = False
     settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
     settings.pixel_filter_type = "BOX"
@@ -182,7 +183,7 @@ def mitsuba(args, samples, path):
                 shape["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": radiance}}
             scene[f"mesh{number}"] = shape
         loaded = mi.load_dict(scene)
-    took = timed(lambda: mi.util.write_bitmap(path, mi.render(loaded, spp=samples)))
+    took = timed(lambda: mi.util.write_bitmap(path, mi.render(loaded, spp=samples, seed=args.seed)))
     return {"version": mi.__version__, **took}
 
 
@@ -204,6 +205,7 @@ def main():
     parser.add_argument("--size", default="256x192", type=lambda text: tuple(map(int, text.split("x"))))
     parser.add_argument("--samples", default="16,64")
     parser.add_argument("--bounces", default=6, type=int)
+    parser.add_argument("--seed", default=1, type=int)
     parser.add_argument("--out", default=".")
     parser.add_argument("--variant", default="scalar", choices=("scalar", "llvm"))
     parser.add_argument("--only", choices=RENDERERS, help=argparse.SUPPRESS)

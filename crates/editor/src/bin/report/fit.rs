@@ -46,8 +46,17 @@ pub fn spread(mut values: Vec<f64>) -> [f64; 3] {
 
 /// The median, and how far repeats lie apart.
 pub fn spread_words(values: Vec<f64>) -> String {
+    spread_told(values, digits)
+}
+
+/// The same with one digit behind the point, as dB are told.
+pub fn tenths(values: Vec<f64>) -> String {
+    spread_told(values, |value| format!("{value:.1}"))
+}
+
+fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
     let n = values.len();
-    let [least, median, greatest] = spread(values).map(digits);
+    let [least, median, greatest] = spread(values).map(tell);
     if n > 1 { format!("{median} ({least}…{greatest})") } else { median }
 }
 

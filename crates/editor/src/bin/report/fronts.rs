@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::desk::Desk;
 use super::errors::decibels;
+use super::fit::spread;
 use super::methods::dense::{CHANNELS, Picture, squared_error};
 use super::methods::{methods, own};
 use super::plot::{Axis, Panel, Scale, Series};
@@ -38,7 +39,9 @@ struct Point {
     /// Its rank or tolerance in words.
     at: String,
     bytes: f64,
+    /// The shortest time, and the longest.
     millis: f64,
+    most_millis: f64,
     db: f64,
 }
 
@@ -64,7 +67,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## What nobody beats\n\n\
          Every method of the section Methods, block by block of 16 × 16 pixels at ranks {}, two bytes for each number that it stores; and ours as a file has\n\
          it, asked for {} dB, all bytes counted. The error is that of single texels, as in Methods. The time is that of our relighter on one\n\
-         thread with the factors of each method, all lights new, best of {TURNS}; methods whose entries are no product of factors make all entries anew, once. Single precision, seed {SEED}. {}\n",
+         thread with the factors of each method, all lights new, least…greatest of {TURNS}, of which the least counts; methods whose entries are no product of factors make all entries anew, once. Single precision, seed {SEED}. {}\n",
         RANKS.map(|rank| rank.to_string()).join(", "),
         TOLERANCES_DB.map(|db| db.to_string()).join(", "),
         desk.load_words(),
@@ -79,7 +82,10 @@ pub fn write(desk: &Desk) -> Result<String> {
         for (name, points) in &found {
             for point in front(points, cost) {
                 let Point { name: method, at, db, .. } = point;
-                let told = if title == "bytes" { format!("{:.0}", cost(point)) } else { format!("{:.3}", cost(point)) };
+                let told = match title {
+                    "bytes" => format!("{:.0}", point.bytes),
+                    _ => format!("{:.3}…{:.3}", point.millis, point.most_millis),
+                };
                 text += &format!("| {name} | `{method}` | {at} | {told} | {db:.1} |\n");
             }
         }
@@ -117,11 +123,13 @@ fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {
     for tolerance in TOLERANCES_DB {
         desk.say(&format!("ours at {tolerance} dB on {name}"));
         let coded = subject.coded(Method::Projected, tolerance)?;
+        let [millis, most_millis] = relight_millis(coded.matrix)?;
         points.push(Point {
             name: OURS.into(),
             at: format!("{tolerance:.0} dB"),
             bytes: (4 * subject.truth.values.len()) as f64 / coded.ratio,
-            millis: relight_millis(coded.matrix)?,
+            millis,
+            most_millis,
             db: judged::decibels(coded.judged.mean_square()),
         });
     }
@@ -147,9 +155,9 @@ fn point(
             None => anew += anew_millis(found),
         }
     }
-    let millis = if method.has_factors() { relight_millis(matrix)? } else { anew };
+    let [millis, most_millis] = if method.has_factors() { relight_millis(matrix)? } else { [anew; 2] };
     let (name, db) = (method.to_string(), decibels(peak, squares / picture.values.len() as f64));
-    Ok(Some(Point { name, at: format!("rank {rank}"), bytes: BYTES * n_values, millis, db }))
+    Ok(Some(Point { name, at: format!("rank {rank}"), bytes: BYTES * n_values, millis, most_millis, db }))
 }
 
 fn block_factors(left: &DMatrix<f32>, right: &DMatrix<f32>) -> BlockFactors {
@@ -158,12 +166,12 @@ fn block_factors(left: &DMatrix<f32>, right: &DMatrix<f32>) -> BlockFactors {
     BlockFactors::from_f32(&rows, &columns, left.nrows(), right.ncols(), left.ncols())
 }
 
-/// Milliseconds of a picture under new coefficients, on one thread: the shortest of some turns.
-fn relight_millis(matrix: BlockLowRank) -> Result<f64> {
+/// Milliseconds of a picture under new coefficients, on one thread: the least and the most of some turns.
+fn relight_millis(matrix: BlockLowRank) -> Result<[f64; 2]> {
     let (width, height, n_cols) = (matrix.partition.width, matrix.partition.height, matrix.n_cols as usize);
     let mut relighter = CpuRelighter::new(&Frame { width, height, groups: vec![matrix] })?;
     let mut shown = Radiance::default();
-    let mut least = f64::INFINITY;
+    let mut millis = Vec::new();
     for turn in 0..=TURNS {
         let coefficients = vec![vec![[1.0 + turn as f32, 2.0, 3.0 + turn as f32]; n_cols]];
         let secs = single_threaded(|| {
@@ -171,9 +179,10 @@ fn relight_millis(matrix: BlockLowRank) -> Result<f64> {
             relighter.relight(&coefficients, &mut shown).map(|()| begun.elapsed().as_secs_f64())
         })??;
         // The first turn copies factors into streams.
-        least = if turn == 0 { least } else { least.min(1e3 * secs) };
+        millis.extend((turn > 0).then_some(1e3 * secs));
     }
-    Ok(least)
+    let [least, _, most] = spread(millis);
+    Ok([least, most])
 }
 
 /// Milliseconds in which all entries of a block are made, and their product with three channels of light.
@@ -224,7 +233,14 @@ mod tests {
 
     #[test]
     fn only_what_is_better_than_all_that_is_cheaper_is_in_front() {
-        let point = |bytes: f64, db: f64| Point { name: "m".into(), at: String::new(), bytes, millis: 0.0, db };
+        let point = |bytes: f64, db: f64| Point {
+            name: "m".into(),
+            at: String::new(),
+            bytes,
+            millis: 0.0,
+            most_millis: 0.0,
+            db,
+        };
         let points = [
             point(4.0, 30.0),
             point(1.0, 10.0),

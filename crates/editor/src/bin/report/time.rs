@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{digits, secs_at, secs_words};
+use super::fit::{digits, secs_at, secs_words, spread_words, tenths};
 use super::plot::{Axis, Panel, Scale, Series};
 
 /// Errors that times are told for, in dB.
@@ -58,6 +58,9 @@ impl Way {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Point {
     pub(super) way: Way,
+    pub(super) seed: u64,
+    /// Samples per pixel; those of the preview are none of a number.
+    pub(super) spp: Option<u32>,
     pub(super) cpu_secs: f64,
     /// Errors in dB: of single lights (median over columns), of spots on a panel, of all lights as in the file.
     pub(super) db: [Option<f64>; 3],
@@ -75,7 +78,7 @@ struct Measured {
 impl Measured {
     /// (CPU seconds, dB) of a way and a class of light.
     fn curve(&self, way: Way, class: usize) -> Vec<[f64; 2]> {
-        let of_way = self.points.iter().filter(|point| point.way == way);
+        let of_way = self.points.iter().filter(|point| point.way == way && point.seed == runs::SEEDS[0]);
         of_way.filter_map(|point| Some([point.cpu_secs, point.db[class]?])).collect()
     }
 }
@@ -101,7 +104,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seed 1, each point once; the references have seeds of their own. {}\n",
+         columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         desk.load_words(),
     );
@@ -112,6 +115,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         text += &table(&scenes, class);
     }
     text += &format!("\n### {}\n\n{}", "Spots on a panel", table(&scenes, 1).trim_start());
+    text += &repeats(&scenes);
     text += &pays(&scenes);
     text += &seconds::write(desk)?;
     Ok(text)
@@ -191,6 +195,32 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
     text
 }
 
+/// How far bakes and renders of few samples lie apart that differ by their seed alone.
+fn repeats(scenes: &[(Subject, Measured)]) -> String {
+    let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
+    let mut text = format!(
+        "\n### Repeats\n\n\
+         CPU seconds and dB with {} samples per pixel, median (least…greatest) of {} seeds; dB of single lights, of a render of one look those of all lights of the file.\n\n\
+         | scene | {} |\n|---|{}\n",
+        runs::REPEATED_SPP,
+        runs::SEEDS.len(),
+        ways.join(" | "),
+        "---|".repeat(ways.len()),
+    );
+    for (subject, measured) in scenes {
+        let cell = |way: Way| {
+            let class = if way == Way::Plain { 2 } else { 0 };
+            let points =
+                measured.points.iter().filter(|point| point.way == way && point.spp == Some(runs::REPEATED_SPP));
+            let (secs, db): (Vec<f64>, Vec<f64>) =
+                points.filter_map(|point| Some((point.cpu_secs, point.db[class]?))).unzip();
+            if secs.is_empty() { "—".into() } else { format!("{} s, {} dB", spread_words(secs), tenths(db)) }
+        };
+        text += &format!("| {} | {} |\n", subject.name, Way::ALL.map(cell).join(" | "));
+    }
+    text
+}
+
 /// After how many changes of light a bake has cost less than a render for each.
 fn pays(scenes: &[(Subject, Measured)]) -> String {
     let mut text = String::from(
@@ -219,7 +249,13 @@ mod tests {
 
     #[test]
     fn the_soonest_way_is_bold_and_a_bake_pays_after_as_many_looks_as_it_costs_renders() {
-        let point = |way: Way, cpu_secs: f64, db: f64| Point { way, cpu_secs, db: [None, None, Some(db)] };
+        let point = |way: Way, cpu_secs: f64, db: f64| Point {
+            way,
+            seed: 1,
+            spp: Some(4),
+            cpu_secs,
+            db: [None, None, Some(db)],
+        };
         let points = vec![
             point(Way::Fast, 1.0, 20.0),
             point(Way::Fast, 16.0, 40.0),

@@ -27,7 +27,9 @@ const MOST_PLAIN: [f64; 2] = [4e5, 5.2e7];
 /// Middles of the spots on a panel, and their radius in its shorter sides.
 const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
 const SPOT_RADIUS: f32 = 0.15;
-const SEED: u64 = 1;
+/// The first for all, and more where few samples are taken, to tell how far repeats lie apart.
+pub(super) const SEEDS: [u64; 3] = [1, 2, 3];
+pub(super) const REPEATED_SPP: u32 = 4;
 
 /// Samples per pixel of each half of a reference.
 pub(super) fn reference_spp(desk: &Desk) -> u32 {
@@ -97,20 +99,36 @@ pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>
     for spp in SPP {
         let samples = n_pixels * f64::from(spp);
         desk.say(&format!("{} with {spp} samples per pixel, every way", subject.name));
-        if spp > 1 && samples <= baked {
-            for (way, indirect) in [(Way::Fast, Indirect::Shared), (Way::Exact, Indirect::Traced)] {
-                points.push(ours(subject, scene, &judge, (way, indirect, spp))?);
+        let n_seeds = if spp == REPEATED_SPP { SEEDS.len() } else { 1 };
+        for taken in SEEDS[..n_seeds].iter().map(|&seed| Taken { spp, seed }) {
+            if spp > 1 && samples <= baked {
+                for (way, indirect) in [(Way::Fast, Indirect::Shared), (Way::Exact, Indirect::Traced)] {
+                    points.push(ours(subject, scene, &judge, (way, indirect), taken)?);
+                }
+                points.push(dense(subject, scene, &judge, taken)?);
             }
-            points.push(dense(subject, scene, &judge, spp)?);
-        }
-        if samples * scene.lighting.basis.n_cols() as f64 <= traced {
-            points.push(renders(subject, scene, &judge, spp)?);
-        }
-        if samples <= desk.choose(MOST_PLAIN[0], MOST_PLAIN[1]) {
-            points.extend(plain(subject, scene, &judge, spp)?);
+            if samples * scene.lighting.basis.n_cols() as f64 <= traced {
+                points.push(renders(subject, scene, &judge, taken)?);
+            }
+            if samples <= desk.choose(MOST_PLAIN[0], MOST_PLAIN[1]) {
+                points.extend(plain(subject, scene, &judge, taken)?);
+            }
         }
     }
     Ok(points)
+}
+
+/// The samples of a point.
+#[derive(Clone, Copy)]
+struct Taken {
+    spp: u32,
+    seed: u64,
+}
+
+impl Taken {
+    fn point(self, way: Way, cpu_secs: f64, db: [Option<f64>; 3]) -> Point {
+        Point { way, seed: self.seed, spp: Some(self.spp), cpu_secs, db }
+    }
 }
 
 /// The preview, which is the same whatever follows.
@@ -119,7 +137,7 @@ fn preview(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge) -> Resu
     let preview = run_until(job(subject, scene, BakeConfig::default()), ends_a_pass)?;
     let cpu_secs = process_cpu_secs()? - begun;
     let db = judge.of_bake(&preview.header, &preview.groups);
-    Ok([Way::Fast, Way::Exact].map(|way| Point { way, cpu_secs, db }).into())
+    Ok([Way::Fast, Way::Exact].map(|way| Point { way, seed: SEEDS[0], spp: None, cpu_secs, db }).into())
 }
 
 pub(super) fn job(subject: &Subject, scene: &Arc<PreparedScene>, config: BakeConfig) -> BakeJob {
@@ -132,27 +150,30 @@ fn ours(
     subject: &Subject,
     scene: &Arc<PreparedScene>,
     judge: &Judge,
-    (way, indirect, spp): (Way, Indirect, u32),
+    (way, indirect): (Way, Indirect),
+    taken: Taken,
 ) -> Result<Point> {
     // A tolerance out of reach: every block takes all its samples.
-    let config = BakeConfig { spp, tolerance_db: 80.0, seed: SEED, indirect, ..BakeConfig::default() };
+    let Taken { spp, seed } = taken;
+    let config = BakeConfig { spp, tolerance_db: 80.0, seed, indirect, ..BakeConfig::default() };
     let (cpu_secs, bake) = baked(scene, subject.film, config)?;
-    Ok(Point { way, cpu_secs, db: judge.of_bake(&bake.header, &bake.groups) })
+    Ok(taken.point(way, cpu_secs, judge.of_bake(&bake.header, &bake.groups)))
 }
 
 /// The samples of a bake whose light is traced, kept as they are: at the compared pixels alone, and the time for all.
-fn dense(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32) -> Result<Point> {
-    let job = job(subject, scene, BakeConfig { spp, seed: SEED, ..BakeConfig::default() });
+fn dense(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, taken: Taken) -> Result<Point> {
+    let Taken { spp, seed } = taken;
+    let job = job(subject, scene, BakeConfig { spp, seed, ..BakeConfig::default() });
     let begun = process_cpu_secs()?;
     let header = job.header()?;
     let looked = process_cpu_secs()?;
     let rows = uncompressed(&job, &header, judge.reference.pixels());
     let cpu_secs = looked - begun + (process_cpu_secs()? - looked) / judge.reference.share();
-    Ok(Point { way: Way::Dense, cpu_secs, db: judge.of_rows(&rows) })
+    Ok(taken.point(Way::Dense, cpu_secs, judge.of_rows(&rows)))
 }
 
 /// A picture of each column by itself.
-fn renders(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32) -> Result<Point> {
+fn renders(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, taken: Taken) -> Result<Point> {
     let n_cols = scene.lighting.basis.n_cols();
     let mut rows = vec![0.0; judge.reference.pixels().len() * CHANNELS * n_cols];
     let mut cpu_secs = 0.0;
@@ -160,31 +181,32 @@ fn renders(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u3
         let mut light = vec![[0.0; 3]; n_cols];
         light[column] = [1.0; 3];
         let begun = process_cpu_secs()?;
-        let picture = traced(subject, scene, &light, spp, SEED + column as u64)?;
+        let picture = traced(subject, scene, &light, Taken { seed: taken.seed + column as u64, ..taken })?;
         cpu_secs += process_cpu_secs()? - begun;
         for (nth, &pixel) in judge.reference.pixels().iter().enumerate() {
             let values = picture[pixel as usize];
             (0..CHANNELS).for_each(|channel| rows[(nth * CHANNELS + channel) * n_cols + column] = values[channel]);
         }
     }
-    Ok(Point { way: Way::Renders, cpu_secs, db: judge.of_rows(&rows) })
+    Ok(taken.point(Way::Renders, cpu_secs, judge.of_rows(&rows)))
 }
 
 /// One picture of a look: of all lights of the file, and of the first spot.
-fn plain(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, spp: u32) -> Result<Vec<Point>> {
+fn plain(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, taken: Taken) -> Result<Vec<Point>> {
     let mut points = Vec::new();
     for (class, light) in [(2, Some(&judge.full)), (1, judge.spots.first())] {
         let Some(light) = light else { continue };
         let begun = process_cpu_secs()?;
-        let picture = traced(subject, scene, light, spp, SEED)?;
+        let picture = traced(subject, scene, light, taken)?;
         let cpu_secs = process_cpu_secs()? - begun;
         let mut db = [None; 3];
         db[class] = judge.of_picture(light, &picture);
-        points.push(Point { way: Way::Plain, cpu_secs, db });
+        points.push(taken.point(Way::Plain, cpu_secs, db));
     }
     Ok(points)
 }
 
-fn traced(subject: &Subject, scene: &PreparedScene, light: &[[f32; 3]], spp: u32, seed: u64) -> Result<Vec<[f32; 3]>> {
+fn traced(subject: &Subject, scene: &PreparedScene, light: &[[f32; 3]], taken: Taken) -> Result<Vec<[f32; 3]>> {
+    let Taken { spp, seed } = taken;
     Ok(rendered(scene, subject.film, light, &TraceConfig { spp, bounces: None, seed })?.pixels)
 }
