@@ -85,6 +85,8 @@ pub enum Action {
     DuplicateLamp,
     /// Take the chosen lamp away.
     DeleteLamp,
+    /// Takes away what was chosen last: a key of the timeline, or lamps.
+    DeleteChosen,
     /// Look for the lights that come closest to the wishes.
     Solve,
     /// Take over the lights that were found.

@@ -340,8 +340,9 @@ impl App {
             Action::AddProfile(path) => self.add_profile(path),
             Action::MakeMovable(key) => self.make_movable(&key),
             Action::PullLamp { key, at } => self.pull_lamp(&key, at),
-            Action::DuplicateLamp => self.duplicate_lamp(),
-            Action::DeleteLamp => self.delete_lamp(),
+            Action::DuplicateLamp => self.duplicate_lamps(),
+            Action::DeleteLamp => self.delete_lamps(),
+            Action::DeleteChosen => self.delete_chosen(),
             Action::AimLamp => self.aim_lamp(),
             Action::TakeLook(idx) => self.take_look(idx),
             Action::PlayTimeline => self.play_timeline(),
@@ -398,7 +399,7 @@ impl eframe::App for App {
         }
         let files = ctx.input(|input| input.raw.dropped_files.clone());
         self.actions.extend(files.iter().map(|file| dropped(file.path().to_path_buf())));
-        take_keys(ctx, &mut self.actions);
+        take_keys(ctx, self.waits_for_an_answer(), &mut self.actions);
         for action in std::mem::take(&mut self.actions) {
             self.apply(ctx, action);
         }
@@ -422,6 +423,7 @@ impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         let before = self.look.clone();
         let solo_before: BTreeSet<String> = self.lights.solo.clone();
+        let (lamp_before, key_before) = (self.lights.lamps.chosen.clone(), self.looks.player.chosen());
         self.messages.follow(ui.ctx());
         self.bars_ui(ui);
         if !self.is_bare {
@@ -433,6 +435,7 @@ impl eframe::App for App {
         self.messages.stack_ui(&ctx, self.picture_area);
         self.dialogs_ui(&ctx);
         self.follow_marks();
+        self.choose_one(lamp_before, key_before);
         // The worker starts on the new picture while this frame is still being painted.
         let are_lights_edited = self.look.lights != before.lights || self.lights.solo != solo_before;
         if self.look.display != before.display {

@@ -12,7 +12,7 @@ use clerestory::session::{BakeState, Source};
 use clerestory_transport::archive;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
-use eframe::egui::{Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use serde_json::{Value, json};
@@ -428,4 +428,43 @@ fn a_profile_that_another_program_wrote_is_read_again_where_the_lamp_hangs() {
     wait(&mut window, |app| app.is_settled() && app.shown_ev() < narrow - 1.0);
     assert_eq!(lamps(&window), before, "it hangs and shines as it was set");
     assert!(window.query_by_label_contains("has changed on disk").is_none());
+}
+
+#[test]
+fn all_lamps_that_are_selected_are_copied_and_deleted_together() {
+    let mut window = with_lamp("Point");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    assert_eq!(lamps(&window).len(), 2);
+    for (name, modifiers) in [("Point lamp 1", Modifiers::NONE), ("Point lamp 2", Modifiers::COMMAND)] {
+        let mute = window.get_by_label(&format!("Mute {name}")).rect();
+        window.event(Event::ModifiersChanged(modifiers));
+        click_at(&mut window, mute.right_center() + vec2(20.0, 0.0), modifiers);
+        window.event(Event::ModifiersChanged(Modifiers::NONE));
+        window.run_steps(3);
+    }
+    window.key_press_modifiers(Modifiers::COMMAND, Key::D);
+    window.run_steps(3);
+    assert_eq!(lamps(&window).len(), 4, "both have a copy");
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    let names: Vec<String> = lamps(&window).into_iter().map(|lamp| lamp.key).collect();
+    assert_eq!(names, ["Point lamp 1", "Point lamp 2"], "the copies were selected, and are gone");
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window).len(), 4, "in one step");
+}
+
+#[test]
+fn a_lamp_that_is_added_below_a_master_is_below_it() {
+    let mut window = with_lamp("Point");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    click(&mut window, "Mute group Added lamps");
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    let keys: Vec<String> = lamps(&window).into_iter().map(|lamp| lamp.key).collect();
+    assert_eq!(keys.len(), 3);
+    for key in keys {
+        assert!(window.state().look().lights.setting(&key).muted, "{key}");
+    }
 }

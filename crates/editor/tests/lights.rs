@@ -439,3 +439,120 @@ fn a_click_in_the_picture_adds_to_what_is_selected_with_shift_or_ctrl_and_else_s
     window.run_steps(6);
     assert_eq!(window.query_all_by_label_contains(" lights selected").count(), 0);
 }
+
+/// Where the handle of a fader is that stands at the file's value.
+fn handle(window: &Window, label: &str) -> Pos2 {
+    let fader = window.get_by_label(label).rect();
+    let way = fader.width() - 13.0;
+    pos2(fader.left() + 6.5 + way * (0.03 + 0.97 * 7.0 / 11.0), fader.center().y)
+}
+
+#[test]
+fn a_press_on_a_handle_moves_nothing_and_other_buttons_only_offer_a_menu() {
+    let mut window = lit();
+    let at = handle(&window, "left intensity");
+    let beside = at + eframe::egui::vec2(4.0, 0.0);
+    click_with(&mut window, beside, PointerButton::Primary, Modifiers::NONE);
+    assert_eq!(*window.state().look(), Look::default(), "it was taken hold of where it is");
+    drag(&mut window, beside, beside + eframe::egui::vec2(20.0, 0.0));
+    let brighter = intensity(&window, "left");
+    assert!(brighter > 2.0, "{brighter}");
+
+    let fader = window.get_by_label("left intensity").rect();
+    for button in [PointerButton::Secondary, PointerButton::Middle] {
+        click_with(&mut window, fader.left_center() + eframe::egui::vec2(3.0, 0.0), button, Modifiers::NONE);
+        assert_eq!(intensity(&window, "left"), brighter, "{button:?}");
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+    }
+    from_menu(&mut window, fader.center(), "Reset to the file's value");
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn a_double_click_on_a_fader_brings_the_files_value_back() {
+    let mut window = lit();
+    let from = handle(&window, "left intensity");
+    drag(&mut window, from, from - eframe::egui::vec2(25.0, 0.0));
+    assert!(intensity(&window, "left") < 0.5);
+    let at = from - eframe::egui::vec2(25.0, 0.0);
+    window.hover_at(at);
+    window.run_steps(2);
+    for pressed in [true, false, true, false] {
+        let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+        // All in one frame, as quick as two clicks are.
+        window.input_mut().events.push(Event::PointerButton { pos: at, button, pressed, modifiers });
+    }
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+/// Types over the number of a field.
+fn type_over(window: &mut Window, label: &str, text: &str) {
+    window.get_by_label(label).click();
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label(label).type_text(text);
+    window.run_steps(2);
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+}
+
+#[test]
+fn a_number_is_taken_in_its_own_unit_and_in_no_other() {
+    let mut window = lit();
+    click(&mut window, "Unit of intensities");
+    click(&mut window, "cd, luminous intensity");
+    for (text, expected) in [("4 cd", 2.0), ("50 %", 0.5), ("3 lm", 0.5), ("1,000", 500.0), ("off", 0.0)] {
+        type_over(&mut window, "left cd", text);
+        assert!((intensity(&window, "left") - expected).abs() < 1e-4, "{text}: {}", intensity(&window, "left"));
+    }
+}
+
+#[test]
+fn a_light_has_a_color_temperature_a_color_of_six_digits_or_that_of_its_file() {
+    let mut window = lit();
+    click(&mut window, "left color");
+    click(&mut window, "Kelvin");
+    click(&mut window, "Warm");
+    assert_eq!(window.state().look().lights.own_setting("left").kelvin, Some(2700.0));
+    click(&mut window, "Color");
+    type_over(&mut window, "left hex", "#00FF00");
+    let setting = window.state().look().lights.own_setting("left");
+    assert_eq!((setting.color, setting.kelvin), (Some([0.0, 1.0, 0.0]), None));
+    wait(&mut window, App::is_settled);
+    // The square and the bar of hues take the pointer.
+    let bar = window.get_by_label("Hue").rect();
+    drag(&mut window, bar.left_center() + eframe::egui::vec2(bar.width() / 3.0, 0.0), bar.left_center());
+    let [r, g, b] = window.state().look().lights.own_setting("left").color.unwrap();
+    assert!(r > 0.99 && g < 0.01 && b < 0.01, "{r} {g} {b}");
+    click(&mut window, "From file");
+    assert_eq!(*window.state().look(), Look::default());
+}
+
+#[test]
+fn a_long_list_is_searched_by_a_part_of_a_name() {
+    let mut gltf: Value = serde_json::from_slice(&lit_room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    let first = nodes.len();
+    for idx in 0..8 {
+        nodes.push(json!({"name": format!("spot {idx}"), "translation": [0.1 * f64::from(idx), 0.1, -0.6],
+            "extensions": {"KHR_lights_punctual": {"light": 0}}}));
+    }
+    let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
+    roots.extend((first..first + 8).map(|node| json!(node)));
+    let bytes = serde_json::to_vec(&gltf).unwrap();
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let n_shown = |window: &Window, part: &str| window.query_all_by_label_contains(&format!("Mute {part}")).count();
+    assert!(n_shown(&window, "left") == 1 && n_shown(&window, "spot") > 0);
+    window.get_by_label("Filter lights").click();
+    window.run_steps(2);
+    window.get_by_label("Filter lights").type_text("LEF");
+    window.run_steps(3);
+    assert_eq!((n_shown(&window, "left"), n_shown(&window, "spot")), (1, 0));
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.get_by_label("Filter lights").type_text("spot 3");
+    window.run_steps(3);
+    assert_eq!((n_shown(&window, "left"), n_shown(&window, "spot")), (0, 1));
+}

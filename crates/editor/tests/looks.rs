@@ -416,3 +416,28 @@ fn opening_a_look_over_unsaved_work_asks_and_undo_brings_back_the_file_too() {
     assert!(std::fs::read_to_string(&second).unwrap().contains("panel"));
     assert!(!std::fs::read_to_string(&first).unwrap().contains("0.25"));
 }
+
+#[test]
+fn the_delete_key_is_for_what_was_chosen_last() {
+    let mut window = two_looks();
+    click(&mut window, "Timeline");
+    for name in ["Look", "Look 2"] {
+        click(&mut window, "Add key");
+        click(&mut window, name);
+    }
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    assert_eq!(window.state().look().lights.lamps.len(), 1);
+    let key = window.query_all_by_label_contains("Key 2: Look 2").next().unwrap().rect().center();
+    drag(&mut window, key, key + eframe::egui::vec2(6.0, 0.0));
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    let counts =
+        |window: &Window| (window.state().look().timeline.keys.len(), window.state().look().lights.lamps.len());
+    assert_eq!(counts(&window), (1, 1), "the key of the timeline went");
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert_eq!(counts(&window), (1, 1), "nothing is chosen");
+    click(&mut window, "Undo");
+    assert_eq!(counts(&window), (2, 1));
+}

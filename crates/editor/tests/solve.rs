@@ -364,3 +364,28 @@ fn what_no_longer_fits_the_view_of_a_reloaded_file_is_told_and_kept() {
     assert_eq!(window.query_all_by_label_contains("Probe 1, ").count(), 1);
     wait(&mut window, |app| app.marked_lux().is_some());
 }
+
+#[test]
+fn the_brush_marks_what_the_pointer_passes_over_and_esc_puts_it_down() {
+    let mut window = measured();
+    click(&mut window, "Measure");
+    window.get_all_by_label("Brush").next().unwrap().click();
+    window.run_steps(3);
+    let (from, to) = (place(&window, 0.3, 0.7), place(&window, 0.6, 0.7));
+    drag(&mut window, from, to);
+    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving());
+    let stroke = window.state().marked_lux().unwrap().points;
+    let (from, to) = (place(&window, 0.3, 0.85), place(&window, 0.6, 0.85));
+    drag(&mut window, from, to);
+    wait(&mut window, |app| !app.is_solving() && app.marked_lux().is_some_and(|lux| lux.points > stroke));
+    let both = window.state().marked_lux().unwrap().points;
+    assert!(both < 64 * 48 / 2, "{both} of all pixels");
+
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    let (from, to) = (place(&window, 0.3, 0.2), place(&window, 0.6, 0.2));
+    drag(&mut window, from, to);
+    window.run_steps(5);
+    wait(&mut window, |app| !app.is_solving());
+    assert_eq!(window.state().marked_lux().unwrap().points, both, "the pointer marks no more");
+}

@@ -684,3 +684,54 @@ fn work_that_may_be_lost_is_unsaved_still_where_what_was_to_replace_it_cannot_be
     window.run_steps(3);
     window.get_by_label("Save the look?");
 }
+
+#[test]
+fn keys_are_for_the_question_that_waits() {
+    let mut window = baked();
+    click(&mut window, "Mute lamp");
+    let look = window.state().look().clone();
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    window.run_steps(3);
+    window.get_by_label("Save the look?");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), look, "nothing is undone behind it");
+    click(&mut window, "Cancel");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run_steps(3);
+    assert!(*window.state().look() != look);
+}
+
+#[test]
+fn what_was_to_follow_a_save_that_failed_does_not_follow_a_later_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = baked();
+    click(&mut window, "Mute lamp");
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    window.run_steps(3);
+    window.get_all_by_label("Save look…").last().unwrap().click();
+    window.run_steps(3);
+    window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("missing/a.look").display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Save");
+    assert!(window.query_by_label_contains("missing").is_some(), "it cannot be written");
+    let closes = |window: &Window| {
+        let commands = window.output().viewport_output.values().flat_map(|output| output.commands.iter());
+        commands.filter(|command| matches!(command, eframe::egui::ViewportCommand::Close)).count()
+    };
+    let path = folder.path().join("b.look");
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
+    window.run_steps(3);
+    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+    window.run_steps(3);
+    window.get_by_label("Save").click();
+    for _ in 0..4 {
+        window.step();
+        assert_eq!(closes(&window), 0, "the window stays");
+    }
+    assert!(path.exists());
+}

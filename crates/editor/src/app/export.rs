@@ -26,6 +26,17 @@ impl App {
         seen
     }
 
+    /// The look and its snapshots with a solo, as the timeline shows them.
+    pub(super) fn heard_look(&self) -> Look {
+        let mut look = self.look.clone();
+        if let Some(basis) = self.session.basis() {
+            let rigs = look.snapshots.iter_mut().map(|snapshot| &mut snapshot.lights);
+            rigs.chain([&mut look.lights])
+                .for_each(|rig| *rig = crate::panels::lights::heard(basis, rig, &self.lights.solo));
+        }
+        look
+    }
+
     /// Whether there is no more to be seen than a first look, and says so: nobody wants that as a file.
     pub(super) fn is_too_coarse(&mut self) -> bool {
         let is_glimpse = self.session.is_glimpse();

@@ -31,6 +31,9 @@ impl App {
             FileTask::ExportGltf => format!("{stem}-lit.glb"),
             FileTask::SaveBake => format!("{stem}.transport"),
         };
+        if task != FileTask::SaveLook {
+            self.after_saving = None;
+        }
         self.question = Some(FileQuestion::new(task, &suggestion, self.folder(), self.dialogs));
     }
 

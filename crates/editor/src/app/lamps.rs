@@ -15,7 +15,7 @@ use super::App;
 use crate::action::FileTask;
 use crate::look::{groups, numbered_name};
 use crate::panels::lamps::{LampChoice, kind_words};
-use crate::panels::lights::heard;
+use crate::panels::lights::{ADDED, heard};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
 use crate::session::lamps::LampLight;
@@ -113,13 +113,18 @@ impl App {
         let lamp = placed(lamp, surface.unwrap_or_else(in_the_air), eye, &scene);
         let (strength, unit) = strength.unwrap_or_else(|| fitting_strength(&lamp, self.follower.shown_ev(), &scene));
         let lamp = FreeLamp { strength, unit, ..lamp };
-        self.as_one_step(|app| app.push_lamp(lamp));
+        self.as_one_step(|app| {
+            // A master that stands over all added lamps stands over this one.
+            groups::enter(&mut app.look.lights, ADDED, &lamp.key);
+            app.push_lamp(lamp);
+        });
     }
 
     fn push_lamp(&mut self, lamp: FreeLamp) {
         self.say(format!("Added {}", lamp.key));
         // Whoever adds a lamp wants to move it next: what marks is put down.
         self.view.marking.tool = None;
+        self.looks.player.let_go();
         self.lights.lamps.chosen = Some(lamp.key.clone());
         self.look.lights.lamps.push(lamp);
     }
@@ -139,9 +144,31 @@ impl App {
         self.look.lights.lamps.iter().position(|lamp| lamp.key == chosen)
     }
 
-    pub(super) fn duplicate_lamp(&mut self) {
-        let Some(idx) = self.chosen_lamp() else { return };
-        let lamp = self.look.lights.lamps[idx].clone();
+    /// Keys of the lamps that are chosen: all that are selected in the list, or one of the picture that is not among them.
+    fn lamps_in_hand(&self) -> Vec<String> {
+        let chosen = self.lights.lamps.chosen.as_ref().filter(|key| !self.lights.is_selected(key));
+        let is_in_hand = |key: &String| chosen.map_or(self.lights.is_selected(key), |chosen| chosen == key);
+        let keys = self.look.lights.lamps.iter().map(|lamp| &lamp.key);
+        keys.filter(|key| is_in_hand(key)).cloned().collect()
+    }
+
+    pub(super) fn duplicate_lamps(&mut self) {
+        let originals = self.lamps_in_hand();
+        if originals.is_empty() {
+            return;
+        }
+        self.as_one_step(|app| {
+            let copies: Vec<String> = originals.iter().filter_map(|key| app.duplicate_lamp(key)).collect();
+            if copies.len() > 1 {
+                app.say(format!("Added {} lamps", copies.len()));
+                app.lights.select(copies);
+            }
+        });
+    }
+
+    /// The key of a copy of a lamp.
+    fn duplicate_lamp(&mut self, of: &str) -> Option<String> {
+        let lamp = self.look.lights.lamps.iter().find(|lamp| lamp.key == of)?.clone();
         let name = self.look.name_of(&lamp.key);
         let stem = name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
         let mut copy = FreeLamp { key: self.free_name(stem), ..lamp };
@@ -151,22 +178,50 @@ impl App {
             let beside = copy.position + right * (BESIDE * copy.position.distance(camera.position()));
             move_to(&mut copy, beside, AimWhileMoving::GoesAlong);
         }
-        let of = lamp.key;
+        groups::join(&mut self.look.lights, of, &copy.key);
+        let key = copy.key.clone();
+        self.push_lamp(copy);
+        Some(key)
+    }
+
+    /// A lamp that is chosen lets go the key of the timeline that was, and the other way round: keys of the keyboard are for one of them.
+    pub(super) fn choose_one(&mut self, lamp_before: Option<String>, key_before: Option<usize>) {
+        let (lamp, key) = (&self.lights.lamps.chosen, self.looks.player.chosen());
+        if key.is_some() && key != key_before {
+            self.lights.lamps.chosen = None;
+        } else if lamp.is_some() && *lamp != lamp_before {
+            self.looks.player.let_go();
+        }
+    }
+
+    /// Deletes what was chosen last.
+    pub(super) fn delete_chosen(&mut self) {
+        if self.looks.player.chosen().is_none() {
+            return self.delete_lamps();
+        }
         self.as_one_step(|app| {
-            groups::join(&mut app.look.lights, &of, &copy.key);
-            app.push_lamp(copy);
+            app.looks.player.delete_key(&mut app.look.timeline);
         });
     }
 
-    pub(super) fn delete_lamp(&mut self) {
-        let Some(idx) = self.chosen_lamp() else { return };
+    pub(super) fn delete_lamps(&mut self) {
+        let doomed = self.lamps_in_hand();
+        if doomed.is_empty() {
+            return;
+        }
         self.lights.lamps.chosen = None;
         self.as_one_step(|app| {
-            let lamp = app.look.lights.lamps.remove(idx);
-            app.lights.solo.remove(&lamp.key);
-            groups::leave(&mut app.look.lights, &lamp.key);
-            let name = app.look.names.remove(&lamp.key).unwrap_or(lamp.key);
-            app.say(format!("Deleted {name}"));
+            let mut names = Vec::new();
+            for key in doomed {
+                app.look.lights.lamps.retain(|lamp| lamp.key != key);
+                app.lights.solo.remove(&key);
+                groups::leave(&mut app.look.lights, &key);
+                names.push(app.look.names.remove(&key).unwrap_or(key));
+            }
+            match names.as_slice() {
+                [name] => app.say(format!("Deleted {name}")),
+                many => app.say(format!("Deleted {} lamps", many.len())),
+            }
         });
     }
 

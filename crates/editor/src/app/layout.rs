@@ -54,6 +54,11 @@ impl App {
         hovered_files_ui(ctx);
     }
 
+    /// Whether a question lies over the window.
+    pub(super) fn waits_for_an_answer(&self) -> bool {
+        self.question.is_some() || self.unsaved.is_some() || self.look_files.waits_for_an_answer()
+    }
+
     /// Closes a panel at the side, or opens it, with all others that are hidden.
     pub(super) fn toggle_panel(&mut self, ctx: &Context, side: Side) {
         if std::mem::take(&mut self.is_bare) && self.sides.shows(side, ctx.content_rect().width()) {

@@ -46,6 +46,11 @@ impl LookFiles {
         self.on_disk = None;
         self.opened.clear();
     }
+
+    /// Whether it asks if a file that was changed is to be replaced.
+    pub fn waits_for_an_answer(&self) -> bool {
+        self.conflict.is_some()
+    }
 }
 
 impl App {
@@ -137,7 +142,11 @@ impl App {
                 self.look_files.on_disk = Some(on_disk);
                 self.actions.extend(self.after_saving.take());
             }
-            Err(error) => self.complain(in_words(&error)),
+            Err(error) => {
+                // What was to follow was asked for then, not for whenever a look is saved at last.
+                self.after_saving = None;
+                self.complain(in_words(&error));
+            }
         }
     }
 

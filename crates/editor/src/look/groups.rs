@@ -61,6 +61,13 @@ pub fn join(rig: &mut LightRig, other: &str, key: &str) {
     }
 }
 
+/// Puts a light into a group, where there is such a group.
+pub fn enter(rig: &mut LightRig, group: &str, key: &str) {
+    if let Some(group) = rig.groups.get_mut(group) {
+        group.lights.insert(key.to_owned());
+    }
+}
+
 /// Takes a light out of all groups; what is left empty goes.
 pub fn leave(rig: &mut LightRig, key: &str) {
     for group in rig.groups.values_mut() {

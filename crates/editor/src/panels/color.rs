@@ -45,7 +45,7 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
         match *tint {
             Tint { kelvin: Some(kelvin), .. } => kelvin_ui(ui, label, kelvin, tint),
             Tint { color: Some(color), .. } => {
-                if let Some(color) = picker_ui(ui, color) {
+                if let Some(color) = picker_ui(ui, color).or_else(|| hex_ui(ui, label, color)) {
                     tint.color = Some(color);
                 }
             }
@@ -176,6 +176,34 @@ fn picker_ui(ui: &mut Ui, linear: [f32; 3]) -> Option<[f32; 3]> {
     moved.then_some(color)
 }
 
+/// The color as six digits, for keys and for what comes from elsewhere; answers with the new color if another was typed.
+fn hex_ui(ui: &mut Ui, label: &str, linear: [f32; 3]) -> Option<[f32; 3]> {
+    let id = ui.scope_id().with("hex");
+    let [r, g, b, _] = swatch_color(Vec3::from(linear)).to_array();
+    let mut text = ui.data(|data| data.get_temp(id)).unwrap_or_else(|| format!("#{r:02X}{g:02X}{b:02X}"));
+    let field = ui.horizontal(|ui| {
+        ui.label(egui::RichText::new("Hex").weak());
+        ui.add(egui::TextEdit::singleline(&mut text).desired_width(76.0)).on_hover_text("sRGB, as in #FFD2A1")
+    });
+    let field = field.inner.accessible_name(format!("{label} hex"));
+    let typed = if field.changed() { from_hex(&text) } else { None };
+    // What is being typed stays, whatever it is.
+    let has_focus = field.has_focus();
+    ui.data_mut(|data| match has_focus {
+        true => _ = data.insert_temp(id, text),
+        false => _ = data.remove_temp::<String>(id),
+    });
+    typed
+}
+
+/// Linear color of six digits.
+fn from_hex(text: &str) -> Option<[f32; 3]> {
+    let digits = text.trim().trim_start_matches('#');
+    let color = Color32::from_hex(&format!("#{digits}")).ok().filter(|_| digits.len() == 6)?;
+    let [r, g, b, _] = egui::Rgba::from(color).to_array();
+    Some([r, g, b])
+}
+
 /// A rectangle of colors.
 struct Field(Response);
 
@@ -211,6 +239,14 @@ impl Field {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn six_digits_are_a_color_and_nothing_else_is() {
+        assert_eq!(from_hex(" #FF0000"), Some([1.0, 0.0, 0.0]));
+        let [gray, ..] = from_hex("808080").unwrap();
+        assert!((gray - 0.2159).abs() < 1e-3, "{gray}");
+        assert_eq!(["", "#FFF", "#GG0000", "#FF00000", "red"].map(from_hex), [None; 5]);
+    }
 
     #[test]
     fn a_swatch_shows_the_hue_of_lamps_of_any_brightness() {

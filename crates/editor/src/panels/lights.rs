@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
 use crate::action::Action;
 use crate::look::Look;
-pub use groups::with_groups;
+pub use groups::{ADDED, with_groups};
 use groups::{GroupBy, Item, arranged};
 pub(crate) use listed::source_words;
 use listed::{Listed, Profiles, listed};
@@ -119,6 +119,17 @@ impl LightsState {
     /// Files of measured lamps are read again where they are asked.
     pub fn forget_profiles(&mut self) {
         self.profiles.clear();
+    }
+
+    /// Whether a light is selected in the list.
+    pub fn is_selected(&self, key: &str) -> bool {
+        self.selection.has(key)
+    }
+
+    /// Selects some lights, whatever was selected before.
+    pub fn select(&mut self, keys: Vec<String>) {
+        self.selection.set_all(keys);
+        self.choose_lamp(None);
     }
 
     /// Chooses a lamp of the picture, or none, from within the panel, after what is selected changed. What is selected alone

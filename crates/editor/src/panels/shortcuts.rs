@@ -44,8 +44,16 @@ pub const DUPLICATE: KeyboardShortcut = command(Key::D);
 const AIM: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::A);
 const HELP: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 
-/// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it.
-pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
+/// Pushes what the keys that were pressed ask for. Keys that a text field wants stay with it; while a question waits for its answer they
+/// are for the question.
+pub fn take_keys(ctx: &Context, waits: bool, actions: &mut Vec<Action>) {
+    if waits {
+        let is_asked = ctx.input_mut(|input| input.consume_shortcut(&HELP));
+        if is_asked || (!ctx.text_edit_focused() && asks_for_help(ctx)) {
+            actions.push(Action::ToggleShortcuts);
+        }
+        return;
+    }
     take_copy(ctx, actions);
     let mut take = |shortcut: &KeyboardShortcut, action: Action| {
         if ctx.input_mut(|input| input.consume_shortcut(shortcut)) {
@@ -75,8 +83,8 @@ pub fn take_keys(ctx: &Context, actions: &mut Vec<Action>) {
     take(&LIGHTS_PANEL, Action::TogglePanel(Side::Lights));
     take(&SETTINGS_PANEL, Action::TogglePanel(Side::Settings));
     take(&CAMERA, Action::ToggleCamera);
-    take(&DELETE, Action::DeleteLamp);
-    take(&DELETE_TOO, Action::DeleteLamp);
+    take(&DELETE, Action::DeleteChosen);
+    take(&DELETE_TOO, Action::DeleteChosen);
     take(&DUPLICATE, Action::DuplicateLamp);
     take(&AIM, Action::AimLamp);
     if asks_for_help(ctx) {

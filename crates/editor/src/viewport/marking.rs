@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use clerestory_transport::camera::Film;
-use eframe::egui::{self, Color32, CursorIcon, Mesh, PointerButton, Pos2, Rect, Response, Shape, Stroke, Ui, vec2};
+use eframe::egui::{
+    self, Color32, CursorIcon, Key, Mesh, PointerButton, Pos2, Rect, Response, Shape, Stroke, Ui, vec2,
+};
 
 use super::lamps::hint;
 use crate::marks::{Kin, Marks};
@@ -92,6 +94,10 @@ pub fn marking_ui(ui: &Ui, response: &Response, image: Rect, film: Film, state: 
         paint(ui, response.rect, image, marks);
     }
     let Some(tool) = state.tool else { return false };
+    if !ui.text_edit_focused() && ui.input(|input| input.key_pressed(Key::Escape)) {
+        (state.tool, state.press) = (None, None);
+        return false;
+    }
     let scale = vec2(film.width as f32, film.height as f32) / image.size();
     let to_px = |at: Pos2| {
         let px = (at - image.min) * scale;

@@ -24,7 +24,9 @@ pub struct Desk {
     /// What is kept between runs.
     pub kept: Kept,
     scratch: PathBuf,
-    /// What had been computed when the section began that is measured now.
+    /// When the section began that is measured now.
+    begun_at: Mutex<Instant>,
+    /// What had been computed then.
     begun: Mutex<Option<Computed>>,
 }
 
@@ -39,7 +41,15 @@ impl Desk {
         std::fs::create_dir_all(&scratch).with_context(|| format!("cannot make the folder {}", scratch.display()))?;
         let pages = pages.map_or_else(|| root.join("docs"), Path::to_path_buf);
         std::fs::create_dir_all(&pages).with_context(|| format!("cannot make the folder {}", pages.display()))?;
-        Ok(Desk { root, pages, quick, kept: Kept::of_user()?, scratch, begun: Mutex::new(Computed::now()) })
+        Ok(Desk {
+            root,
+            pages,
+            quick,
+            kept: Kept::of_user()?,
+            scratch,
+            begun_at: Mutex::new(Instant::now()),
+            begun: Mutex::new(Computed::now()),
+        })
     }
 
     /// One of two: for a quick report or for a full one.
@@ -63,20 +73,23 @@ impl Desk {
         complain(&format!("{words} …"));
     }
 
-    /// The command that writes a section, its version and commit, and the threads that it ran on.
+    /// The command that writes a section, its version and commit, the threads that it ran on, and how long it took.
     pub fn provenance(&self, section: &str) -> String {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
         format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, on {threads} threads of {}.*",
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, on {threads} threads of {} ({}), in {:.0} s.*",
             env!("CARGO_PKG_VERSION"),
             commit(&self.root).unwrap_or_default(),
             cpu_name(),
+            std::env::consts::OS,
+            self.begun_at.lock().unwrap_or_else(PoisonError::into_inner).elapsed().as_secs_f64(),
         )
     }
 
     /// A section begins: what others compute is counted from here on.
     pub fn begin(&self) {
+        *self.begun_at.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
         *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = Computed::now();
     }
 

@@ -8,6 +8,15 @@ pub fn secs_at(target_db: f64, points: &[[f64; 2]]) -> Option<f64> {
     Some((from.ln() + (to / from).ln() * (target_db - low) / (high - low).max(f64::MIN_POSITIVE)).exp())
 }
 
+/// The least and the greatest seconds that it can take: also where the curve begins above the target, or ends below it.
+pub fn secs_between(target_db: f64, points: &[[f64; 2]]) -> Option<[f64; 2]> {
+    match (secs_at(target_db, points), points.first()?, points.last()?) {
+        (Some(secs), ..) => Some([secs; 2]),
+        (None, [secs, db], _) if *db >= target_db => Some([0.0, *secs]),
+        (None, _, [secs, _]) => Some([*secs, f64::INFINITY]),
+    }
+}
+
 /// The same in words: also where the curve begins above the target, or ends below it.
 pub fn secs_words(target_db: f64, points: &[[f64; 2]]) -> String {
     match (secs_at(target_db, points), points.first(), points.last()) {

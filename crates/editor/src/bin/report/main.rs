@@ -156,7 +156,8 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     let path = desk.pages.join("benchmarks.md");
     for section in SECTIONS.iter().filter(asked) {
         // Section by section, so that a later one that fails costs nothing of an earlier one.
-        let text = format!("{}\n\n{}", desk.provenance(section.name), measured(section)?.trim_end());
+        let text = measured(section)?;
+        let text = format!("{}\n\n{}", desk.provenance(section.name), text.trim_end());
         let mut page = Page::parse(&std::fs::read_to_string(&path).unwrap_or_default());
         page.put(section.name, text);
         put(&path, &page.text(known()))?;

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{digits, secs_at, secs_words, spread_words, tenths};
+use super::fit::{digits, secs_at, secs_between, secs_words, spread_words, tenths};
 use super::plot::{Axis, Panel, Scale, Series};
 
 /// Errors that times are told for, in dB.
@@ -104,7 +104,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Spots: three of them on the first panel, one after the other. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
+         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--exact`, nor is anything else. Spots: three of them on the first panel, one after the other. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         desk.load_words(),
     );
@@ -226,21 +226,31 @@ fn pays(scenes: &[(Subject, Measured)]) -> String {
     let mut text = String::from(
         "\n### Where a bake pays for itself\n\n\
          Looks of all lights after which the bake has cost less CPU time than a render of each at the same error; relighting itself takes\n\
-         milliseconds (see Relighting) and is not counted. \"—\": one of the two did not reach the error in the time that was measured.\n\n\
+         milliseconds (see Relighting) and is not counted. \"≤\" and \">\": one of the two reached the error before the first point that was measured, or\n\
+         would have after the last; \"—\": nothing follows from them.\n\n\
          | scene | dB | ours, indirect light shared | ours, indirect light traced | matrix, not compressed | a render per light |\n|---|---|---|---|---|---|\n",
     );
     for (subject, measured) in scenes {
         for target in TARGETS_DB {
-            let secs = |way: Way| secs_at(target, &measured.curve(way, 2));
-            let looks = |way: Way| match (secs(way), secs(Way::Plain)) {
-                (Some(bake), Some(plain)) => format!("{:.0}", (bake / plain).ceil()),
-                _ => "—".into(),
-            };
+            let secs = |way: Way| secs_between(target, &measured.curve(way, 2));
+            let looks = |way: Way| looks_words(secs(way)?, secs(Way::Plain)?);
+            let looks = |way: Way| looks(way).unwrap_or_else(|| "—".into());
             let cells = [Way::Fast, Way::Exact, Way::Dense, Way::Renders].map(looks);
             text += &format!("| {} | {target:.0} | {} |\n", subject.name, cells.join(" | "));
         }
     }
     text
+}
+
+/// So many looks that a bake costs, given the least and the greatest seconds of the bake and of a render; nothing where all is possible.
+fn looks_words(bake: [f64; 2], render: [f64; 2]) -> Option<String> {
+    let [least, greatest] = [bake[0] / render[1], bake[1] / render[0]];
+    match (least == greatest, greatest.is_finite(), least > 0.0) {
+        (true, ..) => Some(format!("{:.0}", greatest.ceil())),
+        (_, true, _) => Some(format!("≤ {:.0}", greatest.ceil())),
+        (_, _, true) => Some(format!("> {:.0}", least.floor())),
+        _ => None,
+    }
 }
 
 #[cfg(test)]
@@ -269,5 +279,11 @@ mod tests {
         assert!(rows.contains("| hall | 4×3 | 30 | 4.0 | — | — | — | **0.40** |"), "{rows}");
         assert!(!table(&scenes, 0).contains("hall"), "no single lights were measured");
         assert!(pays(&scenes).contains("| hall | 30 | 10 | — | — | — |"), "{}", pays(&scenes));
+        let looks = |bake, render| looks_words(bake, render).unwrap_or_default();
+        let endless = f64::INFINITY;
+        assert_eq!(looks([10.0, 10.0], [98.0, endless]), "≤ 1", "a render takes more");
+        assert_eq!(looks([0.0, 1.4], [0.5, 0.5]), "≤ 3", "the first point is good enough");
+        assert_eq!(looks([70.0, endless], [20.0, 20.0]), "> 3");
+        assert_eq!(looks([70.0, endless], [20.0, endless]), "");
     }
 }

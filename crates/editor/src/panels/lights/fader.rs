@@ -4,6 +4,7 @@ use eframe::egui::accesskit::{self, ActionData};
 use eframe::egui::{self, EventFilter, Id, Key, Painter, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, pos2, vec2};
 
 use crate::panels::arrows::presses;
+use crate::panels::menu::context_menu;
 use crate::theme;
 
 /// Which way more is.
@@ -63,7 +64,7 @@ pub(super) fn stepped(intensity: f32, stops: f32) -> f32 {
 /// Draws a fader of a size and does what is done to it; `changed()` tells whether the intensity is another.
 pub(super) fn fader_ui(ui: &mut Ui, label: &str, (size, more): (Vec2, More), intensity: &mut f32) -> Response {
     let (rect, mut response) = ui.allocate_exact_size(size, Sense::click_and_drag());
-    let before = *intensity;
+    let (before, mut reset) = (*intensity, false);
     if let Some(to) = dragged(ui, &response, way(rect, more), *intensity) {
         *intensity = to;
     }
@@ -101,6 +102,16 @@ pub(super) fn fader_ui(ui: &mut Ui, label: &str, (size, more): (Vec2, More), int
     if ui.is_rect_visible(rect) {
         paint(ui, rect, more, *intensity, &response);
     }
+    context_menu(&response, |ui| {
+        if ui.button("Reset to the file's value").clicked() {
+            reset = true;
+            ui.close();
+        }
+    });
+    if reset && *intensity != 1.0 {
+        *intensity = 1.0;
+        response.mark_changed();
+    }
     response.on_hover_text("Shift for fine steps, arrow keys for ⅓ EV, double-click for the file's value")
 }
 
@@ -112,23 +123,32 @@ fn way(rect: Rect, more: More) -> [Pos2; 2] {
     }
 }
 
-/// Where a press or a drag takes the handle: to the pointer; with Shift a tenth of the way, from where it is.
+/// Where a press or a drag takes the handle: one on the handle takes hold of it where it is, one beside it brings it to the pointer;
+/// with Shift a tenth of the way, from where it is. Other buttons do nothing.
 fn dragged(ui: &Ui, response: &Response, [low, high]: [Pos2; 2], intensity: f32) -> Option<f32> {
     let pointer = response.interact_pointer_pos()?;
-    let along = |v: Vec2| v.dot(high - low) / (high - low).length_sq().max(1.0);
+    let is_primary = |pointer: &egui::PointerState| pointer.primary_down() || pointer.primary_released();
+    if !ui.input(|input| is_primary(&input.pointer)) {
+        return None;
+    }
+    let way = (high - low).length().max(1.0);
+    let along = |v: Vec2| v.dot(high - low) / way.powi(2);
     let at = along(pointer - low);
     let fine = ui.input(|input| input.modifiers.shift);
-    // How far the handle is from the pointer: nothing but for what was dragged finely.
+    let moved = along(ui.input(|input| input.pointer.delta()));
+    // How far the handle is from the pointer: nothing where it was brought there.
     let id: Id = response.id.with("apart");
     let is_new = ui.input(|input| input.pointer.primary_pressed());
-    let mut apart = if is_new { None } else { ui.data(|data| data.get_temp::<f32>(id)) };
-    if fine {
-        let held = apart.unwrap_or_else(|| place(intensity) - at);
-        apart = Some(held - if is_new { 0.0 } else { (1.0 - FINE) * along(ui.input(|input| input.pointer.delta())) });
-    }
-    let apart = apart.unwrap_or(0.0);
+    let from_handle = place(intensity) - at;
+    let is_held = fine || from_handle.abs() * way <= HANDLE;
+    let apart = match ui.data(|data| data.get_temp::<f32>(id)).filter(|_| !is_new) {
+        Some(apart) => apart - if fine { (1.0 - FINE) * moved } else { 0.0 },
+        None if is_held => from_handle,
+        None => 0.0,
+    };
     ui.data_mut(|data| data.insert_temp(id, apart));
-    if fine && is_new {
+    // What is held and rests stays as it is, to the last digit.
+    if is_held && is_new || apart != 0.0 && moved == 0.0 {
         return None;
     }
     let to = at + apart;

@@ -144,7 +144,7 @@ fn places(lights: &[Listed]) -> BTreeMap<String, usize> {
 
 /// The group of a light; sky and free lamps keep to themselves however the others are sorted.
 fn group_key(light: &Listed, by: GroupBy, places: &BTreeMap<String, usize>) -> Option<String> {
-    let LightOf::Scene(source) = &light.light else { return Some("kind:Added lamps".into()) };
+    let LightOf::Scene(source) = &light.light else { return Some(ADDED.into()) };
     let origin = &source.origin;
     match (source.kind, by) {
         (SourceKind::Sky | SourceKind::Dome { .. } | SourceKind::Sun { .. }, _) => Some("kind:Sky".into()),
@@ -172,6 +172,9 @@ fn name_key(key: &str) -> Option<String> {
     let stem = key.trim_end_matches(|c: char| c.is_ascii_digit() || " ._-#:".contains(c));
     (!stem.is_empty()).then(|| format!("name:{stem}"))
 }
+
+/// The group of lamps that no file has.
+pub const ADDED: &str = "kind:Added lamps";
 
 fn kind_name(kind: SourceKind) -> &'static str {
     match kind {

@@ -29,7 +29,8 @@ pub(super) fn list_ui(ui: &mut Ui, mix: &mut Mix) {
         }
         ui.add_space(8.0);
         other_masters_ui(ui, mix);
-        if mix.look.lights != *mix.file && ui.button("Reset all lights").clicked() {
+        let tip = "Back to what the file says; added lamps go, and another sky. Undo brings all of it back";
+        if mix.look.lights != *mix.file && ui.button("Reset all lights").on_hover_text(tip).clicked() {
             mix.look.lights = mix.file.clone();
         }
     });

@@ -167,15 +167,44 @@ pub(super) fn digits(number: f64) -> String {
     }
 }
 
-/// A number that was typed: a comma may stand for the point, `k` for thousands, and a unit behind it is passed over.
-fn typed(text: &str) -> Option<f64> {
-    let text = text.trim().replace(',', ".");
-    if text == "off" {
-        return Some(OFF_EV);
+/// Other words for units.
+const ALIASES: [(&str, &[&str]); 7] = [
+    ("lm", &["lumen", "lumens"]),
+    ("cd", &["candela", "candelas"]),
+    ("lx", &["lux"]),
+    ("nit", &["nits", "cd/m²", "cd/m2"]),
+    ("W", &["w", "watt", "watts"]),
+    ("EV", &["ev", "stops", "stop"]),
+    ("×", &["x", "times"]),
+];
+
+/// A number that was typed, in a measure. `k` behind it stands for thousands, `%` for a share of what the file says, and its own unit may
+/// follow; another unit is no answer. Of amounts commas set thousands apart where they can; elsewhere one stands for the point.
+fn typed(text: &str, measure: Measure) -> Option<f64> {
+    let text = text.trim();
+    if text.eq_ignore_ascii_case("off") {
+        return Some(measure.number(0.0));
     }
-    let number = text.trim_end_matches(|c: char| !c.is_ascii_digit() && c != '.');
-    let factor = if text[number.len()..].trim_start().starts_with('k') { 1000.0 } else { 1.0 };
-    number.trim().parse::<f64>().ok().filter(|number| number.is_finite()).map(|number| number * factor)
+    let end = text.find(|c: char| !(c.is_ascii_digit() || "+-.,".contains(c))).unwrap_or(text.len());
+    let (number, unit) = (&text[..end], text[end..].trim());
+    let sets_apart = matches!(measure, Measure::Amount { .. }) && are_thousands(number);
+    let number = if sets_apart { number.replace(',', "") } else { number.replace(',', ".") };
+    let number = number.parse::<f64>().ok().filter(|number| number.is_finite())?;
+    if unit == "%" {
+        return Some(measure.number((number / 100.0).clamp(0.0, FACTOR_MAX) as f32));
+    }
+    let (thousands, unit) = unit.strip_prefix('k').map_or((1.0, unit), |rest| (1000.0, rest.trim_start()));
+    let own = measure.unit();
+    let is_alias = || ALIASES.iter().any(|(name, words)| *name == own && words.contains(&unit));
+    (unit.is_empty() || unit == own || is_alias()).then_some(number * thousands)
+}
+
+/// Whether commas stand where they set thousands apart: 5,000 but not 0,125.
+fn are_thousands(number: &str) -> bool {
+    let whole = number.split_once('.').map_or(number, |(whole, _)| whole);
+    let mut groups = whole.trim_start_matches(['+', '-']).split(',');
+    let first = groups.next().unwrap_or_default();
+    (1..=3).contains(&first.len()) && !first.starts_with('0') && groups.all(|group| group.len() == 3)
 }
 
 /// How a number is shown.
@@ -208,7 +237,11 @@ pub(super) fn number_ui(
         (Shown::WithUnit, _) => format!(" {}", measure.unit()),
         (Shown::Bare | Shown::Mixed, _) => String::new(),
     };
-    let drag = DragValue::new(&mut number).range(range).speed(speed).suffix(suffix).custom_parser(typed);
+    let drag = DragValue::new(&mut number)
+        .range(range)
+        .speed(speed)
+        .suffix(suffix)
+        .custom_parser(move |text| typed(text, measure));
     let drag = drag.custom_formatter(|number, _| match shown {
         Shown::Mixed => "mixed".into(),
         Shown::WithUnit | Shown::Bare => measure.digits(number),
@@ -260,8 +293,24 @@ mod tests {
     }
 
     #[test]
-    fn what_is_typed_may_carry_its_unit() {
-        let expected = [Some(1.5), Some(1.5), Some(250_000.0), Some(-1.0), Some(OFF_EV), None, None];
-        assert_eq!(["1.5", " 1,5 lm", "250k", "-1 EV", "off", "mixed", ""].map(typed), expected);
+    fn what_is_typed_may_carry_its_own_unit_and_no_other() {
+        let lumen = Measure::Amount { at_one: 800.0, unit: "lm" };
+        let of = |measure: Measure, texts: [&str; 6]| texts.map(|text| typed(text, measure));
+        assert_eq!(
+            of(lumen, ["1.5", " 1,5 lm", "250k", "2 klm", "off", "5,000 lumen"]),
+            [Some(1.5), Some(1.5), Some(250_000.0), Some(2000.0), Some(0.0), Some(5000.0)]
+        );
+        assert_eq!(
+            of(lumen, ["50 %", "0,125", "1,234,567.5", "2 W", "mixed", ""]),
+            [Some(400.0), Some(0.125), Some(1_234_567.5), None, None, None]
+        );
+        assert_eq!(
+            of(Measure::Factor, ["50%", "1,125", "2x", "3 ×", "2 lm", "1..2"]),
+            [Some(0.5), Some(1.125), Some(2.0), Some(3.0), None, None]
+        );
+        assert_eq!(
+            of(Measure::Stops, ["-1 EV", "+0,5", "off", "200 %", "2 stops", "-1 lx"]),
+            [Some(-1.0), Some(0.5), Some(OFF_EV), Some(1.0), Some(2.0), None]
+        );
     }
 }

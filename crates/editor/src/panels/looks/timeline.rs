@@ -64,6 +64,23 @@ impl Player {
         (self.playhead, self.playing) = (Some((frame / timeline.fps).clamp(0.0, timeline.end_secs())), false);
     }
 
+    /// The key that was touched last.
+    pub fn chosen(&self) -> Option<usize> {
+        self.chosen
+    }
+
+    /// Chooses no key.
+    pub fn let_go(&mut self) {
+        self.chosen = None;
+    }
+
+    /// Takes the chosen key away; false where none is chosen.
+    pub fn delete_key(&mut self, timeline: &mut Timeline) -> bool {
+        let Some(idx) = self.chosen.take().filter(|idx| *idx < timeline.keys.len()) else { return false };
+        timeline.keys.remove(idx);
+        true
+    }
+
     fn play(&mut self, timeline: &Timeline) {
         let is_at_end = self.playhead.is_none_or(|secs| secs >= timeline.end_secs());
         if is_at_end {
@@ -173,8 +190,7 @@ fn key_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
         player.chosen = Some(look.timeline.move_to(idx, secs));
     }
     if ui.button("Delete key").clicked() {
-        look.timeline.keys.remove(idx);
-        player.chosen = None;
+        player.delete_key(&mut look.timeline);
     }
 }
 

@@ -52,7 +52,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "\n### All columns against one picture\n\n\
-         CPU seconds of a bake of all columns, its indirect light traced and compression included, and of one path-traced picture under the light of the file,\n\
+         CPU seconds of a bake of all columns, its indirect light traced, compression and denoising included, and of one path-traced picture under the light of the file,\n\
          both with {spp} samples per pixel of {} × {}; median (least…greatest) of {TURNS} seeds, in turn.\n\n\
          | scene | columns | bake, CPU s | picture, CPU s | ratio |\n|---|---|---|---|---|\n{rows}",
         film.width, film.height,

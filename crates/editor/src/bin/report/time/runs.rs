@@ -155,7 +155,9 @@ fn ours(
 ) -> Result<Point> {
     // A tolerance out of reach: every block takes all its samples.
     let Taken { spp, seed } = taken;
-    let config = BakeConfig { spp, tolerance_db: 80.0, seed, indirect, ..BakeConfig::default() };
+    // Traced as `--exact` does it: free of bias.
+    let denoise = indirect == Indirect::Shared;
+    let config = BakeConfig { spp, tolerance_db: 80.0, seed, indirect, denoise, ..BakeConfig::default() };
     let (cpu_secs, bake) = baked(scene, subject.film, config)?;
     Ok(taken.point(way, cpu_secs, judge.of_bake(&bake.header, &bake.groups)))
 }
