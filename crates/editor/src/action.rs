@@ -85,6 +85,8 @@ pub enum Action {
     DuplicateLamp,
     /// Take the chosen lamp away.
     DeleteLamp,
+    /// Bakes again, with how lamps that are moved light the room by way of its surfaces.
+    BakePatches,
     /// Takes away what was chosen last: a key of the timeline, or lamps.
     DeleteChosen,
     /// Look for the lights that come closest to the wishes.

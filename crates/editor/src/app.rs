@@ -36,6 +36,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
+use clerestory_transport::patches::DEFAULT_PATCHES;
 use eframe::egui::{Context, Rect, ThemePreference, Ui, util::undoer::Undoer};
 use eframe::{CreationContext, Storage};
 
@@ -320,6 +321,10 @@ impl App {
             Action::CopyImage => self.copy_image(),
             Action::SaveBake(path) => self.session.save_bake(path),
             Action::StartBake => self.bake_as_asked(),
+            Action::BakePatches => {
+                self.settings.config.patches = self.settings.config.patches.max(DEFAULT_PATCHES);
+                self.bake_as_asked();
+            }
             Action::Reload => self.reload(),
             Action::ResumeBake => self.session.resume_bake(&self.settings),
             Action::CancelOpening => {

@@ -93,7 +93,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 let median = median.map_or(String::new(), |median| format!(", median {median:.1} dB"));
                 ui.label(RichText::new(format!("{db:.1} dB{median}")).weak()).on_hover_text(hint);
             }
-            lamps_ui(ui, &status.lamps);
+            lamps_ui(ui, &status.lamps, actions);
             if status.opening {
                 let stop = ui.small_button("Stop").on_hover_text("Stop opening the file; what is open stays");
                 if stop.accessible_name("Stop opening").clicked() {
@@ -128,16 +128,23 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
     });
 }
 
-fn lamps_ui(ui: &mut Ui, note: &LampNote) {
+fn lamps_ui(ui: &mut Ui, note: &LampNote, actions: &mut Vec<Action>) {
     match note {
         LampNote::None => {}
         LampNote::Pending => {
             ui.label(RichText::new("Lamps: lighting").weak()).on_hover_text("The light of moved lamps is on its way");
         }
         LampNote::DirectOnly => {
-            let hint = "This bake does not know how added and moved lamps light the room by way of its surfaces\n\
-                        Tick “Movable lamps” in the bake panel and start the bake";
-            ui.label(RichText::new("Lamps: direct light only").color(ui.visuals().warn_fg_color)).on_hover_text(hint);
+            let hint = "This bake does not know how added and moved lamps light the room by way of its surfaces";
+            let words = RichText::new("Lamps: direct light only").color(ui.visuals().warn_fg_color);
+            let menu = ui.menu_button(words, |ui| {
+                ui.label(hint);
+                let bake = ui.button("Bake the rest of their light");
+                if bake.on_hover_text("The same bake with “Movable lamps”").clicked() {
+                    actions.push(Action::BakePatches);
+                }
+            });
+            menu.response.on_hover_text(hint);
         }
         LampNote::NoCaustics => {
             ui.label(RichText::new("Lamps: without caustics").weak()).on_hover_text(NO_CAUSTICS);
