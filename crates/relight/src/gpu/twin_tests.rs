@@ -2,7 +2,7 @@
 //! in tests, so nothing that was forgotten passes for a zero.
 
 use super::chunk::ChunkLimits;
-use super::tests::{assert_precise_twins_agree, assert_twins_agree, n_required, relit};
+use super::tests::{assert_precise_twins_agree, assert_twins_agree, gpu, n_required, relit};
 use super::*;
 use crate::CpuRelighter;
 use crate::packing::Precision;
@@ -11,11 +11,11 @@ use crate::synthetic::{Ranks, Recipe};
 
 /// All that run here, on a second driver, too, where there is one.
 pub(super) fn gpus() -> Vec<Gpu> {
+    if gpu().is_none() {
+        return Vec::new();
+    }
     let gpus = Gpu::all_headless(DeviceChoice::Any);
     assert!(gpus.len() >= n_required(), "{} of {} devices are there", gpus.len(), n_required());
-    if gpus.is_empty() {
-        println!("skipped: no adapter");
-    }
     gpus
 }
 
