@@ -1,4 +1,4 @@
-// What project, gather, settle and expand have in common; it stands before each of them.
+// What project, gather and expand have in common; it stands before each of them.
 
 struct Block {
     rank: u32,
@@ -10,7 +10,7 @@ struct Block {
     z: u32,
     sparse: u32,
     n_sparse: u32,
-    // Components of z, those included that fill the last word.
+    // Components of the block, those included that fill the last word.
     n_components: u32,
     // Components of the left factor that are halves; the rest are bytes.
     left_halves: u32,
@@ -33,10 +33,12 @@ struct Group {
 const THREADS: u32 = 64u;
 // Workgroups of a row of the grid.
 const ROW: u32 = 32768u;
-// Threads that share a block in gather and settle.
+// Threads that share a block in gather.
 const PER_BLOCK: u32 = 8u;
 
-// Four bytes of a word, the lowest first.
+// Four bytes of a word, the lowest first: in the lower bits of halves from 1024 on, which is less work than a conversion of each.
 fn signed_bytes(word: u32) -> vec4<f32> {
-    return vec4<f32>(vec4<i32>(vec4<u32>(word) << vec4<u32>(24u, 16u, 8u, 0u)) >> vec4<u32>(24u));
+    let even = unpack2x16float((word & 0x00ff00ffu) ^ 0x64806480u);
+    let odd = unpack2x16float(((word >> 8u) & 0x00ff00ffu) ^ 0x64806480u);
+    return vec4<f32>(even.x, odd.x, even.y, odd.y) - 1152.0;
 }

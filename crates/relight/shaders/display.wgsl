@@ -26,7 +26,7 @@ struct Display {
 // Red, green and blue of each pixel, row by row; one unused float where there is no layer.
 @group(0) @binding(3) var<storage, read> layer: array<f32>;
 
-@compute @workgroup_size(8, 8)
+@compute @workgroup_size(16, 16)
 fn display(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= display_params.width || id.y >= display_params.height {
         return;

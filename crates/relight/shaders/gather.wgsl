@@ -1,5 +1,5 @@
 // Gather: fresh z = scale · sum over segments, a few threads per block; and by how much each tile would miss what that expands
-// to if it stayed as it is, added up over the groups. Twin of src/cpu/project.rs and src/cpu/left.rs; settle.wgsl decides.
+// to if it stayed as it is, added up over the groups. Twin of src/cpu/project.rs and src/cpu/left.rs; expand.wgsl decides.
 
 @group(0) @binding(1) var<storage, read> coefficients: array<vec4<f32>>;
 // One per tile of the frame.
@@ -8,12 +8,10 @@
 @group(1) @binding(0) var<storage, read> blocks: array<Block>;
 // One per component: the largest magnitude of its left factor per channel, and its scale.
 @group(1) @binding(1) var<storage, read> components: array<vec4<f32>>;
-// Segment by segment as long as z, and then the fresh z.
+// Segment by segment as long as z, then the fresh z, and then the z that blocks were expanded from.
 @group(1) @binding(2) var<storage, read_write> partials: array<vec4<f32>>;
-// What blocks were expanded from.
-@group(1) @binding(3) var<storage, read> z: array<vec4<f32>>;
 // As in expand.wgsl.
-@group(1) @binding(4) var<storage, read> sparse: array<u32>;
+@group(1) @binding(3) var<storage, read> sparse: array<u32>;
 
 // More than anybody overlooks.
 const FAR: f32 = 1e30;
@@ -42,20 +40,31 @@ fn gather(@builtin(workgroup_id) id: vec3<u32>, @builtin(local_invocation_index)
 
 // How far any pixel of the block is behind, at most: the share of this thread.
 fn gathered(block: Block, lane: u32) -> vec3<f32> {
-    let stride = arrayLength(&partials) / (group.n_segments + 1u);
+    let stride = arrayLength(&partials) / (group.n_segments + 2u);
     var most = vec3<f32>(0.0);
     for (var component = lane; component < block.n_components; component += PER_BLOCK) {
         let place = block.z + component;
         var sum = vec3<f32>(0.0);
         // Those that fill a word stay 0. In the order of the segments, whatever was projected just now.
         if component < block.rank {
-            for (var segment = 0u; segment < group.n_segments; segment += 1u) {
+            var segment = 0u;
+            // Four at a time, so that a device waits for memory once for all of them.
+            for (; segment + 4u <= group.n_segments; segment += 4u) {
+                let at = segment * stride + place;
+                let a = partials[at].xyz;
+                let b = partials[at + stride].xyz;
+                let c = partials[at + 2u * stride].xyz;
+                let d = partials[at + 3u * stride].xyz;
+                sum += (a + b) + (c + d);
+            }
+            for (; segment < group.n_segments; segment += 1u) {
                 sum += partials[segment * stride + place].xyz;
             }
             sum *= components[place].w;
         }
-        partials[group.n_segments * stride + place] = vec4<f32>(sum, 0.0);
-        most += components[place].xyz * abs(sum - z[place].xyz);
+        let fresh = group.n_segments * stride + place;
+        partials[fresh] = vec4<f32>(sum, 0.0);
+        most += components[place].xyz * abs(sum - partials[fresh + stride].xyz);
     }
     // An entry that no low rank holds carries another coefficient past z.
     let terms = block.sparse + block.n_pixels + 1u;

@@ -45,7 +45,8 @@ pub enum DeviceChoice {
 }
 
 impl DeviceChoice {
-    fn takes(self, device_type: wgpu::DeviceType) -> bool {
+    /// Whether it is one of these.
+    pub fn takes(self, device_type: wgpu::DeviceType) -> bool {
         match self {
             Self::Any => true,
             Self::Hardware => device_type != wgpu::DeviceType::Cpu,

@@ -17,7 +17,7 @@ pub(crate) struct Block {
     pub z: u32,
     pub sparse: u32,
     pub n_sparse: u32,
-    /// Components of `z`, those included that fill the last word.
+    /// Components of the block, those included that fill the last word.
     pub n_components: u32,
     /// Components of the left factor that are halves; the rest are bytes.
     pub left_halves: u32,
@@ -137,10 +137,9 @@ macro_rules! of_blocks {
 }
 
 /// Name and source of each stage.
-pub(crate) const SHADERS: [(&str, &str); 5] = [
+pub(crate) const SHADERS: [(&str, &str); 4] = [
     ("project", of_blocks!("project")),
     ("gather", of_blocks!("gather")),
-    ("settle", of_blocks!("settle")),
     ("expand", of_blocks!("expand")),
     ("display", include_str!("../shaders/display.wgsl")),
 ];
@@ -151,11 +150,17 @@ pub(crate) const LAMPLIGHT: (&str, &str) = ("lamplight", include_str!("../shader
 /// Name and source of the kernel that the others are measured by.
 pub(crate) const COPY: (&str, &str) = ("copy", include_str!("../shaders/copy.wgsl"));
 
-/// Threads of a workgroup of `project`, `gather`, `settle` and `expand`.
+/// Threads of a workgroup of `project`, `gather` and `expand`.
 pub(crate) const THREADS: u32 = 64;
 
-/// Threads that share a block in `gather` and `settle`.
+/// Threads that share a block in `gather`.
 pub(crate) const PER_BLOCK: u32 = 8;
+
+/// Components of a thread in `project`.
+pub(crate) const COMPONENTS: u32 = 4;
+
+/// Pixels along each side of what a workgroup of `display` shows: devices begin only so many workgroups at a time.
+pub(crate) const SHOWN: u32 = 16;
 
 /// Pixels of a thread in `expand`.
 pub(crate) const PIXELS: u32 = 4;
@@ -233,6 +238,6 @@ mod tests {
                 n_checked += 1;
             }
         }
-        assert_eq!(n_checked, 10);
+        assert_eq!(n_checked, 8);
     }
 }

@@ -7,7 +7,7 @@ use super::buffers::{filled, largest_storage, storage, working};
 use super::pack::{Packed, cut, items, pack};
 use super::stages::{Stages, bind};
 use crate::gpu::Gpu;
-use crate::layout::{ExpandMode, PER_BLOCK, PIXELS, ROW, SEGMENT, THREADS};
+use crate::layout::{COMPONENTS, ExpandMode, PER_BLOCK, PIXELS, ROW, SEGMENT, THREADS};
 use crate::packing::Precision;
 use crate::relight::RelightError;
 
@@ -61,7 +61,6 @@ pub(super) struct Chunk {
 struct Bindings {
     project: wgpu::BindGroup,
     gather: wgpu::BindGroup,
-    settle: wgpu::BindGroup,
     expand: wgpu::BindGroup,
 }
 
@@ -96,7 +95,7 @@ impl Chunk {
             n_bytes,
             n_blocks: packed.n_items() as u32,
             bindings,
-            n_bands: packed.n_right().into_iter().map(|n| n.div_ceil(THREADS)).sum(),
+            n_bands: packed.n_right().into_iter().map(|n| n.div_ceil(COMPONENTS * THREADS)).sum(),
             n_runs: most_pixels.div_ceil(PIXELS * THREADS).min(ROW),
         }
     }
@@ -112,17 +111,8 @@ impl Chunk {
 
     /// Records `scale · sum of the segments` for all blocks, and how far each tile is behind.
     pub(super) fn gather(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.by_block(pass, &self.bindings.gather);
-    }
-
-    /// Records what becomes of `z`.
-    pub(super) fn settle(&self, pass: &mut wgpu::ComputePass<'_>) {
-        self.by_block(pass, &self.bindings.settle);
-    }
-
-    fn by_block(&self, pass: &mut wgpu::ComputePass<'_>, bindings: &wgpu::BindGroup) {
         if self.n_blocks > 0 {
-            pass.set_bind_group(1, bindings, &[]);
+            pass.set_bind_group(1, &self.bindings.gather, &[]);
             pass.dispatch_workgroups((self.run.len() as u32).div_ceil(THREADS / PER_BLOCK), 1, 1);
         }
     }
@@ -145,19 +135,16 @@ impl Bindings {
         let components = filled(gpu, "components", &packed.components);
         let components_of = filled(gpu, "components_of", &packed.components_of());
         let n_components = packed.components.len() as u64;
-        let z = working(gpu, "z", 16 * n_components, wgpu::BufferUsages::empty());
-        let n_partials = n_components * (u64::from(n_segments) + 1);
+        let n_partials = n_components * (u64::from(n_segments) + 2);
         let partials = working(gpu, "partials", 16 * n_partials, wgpu::BufferUsages::empty());
         let sparse = filled(gpu, "sparse", &packed.sparse);
-        let all = [&blocks, &left, &right, &components, &components_of, &z, &partials, &sparse];
+        let all = [&blocks, &left, &right, &components, &components_of, &partials, &sparse];
         let project = [&right, &partials, &components_of].map(|buffer| buffer.as_entire_binding());
-        let gather = [&blocks, &components, &partials, &z, &sparse].map(|buffer| buffer.as_entire_binding());
-        let settle = [&blocks, &partials, &z].map(|buffer| buffer.as_entire_binding());
-        let expand = [&blocks, &left, &z, &sparse].map(|buffer| buffer.as_entire_binding());
+        let gather = [&blocks, &components, &partials, &sparse].map(|buffer| buffer.as_entire_binding());
+        let expand = [&blocks, &left, &partials, &sparse].map(|buffer| buffer.as_entire_binding());
         let bindings = Self {
             project: bind(gpu, &stages.project, 1, &project),
             gather: bind(gpu, &stages.gather, 1, &gather),
-            settle: bind(gpu, &stages.settle, 1, &settle),
             expand: bind(gpu, &stages.expand, 1, &expand),
         };
         (bindings, all.iter().map(|buffer| buffer.size()).sum())
@@ -213,7 +200,7 @@ mod tests {
             for run in runs {
                 let items = items(run.clone());
                 let packed = pack(low_rank, run, &items);
-                let partials = 16 * 4 * packed.components.len() as u64;
+                let partials = 16 * 5 * packed.components.len() as u64;
                 assert!((4 * packed.n_left.max(packed.n_right_words())).max(partials) <= limits.n_bytes);
             }
         }

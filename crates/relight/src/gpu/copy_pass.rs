@@ -6,8 +6,8 @@ use super::stages::{bind, pipeline};
 use crate::gpu::Gpu;
 use crate::layout::COPY;
 
-/// Threads of a workgroup, and workgroups of a row of the grid, as in `copy.wgsl`.
-const THREADS: u64 = 64;
+/// Elements of a workgroup, and workgroups of a row of the grid, as in `copy.wgsl`.
+const ELEMENTS: u64 = 4 * 256;
 const ROW: u64 = 32_768;
 
 /// Both buffers, filled, and the kernel; with the bytes of each.
@@ -33,7 +33,7 @@ pub(crate) fn run(
 ) {
     let resources = [&buffers[0], &buffers[1]].map(|buffer| buffer.as_entire_binding());
     let group = bind(gpu, stage, 0, &resources);
-    let n_groups = buffers[1].size().div_ceil(16 * THREADS);
+    let n_groups = buffers[1].size().div_ceil(16 * ELEMENTS);
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     for turn in 0..n_times {
         let timestamp_writes = stamps.map(|stamps| stamps.around(turn));

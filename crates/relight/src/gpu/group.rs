@@ -23,11 +23,10 @@ pub(super) struct GroupBuffers {
     segments: wgpu::Buffer,
     project: wgpu::BindGroup,
     gather: wgpu::BindGroup,
-    settle: wgpu::BindGroup,
     expand: wgpu::BindGroup,
     /// What was projected; none where all of it must be.
     projected: Option<Vec<[f32; 3]>>,
-    /// Whether `z` is what was projected, in every tile.
+    /// Whether every tile is expanded from what was projected.
     is_settled: bool,
     /// Whether the radiance holds this group; a dark group adds nothing.
     lit: Lit,
@@ -71,8 +70,6 @@ impl GroupBuffers {
         let project = bind(gpu, &stages.project, 0, &resources);
         let resources = [&params, &coefficients, behind].map(|buffer| buffer.as_entire_binding());
         let gather = bind(gpu, &stages.gather, 0, &resources);
-        let resources = [&params, behind].map(|buffer| buffer.as_entire_binding());
-        let settle = bind(gpu, &stages.settle, 0, &resources);
         let resources = [&params, &coefficients, radiance, settled, behind].map(|buffer| buffer.as_entire_binding());
         let expand = bind(gpu, &stages.expand, 0, &resources);
         let mut chunks = Vec::new();
@@ -85,7 +82,6 @@ impl GroupBuffers {
             segments,
             project,
             gather,
-            settle,
             expand,
             projected: None,
             is_settled: false,
@@ -175,21 +171,12 @@ impl GroupBuffers {
         }
     }
 
-    /// Records gather, unless every tile is what was projected.
-    pub(super) fn gather(&self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>) {
+    /// Records gather, unless every tile is what was projected; expand is to follow in the same submission.
+    pub(super) fn gather(&mut self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>) {
         if !self.is_settled {
             pass.set_pipeline(&stages.gather);
             pass.set_bind_group(0, &self.gather, &[]);
             self.chunks.iter().for_each(|chunk| chunk.gather(pass));
-        }
-    }
-
-    /// Records settle behind gather.
-    pub(super) fn settle(&mut self, stages: &Stages, pass: &mut wgpu::ComputePass<'_>) {
-        if !self.is_settled {
-            pass.set_pipeline(&stages.settle);
-            pass.set_bind_group(0, &self.settle, &[]);
-            self.chunks.iter().for_each(|chunk| chunk.settle(pass));
             self.is_settled = self.content.unseen <= 0.0;
         }
     }

@@ -17,7 +17,9 @@ pub(super) struct Output {
     pub behind: wgpu::Buffer,
     pub texture: wgpu::Texture,
     pub view: wgpu::TextureView,
-    pub display_params: wgpu::Buffer,
+    display_params: wgpu::Buffer,
+    /// What is in there; none where nobody knows.
+    params: Option<Display>,
     pub display: wgpu::BindGroup,
     /// Red, green and blue of a layer; smaller until there is the first one.
     layer: wgpu::Buffer,
@@ -45,7 +47,7 @@ impl Output {
         let display_params = uniform(gpu, "display", size_of::<Display>());
         let layer = storage(gpu, "layer", size_of::<f32>() as u64, wgpu::BufferUsages::COPY_DST);
         let display = bind_display(gpu, stages, &display_params, &radiance, &view, &layer);
-        Self { radiance, settled, behind, texture, view, display_params, display, layer }
+        Self { radiance, settled, behind, texture, view, display_params, params: None, display, layer }
     }
 
     /// Bytes of its buffers and of the texture.
@@ -54,6 +56,18 @@ impl Output {
         let buffers = buffers.map(|buffer| buffer.size());
         let size = self.texture.size();
         buffers.iter().sum::<u64>() + 4 * u64::from(size.width) * u64::from(size.height)
+    }
+
+    /// Takes over how radiance is shown.
+    pub(super) fn write_params(&mut self, gpu: &Gpu, params: Display) {
+        if self.params.replace(params) != Some(params) {
+            gpu.queue.write_buffer(&self.display_params, 0, bytemuck::bytes_of(&params));
+        }
+    }
+
+    /// What was written may not have arrived.
+    pub(super) fn forget(&mut self) {
+        self.params = None;
     }
 
     /// Uploads a layer; the display takes it from then on.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 use super::chunk::ChunkLimits;
-use crate::layout::{AT_A_TIME, Block, SEGMENT, THREADS};
+use crate::layout::{AT_A_TIME, Block, COMPONENTS, SEGMENT, THREADS};
 use crate::packing::{Kept, Precision};
 use crate::relight::RelightError;
 
@@ -41,7 +41,7 @@ impl Item<'_> {
         [n_halves, u64::from(self.factors.rank) - n_halves]
     }
 
-    /// Components of `z`, those included that fill the last word of the left factor.
+    /// Components of the block, those included that fill the last word of the left factor.
     fn n_components(&self) -> u32 {
         let n_halves = self.kept.left.n_halves as u32;
         n_halves.next_multiple_of(2) + (self.factors.rank - n_halves).next_multiple_of(4)
@@ -86,8 +86,7 @@ pub(super) struct Packed<'a> {
 /// Words that are packed at a time, so that little of a large frame lies in memory twice.
 const PART_WORDS: u64 = 8 << 20;
 
-/// Bytes of the buffers that a run of blocks needs: blocks, left, right, components (which are as many as `z`), partials, places of
-/// components, sparse entries.
+/// Bytes of the buffers that a run of blocks needs: blocks, left, right, components, partials, places of components, sparse entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sizes([u64; 7]);
 
@@ -103,7 +102,7 @@ impl Sizes {
             4 * item.n_left(),
             4 * (0..2).map(|kind| n_right[kind] * right_words(kind, n_cols)).sum::<u64>(),
             16 * n_components,
-            16 * n_components * (u64::from(n_cols.div_ceil(SEGMENT)) + 1),
+            16 * n_components * (u64::from(n_cols.div_ceil(SEGMENT)) + 2),
             4 * n_right.iter().sum::<u64>(),
             4 * n_sparse_words(item.factors),
         ])
@@ -117,9 +116,9 @@ impl Sizes {
         self.0.into_iter().max().unwrap_or(0)
     }
 
-    /// Bytes of all of them; the components count twice.
+    /// Bytes of all of them.
     fn total(self) -> u64 {
-        self.0.into_iter().sum::<u64>() + self.0[3]
+        self.0.into_iter().sum::<u64>()
     }
 }
 
@@ -244,7 +243,8 @@ impl<'a> Packed<'a> {
 
     /// Bands of components, as `project` reads them; with the position of each part.
     pub(super) fn right_parts(&self) -> impl Iterator<Item = (u64, Vec<u32>)> {
-        let bands = (0..2).flat_map(|kind| self.right[kind].chunks(THREADS as usize).map(move |band| (kind, band)));
+        let bands = (0..2)
+            .flat_map(|kind| self.right[kind].chunks((COMPONENTS * THREADS) as usize).map(move |band| (kind, band)));
         let mut bands = bands.peekable();
         let mut position = 0;
         std::iter::from_fn(move || {

@@ -7,14 +7,18 @@ use crate::packing::Precision;
 use crate::synthetic::{Ranks, Recipe};
 use crate::{DisplayParams, Relight};
 
-/// Every adapter, with devices that keep to narrower limits than it has.
+/// Every adapter whose driver gives devices, with some that keep to narrower limits than it has.
 fn narrow(change: impl Fn(&mut wgpu::Limits)) -> Vec<Gpu> {
     let open = |adapter: &wgpu::Adapter| {
         let mut limits = adapter.limits();
         change(&mut limits);
         Gpu::open_within(adapter, limits).unwrap()
     };
-    if gpu().is_none() { Vec::new() } else { adapters(DeviceChoice::Any).iter().map(open).collect() }
+    if gpu().is_none() {
+        Vec::new()
+    } else {
+        adapters(DeviceChoice::Any).iter().filter(|adapter| Gpu::open(adapter).is_ok()).map(open).collect()
+    }
 }
 
 fn recipe() -> Recipe {

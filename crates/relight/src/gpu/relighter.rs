@@ -18,7 +18,7 @@ use super::stages::Stages;
 use crate::display::DisplayParams;
 use crate::frame::{Frame, Radiance};
 use crate::gpu::Gpu;
-use crate::layout::{Display, ExpandMode, Layered, SEGMENT};
+use crate::layout::{Display, ExpandMode, Layered, SEGMENT, SHOWN};
 use crate::packing::Precision;
 use crate::relight::{Relight, RelightError, RelightStats, check_coefficients, check_layer, is_same_layer};
 
@@ -211,6 +211,7 @@ impl GpuRelighter {
         };
         if result.is_err() {
             (self.state, self.shown) = (OutputState::Stale, None);
+            self.output.forget();
             self.groups.iter_mut().for_each(GroupBuffers::forget);
         }
         self.stats.n_dark_groups = self.groups.iter().filter(|group| !group.is_shining()).count();
@@ -218,7 +219,7 @@ impl GpuRelighter {
         result
     }
 
-    /// Records project, gather, settle and expand where the coefficients, or blocks, are others than those shown.
+    /// Records project, gather and expand where the coefficients, or blocks, are others than those shown.
     fn record(&mut self, encoder: &mut wgpu::CommandEncoder, coefficients: &[Vec<[f32; 3]>], unseen: f32) {
         let is_other = |(idx, x): (usize, &Vec<[f32; 3]>)| (!self.groups[idx].has(x)).then_some(idx);
         let moved: Vec<usize> = coefficients.iter().enumerate().filter_map(is_other).collect();
@@ -286,10 +287,9 @@ impl GpuRelighter {
             group.project(&self.gpu, &self.stages, &mut pass, x, &mut self.stats);
         }
         drop(pass);
-        // How far a tile is behind counts all groups, so it is known before any of them settles.
+        // How far a tile is behind counts all groups, so it is known before any of them is expanded.
         let mut pass = begin_pass(encoder, &mut self.clock, Stage::Gather);
         plan.iter().for_each(|planned| self.groups[planned.group].gather(&self.stages, &mut pass));
-        plan.iter().for_each(|planned| self.groups[planned.group].settle(&self.stages, &mut pass));
     }
 
     /// Records expand of the groups of a plan, one after the other.
@@ -306,11 +306,11 @@ impl GpuRelighter {
     fn record_display(&mut self, encoder: &mut wgpu::CommandEncoder, display: &DisplayParams) {
         let layered = if self.layer.is_some() { Layered::Yes } else { Layered::No };
         let params = Display::new(self.frame.width, self.frame.height, display, layered);
-        self.gpu.queue.write_buffer(&self.output.display_params, 0, bytemuck::bytes_of(&params));
+        self.output.write_params(&self.gpu, params);
         let mut pass = begin_pass(encoder, &mut self.clock, Stage::Display);
         pass.set_pipeline(&self.stages.display);
         pass.set_bind_group(0, &self.output.display, &[]);
-        pass.dispatch_workgroups(self.frame.width.div_ceil(8), self.frame.height.div_ceil(8), 1);
+        pass.dispatch_workgroups(self.frame.width.div_ceil(SHOWN), self.frame.height.div_ceil(SHOWN), 1);
         self.shown = Some(*display);
     }
 

@@ -1,4 +1,4 @@
-//! The five compute pipelines.
+//! The four compute pipelines.
 
 use crate::gpu::Gpu;
 use crate::layout::SHADERS;
@@ -8,15 +8,14 @@ use crate::layout::SHADERS;
 pub(super) struct Stages {
     pub project: wgpu::ComputePipeline,
     pub gather: wgpu::ComputePipeline,
-    pub settle: wgpu::ComputePipeline,
     pub expand: wgpu::ComputePipeline,
     pub display: wgpu::ComputePipeline,
 }
 
 impl Stages {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let [project, gather, settle, expand, display] = SHADERS.map(|(name, source)| pipeline(gpu, name, source));
-        Self { project, gather, settle, expand, display }
+        let [project, gather, expand, display] = SHADERS.map(|(name, source)| pipeline(gpu, name, source));
+        Self { project, gather, expand, display }
     }
 }
 

@@ -3,7 +3,7 @@
 #[path = "../../../../transport/examples/ray_rates/hall.rs"]
 mod hall;
 mod room;
-mod threads;
+pub mod threads;
 
 use std::ops::ControlFlow;
 use std::process::Command;
@@ -129,7 +129,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     text += &format!(
         "\n| what grows | | preparing, CPU s | bake, CPU s | memory, MB | file, kB |\n|---|---|---|---|---|---|\n{rows}"
     );
-    text += &threads::write(desk)?;
+    text += &threads::write(desk, "growth")?;
     Ok(text)
 }
 

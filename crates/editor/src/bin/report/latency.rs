@@ -10,7 +10,7 @@ use std::time::Instant;
 use anyhow::{Context as _, Result, ensure};
 use clerestory::headless::GALLERY;
 use clerestory_relight::synthetic::{Ranks, Recipe};
-use clerestory_relight::{DisplayParams, Frame, Gpu, GpuRelighter, Precision};
+use clerestory_relight::{DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Precision};
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
@@ -40,21 +40,7 @@ const DEVICE_EVENTS: [usize; 2] = [20, 150];
 /// # Errors
 /// If the scene cannot be prepared, or a picture does not come.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut rows = String::new();
-    for film in [Film { width: 1024, height: 768 }, Film { width: 1920, height: 1080 }] {
-        let size = format!("{}×{}", film.width, film.height);
-        desk.say(&format!("dragging a slider at {size}"));
-        let bake = synthetic_bake(film)?;
-        let path = PathBuf::from(desk.file("latency.transport"));
-        archive::write(&bake, &path)?;
-        let drag = Window::open(&path, None)?.drag(desk.choose(EVENTS[0], EVENTS[1]))?;
-        rows += &format!("| {size} | event to picture, relit on the CPU | {} |\n", quantiles(drag.whole));
-        rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames));
-        for painter in Painter::all()? {
-            desk.say(&format!("the same on {}", painter.name()));
-            rows += &on_device(painter, &size, &path, &bake, desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]))?;
-        }
-    }
+    let table = table(desk, DeviceChoice::Any)?;
     let (n_events, n_device_events) =
         (desk.choose(EVENTS[0], EVENTS[1]), desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]));
     Ok(format!(
@@ -65,11 +51,33 @@ pub fn write(desk: &Desk) -> Result<String> {
          device has all commands of that frame, those of relighting and those that draw the window of 1440 × 900, into a picture instead of a screen. A driver without hardware\n\
          computes on the cores that we need, and in the call that hands it commands: OpenGL in the first, Vulkan in that of the window's picture, which waits until relighting is done.\n\
          The CPU time of the window's thread leaves out such waits, and what a driver computes on other threads.\n\
-         Asked for: 33 ms at 1024 × 768 on two cores, and 4 ms of our own CPU time at 1920 × 1080 with a graphics device. {}\n\n\
-         | size | what | median | 99th percentile |\n|---|---|---|---|\n{rows}",
+         Asked for: 33 ms at 1024 × 768 on two cores, and 4 ms of our own CPU time at 1920 × 1080 with a graphics device. {}\n\n{table}",
         rayon::current_num_threads(),
         desk.load_words(),
     ))
+}
+
+/// The same on the CPU and on each device of a kind, as a table alone.
+///
+/// # Errors
+/// As [`write`].
+pub fn table(desk: &Desk, choice: DeviceChoice) -> Result<String> {
+    let mut rows = String::new();
+    for film in [Film { width: 1024, height: 768 }, Film { width: 1920, height: 1080 }] {
+        let size = format!("{}×{}", film.width, film.height);
+        desk.say(&format!("dragging a slider at {size}"));
+        let bake = synthetic_bake(film)?;
+        let path = PathBuf::from(desk.file("latency.transport"));
+        archive::write(&bake, &path)?;
+        let drag = Window::open(&path, None)?.drag(desk.choose(EVENTS[0], EVENTS[1]))?;
+        rows += &format!("| {size} | event to picture, relit on the CPU | {} |\n", quantiles(drag.whole));
+        rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames));
+        for painter in Painter::all(choice)? {
+            desk.say(&format!("the same on {}", painter.name()));
+            rows += &on_device(painter, &size, &path, &bake, desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]))?;
+        }
+    }
+    Ok(format!("| size | what | median | 99th percentile |\n|---|---|---|---|\n{rows}"))
 }
 
 /// The rows of a device: the whole way, what of it the window's thread works, and handing over relighting alone.

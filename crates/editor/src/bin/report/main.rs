@@ -2,7 +2,7 @@
 //! measures, and writes down what it measured, section by section.
 //! `cargo run --release -p clerestory --bin report -- [--quick] [--into DIR] [SECTION]…`
 //!
-//! Without a section it runs all of them, in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
+//! Without a section it runs all of them (`hardware` where there is a graphics device of hardware), in a hurry those of [`IN_A_HURRY`]; the text of those that are not run stays as it is. Scenes of `assets/scenes` are
 //! measured always, those of the folder named by `CLERESTORY_SHARED` where it exists. What bakes are held against is made once and
 //! kept in the user's cache, or the folder named by `CLERESTORY_REPORT_CACHE`; so are the parts of a section that was interrupted, until
 //! it is finished by the same program. Plots and small pictures are written to `docs/plots`. With `--into` all of this is written to another
@@ -19,6 +19,7 @@ mod files;
 mod fit;
 mod fronts;
 mod growth;
+mod hardware;
 mod kept;
 mod kills;
 mod lamps;
@@ -66,7 +67,7 @@ const OWN_PAGES: [(&str, Section); 4] = [
 ];
 
 /// In the order of the page.
-const SECTIONS: [Section; 19] = [
+const SECTIONS: [Section; 20] = [
     Section { name: "time", write: time::write },
     Section { name: "paper", write: paper::write },
     Section { name: "growth", write: growth::write },
@@ -82,6 +83,7 @@ const SECTIONS: [Section; 19] = [
     Section { name: "target-bakes", write: targets::baked::write },
     Section { name: "relight", write: relight::write },
     Section { name: "latency", write: latency::write },
+    Section { name: "hardware", write: hardware::write },
     Section { name: "files", write: files::write },
     Section { name: "rays", write: rays::write },
     Section { name: "lamps", write: lamps::write },
@@ -135,7 +137,8 @@ fn report(quick: bool, pages: Option<&Path>, names: &[String]) -> Result<()> {
     }
     let desk = Desk::new(quick, pages)?;
     let asked = |section: &&Section| match names {
-        [] => !desk.quick || IN_A_HURRY.contains(&section.name),
+        [] if desk.quick => IN_A_HURRY.contains(&section.name),
+        [] => section.name != "hardware" || hardware::is_here(),
         names => names.iter().any(|name| name == section.name),
     };
     let measured = |section: &Section| {

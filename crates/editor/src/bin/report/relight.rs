@@ -52,14 +52,9 @@ const REPEATS: usize = 3;
 /// # Errors
 /// If a device fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let jobs = desk.choose(&QUICK[..], &FULL[..]);
-    let mut measured = on_cpu(desk, jobs)?;
-    let gpus = Gpu::all_headless(DeviceChoice::Any);
-    if gpus.is_empty() {
+    let mut measured = tables(desk, DeviceChoice::Any)?;
+    if Gpu::all_headless(DeviceChoice::Any).is_empty() {
         measured += "\nNo graphics adapter was there.\n";
-    }
-    for gpu in &gpus {
-        measured += &device::table(desk, gpu, jobs)?;
     }
     Ok(format!(
         "## Relighting\n\n\
@@ -75,6 +70,19 @@ pub fn write(desk: &Desk) -> Result<String> {
         IN_A_ROW[1],
         desk.load_words(),
     ))
+}
+
+/// A table of the CPU and one of each device of a kind.
+///
+/// # Errors
+/// If a device fails.
+pub fn tables(desk: &Desk, choice: DeviceChoice) -> Result<String> {
+    let jobs = desk.choose(&QUICK[..], &FULL[..]);
+    let mut measured = on_cpu(desk, jobs)?;
+    for gpu in &Gpu::all_headless(choice) {
+        measured += &device::table(desk, gpu, jobs)?;
+    }
+    Ok(measured)
 }
 
 /// Best of what one job did.

@@ -22,24 +22,40 @@ const STEPS: u32 = 7;
 const SMALL: u32 = 32;
 
 /// A table of scenes and lamps.
+///
+/// # Errors
+/// If a scene cannot be prepared, or a device fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut text = "## Steps of a moved lamp\n\n\
-        A step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of\n\
-        all patches; medians. Shadow rays that nothing needs are not cast. `device` is the same direct light by a kernel on the graphics\n\
-        device, the way back to memory and what it leaves to the CPU included; none where light comes through solid panes.\n"
-        .to_string();
     let gpu = Gpu::headless(DeviceChoice::Any).ok();
-    text += &gpu
+    let device = gpu
         .as_ref()
-        .map_or("No graphics device was found.\n".into(), |gpu| format!("The device: {}.\n", gpu.description()));
-    text += "\n| scene | lamp | direct | shadow rays | rays a second | patches | device | left to the CPU |\n|---|---|---|---|---|---|---|---|\n";
+        .map_or("No graphics device was found.".into(), |gpu| format!("The device: {}.", gpu.description()));
+    Ok(format!(
+        "## Steps of a moved lamp\n\n\
+         A step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of\n\
+         all patches; medians. Shadow rays that nothing needs are not cast. `device` is the same direct light by a kernel on the graphics\n\
+         device, the way back to memory and what it leaves to the CPU included; none where light comes through solid panes.\n\
+         {device} {}\n\n{}",
+        desk.load_words(),
+        table(desk, gpu.as_ref())?,
+    ))
+}
+
+/// The table alone.
+///
+/// # Errors
+/// As [`write`].
+pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
+    let mut text = "| scene | lamp | direct | shadow rays | rays a second | patches | device | left to the CPU |\n\
+        |---|---|---|---|---|---|---|---|\n"
+        .to_string();
     for case in cases(desk) {
         desk.say(&format!("steps in {}", case.name));
         let (scene, camera) = prepared(&case.path, case.has_sky)?;
         let scene = std::sync::Arc::new(scene);
         let (bake, _) = bake(&scene, &camera, Film::of_width(SMALL, &camera), 1, DEFAULT_PATCHES)?;
         let patches = bake.header.patches.as_ref().context("no patches")?;
-        text += &rows(case.name, &scene, &camera, gpu.as_ref(), &|lamps| {
+        text += &rows(case.name, &scene, &camera, gpu, &|lamps| {
             std::hint::black_box(lamps.light_on_patches(&scene, patches));
         })?;
     }

@@ -23,16 +23,16 @@ const N_RAYS: usize = 200_000;
 /// What is aimed at.
 const AIM: f64 = 0.95;
 
-/// A table over powers of two, up to the threads there are.
+/// A table over powers of two, up to the threads there are, as a part of a section.
 ///
 /// # Errors
 /// If a bake fails or threads cannot be had.
-pub(super) fn write(desk: &Desk) -> Result<String> {
+pub fn write(desk: &Desk, section: &str) -> Result<String> {
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let mut counts: Vec<usize> =
         std::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < available).collect();
     counts.push(available);
-    let measured: Vec<Vec<[f64; 2]>> = desk.part("growth", "threads", || measured(desk, &counts))?;
+    let measured: Vec<Vec<[f64; 2]>> = desk.part(section, "threads", || measured(desk, &counts))?;
     let best = |nth: usize, which: usize| measured[nth].iter().map(|secs| secs[which]).fold(f64::INFINITY, f64::min);
     let mut rows = String::new();
     for (nth, n) in counts.iter().enumerate() {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
 use anyhow::Result;
-use clerestory_relight::Gpu;
+use clerestory_relight::{DeviceChoice, Gpu};
 use eframe::egui::{ClippedPrimitive, TexturesDelta, mutex::RwLock};
 use eframe::egui_wgpu::{RenderState, Renderer, RendererOptions, ScreenDescriptor};
 use eframe::wgpu;
@@ -17,15 +17,18 @@ pub(super) struct Painter {
 }
 
 impl Painter {
-    /// One for each adapter that can relight.
+    /// One for each adapter of a kind that can relight.
     ///
     /// # Errors
     /// If a driver gives no device.
-    pub fn all() -> Result<Vec<Painter>> {
+    pub fn all(choice: DeviceChoice) -> Result<Vec<Painter>> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let mut adapters = ready(instance.enumerate_adapters(wgpu::Backends::all()));
         let computes = wgpu::DownlevelFlags::COMPUTE_SHADERS;
-        adapters.retain(|adapter| adapter.get_downlevel_capabilities().flags.contains(computes));
+        adapters.retain(|adapter| {
+            adapter.get_downlevel_capabilities().flags.contains(computes)
+                && choice.takes(adapter.get_info().device_type)
+        });
         adapters.iter().map(|adapter| Painter::new(&instance, adapter)).collect()
     }
 

@@ -1,10 +1,11 @@
 //! Relighting on a device: by its own clock where it has one, and from outside.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use clerestory_relight::bandwidth::{CopyProbe, CopyRates};
 use clerestory_relight::gpu::StageSecs;
+use clerestory_relight::synthetic::Recipe;
 use clerestory_relight::{DisplayParams, Gpu, GpuRelighter, Precision, Relight, RelightError};
 
 use super::super::desk::Desk;
@@ -12,6 +13,12 @@ use super::{
     DEVICE_PROBE_BYTES, DEVICE_RADIANCE_BYTES, IN_A_ROW, Job, SHOWN_BYTES, SOFTWARE_PIXELS, TURNS, coefficients, name,
     recipe,
 };
+
+/// What devices of hardware do besides: beside so much the time between stages matters little.
+const LARGE: [Job; 2] = [[3840, 2160, 1024, 8, 2], [3840, 2160, 1024, 16, 2]];
+
+/// How long a device is kept busy before it is measured: at rest it lowers its clocks.
+const WARMING: Duration = Duration::from_millis(300);
 
 /// Best of what one job did.
 struct Row {
@@ -40,7 +47,8 @@ pub fn table(desk: &Desk, gpu: &Gpu, jobs: &[Job]) -> Result<String> {
     let is_small = |job: &&Job| !gpu.is_software() || job[0] * job[1] <= SOFTWARE_PIXELS;
     let probe = CopyProbe::new(gpu, DEVICE_PROBE_BYTES)?;
     let mut lines = String::new();
-    for &job in jobs.iter().filter(is_small) {
+    let large = if gpu.is_software() { &[] } else { desk.choose(&[][..], &LARGE) };
+    for &job in jobs.iter().filter(is_small).chain(large) {
         desk.say(&format!("relighting {job:?} on {}", gpu.description()));
         lines += &measured(gpu, &probe, job)?.lines();
     }
@@ -64,6 +72,7 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
     let display = DisplayParams::default();
     let mut relighter = GpuRelighter::with_precision(gpu, &recipe.frame(), Precision::ByError)?;
     relighter.relight_to_texture(&recipe.coefficients(1000), &display)?;
+    warm_up(gpu, &mut relighter, &recipe)?;
     let n_written = u64::from(job[0]) * u64::from(job[1]) * (2 * DEVICE_RADIANCE_BYTES + SHOWN_BYTES);
     let case = Case { n_bytes: 0, clock: None, waited_for: f64::INFINITY, in_a_row: f64::INFINITY };
     let mut row = Row { job, cases: [case; 2], copies: CopyRates { from_outside: 0.0, within: None } };
@@ -94,6 +103,20 @@ fn measured(gpu: &Gpu, probe: &CopyProbe, job: Job) -> Result<Row, RelightError>
         row.copies.within = rates.within.map(|rate| rate.max(row.copies.within.unwrap_or(0.0)));
     }
     Ok(row)
+}
+
+/// Keeps a device of hardware busy until it runs as fast as it does while there is work.
+fn warm_up(gpu: &Gpu, relighter: &mut GpuRelighter, recipe: &Recipe) -> Result<(), RelightError> {
+    let begun = Instant::now();
+    let drag = [1001, 1002].map(|seed| recipe.coefficients(seed));
+    while !gpu.is_software() && begun.elapsed() < WARMING {
+        drag.iter()
+            .cycle()
+            .take(IN_A_ROW[0])
+            .try_for_each(|x| relighter.relight_to_texture(x, &DisplayParams::default()).map(|_| ()))?;
+        gpu.wait()?;
+    }
+    Ok(())
 }
 
 impl Case {

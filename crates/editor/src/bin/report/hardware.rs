@@ -1,0 +1,31 @@
+//! What a graphics device of hardware does, and the cores of the machine that it is in.
+
+use anyhow::{Result, ensure};
+use clerestory_relight::{DeviceChoice, Gpu};
+
+use super::desk::Desk;
+use super::{growth, latency, relight, steps};
+
+/// Whether there is such a device: without one the page keeps what was measured elsewhere.
+pub fn is_here() -> bool {
+    !Gpu::all_headless(DeviceChoice::Hardware).is_empty()
+}
+
+/// Relights, drags a slider, moves a lamp, and bakes on more and more threads.
+///
+/// # Errors
+/// If there is no such device, or it fails.
+pub fn write(desk: &Desk) -> Result<String> {
+    ensure!(is_here(), "there is no graphics device of hardware here");
+    let relit = relight::tables(desk, DeviceChoice::Hardware)?;
+    let dragged = latency::table(desk, DeviceChoice::Hardware)?;
+    let gpu = Gpu::headless(DeviceChoice::Hardware)?;
+    let moved = steps::table(desk, Some(&gpu))?;
+    let grown = growth::threads::write(desk, "hardware")?;
+    Ok(format!(
+        "## A machine with a graphics card\n\n\
+         The tables of *Relighting*, *Latency*, *Steps of a moved lamp* and *Threads* once more, where there is a graphics device of hardware; what their columns mean stands there. {}\n\
+         {relit}\n### A slider dragged\n\n{dragged}\n### Steps of a moved lamp\n\n{moved}{grown}",
+        desk.load_words(),
+    ))
+}
