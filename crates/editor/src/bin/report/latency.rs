@@ -72,7 +72,7 @@ pub fn table(desk: &Desk, choice: DeviceChoice) -> Result<String> {
         let drag = Window::open(&path, None)?.drag(desk.choose(EVENTS[0], EVENTS[1]))?;
         rows += &format!("| {size} | event to picture, relit on the CPU | {} |\n", quantiles(drag.whole));
         rows += &format!("| {size} | of that, drawing one frame of the window | {} |\n", quantiles(drag.frames));
-        for painter in Painter::all(choice)? {
+        for painter in Painter::all(choice) {
             desk.say(&format!("the same on {}", painter.name()));
             rows += &on_device(painter, &size, &path, &bake, desk.choose(DEVICE_EVENTS[0], DEVICE_EVENTS[1]))?;
         }

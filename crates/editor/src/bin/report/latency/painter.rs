@@ -17,11 +17,8 @@ pub(super) struct Painter {
 }
 
 impl Painter {
-    /// One for each adapter of a kind that can relight.
-    ///
-    /// # Errors
-    /// If a driver gives no device.
-    pub fn all(choice: DeviceChoice) -> Result<Vec<Painter>> {
+    /// One for each adapter of a kind that can relight; those that the driver refuses are left out.
+    pub fn all(choice: DeviceChoice) -> Vec<Painter> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let mut adapters = ready(instance.enumerate_adapters(wgpu::Backends::all()));
         let computes = wgpu::DownlevelFlags::COMPUTE_SHADERS;
@@ -29,7 +26,7 @@ impl Painter {
             adapter.get_downlevel_capabilities().flags.contains(computes)
                 && choice.takes(adapter.get_info().device_type)
         });
-        adapters.iter().map(|adapter| Painter::new(&instance, adapter)).collect()
+        adapters.iter().filter_map(|adapter| Painter::new(&instance, adapter).ok()).collect()
     }
 
     fn new(instance: &wgpu::Instance, adapter: &wgpu::Adapter) -> Result<Painter> {
