@@ -143,23 +143,36 @@ impl Gpu {
         n_bytes: u64,
         copy: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
     ) -> Result<Vec<u8>, RelightError> {
-        let gpu = self;
-        gpu.guarded(|| {
-            let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
-            let buffer = gpu.buffer("read back", n_bytes, usage);
-            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            copy(&mut encoder, &buffer);
-            gpu.queue.submit([encoder.finish()]);
-            let (sender, receiver) = std::sync::mpsc::channel();
-            // Nobody listens only if waiting failed, and then that error is reported.
-            buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
-            gpu.wait()?;
-            let failed = |words: String| RelightError::Device(format!("reading back: {words}"));
-            let mapped = receiver.recv().map_err(|error| failed(error.to_string()))?;
-            mapped.map_err(|error| failed(error.to_string()))?;
-            let view = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
-            Ok(view.to_vec())
-        })
+        self.guarded(|| self.read_through(&self.readable(n_bytes), copy, <[u8]>::to_vec))
+    }
+
+    /// A buffer that the CPU can read.
+    pub(crate) fn readable(&self, n_bytes: u64) -> wgpu::Buffer {
+        self.buffer("read back", n_bytes, wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ)
+    }
+
+    /// Copies into such a buffer, waits, and looks at its bytes where they lie; to be guarded.
+    pub(crate) fn read_through<T>(
+        &self,
+        buffer: &wgpu::Buffer,
+        copy: impl FnOnce(&mut wgpu::CommandEncoder, &wgpu::Buffer),
+        look: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, RelightError> {
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        copy(&mut encoder, buffer);
+        self.queue.submit([encoder.finish()]);
+        let (sender, receiver) = std::sync::mpsc::channel();
+        // Nobody listens only if waiting failed, and then that error is reported.
+        buffer.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));
+        self.wait()?;
+        let failed = |words: String| RelightError::Device(format!("reading back: {words}"));
+        let mapped = receiver.recv().map_err(|error| failed(error.to_string()))?;
+        mapped.map_err(|error| failed(error.to_string()))?;
+        let view = buffer.get_mapped_range(..).map_err(|error| failed(error.to_string()))?;
+        let seen = look(&view);
+        drop(view);
+        buffer.unmap();
+        Ok(seen)
     }
 
     /// Whether the device is gone. It may say so only once it has given up what was submitted before.

@@ -43,6 +43,8 @@ pub struct LitSample {
     lamp: wgpu::Buffer,
     shifts: wgpu::Buffer,
     lit: wgpu::Buffer,
+    /// Where the CPU reads that.
+    seen: wgpu::Buffer,
     bindings: wgpu::BindGroup,
 }
 
@@ -89,26 +91,27 @@ impl Lamplight {
             let lamp = uniform(gpu, "lamp", size_of::<LampRecord>());
             let buffers = [&lamp, &self.nodes, &self.blocks, &points, &starts, &self.coats, &shifts, &lit];
             let bindings = bind(gpu, &self.stage, 0, &buffers.map(|buffer| buffer.as_entire_binding()));
-            Ok(LitSample { width, height, lamp, shifts, lit, bindings })
+            Ok(LitSample { width, height, lamp, shifts, lit, seen: gpu.readable(16 * n_pixels), bindings })
         })
     }
 
-    /// Light of a lamp at each pixel, RGB and a fourth number: 1 where the CPU has to find it, else 0. `shifts` are offsets of
+    /// Looks at the light of a lamp at each pixel, RGB and a fourth number: 1 where the CPU has to find it, else 0. `shifts` are offsets of
     /// the points on the lamp, one for each tile of 16 × 16 pixels.
     ///
     /// # Errors
     /// [`RelightError::Device`] where the device fails.
-    pub fn light(
+    pub fn light<T>(
         &self,
         sample: &LitSample,
         lamp: &LampWords,
         shifts: &[[f32; 2]],
-    ) -> Result<Vec<[f32; 4]>, RelightError> {
+        look: impl FnOnce(&[[f32; 4]]) -> T,
+    ) -> Result<T, RelightError> {
         let (gpu, width, height) = (&self.gpu, sample.width, sample.height);
         let sheer = self.sheer.unwrap_or(u32::MAX);
         let record = LampRecord { width, height, sheer, ..bytemuck::cast(*lamp) };
         let n_bytes = 16 * u64::from(width) * u64::from(height);
-        let bytes = gpu.read_back(n_bytes, |encoder, buffer| {
+        let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
             gpu.queue.write_buffer(&sample.lamp, 0, bytemuck::bytes_of(&record));
             gpu.queue.write_buffer(&sample.shifts, 0, bytemuck::cast_slice(shifts));
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -117,8 +120,8 @@ impl Lamplight {
             pass.dispatch_workgroups(width.div_ceil(SIDE), height.div_ceil(SIDE), 1);
             drop(pass);
             encoder.copy_buffer_to_buffer(&sample.lit, 0, buffer, 0, n_bytes);
-        })?;
-        Ok(bytemuck::pod_collect_to_vec(&bytes))
+        };
+        gpu.guarded(|| gpu.read_through(&sample.seen, copy, |bytes| look(bytemuck::cast_slice(bytes))))
     }
 
     /// The device.

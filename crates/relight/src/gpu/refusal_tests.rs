@@ -1,7 +1,7 @@
 //! What a device refuses: sizes beyond its limits, and memory that it does not have.
 
 use super::relighter::device_bytes;
-use super::tests::{assert_twins_agree, gpu, relit};
+use super::tests::{assert_twins_agree, gpu, own_gpu, relit};
 use super::*;
 use crate::packing::Precision;
 use crate::synthetic::{Ranks, Recipe};
@@ -66,7 +66,7 @@ fn limits_that_no_cut_helps_against_are_told_in_words() {
 
 #[test]
 fn a_device_without_memory_says_so_and_works_once_it_has_some_again() {
-    let Some(gpu) = gpu() else { return };
+    let Some(gpu) = own_gpu() else { return };
     let (recipe, frame) = (recipe(), recipe().frame());
     let x = recipe.coefficients(3);
     gpu.set_memory(DeviceMemory::Exhausted);

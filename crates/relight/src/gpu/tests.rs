@@ -5,16 +5,23 @@ use crate::packing::Precision;
 use crate::synthetic::{Ranks, Recipe};
 use crate::{CpuRelighter, DisplayParams, Frame, Radiance, Relight, Tone, encode};
 
-/// A device, or the word that there is none; with `CLERESTORY_REQUIRE_GPU` that is a failure.
+/// The device that tests share, or the word that there is none; with `CLERESTORY_REQUIRE_GPU` that is a failure. It stays to the end: drivers
+/// for real cards come to a stop where many threads end while devices do.
 pub(crate) fn gpu() -> Option<Gpu> {
-    match Gpu::headless(DeviceChoice::Any) {
-        Ok(gpu) => Some(gpu),
+    static SHARED: OnceLock<Result<Gpu, RelightError>> = OnceLock::new();
+    match SHARED.get_or_init(|| Gpu::headless(DeviceChoice::Any)) {
+        Ok(gpu) => Some(gpu.clone()),
         Err(error) => {
             assert_eq!(n_required(), 0, "{error}");
             println!("skipped: no adapter");
             None
         }
     }
+}
+
+/// A device that no other test has, to be lost or filled.
+pub(super) fn own_gpu() -> Option<Gpu> {
+    gpu().map(|_| Gpu::headless(DeviceChoice::Any).expect("it was there just now"))
 }
 
 /// So many devices must be there, as `CLERESTORY_REQUIRE_GPU` says; any number may be where it is not set.
@@ -348,7 +355,7 @@ fn a_frame_wider_than_a_texture_is_refused_in_words() {
 
 #[test]
 fn a_lost_device_is_an_error() {
-    let Some(gpu) = gpu() else { return };
+    let Some(gpu) = own_gpu() else { return };
     let recipe = Recipe::default();
     let mut relighter = GpuRelighter::new(&gpu, &recipe.frame()).unwrap();
     relighter.relight_to_texture(&recipe.coefficients(2), &DisplayParams::default()).unwrap();

@@ -11,10 +11,9 @@ use crate::synthetic::{Ranks, Recipe};
 
 /// All that run here, on a second driver, too, where there is one.
 pub(super) fn gpus() -> Vec<Gpu> {
-    if gpu().is_none() {
-        return Vec::new();
-    }
-    let gpus = Gpu::all_headless(DeviceChoice::Any);
+    let Some(first) = gpu() else { return Vec::new() };
+    let others = adapters(DeviceChoice::Any).into_iter().skip(1).filter_map(|adapter| Gpu::open(&adapter).ok());
+    let gpus: Vec<Gpu> = std::iter::once(first).chain(others).collect();
     assert!(gpus.len() >= n_required(), "{} of {} devices are there", gpus.len(), n_required());
     gpus
 }

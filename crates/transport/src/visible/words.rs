@@ -66,7 +66,7 @@ impl VisiblePoints {
     ) -> Option<Vec<[f32; 3]>> {
         let lacks = |pixel: u32| found[pixel as usize][3] != 0.0;
         let known = |&[r, g, b, left]: &[f32; 4]| if left == 0.0 { Vec3::new(r, g, b) } else { Vec3::ZERO };
-        self.complete(scene, lamps, pass, found.iter().map(known).collect(), lacks, stop)
+        self.complete(scene, lamps, pass, found.par_iter().map(known).collect(), lacks, stop)
     }
 }
 

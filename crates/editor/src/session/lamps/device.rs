@@ -45,24 +45,26 @@ impl LampDevice {
         pass: u32,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<Option<Vec<[f32; 3]>>, RelightError> {
-        let Some(found) = self.found((sample, points), lamp, pass)? else { return Ok(None) };
-        Ok(points.completed(&self.scene, lamp, pass, &found, stop))
+        let scene = self.scene.clone();
+        let completed = |found: &[[f32; 4]]| points.completed(&scene, lamp, pass, found, stop);
+        Ok(self.found((sample, points), lamp, pass, completed)?.flatten())
     }
 
-    /// What the device finds of it.
-    fn found(
+    /// Looks at what the device finds of it.
+    fn found<T>(
         &mut self,
         (sample, points): (usize, &VisiblePoints),
         lamp: &PreparedLamps,
         pass: u32,
-    ) -> Result<Option<Vec<[f32; 4]>>, RelightError> {
+        look: impl FnOnce(&[[f32; 4]]) -> T,
+    ) -> Result<Option<T>, RelightError> {
         let Some(words) = lamp.words(&self.scene) else { return Ok(None) };
         if sample == self.samples.len() {
             let seen = points.words(&self.scene, 0);
             self.samples.push(self.lamplight.sample(self.size, &seen.starts, &seen.points)?);
         }
         let Some(kept) = self.samples.get(sample) else { return Ok(None) };
-        self.lamplight.light(kept, &words, &points.shifts(pass)).map(Some)
+        self.lamplight.light(kept, &words, &points.shifts(pass), look).map(Some)
     }
 }
 
@@ -141,7 +143,7 @@ mod tests {
                     assert!(n_different <= FILM.n_pixels() / 200, "lamp {nth}, pass {pass}: {n_different} pixels");
                     assert!((sum - expected_sum).abs() <= 1e-3 * expected_sum, "lamp {nth}: {sum}, {expected_sum}");
                 }
-                let raw = device.found((0, &points), lamp, 0).unwrap().unwrap();
+                let raw = device.found((0, &points), lamp, 0, <[_]>::to_vec).unwrap().unwrap();
                 let n_left = raw.iter().filter(|rgb| rgb[3] != 0.0).count();
                 assert!(n_left < FILM.n_pixels() / 2, "lamp {nth}: {n_left} pixels are left to the CPU");
                 // Parallel light does not get into rooms.
