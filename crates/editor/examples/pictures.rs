@@ -12,9 +12,10 @@ use clerestory::app::{App, Start};
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::Film;
+use eframe::egui::accesskit::Role;
 use eframe::egui::{Key, Pos2, pos2, vec2};
-use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::{Harness, Node};
+use egui_kittest::kittest::{NodeT, Queryable};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
@@ -35,7 +36,7 @@ fn main() -> Result<()> {
         None => SPP,
     };
     let config = BakeConfig { spp, indirect: Indirect::Shared, ..BakeConfig::default() };
-    let settings = BakeSettings { camera_idx: 0, film: FILM, config, illuminance: false, work_plane: None };
+    let settings = BakeSettings { camera_idx: 0, film: FILM, config, illuminance: true, work_plane: None };
     println!("baking the built-in scene with {spp} samples per pixel, which takes minutes");
     let start = Start::alone(Source::BuiltIn, Some(settings));
     let mut window: Window = Harness::builder()
@@ -65,7 +66,83 @@ fn main() -> Result<()> {
     click(&mut window, "Look Look")?;
     click(&mut window, "Compare")?;
     rest(&mut window)?;
-    shoot(&mut window, &folder.join("compare.jpg"))
+    shoot(&mut window, &folder.join("compare.jpg"))?;
+    click(&mut window, "Compare")?;
+
+    click(&mut window, "Timeline")?;
+    for look in ["Day", "Dusk", "Night"] {
+        click(&mut window, "Add key")?;
+        click(&mut window, look)?;
+    }
+    // Half a second past the second key.
+    let ruler = window.get_by_label("Timeline ruler").rect();
+    let key = window.get_by_label_contains("Key 2: ").rect().center();
+    click_at(&mut window, pos2(key.x + 20.0, ruler.top() + 8.0));
+    rest(&mut window)?;
+    shoot(&mut window, &folder.join("timeline.jpg"))?;
+    click(&mut window, "Back to the lights")?;
+    click(&mut window, "Timeline")?;
+
+    click(&mut window, "Measure")?;
+    tool(&mut window, "Surface")?;
+    let floor = place(&window, 0.5, 0.93);
+    click_at(&mut window, floor);
+    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving())?;
+    rest(&mut window)?;
+    shoot(&mut window, &folder.join("measure.jpg"))?;
+    window.key_press(Key::Escape);
+    click(&mut window, "Measure")?;
+
+    click(&mut window, "Solve for light")?;
+    tool(&mut window, "Rectangle")?;
+    let (from, to) = (place(&window, 0.36, 0.3), place(&window, 0.64, 0.6));
+    drag(&mut window, from, to);
+    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving())?;
+    click(&mut window, "Kind of wish")?;
+    click(&mut window, "Times as bright")?;
+    click(&mut window, "Add wish")?;
+    click(&mut window, "Solve")?;
+    wait(&mut window, |app| app.solution().is_some())?;
+    rest(&mut window)?;
+    shoot(&mut window, &folder.join("solve.jpg"))?;
+    click(&mut window, "Discard")?;
+    window.key_press(Key::Escape);
+    click(&mut window, "Solve for light")?;
+
+    window.get_by_label("Heat map").scroll_to_me();
+    window.run_steps(8);
+    click(&mut window, "Heat map")?;
+    let is_choice = |node: &Node<'_>| node.accesskit_node().role() != Role::Label;
+    window.get_all_by_label("Total error").find(is_choice).context("the heat map has no error")?.click();
+    rest(&mut window)?;
+    shoot(&mut window, &folder.join("heat.jpg"))
+}
+
+/// The first tool of that name: each section that marks has its own.
+fn tool(window: &mut Window, name: &str) -> Result<()> {
+    window.get_all_by_label(name).next().with_context(|| format!("there is no {name}"))?.click();
+    window.run_steps(3);
+    Ok(())
+}
+
+/// A place in the picture, as shares of its width and height.
+fn place(window: &Window, x: f32, y: f32) -> Pos2 {
+    let area = window.get_by_label("Picture").rect();
+    let size = vec2(FILM.width as f32, FILM.height as f32);
+    let room = area.size() - vec2(28.0, 28.0);
+    area.center() + vec2(x - 0.5, y - 0.5) * size * (room.x / size.x).min(room.y / size.y)
+}
+
+fn drag(window: &mut Window, from: Pos2, to: Pos2) {
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    for step in 1..=8 {
+        window.hover_at(from + (to - from) * (step as f32 / 8.0));
+        window.run_steps(1);
+    }
+    window.drop_at(to);
+    window.run_steps(4);
 }
 
 /// Lets threads and animations come to rest.

@@ -37,7 +37,7 @@ use anyhow::Result;
 use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::patches::DEFAULT_PATCHES;
-use eframe::egui::{Context, Rect, ThemePreference, Ui, util::undoer::Undoer};
+use eframe::egui::{Context, Rect, ThemePreference, Ui};
 use eframe::{CreationContext, Storage};
 
 use crate::action::{Action, dropped};
@@ -69,6 +69,7 @@ use recovery::Recovery;
 use sides::Sides;
 use solving::Solving;
 pub use start::{Start, run};
+use undo::Steps;
 
 const RECENT_KEY: &str = "recent";
 const LIGHTS_KEY: &str = "lights";
@@ -89,7 +90,7 @@ pub struct App {
     saved_look: Look,
     look_path: Option<PathBuf>,
     look_files: LookFiles,
-    undoer: Undoer<Look>,
+    steps: Steps,
     /// Whether a button came up in the frame before.
     has_let_go: bool,
     settings: BakeSettings,
@@ -184,7 +185,7 @@ impl App {
             saved_look: Look::default(),
             look_path: None,
             look_files: LookFiles::new(wake.clone()),
-            undoer: Undoer::default(),
+            steps: Steps::default(),
             has_let_go: false,
             settings: start.settings.clone().unwrap_or_else(|| habits.settings(None)),
             fixed_settings: start.settings,

@@ -28,6 +28,17 @@ fn two_looks() -> Window {
     window
 }
 
+/// The same with both on the timeline.
+fn two_keys() -> Window {
+    let mut window = two_looks();
+    click(&mut window, "Timeline");
+    for name in ["Look", "Look 2"] {
+        click(&mut window, "Add key");
+        click(&mut window, name);
+    }
+    window
+}
+
 /// All that the strip of looks can show, in what letters of a size leave of a window of 1440 × 900 points.
 fn all_of_the_strip(letters: f32) -> Window {
     let mut window = two_looks();
@@ -226,12 +237,7 @@ fn a_cross_fade_lights_the_scene_and_is_one_step_of_undo() {
 
 #[test]
 fn the_timeline_is_shown_played_and_written_without_an_edit() {
-    let mut window = two_looks();
-    click(&mut window, "Timeline");
-    for name in ["Look", "Look 2"] {
-        click(&mut window, "Add key");
-        click(&mut window, name);
-    }
+    let mut window = two_keys();
     assert_eq!(window.state().look().timeline.end_secs(), 2.0);
     wait(&mut window, |app| app.is_settled());
     let (look, ev_dark) = (window.state().look().clone(), window.state().shown_ev());
@@ -419,12 +425,7 @@ fn opening_a_look_over_unsaved_work_asks_and_undo_brings_back_the_file_too() {
 
 #[test]
 fn the_delete_key_is_for_what_was_chosen_last() {
-    let mut window = two_looks();
-    click(&mut window, "Timeline");
-    for name in ["Look", "Look 2"] {
-        click(&mut window, "Add key");
-        click(&mut window, name);
-    }
+    let mut window = two_keys();
     click(&mut window, "Add lamp");
     click(&mut window, "Point");
     assert_eq!(window.state().look().lights.lamps.len(), 1);

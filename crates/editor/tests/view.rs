@@ -239,6 +239,36 @@ fn the_camera_goes_back_to_the_baked_view() {
 }
 
 #[test]
+fn what_the_camera_did_is_undone_step_by_step_and_a_view_that_was_left_comes_back() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    turn_camera(&mut window);
+    let turned = window.state().camera().unwrap().clone();
+    let middle = window.get_by_label("View of the camera").rect().center();
+    drag(&mut window, middle, middle + vec2(-20.0, 40.0));
+    let further = window.state().camera().unwrap().clone();
+    assert!(first != turned && turned != further);
+    for (name, expected) in [("Undo", &turned), ("Undo", &first), ("Redo", &turned), ("Redo", &further)] {
+        click(&mut window, name);
+        assert_eq!(window.state().camera(), Some(expected), "{name}");
+        window.get_by_label("View of the camera");
+    }
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    window.get_by_label("Picture");
+    assert_eq!(window.state().camera(), Some(&first));
+    click(&mut window, "Undo");
+    assert_eq!(window.state().camera(), Some(&further), "the view that was not baked");
+    window.get_by_label("View of the camera");
+    // Before it was taken in hand.
+    for _ in 0..3 {
+        click(&mut window, "Undo");
+    }
+    window.get_by_label("Picture");
+    assert_eq!(window.state().camera(), Some(&first));
+}
+
+#[test]
 fn a_reload_keeps_the_view_and_what_was_chosen() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.gltf");

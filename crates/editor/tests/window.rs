@@ -136,6 +136,10 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
     drop(window);
 
     let mut window = open();
+    window.get_by_label("Recover");
+    window.key_press(Key::C);
+    window.run_steps(3);
+    assert!(window.query_by_label("View of the camera").is_none(), "keys are for the question");
     click(&mut window, "Recover");
     assert_eq!(*window.state().look(), look);
     drop(window);

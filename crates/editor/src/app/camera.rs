@@ -106,8 +106,16 @@ impl App {
         self.view.probes.picked = None;
     }
 
-    /// Back to the view that is shown.
+    /// Back to the view that is shown, in one step of undo.
     pub(super) fn leave_camera(&mut self) {
+        let is_lost = self.camera.is_moving && !self.is_baked_view();
+        self.as_one_step(App::put_camera_down);
+        if is_lost {
+            self.say("Undo brings back the view that was not baked");
+        }
+    }
+
+    pub(super) fn put_camera_down(&mut self) {
         self.camera.put_down();
         self.adopt_view();
     }
@@ -122,8 +130,12 @@ impl App {
         if let Some((scene, camera)) = self.session.lamp_scene().zip(Some(&camera)) {
             self.camera.pivot_m = pivot_m(scene, camera).unwrap_or(FAR_M);
         }
-        if self.fixed_settings.is_none() {
-            self.settings.film = Film::of_width(self.settings.film.width, &camera);
+        // A height that somebody typed stays; rounding makes none.
+        let film = self.settings.film;
+        let is_typed = |height: u32| (film.height as f32 / height as f32 - 1.0).abs() > 0.01;
+        let is_own = self.camera().is_some_and(|before| is_typed(Film::of_width(film.width, before).height));
+        if self.fixed_settings.is_none() && !is_own {
+            self.settings.film = Film::of_width(film.width, &camera);
         }
         self.camera.camera = Some(camera);
         self.move_camera();

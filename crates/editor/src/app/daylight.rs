@@ -204,7 +204,7 @@ impl App {
         let is_changing = is_held || self.daylight.state.playing.is_some() || !self.daylight.is_idle();
         if is_changing != self.daylight.was_changing {
             self.daylight.was_changing = is_changing;
-            self.undoer.add_undo(&self.look);
+            self.keep_step();
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clerestory_transport::light::LightRig;
 use eframe::egui::{ColorImage, Context};
 
 use super::App;
@@ -9,6 +10,7 @@ use crate::action::FileTask;
 use crate::export::layers::LayerSet;
 use crate::look::Look;
 use crate::panels::export::{ExportView, export_ui, frames_ui};
+use crate::panels::lights::heard;
 use crate::sequence::last_frame;
 
 impl App {
@@ -20,21 +22,23 @@ impl App {
     /// What is seen is what is written, a solo included.
     pub(super) fn seen_look(&self) -> Look {
         let mut seen = self.seen();
-        if let Some(basis) = self.session.basis() {
-            seen.lights = crate::panels::lights::heard(basis, &seen.lights, &self.lights.solo);
-        }
+        self.hear([&mut seen.lights].into_iter());
         seen
     }
 
     /// The look and its snapshots with a solo, as the timeline shows them.
     pub(super) fn heard_look(&self) -> Look {
         let mut look = self.look.clone();
-        if let Some(basis) = self.session.basis() {
-            let rigs = look.snapshots.iter_mut().map(|snapshot| &mut snapshot.lights);
-            rigs.chain([&mut look.lights])
-                .for_each(|rig| *rig = crate::panels::lights::heard(basis, rig, &self.lights.solo));
-        }
+        let rigs = look.snapshots.iter_mut().map(|snapshot| &mut snapshot.lights);
+        self.hear(rigs.chain([&mut look.lights]));
         look
+    }
+
+    /// Mutes what a solo leaves out.
+    fn hear<'a>(&self, rigs: impl Iterator<Item = &'a mut LightRig>) {
+        if let Some(basis) = self.session.basis() {
+            rigs.for_each(|rig| *rig = heard(basis, rig, &self.lights.solo));
+        }
     }
 
     /// Whether there is no more to be seen than a first look, and says so: nobody wants that as a file.

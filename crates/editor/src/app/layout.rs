@@ -56,7 +56,10 @@ impl App {
 
     /// Whether a question lies over the window.
     pub(super) fn waits_for_an_answer(&self) -> bool {
-        self.question.is_some() || self.unsaved.is_some() || self.look_files.waits_for_an_answer()
+        self.question.is_some()
+            || self.unsaved.is_some()
+            || self.look_files.waits_for_an_answer()
+            || self.left_behind().is_some()
     }
 
     /// Closes a panel at the side, or opens it, with all others that are hidden.
@@ -157,8 +160,8 @@ impl App {
             let state = ToolbarState {
                 is_bare: self.is_bare,
                 panels_seen: self.panels_seen(ui.ctx()),
-                can_undo: self.undoer.has_undo(&self.look),
-                can_redo: self.undoer.has_redo(&self.look),
+                can_undo: self.steps.can_undo(),
+                can_redo: self.steps.can_redo(),
                 has_picture: self.follower.picture().is_some(),
                 is_unsaved: self.is_unsaved(),
                 recent: &self.recent,

@@ -68,13 +68,16 @@ impl App {
         }
     }
 
-    /// Offers what was left behind, one after the other, once something is open.
-    pub(super) fn recovery_ui(&mut self, ctx: &Context) {
+    /// What was left behind and is to be offered now: one after the other, once something is open.
+    pub(super) fn left_behind(&self) -> Option<&LeftBehind> {
         let is_busy = self.question.is_some() || self.unsaved.is_some() || self.recovery.taken.is_some();
-        if is_busy || matches!(self.session.stage, Stage::Loading(_) | Stage::Empty) {
-            return;
-        }
-        let Some(left) = self.recovery.left.first() else { return };
+        let is_open = !matches!(self.session.stage, Stage::Loading(_) | Stage::Empty);
+        self.recovery.left.first().filter(|_| is_open && !is_busy)
+    }
+
+    /// Offers it.
+    pub(super) fn recovery_ui(&mut self, ctx: &Context) {
+        let Some(left) = self.left_behind() else { return };
         let age = left.kept_at.and_then(|at| SystemTime::now().duration_since(at).ok());
         let Some(answer) = recovery_ui(ctx, &left.work.scene_name(), age) else { return };
         let left = self.recovery.left.remove(0);

@@ -1,12 +1,14 @@
 //! What a scene that was opened or found brings along, and the bake that follows.
 
+use std::collections::BTreeSet;
+
 use clerestory_transport::bake::Passes;
 use clerestory_transport::camera::Camera;
-use eframe::egui::util::undoer::Undoer;
 
 use super::App;
+use super::undo::Steps;
 use crate::look::Look;
-use crate::panels::lights::LightsState;
+use crate::panels::lights::{LightsState, take_in};
 use crate::panels::looks::LooksState;
 use crate::viewport::ViewState;
 
@@ -14,6 +16,8 @@ use crate::viewport::ViewState;
 pub(super) struct Reloading {
     /// The view, where it is none of the file's.
     pub camera: Option<Camera>,
+    /// Keys of the lights that were there.
+    pub lights: BTreeSet<String>,
 }
 
 impl App {
@@ -24,13 +28,14 @@ impl App {
             (self.look, self.saved_look, self.look_path) = (look.clone(), look, None);
             self.look_files.forget();
             self.adopt_choice();
-            self.undoer = Undoer::default();
+            self.steps = Steps::default();
         }
         (self.export.width_px, self.export.region) = (None, None);
         self.watch_opened();
         self.remember_opened();
         let mut lights = LightsState::new(self.lights.layout);
-        if reloading.is_some() {
+        if let Some(reloading) = &reloading {
+            self.take_in(&reloading.lights);
             lights.solo = std::mem::take(&mut self.lights.solo);
             lights.solo.retain(|key| self.session.basis().is_none_or(|basis| basis.source(key).is_some()));
         } else {
@@ -63,6 +68,14 @@ impl App {
             }
         }
         self.start_bake();
+    }
+
+    /// Brings the lights that are new under the masters of the look and of its snapshots.
+    fn take_in(&mut self, known: &BTreeSet<String>) {
+        if let Some(basis) = self.session.basis() {
+            let snapshots = self.look.snapshots.iter_mut().map(|snapshot| &mut snapshot.lights);
+            snapshots.chain([&mut self.look.lights]).for_each(|rig| take_in(rig, basis, known));
+        }
     }
 
     /// The bake that was opened is one of its scene from now on, baked as it was.

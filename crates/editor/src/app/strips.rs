@@ -116,7 +116,9 @@ impl App {
         let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };
         let of_file = self.session.cameras().get(self.settings.camera_idx);
         let camera = self.camera.camera.clone().filter(|camera| Some(camera) != of_file);
-        self.reloading = Some(Reloading { camera });
+        let basis = self.session.basis();
+        let lights = basis.map(|basis| basis.sources.iter().map(|source| source.key.clone()).collect());
+        self.reloading = Some(Reloading { camera, lights: lights.unwrap_or_default() });
         self.session.reopen(Source::File(path));
     }
 

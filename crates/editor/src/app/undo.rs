@@ -1,37 +1,99 @@
-//! Steps of undo: one drag is one step, and so is an edit that no pointer makes.
+//! Steps of undo: one drag is one step, and so is an edit that no pointer makes. A step is the look and, while the camera is in hand, where
+//! that is; so a view that was left without a bake comes back.
 
-use eframe::egui::Context;
+use std::time::Duration;
+
+use clerestory_transport::camera::Camera;
+use eframe::egui::{Context, util::undoer::Undoer};
 
 use super::App;
+use crate::look::Look;
+
+/// A little longer than a state has to rest to be a step.
+const RESTED: Duration = Duration::from_millis(1050);
+
+/// What undo goes back to.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Step {
+    look: Look,
+    /// The view of a camera in hand.
+    flight: Option<Camera>,
+}
+
+/// The steps, and what there was when they were asked last.
+#[derive(Debug, Default)]
+pub(super) struct Steps {
+    undoer: Undoer<Step>,
+    now: Step,
+}
+
+impl Steps {
+    pub fn can_undo(&self) -> bool {
+        self.undoer.has_undo(&self.now)
+    }
+
+    pub fn can_redo(&self) -> bool {
+        self.undoer.has_redo(&self.now)
+    }
+
+    /// Looks are large: one that stays is not copied.
+    fn follow(&mut self, look: &Look, flight: Option<&Camera>) {
+        if self.now.look != *look {
+            self.now.look = look.clone();
+        }
+        if self.now.flight.as_ref() != flight {
+            self.now.flight = flight.cloned();
+        }
+    }
+}
 
 impl App {
+    /// The steps, up to date.
+    fn steps(&mut self) -> &mut Steps {
+        let flight = self.camera.camera.as_ref().filter(|_| self.camera.is_moving);
+        self.steps.follow(&self.look, flight);
+        &mut self.steps
+    }
+
     pub(super) fn undo(&mut self) {
         self.daylight.stop();
-        if let Some(look) = self.undoer.undo(&self.look).cloned() {
-            let before = std::mem::replace(&mut self.look, look);
-            self.follow_file_of_look(before);
-            self.messages.take_back();
-            self.prepare_chosen();
-            self.say("Undone");
+        let Steps { undoer, now } = self.steps();
+        if let Some(step) = undoer.undo(now).cloned() {
+            self.go_to(step, "Undone");
         }
     }
 
     pub(super) fn redo(&mut self) {
         self.daylight.stop();
-        if let Some(look) = self.undoer.redo(&self.look).cloned() {
-            let before = std::mem::replace(&mut self.look, look);
-            self.follow_file_of_look(before);
-            self.messages.take_back();
-            self.prepare_chosen();
-            self.say("Done again");
+        let Steps { undoer, now } = self.steps();
+        if let Some(step) = undoer.redo(now).cloned() {
+            self.go_to(step, "Done again");
         }
+    }
+
+    fn go_to(&mut self, step: Step, words: &str) {
+        self.messages.take_back();
+        if step.look != self.look {
+            let before = std::mem::replace(&mut self.look, step.look);
+            self.follow_file_of_look(before);
+            self.prepare_chosen();
+        }
+        match step.flight {
+            Some(camera) => {
+                self.camera.camera = Some(camera);
+                self.move_camera();
+            }
+            None if self.camera.is_moving => self.put_camera_down(),
+            None => {}
+        }
+        self.say(words);
     }
 
     /// One drag is one step: while a button is down nothing is fed. What the frame does in which it comes up belongs to the drag, so
     /// the state is kept at the next one.
     pub(super) fn feed_undoer(&mut self, ctx: &Context) {
         if std::mem::take(&mut self.has_let_go) {
-            self.undoer.add_undo(&self.look);
+            self.keep_step();
         }
         let (now, is_down, came_up) =
             ctx.input(|input| (input.time, input.pointer.any_down(), input.pointer.any_released()));
@@ -41,7 +103,7 @@ impl App {
         if is_down {
             // What was done before is another step than what is done now.
             if ctx.input(|input| input.pointer.any_pressed()) {
-                self.undoer.add_undo(&self.look);
+                self.keep_step();
             }
             return;
         }
@@ -50,13 +112,23 @@ impl App {
             ctx.request_repaint();
             return;
         }
-        self.undoer.feed_state(now, &self.look);
+        let steps = self.steps();
+        steps.undoer.feed_state(now, &steps.now);
+        // What the wheel does to a camera is a step once it has rested, which takes a frame that nobody else asks for.
+        if steps.now.flight.is_some() && steps.undoer.is_in_flux() {
+            ctx.request_repaint_after(RESTED);
+        }
+    }
+
+    pub(super) fn keep_step(&mut self) {
+        let Steps { undoer, now } = self.steps();
+        undoer.add_undo(now);
     }
 
     /// What an edit that no pointer makes is: one step of undo.
     pub(super) fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
-        self.undoer.add_undo(&self.look);
+        self.keep_step();
         edit(self);
-        self.undoer.add_undo(&self.look);
+        self.keep_step();
     }
 }

@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
 use crate::action::Action;
 use crate::look::Look;
-pub use groups::{ADDED, with_groups};
+pub use groups::{ADDED, take_in, with_groups};
 use groups::{GroupBy, Item, arranged};
 pub(crate) use listed::source_words;
 use listed::{Listed, Profiles, listed};

@@ -1,14 +1,14 @@
 //! Groups that the lights of a scene form by themselves.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
-use clerestory_transport::light::LightGroup;
+use clerestory_transport::light::{LightGroup, LightRig};
 use serde::{Deserialize, Serialize};
 
 use super::listed::{LightOf, Listed};
 use crate::look::Look;
-use crate::look::groups::{SEPARATOR, own_name};
+use crate::look::groups::{SEPARATOR, enter, own_name};
 
 /// By what lights are sorted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -219,6 +219,17 @@ pub fn with_groups(basis: &LightBasis, mut look: Look, by: GroupBy) -> Look {
     look
 }
 
+/// Lights that are new in a scene come under the masters of the groups that they belong to, however the panel is sorted.
+pub fn take_in(rig: &mut LightRig, basis: &LightBasis, known: &BTreeSet<String>) {
+    let lights: Vec<Listed> = basis.sources.iter().map(nameless).collect();
+    let places = places(&lights);
+    for light in lights.iter().filter(|light| !known.contains(&light.key)) {
+        for group in GroupBy::ALL.into_iter().filter_map(|by| group_key(light, by, &places)) {
+            enter(rig, &group, &light.key);
+        }
+    }
+}
+
 fn nameless(source: &LightSource) -> Listed<'_> {
     Listed { key: source.key.clone(), name: String::new(), light: LightOf::Scene(source) }
 }
@@ -298,6 +309,23 @@ mod tests {
         let full = with_groups(&basis, look.clone(), GroupBy::Automatic);
         assert_eq!(full.lights.groups["name:e"].intensity, 2.0);
         assert_eq!(full.lights.groups.keys().collect::<Vec<_>>(), ["name:e", "place:Hall/Table"]);
+    }
+
+    #[test]
+    fn lights_that_are_new_come_under_the_masters_of_their_groups() {
+        let basis = LightBasis::new(sources());
+        let mut rig = LightRig::default();
+        let group = |key: &str| LightGroup { lights: [key.to_owned()].into(), intensity: 0.5, muted: false };
+        for (name, key) in [("place:Hall/Table", "a"), ("name:e", "e 1"), ("kind:Emissive surfaces", "b")] {
+            rig.groups.insert(name.into(), group(key));
+        }
+        let known = ["a", "b", "d", "e 1", "sky", "sun"].map(str::to_owned).into();
+        take_in(&mut rig, &basis, &known);
+        let lights = |name: &str| rig.groups[name].lights.iter().map(String::as_str).collect::<Vec<_>>();
+        assert_eq!(lights("place:Hall/Table"), ["a", "c"]);
+        assert_eq!(lights("name:e"), ["e 1", "e#2"]);
+        assert_eq!(lights("kind:Emissive surfaces"), ["b"]);
+        assert_eq!(rig.groups.len(), 3, "no master comes of itself");
     }
 
     #[test]

@@ -74,11 +74,11 @@ impl Player {
         self.chosen = None;
     }
 
-    /// Takes the chosen key away; false where none is chosen.
-    pub fn delete_key(&mut self, timeline: &mut Timeline) -> bool {
-        let Some(idx) = self.chosen.take().filter(|idx| *idx < timeline.keys.len()) else { return false };
-        timeline.keys.remove(idx);
-        true
+    /// Takes the chosen key away, where one is chosen.
+    pub fn delete_key(&mut self, timeline: &mut Timeline) {
+        if let Some(idx) = self.chosen.take().filter(|idx| *idx < timeline.keys.len()) {
+            timeline.keys.remove(idx);
+        }
     }
 
     fn play(&mut self, timeline: &Timeline) {
