@@ -85,6 +85,7 @@ pub fn write(desk: &Desk) -> Result<String> {
             );
         }
     }
+    let samples = samples::write(desk)?;
     Ok(format!(
         "## Ablations\n\n\
          What each part is worth; those that leave out work of a bake are in the section Work that is skipped.\n\n\
@@ -92,13 +93,12 @@ pub fn write(desk: &Desk) -> Result<String> {
          {} × {} pixels × 256 texels, {} samples per pixel in two halves, asked for {TOLERANCE_DB} dB: one thing at a time left out or done otherwise. Error of single\n\
          texels in dB against {} samples with another seed, whose own noise counts; bytes of the picture's matrix; milliseconds of one core per block, factors +\n\
          bytes. Seeds {SEED} and {}. {}\n\n\
-         | scene | what | dB | kB | mean rank | ms |\n|---|---|---|---|---|---|\n{rows}{}",
+         | scene | what | dB | kB | mean rank | ms |\n|---|---|---|---|---|---|\n{rows}{samples}",
         film.width,
         film.height,
         2 * spp,
         2 * reference_spp,
         SEED + 1,
         desk.load_words(),
-        samples::write(desk)?,
     ))
 }

@@ -43,20 +43,22 @@ struct Run {
 pub fn write(desk: &Desk) -> Result<String> {
     let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 256, height: 192 });
     let spp = desk.choose(16, 64);
-    let mut text = format!(
+    let mut tables = String::new();
+    for (name, under_sky) in SCENES {
+        tables += &scene(desk, (name, under_sky), film, spp)?;
+    }
+    tables += &again::table(desk, SCENES[0].0, film, spp)?;
+    Ok(format!(
         "## Work that is skipped\n\n\
          Bakes of {} × {} pixels with at most {spp} samples each, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
          skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, the lesser of\n\
-         {TRIES} tries, on a machine with other work to do: differences of a quarter say nothing. The last column holds the picture under the\n\
+         {TRIES} tries: differences of a quarter say nothing. The last column holds the picture under the\n\
          light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
-         differ it shows their noise, which the row with another seed tells.\n",
-        film.width, film.height,
-    );
-    for (name, under_sky) in SCENES {
-        text += &scene(desk, (name, under_sky), film, spp)?;
-    }
-    text += &again::table(desk, SCENES[0].0, film, spp)?;
-    Ok(text)
+         differ it shows their noise, which the row with another seed tells. {}\n{tables}",
+        film.width,
+        film.height,
+        desk.load_words(),
+    ))
 }
 
 fn scene(desk: &Desk, (name, under_sky): (&str, bool), film: Film, spp: u32) -> Result<String> {
