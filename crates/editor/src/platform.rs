@@ -25,6 +25,16 @@ pub fn available_bytes() -> Option<u64> {
     None
 }
 
+/// All memory that the system has for programs and for itself, bytes; `None` where it is not asked.
+pub fn memory_bytes() -> Option<u64> {
+    #[cfg(target_os = "linux")]
+    {
+        line_bytes(&std::fs::read_to_string("/proc/meminfo").ok()?, "MemTotal:")
+    }
+    #[cfg(not(target_os = "linux"))]
+    None
+}
+
 /// The value of a line `name: N kB`.
 #[cfg(target_os = "linux")]
 fn line_bytes(lines: &str, name: &str) -> Option<u64> {
@@ -122,6 +132,12 @@ pub fn may_have_gpu() -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_system_has_more_memory_than_is_still_to_be_had() {
+        let Some((all, available)) = memory_bytes().zip(available_bytes()) else { return };
+        assert!(0 < available && available < all, "{available} of {all}");
+    }
 
     #[test]
     fn what_is_in_use_grows_with_what_is_touched() {

@@ -218,6 +218,19 @@ pub fn compress_block(
     config: &CompressConfig,
     block_idx: u32,
 ) -> Result<Vec<BlockFactors>, CompressError> {
+    check_samples(samples, config, block_idx)?;
+    let mut means = Means::default();
+    let group = |group| compress_group(samples, group, config, block_idx, &mut means);
+    config.groups.iter().map(group).collect()
+}
+
+/// # Errors
+/// Groups beyond the columns, or halves of different size.
+pub(crate) fn check_samples(
+    samples: &BlockSamples<'_>,
+    config: &CompressConfig,
+    block_idx: u32,
+) -> Result<(), CompressError> {
     check_groups(config, samples.n_cols)?;
     let [a, b] = samples.halves;
     let bundle_size = samples.n_cols * samples.bundle_len;
@@ -225,12 +238,10 @@ pub fn compress_block(
         let words = "the halves of a block must hold samples of the same whole number of bundles";
         return Err(CompressError::Config(words.into()));
     }
-    if let Some(smoothing) = &config.smoothing {
-        smoothing.check_block(samples, block_idx, &config.groups)?;
+    match &config.smoothing {
+        Some(smoothing) => smoothing.check_block(samples, block_idx, &config.groups),
+        None => Ok(()),
     }
-    let mut means = Means::default();
-    let group = |group| compress_group(samples, group, config, block_idx, &mut means);
-    config.groups.iter().map(group).collect()
 }
 
 /// Compresses one group of columns of a block.

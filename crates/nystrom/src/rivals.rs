@@ -46,6 +46,7 @@ pub(crate) use cross::landmarks;
 #[cfg(test)]
 pub(crate) use cross::with_core;
 pub use names::UnknownMethod;
+pub use ours::unrounded;
 pub use real::Real;
 
 use crate::{landmarks::Selection, random::Random};

@@ -356,3 +356,20 @@ fn methods_without_factors_keep_all_entries_of_what_they_make() {
         }
     }
 }
+
+#[test]
+fn what_is_not_rounded_yet_is_off_by_less_than_eleven_bits() {
+    let matrix = spectrum::<f32>(60, 40, 0.8, 9);
+    let rows = matrix.transpose().as_slice().to_vec();
+    let samples = BlockSamples { halves: [&rows; 2], sparse: [&[]; 2], n_cols: 40, bundle_len: 1, n_samples: [1; 2] };
+    let tolerance = Tolerance::Rank(40);
+    let groups = vec![ColumnGroup { columns: 0..40, tolerance, preserved: Vec::new(), share: 1.0 }];
+    let config = CompressConfig { groups, ..CompressConfig::default() };
+    let wide = unrounded(&samples, &config, 0).unwrap().swap_remove(0).to_dense();
+    let rounded = compress_block(&samples, &config, 0).unwrap().swap_remove(0).dense();
+    let [before, after] =
+        [wide, DMatrix::from_row_slice(60, 40, &rounded)].map(|found| (&matrix - found).norm() / matrix.norm());
+    assert!(before < 1e-5 && 1e-4 < after && after < 1e-3, "{before} {after}");
+    let cut = BlockSamples { halves: [&rows[..39], &rows[..39]], ..samples };
+    assert!(unrounded(&cut, &config, 0).is_err());
+}

@@ -6,6 +6,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
+use clerestory::platform::memory_bytes;
 use serde::{Serialize, de::DeserializeOwned};
 use serde_json::Value;
 
@@ -73,16 +74,18 @@ impl Desk {
         complain(&format!("{words} …"));
     }
 
-    /// The command that writes a section, its version and commit, the threads that it ran on, and how long it took.
+    /// The command that writes a section, its version, commit and compiler, the machine that it ran on, and how long it took.
     pub fn provenance(&self, section: &str) -> String {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
         format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, on {threads} threads of {} ({}), in {:.0} s.*",
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, in {:.0} s.*",
             env!("CARGO_PKG_VERSION"),
             commit(&self.root).unwrap_or_default(),
+            env!("CLERESTORY_RUSTC"),
             cpu_name(),
             std::env::consts::OS,
+            memory_words(memory_bytes()),
             self.begun_at.lock().unwrap_or_else(PoisonError::into_inner).elapsed().as_secs_f64(),
         )
     }
@@ -245,6 +248,12 @@ fn commit(root: &Path) -> Option<String> {
     Some(format!(" ({commit}{changed})"))
 }
 
+/// The memory of the machine in words; nothing where the system does not tell.
+fn memory_words(bytes: Option<u64>) -> String {
+    let words = |bytes: u64| format!(" with {:.1} GiB of memory", bytes as f64 / f64::from(1 << 30));
+    bytes.map_or_else(String::new, words)
+}
+
 /// What the system calls its processor.
 pub fn cpu_name() -> String {
     let told = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -255,6 +264,13 @@ pub fn cpu_name() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn memory_is_told_where_the_system_tells_it_and_the_compiler_always() {
+        assert_eq!(memory_words(Some(3 << 29)), " with 1.5 GiB of memory");
+        assert_eq!(memory_words(None), "");
+        assert!(env!("CLERESTORY_RUSTC").starts_with("rustc "), "{}", env!("CLERESTORY_RUSTC"));
+    }
 
     #[test]
     fn work_of_others_is_that_of_the_machine_without_ours() {

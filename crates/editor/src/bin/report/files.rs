@@ -50,9 +50,10 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## From a file to a picture\n\n\
          `clerestory relight FILE.transport -o PICTURE` at {} pixels on the CPU, a process of its own for each, from its start to its end: median of\n\
-         {TRIES}, and least to most. Bakes of at most {spp} samples.\n\n\
+         {TRIES}, and least to most. Bakes of at most {spp} samples. {}\n\n\
          | scene | transport | columns | picture | time | spread | size of the picture |\n|---|---|---|---|---|---|---|\n{rows}",
         size.replace('x', " × "),
+        desk.load_words(),
     ))
 }
 

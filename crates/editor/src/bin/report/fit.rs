@@ -17,13 +17,13 @@ pub fn secs_between(target_db: f64, points: &[[f64; 2]]) -> Option<[f64; 2]> {
     }
 }
 
-/// The same in words: also where the curve begins above the target, or ends below it.
+/// The same in words; “—” of no points.
 pub fn secs_words(target_db: f64, points: &[[f64; 2]]) -> String {
-    match (secs_at(target_db, points), points.first(), points.last()) {
-        (Some(secs), ..) => digits(secs),
-        (None, Some([secs, db]), _) if *db >= target_db => format!("< {}", digits(*secs)),
-        (None, _, Some([secs, _])) => format!("> {}", digits(*secs)),
-        _ => "—".into(),
+    match secs_between(target_db, points) {
+        Some([least, greatest]) if greatest.is_infinite() => format!("> {}", digits(least)),
+        Some([least, greatest]) if least == 0.0 => format!("< {}", digits(greatest)),
+        Some([secs, _]) => digits(secs),
+        None => "—".into(),
     }
 }
 
@@ -79,6 +79,8 @@ mod tests {
         assert!((secs_at(30.0, &curve).expect("between") - 2.0).abs() < 1e-12);
         assert_eq!([10.0, 30.0, 60.0].map(|db| secs_words(db, &curve)), ["< 1.0", "2.0", "> 16"]);
         assert_eq!(secs_words(10.0, &[]), "—");
+        let between = [10.0, 60.0].map(|db| secs_between(db, &curve).expect("points"));
+        assert_eq!(between, [[0.0, 1.0], [16.0, f64::INFINITY]]);
     }
 
     #[test]

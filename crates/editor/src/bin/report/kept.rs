@@ -33,7 +33,7 @@ impl Kept {
     /// # Errors
     /// If they cannot be made or written.
     pub fn numbers(&self, key: &str, make: impl FnOnce() -> Result<Vec<f32>>) -> Result<Vec<f32>> {
-        let path = self.folder.join("references").join(format!("{:08x}-{:08x}.bin", crc(key.as_bytes()), key.len()));
+        let path = self.numbers_of(key);
         if let Some(values) = read(&path, key) {
             return Ok(values);
         }
@@ -46,6 +46,10 @@ impl Kept {
         file.extend(bytes);
         put(&path, &file)?;
         Ok(values)
+    }
+
+    fn numbers_of(&self, key: &str) -> PathBuf {
+        self.folder.join("references").join(format!("{:08x}-{:08x}.bin", crc(key.as_bytes()), key.len()))
     }
 
     /// What was measured of a part of a section, by this very program: as it is written down from an interrupted run, else
@@ -85,6 +89,11 @@ impl Kept {
         let program = fs::read(std::env::current_exe()?).context("cannot read this program")?;
         Ok(self.folder.join("parts").join(format!("{section}-{:08x}", crc(&program))))
     }
+}
+
+/// Checksum and length in words: what tells the contents of a file from others of its name.
+pub fn checksum(bytes: &[u8]) -> String {
+    format!("{:08x} of {} bytes", crc(bytes), bytes.len())
 }
 
 /// The values of a file, if it is of that key and as it was written.
@@ -131,6 +140,23 @@ mod tests {
         fs::write(&path, bytes).unwrap();
         assert_eq!(kept.numbers("a scene", || Ok(vec![3.0])).unwrap(), [3.0]);
         fs::remove_dir_all(&kept.folder).unwrap();
+    }
+
+    #[test]
+    fn numbers_of_another_key_are_not_taken_even_where_its_own_would_lie() {
+        let kept = kept("keys");
+        kept.numbers("a scene, version 0.1.0", || Ok(vec![1.0])).unwrap();
+        let (old, new) = (kept.numbers_of("a scene, version 0.1.0"), kept.numbers_of("a scene, tracer 1"));
+        assert_ne!(old, new);
+        fs::rename(old, new).unwrap();
+        assert_eq!(kept.numbers("a scene, tracer 1", || Ok(vec![2.0])).unwrap(), [2.0]);
+        fs::remove_dir_all(&kept.folder).unwrap();
+    }
+
+    #[test]
+    fn a_checksum_knows_contents_of_one_length_apart() {
+        assert_eq!(checksum(b"123456789"), "cbf43926 of 9 bytes");
+        assert_ne!(checksum(b"a room"), checksum(b"a hall"));
     }
 
     #[test]

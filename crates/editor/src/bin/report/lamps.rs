@@ -55,23 +55,25 @@ struct Errors {
 
 /// A table of scenes.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut text = "A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
+    let mut table = String::new();
+    for case in cases(desk) {
+        desk.say(&format!("lamps in {}", case.name));
+        let measured = || measure(desk, &case).with_context(|| format!("cannot move lamps in {}", case.name));
+        let rows: String = desk.part("lamps", case.name, measured)?;
+        table += &rows;
+    }
+    Ok(format!(
+        "A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
         direct light at what is seen and at what narrow lobes show there, plus what the patches make of its irradiance. It is held \
         against two independent traced pictures of the same look, direct light taken off by two independent live pictures, so that \
         their noise does not count as error; how large the noise of their mean is stands beside it. Places whose indirect light drowns in \
         that noise (more than half of it) are counted and left out of its columns. Medians (and the worst) over the places. Energy is the sum of the indirect light over that \
         of the reference. The peak of PSNR is the 99.5 percentile of the whole. Bytes of patches are those of their columns' blocks, and \
-        of their table.\n\n\
+        of their table. Seconds by the clock, one bake each. {}\n\n\
         | scene | places | drowned | indirect L2 | noise | energy, least to most | whole PSNR | noise | patches | columns | bytes without \
-        | of patches | bake without | of patches |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
-        .to_string();
-    for case in cases(desk) {
-        desk.say(&format!("lamps in {}", case.name));
-        let measured = || measure(desk, &case).with_context(|| format!("cannot move lamps in {}", case.name));
-        let rows: String = desk.part("lamps", case.name, measured)?;
-        text += &rows;
-    }
-    Ok(text)
+        | of patches | bake without | of patches |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{table}",
+        desk.load_words(),
+    ))
 }
 
 pub(super) fn cases(desk: &Desk) -> Vec<Case> {

@@ -91,7 +91,7 @@ fn scene(
     let scene = Arc::new(PreparedScene::new(imported.scene, &panels)?.0);
     let prepared = process_cpu_secs()? - before;
     desk.say(&format!("{name}: what its bakes are held against"));
-    let reference = Reference::new(desk, &scene, sampling)?;
+    let reference = Reference::new(desk, &[path], &scene, sampling)?;
     let (mut rows, mut targets) = (String::new(), String::new());
     for (indirect, way) in [(Indirect::Shared, "shared"), (Indirect::Traced, "traced")] {
         let mut measured = [Vec::new(), Vec::new()];

@@ -25,17 +25,24 @@ const SEED: u64 = 1;
 /// # Errors
 /// If a matrix cannot be read or sampled.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut text = format!(
+    let tables = tables(desk)?;
+    Ok(format!(
         "## Methods\n\n\
          Every method of `clerestory_nystrom::rivals` at equal rank: k rows and columns, crosses or components. The error is told for single\n\
          texels, 10·log10(pk² / mean ΔT²) over all entries, pk the median over columns of their 99.5 percentile; nothing is clipped.\n\
          Left, blocks of 16 × 16 pixels, each by itself{}; right, the whole picture{} as one matrix. Numbers stored, milliseconds\n\
          and the error in single precision are means per block at rank {TOLD}; the other errors are in double precision, but for `projected`,\n\
          which is single precision by itself, its factors rounded to eleven bits. Columns of a square panel are in the order of Morton's curve,\n\
-         which matters to compressed sensing alone. \"Singular\": the intersection of the chosen rows and columns of a block had no inverse.\n",
+         which matters to compressed sensing alone. \"Singular\": the intersection of the chosen rows and columns of a block had no inverse. {}\n{tables}",
         desk.choose(", every sixth of them", ""),
         desk.choose(", thinned to every fourth pixel across and down,", ""),
-    );
+        desk.load_words(),
+    ))
+}
+
+/// One table after the other.
+fn tables(desk: &Desk) -> Result<String> {
+    let mut text = String::new();
     let names: &[&str] = desk.choose(&["mixed"], &["mixed", "reflect"]);
     for name in names {
         let Some(path) = desk.shared(&format!("matrices/{name}.npz")) else { continue };

@@ -11,7 +11,9 @@ pub struct Page {
 const HEAD: &str = "# Benchmarks\n\n\
     Every figure on this page was measured and written by the command that its section names. Times depend on the machine;\n\
     figures of one table come from one run. A section in full takes up to half an hour on two cores and goes on where it was\n\
-    interrupted; `--quick` without a section takes a few minutes for most of them.\n";
+    interrupted; `--quick` without a section takes a few minutes for most of them.\n\n\
+    Five experiments come first: error against time, the method's own evaluation, growth, what nobody beats, and what a sitting\n\
+    costs. The sixth, every method on matrices on which methods fail, has a page of its own: [stability](stability.md).\n";
 
 fn start(name: &str) -> String {
     format!("<!-- section {name} -->")

@@ -33,10 +33,11 @@ pub fn write(desk: &Desk) -> Result<String> {
          Million rays per second of one thread: ours / obvhs' CWBVH at its slowest preset as it comes = ratio. The same rays, in one process,\n\
          in turn, the best of four passes, CPU time. Rays of the camera; rays scattered on from what it sees; shadow rays towards a panel of\n\
          1 m² under the ceiling; fans of sixteen of them towards neighboring texels (single rays where there are no fans). Builders in CPU\n\
-         seconds. The last column counts rays that the two answer otherwise: {}.\n\n\
+         seconds. The last column counts rays that the two answer otherwise: {}. {}\n\n\
          | scene | triangles | build | {} | answered otherwise |\n\
          |---|---|---|---|---|---|---|---|\n{rows}",
         KINDS.join(" / "),
+        desk.load_words(),
         KINDS.join(" | "),
     ))
 }

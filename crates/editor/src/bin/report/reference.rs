@@ -1,10 +1,10 @@
 //! What a bake is held against: rows of the dense matrix, sampled twice, without compression and without skips between walks.
 
-use std::sync::Arc;
+use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clerestory_nystrom::{BlockLowRank, Half, SampledMatrix};
-use clerestory_transport::bake::{BakeConfig, BakeHeader, BakeJob, Passes};
+use clerestory_transport::bake::{BakeHeader, BakeJob};
 use clerestory_transport::camera::Film;
 use clerestory_transport::matrix::{CHANNELS, TransportMatrix};
 use clerestory_transport::plan::{Density, MatrixPlan};
@@ -13,11 +13,16 @@ use rayon::prelude::*;
 
 use super::desk::Desk;
 use super::errors::{ColumnErrors, Sum, beside_two, quantile};
+use super::kept::checksum;
 
 /// Samples of each pixel around one that is compared: whether a light is seen there.
 const NEAR_SAMPLES: u32 = 4;
 /// Of the references, which no bake has.
 const SEED: u64 = 0x5EED;
+/// To be raised when the same file, settings and seed give other numbers: when another scene is read from the file, when rays,
+/// materials, lights or random numbers change, or when what is kept is laid out otherwise. All references are then sampled anew. A
+/// version of the program that changes none of this leaves it as it is.
+const TRACER: u32 = 1;
 
 /// What is sampled, and how well.
 #[derive(Clone, Copy)]
@@ -47,13 +52,13 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Samples, or takes what was sampled by an earlier run.
+    /// Samples a scene that was read from some files, or takes what was sampled by an earlier run.
     ///
     /// # Errors
-    /// If it cannot be kept.
-    pub fn new(desk: &Desk, scene: &Arc<PreparedScene>, sampling: Sampling) -> Result<Reference> {
+    /// If the files cannot be read or it cannot be kept.
+    pub fn new(desk: &Desk, files: &[&Path], scene: &PreparedScene, sampling: Sampling) -> Result<Reference> {
         let Sampling { film, step, .. } = sampling;
-        let key = format!("dense rows of each {step}th pixel: {}", key_of(scene, sampling));
+        let key = format!("dense rows of each {step}th pixel: {}", key_of(files, scene, sampling, SEED)?);
         let pixels = every(film, step);
         let (n_cols, n_pixels) = (scene.lighting.basis.n_cols(), pixels.len());
         let values = desk.kept.numbers(&key, || {
@@ -158,12 +163,24 @@ impl Reference {
     }
 }
 
-/// What a scene looks like and how it is sampled, for [`super::kept::Kept::numbers`].
-pub fn key_of(scene: &Arc<PreparedScene>, Sampling { film, bounces, spp, .. }: Sampling) -> String {
-    let config = BakeConfig { spp: 2 * spp, bounces, seed: SEED, ..BakeConfig::default() };
-    let (camera, passes) = (scene.scene.cameras[0].clone(), Passes::FinalOnly);
-    let job = BakeJob { scene: scene.clone(), camera, film, config, passes, irradiance: Vec::new() };
-    format!("{}, version {}", job.key(), env!("CARGO_PKG_VERSION"))
+/// All that samples depend on, for [`super::kept::Kept::numbers`]: the bytes of the files that a scene was read from, its lights with
+/// their columns, the size, the samples with their seed, and the [`TRACER`]. The view is that of the file's first camera.
+///
+/// # Errors
+/// If a file cannot be read.
+pub fn key_of(files: &[&Path], scene: &PreparedScene, sampling: Sampling, seed: u64) -> Result<String> {
+    let Sampling { film: Film { width, height }, bounces, spp, .. } = sampling;
+    let contents = |path: &&Path| -> Result<String> {
+        let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+        Ok(checksum(&bytes))
+    };
+    let files = files.iter().map(contents).collect::<Result<Vec<_>>>()?;
+    let lights = serde_json::to_vec(&(&scene.lighting.basis, scene.skips))?;
+    Ok(format!(
+        "files {}, lights {}, {width} × {height} pixels, {spp} samples in each half, bounces {bounces:?}, seed {seed}, tracer {TRACER}",
+        files.join(" and "),
+        checksum(&lights),
+    ))
 }
 
 /// Every so manyth pixel across and down, from the middle of the first such square on.
@@ -236,8 +253,62 @@ fn around(film: Film, pixel: u32) -> impl Iterator<Item = u32> {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::emitters::SkyRequest;
+    use clerestory_transport::scene::{Material, Mesh, Scene};
+    use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
+    use glam::Vec3;
+
     use super::*;
     use crate::errors::decibels;
+
+    /// A triangle under an even sky.
+    fn under_sky(intensity: f32) -> PreparedScene {
+        let light = SkyLight { intensity, ..SkyLight::new("uniform", Environment::from_fn(16, 8, |_| Vec3::ONE)) };
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            normals: vec![Vec3::Z; 3],
+            triangles: vec![[0, 1, 2]],
+            triangle_material: vec![0],
+            triangle_node: vec![0],
+            ..Mesh::default()
+        };
+        let scene = Scene { mesh, materials: vec![Material::default()], ..Scene::default() };
+        PreparedScene::with_sky(scene, &[], Some(&SkyRequest { light, form: SkyForm::Whole })).unwrap().0
+    }
+
+    #[test]
+    fn a_reference_is_named_by_what_its_files_hold_its_lights_and_how_it_is_sampled() {
+        let folder = std::env::temp_dir().join(format!("clerestory-reference-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let write = |name: &str, bytes: &[u8]| {
+            let path = folder.join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let (room, same) = (write("room.glb", b"a room"), write("same.glb", b"a room"));
+        let (hall, scene) = (write("hall.glb", b"a hall"), under_sky(1.0));
+        let sampling = Sampling { film: Film { width: 8, height: 4 }, step: 2, bounces: None, spp: 4 };
+        let key = |files: &[&Path], scene: &PreparedScene, sampling: Sampling, seed: u64| {
+            key_of(files, scene, sampling, seed).unwrap()
+        };
+        let plain = key(&[room.as_path()], &scene, sampling, 1);
+        assert_eq!(plain, key(&[same.as_path()], &scene, sampling, 1), "where a file lies does not matter");
+        assert!(plain.ends_with(&format!("tracer {TRACER}")), "{plain}");
+        let others = [
+            key(&[hall.as_path()], &scene, sampling, 1),
+            key(&[room.as_path(), hall.as_path()], &scene, sampling, 1),
+            key(&[room.as_path()], &under_sky(2.0), sampling, 1),
+            key(&[room.as_path()], &scene, sampling, 2),
+            key(&[room.as_path()], &scene, Sampling { spp: 8, ..sampling }, 1),
+            key(&[room.as_path()], &scene, Sampling { bounces: Some(6), ..sampling }, 1),
+            key(&[room.as_path()], &scene, Sampling { film: Film { width: 4, height: 8 }, ..sampling }, 1),
+        ];
+        for (number, other) in others.iter().enumerate() {
+            assert_ne!(&plain, other, "{number}");
+        }
+        assert!(key_of(&[folder.join("none.glb").as_path()], &scene, sampling, 1).is_err());
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
 
     #[test]
     fn each_compared_pixel_stands_for_a_square_of_its_own() {

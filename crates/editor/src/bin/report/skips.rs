@@ -3,6 +3,7 @@
 mod again;
 
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -18,6 +19,7 @@ use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
 
 use super::desk::Desk;
 use super::matrix::process_cpu_secs;
+use super::reference::{Reference, Sampling};
 
 /// Tolerance in dB, one that many blocks can reach.
 const TOLERANCE_DB: f32 = 12.0;
@@ -34,6 +36,54 @@ struct Run {
     skipped: Skipped,
     /// RGB under the light of the file.
     picture: Vec<f32>,
+    /// See [`Judge::errors_db`].
+    error_db: [Option<f64>; 2],
+}
+
+/// What is baked.
+struct Subject {
+    path: PathBuf,
+    /// Whether a uniform sky of patches stands over it.
+    under_sky: bool,
+    film: Film,
+}
+
+impl Subject {
+    fn prepared(&self, skips: Skips) -> Result<Arc<PreparedScene>> {
+        let Subject { path, under_sky, .. } = self;
+        let scene = import::load_with(path, skips).with_context(|| format!("cannot load {}", path.display()))?.scene;
+        let light = SkyLight::new("uniform", Environment::from_fn(16, 8, |_| glam::Vec3::ONE));
+        let sky = under_sky.then_some(SkyRequest { light, form: SkyForm::Patches(1) });
+        Ok(Arc::new(PreparedScene::with_skips(scene, &[], sky.as_ref(), skips)?.0))
+    }
+}
+
+/// What the bakes of a scene are held against: samples of which no work was skipped, and the light of the file.
+struct Judge {
+    reference: Reference,
+    /// A coefficient per column.
+    light: Vec<[f32; 3]>,
+}
+
+impl Judge {
+    fn new(desk: &Desk, subject: &Subject) -> Result<Judge> {
+        let scene = subject.prepared(Skips::none())?;
+        let reference = Reference::new(desk, &[subject.path.as_path()], &scene, sampling(desk, subject.film))?;
+        Ok(Judge { reference, light: scene.lighting.basis.project(&LightRig::default()) })
+    }
+
+    /// Errors in dB: of single lights, median over columns, and under the light of the file. `None` where it is lost in what is
+    /// left of the reference's noise.
+    fn errors_db(&self, bake: &Bake) -> [Option<f64>; 2] {
+        let rows = self.reference.rows_of(&bake.header, &bake.groups);
+        let relit = self.reference.relit(&rows, &self.light);
+        [self.reference.errors(&rows).median_db(), self.reference.picture_db(&self.light, &relit)]
+    }
+}
+
+/// Of a reference: few of the picture's pixels, so that it takes less than a bake without any skip.
+fn sampling(desk: &Desk, film: Film) -> Sampling {
+    Sampling { film, step: desk.choose(2, 4), bounces: None, spp: desk.choose(16, 32) }
 }
 
 /// Bakes two scenes with every skip, without each one, and without any.
@@ -43,74 +93,80 @@ struct Run {
 pub fn write(desk: &Desk) -> Result<String> {
     let film = desk.choose(Film { width: 32, height: 32 }, Film { width: 256, height: 192 });
     let spp = desk.choose(16, 64);
-    let mut text = format!(
+    let Sampling { step, spp: reference_spp, .. } = sampling(desk, film);
+    let mut tables = String::new();
+    for (name, under_sky) in SCENES {
+        tables += &scene(desk, (name, under_sky), film, spp)?;
+    }
+    tables += &again::table(desk, SCENES[0].0, film, spp)?;
+    Ok(format!(
         "## Work that is skipped\n\n\
          Bakes of {} × {} pixels with at most {spp} samples each, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
          skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, the lesser of\n\
-         {TRIES} tries, on a machine with other work to do: differences of a quarter say nothing. The last column holds the picture under the\n\
+         {TRIES} tries: differences of a quarter say nothing. *Picture* holds the picture under the\n\
          light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
-         differ it shows their noise, which the row with another seed tells.\n",
-        film.width, film.height,
-    );
-    for (name, under_sky) in SCENES {
-        text += &scene(desk, (name, under_sky), film, spp)?;
-    }
-    text += &again::table(desk, SCENES[0].0, film, spp)?;
-    Ok(text)
+         differ it shows their noise, which the row with another seed tells. *Single lights* (median) and *all lights* of the file are errors as in the section Error\n\
+         against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out; \"—\": lost in their noise. {}\n{tables}",
+        film.width,
+        film.height,
+        desk.load_words(),
+    ))
 }
 
 fn scene(desk: &Desk, (name, under_sky): (&str, bool), film: Film, spp: u32) -> Result<String> {
+    let subject = Subject { path: desk.root.join(format!("assets/scenes/{name}.glb")), under_sky, film };
+    desk.say(&format!("{name}: what its bakes are held against"));
+    let judge = Judge::new(desk, &subject)?;
     let bake = |what: &str, skips: Skips, seed: u64| {
         desk.say(&format!("baking {name} {what}"));
-        run(
-            desk,
-            (name, under_sky),
-            film,
-            BakeConfig { spp, tolerance_db: TOLERANCE_DB, seed, ..Default::default() },
-            skips,
-        )
+        let config = BakeConfig { spp, tolerance_db: TOLERANCE_DB, seed, ..Default::default() };
+        run(&subject, &judge, &config, skips)
     };
-    let reference = bake("with all skips", Skips::default(), 1)?;
-    let mut rows = row("all skips", &reference, &reference);
-    rows += &row("all skips, another seed", &bake("with another seed", Skips::default(), 2)?, &reference);
+    let with_all = bake("with all skips", Skips::default(), 1)?;
+    let mut rows = row("all skips", &with_all, &with_all);
+    rows += &row("all skips, another seed", &bake("with another seed", Skips::default(), 2)?, &with_all);
     // Without an earlier bake at hand there is nothing to take over: that has a table of its own.
     for skip in Skip::ALL.into_iter().filter(|skip| *skip != Skip::Reuse) {
         let what = format!("without {}", skip.name());
-        rows += &row(&what, &bake(&what, Skips::default().without(skip), 1)?, &reference);
+        rows += &row(&what, &bake(&what, Skips::default().without(skip), 1)?, &with_all);
     }
-    rows += &row("without any", &bake("without any skip", Skips::none(), 1)?, &reference);
+    rows += &row("without any", &bake("without any skip", Skips::none(), 1)?, &with_all);
     let sky = if under_sky { " under a uniform sky of patches" } else { "" };
     Ok(format!(
         "\n### {name}{sky}\n\n{}\n\n\
-         | skips | loading, CPU s | bake, CPU s | against all skips | picture dB |\n|---|---|---|---|---|\n{rows}",
-        found(&reference.skipped),
+         | skips | loading, CPU s | bake, CPU s | against all skips | picture dB | single lights, dB | all lights, dB |\n\
+         |---|---|---|---|---|---|---|\n{rows}",
+        found(&with_all.skipped),
     ))
 }
 
 /// The shortest of some tries; everything else of them is the same.
-fn run(desk: &Desk, scene: (&str, bool), film: Film, config: BakeConfig, skips: Skips) -> Result<Run> {
-    let mut best = attempt(desk, scene, film, config.clone(), skips)?;
+fn run(subject: &Subject, judge: &Judge, config: &BakeConfig, skips: Skips) -> Result<Run> {
+    let mut best = attempt(subject, judge, config, skips)?;
     for _ in 1..TRIES {
-        let next = attempt(desk, scene, film, config.clone(), skips)?;
+        let next = attempt(subject, judge, config, skips)?;
         best.load_secs = best.load_secs.min(next.load_secs);
         best.bake_secs = best.bake_secs.min(next.bake_secs);
     }
     Ok(best)
 }
 
-fn attempt(desk: &Desk, (name, under_sky): (&str, bool), film: Film, config: BakeConfig, skips: Skips) -> Result<Run> {
-    let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+fn attempt(subject: &Subject, judge: &Judge, config: &BakeConfig, skips: Skips) -> Result<Run> {
     let started = process_cpu_secs()?;
-    let scene = import::load_with(&path, skips).with_context(|| format!("cannot load {}", path.display()))?.scene;
-    let light = SkyLight::new("uniform", Environment::from_fn(16, 8, |_| glam::Vec3::ONE));
-    let sky = under_sky.then_some(SkyRequest { light, form: SkyForm::Patches(1) });
-    let scene = Arc::new(PreparedScene::with_skips(scene, &[], sky.as_ref(), skips)?.0);
+    let scene = subject.prepared(skips)?;
     let loaded = process_cpu_secs()?;
-    let camera = scene.scene.cameras[0].clone();
-    let job = BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
+    let (camera, config) = (scene.scene.cameras[0].clone(), config.clone());
+    let passes = Passes::FinalOnly;
+    let job = BakeJob { scene, camera, film: subject.film, config, passes, irradiance: Vec::new() };
     let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
     let bake_secs = process_cpu_secs()? - loaded;
-    Ok(Run { load_secs: loaded - started, bake_secs, skipped: bake.figures().skipped, picture: picture(&bake) })
+    Ok(Run {
+        load_secs: loaded - started,
+        bake_secs,
+        skipped: bake.figures().skipped,
+        picture: picture(&bake),
+        error_db: judge.errors_db(&bake),
+    })
 }
 
 /// RGB of a bake under the light of the file.
@@ -127,10 +183,11 @@ pub fn picture(bake: &Bake) -> Vec<f32> {
     picture
 }
 
-fn row(what: &str, run: &Run, reference: &Run) -> String {
-    let ratio = run.bake_secs / reference.bake_secs;
-    let db = psnr_db(&run.picture, &reference.picture).map_or("the same".into(), |db| format!("{db:.1}"));
-    format!("| {what} | {:.2} | {:.2} | {ratio:.2}× | {db} |\n", run.load_secs, run.bake_secs)
+fn row(what: &str, run: &Run, with_all: &Run) -> String {
+    let ratio = run.bake_secs / with_all.bake_secs;
+    let db = psnr_db(&run.picture, &with_all.picture).map_or("the same".into(), |db| format!("{db:.1}"));
+    let [single, all] = run.error_db.map(|db| db.map_or("—".into(), |db| format!("{db:.1}")));
+    format!("| {what} | {:.2} | {:.2} | {ratio:.2}× | {db} | {single} | {all} |\n", run.load_secs, run.bake_secs)
 }
 
 /// What a bake tells that it found needless.
@@ -169,6 +226,21 @@ fn psnr_db(picture: &[f32], reference: &[f32]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_row_tells_what_a_skip_saves_and_how_far_the_bake_is_off() {
+        let run = |bake_secs: f64, value: f32, error_db: [Option<f64>; 2]| Run {
+            load_secs: 0.5,
+            bake_secs,
+            skipped: Skipped::default(),
+            picture: vec![value; 100],
+            error_db,
+        };
+        let with_all = run(2.0, 1.0, [Some(20.0), Some(31.3)]);
+        assert_eq!(row("all", &with_all, &with_all), "| all | 0.50 | 2.00 | 1.00× | the same | 20.0 | 31.3 |\n");
+        let without = run(3.0, 1.1, [Some(20.5), None]);
+        assert_eq!(row("none", &without, &with_all), "| none | 0.50 | 3.00 | 1.50× | 20.0 | 20.5 | — |\n");
+    }
 
     #[test]
     fn a_picture_is_the_same_as_itself_and_forty_decibels_from_one_that_is_off_by_a_hundredth() {

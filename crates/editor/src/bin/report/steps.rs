@@ -30,14 +30,14 @@ pub fn write(desk: &Desk) -> Result<String> {
     let device = gpu
         .as_ref()
         .map_or("No graphics device was found.".into(), |gpu| format!("The device: {}.", gpu.description()));
+    let table = table(desk, gpu.as_ref())?;
     Ok(format!(
         "## Steps of a moved lamp\n\n\
          A step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of\n\
          all patches; medians. Shadow rays that nothing needs are not cast. `device` is the same direct light by a kernel on the graphics\n\
          device, the way back to memory and what it leaves to the CPU included; none where light comes through solid panes.\n\
-         {device} {}\n\n{}",
+         {device} {}\n\n{table}",
         desk.load_words(),
-        table(desk, gpu.as_ref())?,
     ))
 }
 

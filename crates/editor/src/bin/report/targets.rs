@@ -39,18 +39,7 @@ type Results = Vec<(Method, Result<Coded>)>;
 /// # Errors
 /// If a matrix cannot be read, or our own method finds no factors.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut text = String::from(
-        "## Targets\n\n\
-         What the method aims at, on two shared matrices of 128 × 96 pixels and 256 columns without the emitters seen. dB are 10·log10(pk² / mean ΔT²)\n\
-         over all entries, pk the median over columns of their 99.5 percentile. Every method is asked for the same tolerance, block by block of\n\
-         16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix. The ratio is the dense matrix in\n\
-         single precision over all bytes of the packed one; its picture under all columns is kept far better than asked, which is counted. `svd` is the\n\
-         best there is at equal rank (Eckart–Young), packed alike. The least rank is that of all singular values of all\n\
-         blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel: with\n\
-         factors as they are unpacked, which is what the relighters do, and with right factors in cosines, zeros left out (`PackedProduct`).\n\
-         Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
-         between 0.8 and 1.25 of it; both halves are the converged matrix but for the noisy halves, so that only there an estimate can be wrong. Milliseconds of one core per block, factors + bytes, on a machine with other work to do.\n",
-    );
+    let mut text = String::new();
     let mut goals = Goals::default();
     let names: &[&str] = desk.choose(&["mixed"], &["reflect", "mixed"]);
     for name in names {
@@ -69,7 +58,20 @@ pub fn write(desk: &Desk) -> Result<String> {
     let (times, share) = times::write(desk)?;
     goals.rows.push(["compressing over tracing".into(), "≤ 5 %".into(), format!("{:.1} %", 100.0 * share), "—".into()]);
     text += &times;
-    Ok(text.replacen("\n### ", &format!("\n{}\n### ", goals.table()), 1))
+    Ok(format!(
+        "## Targets\n\n\
+         What the method aims at, on two shared matrices of 128 × 96 pixels and 256 columns without the emitters seen. dB are 10·log10(pk² / mean ΔT²)\n\
+         over all entries, pk the median over columns of their 99.5 percentile. Every method is asked for the same tolerance, block by block of\n\
+         16 × 16 pixels; what it finds is packed as a bake is, read back, and held against the converged matrix. The ratio is the dense matrix in\n\
+         single precision over all bytes of the packed one; its picture under all columns is kept far better than asked, which is counted. `svd` is the\n\
+         best there is at equal rank (Eckart–Young), packed alike. The least rank is that of all singular values of all\n\
+         blocks under one threshold, at the error that was reached. Multiply-adds are those of a product with three channels of light, per pixel: with\n\
+         factors as they are unpacked, which is what the relighters do, and with right factors in cosines, zeros left out (`PackedProduct`).\n\
+         Seams: the step of the error from pixel to pixel, root mean square, across borders of blocks over within. Told: blocks that tell their error to\n\
+         between 0.8 and 1.25 of it; both halves are the converged matrix but for the noisy halves, so that only there an estimate can be wrong. Milliseconds of one core per block, factors + bytes. {}\n\n{}{text}",
+        desk.load_words(),
+        goals.table(),
+    ))
 }
 
 fn results(desk: &Desk, name: &str, subject: &Subject, target_db: f64) -> Results {

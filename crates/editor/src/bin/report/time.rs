@@ -10,7 +10,7 @@ use clerestory_transport::import::{self, load_sky};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sky::{SkyForm, SkyLight};
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
@@ -28,6 +28,13 @@ pub(super) struct Subject {
     pub(super) film: Film,
     /// Of its pixels across and down, every so manyth is compared.
     pub(super) step: u32,
+}
+
+impl Subject {
+    /// What it is read from.
+    fn files(&self) -> Vec<&Path> {
+        std::iter::once(&self.path).chain(&self.sky).map(PathBuf::as_path).collect()
+    }
 }
 
 /// Ways to an answer.

@@ -1,7 +1,6 @@
 //! Matrices of ours, sampled whole.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::{Half, SampledMatrix};
@@ -27,9 +26,9 @@ pub fn halves(desk: &Desk, path: &Path, side: Option<u32>, (sampling, seed): (Sa
         None => Vec::new(),
         Some(side) => vec![divided(&imported.scene, side)?],
     };
-    let scene = Arc::new(PreparedScene::new(imported.scene, &panels)?.0);
+    let scene = PreparedScene::new(imported.scene, &panels)?.0;
     let n_cols = scene.lighting.basis.n_cols();
-    let key = format!("both halves without lights that are seen, seed {seed}: {}", key_of(&scene, sampling));
+    let key = format!("both halves without lights that are seen: {}", key_of(&[path], &scene, sampling, seed)?);
     let values = desk.kept.numbers(&key, || {
         desk.say(&format!("sampling {n_cols} columns of {} with {} samples", scene.scene.name, sampling.spp));
         Ok(sampled_halves(&scene, sampling, seed).concat())

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::Result;
-use clerestory_nystrom::rivals::Method;
+use anyhow::{Result, ensure};
+use clerestory_nystrom::rivals::{Method, unrounded};
 use clerestory_nystrom::{
-    BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix, Partition, Selection,
-    Smoothing, Tolerance, compress_block,
+    BlockFactors, BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix, Partition,
+    Selection, Smoothing, Tolerance, compress_block,
 };
 
 use super::judged::{Judged, Spectrum};
@@ -28,6 +28,17 @@ pub struct Subject {
     pub spectrum: Spectrum,
 }
 
+/// How factors are kept.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Storage {
+    /// Packed, as files have them.
+    Packed,
+    /// In 16-bit numbers, as they lie in memory.
+    SixteenBits,
+    /// In single precision, as they were computed: of our own method alone.
+    Single,
+}
+
 /// How a matrix becomes bytes: what a bake does, or something else in its place.
 #[derive(Clone, Copy)]
 pub struct Coding {
@@ -41,8 +52,8 @@ pub struct Coding {
     pub halves: bool,
     /// Whether noise is taken out of what is smooth.
     pub smooths: bool,
-    /// Whether factors are packed, else kept in 16-bit numbers.
-    pub packs: bool,
+    /// How factors are kept.
+    pub storage: Storage,
     /// Whether packing knows that columns are texels of a square, else it transforms none of them.
     pub grid: bool,
 }
@@ -50,7 +61,7 @@ pub struct Coding {
 impl Default for Coding {
     fn default() -> Self {
         let (method, selection) = (Method::Projected, Selection::default());
-        Coding { method, selection, tile: TILE, halves: true, smooths: true, packs: true, grid: true }
+        Coding { method, selection, tile: TILE, halves: true, smooths: true, storage: Storage::Packed, grid: true }
     }
 }
 
@@ -116,7 +127,7 @@ impl Subject {
             ..CompressConfig::default()
         };
         let begun = Instant::now();
-        let matrix = self.compressed(&config, partition, coding)?;
+        let matrix = self.compressed(&config, &partition, coding)?;
         let compressing = begun.elapsed().as_secs_f64();
         let columns = if coding.grid { grid } else { vec![ColumnRun::List(n_cols as u32)] };
         let plan = PackPlan { columns, allowed, bright: BRIGHT, preserved: vec![1.0; n_cols] };
@@ -126,8 +137,15 @@ impl Subject {
         let mut bytes = Vec::new();
         packed.encode(&mut bytes);
         let [right, left] = packed.product()?.n_multiplications();
-        let (read, n_bytes) =
-            if coding.packs { (packed.unpack()?, bytes.len()) } else { (matrix.clone(), matrix.n_bytes()) };
+        let (read, n_bytes) = match coding.storage {
+            Storage::Packed => (packed.unpack()?, bytes.len()),
+            Storage::SixteenBits => (matrix.clone(), matrix.n_bytes()),
+            Storage::Single => (matrix.clone(), bytes_in_single(&matrix)),
+        };
+        let judged = match coding.storage {
+            Storage::Single => Judged::beside(&self.truth, self.in_single(&config, &partition, coding)?, &read),
+            _ => Judged::new(&self.truth, &read),
+        };
         let n_pixels = self.truth.width * self.truth.height;
         let ranks: usize = read.blocks.iter().flatten().map(|block| block.rank as usize).sum();
         Ok(Coded {
@@ -135,36 +153,70 @@ impl Subject {
             ratio: read.dense_bytes() as f64 / n_bytes as f64,
             mean_rank: f64::from(read.mean_rank()),
             millis: [compressing, packing].map(|secs| secs * 1e3 / matrix.blocks.len() as f64),
-            judged: Judged::new(&self.truth, &read),
+            judged,
             matrix: read,
         })
     }
 
-    fn compressed(&self, config: &CompressConfig, partition: Partition, coding: Coding) -> Result<BlockLowRank> {
+    fn compressed(&self, config: &CompressConfig, partition: &Partition, coding: Coding) -> Result<BlockLowRank> {
         let mut matrix = BlockLowRank::new(partition.clone(), CHANNELS as u32, self.truth.n_cols as u32);
         for (block_idx, block) in matrix.blocks.iter_mut().enumerate() {
-            let rows = |picture: &Picture| picture.block_rows(&partition, block_idx);
-            let [mut a, mut b] = match &self.halves {
-                Some(halves) => halves.each_ref().map(rows),
-                None => [(); 2].map(|()| rows(&self.truth)),
-            };
-            if !coding.halves {
-                a.iter_mut().zip(&mut b).for_each(|(a, b)| {
-                    *a = 0.5 * (*a + *b);
-                    *b = *a;
-                });
-            }
-            let samples = BlockSamples {
-                halves: [&a, &b],
-                sparse: [&[]; 2],
-                n_cols: self.truth.n_cols,
-                bundle_len: CHANNELS,
-                n_samples: [1; 2],
-            };
-            *block = compress_block(&samples, config, block_idx as u32)?.pop().map(Arc::new);
+            let halves = self.halves_of(partition, block_idx, coding);
+            *block = compress_block(&self.samples(&halves), config, block_idx as u32)?.pop().map(Arc::new);
         }
         Ok(matrix)
     }
+
+    /// All entries of the factors that [`Subject::compressed`] rounds, as they were computed.
+    fn in_single(&self, config: &CompressConfig, partition: &Partition, coding: Coding) -> Result<Picture> {
+        ensure!(coding.method == Method::Projected, "`{}` has no factors in single precision here", coding.method);
+        let (mut pixels, len) = (Vec::new(), CHANNELS * self.truth.n_cols);
+        let mut values = vec![0.0; self.truth.values.len()];
+        for block_idx in 0..partition.n_blocks() {
+            let halves = self.halves_of(partition, block_idx, coding);
+            partition.bundles(block_idx, &mut pixels);
+            for factors in unrounded(&self.samples(&halves), config, block_idx as u32)? {
+                // What nalgebra holds column by column is wanted row by row.
+                let rows = factors.to_dense().transpose();
+                for (rows, &pixel) in rows.as_slice().chunks_exact(len).zip(&pixels) {
+                    values[pixel as usize * len..][..len].copy_from_slice(rows);
+                }
+            }
+        }
+        Ok(Picture { values, ..self.truth })
+    }
+
+    /// The rows of a block in both halves, as a coding tells them.
+    fn halves_of(&self, partition: &Partition, block_idx: usize, coding: Coding) -> [Vec<f32>; 2] {
+        let rows = |picture: &Picture| picture.block_rows(partition, block_idx);
+        let [mut a, mut b] = match &self.halves {
+            Some(halves) => halves.each_ref().map(rows),
+            None => [(); 2].map(|()| rows(&self.truth)),
+        };
+        if !coding.halves {
+            a.iter_mut().zip(&mut b).for_each(|(a, b)| {
+                *a = 0.5 * (*a + *b);
+                *b = *a;
+            });
+        }
+        [a, b]
+    }
+
+    fn samples<'a>(&self, halves: &'a [Vec<f32>; 2]) -> BlockSamples<'a> {
+        BlockSamples {
+            halves: halves.each_ref().map(Vec::as_slice),
+            sparse: [&[]; 2],
+            n_cols: self.truth.n_cols,
+            bundle_len: CHANNELS,
+            n_samples: [1; 2],
+        }
+    }
+}
+
+/// Bytes of factors in single precision, which need no scales.
+fn bytes_in_single(matrix: &BlockLowRank) -> usize {
+    let n_numbers = |block: &Arc<BlockFactors>| block.left.len() + block.doubt.len() + block.right.len();
+    size_of::<f32>() * matrix.blocks.iter().flatten().map(n_numbers).sum::<usize>()
 }
 
 /// Runs on one thread what would run on all.
@@ -197,5 +249,25 @@ impl Picture {
         let (mut pixels, len) = (Vec::new(), CHANNELS * self.n_cols);
         partition.bundles(block_idx, &mut pixels);
         pixels.iter().flat_map(|&pixel| &self.values[pixel as usize * len..][..len]).copied().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::targets::soft;
+
+    #[test]
+    fn factors_in_single_precision_are_twice_as_many_bytes_and_nearer_to_the_truth() {
+        let subject = Subject::new(soft::picture(16, 16, 4), None);
+        let coded = |storage: Storage| {
+            let coded = subject.coded_as(Coding { storage, ..Coding::default() }, 120.0).unwrap();
+            (coded.ratio, coded.judged.mean_square(), coded.mean_rank)
+        };
+        let [(short_ratio, short_error, rank), (single_ratio, single_error, same)] =
+            [Storage::SixteenBits, Storage::Single].map(coded);
+        assert!(rank > 4.0 && rank == same, "{rank} {same}");
+        assert!((1.98..=2.0).contains(&(short_ratio / single_ratio)), "{short_ratio} {single_ratio}");
+        assert!(single_error < 0.5 * short_error, "{single_error:e} {short_error:e}");
     }
 }

@@ -23,7 +23,12 @@ pub fn decibels(mean_square: f64) -> f64 {
 impl Judged {
     /// Every entry is compared.
     pub fn new(truth: &Picture, found: &BlockLowRank) -> Judged {
-        let mut errors = truth.unpacked(found);
+        Judged::beside(truth, truth.unpacked(found), found)
+    }
+
+    /// The same of entries that another storage of the same factors has.
+    pub fn beside(truth: &Picture, entries: Picture, found: &BlockLowRank) -> Judged {
+        let mut errors = entries;
         errors.values.iter_mut().zip(&truth.values).for_each(|(error, x)| *error = x - *error);
         let mean_square = |block_idx: usize| {
             let rows = errors.block_rows(&found.partition, block_idx);

@@ -47,7 +47,7 @@ pub(super) struct Judge {
 impl Judge {
     pub(super) fn new(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>) -> Result<Judge> {
         let sampling = Sampling { film: subject.film, step: subject.step, bounces: None, spp: reference_spp(desk) };
-        let reference = Reference::new(desk, scene, sampling)?;
+        let reference = Reference::new(desk, &subject.files(), scene, sampling)?;
         let basis = &scene.lighting.basis;
         Ok(Judge { reference, spots: spots(basis), full: basis.project(&LightRig::default()) })
     }
