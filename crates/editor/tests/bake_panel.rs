@@ -5,12 +5,15 @@
 #[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clerestory::app::{App, Start};
+use clerestory::bake_cache::BakeCache;
 use clerestory::legend::number_words;
 use clerestory::session::estimate::Forecast;
 use clerestory::session::{BakeSettings, BakeState, Source, Stage};
+use clerestory_transport::archive::{UnderWay, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::basis::SourceKind;
 use clerestory_transport::camera::Film;
@@ -210,6 +213,37 @@ fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
     window.get_by_label_contains(&format!("{error_db:.1} dB, median "));
     let plotted = window.query_all_by_label_contains("Error over time, ").count();
     assert_eq!(plotted, 1, "the plot tells what it shows");
+}
+
+#[test]
+fn what_the_pointer_rests_on_is_baked_first() {
+    let home = tempfile::tempdir().unwrap();
+    // Ten blocks by six. From the middle outwards the last one comes last.
+    let film = Film { width: 160, height: 96 };
+    let config = BakeConfig { spp: 64, tolerance_db: 60.0, ..BakeConfig::default() };
+    let settings = BakeSettings { camera_idx: 0, film, config, illuminance: false, work_plane: None };
+    let cache = Some(BakeCache::new(home.path().into(), 1 << 24));
+    let start = Start { cache, ..Start::alone(source(), Some(settings)) };
+    let mut window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| App::new(cc, start).unwrap());
+    wait(&mut window, |app| app.n_pictures() > 0);
+    let area = window.get_by_label("Picture").rect();
+    let (size, room) = (vec2(160.0, 96.0), area.size() - vec2(28.0, 28.0));
+    let scale = (room.x / size.x).min(room.y / size.y);
+    window.hover_at(area.center() + (size - vec2(1.0, 1.0)) * 0.5 * scale);
+    window.run_steps(3);
+
+    // The file of a bake under way holds the blocks of its last pass as they came.
+    let part = || -> Option<PathBuf> {
+        let mut files = std::fs::read_dir(home.path()).unwrap().flatten().map(|file| file.path());
+        files.find(|path| path.extension().is_some_and(|ending| ending == "part"))
+    };
+    let is_half_done = |path: PathBuf| part_state(&path).is_ok_and(|state| 2 * state.n_done > state.n_blocks);
+    wait(&mut window, |_| part().is_some_and(is_half_done));
+    assert!(window.state().session().bake.is_running(), "it ended before it could be given up: make it longer");
+    drop(window);
+    let (_, begun) = UnderWay::beside(&part().unwrap().with_extension("")).unwrap();
+    let blocks: Vec<usize> = begun.unwrap().blocks.iter().map(|(block_idx, _)| *block_idx).collect();
+    assert!(blocks.len() < 60 && blocks.contains(&59), "{blocks:?}");
 }
 
 #[test]

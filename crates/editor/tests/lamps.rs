@@ -363,6 +363,37 @@ fn a_lamp_of_the_file_has_a_menu_where_it_hangs() {
 }
 
 #[test]
+fn a_light_tells_its_name_where_the_pointer_is_on_it() {
+    const OF_LAMP: &str = "lamp, click to choose it, drag to move it";
+    const OF_PANEL: &str = "panel, drag to place a spot of light";
+    const OF_SURFACE: &str = "panel, click to see what lights this";
+    let told = |window: &mut Window, at: Vec3, words: [&str; 2]| {
+        window.hover_at(on_screen(window, at));
+        window.run_steps(3);
+        words.map(|words| window.query_by_label(words).is_some())
+    };
+    let (lamp, panel, wall) = (Vec3::new(0.3, 0.6, -0.2), Vec3::new(-0.2, 0.4, -0.5), Vec3::new(-0.7, -0.6, -1.0));
+    let mut window = with_lamp("Point");
+    assert_eq!(told(&mut window, wall, [OF_LAMP, OF_PANEL]), [false, false]);
+    assert_eq!(told(&mut window, lamp, [OF_LAMP, OF_PANEL]), [true, false]);
+    assert_eq!(told(&mut window, panel, [OF_LAMP, OF_PANEL]), [false, true]);
+    let added = middle(&window, "Move Point lamp 1 over surfaces");
+    window.hover_at(added);
+    window.run_steps(3);
+    window.get_by_label("Point lamp 1, drag to move it over surfaces, with Alt freely");
+
+    // A surface that shines evenly tells its name as well.
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    for node in gltf["nodes"].as_array_mut().unwrap() {
+        node.as_object_mut().unwrap().remove("extras");
+    }
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    assert_eq!(told(&mut window, wall, [OF_LAMP, OF_SURFACE]), [false, false]);
+    assert_eq!(told(&mut window, panel, [OF_LAMP, OF_SURFACE]), [false, true]);
+}
+
+#[test]
 fn a_bake_from_a_file_asks_for_its_scene_and_finds_it_beside_it() {
     let window = baked();
     let bake = window.state().session().shown.as_ref().unwrap().bake();

@@ -210,6 +210,45 @@ fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
 }
 
 #[test]
+fn the_cameras_of_the_file_are_listed_and_the_room_is_seen_from_the_one_that_is_chosen() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    let n_nodes = nodes.len();
+    // Turned by a quarter to the right, and by the half.
+    let turned = [0.0, -std::f32::consts::FRAC_1_SQRT_2, 0.0, std::f32::consts::FRAC_1_SQRT_2];
+    let cameras =
+        [("from the left", [-0.9, 0.0, 0.0], turned), ("from behind", [0.0, 0.0, -0.9], [0.0, 1.0, 0.0, 0.0])];
+    for (name, position, rotation) in cameras {
+        nodes.push(serde_json::json!({ "name": name, "camera": 0, "translation": position, "rotation": rotation }));
+    }
+    let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
+    roots.push(n_nodes.into());
+    roots.push((n_nodes + 1).into());
+    let bytes = serde_json::to_vec(&gltf).unwrap();
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let first = shown_camera(&window);
+    assert!(first.name == "door" && window.query_by_label("from the left").is_none());
+    click(&mut window, "View");
+    for name in ["door", "from the left", "from behind"] {
+        assert!(window.query_all_by_label(name).next().is_some(), "{name} is not listed");
+    }
+    click(&mut window, "from the left");
+    window.get_by_label("View of the camera");
+    let chosen = window.state().camera().unwrap().clone();
+    assert_eq!((chosen.name.as_str(), chosen.position()), ("from the left", Vec3::new(-0.9, 0.0, 0.0)));
+    let forward = -chosen.world_from_camera.z_axis.truncate();
+    assert!(forward.distance(Vec3::X) < 1e-4, "{forward}");
+
+    bake_view(&mut window);
+    assert_eq!(shown_camera(&window), chosen);
+    // The one that is baked is there again at once.
+    click(&mut window, "View");
+    click(&mut window, "door");
+    assert_eq!((shown_camera(&window), window.state().session().bake.clone()), (first, BakeState::Done));
+}
+
+#[test]
 fn another_view_can_be_looked_at_while_one_is_baked() {
     let mut window = baked();
     let first = shown_camera(&window);

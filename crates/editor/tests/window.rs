@@ -14,7 +14,7 @@ use clerestory::session::{BakeSettings, BakeState, Source, Stage};
 use clerestory_transport::archive::{self, part_state};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{Key, Modifiers, Role, ViewportEvent, pos2, vec2};
+use eframe::egui::{Key, Memory, Modifiers, Role, ThemePreference, ViewportEvent, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -117,6 +117,38 @@ fn the_next_start_finds_the_window_as_it_was_left_and_welcomes_nobody_twice() {
     drop(window);
     window = opened(kept);
     assert_eq!(Kept::by(&mut window).0["device"], "cpu", "the choice of a device stays");
+}
+
+#[test]
+fn the_theme_that_was_chosen_is_there_at_the_next_start() {
+    let opened = |kept: Kept| {
+        // A window borrows it for as long as it lives.
+        let kept: &'static Kept = Box::leak(Box::new(kept));
+        let source = Source::Bytes { name: "letter.glb".into(), bytes: b"Dear Sir".to_vec() };
+        let mut theme = None;
+        let window: Window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| {
+            // What the toolkit keeps of itself is there before the window has any content.
+            if let Some(memory) = eframe::get_value::<Memory>(kept, "egui") {
+                cc.egui_ctx.memory_mut(|own| *own = memory);
+            }
+            cc.storage = Some(kept);
+            let app = App::new(cc, Start::alone(source, None)).unwrap();
+            // From here on the window of a test is dark.
+            theme = Some(cc.egui_ctx.options(|options| options.theme_preference));
+            app
+        });
+        (window, theme.unwrap())
+    };
+    let (mut window, theme) = opened(Kept::default());
+    assert_eq!(theme, ThemePreference::Dark, "nobody has chosen yet");
+    click(&mut window, "Theme");
+    click(&mut window, "Light");
+    assert_eq!(window.ctx.options(|options| options.theme_preference), ThemePreference::Light);
+    assert!(eframe::App::persist_egui_memory(window.state()), "the toolkit keeps it with its own");
+    let mut kept = Kept::by(&mut window);
+    window.ctx.memory(|memory| eframe::set_value(&mut kept, "egui", memory));
+    drop(window);
+    assert_eq!(opened(kept).1, ThemePreference::Light);
 }
 
 #[test]
@@ -431,6 +463,34 @@ fn an_opened_bake_tells_the_figures_of_its_file() {
     }
     click(&mut window, "Recent");
     assert!(window.query_by_label("room.transport").is_some(), "what the command line opened is recent, too");
+}
+
+#[test]
+fn a_click_on_a_recent_file_opens_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["first.gltf", "second.gltf"].map(|name| folder.path().join(name));
+    for path in [&first, &second] {
+        std::fs::write(path, room()).unwrap();
+    }
+    let is_open = |app: &App, path: &Path| {
+        let opened = app.session().opened.as_ref().and_then(|opened| opened.path.as_deref());
+        app.session().stage == Stage::Ready && opened == Some(path)
+    };
+    // Where the newest stands above the one before it.
+    let tops = |window: &mut Window| {
+        click(window, "Recent");
+        ["first.gltf", "second.gltf"].map(|name| window.get_by_label(name).rect().top())
+    };
+    let mut window = open(Source::File(first.clone()));
+    wait(&mut window, |app| is_open(app, &first));
+    window.input_mut().dropped_files.push(Arc::new(Dropped(second.clone())));
+    wait(&mut window, |app| is_open(app, &second));
+    let [older, newer] = tops(&mut window);
+    assert!(newer < older, "{newer} {older}");
+    click(&mut window, "first.gltf");
+    wait(&mut window, |app| is_open(app, &first));
+    let [newer, older] = tops(&mut window);
+    assert!(newer < older, "it is the newest now, and listed once: {newer} {older}");
 }
 
 /// A folder of three gray pictures of 32 × 24 pixels and a file that is none.
