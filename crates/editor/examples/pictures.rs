@@ -14,8 +14,8 @@ use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::Film;
 use eframe::egui::accesskit::Role;
 use eframe::egui::{Key, Pos2, pos2, vec2};
-use egui_kittest::{Harness, Node};
 use egui_kittest::kittest::{NodeT, Queryable};
+use egui_kittest::{Harness, Node};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 

@@ -247,6 +247,7 @@ fn on_a_trackpad_two_fingers_turn_the_camera_and_with_keys_they_move_it() {
     let scrolls = [
         (vec2(30.0, 20.0), Modifiers::NONE, Turn::Orbit),
         (vec2(40.0, 0.0), Modifiers::SHIFT, Turn::Pan),
+        (vec2(0.0, 40.0), Modifiers::SHIFT, Turn::Pan),
         (vec2(0.0, 40.0), Modifiers::COMMAND, Turn::Dolly),
     ];
     for (delta, modifiers, turn) in scrolls {
@@ -256,6 +257,12 @@ fn on_a_trackpad_two_fingers_turn_the_camera_and_with_keys_they_move_it() {
         let after = window.state().camera().unwrap();
         assert_eq!(turn_between(&before, after), Some(turn), "{delta:?} with {modifiers:?}");
     }
+    // Up and down, too: the toolkit makes a way to the side of what is scrolled with Shift.
+    let before = take_in_hand(&mut window);
+    let at = middle(&window);
+    scroll(&mut window, at, vec2(0.0, 40.0), Modifiers::SHIFT);
+    let way = window.state().camera().unwrap().position() - before.position();
+    assert!(way.y.abs() > 0.01 && way.with_y(0.0).length() < 0.1 * way.y.abs(), "{way}");
     let before = take_in_hand(&mut window);
     let at = middle(&window);
     pinch(&mut window, at, 1.25);

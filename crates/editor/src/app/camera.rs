@@ -100,10 +100,19 @@ impl App {
         if self.camera.camera.is_none() || self.session.lamp_scene().is_none() {
             return self.complain("the camera can be moved once a scene is open");
         }
-        self.camera.is_moving = true;
+        if !self.camera.is_moving {
+            self.camera.is_moving = true;
+            self.look_ahead();
+        }
         // Keys and handles of lamps rest meanwhile.
         (self.lights.lamps.chosen, self.lights.lamps.aiming) = (None, false);
         self.view.probes.picked = None;
+    }
+
+    /// Finds how far away that is which lies in the middle of the view.
+    fn look_ahead(&mut self) {
+        let found = self.session.lamp_scene().zip(self.camera()).and_then(|(scene, camera)| pivot_m(scene, camera));
+        self.camera.pivot_m = found.unwrap_or(FAR_M);
     }
 
     /// Back to the view that is shown, in one step of undo.
@@ -127,9 +136,6 @@ impl App {
             self.camera.camera = Some(camera);
             return;
         }
-        if let Some((scene, camera)) = self.session.lamp_scene().zip(Some(&camera)) {
-            self.camera.pivot_m = pivot_m(scene, camera).unwrap_or(FAR_M);
-        }
         // A height that somebody typed stays; rounding makes none.
         let film = self.settings.film;
         let is_typed = |height: u32| (film.height as f32 / height as f32 - 1.0).abs() > 0.01;
@@ -138,6 +144,7 @@ impl App {
             self.settings.film = Film::of_width(film.width, &camera);
         }
         self.camera.camera = Some(camera);
+        self.look_ahead();
         self.move_camera();
     }
 

@@ -3,20 +3,23 @@
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::prepared::PreparedScene;
 use eframe::egui::{
-    self, Button, Color32, CursorIcon, Key, PointerButton, Rect, Response, RichText, Sense, TextureId, Ui, pos2, vec2,
+    self, Button, Color32, CursorIcon, Event, InputState, Key, MouseWheelUnit, PointerButton, Rect, Response, RichText,
+    Sense, TextureId, Ui, pos2, vec2,
 };
 
 use super::gizmo::surface_along;
-use super::orbit::{Flight, Navigation};
+use super::orbit::{Flight, Navigation, Turn};
 use super::zoom::Zoom;
 use crate::action::Action;
 use crate::theme;
 
 /// Share of the scene's diameter that one walks in a second.
 const WALK_PER_SEC: f32 = 0.12;
+/// Points of a line of a wheel that counts in lines.
+const POINTS_PER_LINE: f32 = 40.0;
 /// How much faster with Shift.
 const RUN: f32 = 3.0;
-/// Zoom of a pinch or of Ctrl and the wheel is that of the camera's distance.
+/// Keys that walk, and where to: right, up, ahead.
 const KEYS: [(Key, [f32; 3]); 6] = [
     (Key::D, [1.0, 0.0, 0.0]),
     (Key::A, [-1.0, 0.0, 0.0]),
@@ -93,13 +96,24 @@ fn scrolls(ui: &Ui, response: &Response, view: &FlightView, flight: &mut Flight,
     if !response.hovered() {
         return;
     }
-    let (scroll, pinch, keys) = ui.input(|input| (input.smooth_scroll_delta(), input.zoom_delta(), input.modifiers));
+    let (pinch, turn) = ui.input(|input| (input.zoom_delta(), view.habits.navigation.of_scroll(input.modifiers)));
+    let scroll = ui.input(|input| if turn == Turn::Pan { both_ways(input) } else { input.smooth_scroll_delta() });
     if scroll != egui::Vec2::ZERO {
-        flight.moved(view.habits.navigation.of_scroll(keys), scroll, height);
+        flight.moved(turn, scroll, height);
     }
     if pinch != 1.0 {
         flight.dolly(1.0 / pinch);
     }
+}
+
+/// Points that were scrolled, as they came: with Shift the toolkit makes all of it a way to the side.
+fn both_ways(input: &InputState) -> egui::Vec2 {
+    let points = |event: &Event| match event {
+        Event::MouseWheel { unit: MouseWheelUnit::Point, delta, .. } => *delta,
+        Event::MouseWheel { delta, .. } => *delta * POINTS_PER_LINE,
+        _ => egui::Vec2::ZERO,
+    };
+    input.events.iter().map(points).fold(egui::Vec2::ZERO, |sum, delta| sum + delta)
 }
 
 fn walk(ui: &Ui, scene: &PreparedScene, flight: &mut Flight) {

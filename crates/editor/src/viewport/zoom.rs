@@ -88,7 +88,9 @@ fn fitting(area: Rect, size: Vec2) -> f32 {
 /// Zoom with the wheel, or to a rectangle that is dragged with Z; pan with the middle button or space.
 pub(super) fn navigate(ui: &Ui, response: &Response, (zoom, grab): (&mut Zoom, &mut Option<Grab>), size: Vec2) {
     let area = response.rect;
-    if let Some(pointer) = response.hover_pos() {
+    // Handles of lamps lie over the picture and take the pointer, but not its wheel.
+    let pointer = ui.ctx().pointer_hover_pos().filter(|_| ui.rect_contains_pointer(area));
+    if let Some(pointer) = pointer {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let factor = (scroll * ZOOM_PER_POINT).exp() * pinch;
         if factor != 1.0 {

@@ -21,7 +21,7 @@ pub fn secs_between(target_db: f64, points: &[[f64; 2]]) -> Option<[f64; 2]> {
 pub fn secs_words(target_db: f64, points: &[[f64; 2]]) -> String {
     match secs_between(target_db, points) {
         Some([least, greatest]) if greatest.is_infinite() => format!("> {}", digits(least)),
-        Some([least, greatest]) if least == 0.0 => format!("< {}", digits(greatest)),
+        Some([0.0, greatest]) => format!("< {}", digits(greatest)),
         Some([secs, _]) => digits(secs),
         None => "—".into(),
     }

@@ -50,7 +50,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
                     import::load_with(&path, skips).with_context(|| format!("cannot load {}", path.display()))?;
                 Ok(Arc::new(prepare(PreparedScene::with_skips(scene.scene, &[], None, skips)?.0)))
             };
-            let reference = Reference::new(desk, &[path.as_path()], &load(all, same)?, sampling)?;
+            let reference = Reference::new(desk, &[path.as_path()], &*load(all, same)?, sampling)?;
             let mut measured = vec![(Vec::new(), Vec::new()); ways.len()];
             for seed in 1..=TURNS {
                 for ((what, configured, skips, prepare), (secs, dbs)) in ways.iter().zip(&mut measured) {

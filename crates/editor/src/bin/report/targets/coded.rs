@@ -6,8 +6,8 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 use clerestory_nystrom::rivals::{Method, unrounded};
 use clerestory_nystrom::{
-    BlockFactors, BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix, Partition,
-    Selection, Smoothing, Tolerance, compress_block,
+    BlockFactors, BlockLowRank, BlockSamples, ColumnGroup, ColumnRun, CompressConfig, PackPlan, PackedMatrix,
+    Partition, Selection, Smoothing, Tolerance, compress_block,
 };
 
 use super::judged::{Judged, Spectrum};
