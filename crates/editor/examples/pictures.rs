@@ -20,6 +20,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
 const FILM: Film = Film { width: 640, height: 360 };
+/// The smaller one whose illuminance is baked.
+const MEASURED: Film = Film { width: 320, height: 180 };
 const SPP: u32 = 64;
 /// Of JPEG: letters stay clean, and a picture stays below 400 kB.
 const QUALITY: u8 = 92;
@@ -35,87 +37,100 @@ fn main() -> Result<()> {
         Some(spp) => spp.context("the samples per pixel are a number")?,
         None => SPP,
     };
-    let config = BakeConfig { spp, indirect: Indirect::Shared, ..BakeConfig::default() };
-    let settings = BakeSettings { camera_idx: 0, film: FILM, config, illuminance: true, work_plane: None };
     println!("baking the built-in scene with {spp} samples per pixel, which takes minutes");
+    of_looks(&mut baked(FILM, spp, false)?, &folder)?;
+    println!("baking it smaller, with its illuminance");
+    of_lux(&mut baked(MEASURED, spp / 4, true)?, &folder)
+}
+
+/// The window once the built-in scene is baked.
+fn baked(film: Film, spp: u32, illuminance: bool) -> Result<Window> {
+    let config = BakeConfig { spp: spp.max(1), indirect: Indirect::Shared, ..BakeConfig::default() };
+    let settings = BakeSettings { camera_idx: 0, film, config, illuminance, work_plane: None };
     let start = Start::alone(Source::BuiltIn, Some(settings));
     let mut window: Window = Harness::builder()
         .with_size(vec2(1440.0, 900.0))
         .build_eframe(|cc| App::new(cc, start).expect("the system gives threads"));
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled())?;
+    Ok(window)
+}
 
-    click(&mut window, "Keep look")?;
-    click(&mut window, "Presets")?;
-    click(&mut window, "All four")?;
-    click(&mut window, "Look Look")?;
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("editor.jpg"))?;
+/// Looks, lights and error.
+fn of_looks(window: &mut Window, folder: &Path) -> Result<()> {
+    click(window, "Keep look")?;
+    click(window, "Presets")?;
+    click(window, "All four")?;
+    click(window, "Look Look")?;
+    rest(window)?;
+    shoot(window, &folder.join("editor.jpg"))?;
 
     let middle = window.get_by_label("Picture").rect().center() + vec2(60.0, 40.0);
-    click_at(&mut window, middle);
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("light-here.jpg"))?;
+    click_at(window, middle);
+    rest(window)?;
+    shoot(window, &folder.join("light-here.jpg"))?;
     window.key_press(Key::Escape);
 
-    click(&mut window, "Look Dusk")?;
-    click(&mut window, "Board")?;
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("board.jpg"))?;
+    click(window, "Look Dusk")?;
+    click(window, "Board")?;
+    rest(window)?;
+    shoot(window, &folder.join("board.jpg"))?;
 
-    click(&mut window, "List")?;
-    click(&mut window, "Look Look")?;
-    click(&mut window, "Compare")?;
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("compare.jpg"))?;
-    click(&mut window, "Compare")?;
+    click(window, "List")?;
+    click(window, "Look Look")?;
+    click(window, "Compare")?;
+    rest(window)?;
+    shoot(window, &folder.join("compare.jpg"))?;
+    click(window, "Compare")?;
 
-    click(&mut window, "Timeline")?;
+    click(window, "Timeline")?;
     for look in ["Day", "Dusk", "Night"] {
-        click(&mut window, "Add key")?;
-        click(&mut window, look)?;
+        click(window, "Add key")?;
+        click(window, look)?;
     }
     // Half a second past the second key.
     let ruler = window.get_by_label("Timeline ruler").rect();
     let key = window.get_by_label_contains("Key 2: ").rect().center();
-    click_at(&mut window, pos2(key.x + 20.0, ruler.top() + 8.0));
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("timeline.jpg"))?;
-    click(&mut window, "Back to the lights")?;
-    click(&mut window, "Timeline")?;
-
-    click(&mut window, "Measure")?;
-    tool(&mut window, "Surface")?;
-    let floor = place(&window, 0.5, 0.93);
-    click_at(&mut window, floor);
-    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving())?;
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("measure.jpg"))?;
-    window.key_press(Key::Escape);
-    click(&mut window, "Measure")?;
-
-    click(&mut window, "Solve for light")?;
-    tool(&mut window, "Rectangle")?;
-    let (from, to) = (place(&window, 0.36, 0.3), place(&window, 0.64, 0.6));
-    drag(&mut window, from, to);
-    wait(&mut window, |app| app.marked_lux().is_some() && !app.is_solving())?;
-    click(&mut window, "Kind of wish")?;
-    click(&mut window, "Times as bright")?;
-    click(&mut window, "Add wish")?;
-    click(&mut window, "Solve")?;
-    wait(&mut window, |app| app.solution().is_some())?;
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("solve.jpg"))?;
-    click(&mut window, "Discard")?;
-    window.key_press(Key::Escape);
-    click(&mut window, "Solve for light")?;
+    click_at(window, pos2(key.x + 20.0, ruler.top() + 8.0));
+    rest(window)?;
+    shoot(window, &folder.join("timeline.jpg"))?;
+    click(window, "Back to the lights")?;
+    click(window, "Timeline")?;
 
     window.get_by_label("Heat map").scroll_to_me();
     window.run_steps(8);
-    click(&mut window, "Heat map")?;
+    click(window, "Heat map")?;
     let is_choice = |node: &Node<'_>| node.accesskit_node().role() != Role::Label;
     window.get_all_by_label("Total error").find(is_choice).context("the heat map has no error")?.click();
-    rest(&mut window)?;
-    shoot(&mut window, &folder.join("heat.jpg"))
+    rest(window)?;
+    shoot(window, &folder.join("heat.jpg"))
+}
+
+/// What is measured and wished for.
+fn of_lux(window: &mut Window, folder: &Path) -> Result<()> {
+    click(window, "Measure")?;
+    tool(window, "Surface")?;
+    let floor = place(window, 0.5, 0.93);
+    click_at(window, floor);
+    wait(window, |app| app.marked_lux().is_some() && !app.is_solving())?;
+    rest(window)?;
+    shoot(window, &folder.join("measure.jpg"))?;
+    window.key_press(Key::Escape);
+    click(window, "Measure")?;
+
+    click(window, "Solve for light")?;
+    tool(window, "Rectangle")?;
+    let (from, to) = (place(window, 0.36, 0.3), place(window, 0.64, 0.6));
+    drag(window, from, to);
+    wait(window, |app| app.marked_lux().is_some() && !app.is_solving())?;
+    click(window, "Kind of wish")?;
+    click(window, "Times as bright")?;
+    click(window, "Add wish")?;
+    window.get_by_label("Solve").scroll_to_me();
+    window.run_steps(8);
+    click(window, "Solve")?;
+    wait(window, |app| app.solution().is_some())?;
+    rest(window)?;
+    shoot(window, &folder.join("solve.jpg"))
 }
 
 /// The first tool of that name: each section that marks has its own.
@@ -128,7 +143,7 @@ fn tool(window: &mut Window, name: &str) -> Result<()> {
 /// A place in the picture, as shares of its width and height.
 fn place(window: &Window, x: f32, y: f32) -> Pos2 {
     let area = window.get_by_label("Picture").rect();
-    let size = vec2(FILM.width as f32, FILM.height as f32);
+    let size = vec2(MEASURED.width as f32, MEASURED.height as f32);
     let room = area.size() - vec2(28.0, 28.0);
     area.center() + vec2(x - 0.5, y - 0.5) * size * (room.x / size.x).min(room.y / size.y)
 }

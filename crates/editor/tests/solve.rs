@@ -178,6 +178,8 @@ fn a_surface_is_marked_by_a_click_and_the_pointer_then_marks_instead_of_panning(
     let whole = window.state().marked_lux().unwrap();
     // All six walls but what the lamp and the panel hide: most of the picture.
     assert!(whole.points > 2000, "{whole:?}");
+    mark(&mut window);
+    assert!(window.query_by_label("room").is_none(), "a rectangle is no surface");
 }
 
 #[test]

@@ -27,6 +27,14 @@ use crate::solve::kept::{Here, Pictures};
 use crate::solve::{AtPixel, LampColumn, Scene, Solution, TargetPicture, at_point, may_change, solve};
 use crate::words::in_words;
 
+/// A surface that was clicked on, and what was marked by that.
+struct Picked {
+    marks: Arc<Marks>,
+    surface: Option<String>,
+    /// Its node and the name of that.
+    node: Option<(u32, String)>,
+}
+
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
     wake: Wake,
@@ -39,9 +47,7 @@ pub(super) struct Solving {
     measured: Option<(Measured, Figures)>,
     measuring: Aside<(Measured, Result<Figures, String>)>,
     problem: Option<String>,
-    surface: Option<String>,
-    /// Node that was clicked on last, and its name.
-    picked_node: Option<(u32, String)>,
+    picked: Option<Picked>,
     solving: Aside<Result<Solution, String>>,
     /// A picture to match, and whether it is a wish from then on.
     reading: Aside<(PathBuf, Reading, Result<TargetPicture, String>)>,
@@ -109,8 +115,7 @@ impl Solving {
             measured: None,
             measuring: Aside::default(),
             problem: None,
-            surface: None,
-            picked_node: None,
+            picked: None,
             solving: Aside::default(),
             reading: Aside::default(),
             pictures: Pictures::new(),
@@ -207,11 +212,21 @@ impl App {
         };
         if let Some(picked) = self.view.marking.picked.take() {
             let kin = self.view.marking.kin;
-            self.solving.surface = seen.name(&view.scene, picked.pixel, kin).filter(|name| !name.is_empty());
-            let node = seen.node(picked.pixel);
-            self.solving.picked_node = node.zip(seen.name(&view.scene, picked.pixel, Kin::Node));
             self.view.marking.join(seen.like(picked.pixel, kin), picked.join);
+            let name = |kin| seen.name(&view.scene, picked.pixel, kin).filter(|name| !name.is_empty());
+            let (surface, node) = (name(kin), seen.node(picked.pixel).zip(name(Kin::Node)));
+            let marks = self.view.marking.marks().cloned();
+            self.solving.picked = marks.map(|marks| Picked { marks, surface, node });
         }
+    }
+
+    /// The surface that is marked; none where something else was marked since.
+    fn picked(&self) -> Option<&Picked> {
+        let is_marked = |picked: &&Picked| {
+            let marks = self.view.marking.marks();
+            marks.is_some_and(|marks| Arc::ptr_eq(marks, &picked.marks) || *marks == picked.marks)
+        };
+        self.solving.picked.as_ref().filter(is_marked)
     }
 
     /// Measures what is marked under the lights as they are seen.
@@ -410,8 +425,8 @@ impl App {
         let lux_bake = self.lux_bake();
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
-        let surface = self.solving.surface.clone();
-        let picked = self.solving.picked_node.clone();
+        let surface = self.picked().and_then(|picked| picked.surface.clone());
+        let floor = self.picked().and_then(|picked| picked.node.clone());
         let floor_name = self.settings.work_plane.and_then(|plane| self.node_name(plane.floor?));
         let problem = self.solving.problem.as_ref().map(|words| self.look.renamed(words));
         let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
@@ -424,7 +439,7 @@ impl App {
             surface: surface.as_deref(),
             problem: problem.as_deref(),
             has_scene,
-            floor: picked.as_ref().filter(|_| self.view.marking.marks().is_some()),
+            floor: floor.as_ref(),
             floor_name: floor_name.as_deref(),
             elsewhere: self.elsewhere(),
         };

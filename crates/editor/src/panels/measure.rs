@@ -79,7 +79,7 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
     let MeasureState { marking, schedule, work_plane } = state;
     theme::folding(ui, "Measure", Fold::Closed, |ui| {
         tools_ui(ui, marking, view.has_scene);
-        if let (Some(surface), true) = (view.surface, marking.marks().is_some()) {
+        if let Some(surface) = view.surface {
             ui.label(RichText::new(surface).weak());
         }
         if let Some(words) = &view.elsewhere {
