@@ -116,12 +116,12 @@ impl App {
         self.as_one_step(|app| {
             // A master that stands over all added lamps stands over this one.
             groups::enter(&mut app.look.lights, ADDED, &lamp.key);
+            app.say(format!("Added {}", lamp.key));
             app.push_lamp(lamp);
         });
     }
 
     fn push_lamp(&mut self, lamp: FreeLamp) {
-        self.say(format!("Added {}", lamp.key));
         // Whoever adds a lamp wants to move it next: what marks is put down.
         self.view.marking.tool = None;
         self.looks.player.let_go();
@@ -180,6 +180,7 @@ impl App {
         }
         groups::join(&mut self.look.lights, of, &copy.key);
         let key = copy.key.clone();
+        self.say(format!("Added {}", copy.key));
         self.push_lamp(copy);
         Some(key)
     }
