@@ -60,7 +60,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// The same on the CPU and on each device of a kind, as a table alone.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn table(desk: &Desk, choice: DeviceChoice) -> Result<String> {
     let mut rows = String::new();
     for film in [Film { width: 1024, height: 768 }, Film { width: 1920, height: 1080 }] {

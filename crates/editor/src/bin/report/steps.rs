@@ -44,7 +44,7 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// The table alone.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
     let mut text = "| scene | lamp | direct | shadow rays | rays a second | patches | device | left to the CPU |\n\
         |---|---|---|---|---|---|---|---|\n"
