@@ -87,7 +87,7 @@ fn of_looks(window: &mut Window, folder: &Path) -> Result<()> {
         click(window, "Add key")?;
         click(window, look)?;
     }
-    // Half a second past the second key.
+    // A little past the second key.
     let ruler = window.get_by_label("Timeline ruler").rect();
     let key = window.get_by_label_contains("Key 2: ").rect().center();
     click_at(window, pos2(key.x + 20.0, ruler.top() + 8.0));
@@ -96,9 +96,7 @@ fn of_looks(window: &mut Window, folder: &Path) -> Result<()> {
     click(window, "Back to the lights")?;
     click(window, "Timeline")?;
 
-    window.get_by_label("Heat map").scroll_to_me();
-    window.run_steps(8);
-    click(window, "Heat map")?;
+    reach(window, "Heat map")?;
     let is_choice = |node: &Node<'_>| node.accesskit_node().role() != Role::Label;
     window.get_all_by_label("Total error").find(is_choice).context("the heat map has no error")?.click();
     rest(window)?;
@@ -109,8 +107,8 @@ fn of_looks(window: &mut Window, folder: &Path) -> Result<()> {
 fn of_lux(window: &mut Window, folder: &Path) -> Result<()> {
     click(window, "Measure")?;
     tool(window, "Surface")?;
-    let floor = place(window, 0.5, 0.93);
-    click_at(window, floor);
+    let rug = place(window, 0.5, 0.93);
+    click_at(window, rug);
     wait(window, |app| app.marked_lux().is_some() && !app.is_solving())?;
     rest(window)?;
     shoot(window, &folder.join("measure.jpg"))?;
@@ -125,9 +123,7 @@ fn of_lux(window: &mut Window, folder: &Path) -> Result<()> {
     click(window, "Kind of wish")?;
     click(window, "Times as bright")?;
     click(window, "Add wish")?;
-    window.get_by_label("Solve").scroll_to_me();
-    window.run_steps(8);
-    click(window, "Solve")?;
+    reach(window, "Solve")?;
     wait(window, |app| app.solution().is_some())?;
     rest(window)?;
     shoot(window, &folder.join("solve.jpg"))
@@ -189,6 +185,13 @@ fn click(window: &mut Window, label: &str) -> Result<()> {
     button.click();
     window.run_steps(6);
     Ok(())
+}
+
+/// Clicks on something that may lie below what is seen of its panel.
+fn reach(window: &mut Window, label: &str) -> Result<()> {
+    window.get_by_label(label).scroll_to_me();
+    window.run_steps(8);
+    click(window, label)
 }
 
 fn click_at(window: &mut Window, at: Pos2) {

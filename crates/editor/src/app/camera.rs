@@ -100,10 +100,8 @@ impl App {
         if self.camera.camera.is_none() || self.session.lamp_scene().is_none() {
             return self.complain("the camera can be moved once a scene is open");
         }
-        if !self.camera.is_moving {
-            self.camera.is_moving = true;
-            self.look_ahead();
-        }
+        self.camera.is_moving = true;
+        self.look_ahead();
         // Keys and handles of lamps rest meanwhile.
         (self.lights.lamps.chosen, self.lights.lamps.aiming) = (None, false);
         self.view.probes.picked = None;
@@ -144,7 +142,6 @@ impl App {
             self.settings.film = Film::of_width(film.width, &camera);
         }
         self.camera.camera = Some(camera);
-        self.look_ahead();
         self.move_camera();
     }
 

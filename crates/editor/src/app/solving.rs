@@ -425,8 +425,8 @@ impl App {
         let lux_bake = self.lux_bake();
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
-        let surface = self.picked().and_then(|picked| picked.surface.clone());
-        let floor = self.picked().and_then(|picked| picked.node.clone());
+        let (surface, floor) =
+            self.picked().map_or((None, None), |picked| (picked.surface.clone(), picked.node.clone()));
         let floor_name = self.settings.work_plane.and_then(|plane| self.node_name(plane.floor?));
         let problem = self.solving.problem.as_ref().map(|words| self.look.renamed(words));
         let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);

@@ -1,6 +1,6 @@
 //! What a graphics device of hardware does, and the cores of the machine that it is in.
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use clerestory_relight::{DeviceChoice, Gpu};
 
 use super::desk::Desk;
@@ -16,10 +16,9 @@ pub fn is_here() -> bool {
 /// # Errors
 /// If there is no such device, or it fails.
 pub fn write(desk: &Desk) -> Result<String> {
-    ensure!(is_here(), "there is no graphics device of hardware here");
+    let gpu = Gpu::headless(DeviceChoice::Hardware)?;
     let relit = relight::tables(desk, DeviceChoice::Hardware)?;
     let dragged = latency::table(desk, DeviceChoice::Hardware)?;
-    let gpu = Gpu::headless(DeviceChoice::Hardware)?;
     let moved = steps::table(desk, Some(&gpu))?;
     let grown = growth::threads::write(desk, "hardware")?;
     Ok(format!(

@@ -254,26 +254,17 @@ fn around(film: Film, pixel: u32) -> impl Iterator<Item = u32> {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::emitters::SkyRequest;
-    use clerestory_transport::scene::{Material, Mesh, Scene};
+    use clerestory_transport::scene::Scene;
     use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
     use glam::Vec3;
 
     use super::*;
     use crate::errors::decibels;
 
-    /// A triangle under an even sky.
+    /// Nothing under an even sky.
     fn under_sky(intensity: f32) -> PreparedScene {
         let light = SkyLight { intensity, ..SkyLight::new("uniform", Environment::from_fn(16, 8, |_| Vec3::ONE)) };
-        let mesh = Mesh {
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
-            normals: vec![Vec3::Z; 3],
-            triangles: vec![[0, 1, 2]],
-            triangle_material: vec![0],
-            triangle_node: vec![0],
-            ..Mesh::default()
-        };
-        let scene = Scene { mesh, materials: vec![Material::default()], ..Scene::default() };
-        PreparedScene::with_sky(scene, &[], Some(&SkyRequest { light, form: SkyForm::Whole })).unwrap().0
+        PreparedScene::with_sky(Scene::default(), &[], Some(&SkyRequest { light, form: SkyForm::Whole })).unwrap().0
     }
 
     #[test]
