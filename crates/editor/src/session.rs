@@ -23,11 +23,13 @@ pub mod views;
 pub mod worker;
 mod writing;
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
+use clerestory_nystrom::BlockLowRank;
 use clerestory_transport::bake::focus::Focus;
 use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::basis::LightBasis;
@@ -165,6 +167,8 @@ pub struct Session {
     pub shown: Option<Shown>,
     /// A bake that replaces it once its preview is whole.
     incoming: Option<Shown>,
+    /// Matrices of irradiance that the bake has not made yet, behind those that are shown.
+    arriving: VecDeque<Vec<BlockLowRank>>,
     /// Other views than the one that is shown.
     views: Views,
     /// What is new in `shown` since it was last asked for.
@@ -216,6 +220,7 @@ impl Session {
             bake: BakeState::Idle,
             shown: None,
             incoming: None,
+            arriving: VecDeque::new(),
             views: Views::default(),
             changed: Changed::default(),
             pass_blocks: (0, 0),

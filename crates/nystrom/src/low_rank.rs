@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// A whole matrix (or one group of its columns), block by block. A block that is not there yet is `None` and counts as zero.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct BlockLowRank {
     /// Which rows belong to which block.
     pub partition: Partition,

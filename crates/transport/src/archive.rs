@@ -233,7 +233,9 @@ fn keep(
             BakeEvent::BlockDone { pass, block_idx, factors } if *pass == last_pass => {
                 finished = Some((0, *block_idx, factors));
             }
-            BakeEvent::IrradianceDone { set, block_idx, factors } => finished = Some((1 + set, *block_idx, factors)),
+            BakeEvent::IrradianceDone { set, block_idx, factors, is_preview: false } => {
+                finished = Some((1 + set, *block_idx, factors));
+            }
             _ => {}
         }
         if let Some((matrix, block_idx, factors)) = finished {

@@ -376,7 +376,8 @@ pub enum BakeEvent {
         /// One per group of columns.
         factors: Vec<Arc<BlockFactors>>,
     },
-    /// A block of a matrix of irradiance is there; these come last, and once.
+    /// A block of a matrix of irradiance is there: that of the pixels as a preview first, behind that of the picture, and last of
+    /// all as it stays; those of grids once, before the picture is refined or at the end.
     IrradianceDone {
         /// Which matrix, in the order of the header.
         set: usize,
@@ -384,6 +385,8 @@ pub enum BakeEvent {
         block_idx: usize,
         /// One per group of columns.
         factors: Vec<Arc<BlockFactors>>,
+        /// Whether a finer one follows.
+        is_preview: bool,
     },
     /// How far the whole bake is.
     Progress {
@@ -440,7 +443,7 @@ impl BakeEvent {
     fn of_block(pass: u32, (matrix, block_idx): (usize, usize), factors: Vec<Arc<BlockFactors>>) -> BakeEvent {
         match matrix {
             0 => BakeEvent::BlockDone { pass, block_idx, factors },
-            _ => BakeEvent::IrradianceDone { set: matrix - 1, block_idx, factors },
+            _ => BakeEvent::IrradianceDone { set: matrix - 1, block_idx, factors, is_preview: false },
         }
     }
 }
@@ -592,25 +595,9 @@ impl BakeJob {
         let partition = header.partition();
         let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
         let n_blocks = partition.n_blocks();
-        let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
-        let started = Instant::now();
-        let deadline = self.passes.deadline().map(Deadline::new);
-        let (job, matrix, run_header, bias) = (&self, &matrix, &header, None);
-        let (guides, denoised) = (None, None);
-        let mut run = Run {
-            job,
-            matrix,
-            header: run_header,
-            focus,
-            empty,
-            matrices,
-            guides,
-            denoised,
-            last,
-            bias,
-            started,
-            deadline,
-        };
+        let last = passes.len() as u32 - 1;
+        let mut run = Run::new(&self, &matrix, &header, (focus, empty), last);
+        run.deadline = self.passes.deadline().map(Deadline::new);
         if on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes: passes.len() as u32 }).is_break() {
             return Ok(None);
         }
@@ -623,11 +610,8 @@ impl BakeJob {
                 return Ok(None);
             }
         }
-        let all = self.config.samples_per_half();
         let mut clock = Clock::new(&passes, n_blocks, n_given[0], rayon::current_num_threads());
-        for (partition, n_given) in partitions.iter().zip(n_given).skip(1) {
-            clock.add_pass(all, partition.n_blocks(), n_given);
-        }
+        let of_irradiance = header.irradiance_passes(&passes, &n_given[1..], &mut clock);
         for (pass, &samples) in passes.iter().enumerate() {
             let mut blocks = from_the_center(&partition);
             if pass as u32 == last || run.deadline.is_some() || self.passes == Passes::Again {
@@ -641,21 +625,15 @@ impl BakeJob {
                 }
                 return Ok(None);
             }
-        }
-        for set in 0..header.irradiance.len() {
-            let blocks = run.missing(1 + set);
-            if run.irradiance((last, all, set), &blocks, &mut clock, &mut on_event)?.is_break() {
-                return Ok(None);
+            for own in of_irradiance.iter().filter(|own| own.follows == pass) {
+                let blocks = run.missing(1 + own.set);
+                if run.irradiance(own, &blocks, &mut clock, &mut on_event)?.is_break() {
+                    return Ok(None);
+                }
             }
         }
         let has_struck = run.deadline.as_ref().is_some_and(|deadline| deadline.has_struck);
-        let header = if has_struck || run.bias.is_some() {
-            // What a time ended is nothing that a later bake could build on.
-            let grounds = header.grounds.clone().filter(|_| !has_struck);
-            Arc::new(BakeHeader { sharing_bias: run.bias, grounds, ..(*header).clone() })
-        } else {
-            header.clone()
-        };
+        let header = run.header_at_the_end(has_struck);
         Ok(run.into_matrices().and_then(|matrices| Bake::packing(header, matrices, focus)))
     }
 
@@ -753,10 +731,14 @@ struct Run<'a> {
     guides: Option<Arc<Guides>>,
     /// The groups of the picture with less noise, where the last pass that ran has all of its blocks.
     denoised: Option<Vec<BlockLowRank>>,
+    /// Light that the pixels of the pass before share, where rows of irradiance share it as well.
+    nodes: Option<Nodes>,
     /// The last pass.
     last: u32,
     /// See [`BakeHeader::sharing_bias`]: of the pass that every block has.
     bias: Option<f32>,
+    /// The same of each matrix of irradiance.
+    irradiance_bias: Vec<Option<f32>>,
     started: Instant,
     deadline: Option<Deadline>,
 }
@@ -791,6 +773,34 @@ impl Deadline {
     }
 }
 
+impl<'a> Run<'a> {
+    /// With no blocks yet.
+    fn new(
+        job: &'a BakeJob,
+        matrix: &'a TransportMatrix<'a>,
+        header: &'a Arc<BakeHeader>,
+        (focus, empty): (&'a Focus, Option<Arc<EmptyPixels>>),
+        last: u32,
+    ) -> Run<'a> {
+        Run {
+            job,
+            matrix,
+            header,
+            focus,
+            empty,
+            matrices: header.empty_matrices(),
+            guides: None,
+            denoised: None,
+            nodes: None,
+            last,
+            bias: header.sharing_bias,
+            irradiance_bias: header.irradiance.iter().map(|set| set.sharing_bias).collect(),
+            started: Instant::now(),
+            deadline: None,
+        }
+    }
+}
+
 impl Run<'_> {
     /// Blocks of a matrix that are not there yet, from its middle outwards.
     fn missing(&self, matrix: usize) -> Vec<u32> {
@@ -798,6 +808,21 @@ impl Run<'_> {
         let groups = &self.matrices[matrix];
         blocks.retain(|&block| groups.iter().any(|group| group.blocks[block as usize].is_none()));
         blocks
+    }
+
+    /// What the bake is of, once all is known about it.
+    fn header_at_the_end(&self, has_struck: bool) -> Arc<BakeHeader> {
+        let biases = || self.irradiance_bias.iter().chain([&self.bias]);
+        if !has_struck && biases().all(Option::is_none) {
+            return self.header.clone();
+        }
+        let mut header = BakeHeader { sharing_bias: self.bias, ..(**self.header).clone() };
+        for (set, bias) in header.irradiance.iter_mut().zip(&self.irradiance_bias) {
+            set.sharing_bias = *bias;
+        }
+        // What a time ended is nothing that a later bake could build on.
+        header.grounds.take_if(|_| has_struck);
+        Arc::new(header)
     }
 
     fn keep(&mut self, (matrix, block_idx): (usize, usize), factors: &[Arc<BlockFactors>]) {
@@ -885,7 +910,7 @@ impl Run<'_> {
         };
         let own = &self.matrices[0][..self.n_own()];
         let arrivals = likenesses.as_ref().map(|likenesses| likenesses.arrivals(job, own, blocks));
-        clock.start_pass(pass, started.elapsed().as_secs_f32());
+        clock.start_pass(pass as usize, started.elapsed().as_secs_f32());
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
             factors.extend(of_patches.take(block));
             let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
@@ -909,6 +934,7 @@ impl Run<'_> {
             return Ok(flow);
         }
         self.bias = bias;
+        self.nodes = shared.map(|shared| shared.nodes).filter(|_| header.pixel_irradiance(usize::MAX).is_some());
         if let Some(arrivals) = arrivals {
             let finished = arrivals.finish(&|| !focus.is_left());
             let Some((blocks, denoised)) = finished else { return Ok(ControlFlow::Break(())) };

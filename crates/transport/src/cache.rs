@@ -65,6 +65,12 @@ impl LightCache {
         LightCache { cells, n_cols, light }
     }
 
+    /// Multiplies each column of the light by a factor of its own.
+    pub(crate) fn scale(&mut self, factors: &[f32]) {
+        let scale = |row: &mut [f32]| row.iter_mut().zip(factors).for_each(|(light, factor)| *light *= factor);
+        self.light.iter_mut().for_each(|light| light.par_chunks_exact_mut(factors.len()).for_each(scale));
+    }
+
     /// Adds the light of a cell to three rows, times a weight per channel.
     fn add(&self, cell: u32, half: Half, weight: Vec3, rows: &mut [f32]) {
         let len = CHANNELS * self.n_cols;

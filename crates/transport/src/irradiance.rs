@@ -34,6 +34,16 @@ pub struct IrradianceHeader {
     /// How much of each patch of the sky the pilots saw.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sky_reach: Vec<f32>,
+    /// Mean square over the entries by which shared indirect light is off, as [`BakeHeader::sharing_bias`] for the picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sharing_bias: Option<f32>,
+}
+
+impl IrradianceHeader {
+    /// Before anything of its columns is known.
+    pub(crate) fn unmeasured(rows: IrradianceRows, n_cols: usize) -> IrradianceHeader {
+        IrradianceHeader { rows, column_scale: vec![1.0; n_cols], sky_reach: Vec::new(), sharing_bias: None }
+    }
 }
 
 /// Figures of a matrix of irradiance.
@@ -97,6 +107,11 @@ impl BakeHeader {
         self.partitions().into_iter().map(empty).collect()
     }
 
+    /// The matrices of irradiance without blocks: for each one part per group of columns.
+    pub fn empty_irradiance(&self) -> Vec<Vec<BlockLowRank>> {
+        self.empty_matrices().split_off(1)
+    }
+
     /// Whether the groups of a matrix of irradiance have columns of patches: what surfaces make of the light of free lamps.
     /// Older programs left them dark.
     pub fn holds_patches(&self, groups: &[BlockLowRank]) -> bool {
@@ -157,7 +172,10 @@ impl Bake {
                 bytes: groups.iter().map(BlockLowRank::n_bytes).sum(),
                 dense_bytes: CHANNELS * film.n_pixels() * self.header.basis.n_cols() * size_of::<f32>(),
                 // The columns of patches are measured against lamps that no bake knows, not against lights of the scene.
-                error_db: error_db(&groups[..groups.len() - usize::from(self.header.patches.is_some())], None),
+                error_db: error_db(
+                    &groups[..groups.len() - usize::from(self.header.patches.is_some())],
+                    header.sharing_bias,
+                ),
             }
         });
         figures.collect()

@@ -18,7 +18,7 @@ use crate::camera::{Camera, Film};
 use crate::empty::EmptyPixels;
 use crate::irradiance::IrradianceRows;
 use crate::light::{LightRig, luminance};
-use crate::path::{Deposit, Integrator, Receiver, Scratch};
+use crate::path::{Deposit, Gathering, Integrator, Receiver, Scratch};
 use crate::plan::MatrixPlan;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
@@ -198,9 +198,41 @@ impl<'a> TransportMatrix<'a> {
         (TransportMatrix { film, seed: self.seed ^ PILOT_SEED, empty: None, ..self }, tiles)
     }
 
-    /// Random numbers of a pixel and half.
-    pub(crate) fn stream(&self, pixel: u32, half: Half) -> u64 {
-        stream(pixel, u64::from(half == Half::B))
+    /// The stream of random numbers of a row's pixel or point; halves are 0 and 1, 2 tells of weak connections.
+    fn stream(&self, number: u32, half: u64) -> u64 {
+        let own = match self.irradiance {
+            None => 0,
+            Some(IrradianceRows::Pixels) => IRRADIANCE_STREAMS[0],
+            Some(IrradianceRows::Grid(_)) => IRRADIANCE_STREAMS[1],
+        };
+        own + u64::from(number) * 4 + half
+    }
+
+    /// Random numbers of a sample of a pixel or point and half.
+    pub(crate) fn sampler(&self, number: u32, half: Half, sample: u32) -> Sampler {
+        Sampler::new(self.seed, self.stream(number, u64::from(half == Half::B)), sample)
+    }
+
+    /// One sample of the rows of a pixel without the light that other surfaces send to the first diffuse base, which is left to be
+    /// gathered.
+    pub(crate) fn sample_direct(
+        &self,
+        ray: (Vec3, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) -> Option<Gathering> {
+        match self.irradiance {
+            None => self.integrator.sample_direct(ray, sampler, scratch, deposit),
+            Some(_) => self.integrator.sample_direct_irradiance(ray, sampler, scratch, deposit),
+        }
+    }
+
+    /// What a pixel shows of which the rays are known to meet nothing.
+    pub(crate) fn pass_by(&self, ray: (Vec3, Vec3), deposit: &mut impl Deposit) {
+        if self.irradiance.is_none() {
+            self.integrator.pass_by(ray, deposit);
+        }
     }
 
     fn deposit_pixel(
@@ -215,7 +247,7 @@ impl<'a> TransportMatrix<'a> {
         let Some(rows) = self.irradiance else {
             let is_empty = self.is_empty_pixel(pixel);
             for sample in samples {
-                let sampler = Sampler::new(self.seed, stream(pixel, half), sample);
+                let sampler = Sampler::new(self.seed, self.stream(pixel, half), sample);
                 if is_empty {
                     self.integrator.sample_empty_pixel(&self.camera, self.film, at, sampler, deposit);
                 } else {
@@ -227,9 +259,8 @@ impl<'a> TransportMatrix<'a> {
         if self.is_empty_pixel(pixel) {
             return;
         }
-        let own = IRRADIANCE_STREAMS[usize::from(matches!(rows, IrradianceRows::Grid(_)))];
         for sample in samples {
-            let mut sampler = Sampler::new(self.seed, own + stream(pixel, half), sample);
+            let mut sampler = Sampler::new(self.seed, self.stream(pixel, half), sample);
             self.deposit_irradiance(rows, pixel, &mut sampler, scratch, deposit);
         }
     }
@@ -266,11 +297,6 @@ impl<'a> TransportMatrix<'a> {
             }
         }
     }
-}
-
-/// Halves are 0 and 1; 2 tells of weak connections.
-fn stream(pixel: u32, half: u64) -> u64 {
-    u64::from(pixel) * 4 + half
 }
 
 /// One over the peak of each column; of lamps whose light in the file stays dim in the picture, one over a share of the

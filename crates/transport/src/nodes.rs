@@ -106,6 +106,14 @@ impl Nodes {
         Some(nodes)
     }
 
+    /// The same light for a matrix whose columns have other scales, given the ratios of its scales to those of this one.
+    pub(crate) fn scaled(mut self, ratios: &[f32]) -> Nodes {
+        let scale = |row: &mut [f32]| row.iter_mut().zip(ratios).for_each(|(light, ratio)| *light *= ratio);
+        self.light.par_chunks_exact_mut(ratios.len()).for_each(scale);
+        self.cache.scale(ratios);
+        self
+    }
+
     /// Dims nodes that outshine their neighbors by far.
     fn calm(&mut self, node_len: usize, outshines: f32) {
         let total = |light: &[f32]| light.iter().sum::<f32>();

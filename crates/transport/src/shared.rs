@@ -33,17 +33,17 @@ impl SharedMatrix<'_> {
         first_row: u32,
         scratch: &mut Scratch,
     ) -> Vec<SparseEntry> {
-        let (matrix, integrator) = (self.matrix, &self.matrix.integrator);
+        let matrix = self.matrix;
         let n_cols = matrix.n_cols();
-        let mut sampler = Sampler::new(matrix.seed, matrix.stream(pixel, half), sample);
+        let mut sampler = matrix.sampler(pixel, half, sample);
         let (film_px, ray) = matrix.sample_ray(pixel, &mut sampler);
         let inner = RowDeposit::new(rows, n_cols, matrix.column_scale()).with_first_row(first_row);
         let mut deposit = CachedDeposit { inner, cache: &self.nodes.cache, half };
         if matrix.is_empty_pixel(pixel) {
-            integrator.pass_by(ray, &mut deposit);
+            matrix.pass_by(ray, &mut deposit);
             return deposit.inner.into_sparse();
         }
-        let gathering = integrator.sample_direct(ray, &mut sampler, scratch, &mut deposit);
+        let gathering = matrix.sample_direct(ray, &mut sampler, scratch, &mut deposit);
         let sparse = deposit.inner.into_sparse();
         if let Some(at) = gathering
             && !self.nodes.add(film_px, &at, half, rows)
@@ -51,7 +51,7 @@ impl SharedMatrix<'_> {
             let inner = RowDeposit::new(rows, n_cols, matrix.column_scale());
             let inner = CachedDeposit { inner, cache: &self.nodes.cache, half };
             let mut deposit = Weighted { inner, weight: at.albedo };
-            integrator.gather_indirect((&at.hit, at.normal, Onto::Pixel), &mut sampler, scratch, &mut deposit);
+            matrix.integrator.gather_indirect((&at.hit, at.normal, Onto::Pixel), &mut sampler, scratch, &mut deposit);
         }
         sparse
     }

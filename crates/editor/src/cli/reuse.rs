@@ -53,6 +53,7 @@ impl Earlier {
                 "from": from,
                 "columns": reuse.n_kept_columns(),
                 "traced_columns": reuse.n_traced_columns(),
+                "traced_irradiance": reuse.n_added_rows(),
             }),
             Err(why) => json!({ "from": from, "columns": 0, "why_not": why.to_string() }),
         }
@@ -64,7 +65,12 @@ impl Earlier {
         match &self.reuse {
             Ok(reuse) => {
                 let (kept, traced) = (reuse.n_kept_columns(), reuse.n_traced_columns());
-                format!("\ntaken over  {kept} of {} columns from {path}, {traced} traced", kept + traced)
+                let rows = match reuse.n_added_rows() {
+                    0 => String::new(),
+                    1 => "; the irradiance that it lacked is traced".into(),
+                    n => format!("; {n} matrices of irradiance that it lacked are traced"),
+                };
+                format!("\ntaken over  {kept} of {} columns from {path}, {traced} traced{rows}", kept + traced)
             }
             Err(why) => format!("\ntaken over  nothing from {path}: {why}"),
         }

@@ -87,7 +87,13 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             ui.label(RichText::new(words).color(ui.visuals().warn_fg_color)).on_hover_text(tip);
         }
         match (&view.marked, view.has_illuminance) {
-            (Some(figures), _) => figures_ui(ui, "marked", figures),
+            (Some(figures), _) => {
+                figures_ui(ui, "marked", figures);
+                if view.lux_bake == LuxBake::Underway {
+                    ui.label(RichText::new("As far as the bake is").weak())
+                        .on_hover_text("Measured anew at the end of the bake");
+                }
+            }
             (None, false) => missing_ui(ui, view.lux_bake, actions),
             (None, true) if marking.marks().is_none() => {
                 ui.label(RichText::new("Mark a part of the picture to read its illuminance").weak());
@@ -185,7 +191,7 @@ fn figures_ui(ui: &mut Ui, salt: &str, figures: &LuxFigures) {
 /// What to do where no illuminance was baked.
 pub fn missing_ui(ui: &mut Ui, lux_bake: LuxBake, actions: &mut Vec<Action>) {
     if lux_bake == LuxBake::Underway {
-        let words = RichText::new("Illuminance comes at the end of this bake").weak();
+        let words = RichText::new("Illuminance comes right behind the preview of this bake").weak();
         ui.label(words).on_hover_text("The passes of the picture are first");
         return;
     }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use clerestory_nystrom::{BlockFactors, BlockLowRank};
 use clerestory_relight::Frame;
 use clerestory_transport::bake::stack::{MEMORY_BYTES, StackJob};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJob, HalfDone, Passes};
@@ -122,8 +123,9 @@ impl Session {
                 self.pass_blocks.1 += 1;
                 self.block_done(block_idx, &factors);
             }
-            // It is shown once all of it is there.
-            BakeEvent::IrradianceDone { .. } => {}
+            BakeEvent::IrradianceDone { set, block_idx, factors, .. } => {
+                self.irradiance_done(set, block_idx, &factors);
+            }
             BakeEvent::Denoised { blocks, .. } => {
                 blocks.iter().for_each(|(block_idx, factors)| self.block_done(*block_idx, factors));
             }
@@ -156,6 +158,7 @@ impl Session {
         self.bake = BakeState::Running { pass: 0, n_passes, done: 0.0, pass_done: 0.0, secs_left: None };
         let camera = self.camera_of(&header);
         let frame = Arc::new(Frame { width: header.width, height: header.height, groups: header.empty_groups() });
+        self.arriving = header.empty_irradiance().into();
         self.begin_view(Shown { header, camera, frame, irradiance: Vec::new(), packed: None, is_glimpse: false });
     }
 
@@ -172,7 +175,7 @@ impl Session {
         own.or(header.view.as_ref()).or_else(|| Camera::named(self.cameras(), &header.camera)).cloned()
     }
 
-    pub(super) fn block_done(&mut self, block_idx: usize, factors: &[Arc<clerestory_nystrom::BlockFactors>]) {
+    pub(super) fn block_done(&mut self, block_idx: usize, factors: &[Arc<BlockFactors>]) {
         let is_shown = self.incoming.is_none();
         let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
         shown.packed = None;
@@ -180,6 +183,30 @@ impl Session {
             group.blocks[block_idx] = Some(factors.clone());
         }
         if is_shown {
+            self.changed.absorb(Changed::Blocks((0..factors.len()).map(|group| (group, block_idx)).collect()));
+        }
+    }
+
+    /// A matrix of irradiance is shown once all of it is there; what is finer then takes its place block by block.
+    fn irradiance_done(&mut self, set: usize, block_idx: usize, factors: &[Arc<BlockFactors>]) {
+        let is_shown = self.incoming.is_none();
+        let Some(shown) = self.incoming.as_mut().or(self.shown.as_mut()) else { return };
+        let n_there = shown.irradiance.len();
+        let groups = match set.checked_sub(n_there) {
+            None => &mut shown.irradiance[set],
+            Some(nth) => match self.arriving.get_mut(nth) {
+                Some(groups) => groups,
+                None => return,
+            },
+        };
+        for (group, factors) in groups.iter_mut().zip(factors) {
+            group.blocks[block_idx] = Some(factors.clone());
+        }
+        let is_whole = |groups: &Vec<BlockLowRank>| groups.iter().all(|group| group.blocks.iter().all(Option::is_some));
+        while self.arriving.front().is_some_and(is_whole) {
+            shown.irradiance.extend(self.arriving.pop_front());
+        }
+        if is_shown && shown.pixel_irradiance() == Some(set) {
             self.changed.absorb(Changed::Blocks((0..factors.len()).map(|group| (group, block_idx)).collect()));
         }
     }

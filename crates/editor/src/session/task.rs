@@ -11,7 +11,6 @@ use anyhow::{Context, Result};
 use clerestory_transport::archive::{self, UnderWay};
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
-use clerestory_transport::bake::reuse::Reuse;
 use clerestory_transport::bake::stack::StackJob;
 use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeJob, HalfDone, Passes};
 use clerestory_transport::emitters::LightingError;
@@ -321,7 +320,7 @@ pub(super) fn bake(
             let _ = post.send(Fact::Glimpsed(glimpse), Duration::ZERO);
         }
     }
-    let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(Reuse::n_traced_columns);
+    let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(|reuse| (reuse.n_traced_columns(), reuse.n_added_rows()));
     let on_event = |event| {
         if let Some(Err(error)) = kept.as_mut().map(|kept| kept.heed(&event)) {
             kept = None;

@@ -62,7 +62,7 @@ impl UnderWay {
             BakeEvent::BlockDone { pass, block_idx, factors } if *pass == self.last_pass => {
                 self.keep(0, *block_idx, factors)
             }
-            BakeEvent::IrradianceDone { set, block_idx, factors } => {
+            BakeEvent::IrradianceDone { set, block_idx, factors, is_preview: false } => {
                 self.keep(set.saturating_add(1), *block_idx, factors)
             }
             _ => Ok(()),

@@ -15,26 +15,35 @@ pub(super) struct Clock {
     started_secs: f32,
     /// When its last block came.
     last_secs: f32,
-    n_done: usize,
     /// Seconds per sample of a block, in the last pass that took samples and has ended.
     secs_per_sample: Option<f32>,
 }
 
 /// A pass of the bake.
 struct Pass {
-    /// Samples per half; `None` is the preview.
+    /// Samples per half; `None` is a preview.
     samples: Option<u32>,
+    n_blocks: usize,
     /// Blocks that are there from the start.
     n_given: usize,
-    n_blocks: usize,
+    /// Blocks that came since.
+    n_done: usize,
 }
 
 impl Pass {
+    fn new(samples: Option<u32>, n_blocks: usize, n_given: usize) -> Pass {
+        Pass { samples, n_blocks, n_given: n_given.min(n_blocks), n_done: 0 }
+    }
+
     fn n_to_do(&self) -> usize {
         self.n_blocks - self.n_given
     }
 
-    /// What a block counts for in the share that is done: the preview, a single one.
+    fn n_left(&self) -> usize {
+        self.n_to_do().saturating_sub(self.n_done)
+    }
+
+    /// What a block counts for in the share that is done: of a preview, a single one.
     fn weight(&self) -> f32 {
         self.samples.map_or(1.0, |samples| samples as f32)
     }
@@ -44,61 +53,64 @@ impl Clock {
     /// Before the first pass. `samples` has one entry per pass; `n_given` blocks of the last one are there already.
     pub fn new(samples: &[Option<u32>], n_blocks: usize, n_given: usize, n_threads: usize) -> Clock {
         let last = samples.len().saturating_sub(1);
-        let given = |nth: usize| if nth == last { n_given.min(n_blocks) } else { 0 };
-        let passes = samples.iter().enumerate().map(|(nth, &samples)| Pass { samples, n_given: given(nth), n_blocks });
+        let given = |nth: usize| if nth == last { n_given } else { 0 };
+        let passes = samples.iter().enumerate().map(|(nth, &samples)| Pass::new(samples, n_blocks, given(nth)));
         let passes = passes.collect();
-        Clock { passes, n_threads, running: 0, started_secs: 0.0, last_secs: 0.0, n_done: 0, secs_per_sample: None }
+        Clock { passes, n_threads, running: 0, started_secs: 0.0, last_secs: 0.0, secs_per_sample: None }
     }
 
-    /// One more pass at the end.
-    pub fn add_pass(&mut self, samples: u32, n_blocks: usize, n_given: usize) {
-        self.passes.push(Pass { samples: Some(samples), n_given: n_given.min(n_blocks), n_blocks });
+    /// One more pass, and its number.
+    pub fn add_pass(&mut self, samples: Option<u32>, n_blocks: usize, n_given: usize) -> usize {
+        self.passes.push(Pass::new(samples, n_blocks, n_given));
+        self.passes.len() - 1
     }
 
     /// The blocks of a pass begin; the pass before has ended. What is prepared in between counts for neither.
-    pub fn start_pass(&mut self, pass: u32, now_secs: f32) {
+    pub fn start_pass(&mut self, pass: usize, now_secs: f32) {
         if let (Some(samples), Some(secs)) = (self.passes[self.running].samples, self.secs_per_block()) {
             self.secs_per_sample = Some(secs / samples as f32);
         }
-        (self.running, self.started_secs, self.n_done) = (pass as usize, now_secs, 0);
+        if pass != self.running {
+            // What it left out is not to be done.
+            let ended = &mut self.passes[self.running];
+            ended.n_done = ended.n_to_do();
+        }
+        (self.running, self.started_secs) = (pass, now_secs);
     }
 
     /// A block of the running pass is there: 0…1 over all passes, and seconds left once they can be judged.
     pub fn block_done(&mut self, now_secs: f32) -> (f32, Option<f32>) {
-        (self.n_done, self.last_secs) = (self.n_done + 1, now_secs);
+        self.passes[self.running].n_done += 1;
+        self.last_secs = now_secs;
         (self.done(), self.secs_left())
     }
 
     /// 0…1 over all passes.
     pub fn done(&self) -> f32 {
-        let blocks = |nth: usize, pass: &Pass| match nth {
-            nth if nth < self.running => pass.n_blocks,
-            nth if nth == self.running => pass.n_given + self.n_done,
-            _ => pass.n_given,
-        };
-        let done: f32 = self.passes.iter().enumerate().map(|(nth, p)| p.weight() * blocks(nth, p) as f32).sum();
+        let done: f32 = self.passes.iter().map(|p| p.weight() * (p.n_given + p.n_done) as f32).sum();
         let all: f32 = self.passes.iter().map(|p| p.weight() * p.n_blocks as f32).sum();
         (done / all.max(f32::MIN_POSITIVE)).min(1.0)
     }
 
     /// Measured in the running pass.
     fn secs_per_block(&self) -> Option<f32> {
-        (self.n_done > 0).then(|| (self.last_secs - self.started_secs) / self.n_done as f32)
+        let n_done = self.passes[self.running].n_done;
+        (n_done > 0).then(|| (self.last_secs - self.started_secs) / n_done as f32)
     }
 
     fn secs_left(&self) -> Option<f32> {
         let pass = &self.passes[self.running];
         let n_to_do = pass.n_to_do();
         let enough = self.n_threads.max((BELIEVED_FROM * n_to_do as f32).ceil() as usize).min(n_to_do);
-        let measured = self.secs_per_block().filter(|_| self.n_done >= enough);
+        let measured = self.secs_per_block().filter(|_| pass.n_done >= enough);
         let expected = || Some(self.secs_per_sample? * pass.samples? as f32);
         let secs_per_block = measured.or_else(expected)?;
-        let this_pass = n_to_do.saturating_sub(self.n_done) as f32 * secs_per_block;
+        let this_pass = pass.n_left() as f32 * secs_per_block;
 
         let secs_per_sample = pass.samples.map(|samples| secs_per_block / samples as f32).or(self.secs_per_sample);
-        let later = &self.passes[self.running + 1..];
+        let others = self.passes.iter().enumerate().filter(|(nth, p)| *nth != self.running && p.n_left() > 0);
         let later: Option<f32> =
-            later.iter().map(|p| Some(p.n_to_do() as f32 * p.samples? as f32 * secs_per_sample?)).sum();
+            others.map(|(_, p)| Some(p.n_left() as f32 * p.samples? as f32 * secs_per_sample?)).sum();
         Some(this_pass + later?)
     }
 }
@@ -108,7 +120,7 @@ mod tests {
     use super::*;
 
     /// Runs a pass at a steady pace; what is left after each of its blocks.
-    fn run(clock: &mut Clock, pass: u32, now_secs: &mut f32, n_blocks: usize, secs: f32) -> Vec<Option<f32>> {
+    fn run(clock: &mut Clock, pass: usize, now_secs: &mut f32, n_blocks: usize, secs: f32) -> Vec<Option<f32>> {
         clock.start_pass(pass, *now_secs);
         let mut left = Vec::new();
         for _ in 0..n_blocks {
@@ -162,6 +174,20 @@ mod tests {
         assert!((done - 0.7).abs() < 1e-6, "{done}");
         assert_near(left, 3.0 * 2.0);
         assert!(Clock::new(&[Some(64)], 10, 10, 1).done() > 0.999, "all of it was there");
+    }
+
+    #[test]
+    fn passes_may_come_in_another_order_than_they_were_told_of() {
+        let mut now_secs = 0.0;
+        let mut clock = Clock::new(&[None, Some(8)], 10, 0, 1);
+        let [sensors, preview] = [clock.add_pass(Some(8), 4, 0), clock.add_pass(None, 10, 0)];
+        run(&mut clock, 0, &mut now_secs, 10, 1.0);
+        run(&mut clock, preview, &mut now_secs, 7, 1.0);
+        let left = run(&mut clock, sensors, &mut now_secs, 4, 2.0);
+        assert_near(left[3], 10.0 * 2.0);
+        let left = run(&mut clock, 1, &mut now_secs, 10, 4.0);
+        assert_near(left[9], 0.0);
+        assert!(clock.done() > 0.999, "what the preview left out does not count");
     }
 
     #[test]

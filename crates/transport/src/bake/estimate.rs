@@ -123,23 +123,18 @@ impl BakeJob {
         let mut matrix = self.matrix(&plan, empty.clone(), focus);
         matrix.set_column_scale(self.own_scale(&header.column_scale));
         let passes = self.pass_samples(true);
-        let (matrices, last) = (header.empty_matrices(), passes.len() as u32 - 1);
-        let started = Instant::now();
-        let (matrix, header) = (&matrix, &header);
-        let (guides, denoised, bias, deadline) = (None, None, None, None);
-        let job = self;
-        let mut run =
-            Run { job, matrix, header, focus, empty, matrices, guides, denoised, last, bias, started, deadline };
+        let last = passes.len() as u32 - 1;
+        let header = &header;
+        let mut run = Run::new(self, &matrix, header, (focus, empty), last);
         let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
-        let all = self.config.samples_per_half();
         let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());
-        partitions.iter().skip(1).for_each(|partition| clock.add_pass(all, partition.n_blocks(), 0));
+        let of_irradiance = header.irradiance_passes(&passes, &vec![0; header.irradiance.len()], &mut clock);
 
         let (mut preview_secs, mut sampled) = (0.0, 0);
         for (nth, &samples) in passes.iter().enumerate() {
             let is_last = nth as u32 == last;
             // A block of an earlier pass must not stand for one of the last that was not tried.
-            run.matrices = header.empty_matrices();
+            run.matrices[0] = header.empty_groups();
             let (partition, scales) = (&partitions[0], if is_last { self.scales() } else { Scales::Blocks });
             let blocks = spread(partition.n_blocks(), n_tried);
             let tried = try_blocks(budget, focus, |mut on_event| {
@@ -154,15 +149,15 @@ impl BakeJob {
             if nth == 0 && samples.is_none() {
                 preview_secs = secs;
             }
-        }
-        for set in 0..header.irradiance.len() {
-            let partition = &partitions[1 + set];
-            let blocks = spread(partition.n_blocks(), n_tried);
-            let tried = try_blocks(budget, focus, |mut on_event| {
-                run.irradiance((last, all, set), &blocks, &mut clock, &mut on_event)
-            });
-            let Some(watch) = tried? else { return Ok(None) };
-            secs += watch.secs_for(partition.n_blocks(), Scales::Everything);
+            for own in of_irradiance.iter().filter(|own| own.follows == nth as u32) {
+                let partition = &partitions[1 + own.set];
+                let blocks = spread(partition.n_blocks(), n_tried);
+                let tried = try_blocks(budget, focus, |mut on_event| {
+                    run.irradiance(own, &blocks, &mut clock, &mut on_event)
+                });
+                let Some(watch) = tried? else { return Ok(None) };
+                secs += watch.secs_for(partition.n_blocks(), self.scales());
+            }
         }
         let Some((packing_secs, sizes)) = sizes(header, &run.matrices, &partitions, focus) else { return Ok(None) };
         let sizes = Sizes { sampled, guides: run.guides.as_ref().map_or(0, |guides| guides.n_bytes() as u64), ..sizes };

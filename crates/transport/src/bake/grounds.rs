@@ -10,14 +10,14 @@ use crate::scene::PunctualLight;
 use crate::skips::Skip;
 
 /// Hashes of all that decides the columns of a bake. A column rests on all surfaces, the view, the settings and its own light; on
-/// no other light, and not on how strong, how colored or how called its own one is.
+/// no other light, not on how strong, how colored or how called its own one is, and not on which rows of irradiance are beside it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Grounds {
     /// Of the surfaces and how they scatter.
     pub surfaces: String,
     /// Of the camera and the size of the picture.
     pub view: String,
-    /// Of the settings, the skips, the rows of irradiance and the version of the program.
+    /// Of the settings, the skips and the version of the program.
     pub settings: String,
     /// Of each source of the basis: where it shines from, and how its light is spread.
     pub lights: Vec<String>,
@@ -37,7 +37,7 @@ impl BakeJob {
     /// What its columns will rest on.
     pub fn grounds(&self) -> Grounds {
         let skips: Vec<Skip> = self.scene.skips.off().into_iter().filter(|skip| *skip != Skip::Reuse).collect();
-        let settings = (env!("CARGO_PKG_VERSION"), &self.config, skips, &self.irradiance);
+        let settings = (env!("CARGO_PKG_VERSION"), &self.config, skips);
         let settings = serde_json::to_vec(&settings).expect("settings always have a JSON form");
         let view = format!("{:?} {} {} {TILE}", self.camera, self.film.width, self.film.height);
         let n_lights = self.scene.lighting.emitters.len();

@@ -1,19 +1,24 @@
-//! Rows of irradiance at the end of a bake: each set is one more matrix, traced with all samples at once.
+//! Rows of irradiance beside those of the picture: each set is one more matrix, traced with all samples at once.
 //!
-//! They are never shared between neighbors and have no preview: what is measured in lux is measured without bias.
+//! What arrives at pixels is there as a preview when the picture is, and shares indirect light where the picture does: its nodes
+//! hold what arrives, whatever the surface makes of it. Points of grids are few, and traced without bias.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use clerestory_nystrom::{BlockFactors, Guide, compress_by};
+use clerestory_nystrom::rivals::Method;
+use clerestory_nystrom::{BlockFactors, BlockLowRank, Guide, compress_by};
 
 use super::clock::Clock;
 use super::focus::Focus;
 use super::patches::PatchBlocks;
-use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Run};
-use crate::irradiance::{IrradianceHeader, IrradianceRows};
+use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, PREVIEW_DB, Passes, Run};
+use crate::figures::error_db;
+use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
+use crate::nodes::Nodes;
 use crate::plan::{Density, MatrixPlan};
 use crate::sensors::{SensorError, SensorGrid};
+use crate::shared::SharedMatrix;
 
 impl BakeJob {
     /// Checks the rows of irradiance and measures the scale of their columns.
@@ -31,18 +36,119 @@ impl BakeJob {
         let header = |rows: &IrradianceRows| {
             let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, dark_for(rows, dark));
             let (column_scale, sky_reach) = self.matrix(&plan, None, focus).of_irradiance(rows).measure_columns();
-            IrradianceHeader { rows: rows.clone(), column_scale, sky_reach }
+            IrradianceHeader { rows: rows.clone(), column_scale, sky_reach, sharing_bias: None }
         };
         Ok(self.irradiance.iter().map(header).collect())
     }
 }
 
+/// A pass over a matrix of irradiance.
+pub(super) struct IrradiancePass {
+    /// The matrix.
+    pub set: usize,
+    /// Samples of each half; `None` is a preview.
+    pub samples: Option<u32>,
+    /// The pass of the picture that it follows.
+    pub follows: u32,
+    /// Its number in the clock.
+    timed_as: usize,
+}
+
+/// Pixels of the picture for each point of a grid that is measured before the picture is refined.
+const PIXELS_PER_EARLY_POINT: usize = 4;
+
+/// All matrices of a bake, one part per group of columns.
+type Matrices = Vec<Vec<BlockLowRank>>;
+
+impl BakeJob {
+    /// Traces matrices of irradiance for a bake whose other matrices are `there`; `None` if `on_event` says stop. Blocks that
+    /// are `done`, numbered through all matrices, are taken as they are.
+    pub(super) fn run_irradiance(
+        &self,
+        header: &Arc<BakeHeader>,
+        there: Matrices,
+        done: &[(usize, Vec<Arc<BlockFactors>>)],
+        focus: &Focus,
+        on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
+    ) -> Result<Option<(Arc<BakeHeader>, Matrices)>, BakeError> {
+        let plan = self.plan(Density::Full, header);
+        let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
+        let mut matrix = self.matrix(&plan, empty.clone(), focus);
+        matrix.set_column_scale(self.own_scale(&header.column_scale));
+        let all = Some(self.config.samples_per_half());
+        let passes = if self.passes == Passes::FinalOnly { vec![all] } else { vec![None, all] };
+        let (n_passes, last) = (passes.len() as u32, passes.len() as u32 - 1);
+        let (n_blocks, partitions) = (header.partition().n_blocks(), header.partitions());
+        let mut run = Run::new(self, &matrix, header, (focus, empty), last);
+        run.matrices = there;
+        let tell_all = |on_event: &mut dyn FnMut(BakeEvent) -> ControlFlow<()>| {
+            on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes })?;
+            for block_idx in 0..n_blocks {
+                let factors = run.matrices[0].iter().filter_map(|group| group.blocks[block_idx].clone()).collect();
+                on_event(BakeEvent::BlockDone { pass: last, block_idx, factors })?;
+            }
+            on_event(BakeEvent::PassDone { pass: last, error_db: error_db(&run.matrices[0][..run.n_own()], run.bias) })
+        };
+        if tell_all(on_event).is_break() {
+            return Ok(None);
+        }
+        for (number, factors) in done {
+            let Some(place) = locate(&partitions, *number).filter(|place| place.0 > 0) else { continue };
+            run.keep(place, factors);
+            if on_event(BakeEvent::of_block(last, place, factors.clone())).is_break() {
+                return Ok(None);
+            }
+        }
+        let n_given = |matrix: usize| partitions[matrix].n_blocks() - run.missing(matrix).len();
+        let n_given: Vec<usize> = (1..partitions.len()).map(n_given).collect();
+        let mut clock = Clock::new(&[all], n_blocks, n_blocks, rayon::current_num_threads());
+        for own in header.irradiance_passes(&passes, &n_given, &mut clock) {
+            let blocks = run.missing(1 + own.set);
+            if run.irradiance(&own, &blocks, &mut clock, on_event)?.is_break() {
+                return Ok(None);
+            }
+        }
+        Ok((!focus.is_left()).then(|| (run.header_at_the_end(false), run.matrices)))
+    }
+}
+
 impl BakeHeader {
-    fn irradiance_plan(&self, job: &BakeJob, set: usize) -> MatrixPlan {
-        let IrradianceHeader { rows, column_scale, sky_reach } = &self.irradiance[set];
+    /// The passes over matrices of irradiance, beside those of the picture, in their order. `n_given` blocks of each matrix are there
+    /// already.
+    pub(super) fn irradiance_passes(
+        &self,
+        passes: &[Option<u32>],
+        n_given: &[usize],
+        clock: &mut Clock,
+    ) -> Vec<IrradiancePass> {
+        let (last, all, has_preview) = (passes.len() as u32 - 1, passes[passes.len() - 1], passes[0].is_none());
+        let n_pixels = self.width as usize * self.height as usize;
+        let is_early = |rows: &IrradianceRows| match rows {
+            IrradianceRows::Grid(grid) => has_preview && PIXELS_PER_EARLY_POINT * grid.n_points() <= n_pixels,
+            IrradianceRows::Pixels => false,
+        };
+        let partitions = self.partitions();
+        let mut of_irradiance = Vec::new();
+        for (set, IrradianceHeader { rows, .. }) in self.irradiance.iter().enumerate() {
+            let n_blocks = partitions[1 + set].n_blocks();
+            if has_preview && *rows == IrradianceRows::Pixels {
+                let timed_as = clock.add_pass(None, n_blocks, 0);
+                of_irradiance.push(IrradiancePass { set, samples: None, follows: 0, timed_as });
+            }
+            let timed_as = clock.add_pass(all, n_blocks, n_given[set]);
+            let follows = if is_early(rows) { 0 } else { last };
+            of_irradiance.push(IrradiancePass { set, samples: all, follows, timed_as });
+        }
+        of_irradiance
+    }
+
+    fn irradiance_plan(&self, job: &BakeJob, own: &IrradiancePass) -> MatrixPlan {
+        let IrradianceHeader { rows, column_scale, sky_reach, .. } = &self.irradiance[own.set];
+        let density = if own.samples.is_some() { Density::Full } else { Density::Quarter };
         let dark = dark_for(rows, &self.spared.dark_sources);
-        let plan = MatrixPlan::without(&job.scene.lighting, Density::Full, dark);
-        plan.fitted(column_scale, sky_reach, job.scene.skips)
+        let plan = MatrixPlan::without(&job.scene.lighting, density, dark);
+        let plan = plan.fitted(column_scale, sky_reach, job.scene.skips);
+        if own.samples.is_some() { plan } else { plan.for_short_walks() }
     }
 }
 
@@ -52,34 +158,78 @@ fn dark_for<'a>(rows: &IrradianceRows, dark: &'a [u32]) -> &'a [u32] {
 }
 
 impl Run<'_> {
-    /// Compresses some blocks of a matrix of irradiance; `pass` is the last one of the picture.
+    /// Compresses some blocks of a matrix of irradiance.
     pub(super) fn irradiance(
         &mut self,
-        (pass, samples, set): (u32, u32, usize),
+        own: &IrradiancePass,
         blocks: &[u32],
         clock: &mut Clock,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
-        let (job, header, started) = (self.job, self.header.clone(), self.started);
-        let IrradianceHeader { rows, column_scale, .. } = &header.irradiance[set];
-        let plan = header.irradiance_plan(job, set);
-        let mut matrix = job.matrix(&plan, self.empty.clone(), self.focus).of_irradiance(rows);
+        let (job, header, focus, pass) = (self.job, self.header.clone(), self.focus, own.follows);
+        let IrradianceHeader { rows, column_scale, .. } = &header.irradiance[own.set];
+        let indirect = match (rows, own.samples) {
+            (IrradianceRows::Grid(_), _) => None,
+            (IrradianceRows::Pixels, None) => Indirect::Shared.nodes(None, job.config.tolerance_db),
+            (IrradianceRows::Pixels, samples) => job.config.indirect.nodes(samples, job.config.tolerance_db),
+        };
+        let lacks_bias = own.samples.is_some() && indirect.is_some() && self.irradiance_bias[own.set].is_none();
+        if blocks.is_empty() && !lacks_bias {
+            return Ok(ControlFlow::Continue(()));
+        }
+        let plan = header.irradiance_plan(job, own);
+        let mut matrix = job.matrix(&plan, self.empty.clone(), focus).of_irradiance(rows);
         matrix.set_column_scale(job.own_scale(column_scale));
-        let partition = header.partitions().swap_remove(1 + set);
-        clock.start_pass(pass + 1 + set as u32, started.elapsed().as_secs_f32());
-        let mut config = job.compress_config(samples, job.config.tolerance_db, column_scale);
-        config.smoothing = Some(header.smoothing(&partition));
-        let focus = self.focus;
-        let guide = Guide { goes_on: &|| !focus.is_left(), ..Guide::default() };
-        let mut of_patches = PatchBlocks::dark(&header, &partition);
-        if self.patches(&mut of_patches, (1 + set, blocks), (pass, clock.done()), on_event)?.is_break() {
+        let shared = match indirect {
+            None => None,
+            Some(plan) => {
+                // The same light as that of the picture, however it came to be here.
+                let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
+                let nodes = self.nodes.take().or_else(|| Nodes::gather(self.matrix, plan, go_on));
+                let Some(nodes) = nodes else { return Ok(ControlFlow::Break(())) };
+                let scales = matrix.column_scale().iter().zip(self.matrix.column_scale());
+                let ratios: Vec<f32> = scales.map(|(own, of_picture)| own / of_picture).collect();
+                Some(SharedMatrix { matrix: &matrix, nodes: nodes.scaled(&ratios) })
+            }
+        };
+        if own.samples.is_some() {
+            self.irradiance_bias[own.set] = shared.as_ref().map(|shared| shared.bias(job.config.tolerance_db));
+        }
+        if on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None }).is_break() {
             return Ok(ControlFlow::Break(()));
         }
+        let partition = header.partitions().swap_remove(1 + own.set);
+        let tolerance_db = match own.samples {
+            Some(_) => job.config.tolerance_db,
+            None => job.config.tolerance_db.min(PREVIEW_DB),
+        };
+        let mut config = job.compress_config(own.samples.unwrap_or(1), tolerance_db, column_scale);
+        let mut of_patches = PatchBlocks::dark(&header, &partition);
+        if own.samples.is_some() {
+            config.smoothing = Some(header.smoothing(&partition));
+            let done = (pass, clock.done());
+            if self.patches(&mut of_patches, (1 + own.set, blocks), done, on_event)?.is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+        } else {
+            config.method = Method::default();
+        }
+        clock.start_pass(own.timed_as, self.started.elapsed().as_secs_f32());
+        let guide = Guide { goes_on: &|| !focus.is_left(), ..Guide::default() };
         let on_block = |block: u32, mut factors: Vec<BlockFactors>| {
             factors.extend(of_patches.take(block));
-            let factors = factors.into_iter().map(Arc::new).collect();
-            self.deliver((1 + set, block as usize), pass, factors, clock, on_event)
+            let factors: Vec<_> = factors.into_iter().map(Arc::new).collect();
+            if own.samples.is_some() {
+                return self.deliver((1 + own.set, block as usize), pass, factors, clock, on_event);
+            }
+            let (done, secs_left) = clock.block_done(self.started.elapsed().as_secs_f32());
+            let (set, block_idx, is_preview) = (own.set, block as usize, true);
+            on_event(BakeEvent::IrradianceDone { set, block_idx, factors, is_preview })?;
+            on_event(BakeEvent::Progress { pass, done, secs_left })
         };
-        Ok(compress_by(guide, &matrix, &partition, blocks, &config, on_block)?)
+        Ok(match &shared {
+            Some(shared) => compress_by(guide, shared, &partition, blocks, &config, on_block)?,
+            None => compress_by(guide, &matrix, &partition, blocks, &config, on_block)?,
+        })
     }
 }

@@ -2,12 +2,12 @@
 //!
 //! Columns come in groups, each with factors of its own. So what is taken over stays as it is, byte for byte, and what is
 //! traced is a bake of the new lights alone, whose groups come behind. Lights that are gone leave their group, which is then
-//! packed again.
+//! packed again. Rows of irradiance are matrices of their own: those that are new are traced beside a picture that stays.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use clerestory_nystrom::{BlockFactors, BlockLowRank, PackedMatrix};
+use clerestory_nystrom::{BlockFactors, BlockLowRank, PackPlan, PackedMatrix};
 use thiserror::Error;
 
 use super::focus::Focus;
@@ -15,6 +15,7 @@ use super::grounds::{Grounds, serves};
 use super::{Bake, BakeConfig, BakeError, BakeEvent, BakeHeader, BakeJob, HalfDone};
 use crate::basis::{ColumnGroup, ColumnKind, LightBasis, LightSource};
 use crate::fingerprint::fingerprint;
+use crate::irradiance::{IrradianceHeader, IrradianceRows};
 use crate::skips::{Skip, Spared};
 
 /// Why nothing of an earlier bake is of use.
@@ -39,13 +40,18 @@ pub enum NothingKept {
     /// No light is the same.
     #[error("none of its lights is the same")]
     Lights,
+    /// It lacks rows of irradiance, and its columns are others as well.
+    #[error("it lacks rows of irradiance, and its lights are others as well")]
+    Irradiance,
 }
 
 /// What of an earlier bake a job takes over.
 pub struct Reuse {
     earlier: Bake,
     parts: Vec<Part>,
-    /// Factors of each matrix and part.
+    /// For each matrix of irradiance of the job the one of the earlier bake with the same rows.
+    sets: Vec<Option<usize>>,
+    /// Factors of each matrix of the job and part; none of a matrix that the earlier bake lacks.
     kept: Vec<Vec<BlockLowRank>>,
     /// Sources of the job that are traced, by their index there.
     fresh: Vec<usize>,
@@ -95,17 +101,28 @@ impl BakeJob {
             return Err(NothingKept::Lights);
         }
         let parts = parts(&earlier.header.basis, &pairs);
-        let matrices = std::iter::once(&earlier.groups).chain(&earlier.irradiance);
-        let take = |groups: &Vec<BlockLowRank>| {
+        let fresh: Vec<usize> =
+            (0..basis.sources.len()).filter(|new| pairs.iter().all(|(_, kept)| kept != new)).collect();
+        let same_rows = |rows: &IrradianceRows| earlier.header.irradiance.iter().position(|set| set.rows == *rows);
+        let sets: Vec<Option<usize>> = self.irradiance.iter().map(same_rows).collect();
+        let n_earlier = earlier.header.basis.sources.len();
+        let has_same_columns =
+            fresh.is_empty() && pairs.len() == n_earlier && pairs.iter().all(|(earlier, own)| earlier == own);
+        if sets.contains(&None) && !has_same_columns {
+            return Err(NothingKept::Irradiance);
+        }
+        let of_sets = sets.iter().map(|set| set.map(|set| &earlier.irradiance[set]));
+        let matrices = std::iter::once(Some(&earlier.groups)).chain(of_sets);
+        let take = |groups: Option<&Vec<BlockLowRank>>| {
             let of_part = |part: &Part| {
-                let group = &groups[part.group];
-                if part.is_whole { group.clone() } else { group.with_columns(&part.columns) }
+                let group = &groups?[part.group];
+                Some(if part.is_whole { group.clone() } else { group.with_columns(&part.columns) })
             };
-            parts.iter().map(of_part).collect()
+            parts.iter().filter_map(of_part).collect()
         };
         let kept = matrices.map(take).collect();
-        let fresh = (0..basis.sources.len()).filter(|new| pairs.iter().all(|(_, kept)| kept != new)).collect();
         let shows_more = basis.sky.is_some() || self.is_own_view() || earlier.header.patches.is_some();
+        let n_cols = earlier.header.basis.n_cols();
         let header = BakeHeader {
             scene: self.scene.scene.name.clone(),
             fingerprint: fingerprint(&self.scene.scene, &self.camera),
@@ -113,9 +130,10 @@ impl BakeJob {
             view: shows_more.then(|| self.camera.clone()),
             skips: self.scene.skips,
             grounds: Some(Grounds { lights: Vec::new(), ..wanted.clone() }),
+            irradiance: self.irradiance.iter().map(|rows| IrradianceHeader::unmeasured(rows.clone(), n_cols)).collect(),
             ..(*earlier.header).clone()
         };
-        Ok(Reuse { earlier: earlier.clone(), parts, kept, fresh, basis, lights: wanted.lights, header })
+        Ok(Reuse { earlier: earlier.clone(), parts, sets, kept, fresh, basis, lights: wanted.lights, header })
     }
 
     /// Bakes what is new and takes over the rest. The events are those of the whole; `begun` as in [`BakeJob::run_toward`].
@@ -131,6 +149,9 @@ impl BakeJob {
     ) -> Result<Option<Bake>, BakeError> {
         self.check()?;
         let n_blocks = reuse.header.partition().n_blocks();
+        if reuse.n_added_rows() > 0 {
+            return self.run_adding_irradiance(reuse, focus, begun, &mut on_event);
+        }
         let Some(job) = reuse.rest_of(self) else {
             let bake = reuse.join(None);
             let flow = on_event(BakeEvent::Started { header: bake.header.clone(), n_blocks, n_passes: 1 });
@@ -149,6 +170,45 @@ impl BakeJob {
         let bake = job.run_from(of_new.clone(), &done, focus, |event| on_event(reuse.whole(event, &header)))?;
         Ok(bake.map(|new| reuse.join(Some(new))))
     }
+
+    /// Bakes the rows of irradiance that the earlier bake lacks; all columns stay as they are.
+    fn run_adding_irradiance(
+        self,
+        reuse: &Reuse,
+        focus: &Focus,
+        begun: Option<HalfDone>,
+        on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
+    ) -> Result<Option<Bake>, BakeError> {
+        let Bake { header, groups, irradiance, packed } = reuse.join(None);
+        let mut header = (*header).clone();
+        let measured = self.irradiance_headers(&header.spared.dark_sources, focus)?;
+        let is_new = |set: usize| reuse.sets[set].is_none();
+        for (set, measured) in measured.into_iter().enumerate().filter(|(set, _)| is_new(*set)) {
+            header.irradiance[set] = measured;
+            header.irradiance[set].column_scale.resize(header.basis.n_cols(), 1.0);
+        }
+        let header = Arc::new(header);
+        let done = begun.filter(|begun| begun.header == header).map_or_else(Vec::new, |begun| begun.blocks);
+        let mut there = header.empty_matrices();
+        there[0] = groups;
+        for (set, groups) in irradiance.into_iter().enumerate().filter(|(set, _)| !is_new(*set)) {
+            there[1 + set] = groups;
+        }
+        let Some((header, mut matrices)) = self.run_irradiance(&header, there, &done, focus, on_event)? else {
+            return Ok(None);
+        };
+        let plans = header.pack_plans();
+        let mut packed = Arc::unwrap_or_clone(packed.expect("a bake that was joined is packed"));
+        for set in (0..reuse.sets.len()).filter(|set| is_new(*set)) {
+            let matrix = 1 + set;
+            let pack = |(group, plan): (&BlockLowRank, &PackPlan)| PackedMatrix::pack(group, plan);
+            packed[matrix] = matrices[matrix].iter().zip(&plans[matrix]).map(pack).collect();
+            let unpack = |group: &PackedMatrix| group.unpack().expect("what was just packed can be unpacked");
+            matrices[matrix] = packed[matrix].iter().map(unpack).collect();
+        }
+        let groups = matrices.remove(0);
+        Ok(Some(Bake { header, groups, irradiance: matrices, packed: Some(Arc::new(packed)) }))
+    }
 }
 
 impl Reuse {
@@ -160,6 +220,16 @@ impl Reuse {
     /// Columns that are traced.
     pub fn n_traced_columns(&self) -> usize {
         self.fresh.iter().map(|&source| self.basis.sources[source].columns.len()).sum()
+    }
+
+    /// Matrices of irradiance that are traced for all columns.
+    pub fn n_added_rows(&self) -> usize {
+        self.sets.iter().filter(|set| set.is_none()).count()
+    }
+
+    /// The matrix of the earlier bake that one of the job's is, if that is there: 0 is the picture.
+    fn earlier_matrix(&self, matrix: usize) -> Option<usize> {
+        if matrix == 0 { Some(0) } else { self.sets[matrix - 1].map(|set| 1 + set) }
     }
 
     /// The bake of the new lights alone; `None` where there are none.
@@ -181,10 +251,15 @@ impl Reuse {
         let (mut matrices, mut packed) = (Vec::new(), Vec::new());
         for (matrix, kept) in self.kept.iter().enumerate() {
             let (mut groups, mut bytes) = (Vec::new(), Vec::new());
+            let Some(there) = self.earlier_matrix(matrix) else {
+                matrices.push(groups);
+                packed.push(bytes);
+                continue;
+            };
             for ((part, group), plan) in self.parts.iter().zip(kept).zip(&plans[matrix]) {
                 if part.is_whole {
                     groups.push(group.clone());
-                    bytes.push(earlier[matrix][part.group].clone());
+                    bytes.push(earlier[there][part.group].clone());
                 } else {
                     let again = PackedMatrix::pack(group, plan);
                     groups.push(again.unpack().expect("what was just packed can be unpacked"));
@@ -197,7 +272,7 @@ impl Reuse {
             }
             if header.patches.is_some() {
                 groups.extend(self.patches(matrix).cloned());
-                bytes.extend(earlier[matrix].last().cloned());
+                bytes.extend(earlier[there].last().cloned());
             }
             matrices.push(groups);
             packed.push(bytes);
@@ -208,7 +283,10 @@ impl Reuse {
 
     /// The columns of patches, if there are any: they rest on no light.
     fn patches(&self, matrix: usize) -> Option<&BlockLowRank> {
-        let groups = if matrix == 0 { &self.earlier.groups } else { &self.earlier.irradiance[matrix - 1] };
+        let groups = match self.earlier_matrix(matrix)? {
+            0 => &self.earlier.groups,
+            there => &self.earlier.irradiance[there - 1],
+        };
         groups.last().filter(|_| self.header.patches.is_some())
     }
 
@@ -226,8 +304,9 @@ impl Reuse {
             BakeEvent::BlockDone { pass, block_idx, factors } => {
                 BakeEvent::BlockDone { pass, block_idx, factors: around(0, block_idx, factors) }
             }
-            BakeEvent::IrradianceDone { set, block_idx, factors } => {
-                BakeEvent::IrradianceDone { set, block_idx, factors: around(1 + set, block_idx, factors) }
+            BakeEvent::IrradianceDone { set, block_idx, factors, is_preview } => {
+                let factors = around(1 + set, block_idx, factors);
+                BakeEvent::IrradianceDone { set, block_idx, factors, is_preview }
             }
             BakeEvent::Denoised { pass, blocks } => {
                 let blocks = blocks.into_iter().map(|(block_idx, new)| (block_idx, around(0, block_idx, new)));
@@ -262,13 +341,16 @@ impl Reuse {
             None => Vec::new(),
         };
         header.sky_reach = reach(&earlier.sky_reach, new.map(|new| &new.sky_reach));
-        for (set, old) in earlier.irradiance.iter().enumerate() {
+        let sets = self.sets.iter().enumerate().filter_map(|(set, there)| Some((set, &earlier.irradiance[(*there)?])));
+        for (set, old) in sets {
             let of_new = new.map(|new| &new.irradiance[set]);
             header.irradiance[set].column_scale = gather(&old.column_scale, of_new.map(|new| &new.column_scale[..]));
             header.irradiance[set].sky_reach = reach(&old.sky_reach, of_new.map(|new| &new.sky_reach));
+            let of_new = of_new.and_then(|new| new.sharing_bias);
+            header.irradiance[set].sharing_bias = self.joined_bias(old.sharing_bias, of_new);
         }
         header.spared = self.joined_spared(&sources, new);
-        header.sharing_bias = self.joined_bias(new);
+        header.sharing_bias = self.joined_bias(earlier.sharing_bias, new.and_then(|new| new.sharing_bias));
         if new.is_some_and(|new| new.grounds.is_none()) {
             header.grounds = None;
         }
@@ -327,9 +409,9 @@ impl Reuse {
     }
 
     /// The mean over all columns.
-    fn joined_bias(&self, new: Option<&BakeHeader>) -> Option<f32> {
+    fn joined_bias(&self, earlier: Option<f32>, new: Option<f32>) -> Option<f32> {
         let (kept, traced) = (self.n_kept_columns() as f32, self.n_traced_columns() as f32);
-        match (self.earlier.header.sharing_bias, new.and_then(|new| new.sharing_bias)) {
+        match (earlier, new) {
             (Some(old), Some(new)) => Some((old * kept + new * traced) / (kept + traced)),
             (old, None) => old,
             (None, new) => new,

@@ -227,10 +227,65 @@ fn baked_irradiance_is_what_was_sampled_and_leaves_the_picture_alone() {
                 rows.name()
             );
         }
+        let is_shared = indirect == Indirect::Shared;
+        let biases = bake.header.irradiance.iter().map(|set| set.sharing_bias.is_some());
+        assert!(biases.eq([is_shared, false]), "points of grids share nothing");
         let figures = bake.irradiance_figures();
+        assert_eq!(figures[0].error_db.bias.is_some(), is_shared);
         assert_eq!((figures[1].name.as_str(), figures[1].width, figures[1].height), ("shelf", 18, 17));
         assert!(figures.iter().all(|f| f.error_db.total > 5.0 && f.bytes < f.dense_bytes), "{figures:?}");
     }
+}
+
+#[test]
+fn irradiance_is_there_when_the_preview_is_and_that_of_sensors_stays() {
+    let scene = lit_room();
+    let wanted = |film: Film| {
+        let mut job = job(&scene, all_rows(&scene), Indirect::Traced);
+        (job.film, job.passes) = (film, Passes::Progressive);
+        job
+    };
+    let film = Film { width: 40, height: 36 };
+    // What came: of the picture, as a preview, and as it stays; with the set of irradiance.
+    let (mut told, mut preview, mut header) = (Vec::new(), Vec::new(), None);
+    let bake = wanted(film).run(|event| {
+        let what = match event {
+            BakeEvent::Started { header: of_bake, .. } => {
+                preview = of_bake.empty_matrices().swap_remove(1);
+                header = Some(of_bake);
+                None
+            }
+            BakeEvent::BlockDone { pass, .. } => Some((0, pass == 0)),
+            BakeEvent::IrradianceDone { set, block_idx, factors, is_preview } => {
+                for (group, factors) in preview.iter_mut().zip(factors).filter(|_| is_preview) {
+                    group.blocks[block_idx] = Some(factors);
+                }
+                Some((1 + set, is_preview))
+            }
+            _ => None,
+        };
+        told.extend(what.filter(|what| told.last() != Some(what)));
+        ControlFlow::Continue(())
+    });
+    let bake = bake.unwrap().unwrap();
+    assert_eq!(told, [(0, true), (1, true), (2, false), (0, false), (1, false)]);
+    let early = Bake { header: header.unwrap(), irradiance: vec![preview], ..bake.clone() };
+    let (early, late) = (Mean::of(&relit(&early, 0)), Mean::of(&relit(&bake, 0)));
+    assert!((early.value - late.value).abs() < 0.05 * late.value, "{early:?} {late:?}");
+
+    // Sensors that are nearly as many as the pixels wait for the picture.
+    told.clear();
+    let small = wanted(FILM).run(|event| {
+        let what = match event {
+            BakeEvent::BlockDone { pass, .. } => Some((0, pass == 0)),
+            BakeEvent::IrradianceDone { set, is_preview, .. } => Some((1 + set, is_preview)),
+            _ => None,
+        };
+        told.extend(what.filter(|what| told.last() != Some(what)));
+        ControlFlow::Continue(())
+    });
+    assert!(small.unwrap().is_some());
+    assert_eq!(told, [(0, true), (1, true), (0, false), (1, false), (2, false)]);
 }
 
 #[test]
@@ -241,8 +296,9 @@ fn a_bake_that_stops_amid_irradiance_is_taken_up_to_the_same_bytes() {
     let [whole, stopped] = ["whole.transport", "stopped.transport"].map(|name| folder.join(name));
     let bake = |path, stop_after: usize| {
         let mut n_done = 0;
-        archive::bake_to_file(job(&scene, all_rows(&scene), Indirect::Traced), path, Restart::Resume, |event| {
-            n_done += usize::from(matches!(event, BakeEvent::IrradianceDone { .. }));
+        let job = BakeJob { passes: Passes::Progressive, ..job(&scene, all_rows(&scene), Indirect::Shared) };
+        archive::bake_to_file(job, path, Restart::Resume, |event| {
+            n_done += usize::from(matches!(event, BakeEvent::IrradianceDone { is_preview: false, .. }));
             if n_done > stop_after { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })
     };

@@ -11,7 +11,7 @@ use super::walks::assert_same_mean;
 use crate::archive::{self, Restart};
 use crate::bake::focus::Focus;
 use crate::bake::reuse::NothingKept;
-use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, HalfDone, Passes};
+use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, HalfDone, Indirect, Passes};
 use crate::basis::LightSource;
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
@@ -19,6 +19,7 @@ use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::prepared::PreparedScene;
 use crate::scene::Scene;
+use crate::sensors::{IrradianceRequest, OfFile, WorkPlane};
 use crate::skips::{Skip, Skips};
 
 const FILM: Film = Film { width: 48, height: 32 };
@@ -200,7 +201,8 @@ fn what_every_column_sees_is_never_taken_over_when_it_has_changed() {
     assert_eq!(why(BakeJob { film: Film { width: 47, ..FILM }, ..plain() }), Some(NothingKept::View));
     let config = BakeConfig { bounces: Some(2), ..plain().config };
     assert_eq!(why(BakeJob { config, ..plain() }), Some(NothingKept::Settings));
-    assert_eq!(why(BakeJob { irradiance: Vec::new(), ..plain() }), Some(NothingKept::Settings));
+    let dark = baked(BakeJob { irradiance: Vec::new(), ..plain() });
+    assert_eq!(job(scene(add_lamp)).reuse(&dark).err(), Some(NothingKept::Irradiance));
     assert_eq!(why(job_with(scene(|_| {}), Skips::default().without(Skip::Lobes))), Some(NothingKept::Settings));
     assert_eq!(why(job_with(scene(|_| {}), Skips::default().without(Skip::Reuse))), Some(NothingKept::Off));
     let others = |s: &mut Scene| {
@@ -211,6 +213,59 @@ fn what_every_column_sees_is_never_taken_over_when_it_has_changed() {
     assert_eq!(why(job(scene(others))), Some(NothingKept::Lights), "a uniform sky is none of them");
     let unknown = Bake { packed: None, ..earlier.clone() };
     assert_eq!(plain().reuse(&unknown).err(), Some(NothingKept::Unknown));
+}
+
+#[test]
+fn rows_of_irradiance_come_to_a_bake_that_has_none_and_leave_its_picture_alone() {
+    for (indirect, patches) in [(Indirect::Traced, 0), (Indirect::Shared, 24)] {
+        let sensors = |job: BakeJob| {
+            let work_planes = vec![WorkPlane { height_m: 0.5, spacing_m: Some(0.4), floor: None }];
+            let request = IrradianceRequest { of_file: OfFile::All, nodes: Vec::new(), work_planes };
+            let irradiance = request.rows(&job.scene).expect("the room has a floor");
+            let config = BakeConfig { spp: 8, indirect, patches, ..job.config };
+            BakeJob { irradiance, config, passes: Passes::Progressive, ..job }
+        };
+        let whole = baked(sensors(job(scene(|_| {}))));
+        let job = sensors(job(scene(|_| {})));
+        let of_picture = baked(BakeJob { irradiance: Vec::new(), ..job.clone() });
+        let (added, n_traced) = rebaked(job.clone(), &of_picture);
+        assert_eq!((n_traced, added.irradiance.len()), (0, 2));
+        assert_eq!(added.groups, of_picture.groups);
+        assert_eq!(added.irradiance, whole.irradiance, "as if they had been baked with the picture");
+        assert_eq!(added.header.irradiance, whole.header.irradiance);
+        assert_eq!(added.header.irradiance[0].sharing_bias.is_some(), indirect == Indirect::Shared);
+        assert_eq!(added.header.sharing_bias, of_picture.header.sharing_bias);
+
+        // The pixels alone, and then nothing, are left of both.
+        for n_rows in [1, 0] {
+            let fewer = BakeJob { irradiance: job.irradiance[..n_rows].to_vec(), ..job.clone() };
+            let (left, n_traced) = rebaked(fewer, &added);
+            assert_eq!((n_traced, left.irradiance.len()), (0, n_rows));
+            assert!(left.groups == of_picture.groups && left.irradiance[..] == whole.irradiance[..n_rows]);
+        }
+
+        let reuse = job.reuse(&of_picture).expect("the picture is the same");
+        assert_eq!(reuse.n_added_rows(), 2);
+        let (mut header, mut blocks, mut n_picture) = (None, Vec::new(), 0);
+        let n_blocks = whole.header.partition().n_blocks();
+        let stopped = job.clone().run_reusing(&reuse, &Focus::default(), None, |event| {
+            match event {
+                BakeEvent::Started { header: of_whole, .. } => header = Some(of_whole),
+                BakeEvent::BlockDone { .. } => n_picture += 1,
+                BakeEvent::IrradianceDone { set: 1, block_idx, factors, is_preview: false } => {
+                    blocks.push((2 * n_blocks + block_idx, factors));
+                    return ControlFlow::Break(());
+                }
+                _ => {}
+            }
+            ControlFlow::Continue(())
+        });
+        assert!(stopped.expect("the job is valid").is_none() && n_picture == n_blocks && blocks.len() == 1);
+        let begun = HalfDone { header: header.expect("it began"), blocks };
+        let resumed = job.clone().run_reusing(&reuse, &Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
+        let resumed = resumed.expect("the job is valid").expect("nobody stops it");
+        assert_eq!(bytes_of(&resumed), bytes_of(&added));
+    }
 }
 
 #[test]

@@ -10,7 +10,6 @@ use super::{CHANNELS, RowDeposit, TransportMatrix};
 use crate::camera::Film;
 use crate::path::{Meeting, Scratch, Start};
 use crate::plan::along_morton;
-use crate::sampler::Sampler;
 
 /// Side of the squares of pixels that share walks; a power of two that divides the side of a block.
 const TILE: u64 = 8;
@@ -71,7 +70,7 @@ impl TransportMatrix<'_> {
         sparse: &mut Vec<SparseEntry>,
         Buffers { scratch, starts, .. }: &mut Buffers,
     ) {
-        let mut sampler = Sampler::new(self.seed, self.stream(pixel, half), sample);
+        let mut sampler = self.sampler(pixel, half, sample);
         let (_, ray) = self.sample_ray(pixel, &mut sampler);
         let mut deposit = self.deposit_of(nth, out);
         if self.is_empty_pixel(pixel) {

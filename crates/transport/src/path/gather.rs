@@ -119,7 +119,7 @@ impl<P: LightPlan> Integrator<'_, P> {
 
     /// Deposits what casters throw on the diffuse base of a pixel's first surface: what walks all around meet by chance, and what
     /// guided ones find.
-    fn gather_caustics(
+    pub(super) fn gather_caustics(
         &self,
         walk: &Walk,
         (hit, bsdf): (&SurfaceHit, &Bsdf),

@@ -7,7 +7,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::{Deposit, Integrator, LightPlan, Scratch, Walk};
+use super::{Deposit, Gathering, Integrator, LightPlan, Rivals, Scratch, Vertex, Walk};
 use crate::bsdf::{Bsdf, ScatterKind};
 use crate::bvh::Ray;
 use crate::clearance::{offset_origin, rounding};
@@ -70,7 +70,31 @@ impl<P: LightPlan> Integrator<'_, P> {
         scratch: &mut Scratch,
         deposit: &mut impl Deposit,
     ) {
-        let white = Bsdf::white(at.outward, at.normal);
+        let (mut walk, hit, white) = self.receive(at);
+        if self.go_on_from(&mut walk, (&hit, &white), sampler, scratch, deposit) {
+            self.follow(walk, sampler, scratch, deposit);
+        }
+    }
+
+    /// One sample of the irradiance of the surface that a camera ray finds without the light that other surfaces send, which is
+    /// left to be gathered; nothing where the ray finds none.
+    pub(crate) fn sample_direct_irradiance(
+        &self,
+        ray: (Vec3, Vec3),
+        sampler: &mut Sampler,
+        scratch: &mut Scratch,
+        deposit: &mut impl Deposit,
+    ) -> Option<Gathering> {
+        let receiver = self.seen_receiver(ray, sampler)?;
+        let (walk, hit, white) = self.receive(&receiver);
+        self.connect(&walk, (Vertex::First, Rivals::Coat), (&hit, &white), sampler, scratch, deposit);
+        let walk = Walk { sampled_at: Some(Vertex::First), ..walk };
+        self.gather_caustics(&walk, (&hit, &white), sampler, scratch, deposit);
+        Some(Gathering { hit, normal: receiver.normal, albedo: walk.throughput })
+    }
+
+    /// A walk that has come to a point where a white surface measures what arrives, and that surface.
+    fn receive(&self, at: &Receiver) -> (Walk, SurfaceHit, Bsdf) {
         // The surface that measures is not one of the scene: of the triangle nothing is ever asked.
         let (triangle, barycentric) = (u32::MAX, Vec3::ZERO);
         let (position, normal, extent) = (at.position, at.outward, self.scene.extent());
@@ -78,9 +102,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let hit = SurfaceHit { triangle, t: 0.0, position, barycentric, normal, clearance, extent };
         let mut walk = Walk::from_camera(at.position, -at.outward);
         (walk.throughput, walk.share, walk.n_hits) = (Vec3::splat(PI), PI, 1);
-        if self.go_on_from(&mut walk, (&hit, &white), sampler, scratch, deposit) {
-            self.follow(walk, sampler, scratch, deposit);
-        }
+        (walk, hit, Bsdf::white(at.outward, at.normal))
     }
 
     /// The first surface with a diffuse base, black or not: straight on through clear panes, and by way of mirrors and of

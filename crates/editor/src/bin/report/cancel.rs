@@ -171,7 +171,7 @@ impl Follower {
             BakeEvent::Started { .. } => Stage::Preview,
             BakeEvent::PassDone { pass: 0, .. } => Stage::Blocks,
             BakeEvent::PassDone { .. } => Stage::Irradiance,
-            BakeEvent::IrradianceDone { .. } => {
+            BakeEvent::IrradianceDone { is_preview: false, .. } => {
                 self.n_irradiance -= 1;
                 if self.n_irradiance > 0 {
                     return;
