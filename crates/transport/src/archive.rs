@@ -182,6 +182,12 @@ pub fn rebake_to_file(
     restart: Restart,
     on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
 ) -> Result<Option<Bake>, BakeError> {
+    if reuse.n_added_rows() > 0 {
+        let header = reuse.header_with_rows(&job, &Focus::default())?;
+        return keep(header, path, restart, on_event, |header, done, mut on_event| {
+            job.run_rows(reuse, &header, done, &Focus::default(), &mut on_event)
+        });
+    }
     let Some(job) = reuse.rest_of(job) else {
         let bake = reuse.join(None);
         write(&bake, path)?;

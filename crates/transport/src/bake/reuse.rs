@@ -150,7 +150,9 @@ impl BakeJob {
         self.check()?;
         let n_blocks = reuse.header.partition().n_blocks();
         if reuse.n_added_rows() > 0 {
-            return self.run_adding_irradiance(reuse, focus, begun, &mut on_event);
+            let header = Arc::new(reuse.header_with_rows(&self, focus)?);
+            let done = begun.filter(|begun| begun.header == header).map_or_else(Vec::new, |begun| begun.blocks);
+            return self.run_rows(reuse, &header, &done, focus, &mut on_event);
         }
         let Some(job) = reuse.rest_of(self) else {
             let bake = reuse.join(None);
@@ -171,30 +173,23 @@ impl BakeJob {
         Ok(bake.map(|new| reuse.join(Some(new))))
     }
 
-    /// Bakes the rows of irradiance that the earlier bake lacks; all columns stay as they are.
-    fn run_adding_irradiance(
-        self,
+    /// Bakes the rows of irradiance that the earlier bake lacks, given [`Reuse::header_with_rows`]; all columns stay as they are.
+    pub(crate) fn run_rows(
+        &self,
         reuse: &Reuse,
+        header: &Arc<BakeHeader>,
+        done: &[(usize, Vec<Arc<BlockFactors>>)],
         focus: &Focus,
-        begun: Option<HalfDone>,
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<Option<Bake>, BakeError> {
-        let Bake { header, groups, irradiance, packed } = reuse.join(None);
-        let mut header = (*header).clone();
-        let measured = self.irradiance_headers(&header.spared.dark_sources, focus)?;
+        let Bake { groups, irradiance, packed, .. } = reuse.join(None);
         let is_new = |set: usize| reuse.sets[set].is_none();
-        for (set, measured) in measured.into_iter().enumerate().filter(|(set, _)| is_new(*set)) {
-            header.irradiance[set] = measured;
-            header.irradiance[set].column_scale.resize(header.basis.n_cols(), 1.0);
-        }
-        let header = Arc::new(header);
-        let done = begun.filter(|begun| begun.header == header).map_or_else(Vec::new, |begun| begun.blocks);
         let mut there = header.empty_matrices();
         there[0] = groups;
         for (set, groups) in irradiance.into_iter().enumerate().filter(|(set, _)| !is_new(*set)) {
             there[1 + set] = groups;
         }
-        let Some((header, mut matrices)) = self.run_irradiance(&header, there, &done, focus, on_event)? else {
+        let Some((header, mut matrices)) = self.run_irradiance(header, there, done, focus, on_event)? else {
             return Ok(None);
         };
         let plans = header.pack_plans();
@@ -225,6 +220,22 @@ impl Reuse {
     /// Matrices of irradiance that are traced for all columns.
     pub fn n_added_rows(&self) -> usize {
         self.sets.iter().filter(|set| set.is_none()).count()
+    }
+
+    /// The header of a bake of the job that adds rows of irradiance, whose columns are measured.
+    pub(crate) fn header_with_rows(&self, job: &BakeJob, focus: &Focus) -> Result<BakeHeader, BakeError> {
+        job.check()?;
+        let mut header = self.header_with(None);
+        let measured = job.irradiance_headers(&header.spared.dark_sources, focus)?;
+        let n_cols = header.basis.n_cols();
+        for ((set, there), mut measured) in header.irradiance.iter_mut().zip(&self.sets).zip(measured) {
+            if there.is_none() {
+                // Patches are scaled already.
+                measured.column_scale.resize(n_cols, 1.0);
+                *set = measured;
+            }
+        }
+        Ok(header)
     }
 
     /// The matrix of the earlier bake that one of the job's is, if that is there: 0 is the picture.

@@ -261,6 +261,25 @@ fn rows_of_irradiance_come_to_a_bake_that_has_none_and_leave_its_picture_alone()
             ControlFlow::Continue(())
         });
         assert!(stopped.expect("the job is valid").is_none() && n_picture == n_blocks && blocks.len() == 1);
+        let folder = tempfile::tempdir().expect("there is room");
+        let path = folder.path().join("added.transport");
+        for stop_at in [1, n_blocks + 1, usize::MAX] {
+            let mut n_told = 0;
+            let go_on = |event: BakeEvent| {
+                let is_block = matches!(
+                    event,
+                    BakeEvent::BlockDone { .. } | BakeEvent::IrradianceDone { is_preview: false, .. }
+                );
+                n_told += usize::from(is_block);
+                if n_told > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
+            let bake = archive::rebake_to_file(job.clone(), &reuse, &path, Restart::Resume, go_on);
+            assert_eq!(bake.expect("the job is valid").is_some(), stop_at == usize::MAX);
+        }
+        let read = archive::read(&path).expect("it is whole");
+        assert_eq!(read.header, added.header);
+        assert!(read.groups == added.groups && read.irradiance == added.irradiance, "in a file as well");
+
         let begun = HalfDone { header: header.expect("it began"), blocks };
         let resumed = job.clone().run_reusing(&reuse, &Focus::default(), Some(begun), |_| ControlFlow::Continue(()));
         let resumed = resumed.expect("the job is valid").expect("nobody stops it");
