@@ -406,6 +406,17 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.
     fn arrive(&self, walk: &mut Walk, sampler: &mut Sampler, deposit: &mut impl Deposit) -> Option<SurfaceHit> {
         let hit = self.closest(&walk.ray(), sampler);
+        self.arrive_at_next(walk, hit, sampler, deposit)
+    }
+
+    /// The same where it is known which one that is.
+    fn arrive_at_next(
+        &self,
+        walk: &mut Walk,
+        hit: Option<SurfaceHit>,
+        sampler: &mut Sampler,
+        deposit: &mut impl Deposit,
+    ) -> Option<SurfaceHit> {
         self.collect_bodies(walk, hit.as_ref().map_or(f32::INFINITY, |hit| hit.t), deposit);
         let Some(hit) = hit else {
             self.collect_beyond(walk, deposit);
@@ -782,6 +793,8 @@ impl Joint<'_> {
 enum Rivals {
     /// Walks by all lobes.
     All { splits: u32 },
+    /// One walk by one of the lobes, whose light by the diffuse base and by the others is told apart.
+    Parts,
     /// One walk by all lobes but the diffuse base.
     Coat,
     /// The same, and the light that the diffuse base receives is known.
@@ -797,6 +810,10 @@ impl Rivals {
             Rivals::All { splits } => {
                 let (f_cos, pdf) = bsdf.eval(wi);
                 f_cos * share(pdf * splits as f32)
+            }
+            Rivals::Parts => {
+                let parts = bsdf.eval_parts(wi);
+                parts.base * share(parts.base_pdf) + parts.coat * share(parts.coat_pdf)
             }
             Rivals::Coat => {
                 let parts = bsdf.eval_parts(wi);

@@ -130,11 +130,6 @@ impl<F: Film> Layers<F> {
         self.wo
     }
 
-    /// Unit shading normal in world space.
-    pub(super) fn normal(&self) -> Vec3 {
-        self.frame[2]
-    }
-
     /// Tangent, bitangent and normal in world space.
     pub(super) fn frame(&self) -> [Vec3; 3] {
         self.frame
@@ -291,8 +286,8 @@ impl<F: Film> Layers<F> {
     }
 
     fn eval_reflection(&self, wi: Vec3, lambert: Vec3) -> (Vec3, f32) {
-        let Parts { base, coat, coat_pdf } = self.parts(wi, lambert);
-        (base + coat, coat_pdf + self.choice.diffuse * wi.z * FRAC_1_PI)
+        let Parts { base, base_pdf, coat, coat_pdf } = self.parts(wi, lambert);
+        (base + coat, coat_pdf + base_pdf)
     }
 
     /// Reflection of the diffuse base and of the facets over it.
@@ -300,7 +295,7 @@ impl<F: Film> Layers<F> {
     fn parts(&self, wi: Vec3, lambert: Vec3) -> Parts {
         let wm = (wi + self.wo).normalize();
         let cos_half = self.wo.dot(wm);
-        let mut parts = Parts::default();
+        let mut parts = Parts { base_pdf: self.choice.diffuse * wi.z * FRAC_1_PI, ..Parts::default() };
         if lambert != Vec3::ZERO {
             parts.base = lambert * (self.coupling(cos_half, wi.z) * wi.z);
         }
@@ -338,7 +333,7 @@ impl<F: Film> Layers<F> {
             return self.parts(wi, lambert);
         }
         let (coat, coat_pdf) = self.eval(wi, cos_g, lambert);
-        Parts { base: Vec3::ZERO, coat, coat_pdf }
+        Parts { coat, coat_pdf, ..Parts::default() }
     }
 
     /// What the coat leaves of light on its way into the diffuse base or out of it.

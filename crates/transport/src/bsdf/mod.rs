@@ -111,6 +111,8 @@ pub struct BsdfSample {
 pub struct Parts {
     /// `f·|cosθ|` of the diffuse base.
     pub base: Vec3,
+    /// Density per solid angle with which [`Bsdf::sample_base`] chooses the direction.
+    pub base_pdf: f32,
     /// `f·|cosθ|` of all other lobes that have a density.
     pub coat: Vec3,
     /// Density per solid angle with which [`Bsdf::sample_coat`] chooses the direction.
@@ -252,23 +254,46 @@ impl Bsdf {
     #[inline]
     pub fn eval_parts(&self, wi: Vec3) -> Parts {
         match &self.lobes {
-            Lobes::None => Parts { base: self.eval_diffuse(wi).0, ..Parts::default() },
+            Lobes::None => {
+                let (base, base_pdf) = self.eval_diffuse(wi);
+                Parts { base, base_pdf, ..Parts::default() }
+            }
             Lobes::Layers(layers) => layers.eval_parts(layers.local_from_world(wi), wi.dot(self.ng), self.lambert),
             Lobes::Stack(stack) => stack.eval_parts(wi, wi.dot(self.ng), self.lambert),
-            Lobes::Coupled(_) => Parts { base: self.eval(wi).0, ..Parts::default() },
-            Lobes::Rest(_) => Parts { coat: self.eval(wi).0, coat_pdf: self.eval(wi).1, ..Parts::default() },
+            Lobes::Coupled(_) => {
+                let (base, base_pdf) = self.eval(wi);
+                Parts { base, base_pdf, ..Parts::default() }
+            }
+            Lobes::Rest(_) => {
+                let (coat, coat_pdf) = self.eval(wi);
+                Parts { coat, coat_pdf, ..Parts::default() }
+            }
         }
+    }
+
+    /// Probability that [`Bsdf::sample`] chooses the diffuse base: for numbers below it.
+    fn base_probability(&self) -> f32 {
+        match &self.lobes {
+            Lobes::None | Lobes::Coupled(_) => 1.0,
+            Lobes::Layers(layers) => layers.base_probability(),
+            Lobes::Stack(stack) => stack.base_probability(),
+            Lobes::Rest(_) => 0.0,
+        }
+    }
+
+    /// As [`Bsdf::sample`], but of the diffuse base alone: `None` also where another lobe would have been chosen.
+    pub(crate) fn sample_base(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+        if u_lobe >= self.base_probability() {
+            return None;
+        }
+        let sample = self.sample(u_lobe, u)?;
+        let Parts { base, base_pdf, .. } = self.eval_parts(sample.wi);
+        (base_pdf > 0.0).then_some(BsdfSample { weight: base / base_pdf, pdf: base_pdf, ..sample })
     }
 
     /// As [`Bsdf::sample`], but of all lobes except the diffuse base: `None` also where that would have been chosen.
     pub fn sample_coat(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        let base = match &self.lobes {
-            Lobes::None | Lobes::Coupled(_) => return None,
-            Lobes::Layers(layers) => layers.base_probability(),
-            Lobes::Stack(stack) => stack.base_probability(),
-            Lobes::Rest(_) => 0.0,
-        };
-        if u_lobe < base {
+        if u_lobe < self.base_probability() {
             return None;
         }
         let sample = self.sample(u_lobe, u)?;

@@ -98,6 +98,7 @@ impl Stack {
     pub(super) fn eval_parts(&self, wi: Vec3, cos_g: f32, lambert: Vec3) -> Parts {
         let local = self.layers.local_from_world(wi);
         let mut parts = self.layers.eval_parts(local, cos_g, lambert);
+        parts.base_pdf *= self.choice.inner;
         parts.coat_pdf *= self.choice.inner;
         if local.z < 0.0 && cos_g < 0.0 && self.through != Vec3::ZERO {
             parts.coat += self.layers.eval_diffuse_through(local, self.through);
@@ -127,10 +128,8 @@ impl Stack {
 
     /// `f·|cosθ|` and density of a direction.
     pub(super) fn eval(&self, wi: Vec3, cos_g: f32, lambert: Vec3) -> (Vec3, f32) {
-        let Parts { base, coat, coat_pdf } = self.eval_parts(wi, cos_g, lambert);
-        let cos = wi.dot(self.layers.normal());
-        let facing = if cos > 0.0 && cos_g > 0.0 { cos } else { 0.0 };
-        (base + coat, coat_pdf + self.base_probability() * facing * FRAC_1_PI)
+        let Parts { base, base_pdf, coat, coat_pdf } = self.eval_parts(wi, cos_g, lambert);
+        (base + coat, coat_pdf + base_pdf)
     }
 
     /// `f·|cosθ|` of facets and coat whose widths are at most `alpha`.

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::caustics::Guides;
 use super::{Deposit, Integrator, KnownAt, LightPlan, Rivals, Scratch, Vertex, Walk};
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, BsdfSample};
 use crate::bvh::Ray;
 use crate::prepared::{SurfaceHit, next_after};
 use crate::sampler::{Sampler, cosine_around};
@@ -30,6 +30,9 @@ pub(crate) enum Onto {
     Point,
 }
 
+/// Density of a walk that gathers: emitters that whoever asks has sampled count next to nothing beside it.
+const GATHERED: f32 = f32::MIN_POSITIVE;
+
 /// Light of casters, beside a white sky, that hardly shows.
 const LITTLE: f32 = 1.0 / 64.0;
 
@@ -52,12 +55,14 @@ impl<P: LightPlan> Integrator<'_, P> {
             let bsdf = self.scene.bsdf(&hit, -walk.direction);
             let albedo = bsdf.base_albedo() * walk.throughput;
             if albedo != Vec3::ZERO && !self.is_spent(&walk) {
-                self.connect(&walk, (Vertex::First, Rivals::Coat), (&hit, &bsdf), sampler, scratch, deposit);
+                self.connect(&walk, (Vertex::First, Rivals::Parts), (&hit, &bsdf), sampler, scratch, deposit);
                 walk.sampled_at = Some(Vertex::First);
                 let normal = self.scene.smooth_normal(&hit, walk.direction);
                 self.gather_caustics(&walk, (&hit, &bsdf), sampler, scratch, deposit);
-                if !bsdf.is_diffuse()
-                    && let Some(sample) = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d())
+                let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
+                if let Some(sample) = bsdf.sample_base(u_lobe, u) {
+                    self.meet_emitter(walk, (&hit, &sample), sampler, deposit);
+                } else if let Some(sample) = bsdf.sample_coat(u_lobe, u)
                     && self.leave(&mut walk, &hit, &sample, 1)
                 {
                     self.follow(walk, sampler, scratch, deposit);
@@ -71,6 +76,27 @@ impl<P: LightPlan> Integrator<'_, P> {
                 self.follow(walk, sampler, scratch, deposit);
                 return None;
             }
+        }
+    }
+
+    /// Deposits the emitters that a ray meets which leaves a diffuse base, as far as connections compete with it: close to an
+    /// emitter these are noisy. The rest of what it meets is gathered.
+    pub(super) fn meet_emitter(
+        &self,
+        mut walk: Walk,
+        (hit, sample): (&SurfaceHit, &BsdfSample),
+        sampler: &mut Sampler,
+        deposit: &mut impl Deposit,
+    ) {
+        let mut goes_on = self.leave(&mut walk, hit, sample, 1);
+        while goes_on && walk.density > 0.0 && walk.departed == hit.position {
+            // What no connection finds is gathered in full, and cancels out here: so does the little of the rest that is gathered.
+            let mut gathered = Walk { density: GATHERED, throughput: -walk.throughput, ..walk };
+            let next = self.closest(&walk.ray(), sampler);
+            self.arrive_at_next(&mut gathered, next, sampler, deposit);
+            let Some(next) = self.arrive_at_next(&mut walk, next, sampler, deposit) else { return };
+            let bsdf = self.scene.bsdf(&next, -walk.direction);
+            goes_on = self.scatter(&mut walk, &next, &bsdf, 1, sampler);
         }
     }
 
@@ -106,8 +132,7 @@ impl<P: LightPlan> Integrator<'_, P> {
         let outward = hit.outward(normal);
         let mut walk = Walk::from_camera(hit.origin(outward), direction);
         walk.guides = self.guides_onto(onto);
-        // Emitters that whoever asks has sampled count next to nothing here.
-        walk.density = f32::MIN_POSITIVE;
+        walk.density = GATHERED;
         walk.sharpness = FRAC_1_PI;
         walk.sampled_at = Some(Vertex::First);
         walk.rival = Some(Vertex::First);

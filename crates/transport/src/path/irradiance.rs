@@ -87,28 +87,13 @@ impl<P: LightPlan> Integrator<'_, P> {
     ) -> Option<Gathering> {
         let receiver = self.seen_receiver(ray, sampler)?;
         let (walk, hit, white) = self.receive(&receiver);
-        self.connect(&walk, (Vertex::First, Rivals::All { splits: 1 }), (&hit, &white), sampler, scratch, deposit);
+        self.connect(&walk, (Vertex::First, Rivals::Parts), (&hit, &white), sampler, scratch, deposit);
         let walk = Walk { sampled_at: Some(Vertex::First), ..walk };
-        self.meet_emitter(walk, (&hit, &white), sampler, deposit);
+        if let Some(sample) = white.sample_base(sampler.next_1d(), sampler.next_2d()) {
+            self.meet_emitter(walk, (&hit, &sample), sampler, deposit);
+        }
         self.gather_caustics(&walk, (&hit, &white), sampler, scratch, deposit);
         Some(Gathering { hit, normal: receiver.normal, albedo: walk.throughput })
-    }
-
-    /// What a ray finds that leaves a surface as it scatters and goes no further than connections do, weighed against these: close
-    /// to an emitter they are noisy.
-    fn meet_emitter(
-        &self,
-        mut walk: Walk,
-        (hit, bsdf): (&SurfaceHit, &Bsdf),
-        sampler: &mut Sampler,
-        deposit: &mut impl Deposit,
-    ) {
-        let mut goes_on = self.scatter(&mut walk, hit, bsdf, 1, sampler);
-        while goes_on && walk.density > 0.0 && walk.departed == hit.position {
-            let Some(next) = self.arrive(&mut walk, sampler, deposit) else { return };
-            let bsdf = self.scene.bsdf(&next, -walk.direction);
-            goes_on = self.scatter(&mut walk, &next, &bsdf, 1, sampler);
-        }
     }
 
     /// A walk that has come to a point where a white surface measures what arrives, and that surface.
