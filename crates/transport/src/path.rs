@@ -795,9 +795,7 @@ enum Rivals {
     All { splits: u32 },
     /// One walk by one of the lobes, whose light by the diffuse base and by the others is told apart.
     Parts,
-    /// One walk by all lobes but the diffuse base.
-    Coat,
-    /// The same, and the light that the diffuse base receives is known.
+    /// One walk by all lobes but the diffuse base, and the light that the diffuse base receives is known.
     CoatAlone,
 }
 
@@ -814,10 +812,6 @@ impl Rivals {
             Rivals::Parts => {
                 let parts = bsdf.eval_parts(wi);
                 parts.base * share(parts.base_pdf) + parts.coat * share(parts.coat_pdf)
-            }
-            Rivals::Coat => {
-                let parts = bsdf.eval_parts(wi);
-                parts.base + parts.coat * share(parts.coat_pdf)
             }
             Rivals::CoatAlone => {
                 let parts = bsdf.eval_parts(wi);

@@ -320,7 +320,10 @@ pub(super) fn bake(
             let _ = post.send(Fact::Glimpsed(glimpse), Duration::ZERO);
         }
     }
-    let reuse = earlier.iter().filter_map(|bake| job.reuse(bake).ok()).min_by_key(|reuse| (reuse.n_traced_columns(), reuse.n_added_rows()));
+    let reuse = earlier
+        .iter()
+        .filter_map(|bake| job.reuse(bake).ok())
+        .min_by_key(|reuse| (reuse.n_traced_columns(), reuse.n_added_rows()));
     let on_event = |event| {
         if let Some(Err(error)) = kept.as_mut().map(|kept| kept.heed(&event)) {
             kept = None;

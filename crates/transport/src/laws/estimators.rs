@@ -90,6 +90,29 @@ fn every_way_to_sample_lights_has_the_mean_of_plain_walks() {
 }
 
 #[test]
+fn direct_light_and_what_is_gathered_are_all_light() {
+    let lit = room_with_everything();
+    // Lit by the sky, which no connection finds, through a roof of half a room.
+    let camera = Camera::look_at("eye", Vec3::new(1.7, 0.3, 1.2), Vec3::new(-1.5, -0.4, -0.8), 1.2, 4.0 / 3.0);
+    let open = Stage::new(camera)
+        .surface("floor", &quad(Vec3::new(-2.0, -1.0, 2.0), Vec3::X * 4.0, Vec3::Z * -4.0), lambert(0.7, 0.0))
+        .surface("wall", &quad(Vec3::new(-2.0, -1.0, 2.0), Vec3::Z * -4.0, Vec3::Y * 2.0), lambert(0.5, 0.0))
+        .prepared();
+    for (scene, name) in [(&lit, "a room"), (&open, "under the sky")] {
+        let weights = file_light(scene);
+        for density in [Density::Full, Density::Quarter] {
+            let plan = MatrixPlan::new(&scene.lighting, density);
+            let whole = walks(10, 4, Some(3), 4).streams(scene, &plan, &weights);
+            let shared = walks(10, 4, Some(3), 5).gathered(scene, &plan, &weights);
+            assert_same_mean(&shared, &whole, SHARP, name);
+            let whole = walks(10, 4, Some(3), 6).irradiance(scene, &plan, &weights);
+            let shared = walks(10, 4, Some(3), 7).gathered_irradiance(scene, &plan, &weights);
+            assert_same_mean(&shared, &whole, SHARP, &format!("irradiance of {name}"));
+        }
+    }
+}
+
+#[test]
 fn connections_alone_without_any_weights_have_the_mean_of_plain_walks_and_of_weighed_ones() {
     let scene = room_with_everything();
     let weights = file_light(&scene);

@@ -266,10 +266,8 @@ fn rows_of_irradiance_come_to_a_bake_that_has_none_and_leave_its_picture_alone()
         for stop_at in [1, n_blocks + 1, usize::MAX] {
             let mut n_told = 0;
             let go_on = |event: BakeEvent| {
-                let is_block = matches!(
-                    event,
-                    BakeEvent::BlockDone { .. } | BakeEvent::IrradianceDone { is_preview: false, .. }
-                );
+                let is_block =
+                    matches!(event, BakeEvent::BlockDone { .. } | BakeEvent::IrradianceDone { is_preview: false, .. });
                 n_told += usize::from(is_block);
                 if n_told > stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };

@@ -1,6 +1,6 @@
 //! Means over independent walks, and the plainest walk there is.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::bsdf::ScatterKind;
@@ -8,7 +8,7 @@ use crate::bvh::Ray;
 use crate::camera::Film;
 use crate::emitters::Emitter;
 use crate::light::LightRig;
-use crate::path::{Deposit, Integrator, LightPlan, Pick, Scratch, Vertex};
+use crate::path::{Deposit, Gathering, Integrator, LightPlan, Onto, Pick, Scratch, Vertex};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 
@@ -95,6 +95,53 @@ impl Walks {
         })
     }
 
+    /// The same by light that is shared, as if each pixel had a node of its own: direct light, and what is gathered.
+    pub fn gathered(&self, scene: &PreparedScene, plan: &impl LightPlan, weights: &[f32]) -> Vec<f64> {
+        self.gathered_by(scene, plan, weights, |integrator, ray, sampler, scratch, deposit| {
+            integrator.sample_direct(ray, sampler, scratch, deposit)
+        })
+    }
+
+    /// Irradiance of what the pixels show in the same two parts.
+    pub fn gathered_irradiance(&self, scene: &PreparedScene, plan: &impl LightPlan, weights: &[f32]) -> Vec<f64> {
+        self.gathered_by(scene, plan, weights, |integrator, ray, sampler, scratch, deposit| {
+            integrator.sample_direct_irradiance(ray, sampler, scratch, deposit)
+        })
+    }
+
+    /// Irradiance of what the pixels show.
+    pub fn irradiance(&self, scene: &PreparedScene, plan: &impl LightPlan, weights: &[f32]) -> Vec<f64> {
+        self.gathered_by(scene, plan, weights, |integrator, ray, sampler, scratch, deposit| {
+            integrator.sample_seen_irradiance(ray, sampler, scratch, deposit);
+            None
+        })
+    }
+
+    fn gathered_by<P: LightPlan>(
+        &self,
+        scene: &PreparedScene,
+        plan: &P,
+        weights: &[f32],
+        direct: impl Fn(&Integrator<'_, P>, (Vec3, Vec3), &mut Sampler, &mut Scratch, &mut Weighed) -> Option<Gathering>
+        + Sync,
+    ) -> Vec<f64> {
+        let integrator = Integrator::new(scene, plan, self.bounces);
+        let camera = &scene.scene.cameras[0];
+        self.each(|pixel, mut sampler| {
+            let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
+            let ray = (camera.position(), camera.direction(self.film, film_px));
+            let [mut seen, mut arriving] = [0.0; 2].map(|sum| Weighed { weights, sum });
+            let mut scratch = Scratch::default();
+            let gathering = direct(&integrator, ray, &mut sampler, &mut scratch, &mut seen);
+            let share = gathering.map_or(0.0, |at| {
+                let from = (&at.hit, at.normal, Onto::Pixel);
+                integrator.gather_indirect(from, &mut sampler, &mut scratch, &mut arriving);
+                f64::from(at.albedo.y)
+            });
+            seen.sum + share * arriving.sum
+        })
+    }
+
     /// Asserts that the mean of [`Walks::streams`] is a value, as [`Mean::assert_is`] does with a sharpness.
     #[track_caller]
     pub fn assert_mean(
@@ -121,7 +168,7 @@ impl Walks {
     fn walked(&self, scene: &PreparedScene, weights: &[f32], walk: Walk) -> Vec<f64> {
         let camera = &scene.scene.cameras[0];
         self.each(|pixel, mut sampler| {
-            let film_px = glam::Vec2::new(pixel[0] as f32, pixel[1] as f32) + glam::Vec2::from(sampler.next_2d());
+            let film_px = Vec2::new(pixel[0] as f32, pixel[1] as f32) + Vec2::from(sampler.next_2d());
             let ray = (camera.position(), camera.direction(self.film, film_px));
             walk(scene, weights, ray, self.bounces.unwrap_or(100), &mut sampler)
         })

@@ -189,10 +189,13 @@ impl<P: LightPlan> Integrator<'_, P> {
         deposit: &mut impl Deposit,
     ) {
         let outward = hit.outward(normal);
-        let walk = Walk::from_camera(hit.position, -normal);
-        // A matt white surface without any rival.
+        let mut walk = Walk::from_camera(hit.position, -normal);
         let white = Bsdf::white(outward, normal);
-        self.connect(&walk, (Vertex::First, Rivals::Coat), (hit, &white), sampler, scratch, deposit);
+        self.connect(&walk, (Vertex::First, Rivals::Parts), (hit, &white), sampler, scratch, deposit);
+        (walk.sampled_at, walk.n_hits) = (Some(Vertex::First), 1);
+        if let Some(sample) = white.sample_base(sampler.next_1d(), sampler.next_2d()) {
+            self.meet_emitter(walk, (hit, &sample), sampler, deposit);
+        }
     }
 
     /// Ends a walk where the light is known that the surface receives: `None` where it is not, else whether a narrow lobe

@@ -209,28 +209,23 @@ impl Rivals {
         match self {
             Rivals::All { splits } => splits as f32,
             Rivals::Parts => 1.0,
-            Rivals::Coat | Rivals::CoatAlone => 0.0,
+            Rivals::CoatAlone => 0.0,
         }
     }
 
     /// [`Rivals::weigh`] of each lane, times its `spread`; `lambert` is the albedo of the base over π.
     #[inline(always)]
     fn weigh_lanes(self, seen: &Scattered, lambert: Vec3, spread: &Lanes) -> Vectors {
-        let (splits, base_is_known) = match self {
-            Rivals::All { splits } => (Some(splits as f32), false),
-            Rivals::Parts | Rivals::Coat => (None, false),
-            Rivals::CoatAlone => (None, true),
-        };
         let (mut base_weight, mut coat_weight) = ([0.0; BATCH], [0.0; BATCH]);
+        // Of one number of walks by all lobes, or of a walk by each part.
+        let (splits, apart) = if let Rivals::All { splits } = self { (splits as f32, false) } else { (1.0, true) };
+        let base_counts = f32::from(u8::from(!matches!(self, Rivals::CoatAlone)));
         for i in 0..BATCH {
-            let pdf = splits.map_or(seen.coat_pdf[i], |splits| (seen.base_pdf[i] + seen.coat_pdf[i]) * splits);
-            coat_weight[i] = share_against(pdf * spread[i]) * spread[i];
-            let of_base = match self {
-                Rivals::All { .. } => coat_weight[i],
-                Rivals::Parts => share_against(seen.base_pdf[i] * spread[i]) * spread[i],
-                Rivals::Coat | Rivals::CoatAlone => spread[i],
-            };
-            base_weight[i] = if base_is_known { 0.0 } else { masked(seen.base[i] * of_base, spread[i]) };
+            let both = (seen.base_pdf[i] + seen.coat_pdf[i]) * splits;
+            let [of_base, of_coat] = if apart { [seen.base_pdf[i], seen.coat_pdf[i]] } else { [both; 2] };
+            coat_weight[i] = share_against(of_coat * spread[i]) * spread[i];
+            let share = share_against(of_base * spread[i]) * spread[i];
+            base_weight[i] = masked(seen.base[i] * share * base_counts, spread[i]);
         }
         let mut arriving = tinted(&base_weight, lambert);
         for (arriving, coat) in arriving.iter_mut().zip(&seen.coat) {
@@ -296,10 +291,9 @@ mod tests {
             let (jitter, first) = ([case as u32 * 77_777_777, 123_456_789], 16 * case as u32);
             let batch = Batch::of(&picks, &[Some(plate)]).expect("all are plates");
             for (kind, bsdf) in surfaces(case, ng, ns, wo).iter().enumerate() {
-                let rivals =
-                    [Rivals::All { splits: case as u32 % 5 }, Rivals::Parts, Rivals::Coat, Rivals::CoatAlone];
+                let rivals = [Rivals::All { splits: case as u32 % 5 }, Rivals::Parts, Rivals::CoatAlone];
                 // Only whole surfaces are asked for a part of their walks.
-                let rivals = if kind == 1 { rivals[case as usize / 9 % 4] } else { rivals[0] };
+                let rivals = if kind == 1 { rivals[case as usize / 9 % 3] } else { rivals[0] };
                 let surface = bsdf.lanes().expect("it only reflects");
                 let carried = Vec3::new(0.5, 1.0, 2.0);
                 let onlooker = Onlooker { position: eye, surface, rivals, carried, jitter };

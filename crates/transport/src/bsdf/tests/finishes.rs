@@ -220,14 +220,17 @@ fn the_base_and_the_rest_of_a_stack_add_up() {
 }
 
 #[test]
-fn sampling_all_but_the_base_finds_all_but_the_base() {
-    for (name, surface) in table() {
+fn sampling_the_base_and_all_but_the_base_finds_each_of_them() {
+    for ((name, surface), of_base) in
+        table().into_iter().flat_map(|surface| [false, true].map(|of_base| (surface.clone(), of_base)))
+    {
         let wo = towards(0.7, 0.4);
         let bsdf = surface.bsdf(Vec3::Z, Vec3::Z, wo);
         let (mut sampled, mut squares, mut integral, n) = (0.0, 0.0, 0.0, 20_000);
         for index in 0..n {
             let mut sampler = Sampler::new(SEED, 8, index);
-            let sample = bsdf.sample_coat(sampler.next_1d(), sampler.next_2d());
+            let (u_lobe, u) = (sampler.next_1d(), sampler.next_2d());
+            let sample = if of_base { bsdf.sample_base(u_lobe, u) } else { bsdf.sample_coat(u_lobe, u) };
             let weight = match sample {
                 Some(sample) if sample.kind == ScatterKind::Smooth => f64::from(sample.weight.y),
                 _ => 0.0,
@@ -239,7 +242,8 @@ fn sampling_all_but_the_base_finds_all_but_the_base() {
         for (row, column) in (0..side).flat_map(|row| (0..side).map(move |column| (row, column))) {
             let theta = (row as f32 + 0.5) / side as f32 * PI;
             let wi = towards(theta, (column as f32 + 0.5) / side as f32 * 2.0 * PI);
-            integral += f64::from(bsdf.eval_parts(wi).coat.y * theta.sin());
+            let parts = bsdf.eval_parts(wi);
+            integral += f64::from((if of_base { parts.base } else { parts.coat }).y * theta.sin());
         }
         integral *= 2.0 * f64::from(PI * PI) / f64::from(side * side);
         let error = (squares / f64::from(n)).sqrt();
