@@ -222,7 +222,7 @@ fn the_base_and_the_rest_of_a_stack_add_up() {
 #[test]
 fn sampling_the_base_and_all_but_the_base_finds_each_of_them() {
     for ((name, surface), of_base) in
-        table().into_iter().flat_map(|surface| [false, true].map(|of_base| (surface.clone(), of_base)))
+        table().into_iter().flat_map(|surface| [false, true].map(|of_base| (surface, of_base)))
     {
         let wo = towards(0.7, 0.4);
         let bsdf = surface.bsdf(Vec3::Z, Vec3::Z, wo);
