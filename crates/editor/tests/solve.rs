@@ -268,6 +268,17 @@ fn without_illuminance_the_panel_says_so_and_offers_the_bake() {
             && app.session().shown.as_ref().is_some_and(|shown| shown.pixel_irradiance().is_some())
     });
     assert!(window.query_by_label("This bake holds no illuminance").is_none());
+    let figures = window.state().session().figures.as_ref().unwrap();
+    assert_eq!(figures.skipped.reused_columns, figures.columns, "the picture is not traced again");
+    // The same for a work plane: the illuminance of the pixels stays, too.
+    let of_pixels = window.state().session().shown.as_ref().unwrap().irradiance[0].clone();
+    click(&mut window, "Work plane");
+    click(&mut window, "Bake work plane");
+    wait(&mut window, |app| {
+        app.session().bake == BakeState::Done
+            && app.session().shown.as_ref().is_some_and(|shown| shown.irradiance.len() == 2)
+    });
+    assert!(window.state().session().shown.as_ref().unwrap().irradiance[0] == of_pixels);
 }
 
 #[test]

@@ -120,10 +120,13 @@ impl Session {
             }
             BakeEvent::BlockDone { pass, block_idx, factors } => {
                 self.begun.iter_mut().for_each(|begun| begun.block_done(pass, block_idx, &factors));
-                self.pass_blocks.1 += 1;
+                // What arrives is counted to the preview before.
+                let begins = matches!(self.bake, BakeState::Running { pass: running, .. } if running != pass);
+                self.pass_blocks.1 = if begins { 1 } else { self.pass_blocks.1 + 1 };
                 self.block_done(block_idx, &factors);
             }
-            BakeEvent::IrradianceDone { set, block_idx, factors, .. } => {
+            BakeEvent::IrradianceDone { set, block_idx, factors, is_preview } => {
+                self.pass_blocks.1 += usize::from(is_preview);
                 self.irradiance_done(set, block_idx, &factors);
             }
             BakeEvent::Denoised { blocks, .. } => {

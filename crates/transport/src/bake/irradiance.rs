@@ -81,23 +81,25 @@ impl BakeJob {
         let (n_blocks, partitions) = (header.partition().n_blocks(), header.partitions());
         let mut run = Run::new(self, &matrix, header, (focus, empty), last);
         run.matrices = there;
-        let tell_all = |on_event: &mut dyn FnMut(BakeEvent) -> ControlFlow<()>| {
-            on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes })?;
-            for block_idx in 0..n_blocks {
-                let factors = run.matrices[0].iter().filter_map(|group| group.blocks[block_idx].clone()).collect();
-                on_event(BakeEvent::BlockDone { pass: last, block_idx, factors })?;
-            }
-            on_event(BakeEvent::PassDone { pass: last, error_db: error_db(&run.matrices[0][..run.n_own()], run.bias) })
-        };
-        if tell_all(on_event).is_break() {
-            return Ok(None);
-        }
         for (number, factors) in done {
             let Some(place) = locate(&partitions, *number).filter(|place| place.0 > 0) else { continue };
             run.keep(place, factors);
-            if on_event(BakeEvent::of_block(last, place, factors.clone())).is_break() {
-                return Ok(None);
+        }
+        let tell_all = |on_event: &mut dyn FnMut(BakeEvent) -> ControlFlow<()>| {
+            on_event(BakeEvent::Started { header: header.clone(), n_blocks, n_passes })?;
+            let groups = &run.matrices[0][..run.n_own()];
+            for (matrix, groups) in run.matrices.iter().enumerate() {
+                for block_idx in 0..partitions[matrix].n_blocks() {
+                    let factors: Option<Vec<_>> = groups.iter().map(|group| group.blocks[block_idx].clone()).collect();
+                    factors.map_or(ControlFlow::Continue(()), |factors| {
+                        on_event(BakeEvent::of_block(last, (matrix, block_idx), factors))
+                    })?;
+                }
             }
+            on_event(BakeEvent::PassDone { pass: last, error_db: error_db(groups, run.bias) })
+        };
+        if tell_all(on_event).is_break() {
+            return Ok(None);
         }
         let n_given = |matrix: usize| partitions[matrix].n_blocks() - run.missing(matrix).len();
         let n_given: Vec<usize> = (1..partitions.len()).map(n_given).collect();
@@ -139,6 +141,7 @@ impl BakeHeader {
             let follows = if is_early(rows) { 0 } else { last };
             of_irradiance.push(IrradiancePass { set, samples: all, follows, timed_as });
         }
+        of_irradiance.sort_by_key(|own| own.follows);
         of_irradiance
     }
 
