@@ -282,7 +282,7 @@ impl Bsdf {
     }
 
     /// As [`Bsdf::sample`], but of the diffuse base alone: `None` also where another lobe would have been chosen.
-    pub(crate) fn sample_base(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
+    pub fn sample_base(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         if u_lobe >= self.base_probability() {
             return None;
         }
