@@ -162,6 +162,11 @@ impl Indirect {
 }
 
 impl BakeConfig {
+    /// What a pass with some samples per half aims at, dB; `None` is a preview.
+    fn tolerance_of(&self, samples: Option<u32>) -> f32 {
+        if samples.is_some() { self.tolerance_db } else { self.tolerance_db.min(PREVIEW_DB) }
+    }
+
     /// Samples per pixel of each half, at most.
     pub(crate) fn samples_per_half(&self) -> u32 {
         (self.spp / 2).max(1)
@@ -556,6 +561,19 @@ impl BakeJob {
         matrix.with_empty_pixels(empty).watched(focus)
     }
 
+    /// The matrix of a bake, its columns scaled as its header says, and the pixels that see nothing.
+    fn scaled_matrix<'a>(
+        &'a self,
+        plan: &'a MatrixPlan,
+        header: &BakeHeader,
+        focus: &'a Focus,
+    ) -> (TransportMatrix<'a>, Option<Arc<EmptyPixels>>) {
+        let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
+        let mut matrix = self.matrix(plan, empty.clone(), focus);
+        matrix.set_column_scale(self.own_scale(&header.column_scale));
+        (matrix, empty)
+    }
+
     fn check(&self) -> Result<(), BakeError> {
         let (Film { width, height }, config) = (self.film, &self.config);
         if self.scene.scene.mesh.triangles.is_empty() {
@@ -589,9 +607,7 @@ impl BakeJob {
         mut on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
         let plan = self.plan(Density::Full, &header);
-        let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
-        let mut matrix = self.matrix(&plan, empty.clone(), focus);
-        matrix.set_column_scale(self.own_scale(&header.column_scale));
+        let (matrix, empty) = self.scaled_matrix(&plan, &header, focus);
         let partition = header.partition();
         let (passes, partitions) = (self.pass_samples(done.is_empty()), header.partitions());
         let n_blocks = partition.n_blocks();
@@ -861,7 +877,7 @@ impl Run<'_> {
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<ControlFlow<()>, BakeError> {
         let (job, header) = (self.job, self.header.clone());
-        self.denoised = None;
+        (self.denoised, self.nodes) = (None, None);
         let (partition, started, focus) = (header.partition(), self.started, self.focus);
         // The preview connects to fewer texels and sends no walks to mirrors and glass; the rest is the same.
         let (coarse_plan, mut coarse);
@@ -886,10 +902,7 @@ impl Run<'_> {
                 Some(SharedMatrix { matrix, nodes })
             }
         };
-        let tolerance_db = match samples {
-            Some(_) => job.config.tolerance_db,
-            None => job.config.tolerance_db.min(PREVIEW_DB),
-        };
+        let tolerance_db = job.config.tolerance_of(samples);
         let mut config = job.compress_config(samples.unwrap_or(1), tolerance_db, &header.column_scale);
         if is_last {
             config.smoothing = Some(header.smoothing(&partition));

@@ -12,7 +12,7 @@ use clerestory_nystrom::Half;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted};
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, scale_columns};
 use crate::path::{Deposit, KnownAt, Onto, Scratch};
 use crate::sampler::Sampler;
 
@@ -67,8 +67,7 @@ impl LightCache {
 
     /// Multiplies each column of the light by a factor of its own.
     pub(crate) fn scale(&mut self, factors: &[f32]) {
-        let scale = |row: &mut [f32]| row.iter_mut().zip(factors).for_each(|(light, factor)| *light *= factor);
-        self.light.iter_mut().for_each(|light| light.par_chunks_exact_mut(factors.len()).for_each(scale));
+        self.light.iter_mut().for_each(|light| scale_columns(light, factors));
     }
 
     /// Adds the light of a cell to three rows, times a weight per channel.

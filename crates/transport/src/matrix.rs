@@ -364,6 +364,13 @@ impl SampledMatrix for TransportMatrix<'_> {
     }
 }
 
+/// Multiplies each column of some rows by a factor of its own.
+pub(crate) fn scale_columns(rows: &mut [f32], factors: &[f32]) {
+    rows.par_chunks_exact_mut(factors.len()).for_each(|row| {
+        row.iter_mut().zip(factors).for_each(|(entry, factor)| *entry *= factor);
+    });
+}
+
 /// Adds three rows of all columns to three others, times a weight per channel.
 pub(crate) fn add_weighted(rows: &mut [f32], light: &[f32], weight: Vec3) {
     let row_len = rows.len() / CHANNELS;

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::cache::{CachePlan, CachedDeposit, LightCache, Place};
 use crate::camera::Film;
-use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, median};
+use crate::matrix::{CHANNELS, RowDeposit, TransportMatrix, add_weighted, median, scale_columns};
 use crate::path::{Gathering, Onto, Scratch};
 use crate::sampler::Sampler;
 
@@ -108,8 +108,7 @@ impl Nodes {
 
     /// The same light for a matrix whose columns have other scales, given the ratios of its scales to those of this one.
     pub(crate) fn scaled(mut self, ratios: &[f32]) -> Nodes {
-        let scale = |row: &mut [f32]| row.iter_mut().zip(ratios).for_each(|(light, ratio)| *light *= ratio);
-        self.light.par_chunks_exact_mut(ratios.len()).for_each(scale);
+        scale_columns(&mut self.light, ratios);
         self.cache.scale(ratios);
         self
     }

@@ -192,7 +192,7 @@ fn figures_ui(ui: &mut Ui, salt: &str, figures: &LuxFigures) {
 pub fn missing_ui(ui: &mut Ui, lux_bake: LuxBake, actions: &mut Vec<Action>) {
     if lux_bake == LuxBake::Underway {
         let words = RichText::new("Illuminance comes right behind the preview of this bake").weak();
-        ui.label(words).on_hover_text("The passes of the picture are first");
+        ui.label(words).on_hover_text("The preview of the picture is first");
         return;
     }
     ui.label(RichText::new("This bake holds no illuminance").weak());

@@ -119,9 +119,7 @@ impl BakeJob {
         let mut secs = begun.elapsed().as_secs_f32();
         let partitions = header.partitions();
         let plan = self.plan(super::Density::Full, &header);
-        let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
-        let mut matrix = self.matrix(&plan, empty.clone(), focus);
-        matrix.set_column_scale(self.own_scale(&header.column_scale));
+        let (matrix, empty) = self.scaled_matrix(&plan, &header, focus);
         let passes = self.pass_samples(true);
         let last = passes.len() as u32 - 1;
         let header = &header;

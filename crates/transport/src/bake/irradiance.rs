@@ -12,7 +12,7 @@ use clerestory_nystrom::{BlockFactors, BlockLowRank, Guide, compress_by};
 use super::clock::Clock;
 use super::focus::Focus;
 use super::patches::PatchBlocks;
-use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, PREVIEW_DB, Passes, Run};
+use super::{BakeError, BakeEvent, BakeHeader, BakeJob, Indirect, Passes, Run};
 use crate::figures::error_db;
 use crate::irradiance::{IrradianceHeader, IrradianceRows, locate};
 use crate::nodes::Nodes;
@@ -23,6 +23,12 @@ use crate::shared::SharedMatrix;
 impl BakeJob {
     /// Checks the rows of irradiance and measures the scale of their columns.
     pub(super) fn irradiance_headers(&self, dark: &[u32], focus: &Focus) -> Result<Vec<IrradianceHeader>, BakeError> {
+        self.check_sensors()?;
+        Ok(self.irradiance.iter().map(|rows| self.irradiance_header(rows, dark, focus)).collect())
+    }
+
+    /// Whether the grids can be laid as asked.
+    pub(super) fn check_sensors(&self) -> Result<(), BakeError> {
         let mut n_points = 0;
         for rows in &self.irradiance {
             if let IrradianceRows::Grid(grid) = rows {
@@ -33,12 +39,14 @@ impl BakeJob {
         if n_points > SensorGrid::MAX_POINTS {
             return Err(SensorError::TooMany { n_points }.into());
         }
-        let header = |rows: &IrradianceRows| {
-            let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, dark_for(rows, dark));
-            let (column_scale, sky_reach) = self.matrix(&plan, None, focus).of_irradiance(rows).measure_columns();
-            IrradianceHeader { rows: rows.clone(), column_scale, sky_reach, sharing_bias: None }
-        };
-        Ok(self.irradiance.iter().map(header).collect())
+        Ok(())
+    }
+
+    /// Measures the scale of the columns of some rows.
+    pub(super) fn irradiance_header(&self, rows: &IrradianceRows, dark: &[u32], focus: &Focus) -> IrradianceHeader {
+        let plan = MatrixPlan::without(&self.scene.lighting, Density::Full, dark_for(rows, dark));
+        let (column_scale, sky_reach) = self.matrix(&plan, None, focus).of_irradiance(rows).measure_columns();
+        IrradianceHeader { rows: rows.clone(), column_scale, sky_reach, sharing_bias: None }
     }
 }
 
@@ -72,9 +80,7 @@ impl BakeJob {
         on_event: &mut (impl FnMut(BakeEvent) -> ControlFlow<()> + Send),
     ) -> Result<Option<(Arc<BakeHeader>, Matrices)>, BakeError> {
         let plan = self.plan(Density::Full, header);
-        let empty = if header.spared.empty_pixels > 0 { self.empty_pixels() } else { None };
-        let mut matrix = self.matrix(&plan, empty.clone(), focus);
-        matrix.set_column_scale(self.own_scale(&header.column_scale));
+        let (matrix, empty) = self.scaled_matrix(&plan, header, focus);
         let all = Some(self.config.samples_per_half());
         let passes = if self.passes == Passes::FinalOnly { vec![all] } else { vec![None, all] };
         let (n_passes, last) = (passes.len() as u32, passes.len() as u32 - 1);
@@ -202,10 +208,7 @@ impl Run<'_> {
             return Ok(ControlFlow::Break(()));
         }
         let partition = header.partitions().swap_remove(1 + own.set);
-        let tolerance_db = match own.samples {
-            Some(_) => job.config.tolerance_db,
-            None => job.config.tolerance_db.min(PREVIEW_DB),
-        };
+        let tolerance_db = job.config.tolerance_of(own.samples);
         let mut config = job.compress_config(own.samples.unwrap_or(1), tolerance_db, column_scale);
         let mut of_patches = PatchBlocks::dark(&header, &partition);
         if own.samples.is_some() {

@@ -226,14 +226,12 @@ impl Reuse {
     pub(crate) fn header_with_rows(&self, job: &BakeJob, focus: &Focus) -> Result<BakeHeader, BakeError> {
         job.check()?;
         let mut header = self.header_with(None);
-        let measured = job.irradiance_headers(&header.spared.dark_sources, focus)?;
+        job.check_sensors()?;
         let n_cols = header.basis.n_cols();
-        for ((set, there), mut measured) in header.irradiance.iter_mut().zip(&self.sets).zip(measured) {
-            if there.is_none() {
-                // Patches are scaled already.
-                measured.column_scale.resize(n_cols, 1.0);
-                *set = measured;
-            }
+        for (set, _) in header.irradiance.iter_mut().zip(&self.sets).filter(|(_, there)| there.is_none()) {
+            *set = job.irradiance_header(&set.rows, &header.spared.dark_sources, focus);
+            // Patches are scaled already.
+            set.column_scale.resize(n_cols, 1.0);
         }
         Ok(header)
     }
