@@ -63,7 +63,8 @@ pub fn write(desk: &Desk) -> Result<String> {
         table += &rows;
     }
     Ok(format!(
-        "A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
+        "## Lamps that were added\n\n\
+        A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
         direct light at what is seen and at what narrow lobes show there, plus what the patches make of its irradiance. It is held \
         against two independent traced pictures of the same look, direct light taken off by two independent live pictures, so that \
         their noise does not count as error; how large the noise of their mean is stands beside it. Places whose indirect light drowns in \

@@ -31,7 +31,7 @@ const AMPLIFIED: f32 = 10.0;
 /// If the scene cannot be baked, or a device fails.
 pub(super) fn write(desk: &Desk) -> Result<String> {
     let Some(path) = desk.shared("scenes/conference.glb") else { return Ok(String::new()) };
-    let (film, baked_spp) = desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 16));
+    let (film, baked_spp) = desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 64));
     desk.say("baking the conference room");
     let scene = import::load(&path).with_context(|| format!("cannot load {}", path.display()))?.scene;
     let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
@@ -67,7 +67,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         let secs = on_device(gpu, &frame, &bake, &rigs)?;
         times.push((format!("ours on {}", gpu.description()), secs));
     }
-    let spp = desk.choose(16, 64);
+    let spp = desk.choose(16, 256);
     let traced = traced(desk, &scene, film, (rigs.last().context("there are frames")?, spp))?;
     let [of_ours, of_full] = [&shown, &full].map(|picture| compare(picture, &traced).map(|found| found.psnr_db));
     let [of_ours, of_full] = [of_ours?, of_full?].map(|db| db.unwrap_or(f64::INFINITY));

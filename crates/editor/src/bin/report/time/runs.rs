@@ -22,7 +22,7 @@ use crate::under_way::{ends_a_pass, run_until};
 const SPP: [u32; 6] = [1, 4, 16, 64, 256, 1024];
 /// Most samples of pixels of one bake, of all renders of one point, and of one render: in a hurry, and else.
 const MOST_BAKED: [f64; 2] = [5e4, 3.2e6];
-const MOST_TRACED: [f64; 2] = [4e5, 2.5e7];
+const MOST_TRACED: [f64; 2] = [4e5, 4e7];
 const MOST_PLAIN: [f64; 2] = [4e5, 5.2e7];
 /// Middles of the spots on a panel, and their radius in its shorter sides.
 const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
