@@ -96,9 +96,10 @@ pub fn write(desk: &Desk) -> Result<String> {
     let Sampling { step, spp: reference_spp, .. } = sampling(desk, film);
     let mut tables = String::new();
     for (name, under_sky) in SCENES {
-        tables += &scene(desk, (name, under_sky), film, spp)?;
+        let part = || scene(desk, (name, under_sky), film, spp);
+        tables += &desk.part::<String>("skips", name, part)?;
     }
-    tables += &again::table(desk, SCENES[0].0, film, spp)?;
+    tables += &desk.part::<String>("skips", "again", || again::table(desk, SCENES[0].0, film, spp))?;
     Ok(format!(
         "## Work that is skipped\n\n\
          Bakes of {} × {} pixels with at most {spp} samples each, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
