@@ -35,8 +35,6 @@ use crate::camera::{Camera, Film};
 use crate::casters::Casters;
 use crate::emitters::{Emitter, Plate, SurfacePoint, punctual_falloff};
 use crate::lamps::Body;
-use crate::matrix::median;
-use crate::plan::ROULETTE_BELOW;
 use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
@@ -105,7 +103,14 @@ pub trait LightPlan: Sync {
     fn splits(&self) -> u32;
     /// One over the radiance of a column below which a connection is left to roulette; infinite for none.
     fn worth(&self, column: u32) -> f32;
+    /// Peaks of a column, of a common one, that radiance 1 is; `None` where nobody has measured them.
+    fn peaks(&self) -> Option<f32> {
+        None
+    }
 }
+
+/// [`LightPlan::peaks`] where they are not known.
+const UNKNOWN_PEAKS: f32 = 32.0;
 
 /// Follows walks through a scene.
 pub struct Integrator<'a, P> {
@@ -242,8 +247,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         let (far, scouts) = (4.0 * scene.diameter(), reuse::scouts(scene, plan));
         let (bounces, dome) = (bounces.unwrap_or(u32::MAX), scene.lighting.dome());
         let (casters, focus, coats_share) = (scene.casters.as_deref(), None, reuse::coats_share(scene, plan));
-        let worth = (0..basis.n_cols() as u32).map(|column| plan.worth(column)).filter(|worth| worth.is_finite());
-        let peaks = median(worth).map_or(32.0, |worth| worth * ROULETTE_BELOW);
+        let peaks = plan.peaks().unwrap_or(UNKNOWN_PEAKS);
         Integrator {
             scene,
             plan,

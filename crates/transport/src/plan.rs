@@ -8,6 +8,7 @@ use crate::basis::{ColumnGroup, ColumnKind, SourceKind};
 use crate::emitters::{Emitter, Lighting, PanelEmitter};
 use crate::lamps::Body;
 use crate::light::luminance;
+use crate::matrix::median;
 use crate::path::{LightPlan, Pick, Vertex};
 use crate::sampler::Sampler;
 use crate::scene::PunctualKind;
@@ -31,6 +32,8 @@ pub struct MatrixPlan {
     splits: u32,
     /// See [`LightPlan::worth`].
     worth: Vec<f32>,
+    /// See [`LightPlan::peaks`].
+    peaks: Option<f32>,
     /// Panels of which later vertices see a few texels only.
     thinned: Vec<ThinnedPanel>,
     /// Patches of the sky.
@@ -60,7 +63,7 @@ const LATER_TEXELS: u32 = 8;
 /// Columns of lamps that a later vertex connects to: unlike texels each has a place of its own, and roulette takes the weak.
 const LATER_LAMPS: u32 = 32;
 /// Radiance, in peaks of its column, below which a connection is left to roulette.
-pub(crate) const ROULETTE_BELOW: f32 = 0.5;
+const ROULETTE_BELOW: f32 = 0.5;
 /// Radiance, in the unit of [`LightPlan::worth`], that a single pick of few may carry; where it would be more, all are taken.
 const MOST_PER_PICK: f32 = 50.0;
 
@@ -94,8 +97,8 @@ impl MatrixPlan {
             _ => 4,
         };
         let (worth, first_rate) = (vec![f32::INFINITY; basis.n_cols()], vec![0.0; basis.n_cols()]);
-        let mut plan =
-            MatrixPlan { later, first, all: Vec::new(), stride, first_rate, splits, worth, thinned: Vec::new(), sky };
+        let (all, thinned, peaks) = (Vec::new(), Vec::new(), None);
+        let mut plan = MatrixPlan { later, first, all, stride, first_rate, splits, worth, peaks, thinned, sky };
         plan.count_picks();
         // A preview has no time to look at all texels again.
         if density == Density::Full {
@@ -123,7 +126,8 @@ impl MatrixPlan {
     /// Leaves connections that carry little to roulette, given what each column is multiplied by.
     pub fn with_roulette(self, column_scale: &[f32]) -> MatrixPlan {
         let worth = column_scale.iter().map(|scale| scale / ROULETTE_BELOW).collect();
-        let mut plan = MatrixPlan { worth, ..self };
+        let peaks = median(column_scale.iter().copied().filter(|scale| scale.is_finite()));
+        let mut plan = MatrixPlan { worth, peaks, ..self };
         for panel in &mut plan.thinned {
             let worth = &plan.worth[panel.columns.start as usize..panel.columns.end as usize];
             panel.worth = worth.iter().copied().fold(0.0, f32::max);
@@ -294,6 +298,10 @@ impl LightPlan for MatrixPlan {
 
     fn worth(&self, column: u32) -> f32 {
         self.worth[column as usize]
+    }
+
+    fn peaks(&self) -> Option<f32> {
+        self.peaks
     }
 }
 

@@ -13,6 +13,7 @@ use crate::emitters::SkyRequest;
 use crate::empty::EmptyPixels;
 use crate::light::LightRig;
 use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::path::LightPlan;
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::reach::dark_sources;
@@ -304,6 +305,18 @@ fn patches_that_pilots_saw_nothing_of_lose_no_light() {
 fn lit_by_a_panel() -> Scene {
     let panel = quad(Vec3::new(-0.2, 0.45, -0.3), Vec3::X * 0.4, Vec3::Z * 0.4);
     closed_room(false).panel("panel", &panel, 3.0, 4).prepared().scene
+}
+
+#[test]
+fn walks_are_guided_alike_whether_weak_connections_are_left_to_roulette_or_not() {
+    let scene = prepared(&lit_by_a_panel(), None, Skips::default());
+    let plan = || MatrixPlan::new(&scene.lighting, Density::Full);
+    let (scale, reach) = TransportMatrix::new(&scene, &plan(), inside(), FILM, None, 3).measure_columns();
+    let [with, without] =
+        [Skips::default(), Skips::default().without(Skip::WeakLight)].map(|skips| plan().fitted(&scale, &reach, skips));
+    assert!(with.worth(0).is_finite() && without.worth(0).is_infinite());
+    assert_eq!(with.peaks(), without.peaks());
+    assert!(with.peaks().is_some() && plan().peaks().is_none());
 }
 
 #[test]

@@ -46,14 +46,14 @@ impl Sum {
 }
 
 /// The error in dB of a picture beside two whose noise is their own, given the entries of all three: the mean of (x − a)(x − b)
-/// below the square of the 99.5 percentile of a and b. `None` where it is lost in what is left of their noise.
+/// below the square of the 99.5 percentile of a and b, told as no less than its standard error. `None` of no entries.
 pub fn beside_two(entries: impl Iterator<Item = [f64; 3]>) -> Option<f64> {
     let (mut both, mut sum) = (Vec::new(), Sum::default());
     for [x, a, b] in entries {
         both.push(0.5 * (a + b));
         sum.add((x - a) * (x - b));
     }
-    (sum.mean() > 0.0).then(|| decibels(quantile(both), sum.mean()))
+    (!both.is_empty()).then(|| decibels(quantile(both), sum.mean_at_least_known()))
 }
 
 /// Errors of the columns that light anything, as mean squares over the squares of their peaks; none less than its standard error.

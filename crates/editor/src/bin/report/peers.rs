@@ -101,7 +101,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Other renderers\n\n\
          The same file in `scripts/peers.py`: one picture of {} × {} pixels under all lights, {:?} bounces, CPU seconds of rendering alone, and PSNR against a picture that\n\
-         ours traced with {converged} samples per pixel, exposed to four times its median luminance and clipped at white. Nobody denoises but ours where it says so. Median (least…greatest) of {} seeds, everybody in turn.{missing} {}\n\n\
+         ours traced with {converged} samples per pixel, exposed to four times its median luminance and clipped at white. Mitsuba in the faster of its variants that runs here, its kernels compiled before. Nobody denoises but ours where it says so. Median (least…greatest) of {} seeds, everybody in turn.{missing} {}\n\n\
          | scene | renderer | samples per pixel | CPU s | PSNR, dB |\n|---|---|---|---|---|\n{rows}",
         film.width,
         film.height,

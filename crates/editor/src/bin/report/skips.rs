@@ -72,8 +72,7 @@ impl Judge {
         Ok(Judge { reference, light: scene.lighting.basis.project(&LightRig::default()) })
     }
 
-    /// Errors in dB: of single lights, median over columns, and under the light of the file. `None` where it is lost in what is
-    /// left of the reference's noise.
+    /// Errors in dB: of single lights, median over columns, and under the light of the file. `None` where nothing is lit.
     fn errors_db(&self, bake: &Bake) -> [Option<f64>; 2] {
         let rows = self.reference.rows_of(&bake.header, &bake.groups);
         let relit = self.reference.relit(&rows, &self.light);
@@ -107,7 +106,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          {TRIES} tries: differences of a quarter say nothing. *Picture* holds the picture under the\n\
          light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
          differ it shows their noise, which the row with another seed tells. *Single lights* (median) and *all lights* of the file are errors as in the section Error\n\
-         against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out; \"—\": lost in their noise. {}\n{tables}",
+         against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out. {}\n{tables}",
         film.width,
         film.height,
         desk.load_words(),

@@ -3,17 +3,15 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use clerestory_nystrom::{Half, SampledMatrix};
+use clerestory_nystrom::Half;
 use clerestory_transport::import;
-use clerestory_transport::matrix::{CHANNELS, TransportMatrix};
-use clerestory_transport::plan::{Density, MatrixPlan};
+use clerestory_transport::matrix::TransportMatrix;
 use clerestory_transport::prepared::PreparedScene;
-use rayon::prelude::*;
 
 use super::dense::Picture;
 use crate::desk::Desk;
 use crate::matrix::divided;
-use crate::reference::{Sampling, key_of};
+use crate::reference::{Emitters, Sampling, key_of, plainest_plan, rows_in_blocks};
 
 /// Two halves of a scene's matrix of so many samples per pixel each, lights that are seen left out; its panel in `side` × `side`
 /// texels, else as the file has it. Kept between runs.
@@ -39,18 +37,12 @@ pub fn halves(desk: &Desk, path: &Path, side: Option<u32>, (sampling, seed): (Sa
     Ok([half(a), half(b)])
 }
 
-fn sampled_halves(scene: &PreparedScene, Sampling { film, bounces, spp, .. }: Sampling, seed: u64) -> [Vec<f32>; 2] {
-    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+fn sampled_halves(scene: &PreparedScene, sampling: Sampling, seed: u64) -> [Vec<f32>; 2] {
+    let Sampling { film, bounces, spp, .. } = sampling;
+    let plan = plainest_plan(scene, sampling, seed);
     let matrix = TransportMatrix::new(scene, &plan, scene.scene.cameras[0].clone(), film, bounces, seed);
-    let n_cols = matrix.n_cols();
-    [Half::A, Half::B].map(|half| {
-        let mut rows = vec![0.0; matrix.n_rows() * n_cols];
-        rows.par_chunks_mut(CHANNELS * n_cols).enumerate().for_each(|(pixel, rows)| {
-            matrix.add_rows(&[pixel as u32], 0..spp, half, rows, &mut Vec::new());
-            rows.iter_mut().for_each(|value| *value /= spp as f32);
-        });
-        rows
-    })
+    let pixels: Vec<u32> = (0..film.n_pixels() as u32).collect();
+    [Half::A, Half::B].map(|half| rows_in_blocks(&matrix, (film, &pixels), (spp, half), Emitters::LeftOut))
 }
 
 /// The mean of both halves, and its noise as a mean square per entry.

@@ -36,7 +36,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         for (method, curve) in METHODS.iter().zip(&curves) {
             let words: Vec<String> =
                 curve.iter().map(|db| db.map_or("singular".into(), |db| format!("{db:.1}"))).collect();
-            rows += &format!("| {name} | `{method}` | {} |\n", words.join(" | "));
+            rows += &format!("| {name} | {noise_db:.1} | `{method}` | {} |\n", words.join(" | "));
         }
         let series = METHODS.iter().zip(&curves).map(|(method, curve)| Series {
             name: method.to_string(),
@@ -54,7 +54,8 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "\n### Columns\n\n\
          PSNR in dB against the full matrix, {} × {} pixels × 256 texels of {} samples per pixel, in blocks of 16 × 16 pixels; as many rows as\n\
-         columns, or components of `svd` and of ours (`{}`).\n{}\n| scene | method | {} |\n|---|---|{}\n{rows}",
+         columns, or components of `svd` and of ours (`{}`). The matrix of each scene lies so many dB of single texels above its own noise, which has\n\
+         full rank: what a method leaves out beyond that may be noise.\n{}\n| scene | above noise | method | {} |\n|---|---|---|{}\n{rows}",
         film.width,
         film.height,
         2 * spp,

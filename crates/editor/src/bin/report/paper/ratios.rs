@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::{Approximation, Method, approximate};
+use clerestory_transport::camera::Film;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +13,7 @@ use crate::methods::dense::Picture;
 use crate::methods::own;
 use crate::plot::{Axis, Panel, Scale, Series};
 use crate::targets::coded::Subject;
+use crate::targets::soft;
 
 /// Ranks of the rivals, and what ours is asked for in dB.
 const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
@@ -52,10 +54,11 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         side /= 2;
     }
     found.reverse();
+    let exact: Vec<[f64; 2]> = desk.part("paper", "ranks-exact", || exact_ranks(desk, finest))?;
     let names = ["ours, packed", "`svd` in 16-bit numbers", "`kernel` in 16-bit numbers"];
     let (mut panels, mut rows, mut ranks) = (Vec::new(), String::new(), String::new());
-    for Resolution { side, curves, ranks: [least, ours] } in &found {
-        ranks += &format!("| {side} × {side} | {least:.1} | {ours:.1} |\n");
+    for (Resolution { side, curves, ranks: [least, ours] }, [least_exact, ours_exact]) in found.iter().zip(&exact) {
+        ranks += &format!("| {side} × {side} | {least_exact:.1} | {ours_exact:.1} | {least:.1} | {ours:.1} |\n");
         for (name, curve) in names.iter().zip(curves) {
             let words: Vec<String> = curve.iter().map(|[ratio, db]| format!("{ratio:.0}× {db:.1}")).collect();
             if !words.is_empty() {
@@ -83,9 +86,10 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
          principal components (`svd`) and Nyström's method after a transform (`kernel`) at ranks {}, two bytes for each number.\n{}\n\
          | texels | method | | | | | |\n|---|---|---|---|---|---|---|\n{rows}\n\
          ### Rank against texels\n\n\
-         Mean rank of blocks of 16 × 16 pixels for {RANK_DB} dB of single texels: the least there is for the mean of both halves, whose noise counts as\n\
-         something to be kept, and that of ours, which is told both halves and keeps what they agree about.\n\n\
-         | texels | least | ours |\n|---|---|---|\n{ranks}",
+         Mean rank of blocks of 16 × 16 pixels for {RANK_DB} dB of single texels, the least there is and that of ours. First of a matrix without noise: the floor, wall\n\
+         and balls of the section Targets. Then of `diffuse` as sampled: the least for the mean of both halves, whose noise counts as something to be kept, and\n\
+         ours, which is told both halves and keeps what they agree about.\n\n\
+         | texels | without noise: least | ours | `diffuse`: least | ours |\n|---|---|---|---|---|\n{ranks}",
         film.width,
         film.height,
         2 * spp,
@@ -130,6 +134,28 @@ fn resolution(desk: &Desk, halves: [Picture; 2], least_of_curves: usize) -> Resu
     let least = subject.spectrum.least_mean_rank(10f64.powf(-RANK_DB / 10.0));
     let ours = subject.coded(Method::Projected, RANK_DB)?.mean_rank;
     Ok(Resolution { side, curves, ranks: [least, ours] })
+}
+
+/// Mean ranks of a matrix without noise, the least and ours, of panels from 8 × 8 texels to `finest`.
+fn exact_ranks(desk: &Desk, finest: usize) -> Result<Vec<[f64; 2]>> {
+    let Film { width, height } = sampling(desk, 1).film;
+    let mut found = Vec::new();
+    let mut picture = soft::picture(width as usize, height as usize, finest);
+    loop {
+        let side = picture.n_cols.isqrt();
+        desk.say(&format!("ranks of {side} × {side} texels without noise"));
+        let next = (side > 8).then(|| picture.coarser());
+        let subject = Subject::new(picture, None);
+        let ours = subject.coded(Method::Projected, RANK_DB)?;
+        // Both at the error that ours has reached.
+        found.push([subject.spectrum.least_mean_rank(ours.judged.mean_square()), ours.mean_rank]);
+        match next {
+            Some(next) => picture = next,
+            None => break,
+        }
+    }
+    found.reverse();
+    Ok(found)
 }
 
 fn point(truth: &Picture, found: &Picture, n_values: usize) -> [f64; 2] {

@@ -48,10 +48,13 @@ fn measured(desk: &Desk, name: &str, spp: u32) -> Result<[f64; 2]> {
     let path = desk.root.join(format!("assets/scenes/{name}.glb"));
     let imported = import::load(&path).with_context(|| format!("cannot load the scene {}", path.display()))?;
     let scene = PreparedScene::new(imported.scene, &[])?.0;
-    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
-    let new = || TransportMatrix::new(&scene, &plan, scene.scene.cameras[0].clone(), FILM, None, 1);
-    let mut matrix = new();
-    matrix.set_column_scale(new().measure_columns().0);
+    let new_plan = || MatrixPlan::new(&scene.lighting, Density::Full);
+    let pilots = new_plan();
+    let new = |plan| TransportMatrix::new(&scene, plan, scene.scene.cameras[0].clone(), FILM, None, 1);
+    let (column_scale, sky_reach) = new(&pilots).measure_columns();
+    let plan = new_plan().fitted(&column_scale, &sky_reach, scene.skips);
+    let mut matrix = new(&plan);
+    matrix.set_column_scale(column_scale);
     let n_cols = matrix.n_cols();
     let side = n_cols.isqrt() as u32;
     let partition = Partition { width: FILM.width, height: FILM.height, tile: 16 };

@@ -162,15 +162,14 @@ fn ours(
     Ok(taken.point(way, cpu_secs, judge.of_bake(&bake.header, &bake.groups)))
 }
 
-/// The samples of a bake whose light is traced, kept as they are: at the compared pixels alone, and the time for all.
+/// The samples of a bake whose light is traced, kept as they are.
 fn dense(subject: &Subject, scene: &Arc<PreparedScene>, judge: &Judge, taken: Taken) -> Result<Point> {
     let Taken { spp, seed } = taken;
     let job = job(subject, scene, BakeConfig { spp, seed, ..BakeConfig::default() });
     let begun = process_cpu_secs()?;
     let header = job.header()?;
-    let looked = process_cpu_secs()?;
     let rows = uncompressed(&job, &header, judge.reference.pixels());
-    let cpu_secs = looked - begun + (process_cpu_secs()? - looked) / judge.reference.share();
+    let cpu_secs = process_cpu_secs()? - begun;
     Ok(taken.point(Way::Dense, cpu_secs, judge.of_rows(&rows)))
 }
 
