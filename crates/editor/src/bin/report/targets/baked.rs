@@ -1,32 +1,32 @@
 //! Real bakes of the scenes of the method's evaluation, and one of as many columns as a panel may have.
 
+use std::path::{Path, PathBuf};
+
 use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
 use crate::desk::{Desk, clerestory, number};
 
-/// What every bake is asked for, in dB.
-const TOLERANCE: &str = "40";
-const TOLERANCE_DB: f64 = 40.0;
-
 /// The ratio that is aimed at with 256 columns.
 const AIM: &str = "≥ 200× on the worst, ≥ 300× on the others";
 
-/// A scene, texels along a side of its panel, most samples per pixel, and the ratio that is aimed at.
+/// A scene, texels along a side of its panel, what it is asked for in dB, most samples per pixel, and the ratio that is aimed at.
 struct Subject {
     scene: &'static str,
     side: u32,
+    tolerance_db: f64,
     /// In a quick report and in a full one: so many that two cores take less than half an hour for all of them.
     spp: [&'static str; 2],
     aim: &'static str,
 }
 
-const SUBJECTS: [Subject; 5] = [
-    Subject { scene: "diffuse", side: 16, spp: ["16", "128"], aim: AIM },
-    Subject { scene: "reflections", side: 16, spp: ["16", "64"], aim: AIM },
-    Subject { scene: "caustics", side: 16, spp: ["16", "64"], aim: AIM },
-    Subject { scene: "mixed", side: 16, spp: ["16", "64"], aim: AIM },
-    Subject { scene: "diffuse", side: 64, spp: ["4", "16"], aim: "≥ 1500×" },
+const SUBJECTS: [Subject; 6] = [
+    Subject { scene: "diffuse", side: 16, tolerance_db: 40.0, spp: ["16", "128"], aim: AIM },
+    Subject { scene: "reflections", side: 16, tolerance_db: 40.0, spp: ["16", "64"], aim: AIM },
+    Subject { scene: "caustics", side: 16, tolerance_db: 40.0, spp: ["16", "64"], aim: AIM },
+    Subject { scene: "mixed", side: 16, tolerance_db: 40.0, spp: ["16", "64"], aim: AIM },
+    Subject { scene: "diffuse", side: 64, tolerance_db: 40.0, spp: ["4", "16"], aim: "≥ 1500×" },
+    Subject { scene: "conference-panel", side: 16, tolerance_db: 35.0, spp: ["4", "128"], aim: "as small as it gets" },
 ];
 
 /// What a bake told.
@@ -50,30 +50,31 @@ pub fn write(desk: &Desk) -> Result<String> {
     let size = desk.choose("96x72", "512x384");
     let mut rows = String::new();
     for subject in &SUBJECTS {
-        let Subject { scene, side, aim, .. } = subject;
+        let Subject { scene, side, aim, tolerance_db, .. } = subject;
+        let Some(path) = subject.path(desk) else { continue };
         let n_cols = side * side;
-        let baked = desk.part("target-bakes", &format!("{scene}-{n_cols}"), || subject.baked(desk, size))?;
+        let baked = desk.part("target-bakes", &format!("{scene}-{n_cols}"), || subject.baked(desk, &path, size))?;
         let [truncation, sampling, total] = baked.error_db;
         rows += &format!(
-            "| {scene} | {n_cols} | {} | {:.2} / {:.0} | {:.2} | {:.0}×{} | {aim} | {truncation:.1} / {sampling:.1} / {total:.1} | {:.1} | {:.0} |\n",
+            "| {scene} | {n_cols} | {tolerance_db} | {} | {:.2} / {:.0} | {:.2} | {:.0}×{} | {aim} | {truncation:.1} / {sampling:.1} / {total:.1} | {:.1} | {:.0} |\n",
             subject.spp(desk),
             baked.mean_rank,
             baked.max_rank,
             baked.file_bytes / 1e6,
             baked.ratio,
-            if total < TOLERANCE_DB { ", not at 40 dB" } else { "" },
+            if total < *tolerance_db { ", short of it" } else { "" },
             baked.worst_block_db,
             baked.secs,
         );
     }
     Ok(format!(
         "## Bakes beside the targets\n\n\
-         Whole bakes of {} pixels from the command line, asked for {TOLERANCE} dB, with the light between surfaces traced and the panel divided into so many\n\
+         Whole bakes of {} pixels from the command line, with the light between surfaces traced and the panel divided into so many\n\
          columns. Blocks stop once they are exact enough, at the latest after the samples that are given: where these do not suffice, the error says so, and the ratio\n\
          is that of what was reached. Errors as the bake tells them, from held-out samples: truncation / sampling / total, and the total of its worst\n\
-         block. Seconds by the clock; each row is one bake, of seed 0. {}\n\n\
-         | scene | columns | samples | rank mean / max | MB | dense / file | aimed at | error dB | worst block | s |\n\
-         |---|---|---|---|---|---|---|---|---|---|\n{rows}",
+         block. Seconds by the clock; each row is one bake, of seed 0. Other renderers' pictures of 64 lights of the conference room, one file each, take 151 MB. {}\n\n\
+         | scene | columns | asked for | samples | rank mean / max | MB | dense / file | aimed at | error dB | worst block | s |\n\
+         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}",
         size.replace('x', " × "),
         desk.load_words(),
     ))
@@ -85,13 +86,19 @@ impl Subject {
         desk.choose(quick, full)
     }
 
-    fn baked(&self, desk: &Desk, size: &str) -> Result<Baked> {
-        let Subject { scene, side, .. } = self;
+    /// Its file; none of a real scene that is not at hand.
+    fn path(&self, desk: &Desk) -> Option<PathBuf> {
+        let own = desk.root.join(format!("assets/scenes/{}.glb", self.scene));
+        Some(own).filter(|path| path.exists()).or_else(|| desk.shared(&format!("scenes/{}.glb", self.scene)))
+    }
+
+    fn baked(&self, desk: &Desk, path: &Path, size: &str) -> Result<Baked> {
+        let Subject { scene, side, tolerance_db, .. } = self;
         desk.say(&format!("baking {scene} with a panel of {side} × {side} texels"));
-        let path = desk.root.join(format!("assets/scenes/{scene}.glb")).display().to_string();
+        let (path, tolerance) = (path.display().to_string(), tolerance_db.to_string());
         let (transport, panel) = (desk.file("targets.transport"), format!("panel={side}"));
         let line = ["bake", &path, "-o", &transport, "--fresh", "--size", size, "--spp", self.spp(desk), "--json"];
-        let line: Vec<&str> = line.into_iter().chain(["--tolerance", TOLERANCE, "--panel", &panel]).collect();
+        let line: Vec<&str> = line.into_iter().chain(["--tolerance", &tolerance, "--panel", &panel]).collect();
         let told = clerestory(&line)?;
         Ok(Baked {
             ratio: number(&told, "/ratio"),
