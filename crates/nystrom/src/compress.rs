@@ -28,7 +28,8 @@ pub enum Tolerance {
     AbsoluteMeanSquare(f32),
     /// Root of the error's energy over root of the block's energy.
     RelativeFrobenius(f32),
-    /// At most this rank, and as many samples as the plan allows.
+    /// At most this rank, and as many samples as the plan allows. One component more where the preserved product needs it, see
+    /// [`ColumnGroup::preserved`].
     Rank(u32),
 }
 
@@ -48,7 +49,8 @@ pub struct ColumnGroup {
     pub columns: Range<usize>,
     /// What is asked of each block.
     pub tolerance: Tolerance,
-    /// One weight per column: the product with these weights comes out as it was sampled, whatever the rank. Empty: none.
+    /// One weight per column: the product with these weights comes out as it was sampled, whatever the rank. Where the components
+    /// hold too little of it, that takes one more, beyond any greatest rank. Empty: none.
     pub preserved: Vec<f32>,
     /// Share of an absolute tolerance that truncation may take, 0…1: little where one column alone may be asked for, since the
     /// mean over many that hold nothing in a block hides what that one lacks. Samples are asked for by the whole.
@@ -83,7 +85,7 @@ pub struct CompressConfig {
     pub selection: Selection,
     /// What makes factors of the samples; all but [`Method::Projected`] are there for comparison.
     pub method: Method,
-    /// Greatest rank of a block.
+    /// Greatest rank of a block, aside from the component that a preserved product may need, see [`ColumnGroup::preserved`].
     pub max_rank: u32,
     /// Root mean square of the entries of a block from which on an absolute tolerance is taken as it is; darker blocks get the
     /// rank that a narrower one asks for, see [`shade`]. 0: none does.
@@ -212,7 +214,7 @@ pub fn compress_by<M: SampledMatrix>(
 /// Compresses one block from the sums of its samples: one result per group of the config.
 ///
 /// # Errors
-/// Groups beyond the columns, halves of different size, or samples that are not finite.
+/// Groups beyond the columns, halves of no rows or of different size, or samples that are not finite.
 pub fn compress_block(
     samples: &BlockSamples<'_>,
     config: &CompressConfig,
@@ -225,7 +227,7 @@ pub fn compress_block(
 }
 
 /// # Errors
-/// Groups beyond the columns, or halves of different size.
+/// Groups beyond the columns, or halves of no rows or of different size.
 pub(crate) fn check_samples(
     samples: &BlockSamples<'_>,
     config: &CompressConfig,
@@ -234,8 +236,9 @@ pub(crate) fn check_samples(
     check_groups(config, samples.n_cols)?;
     let [a, b] = samples.halves;
     let bundle_size = samples.n_cols * samples.bundle_len;
-    if a.len() != b.len() || bundle_size == 0 || a.len() % bundle_size != 0 || samples.n_samples.contains(&0) {
-        let words = "the halves of a block must hold samples of the same whole number of bundles";
+    let is_whole = bundle_size > 0 && !a.is_empty() && a.len() % bundle_size == 0;
+    if a.len() != b.len() || !is_whole || samples.n_samples.contains(&0) {
+        let words = "the halves of a block must hold samples of the same whole number of bundles, at least one";
         return Err(CompressError::Config(words.into()));
     }
     match &config.smoothing {

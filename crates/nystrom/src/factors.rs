@@ -58,8 +58,7 @@ impl BlockFactors {
         let right_exponents: Vec<i32> = right.chunks(n_cols.max(1)).map(|row| exponent(row.iter())).collect();
         factors.left = scaled_columns(left, &left_exponents);
         factors.right = right.iter().enumerate().map(|(i, &x)| scaled(x, -right_exponents[i / n_cols])).collect();
-        factors.scale =
-            (0..rank).map(|r| power_of_two((left_exponents[r] + right_exponents[r]).clamp(-126, 127)) as f32).collect();
+        factors.scale = (0..rank).map(|r| scale(left_exponents[r] + right_exponents[r])).collect();
         factors
     }
 
@@ -76,7 +75,7 @@ impl BlockFactors {
         let exponents = exponents_of_columns(left, self.rank as usize);
         Self {
             left: scaled_columns(left, &exponents),
-            scale: exponents.iter().map(|&exponent| power_of_two(exponent.clamp(-126, 127)) as f32).collect(),
+            scale: exponents.iter().map(|&exponent| scale(exponent)).collect(),
             doubt: Vec::new(),
             right: self.right.clone(),
             sparse: self.sparse.clone(),
@@ -182,6 +181,11 @@ fn exponents_of_columns(values: &[f32], n_cols: usize) -> Vec<i32> {
     (0..n_cols).map(|col| exponent(values.iter().skip(col).step_by(n_cols))).collect()
 }
 
+/// 2^exponent: below what single precision holds 0, above the greatest power.
+fn scale(exponent: i32) -> f32 {
+    power_of_two(exponent.min(f32::MAX_EXP - 1)) as f32
+}
+
 /// A row-major matrix with each column divided by a power of two.
 fn scaled_columns(values: &[f32], exponents: &[i32]) -> Vec<f16> {
     values.iter().enumerate().map(|(i, &x)| scaled(x, -exponents[i % exponents.len()])).collect()
@@ -212,17 +216,33 @@ mod tests {
     #[test]
     fn packing_keeps_eleven_bits_at_every_magnitude() {
         let mut rng = Random::new([11, 0]);
-        for magnitude in [1e-12f32, 1e-6, 1.0, 3.7e5, 1e12] {
+        for magnitude in [1e-40f32, 1e-30, 1e-12, 1e-6, 1.0, 3.7e5, 1e12, 1e30] {
             let left: Vec<f32> = (0..20 * 3).map(|_| rng.normal() * magnitude).collect();
             let right: Vec<f32> = (0..3 * 15).map(|_| rng.normal()).collect();
             let factors = BlockFactors::from_f32(&left, &right, 20, 15, 3);
-            assert!(factors.scale.iter().all(|s| s.to_bits() & 0x7f_ffff == 0), "{:?}", factors.scale);
+            assert!(factors.scale.iter().all(|s| f64::from(*s).to_bits() << 12 == 0), "{:?}", factors.scale);
             for (i, got) in factors.dense().iter().enumerate() {
                 let want: f32 = (0..3).map(|r| left[i / 15 * 3 + r] * right[r * 15 + i % 15]).sum();
                 assert!((got - want).abs() < 1e-2 * magnitude, "{magnitude}: {got} {want}");
                 assert_eq!(*got, factors.entry(i / 15, i % 15));
             }
         }
+    }
+
+    #[test]
+    fn numbers_near_the_ends_of_single_precision_are_kept() {
+        for x in [1e-45f32, 1e-40, 1e-38, 1e38, 3e38] {
+            let factors = BlockFactors::from_f32(&[x, 0.0], &[1.0], 2, 1, 1);
+            for factors in [factors.with_left(&[x, 0.0]), factors] {
+                let [got, zero] = [factors.entry(0, 0), factors.entry(1, 0)];
+                let rounding = f64::from(x) / 2048.0;
+                assert!((f64::from(got) - f64::from(x)).abs() <= rounding && zero == 0.0, "{x:e}: {factors:?}");
+            }
+        }
+        // What no number of single precision is, is dark or large, and nothing else.
+        assert_eq!(BlockFactors::from_f32(&[1e-40], &[1e-40], 1, 1, 1).entry(0, 0), 0.0);
+        let beyond = BlockFactors::from_f32(&[f32::MAX, 0.0], &[f32::MAX], 2, 1, 1);
+        assert!(beyond.entry(0, 0) > 1e38 && beyond.entry(1, 0) == 0.0, "{beyond:?}");
     }
 
     /// Orthonormal rows, row-major.
@@ -246,7 +266,7 @@ mod tests {
     fn halves_add_an_error_far_below_any_tolerance_at_every_scale_and_rank() {
         let mut rng = Random::new([13, 0]);
         let (n_rows, n_cols) = (48, 80);
-        for magnitude in [1e-20f32, 1e-12, 1.0, 1e12, 1e20] {
+        for magnitude in [1e-20f32, 1e-12, 1.0, 1e12, 1e20, 1e30, 1e-30, 1e-36] {
             for rank in [0, 1, 2, 7, 16, 33, 64] {
                 // Components fall off, and rows over eight orders of magnitude.
                 let fall = |i: usize| 0.8f32.powi((i % rank) as i32) * 10f32.powf(-8.0 * (i / rank % 7) as f32 / 7.0);
@@ -262,7 +282,7 @@ mod tests {
                 }
                 assert!(added <= 1.5e-7 * kept, "{magnitude:e}, rank {rank}: {added:e} of {kept:e}");
                 let told = PACKING * kept;
-                assert!(rank == 0 || (0.5 * told < added && added < 2.0 * told), "{added:e} added, {told:e} told");
+                assert!(rank == 0 || (0.4 * told < added && added < 2.5 * told), "{added:e} added, {told:e} told");
             }
         }
     }

@@ -440,6 +440,49 @@ fn sampling_ends_when_the_tolerance_is_met_and_rows_are_counted() {
     assert!((8..64).contains(&sampled(1.0, 0.01).unwrap()), "{:?}", sampled(1.0, 0.01));
 }
 
+/// Samples of one bundle a block that are no numbers; the first block waits until another one has been sampled, and some more.
+#[derive(Default)]
+struct Odd {
+    n_sampled: AtomicUsize,
+}
+
+impl SampledMatrix for Odd {
+    fn n_rows(&self) -> usize {
+        4
+    }
+    fn n_cols(&self) -> usize {
+        3
+    }
+    fn bundle_len(&self) -> usize {
+        1
+    }
+    fn add_rows(&self, bundles: &[u32], _: Range<u32>, _: Half, out: &mut [f32], _: &mut Vec<SparseEntry>) {
+        out.fill(f32::NAN);
+        let patience = std::time::Instant::now() + std::time::Duration::from_secs(1);
+        if bundles == [0] {
+            while self.n_sampled.load(Ordering::Relaxed) == 0 && std::time::Instant::now() < patience {
+                std::thread::yield_now();
+            }
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        } else {
+            self.n_sampled.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+#[test]
+fn the_error_told_is_that_of_the_first_block_on_any_number_of_threads() {
+    let partition = Partition { width: 4, height: 1, tile: 1 };
+    for n_threads in [1, 2, 4] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        let config = config(Tolerance::Rank(1), 3, 1);
+        let told = pool.install(|| {
+            compress(&Odd::default(), &partition, &[0, 1, 2, 3], &config, |_, _| ControlFlow::Continue(()))
+        });
+        assert_eq!(told, Err(CompressError::NonFinite { block: 0, row: 0, col: 0 }), "{n_threads} threads");
+    }
+}
+
 #[test]
 fn stopping_hands_back_break_and_no_further_block() {
     let matrix = Known::new(decaying(12 * 10 * 3, 40, 4, 0.6, &mut Random::new([41, 0])), 3, 0.0);
@@ -513,17 +556,20 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
     let mut half = || -> Vec<f32> { (0..n_rows * n_cols).map(|_| rng.unit() as f32 - 0.2).collect() };
     let (a, b) = (half(), half());
     let weights: Vec<f32> = (0..n_cols).map(|c| 0.5 + (c % 3) as f32).collect();
-    for rank in [0, 1, 3] {
-        let group = ColumnGroup {
-            columns: 0..n_cols,
-            tolerance: Tolerance::Rank(rank),
-            preserved: weights.clone(),
-            share: 1.0,
+    let samples = BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
+    let exact = [0, 2].map(|max_rank| (Tolerance::RelativeFrobenius(0.0), max_rank));
+    let mut has_one_more = false;
+    for (tolerance, max_rank) in [0, 1, 3].map(|rank| (Tolerance::Rank(rank), 96)).into_iter().chain(exact) {
+        let rank = if let Tolerance::Rank(rank) = tolerance { rank } else { max_rank };
+        let of = |preserved: Vec<f32>| {
+            let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved, share: 1.0 };
+            let config = CompressConfig { groups: vec![group], max_rank, ..CompressConfig::default() };
+            compress_block(&samples, &config, 0).unwrap().remove(0)
         };
-        let config = CompressConfig { groups: vec![group], ..CompressConfig::default() };
-        let samples = BlockSamples { halves: [&a, &b], sparse: [&[]; 2], n_cols, bundle_len: 3, n_samples: [1; 2] };
-        let factors = compress_block(&samples, &config, 0).unwrap().remove(0);
-        assert!(factors.rank <= rank + 1);
+        let factors = of(weights.clone());
+        // The limit holds of what the tolerance asks for; the product may take one more.
+        assert!(of(Vec::new()).rank <= rank && factors.rank <= rank + 1);
+        has_one_more |= factors.rank == rank + 1;
         let got = factors.apply(&weights);
         for row in 0..n_rows {
             let sampled: f32 =
@@ -534,5 +580,15 @@ fn a_preserved_product_comes_out_as_it_was_sampled_whatever_the_rank() {
                 got[row]
             );
         }
+    }
+    assert!(has_one_more);
+}
+
+#[test]
+fn a_block_of_no_rows_is_refused() {
+    for bundle_len in [1, 3] {
+        let samples = BlockSamples { halves: [&[]; 2], sparse: [&[]; 2], n_cols: 5, bundle_len, n_samples: [1; 2] };
+        let error = compress_block(&samples, &config(Tolerance::Rank(2), 5, 1), 0).unwrap_err();
+        assert!(error.to_string().contains("at least one"), "{error}");
     }
 }

@@ -89,6 +89,8 @@ pub enum Method {
     Kernel {
         /// The power; found from the chosen rows and columns where it is not given.
         gamma: Option<f64>,
+        /// Singular values of the intersection in powers up to this share of the largest count as zero.
+        rcond: f64,
     },
     /// The best there is: leading singular vectors \[Eckart1936\].
     Svd,
@@ -162,7 +164,7 @@ pub fn approximate<S: Real>(
         Method::Alg2(core) => cross::cross(matrix, Selection::Alg2, core, rank, rng)?,
         Method::Alg3(core) => cross::cross(matrix, Selection::Alg3, core, rank, rng)?,
         Method::Alg4(core) => cross::cross(matrix, Selection::Alg4, core, rank, rng)?,
-        Method::Kernel { gamma } => kernel::kernel(matrix, gamma, rank, rng)?,
+        Method::Kernel { gamma, rcond } => kernel::kernel(matrix, (gamma, S::nearest(rcond)), rank, rng)?,
         Method::Svd => svd::svd(matrix, rank)?,
         Method::RowId => interpolative::row_id(matrix, rank)?,
         Method::DeimCur => deim::deim_cur(matrix, rank)?,

@@ -4,7 +4,7 @@ use std::{
     ops::{ControlFlow, Range},
     sync::{
         Mutex, PoisonError,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
 };
 
@@ -28,12 +28,23 @@ pub(crate) struct Run<'a, M, F> {
     config: &'a CompressConfig,
     left: Mutex<Vec<u32>>,
     stopping: AtomicBool,
+    /// Place of the first block taken that has failed, `usize::MAX` if none has: those taken after it are not finished.
+    failed: AtomicUsize,
     sink: Mutex<Sink<F>>,
+}
+
+/// A block that a thread has taken.
+#[derive(Clone, Copy)]
+struct Taken {
+    block: u32,
+    /// How many were taken before.
+    place: usize,
 }
 
 struct Sink<F> {
     on_block: F,
-    /// The error of the earliest block in the order asked for, and its place in it.
+    /// Of all that failed the error of the block that was taken first, and its place. Blocks taken before it were finished, so
+    /// that in the same order it is the same one on any number of threads.
     error: Option<(usize, CompressError)>,
 }
 
@@ -62,7 +73,8 @@ where
     ) -> Self {
         let sink = Mutex::new(Sink { on_block, error: None });
         let left = Mutex::new(blocks.to_vec());
-        Self { matrix, partition, blocks, guide, config, left, stopping: AtomicBool::new(false), sink }
+        let (stopping, failed) = (AtomicBool::new(false), AtomicUsize::new(usize::MAX));
+        Self { matrix, partition, blocks, guide, config, left, stopping, failed, sink }
     }
 
     /// Works on all threads of the pool until every block is done or somebody says stop.
@@ -82,47 +94,49 @@ where
 
     fn work(&self) {
         let mut scratch = Scratch::default();
-        while !self.stops() {
-            let Some(block) = self.next() else { return };
-            match self.block(block, &mut scratch) {
+        while !self.stops(usize::MAX) {
+            let Some(taken) = self.next() else { return };
+            match self.block(taken, &mut scratch) {
                 Ok(None) => return,
-                Ok(Some(factors)) => self.deliver(block, factors),
-                Err(error) => self.fail(self.blocks.iter().position(|b| *b == block).unwrap_or(0), error),
+                Ok(Some(factors)) => self.deliver(taken, factors),
+                Err(error) => self.fail(taken.place, error),
             }
         }
     }
 
     /// Takes the next block.
-    fn next(&self) -> Option<u32> {
+    fn next(&self) -> Option<Taken> {
         let mut left = self.left.lock().unwrap_or_else(PoisonError::into_inner);
         if left.is_empty() {
             return None;
         }
-        let place = (self.guide.order)(&left).min(left.len() - 1);
-        Some(left.remove(place))
+        let next = (self.guide.order)(&left).min(left.len() - 1);
+        let place = self.blocks.len() - left.len();
+        Some(Taken { block: left.remove(next), place })
     }
 
-    fn stops(&self) -> bool {
+    /// Whether nobody wants the block that was taken at a place: everybody is told to stop, or one taken earlier has failed.
+    fn stops(&self, place: usize) -> bool {
         let stops = self.stopping.load(Ordering::Relaxed) || !(self.guide.goes_on)();
         if stops {
             self.stopping.store(true, Ordering::Relaxed);
         }
-        stops
+        stops || self.failed.load(Ordering::Relaxed) < place
     }
 
-    fn deliver(&self, block: u32, factors: Vec<BlockFactors>) {
+    fn deliver(&self, Taken { block, place }: Taken, factors: Vec<BlockFactors>) {
         let mut sink = self.sink.lock().unwrap_or_else(PoisonError::into_inner);
-        if !self.stops() && (sink.on_block)(block, factors).is_break() {
+        if !self.stops(place) && (sink.on_block)(block, factors).is_break() {
             self.stopping.store(true, Ordering::Relaxed);
         }
         drop(sink);
-        if !self.stops() {
+        if !self.stops(place) {
             (self.guide.delivered)(block);
         }
     }
 
     fn fail(&self, place: usize, error: CompressError) {
-        self.stopping.store(true, Ordering::Relaxed);
+        self.failed.fetch_min(place, Ordering::Relaxed);
         let mut sink = self.sink.lock().unwrap_or_else(PoisonError::into_inner);
         if sink.error.as_ref().is_none_or(|(earliest, _)| place < *earliest) {
             sink.error = Some((place, error));
@@ -130,7 +144,8 @@ where
     }
 
     /// Samples a block and compresses it; `None` if told to stop.
-    fn block(&self, block: u32, scratch: &mut Scratch) -> Result<Option<Vec<BlockFactors>>, CompressError> {
+    fn block(&self, taken: Taken, scratch: &mut Scratch) -> Result<Option<Vec<BlockFactors>>, CompressError> {
+        let block = taken.block;
         self.partition.bundles(block as usize, &mut scratch.bundles);
         let SamplePlan { min, max, .. } = self.config.samples;
         let has_colors = min <= 1 && max > 1 && parts::has_colors(self.matrix, &scratch.bundles);
@@ -140,19 +155,18 @@ where
         let mut is_done = [false; 2];
         if has_colors {
             for part in parts.iter_mut() {
-                if self.sample(0..1, part).is_break() {
+                if self.sample(taken, 0..1, part).is_break() {
                     return Ok(None);
                 }
             }
             is_done = self.look_across(block, scratch)?;
         }
         for nth in (0..n_parts).filter(|nth| !is_done[*nth]) {
-            let taken = u32::from(has_colors);
-            if self.go_on(block, (nth, taken), scratch)?.is_break() {
+            if self.go_on(taken, (nth, u32::from(has_colors)), scratch)?.is_break() {
                 return Ok(None);
             }
         }
-        self.compress(block, n_parts, scratch)
+        self.compress(taken, n_parts, scratch)
     }
 
     /// Entries of a bundle.
@@ -181,37 +195,37 @@ where
     /// Samples a part that has some samples, twice as much each time, until each half calls the other's samples enough.
     fn go_on(
         &self,
-        block: u32,
-        (nth, mut taken): (usize, u32),
+        taken: Taken,
+        (nth, mut n_samples): (usize, u32),
         scratch: &mut Scratch,
     ) -> Result<ControlFlow<()>, CompressError> {
         let SamplePlan { min, max, .. } = self.config.samples;
         let mut judges = [Judge::default(), Judge::default()];
-        if taken == 0 {
-            taken = min.max(1).min(max);
+        if n_samples == 0 {
+            n_samples = min.max(1).min(max);
             // The first samples come in two parts as well, each of them half of the samples.
-            for samples in [0..taken / 2, taken / 2..taken] {
-                if self.sample(samples, &mut scratch.parts[nth]).is_break() {
+            for samples in [0..n_samples / 2, n_samples / 2..n_samples] {
+                if self.sample(taken, samples, &mut scratch.parts[nth]).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
             }
         }
-        while taken < max {
-            self.look(block, &mut judges, nth, scratch)?;
+        while n_samples < max {
+            self.look(taken.block, &mut judges, nth, scratch)?;
             if !scratch.parts[nth].halves.iter().any(Sums::open) {
                 break;
             }
-            let target = taken.saturating_mul(2).min(max);
-            if self.sample(taken..target, &mut scratch.parts[nth]).is_break() {
+            let target = n_samples.saturating_mul(2).min(max);
+            if self.sample(taken, n_samples..target, &mut scratch.parts[nth]).is_break() {
                 return Ok(ControlFlow::Break(()));
             }
-            taken = target;
+            n_samples = target;
         }
         Ok(ControlFlow::Continue(()))
     }
 
     /// Adds samples, batch by batch. Where nobody looks at them any more, halves that are closed get none.
-    fn sample(&self, samples: Range<u32>, part: &mut Part) -> ControlFlow<()> {
+    fn sample(&self, taken: Taken, samples: Range<u32>, part: &mut Part) -> ControlFlow<()> {
         for sums in &mut part.halves {
             sums.join();
             sums.keep(&mut part.kept);
@@ -221,7 +235,7 @@ where
         while first < samples.end {
             let last = first.saturating_add(self.config.samples.batch).min(samples.end);
             for (half, sums) in [Half::A, Half::B].into_iter().zip(&mut part.halves) {
-                if self.stops() {
+                if self.stops(taken.place) {
                     return ControlFlow::Break(());
                 }
                 if sums.open() || !is_last {
@@ -259,7 +273,7 @@ where
     /// Compresses what was sampled; `None` if told to stop.
     fn compress(
         &self,
-        block: u32,
+        Taken { block, place }: Taken,
         n_parts: usize,
         scratch: &mut Scratch,
     ) -> Result<Option<Vec<BlockFactors>>, CompressError> {
@@ -275,7 +289,7 @@ where
                 let factors = compress_group(&samples, group, self.config, block, &mut scratch.means)?;
                 Ok(BlockFactors { n_samples: counted.mean_samples, ..factors })
             };
-            let wanted = !self.stops();
+            let wanted = !self.stops(place);
             wanted.then(compress).transpose()
         };
         self.config.groups.iter().map(group).collect()

@@ -14,6 +14,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod baked;
 mod cases;
 mod others;
 
@@ -26,6 +27,7 @@ use crate::{
     product::product,
 };
 
+pub use baked::{ASKED, Baked, BakedError, baked};
 pub use cases::{cases, refused};
 pub use others::{condition, rival};
 
@@ -44,7 +46,7 @@ pub struct Case {
     pub rank: usize,
 }
 
-/// What [`compress`](crate::compress()) makes of a case.
+/// What [`compress`](crate::compress()) makes of a case that it is told the rank of; [`Baked`] is what comes of a tolerance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ours {
     /// Components that were kept.
@@ -126,13 +128,7 @@ impl Case {
 pub fn ours(case: &Case) -> Result<Ours, CompressError> {
     let (n_rows, n_cols) = case.truth.shape();
     let halves = case.halves.each_ref().map(row_major);
-    let samples = BlockSamples {
-        halves: halves.each_ref().map(Vec::as_slice),
-        sparse: [&[]; 2],
-        n_cols,
-        bundle_len: case.bundle_len,
-        n_samples: [1; 2],
-    };
+    let samples = samples(case, &halves);
     let tolerance = Tolerance::Rank(case.rank as u32);
     let group = ColumnGroup { columns: 0..n_cols, tolerance, preserved: Vec::new(), share: 1.0 };
     let config = CompressConfig { max_rank: case.rank as u32, ..CompressConfig::default() };
@@ -155,6 +151,17 @@ pub fn ours(case: &Case) -> Result<Ours, CompressError> {
         right: factors.right.data,
         unit: factors.unit,
     })
+}
+
+/// One sample of each row and half.
+fn samples<'a>(case: &Case, halves: &'a [Vec<f32>; 2]) -> BlockSamples<'a> {
+    BlockSamples {
+        halves: halves.each_ref().map(Vec::as_slice),
+        sparse: [&[]; 2],
+        n_cols: case.truth.ncols(),
+        bundle_len: case.bundle_len,
+        n_samples: [1; 2],
+    }
 }
 
 fn row_major(matrix: &DMatrix<f32>) -> Vec<f32> {

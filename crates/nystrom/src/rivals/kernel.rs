@@ -18,14 +18,12 @@ use crate::{
     random::Random,
 };
 
-/// Singular values of `f(W)` up to this share of the largest count as zero.
-const RCOND: f64 = 1e-3;
 /// Powers that are tried.
 const POWERS: [f64; 6] = [1.0, 1.0 / 2.0, 1.0 / 3.0, 1.0 / 4.0, 1.0 / 6.0, 1.0 / 8.0];
 
 pub(super) fn kernel<S: Real>(
     matrix: &DMatrix<S>,
-    gamma: Option<f64>,
+    (gamma, rcond): (Option<f64>, S),
     rank: usize,
     rng: &mut Random,
 ) -> Result<Approximation<S>, MethodError> {
@@ -33,9 +31,9 @@ pub(super) fn kernel<S: Real>(
     let (c, r) = (matrix.select_columns(&columns), matrix.select_rows(&rows));
     let gamma = S::nearest(match gamma {
         Some(gamma) => gamma,
-        None => best_power(&c, &r, &rows, &columns)?,
+        None => best_power(&c, &r, &rows, &columns, rcond)?,
     });
-    let (left, right) = in_powers(&c, &r, &columns, gamma)?;
+    let (left, right) = in_powers(&c, &r, &columns, (gamma, rcond))?;
     Ok(Approximation::root(left, right, gamma))
 }
 
@@ -44,15 +42,20 @@ fn in_powers<S: Real>(
     c: &DMatrix<S>,
     r: &DMatrix<S>,
     columns: &[usize],
-    gamma: S,
+    (gamma, rcond): (S, S),
 ) -> Result<(DMatrix<S>, DMatrix<S>), MethodError> {
     let [c, r] = [c, r].map(|values| values.map(|x| signed_power(x, gamma)));
-    let rcond = S::nearest(RCOND);
     Ok((times_inverse(&c, &r.select_columns(columns), |share| invert_above(share, rcond))?, r))
 }
 
 /// The power by which half of the chosen rows and columns, the other half left out, come nearest to that half.
-fn best_power<S: Real>(c: &DMatrix<S>, r: &DMatrix<S>, rows: &[usize], columns: &[usize]) -> Result<f64, MethodError> {
+fn best_power<S: Real>(
+    c: &DMatrix<S>,
+    r: &DMatrix<S>,
+    rows: &[usize],
+    columns: &[usize],
+    rcond: S,
+) -> Result<f64, MethodError> {
     let half = rows.len().div_ceil(2);
     let (c_half, r_half) = (c.columns(0, half).into_owned(), r.rows(0, half).into_owned());
     let held_out = |left: &DMatrix<S>, right: &DMatrix<S>, gamma: S| {
@@ -66,7 +69,7 @@ fn best_power<S: Real>(c: &DMatrix<S>, r: &DMatrix<S>, rows: &[usize], columns: 
     let mut best = (f64::INFINITY, POWERS[0]);
     for power in POWERS {
         let gamma = S::nearest(power);
-        let (left, right) = in_powers(&c_half, &r_half, &columns[..half], gamma)?;
+        let (left, right) = in_powers(&c_half, &r_half, &columns[..half], (gamma, rcond))?;
         let error = held_out(&left, &right, gamma);
         if error < best.0 {
             best = (error, power);

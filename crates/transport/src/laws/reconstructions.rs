@@ -45,7 +45,7 @@ fn relative(a: &[f32], b: &[f32]) -> f64 {
 
 #[test]
 fn the_picture_of_a_method_without_factors_is_that_of_what_it_makes() {
-    for method in [Method::Kernel { gamma: None }, Method::CompressedSensing] {
+    for method in [Method::KERNEL, Method::CompressedSensing] {
         let (bake, made) = baked(method);
         let light = bake.header.coefficients(&LightRig::default());
         assert_eq!(made.len(), 2);

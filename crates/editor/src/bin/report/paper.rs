@@ -27,7 +27,7 @@ const METHODS: [Method; 7] = [
     Method::Alg2(Core::PseudoInverse { rcond: 1e-2 }),
     Method::Alg3(Core::PseudoInverse { rcond: 1e-2 }),
     Method::Alg4(Core::PseudoInverse { rcond: 1e-2 }),
-    Method::Kernel { gamma: None },
+    Method::KERNEL,
     Method::Svd,
     Method::Projected,
 ];

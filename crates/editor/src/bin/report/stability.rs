@@ -5,7 +5,7 @@ mod answer;
 use anyhow::Result;
 use clerestory_nystrom::Selection;
 use clerestory_nystrom::rivals::{Core, Method};
-use clerestory_nystrom::stress::{cases, condition, ours, refused, rival};
+use clerestory_nystrom::stress::{ASKED, cases, condition, ours, refused, rival};
 
 use super::desk::Desk;
 use answer::{Answer, Measured, figure, refusal};
@@ -27,6 +27,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         answers.push((method, measured.iter().map(both).collect()));
     }
     let mut text = format!("{}\n\n{}", desk.provenance("stability"), own_table(&measured));
+    text += &baked_table(&measured);
     text += &summary(&measured, &answers);
     text += &refusals();
     for (title, selection) in [
@@ -68,11 +69,10 @@ fn own_table(measured: &[Measured]) -> String {
          |---|---|---|---|---|---|---|---|---|\n",
     );
     for of_case in measured {
-        let Measured { case, optimum, ours } = of_case;
+        let Measured { case, optimum, ours, .. } = of_case;
         let norm = case.norm();
         let [optimum, error, allowed, told, packed] =
-            [*optimum, ours.error, case.allowed_beside(*optimum), ours.told, ours.packed_error]
-                .map(|x| if x == 0.0 { "0".into() } else { format!("{:.1e}", x / norm) });
+            [*optimum, ours.error, case.allowed_beside(*optimum), ours.told, ours.packed_error].map(|x| share(x, norm));
         text += &format!(
             "| {} | {} × {} | {} / {} | {optimum} | {error} | {allowed} | {} | {told} | {packed} |\n",
             case.name,
@@ -84,6 +84,30 @@ fn own_table(measured: &[Measured]) -> String {
         );
     }
     text
+}
+
+/// The same cases by all that a bake does.
+fn baked_table(measured: &[Measured]) -> String {
+    let mut text = format!(
+        "\n## Ours, as a bake goes\n\n\
+         Shares of the norm; {ASKED:.1e} is asked for. *Sampled* is what the mean of both halves is off by, *error* what the factors are, *added* what\n\
+         packing says that it adds.\n\n\
+         | case | rank | sampled | error | told by the halves | denoised | unpacked | added | bytes |\n\
+         |---|---|---|---|---|---|---|---|---|\n"
+    );
+    for Measured { case, baked, .. } in measured {
+        let steps = [case.distance(&case.mean()), baked.error, baked.told, baked.denoised, baked.unpacked, baked.added];
+        let [sampled, error, told, denoised, unpacked, added] = steps.map(|x| share(x, case.norm()));
+        text += &format!(
+            "| {} | {} | {sampled} | {error} | {told} | {denoised} | {unpacked} | {added} | {} |\n",
+            case.name, baked.rank, baked.n_bytes
+        );
+    }
+    text
+}
+
+fn share(distance: f64, norm: f64) -> String {
+    if distance == 0.0 { "0".into() } else { format!("{:.1e}", distance / norm) }
 }
 
 fn summary(measured: &[Measured], answers: &[(Method, Vec<[Answer; 2]>)]) -> String {

@@ -82,7 +82,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
 /// As sampled, after the rival if it has an answer, and after ours.
 fn answers(halves: [Picture; 2]) -> Result<[Option<Picture>; 3]> {
     let mean = own::mean_and_noise(&halves).0;
-    let kernel = approximated(&mean, &mean.blocks(1), Method::Kernel { gamma: None }, RANK).ok();
+    let kernel = approximated(&mean, &mean.blocks(1), Method::KERNEL, RANK).ok();
     let sampled = Picture { values: mean.values.clone(), ..mean };
     let unit = mean.peak();
     let subject = Subject::new(mean, Some(halves));

@@ -22,7 +22,7 @@ const TOLERANCES_DB: [f64; 5] = [5.0, 10.0, 15.0, 20.0, 30.0];
 const RANK_DB: f64 = 40.0;
 /// Bytes of a number of a rival: rounding is not held against them.
 const BYTES: f64 = 2.0;
-const KERNEL: Method = Method::Kernel { gamma: None };
+const KERNEL: Method = Method::KERNEL;
 
 /// (dense in single precision over bytes, PSNR in dB).
 type Curve = Vec<[f64; 2]>;

@@ -2,7 +2,7 @@
 
 use anyhow::{Context, Result};
 use clerestory_nystrom::rivals::{Method, MethodError, Real};
-use clerestory_nystrom::stress::{Case, FLOOR, Ours, ours, rival};
+use clerestory_nystrom::stress::{Baked, Case, FLOOR, Ours, baked, ours, rival};
 
 /// What a method made of a case.
 #[derive(Clone, Copy)]
@@ -25,16 +25,19 @@ pub struct Measured {
     pub optimum: f64,
     /// What ours made of it.
     pub ours: Ours,
+    /// What a bake would.
+    pub baked: Baked,
 }
 
 impl Measured {
-    /// Compresses it.
+    /// Compresses it, to its rank and as a bake does.
     ///
     /// # Errors
     /// If ours has no answer.
     pub fn new(case: Case) -> Result<Self> {
         let ours = ours(&case).with_context(|| format!("the case {}", case.name))?;
-        Ok(Self { optimum: case.optimum(), case, ours })
+        let baked = baked(&case).with_context(|| format!("the case {}", case.name))?;
+        Ok(Self { optimum: case.optimum(), case, ours, baked })
     }
 
     /// An error as the tables tell it.
