@@ -207,6 +207,7 @@ impl Bytes {
 fn without_patches(bake: &Bake) -> Bake {
     let (mut header, mut groups) = ((*bake.header).clone(), bake.groups.clone());
     if header.patches.take().is_some() {
+        header.config.patches = 0;
         let n_columns = header.basis.groups.pop().map_or(0, |group| group.columns.len());
         header.column_scale.truncate(header.column_scale.len() - n_columns);
         groups.pop();
@@ -273,4 +274,35 @@ pub(super) fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32
     let next = ray(hit.origin(normal), (aside + normal).normalize_or(normal));
     let free = scene.closest(&next, &mut sampler).map_or(1.0, |hit| hit.t);
     next.origin + next.direction * free * (0.1 + 0.8 * u(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory::headless::GALLERY;
+
+    use super::*;
+
+    #[test]
+    fn a_bake_without_its_patches_is_one_that_never_had_any() {
+        let scene = import::load_bytes("gallery.glb", GALLERY).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 16, height: 12 });
+        let baked = |patches: u32| {
+            let config = BakeConfig { spp: 2, patches, ..BakeConfig::default() };
+            bake(&scene, &camera, film, config).unwrap()
+        };
+        let ((with, spent), (plain, plain_spent)) = (baked(32), baked(0));
+        assert!(spent.learning > 0.0 && spent.lights > 0.0 && plain_spent.walks == 0.0, "{spent:?} {plain_spent:?}");
+        let without = without_patches(&with);
+        assert_eq!((without.groups.len(), with.groups.len()), (plain.groups.len(), plain.groups.len() + 1));
+        let coefficients = plain.header.coefficients(&LightRig::default());
+        assert_eq!(without.header.coefficients(&LightRig::default()), coefficients);
+        assert_eq!(relit(&without, &coefficients), relit(&plain, &coefficients));
+        let n_bytes = |bake: &Bake| {
+            let packed = bake.packed.as_ref().unwrap();
+            packed.iter().flatten().map(PackedMatrix::n_bytes).sum::<usize>()
+        };
+        assert_eq!(n_bytes(&without), n_bytes(&plain));
+        assert!(n_bytes(&with) > n_bytes(&plain));
+    }
 }

@@ -170,7 +170,7 @@ impl Told {
             | scene | patches | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
             | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
             ### Place by place, {DEFAULT_PATCHES} patches\n\n\
-            *In the worst* is the share of the squared error that stands in the same few pixels (15 of 64 × 48); a share of more than all says that the others \
+            *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \
             have less than no error beside noise.\n\n\
             | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR |\n|---|---|---|---|---|---|---|---|\n{}\n\
             ### Goals, {DEFAULT_PATCHES} patches\n\n\
@@ -181,6 +181,7 @@ impl Told {
             100.0 * super::places::WORST,
             desk.load_words(),
             self.rows,
+            100.0 * super::places::WORST,
             self.places,
         )
     }
