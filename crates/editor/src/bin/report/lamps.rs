@@ -1,37 +1,45 @@
 //! Lamps that no bake knew: what patches and live light make of them, against traced pictures of the same lamps.
 
-use std::ops::ControlFlow;
+pub mod live;
+pub mod places;
+pub mod spent;
+pub mod tables;
+mod twins;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use clerestory::look::sky;
+use clerestory_nystrom::PackedMatrix;
 use clerestory_transport::archive;
-use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
+use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
-use clerestory_transport::patches::DEFAULT_PATCHES;
+use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::{Sampler, uniform_hash};
 use clerestory_transport::sky::{SkyForm, SkyLight};
 use clerestory_transport::trace::TraceConfig;
-use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::{Vec2, Vec3};
 
+use self::live::View;
+use self::places::{Pictures, Place, height_m};
+use self::spent::{Spent, bake};
+use self::tables::{Bytes, Goals, Told};
 use super::desk::Desk;
 use super::rendered::rendered;
 
 /// Strength of the lamp, lm.
 const LUMEN: f32 = 1500.0;
-/// Passes of the live light that is held against a reference.
-const PASSES: u32 = 64;
-/// Noise of a reference of the indirect light, beyond which its place says nothing.
-const MOST_NOISE: f64 = 0.5;
+/// Widths of the pictures: those that are held against references, and those whose bake is timed.
+const WIDTHS: [u32; 2] = [64, 320];
+/// Samples per pixel of a bake of each width.
+const BAKE_SPP: [u32; 2] = [256, 32];
 
 /// A scene in which a lamp is moved.
 pub(super) struct Case {
@@ -40,41 +48,19 @@ pub(super) struct Case {
     pub has_sky: bool,
 }
 
-/// What was measured at the places of a lamp.
-#[derive(Default)]
-struct Errors {
-    /// Places whose indirect light drowns in the noise of its references.
-    n_drowned: u32,
-    /// Relative L2 of the indirect light, and of the reference's own noise, of each place.
-    indirect: Vec<[f64; 2]>,
-    /// Share of the indirect light that is found, of each place.
-    energy: Vec<f64>,
-    /// PSNR of the whole picture and of the reference's noise, of each place, dB.
-    psnr: Vec<[f64; 2]>,
-}
-
-/// A table of scenes.
+/// Tables of scenes.
 pub fn write(desk: &Desk) -> Result<String> {
-    let mut table = String::new();
+    let (mut tables, mut goals) = (Told::default(), Vec::new());
     for case in cases(desk) {
         desk.say(&format!("lamps in {}", case.name));
-        let measured = || measure(desk, &case).with_context(|| format!("cannot move lamps in {}", case.name));
-        let rows: String = desk.part("lamps", case.name, measured)?;
-        table += &rows;
+        let why = || format!("cannot move lamps in {}", case.name);
+        let told: Told = desk.part("lamps", case.name, || measure(desk, &case).with_context(why))?;
+        let wide = || timed(desk, &case).with_context(why);
+        let spent: Spent = desk.part("lamps", &format!("{}, timed", case.name), wide)?;
+        goals.push((case.name, told.goals.clone(), spent));
+        tables.add(&told);
     }
-    Ok(format!(
-        "## Lamps that were added\n\n\
-        A point lamp of 1500 lm at places that no bake knew. The picture is the baked light of the file, plus the lamp's \
-        direct light at what is seen and at what narrow lobes show there, plus what the patches make of its irradiance. It is held \
-        against two independent traced pictures of the same look, direct light taken off by two independent live pictures, so that \
-        their noise does not count as error; how large the noise of their mean is stands beside it. Places whose indirect light drowns in \
-        that noise (more than half of it) are counted and left out of its columns. Medians (and the worst) over the places. Energy is the sum of the indirect light over that \
-        of the reference. The peak of PSNR is the 99.5 percentile of the whole. Bytes of patches are those of their columns' blocks, and \
-        of their table. Seconds by the clock, one bake each. {}\n\n\
-        | scene | places | drowned | indirect L2 | noise | energy, least to most | whole PSNR | noise | patches | columns | bytes without \
-        | of patches | bake without | of patches |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{table}",
-        desk.load_words(),
-    ))
+    Ok(tables.page(&goals, desk))
 }
 
 pub(super) fn cases(desk: &Desk) -> Vec<Case> {
@@ -107,11 +93,16 @@ fn uniform_sky() -> Result<SkyLight> {
     setting.light(None).context("no sky")
 }
 
-/// Lamps of a scene, the light that belongs to it, and two traced pictures of each.
+/// Lamps of a scene, the light that belongs to it, and two traced and live pictures of each.
 struct Traced {
     lamps: Vec<PreparedLamps>,
+    heights_m: Vec<f32>,
     of_lamps: Vec<[Vec<f32>; 2]>,
     of_file: [Vec<f32>; 2],
+    twins: Vec<twins::Twin>,
+    /// With narrow lobes, those of the twins behind those of the lamps; and the direct light of the lamps alone.
+    live: [Vec<Vec<f32>>; 2],
+    direct: [Vec<Vec<f32>>; 2],
 }
 
 impl Traced {
@@ -119,85 +110,124 @@ impl Traced {
         let (n_places, spp) = desk.choose((3, 256), (10, 2048));
         let coefficients = scene.lighting.basis.project(&LightRig::default());
         let of_file = traced(scene, film, &coefficients, spp, [1, 2])?;
-        let (mut lamps, mut of_lamps) = (Vec::new(), Vec::new());
+        let (mut lamps, mut heights_m, mut of_lamps) = (Vec::new(), Vec::new(), Vec::new());
         for nth in 0..n_places {
-            let own = point_lamp(place(scene, camera, film, nth))?;
+            let at = place(scene, camera, film, nth);
+            let own = point_lamp(at)?;
             let (mut lit, _) = prepared(&case.path, false)?;
             own.install(&mut lit)?;
             let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
             let last = lit.lighting.basis.sources.last().context("no lamp")?;
             coefficients[last.columns.start as usize] = (last.color * last.strength).to_array();
             of_lamps.push(traced(&lit, film, &coefficients, spp, [3, 4])?);
+            heights_m.push(height_m(&scene.scene.mesh, at));
             lamps.push(own);
         }
-        Ok(Traced { lamps, of_lamps, of_file })
+        let (twins, view) = (twins::find(scene)?, View { scene, camera, film, n_samples: spp });
+        let own: Vec<&PreparedLamps> = lamps.iter().collect();
+        let all: Vec<&PreparedLamps> = own.iter().copied().chain(twins.iter().map(|twin| &twin.free)).collect();
+        let live = [view.live(&all, 1, NARROW_ALPHA)?, view.live(&all, 2, NARROW_ALPHA)?];
+        let direct = [view.live(&own, 3, 0.0)?, view.live(&own, 4, 0.0)?];
+        Ok(Traced { lamps, heights_m, of_lamps, of_file, twins, live, direct })
+    }
+
+    /// What a bake makes of the lamps.
+    fn places(&self, scene: &PreparedScene, bake: &Bake) -> Result<Vec<Place>> {
+        let patches = bake.header.patches.as_ref().context("no patches")?;
+        ensure!(patches.narrow_alpha() == NARROW_ALPHA, "patches leave out other lobes than the live light shows");
+        let own = relit(bake, &bake.header.coefficients(&LightRig::default()));
+        let place = |nth: usize| {
+            let indirect = relit(bake, &of_patches(bake, self.lamps[nth].light_on_patches(scene, patches)));
+            let pictures = Pictures {
+                of_patches: &indirect,
+                live: [&self.live[0][nth], &self.live[1][nth]],
+                direct: [&self.direct[0][nth], &self.direct[1][nth]],
+                references: self.of_lamps[nth].each_ref().map(Vec::as_slice),
+                own: &own,
+                own_references: self.of_file.each_ref().map(Vec::as_slice),
+            };
+            pictures.place(self.heights_m[nth])
+        };
+        Ok((0..self.lamps.len()).map(place).collect())
+    }
+
+    /// Lamps of the file exchanged for free ones, dB of each.
+    fn exchanged_db(&self, scene: &PreparedScene, bake: &Bake) -> Result<Vec<f64>> {
+        let first = self.lamps.len();
+        let db = |(nth, twin): (usize, &twins::Twin)| {
+            twin.db(scene, bake, [&self.live[0][first + nth], &self.live[1][first + nth]])
+        };
+        self.twins.iter().enumerate().map(db).collect()
     }
 }
 
-fn measure(desk: &Desk, case: &Case) -> Result<String> {
+fn measure(desk: &Desk, case: &Case) -> Result<Told> {
     let (scene, camera) = prepared(&case.path, case.has_sky)?;
     let scene = Arc::new(scene);
-    let film = Film::of_width(64, &camera);
-    let bake_spp = desk.choose(64, 256);
+    let film = Film::of_width(WIDTHS[0], &camera);
     let traced = Traced::find(desk, case, (&scene, &camera, film))?;
-    let (plain, plain_secs) = bake(&scene, &camera, film, bake_spp, 0)?;
-    let mut rows = String::new();
+    let mut told = Told::default();
     for n_patches in desk.choose(&[DEFAULT_PATCHES][..], &[1024, 2048, DEFAULT_PATCHES]) {
-        let (bake, secs) = bake(&scene, &camera, film, bake_spp, *n_patches)?;
+        let config = BakeConfig { spp: desk.choose(64, BAKE_SPP[0]), patches: *n_patches, ..BakeConfig::default() };
+        let (bake, spent) = bake(&scene, &camera, film, config)?;
+        let (places, bytes) = (traced.places(&scene, &bake)?, Bytes::of(desk, &bake)?);
         let patches = bake.header.patches.as_ref().context("no patches")?;
-        let own = relit(&bake, &bake.header.coefficients(&LightRig::default()));
-        let mut errors = Errors::default();
-        for (lamps, references) in traced.lamps.iter().zip(&traced.of_lamps) {
-            let mut of_bake: Vec<Vec<[f32; 3]>> =
-                bake.header.basis.groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
-            if let Some(of_patches) = of_bake.last_mut() {
-                *of_patches = lamps.light_on_patches(&scene, patches);
-            }
-            let [first, second] = [1, 2].map(|seed| direct(&scene, &camera, film, lamps, (seed, 0.0)));
-            let shown = direct(&scene, &camera, film, lamps, (1, patches.narrow_alpha()))?;
-            let directs = [first?, second?];
-            let mut indirect = relit(&bake, &of_bake);
-            let shown = shown.iter().zip(&directs[0]).map(|(all, direct)| all - direct);
-            indirect.iter_mut().zip(shown).for_each(|(sum, shown)| *sum += shown);
-            errors.add(&indirect, &directs, &own, references, &traced.of_file);
+        told.add_row(case.name, &places, (patches, bytes, spent));
+        desk.say(&format!("{} with {} patches: {places:.3?}", case.name, patches.n_patches()));
+        if *n_patches == DEFAULT_PATCHES {
+            told.add_places(case.name, &places);
+            told.goals = Goals::of(&places, traced.exchanged_db(&scene, &bake)?);
         }
-        let [file_mib, plain_mib] = [file_mib(desk, &bake)?, file_mib(desk, &plain)?];
-        rows += &format!(
-            "| {} | {} | {} | {} | {} | {:.2} MiB | {:.2} MiB | {plain_secs:.1} s | {:.1} s |\n",
-            case.name,
-            traced.lamps.len(),
-            errors.words(),
-            patches.n_patches(),
-            patches.n_columns(),
-            plain_mib,
-            file_mib - plain_mib,
-            secs - plain_secs,
-        );
-        desk.say(&format!("{} with {} patches: {:.3?}", case.name, patches.n_patches(), errors.indirect));
     }
-    Ok(rows)
+    Ok(told)
 }
 
-/// Size of a bake as a file, MiB.
-fn file_mib(desk: &Desk, bake: &Bake) -> Result<f64> {
-    let path = desk.file("lamps.transport");
-    archive::write(bake, Path::new(&path))?;
-    Ok(std::fs::metadata(path)?.len() as f64 / f64::from(1 << 20))
+/// CPU seconds of a bake that is large enough for what patches learn to count as it does in bakes for people.
+fn timed(desk: &Desk, case: &Case) -> Result<Spent> {
+    let (scene, camera) = prepared(&case.path, case.has_sky)?;
+    let film = Film::of_width(desk.choose(WIDTHS[0], WIDTHS[1]), &camera);
+    let config = BakeConfig { spp: desk.choose(16, BAKE_SPP[1]), patches: DEFAULT_PATCHES, ..BakeConfig::default() };
+    Ok(bake(&Arc::new(scene), &camera, film, config)?.1)
 }
 
-pub(super) fn bake(
-    scene: &Arc<PreparedScene>,
-    camera: &Camera,
-    film: Film,
-    spp: u32,
-    patches: u32,
-) -> Result<(Bake, f64)> {
-    let config = BakeConfig { spp, patches, ..BakeConfig::default() };
-    let (passes, irradiance) = (Passes::FinalOnly, Vec::new());
-    let job = BakeJob { scene: scene.clone(), camera: camera.clone(), film, config, passes, irradiance };
-    let begun = Instant::now();
-    let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stopped it")?;
-    Ok((bake, begun.elapsed().as_secs_f64()))
+impl Bytes {
+    /// Of the files of a bake, and of the same without its patches.
+    fn of(desk: &Desk, bake: &Bake) -> Result<Bytes> {
+        let size = |bake: &Bake| {
+            let path = desk.file("lamps.transport");
+            archive::write(bake, Path::new(&path))?;
+            Ok::<_, anyhow::Error>(std::fs::metadata(path)?.len())
+        };
+        let (all, without) = (size(bake)?, size(&without_patches(bake))?);
+        Ok(Bytes { without, of_patches: all - without })
+    }
+}
+
+/// The same bake as if nobody had asked for patches: its other columns do not depend on them.
+fn without_patches(bake: &Bake) -> Bake {
+    let (mut header, mut groups) = ((*bake.header).clone(), bake.groups.clone());
+    if header.patches.take().is_some() {
+        header.config.patches = 0;
+        let n_columns = header.basis.groups.pop().map_or(0, |group| group.columns.len());
+        header.column_scale.truncate(header.column_scale.len() - n_columns);
+        groups.pop();
+    }
+    let n_groups = groups.len();
+    let packed = bake.packed.as_ref().map(|packed| {
+        let of_lights = |groups: &Vec<PackedMatrix>| groups[..n_groups].to_vec();
+        Arc::new(packed.iter().map(of_lights).collect())
+    });
+    Bake { header: Arc::new(header), groups, irradiance: Vec::new(), packed }
+}
+
+/// Coefficients of a bake under nothing but the light of its patches.
+fn of_patches(bake: &Bake, light: Vec<[f32; 3]>) -> Vec<Vec<[f32; 3]>> {
+    let groups = &bake.header.basis.groups;
+    let mut coefficients: Vec<_> = groups.iter().map(|group| vec![[0.0; 3]; group.columns.len()]).collect();
+    if let Some(last) = coefficients.last_mut() {
+        *last = light;
+    }
+    coefficients
 }
 
 /// Two path-traced pictures with seeds of their own.
@@ -207,26 +237,8 @@ fn traced(scene: &PreparedScene, film: Film, light: &[[f32; 3]], spp: u32, seeds
     Ok([a?, b?])
 }
 
-fn direct(
-    scene: &PreparedScene,
-    camera: &Camera,
-    film: Film,
-    lamps: &PreparedLamps,
-    (seed, narrow_alpha): (u64, f32),
-) -> Result<Vec<f32>> {
-    let config = VisibleConfig { samples: PASSES, seed, narrow_alpha, ..VisibleConfig::default() };
-    let points = VisiblePoints::new(scene, camera, film, config, &|| false);
-    let points = points.context("nobody stopped it")?;
-    let mut sum = vec![0.0; 3 * film.n_pixels()];
-    for pass in 0..PASSES {
-        let picture = points.direct(scene, lamps, pass, &|| false).context("nobody stopped it")?;
-        sum.iter_mut().zip(picture.iter().flatten()).for_each(|(sum, value)| *sum += value / PASSES as f32);
-    }
-    Ok(sum)
-}
-
 /// The picture of a bake under coefficients.
-fn relit(bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Vec<f32> {
+pub(super) fn relit(bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Vec<f32> {
     let mut picture = vec![0.0; 3 * (bake.header.width * bake.header.height) as usize];
     for (group, coefficients) in bake.groups.iter().zip(coefficients) {
         for channel in 0..3 {
@@ -236,75 +248,6 @@ fn relit(bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Vec<f32> {
         }
     }
     picture
-}
-
-impl Errors {
-    /// The lamp's own light (`indirect`, two of `directs` and of references) and that of the file (`own`, two references).
-    fn add(
-        &mut self,
-        indirect: &[f32],
-        directs: &[Vec<f32>; 2],
-        own: &[f32],
-        references: &[Vec<f32>; 2],
-        own_references: &[Vec<f32>; 2],
-    ) {
-        let [mut off, mut light, mut noise, mut whole_off, mut whole_noise] = [0.0f64; 5];
-        let [mut found, mut there] = [0.0f64; 2];
-        let mut whole: Vec<f32> = Vec::with_capacity(own.len());
-        for at in 0..own.len() {
-            let [a, b] = [0, 1].map(|half| f64::from(references[half][at] - directs[half][at]));
-            let x = f64::from(indirect[at]);
-            off += (x - a) * (x - b);
-            light += a * b;
-            (found, there) = (found + x, there + 0.5 * (a + b));
-            noise += 0.25 * (a - b).powi(2);
-            let [own_a, own_b] = [0, 1].map(|half| f64::from(own_references[half][at]));
-            let (picture, a, b) = (x + f64::from(own[at]), a + own_a, b + own_b);
-            whole_off += (picture - a) * (picture - b);
-            whole_noise += 0.25 * (a - b).powi(2);
-            whole.push(0.5 * (a + b) as f32 + directs[0][at]);
-        }
-        whole.sort_by(f32::total_cmp);
-        let peak = f64::from(whole[whole.len() * 995 / 1000]);
-        let db = |sum: f64| 10.0 * (peak * peak * whole.len() as f64 / sum.max(1e-12 * peak * peak)).log10();
-        self.psnr.push([db(whole_off), db(whole_noise)]);
-        if noise > MOST_NOISE * MOST_NOISE * light {
-            self.n_drowned += 1;
-            return;
-        }
-        self.indirect.push([off.max(0.0), noise].map(|sum| (sum / light).sqrt()));
-        self.energy.push(found / there);
-    }
-
-    fn words(&self) -> String {
-        let sorted = |values: &[[f64; 2]], which: usize| {
-            let mut values: Vec<f64> = values.iter().map(|value| value[which]).collect();
-            values.sort_by(f64::total_cmp);
-            values
-        };
-        let percents = |which: usize| {
-            let values = sorted(&self.indirect, which);
-            let Some(worst) = values.last() else { return "not measured".to_string() };
-            format!("{:.1} % ({:.1} %)", 100.0 * values[values.len() / 2], 100.0 * worst)
-        };
-        let decibels = |which: usize| {
-            let values = sorted(&self.psnr, which);
-            values
-                .first()
-                .map(|worst| format!("{:.1} dB ({worst:.1} dB)", values[values.len() / 2]))
-                .unwrap_or_default()
-        };
-        let lowest = self.energy.iter().copied().fold(f64::INFINITY, f64::min);
-        let highest = self.energy.iter().copied().fold(0.0, f64::max);
-        format!(
-            "{} | {} | {} | {lowest:.3} to {highest:.3} | {} | {}",
-            self.n_drowned,
-            percents(0),
-            percents(1),
-            decibels(0),
-            decibels(1),
-        )
-    }
 }
 
 pub(super) fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
@@ -331,4 +274,35 @@ pub(super) fn place(scene: &PreparedScene, camera: &Camera, film: Film, nth: u32
     let next = ray(hit.origin(normal), (aside + normal).normalize_or(normal));
     let free = scene.closest(&next, &mut sampler).map_or(1.0, |hit| hit.t);
     next.origin + next.direction * free * (0.1 + 0.8 * u(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory::headless::GALLERY;
+
+    use super::*;
+
+    #[test]
+    fn a_bake_without_its_patches_is_one_that_never_had_any() {
+        let scene = import::load_bytes("gallery.glb", GALLERY).unwrap().scene;
+        let scene = Arc::new(PreparedScene::new(scene, &[]).unwrap().0);
+        let (camera, film) = (scene.scene.cameras[0].clone(), Film { width: 16, height: 12 });
+        let baked = |patches: u32| {
+            let config = BakeConfig { spp: 2, patches, ..BakeConfig::default() };
+            bake(&scene, &camera, film, config).unwrap()
+        };
+        let ((with, spent), (plain, plain_spent)) = (baked(32), baked(0));
+        assert!(spent.learning > 0.0 && spent.lights > 0.0 && plain_spent.walks == 0.0, "{spent:?} {plain_spent:?}");
+        let without = without_patches(&with);
+        assert_eq!((without.groups.len(), with.groups.len()), (plain.groups.len(), plain.groups.len() + 1));
+        let coefficients = plain.header.coefficients(&LightRig::default());
+        assert_eq!(without.header.coefficients(&LightRig::default()), coefficients);
+        assert_eq!(relit(&without, &coefficients), relit(&plain, &coefficients));
+        let n_bytes = |bake: &Bake| {
+            let packed = bake.packed.as_ref().unwrap();
+            packed.iter().flatten().map(PackedMatrix::n_bytes).sum::<usize>()
+        };
+        assert_eq!(n_bytes(&without), n_bytes(&plain));
+        assert!(n_bytes(&with) > n_bytes(&plain));
+    }
 }

@@ -1,25 +1,35 @@
 //! What a picture takes after a lamp has moved.
 
+mod whole;
+
+use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clerestory_relight::gpu::{DeviceChoice, Gpu, Lamplight, LitSample, TreeWords};
+use clerestory_transport::bake::{Bake, BakeConfig, Indirect};
 use clerestory_transport::camera::{Camera, Film};
-use clerestory_transport::lamps::{LampShape, PreparedLamps};
+use clerestory_transport::lamps::{FreeLamp, LampShape, PreparedLamps};
 use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::visible::{VisibleConfig, VisiblePoints};
 use glam::Vec3;
 
+use self::whole::Window;
 use super::desk::Desk;
-use super::lamps::{bake, cases, lamp, place, prepared};
+use super::lamps::places::median;
+use super::lamps::spent::bake;
+use super::lamps::tables::Goal;
+use super::lamps::{cases, lamp, place, prepared};
 
 /// Size of the picture whose steps are timed.
 const STEP: Film = Film { width: 1024, height: 768 };
 /// Steps that are timed, the median counts.
 const STEPS: u32 = 7;
-/// Width of the bake whose patches are lit.
-const SMALL: u32 = 32;
+/// Samples per pixel of the bake that is relit.
+const SPP: u32 = 4;
+/// Milliseconds that a whole picture may take, by the CPU and with a graphics device.
+const GOALS_MS: [f64; 2] = [150.0, 16.0];
 
 /// A table of scenes and lamps.
 ///
@@ -33,10 +43,14 @@ pub fn write(desk: &Desk) -> Result<String> {
     let table = table(desk, gpu.as_ref())?;
     Ok(format!(
         "## Steps of a moved lamp\n\n\
-         A step is one whole picture of 1024 × 768 after a lamp has moved: one sample of each pixel, and the irradiance of\n\
-         all patches; medians. Shadow rays that nothing needs are not cast. `device` is the same direct light by a kernel on the graphics\n\
-         device, the way back to memory and what it leaves to the CPU included; none where light comes through solid panes.\n\
+         *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
+         all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; the threads that do it go on to refine\n\
+         the lamp's light as they do there. Goals: {} ms on the CPU, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians. Shadow rays that nothing needs\n\
+         are not cast. `device` is the direct light by a kernel on the graphics device, the way back to memory and what it leaves to the CPU included; none where light\n\
+         comes through solid panes.\n\
          {device} {}\n\n{table}",
+        GOALS_MS[0],
+        GOALS_MS[1],
         desk.load_words(),
     ))
 }
@@ -46,77 +60,74 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// # Errors
 /// As [`write()`].
 pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
-    let mut text = "| scene | lamp | direct | shadow rays | rays a second | patches | device | left to the CPU |\n\
-        |---|---|---|---|---|---|---|---|\n"
+    let mut text = "| scene | lamp | whole, CPU | whole, with the device | direct | shadow rays | rays a second | patches | device | left to the CPU |\n\
+        |---|---|---|---|---|---|---|---|---|---|\n"
         .to_string();
     for case in cases(desk) {
         desk.say(&format!("steps in {}", case.name));
         let (scene, camera) = prepared(&case.path, case.has_sky)?;
-        let scene = std::sync::Arc::new(scene);
-        let (bake, _) = bake(&scene, &camera, Film::of_width(SMALL, &camera), 1, DEFAULT_PATCHES)?;
-        let patches = bake.header.patches.as_ref().context("no patches")?;
-        text += &rows(case.name, &scene, &camera, gpu, &|lamps| {
-            std::hint::black_box(lamps.light_on_patches(&scene, patches));
-        })?;
+        let scene = Arc::new(scene);
+        let config =
+            BakeConfig { spp: SPP, patches: DEFAULT_PATCHES, indirect: Indirect::Shared, ..BakeConfig::default() };
+        let (bake, _) = bake(&scene, &camera, STEP, config)?;
+        text += &rows(case.name, (&scene, &camera), &bake, gpu)?;
     }
     Ok(text)
 }
 
 /// Rows of a scene.
-fn rows(
-    name: &str,
-    scene: &PreparedScene,
-    camera: &Camera,
-    gpu: Option<&Gpu>,
-    patches: &dyn Fn(&PreparedLamps),
-) -> Result<String> {
-    let points = VisiblePoints::new(
-        scene,
-        camera,
-        STEP,
-        VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() },
-        &|| false,
-    );
-    let points = points.context("nobody stopped it")?;
+fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake, gpu: Option<&Gpu>) -> Result<String> {
+    let config = VisibleConfig { narrow_alpha: NARROW_ALPHA, samples: 1, ..VisibleConfig::default() };
+    let points = VisiblePoints::new(scene, camera, STEP, config, &|| false).context("nobody stopped it")?;
     let device = gpu.map(|gpu| Device::new(gpu, scene, &points)).transpose()?.flatten();
+    let patches = bake.header.patches.as_ref().context("no patches")?;
     let mut rows = String::new();
     for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {
+        let moved = |nth: u32| lamp(shape.clone(), place(scene, camera, STEP, 0) + Vec3::X * 0.01 * nth as f32);
+        let whole = whole_cells(Window::new(bake, scene, camera, None)?, &moved, Some(GOALS_MS[0]))?;
+        let with_device = gpu.map_or(Ok("—".into()), |gpu| {
+            let goal_ms = (!gpu.is_software()).then_some(GOALS_MS[1]);
+            whole_cells(Window::new(bake, scene, camera, Some(gpu))?, &moved, goal_ms)
+        })?;
         let (mut direct_ms, mut patch_ms, mut device_ms, mut n_rays, mut n_left) = (vec![], vec![], vec![], 0, 0);
         for nth in 0..STEPS {
-            let at = place(scene, camera, STEP, 0) + Vec3::X * 0.01 * nth as f32;
-            let lamps = PreparedLamps::new(&[lamp(shape.clone(), at)], None)?.0;
-            let (before, begun) = (points.n_rays(), Instant::now());
-            std::hint::black_box(points.direct(scene, &lamps, 0, &|| false));
-            direct_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+            let lamps = PreparedLamps::new(&[moved(nth)], None)?.0;
+            let before = points.n_rays();
+            direct_ms.push(timed_ms(|| points.direct(scene, &lamps, 0, &|| false)));
             n_rays = points.n_rays() - before;
-            let begun = Instant::now();
-            patches(&lamps);
-            patch_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+            patch_ms.push(timed_ms(|| lamps.light_on_patches(scene, patches)));
             if let Some(device) = &device {
                 let begun = Instant::now();
                 n_left = device.step(scene, &points, &lamps)?;
                 device_ms.push(begun.elapsed().as_secs_f64() * 1e3);
             }
         }
-        let median = |times: &mut Vec<f64>| {
-            times.sort_by(f64::total_cmp);
-            times[times.len() / 2]
-        };
-        let (direct, of_patches) = (median(&mut direct_ms), median(&mut patch_ms));
-        let on_device = match device_ms.is_empty() {
-            true => "— | —".to_string(),
-            false => {
-                let share = n_left as f64 / STEP.n_pixels() as f64;
-                format!("{:.0} ms | {:.1} %", median(&mut device_ms), 100.0 * share)
-            }
-        };
+        let [direct, of_patches] = [direct_ms, patch_ms].map(|times| median(&times).unwrap_or(f64::NAN));
+        let on_device = median(&device_ms).map_or("— | —".to_string(), |ms| {
+            format!("{ms:.0} ms | {:.1} %", 100.0 * n_left as f64 / STEP.n_pixels() as f64)
+        });
         rows += &format!(
-            "| {name} | {} | {direct:.0} ms | {n_rays} | {:.1} M | {of_patches:.0} ms | {on_device} |\n",
+            "| {name} | {} | {whole} | {with_device} | {direct:.0} ms | {n_rays} | {:.1} M | {of_patches:.0} ms | {on_device} |\n",
             shape.name(),
             n_rays as f64 / direct / 1e3,
         );
     }
     Ok(rows)
+}
+
+fn timed_ms<T>(work: impl FnOnce() -> T) -> f64 {
+    let begun = Instant::now();
+    std::hint::black_box(work());
+    begun.elapsed().as_secs_f64() * 1e3
+}
+
+/// The median of the steps of a lamp in the window, and whether it keeps its goal, if it has one.
+fn whole_cells(mut window: Window, moved: &dyn Fn(u32) -> FreeLamp, goal_ms: Option<f64>) -> Result<String> {
+    // The first step looks at the scene and takes the bake over.
+    window.step(moved(STEPS))?;
+    let ms = (0..STEPS).map(|nth| Ok(1e3 * window.step(moved(nth))?)).collect::<Result<Vec<f64>>>()?;
+    let ms = median(&ms).context("no step was timed")?;
+    Ok(goal_ms.map_or(format!("{ms:.0} ms"), |goal| format!("{ms:.0} ms, {}", Goal::Most(goal).word(ms))))
 }
 
 /// What pixels see, on the graphics device.

@@ -1,0 +1,241 @@
+//! Errors of the indirect light of lamps at their places.
+
+use clerestory_transport::scene::Mesh;
+use glam::Vec3;
+
+use crate::errors::{decibels, quantile};
+
+/// Noise of a reference of the indirect light, beyond which its place says nothing.
+const MOST_NOISE: f64 = 0.5;
+/// Share of the pixels that count as the worst.
+pub const WORST: f64 = 0.005;
+
+/// A lamp's light at one place, and that of the file, nit; those of two are independent of each other.
+pub struct Pictures<'a> {
+    /// What patches make of the lamp's light.
+    pub of_patches: &'a [f32],
+    /// What of it is found anew: the direct light, and what narrow lobes show.
+    pub live: [&'a [f32]; 2],
+    /// The direct light alone.
+    pub direct: [&'a [f32]; 2],
+    /// The lamp's light as it is traced.
+    pub references: [&'a [f32]; 2],
+    /// The light of the file as it was baked.
+    pub own: &'a [f32],
+    /// The same as it is traced.
+    pub own_references: [&'a [f32]; 2],
+}
+
+/// What was measured at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Height above the nearest surface, m.
+    pub height_m: f32,
+    /// Relative L2 of the indirect light, of all pixels and without the worst; `None` where the light drowns in the noise of
+    /// its references.
+    pub l2: Option<[f64; 2]>,
+    /// Relative L2 of what is left of that noise.
+    pub noise: f64,
+    /// Share of the indirect light that is found.
+    pub energy: f64,
+    /// Share of the error that stands in the worst pixels; `None` where no error is left beside the noise.
+    pub in_worst: Option<f64>,
+    /// PSNR of the whole picture, and of the noise of its references, dB.
+    pub psnr_db: [f64; 2],
+}
+
+/// Pixels that count as the worst.
+pub fn n_worst(n_pixels: usize) -> usize {
+    ((n_pixels as f64 * WORST) as usize).max(1)
+}
+
+impl Pictures<'_> {
+    /// How far off the lamp's light is, in each of two independent ways: patches and live light against a traced picture.
+    fn off(&self, at: usize) -> [f64; 2] {
+        [0, 1].map(|half| f64::from(self.of_patches[at]) + self.live(half, at) - f64::from(self.references[half][at]))
+    }
+
+    fn live(&self, half: usize, at: usize) -> f64 {
+        f64::from(self.live[half][at])
+    }
+
+    fn direct(&self, half: usize, at: usize) -> f64 {
+        f64::from(self.direct[half][at])
+    }
+
+    /// Squared errors and squares of the indirect light, pixel by pixel, the worst first.
+    fn squares(&self) -> Vec<[f64; 2]> {
+        let of_value = |at: usize| {
+            let [off_a, off_b] = self.off(at);
+            let [a, b] = [0, 1].map(|half| f64::from(self.references[half][at]) - self.direct(half, at));
+            [off_a * off_b, a * b]
+        };
+        let n_pixels = self.of_patches.len() / 3;
+        let add = |[a, b]: [f64; 2], [c, d]: [f64; 2]| [a + c, b + d];
+        let mut squares: Vec<[f64; 2]> =
+            (0..n_pixels).map(|pixel| (3 * pixel..3 * pixel + 3).map(of_value).fold([0.0; 2], add)).collect();
+        squares.sort_by(|[a, _], [b, _]| b.total_cmp(a));
+        squares
+    }
+
+    /// Measures a place.
+    pub fn place(&self, height_m: f32) -> Place {
+        let squares = self.squares();
+        let (worst, rest) = squares.split_at(n_worst(squares.len()));
+        let sum = |squares: &[[f64; 2]], which: usize| squares.iter().map(|square| square[which]).sum::<f64>();
+        let (of_worst, of_rest) = (sum(worst, 0), sum(rest, 0));
+        let (off, light) = (of_worst + of_rest, sum(&squares, 1));
+        let [mut noise, mut found, mut there] = [0.0; 3];
+        for at in 0..self.of_patches.len() {
+            let [a, b] = [0, 1].map(|half| f64::from(self.references[half][at]) - self.direct(half, at));
+            let shown = [0, 1].map(|half| self.live(half, at) - self.direct(half, at));
+            noise += 0.25 * (a - b).powi(2);
+            found += f64::from(self.of_patches[at]) + 0.5 * (shown[0] + shown[1]);
+            there += 0.5 * (a + b);
+        }
+        let is_seen = light > 0.0 && noise <= MOST_NOISE * MOST_NOISE * light;
+        let l2 = |off: f64, light: f64| (off.max(0.0) / light).sqrt();
+        Place {
+            height_m,
+            l2: is_seen.then(|| [l2(off, light), l2(of_rest, sum(rest, 1))]),
+            noise: l2(noise, light.max(0.0)),
+            energy: found / there,
+            in_worst: (off > 0.0).then(|| of_worst / off),
+            psnr_db: self.psnr_db(),
+        }
+    }
+
+    fn psnr_db(&self) -> [f64; 2] {
+        let (mut squares, mut whole) = ([0.0; 2], Vec::new());
+        for at in 0..self.own.len() {
+            let file = [0, 1].map(|half| f64::from(self.own_references[half][at]));
+            let off = self.off(at);
+            let [off_a, off_b] = [0, 1].map(|half| off[half] + f64::from(self.own[at]) - file[half]);
+            let [a, b] = [0, 1].map(|half| f64::from(self.references[half][at]) + file[half]);
+            squares = [squares[0] + off_a * off_b, squares[1] + 0.25 * (a - b).powi(2)];
+            whole.push(0.5 * (a + b));
+        }
+        let (n, peak) = (whole.len() as f64, quantile(whole));
+        squares.map(|sum| decibels(peak, sum / n))
+    }
+}
+
+/// The middle value, or the mean of both in the middle; `None` of nothing.
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (upper, lower) = (sorted.get(sorted.len() / 2)?, sorted.get((sorted.len() - 1) / 2)?);
+    Some(0.5 * (lower + upper))
+}
+
+/// Distance to the nearest surface, m.
+pub fn height_m(mesh: &Mesh, place: Vec3) -> f32 {
+    let distances = (0..mesh.triangles.len() as u32).map(|triangle| distance_m(mesh.corners(triangle), place));
+    distances.fold(f32::INFINITY, f32::min)
+}
+
+/// Distance to a triangle.
+fn distance_m([a, b, c]: [Vec3; 3], place: Vec3) -> f32 {
+    let edges = [(a, b), (b, c), (c, a)];
+    let normal = (b - a).cross(c - a);
+    let is_above = |(from, to): &(Vec3, Vec3)| (*to - *from).cross(place - *from).dot(normal) >= 0.0;
+    if normal.length_squared() > 0.0 && edges.iter().all(is_above) {
+        return (place - a).dot(normal.normalize()).abs();
+    }
+    let to_edge = |(from, to): (Vec3, Vec3)| {
+        let along = to - from;
+        let share = (place - from).dot(along) / along.length_squared().max(f32::MIN_POSITIVE);
+        place.distance(from + along * share.clamp(0.0, 1.0))
+    };
+    edges.into_iter().map(to_edge).fold(f32::INFINITY, f32::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_of_an_even_number_lies_between_the_two_in_the_middle() {
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[3.0]), Some(3.0));
+        assert_eq!(median(&[4.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&[9.0, 1.0, 2.0, 4.0]), Some(3.0));
+    }
+
+    #[test]
+    fn a_triangle_is_as_near_as_its_face_its_edge_or_its_corner() {
+        let triangle = [Vec3::ZERO, Vec3::X * 4.0, Vec3::Y * 4.0];
+        let near = |x: f32, y: f32, z: f32| distance_m(triangle, Vec3::new(x, y, z));
+        assert_eq!([near(1.0, 1.0, -3.0), near(2.0, -1.0, 0.0), near(-3.0, 0.0, 4.0)], [3.0, 1.0, 5.0]);
+        assert_eq!(distance_m([Vec3::ZERO; 3], Vec3::X), 1.0);
+    }
+
+    /// A picture of one pixel after the other, each gray.
+    fn gray(values: &[f32]) -> Vec<f32> {
+        values.iter().flat_map(|value| [*value; 3]).collect()
+    }
+
+    #[test]
+    fn noise_of_what_is_held_against_each_other_is_no_error() {
+        // Live light, direct light and references scatter, each by itself; the patches are right.
+        let dark = gray(&[0.0; 4]);
+        let patches = gray(&[1.0; 4]);
+        let live = [gray(&[0.5, -0.5, 0.0, 0.0]), gray(&[0.0, 0.0, 0.25, -0.25])];
+        let references = [gray(&[1.0, 1.0, 1.25, 0.75]), gray(&[1.0, 1.0, 1.0, 1.0])];
+        let pictures = Pictures {
+            of_patches: &patches,
+            live: [&live[0], &live[1]],
+            direct: [&dark, &dark],
+            references: [&references[0], &references[1]],
+            own: &dark,
+            own_references: [&dark, &dark],
+        };
+        let place = pictures.place(0.5);
+        // Of the third and the fourth pixel: −0.25 · 0.25 in both halves, which is less than nothing.
+        assert_eq!(place.l2, Some([0.0; 2]), "{place:?}");
+        assert_eq!((place.energy, place.in_worst, place.height_m), (1.0, None, 0.5));
+        assert!((place.noise - (0.25f64 * 2.0 * 0.25 * 0.25 / 4.0).sqrt()).abs() < 1e-9, "{place:?}");
+        // Patches that are dark lack all of it, wherever noise is.
+        let place = Pictures { of_patches: &dark, live: [&dark, &dark], ..pictures }.place(0.5);
+        assert!((place.l2.unwrap()[0] - 1.0).abs() < 1e-9, "{place:?}");
+        assert_eq!(place.energy, 0.0);
+    }
+
+    #[test]
+    fn the_worst_pixels_are_told_apart() {
+        let (dark, ones) = (gray(&[0.0; 400]), gray(&[1.0; 400]));
+        let mut live = vec![0.1; 400];
+        (live[7], live[300]) = (10.0, 8.0);
+        let live = gray(&live);
+        let place = Pictures {
+            of_patches: &ones,
+            live: [&live, &live],
+            direct: [&dark, &dark],
+            references: [&ones, &ones],
+            own: &dark,
+            own_references: [&dark, &dark],
+        }
+        .place(1.0);
+        assert_eq!(n_worst(400), 2);
+        let (worst, rest) = (164.0, 398.0 * 0.01);
+        let [l2, without] = place.l2.unwrap();
+        assert!((l2 - ((worst + rest) / 400.0f64).sqrt()).abs() < 1e-6, "{l2}");
+        assert!((without - 0.1).abs() < 1e-6, "{without}");
+        assert!((place.in_worst.unwrap() - worst / (worst + rest)).abs() < 1e-6, "{place:?}");
+    }
+
+    #[test]
+    fn light_that_drowns_in_noise_has_no_error() {
+        let (dark, scattered) = (gray(&[0.0; 2]), [gray(&[3.0, -1.0]), gray(&[-1.0, 3.0])]);
+        let place = Pictures {
+            of_patches: &dark,
+            live: [&dark, &dark],
+            direct: [&dark, &dark],
+            references: [&scattered[0], &scattered[1]],
+            own: &dark,
+            own_references: [&dark, &dark],
+        }
+        .place(1.0);
+        assert_eq!(place.l2, None);
+    }
+}

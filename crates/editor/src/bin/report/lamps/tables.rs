@@ -1,0 +1,222 @@
+//! What is told of lamps that were added.
+
+use clerestory_transport::patches::{DEFAULT_PATCHES, Patches};
+use serde::{Deserialize, Serialize};
+
+use super::places::{Place, median};
+use super::spent::Spent;
+use super::{BAKE_SPP, LUMEN, WIDTHS};
+use crate::desk::Desk;
+
+/// What is told of scenes.
+#[derive(Default, Serialize, Deserialize)]
+pub struct Told {
+    /// A row per scene and number of patches.
+    rows: String,
+    /// A row per place.
+    places: String,
+    pub goals: Goals,
+}
+
+/// What goals are set for, with the usual number of patches.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub struct Goals {
+    /// Relative L2 and PSNR in dB of the places whose light does not drown.
+    l2: Vec<f64>,
+    psnr_db: Vec<f64>,
+    /// Of the lamps of the file that were exchanged for free ones.
+    exchanged_db: Vec<f64>,
+}
+
+/// Bytes of a file without patches, and how many more it has with them.
+pub struct Bytes {
+    pub without: u64,
+    pub of_patches: u64,
+}
+
+/// Both L2 of a place whose light does not drown, and the place.
+type Seen<'a> = ([f64; 2], &'a Place);
+
+/// Which side of a number is good.
+#[derive(Clone, Copy)]
+pub enum Goal {
+    Most(f64),
+    Least(f64),
+}
+
+impl Goal {
+    /// `kept` or `missed`.
+    pub fn word(self, value: f64) -> &'static str {
+        if self.is_kept(value) { "kept" } else { "missed" }
+    }
+
+    fn is_kept(self, value: f64) -> bool {
+        match self {
+            Goal::Most(most) => value <= most,
+            Goal::Least(least) => value >= least,
+        }
+    }
+
+    /// Whether the median keeps it, and how many do.
+    fn of_many(self, values: &[f64], words: impl Fn(f64) -> String) -> String {
+        let Some(median) = median(values) else { return "none".into() };
+        let n_kept = values.iter().filter(|value| self.is_kept(**value)).count();
+        format!("{}: {}, {n_kept} of {}", self.word(median), words(median), values.len())
+    }
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+fn decibels(db: f64) -> String {
+    format!("{db:.1} dB")
+}
+
+fn mib(bytes: u64) -> String {
+    format!("{:.2} MiB", bytes as f64 / f64::from(1 << 20))
+}
+
+/// Median, and the worst; nothing of nothing.
+fn spread(values: &[f64], worst: impl Fn(f64, f64) -> f64, words: impl Fn(f64) -> String) -> String {
+    let worst = values.iter().copied().reduce(worst);
+    median(values).zip(worst).map_or("—".into(), |(median, worst)| format!("{} ({})", words(median), words(worst)))
+}
+
+impl Goals {
+    pub fn of(places: &[Place], exchanged_db: Vec<f64>) -> Goals {
+        let seen = || places.iter().filter_map(|place| Some((place.l2?, place.psnr_db)));
+        Goals {
+            l2: seen().map(|(l2, _)| l2[0]).collect(),
+            psnr_db: seen().map(|(_, db)| db[0]).collect(),
+            exchanged_db,
+        }
+    }
+
+    fn row(&self, name: &str, spent: Spent) -> String {
+        let ratio = spent.ratio();
+        format!(
+            "| {name} | {} | {} | {} | {}: {ratio:.2}× | {:.1} s | {:.1} s | {:.1} s |\n",
+            Goal::Most(0.05).of_many(&self.l2, percent),
+            Goal::Least(35.0).of_many(&self.psnr_db, decibels),
+            Goal::Least(40.0).of_many(&self.exchanged_db, decibels),
+            Goal::Most(1.0).word(ratio),
+            spent.lights,
+            spent.learning,
+            spent.walks,
+        )
+    }
+}
+
+impl Told {
+    pub fn add(&mut self, scene: &Told) {
+        self.rows += &scene.rows;
+        self.places += &scene.places;
+    }
+
+    pub fn add_row(&mut self, name: &str, places: &[Place], (patches, bytes, spent): (&Patches, Bytes, Spent)) {
+        let seen: Vec<Seen<'_>> = places.iter().filter_map(|place| Some((place.l2?, place))).collect();
+        let of = |what: &dyn Fn(&Seen<'_>) -> f64| seen.iter().map(what).collect::<Vec<f64>>();
+        let energy = of(&|(_, place)| place.energy);
+        let [least, most] = [f64::min, f64::max].map(|end: fn(f64, f64) -> f64| energy.iter().copied().reduce(end));
+        let energy = least.zip(most).map_or("—".into(), |(least, most)| format!("{least:.3} to {most:.3}"));
+        self.rows += &format!(
+            "| {name} | {} | {} | {} | {} | {} | {} | {} | {} | {energy} | {} | {} | {} | {} | {:.1} s | {:.1} s | {:.1} s |\n",
+            patches.n_patches(),
+            patches.n_columns(),
+            percent(patches.held_out_error().into()),
+            places.len(),
+            places.len() - seen.len(),
+            spread(&of(&|(l2, _)| l2[0]), f64::max, percent),
+            spread(&of(&|(l2, _)| l2[1]), f64::max, percent),
+            spread(&of(&|(_, place)| place.noise), f64::max, percent),
+            spread(&of(&|(_, place)| place.psnr_db[0]), f64::min, decibels),
+            spread(&of(&|(_, place)| place.psnr_db[1]), f64::min, decibels),
+            mib(bytes.without),
+            mib(bytes.of_patches),
+            spent.lights,
+            spent.learning,
+            spent.walks,
+        );
+    }
+
+    pub fn add_places(&mut self, name: &str, places: &[Place]) {
+        for (nth, place) in places.iter().enumerate() {
+            let seen = place.l2.map_or("drowned | | | ".into(), |[l2, _]| {
+                let in_worst = place.in_worst.map_or("—".into(), |share| format!("{:.0} %", 100.0 * share));
+                format!("{} | {:.3} | {in_worst} | {}", percent(l2), place.energy, decibels(place.psnr_db[0]))
+            });
+            self.places +=
+                &format!("| {name} | {} | {:.2} m | {} | {seen} |\n", nth + 1, place.height_m, percent(place.noise));
+        }
+    }
+
+    /// The section: what is told of all scenes, and the goals of each with the seconds of its larger bake.
+    pub fn page(&self, goals: &[(&str, Goals, Spent)], desk: &Desk) -> String {
+        let goals: String = goals.iter().map(|(name, goals, spent)| goals.row(name, *spent)).collect();
+        let (width, wide) = (WIDTHS[0], desk.choose(WIDTHS[0], WIDTHS[1]));
+        let [spp, wide_spp] = desk.choose([64, 16], BAKE_SPP);
+        format!(
+            "## Lamps that were added\n\n\
+            A point lamp of {LUMEN} lm at places that no bake knew, in pictures {width} pixels wide. They show the baked light of the file \
+            ({spp} samples per pixel), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
+            irradiance. Two independent ones are held against two independent traced pictures; the live light has as many samples as these. \
+            L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
+            noise of the bake is. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
+            noise included. *Noise* is that of the mean of both traced pictures without direct light. Places where it is more than half \
+            of the indirect light are drowned, and left out of all that follows. Medians, and the worst in brackets. Energy is the sum of the indirect light over that of the \
+            reference. PSNR is that of the whole picture, its peak the 99.5 percentile. *Held out* is by how much columns differ from patches \
+            under lamps that they were not learned from. CPU seconds of all threads: of all that is no patch (patches change nothing of it), of learning patches, of the walks of their columns. {}\n\n\
+            | scene | patches | columns | held out | places | drowned | L2 | without worst | noise | energy, least to most | PSNR | of the noise | file without \
+            | of patches | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n{}\n\
+            ### Place by place, {DEFAULT_PATCHES} patches\n\n\
+            *In the worst* is the share of the squared error that stands in these {:.1} % of the pixels; a share of more than all says that the others \
+            have less than no error beside noise.\n\n\
+            | scene | place | height above the nearest surface | noise | L2 | energy | in the worst | PSNR |\n|---|---|---|---|---|---|---|---|\n{}\n\
+            ### Goals, {DEFAULT_PATCHES} patches\n\n\
+            Kept where the median keeps it; behind it how many of all do. *Exchanged* are point, spot and directional lamps of the file whose place free ones of the same light take (*Make movable*), one at a time: \
+            the picture of the file against the same with its baked column, whose noise counts. *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
+            with {wide_spp} samples per pixel.\n\n\
+            | scene | L2 ≤ 5 % | PSNR ≥ 35 dB | exchanged ≥ 40 dB | bake of patches ≤ 1× | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|\n{goals}",
+            100.0 * super::places::WORST,
+            desk.load_words(),
+            self.rows,
+            100.0 * super::places::WORST,
+            self.places,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_goal_is_kept_where_the_median_keeps_it() {
+        let told = |goal: Goal, values: &[f64]| goal.of_many(values, percent);
+        assert_eq!(told(Goal::Most(0.05), &[0.02, 0.04, 0.09]), "kept: 4.0 %, 2 of 3");
+        assert_eq!(told(Goal::Most(0.05), &[0.02, 0.09]), "missed: 5.5 %, 1 of 2");
+        assert_eq!(told(Goal::Least(0.05), &[0.02, 0.09]), "kept: 5.5 %, 1 of 2");
+        assert_eq!(told(Goal::Most(0.05), &[]), "none");
+    }
+
+    #[test]
+    fn places_that_drown_count_for_nothing_but_their_number() {
+        let place = Place {
+            height_m: 0.5,
+            l2: Some([0.04, 0.03]),
+            noise: 0.1,
+            energy: 1.0,
+            in_worst: Some(0.5),
+            psnr_db: [40.0, 50.0],
+        };
+        let drowned = Place { l2: None, noise: 9.0, psnr_db: [-7.0, -3.0], ..place };
+        let goals = Goals::of(&[place, drowned], Vec::new());
+        assert_eq!((goals.l2, goals.psnr_db), (vec![0.04], vec![40.0]));
+        let mut told = Told::default();
+        told.add_places("room", &[place, drowned]);
+        let rows = "| room | 1 | 0.50 m | 10.0 % | 4.0 % | 1.000 | 50 % | 40.0 dB |\n\
+            | room | 2 | 0.50 m | 900.0 % | drowned | | |  |\n";
+        assert_eq!(told.places, rows);
+    }
+}
