@@ -215,7 +215,7 @@ impl Seen {
             let mut ray = Ray { origin: camera.position(), direction, t_min: 0.0, t_max: f32::INFINITY };
             for _ in 0..MOST_PANES {
                 let Some(hit) = scene.closest(&ray, &mut Sampler::new(0, u64::from(pixel), 0)) else { break };
-                if scene.material(hit.triangle).is_clear_pane() {
+                if scene.is_clear_pane(hit.triangle) {
                     ray.t_min = hit.t * (1.0 + 1e-5) + 1e-6;
                     continue;
                 }

@@ -294,7 +294,7 @@ fn kind(scene: &PreparedScene, triangle: u32) -> Kind {
     let material = scene.material(triangle);
     if material.is_emitter() {
         Kind::Other
-    } else if material.is_clear_pane() || scene.slabs.has(triangle) {
+    } else if scene.is_clear_pane(triangle) || scene.slabs.has(triangle) {
         Kind::Pane
     } else if throws_light(material) {
         Kind::Caster

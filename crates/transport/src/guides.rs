@@ -172,7 +172,7 @@ fn look(scene: &PreparedScene, (origin, direction): (Vec3, Vec3), sampler: &mut 
             break;
         }
         let through = bsdf.straight_through();
-        if scene.material(hit.triangle).is_clear_pane() && through != Vec3::ZERO {
+        if scene.is_clear_pane(hit.triangle) && through != Vec3::ZERO {
             tint *= through;
             ray.t_min = next_after(hit.t);
             continue;

@@ -10,7 +10,7 @@ use crate::emitters::PanelEmitter;
 use crate::lamps::{LampUnit, lumen_per_candela};
 use crate::light::{LightSetting, luminance};
 use crate::photometry::PhotometricProfile;
-use crate::scene::{Material, PunctualKind, PunctualLight, Scene, SceneNode};
+use crate::scene::{AlphaMode, Material, PunctualKind, PunctualLight, Scene, SceneNode};
 
 /// What sorts a light among others, and its flux. Bakes of older programs do not tell it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -81,12 +81,12 @@ fn file_name(path: &str) -> String {
 }
 
 /// Lumen of each nit of the brightest radiance, channel by channel, of some triangles: π times their area, twice where they
-/// shine from both sides.
+/// shine from both sides; `None` under a texture or alpha.
 fn flux(scene: &Scene, triangles: &[u32]) -> Option<f32> {
     let (mut flux, mut brightest) = (0.0, Vec3::ZERO);
     for &triangle in triangles {
         let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
-        if material.emissive_texture.is_some() {
+        if material.emissive_texture.is_some() || material.alpha != AlphaMode::Opaque {
             return None;
         }
         let sides = if material.double_sided { 2.0 } else { 1.0 };

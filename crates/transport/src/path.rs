@@ -443,7 +443,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         }
         self.share_caustic(walk, &hit, |walk| self.collect_emission(walk, &hit, deposit));
         let material = self.scene.material(hit.triangle);
-        if material.unlit || (self.is_spent(walk) && !material.is_clear_pane()) {
+        if material.unlit || (self.is_spent(walk) && !self.scene.is_clear_pane(hit.triangle)) {
             return None;
         }
         // Roulette: a walk that carries little goes on seldom, and then carries more.
@@ -504,7 +504,7 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if sample.kind != ScatterKind::Smooth || sample.transmitted {
             walk.guides = Guides::None;
         }
-        if sample.kind == ScatterKind::Through && self.scene.material(hit.triangle).is_clear_pane() {
+        if sample.kind == ScatterKind::Through && self.scene.is_clear_pane(hit.triangle) {
             // As shadow rays see it: the same path, a little dimmer, and no surface that counts.
             walk.passed += hit.t;
             walk.n_hits -= 1;
@@ -709,14 +709,10 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
                 area_point(position, target, panel.normal, panel.double_sided, panel.texel_area, radiance)
             }
             Emitter::Surface(surface) => {
-                let SurfacePoint { position: target, normal, double_sided, white, textured, triangle, barycentric } =
+                let SurfacePoint { position: target, normal, double_sided, white, varies, triangle, barycentric } =
                     surface.sample(u);
-                let radiance = if textured {
-                    let uvs = self.scene.uvs(triangle, barycentric);
-                    white * self.scene.pattern(self.scene.material(triangle), uvs)
-                } else {
-                    white
-                };
+                // Walks meet it with its alpha as probability.
+                let radiance = if varies { white * self.scene.shown(triangle, barycentric) } else { white };
                 area_point(position, target, normal, double_sided, surface.area, radiance)
             }
             Emitter::Punctual(light) if light.kind == PunctualKind::Directional => {

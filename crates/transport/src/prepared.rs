@@ -30,6 +30,8 @@ pub struct PreparedScene {
     sheer: Option<Arc<Bvh>>,
     /// Whether a material attenuates light inside (KHR_materials_volume).
     pub attenuates: bool,
+    /// Whether shadow rays may pass each material as walks do.
+    clear_panes: Arc<[bool]>,
     /// Solid panes that connections pass.
     pub(crate) slabs: Arc<Slabs>,
     /// Mirrors and clear bodies that walks are sent toward, `None` where they throw no light that a walk could meet.
@@ -129,9 +131,12 @@ impl PreparedScene {
     ) -> Result<(PreparedScene, Vec<String>), LightingError> {
         stop.check()?;
         let (lighting, mut warnings) = Lighting::with_sky(&scene, panels, sky)?;
+        let clear = |material: &Material| material.is_clear_by(|| bsdf::least_roughness(material, &scene.textures));
+        let clear_panes: Arc<[bool]> = scene.materials.iter().map(clear).collect();
         let is_solid = |t: &u32| {
-            let material = &scene.materials[scene.mesh.triangle_material[*t as usize] as usize];
-            skips.has(Skip::Alpha) && material.alpha == AlphaMode::Opaque && !material.is_clear_pane()
+            let material = scene.mesh.triangle_material[*t as usize] as usize;
+            let is_opaque = scene.materials[material].alpha == AlphaMode::Opaque;
+            skips.has(Skip::Alpha) && is_opaque && !clear_panes[material]
         };
         let all = 0..scene.mesh.triangles.len() as u32;
         let (solid, sheer): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
@@ -151,6 +156,7 @@ impl PreparedScene {
             solid,
             sheer,
             attenuates,
+            clear_panes,
             slabs,
             casters: None,
             coats_share: true,
@@ -184,7 +190,7 @@ impl PreparedScene {
             let mut segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
             // Surfaces that are not there are passed one by one.
             while let Some(hit) = sheer.closest(&segment) {
-                let alpha = self.alpha(&hit);
+                let alpha = self.alpha(hit.triangle, barycentric_of(&hit));
                 if alpha >= 1.0 || sampler.next_1d() < alpha {
                     nearest = Some(hit);
                     break;
@@ -200,9 +206,16 @@ impl PreparedScene {
         hidden::may_hide(scene)
     }
 
-    /// The nearest triangle along a ray that is neither a clear pane nor has alpha.
-    pub(crate) fn first_opaque(&self, ray: &Ray) -> Option<u32> {
-        self.solid.closest(ray).map(|hit| hit.triangle)
+    /// Nearest surface along a ray as [`PreparedScene::closest`] has it, but for clear panes.
+    pub(crate) fn closest_behind_panes(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
+        let mut ray = *ray;
+        loop {
+            let hit = self.closest(&ray, sampler)?;
+            if !self.is_clear_pane(hit.triangle) {
+                return Some(hit);
+            }
+            ray.t_min = next_after(hit.t);
+        }
     }
 
     /// Share of light that passes from `origin` to `target`: 0 behind a solid surface, less than 1 behind a clear pane.
@@ -253,8 +266,8 @@ impl PreparedScene {
         let mut passed = Vec3::ONE;
         let Some(sheer) = &self.sheer else { return passed };
         while let Some(hit) = sheer.closest(&ray) {
-            let alpha = self.alpha(&hit);
-            let through = if alpha > 0.0 && self.material(hit.triangle).is_clear_pane() {
+            let alpha = self.alpha(hit.triangle, barycentric_of(&hit));
+            let through = if alpha > 0.0 && self.is_clear_pane(hit.triangle) {
                 self.bsdf(&self.surface_hit(&hit), -ray.direction.normalize()).straight_through()
             } else {
                 Vec3::ZERO
@@ -268,17 +281,16 @@ impl PreparedScene {
         passed
     }
 
-    fn alpha(&self, hit: &Hit) -> f32 {
-        let barycentric = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
-        let material = self.material(hit.triangle);
-        let color = self.vertex_color(hit.triangle, barycentric);
-        bsdf::alpha(material, &self.scene.textures, self.uvs(hit.triangle, barycentric), color)
+    /// Probability that a point of a triangle is there.
+    fn alpha(&self, triangle: u32, barycentric: Vec3) -> f32 {
+        let (uvs, color) = (self.uvs(triangle, barycentric), self.vertex_color(triangle, barycentric));
+        bsdf::alpha(self.material(triangle), &self.scene.textures, uvs, color)
     }
 
     fn surface_hit(&self, hit: &Hit) -> SurfaceHit {
         let [a, b, c] = self.scene.mesh.corners(hit.triangle);
         let (ab, ac) = (b - a, c - a);
-        let barycentric = Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v);
+        let barycentric = barycentric_of(hit);
         let (position, across) = (a + ab * hit.u + ac * hit.v, ab.cross(ac));
         let normal = across.normalize_or(Vec3::Y);
         let extent = self.extent;
@@ -325,6 +337,13 @@ impl PreparedScene {
     /// Material of a triangle.
     pub fn material(&self, triangle: u32) -> &Material {
         &self.scene.materials[self.scene.mesh.triangle_material[triangle as usize] as usize]
+    }
+
+    /// Whether light goes straight on through a triangle, at least there where its textures leave it smooth: see
+    /// [`Material::is_clear_pane`].
+    #[inline]
+    pub fn is_clear_pane(&self, triangle: u32) -> bool {
+        self.clear_panes[self.scene.mesh.triangle_material[triangle as usize] as usize]
     }
 
     /// Whether no light passes a triangle, whatever its textures say.
@@ -473,6 +492,11 @@ impl PreparedScene {
         material.emissive_texture.map_or(Vec3::ONE, |t| t.fetch(&self.scene.textures, uvs).truncate())
     }
 
+    /// What texture and alpha multiply the radiance of a point of a triangle by that is sampled, whether it is there or not.
+    pub(crate) fn shown(&self, triangle: u32, barycentric: Vec3) -> Vec3 {
+        self.pattern(self.material(triangle), self.uvs(triangle, barycentric)) * self.alpha(triangle, barycentric)
+    }
+
     /// A distance from anything within to beyond everything, m.
     pub(crate) fn far(&self) -> f32 {
         if self.extent.is_finite() { 4.0 * self.extent.max(1e-6) } else { 1.0 }
@@ -487,6 +511,11 @@ impl PreparedScene {
     pub fn diameter(&self) -> f32 {
         self.scene.mesh.bounds().map_or(1.0, |(lo, hi)| (hi - lo).length().max(1e-6))
     }
+}
+
+/// Barycentric coordinates of all three vertices.
+fn barycentric_of(hit: &Hit) -> Vec3 {
+    Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v)
 }
 
 fn diagonal(solid: &Bvh, sheer: Option<&Bvh>) -> f32 {

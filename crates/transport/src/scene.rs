@@ -3,6 +3,7 @@
 //! Node transforms are already applied: one flat mesh, meters, +Y up, counter-clockwise front faces (a mirrored node has
 //! had its triangles turned round).
 
+mod bodies;
 mod finish;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -280,10 +281,23 @@ impl Material {
     /// Whether light that the surface lets pass goes straight on whatever its textures say: smooth glass without
     /// thickness, or without an interface. Shadow rays pass it as walks do.
     pub fn is_clear_pane(&self) -> bool {
-        let (matched, smooth) = (crate::bsdf::is_matched(self.ior), crate::bsdf::is_mirror(self.roughness));
-        let smooth = smooth && self.finish.as_ref().is_none_or(|finish| finish.anisotropy <= 0.0);
-        let absorbs = self.thickness > 0.0 && self.attenuation_distance.is_finite();
-        !self.unlit && self.transmission > 0.0 && !absorbs && (matched || (smooth && self.thickness == 0.0))
+        self.is_clear_by(|| self.roughness)
+    }
+
+    /// The same where its textures leave it that rough.
+    pub(crate) fn is_clear_by(&self, roughness: impl FnOnce() -> f32) -> bool {
+        if self.unlit || self.transmission <= 0.0 {
+            return false;
+        }
+        if crate::bsdf::is_matched(self.ior) {
+            return self.thickness == 0.0 || self.attenuation_distance.is_infinite();
+        }
+        self.thickness == 0.0 && !self.is_stretched() && crate::bsdf::is_mirror(roughness())
+    }
+
+    /// Whether its reflection is longer one way than the other: then it is never perfectly smooth.
+    pub(crate) fn is_stretched(&self) -> bool {
+        self.finish.as_ref().is_some_and(|finish| finish.anisotropy > 0.0)
     }
 
     /// Whether the surface may gather or throw on the light of a lamp as a mirror or a clear body does. Light that goes straight through

@@ -39,6 +39,7 @@ use glam::Vec3;
 
 pub use self::finish::{FinishParams, Frame, finish_params};
 pub use self::furnace::{FurnaceLoss, furnace_loss};
+pub(crate) use self::params::least_roughness;
 pub use self::params::{SurfaceParams, alpha, shading_normal, surface_params};
 
 pub(crate) use self::fresnel::{Schlick, is_matched};

@@ -59,6 +59,13 @@ pub fn surface_params(
     }
 }
 
+/// The least roughness that a material may have anywhere.
+pub(crate) fn least_roughness(material: &Material, textures: &[Texture]) -> f32 {
+    let least = |texture: &Texture| texture.image.texels.iter().map(|texel| texel[1]).min();
+    let texture = material.metallic_roughness_texture.and_then(|t| textures.get(t.texture as usize));
+    material.roughness * texture.and_then(least).map_or(1.0, |least| f32::from(least) * (1.0 / 255.0))
+}
+
 /// Probability 0…1 that a point is there at all.
 pub fn alpha(material: &Material, textures: &[Texture], uvs: [Vec2; 2], vertex_color: Option<Vec4>) -> f32 {
     if material.alpha == AlphaMode::Opaque {

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::{Plate, share_of};
-use crate::scene::{Material, Scene};
+use crate::scene::{AlphaMode, Material, Scene};
 
 /// Emissive triangles of one node.
 #[derive(Clone, Debug)]
@@ -26,9 +26,10 @@ pub struct ShiningTriangle {
     /// Unit normal of the front side.
     normal: Vec3,
     double_sided: bool,
-    /// The white column's radiance, but for its texture.
+    /// The white column's radiance, but for its texture and alpha.
     white: Vec3,
-    textured: bool,
+    /// Whether it has one of them.
+    varies: bool,
     /// Area of all triangles before it, m².
     area_before: f32,
     /// One over its own area, 1/m².
@@ -56,10 +57,10 @@ pub(crate) struct SurfacePoint {
     /// Unit normal of the front side.
     pub normal: Vec3,
     pub double_sided: bool,
-    /// The white column's radiance, but for the texture.
+    /// The white column's radiance, but for texture and alpha.
     pub white: Vec3,
-    /// Whether a texture multiplies it: see `triangle` and `barycentric`.
-    pub textured: bool,
+    /// Whether texture or alpha multiplies it: [`crate::prepared::PreparedScene::shown`] of `triangle` and `barycentric`.
+    pub varies: bool,
     pub triangle: u32,
     pub barycentric: Vec3,
 }
@@ -81,7 +82,7 @@ impl SurfaceEmitter {
                 normal: normal.normalize_or(Vec3::Y),
                 double_sided: material.double_sided,
                 white: share_of(material.emitted_radiance(), brightest),
-                textured: material.emissive_texture.is_some(),
+                varies: material.emissive_texture.is_some() || material.alpha != AlphaMode::Opaque,
                 area_before,
                 per_area: 1.0 / own.max(f32::MIN_POSITIVE),
             }
@@ -107,17 +108,17 @@ impl SurfaceEmitter {
             normal: chosen.normal,
             double_sided: chosen.double_sided,
             white: chosen.white,
-            textured: chosen.textured,
+            varies: chosen.varies,
             triangle: chosen.triangle,
             barycentric,
         }
     }
 
-    /// All of it, if it is one flat parallelogram without texture.
+    /// All of it, if it is one flat parallelogram without texture and alpha.
     pub(crate) fn plate(&self) -> Option<Plate> {
         let [first, second] = self.triangles.as_slice() else { return None };
         let alike = first.white == second.white && first.double_sided == second.double_sided;
-        if !alike || first.textured || second.textured || first.normal.distance_squared(second.normal) > FLAT {
+        if !alike || first.varies || second.varies || first.normal.distance_squared(second.normal) > FLAT {
             return None;
         }
         let (corners, others) = (first.corners(), second.corners());

@@ -1,27 +1,35 @@
 //! However lights are sampled and walks are ended, the mean is that of the plainest walk.
 
 use clerestory_nystrom::{Half, SampledMatrix};
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use super::stage::{Stage, lambert, pane, quad, room};
+use super::stage::{Stage, lambert, pane, quad, room, textured, veil};
 use super::walks::{Always, Even, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
 use crate::matrix::{CHANNELS, PEAK_QUANTILE, TransportMatrix};
 use crate::path::{LightPlan, Vertex};
 use crate::plan::{Density, MatrixPlan, PicturePlan};
 use crate::prepared::PreparedScene;
-use crate::scene::Material;
+use crate::scene::{AlphaMode, Encoding, Material};
 
 const FILM: Film = Film { width: 16, height: 12 };
 /// Largest standard error of a difference of means, relative to the mean.
 const SHARP: f64 = 1.25e-2;
 
-/// A room with a panel close to two walls, a window pane before it, a glossy and a mirroring plate, and a ceiling light.
+/// A room with a panel close to two walls, a window pane before it, a glossy and a mirroring plate, a ceiling light, one that is
+/// half there, and a sign with holes and a pattern.
 fn room_with_everything() -> PreparedScene {
     let camera = Camera::look_at("eye", Vec3::new(1.7, 0.3, 1.2), Vec3::new(-1.5, -0.4, -0.8), 1.2, 4.0 / 3.0);
     let metal = |roughness| Material { base_color: Vec4::new(0.8, 0.7, 0.6, 1.0), roughness, ..Material::default() };
     let across = |corner: Vec3| quad(corner, Vec3::Y * 1.2, Vec3::Z * 1.4);
+    let sign = Material {
+        emissive_texture: textured(Encoding::Srgb),
+        base_color_texture: textured(Encoding::Srgb),
+        alpha: AlphaMode::Mask { cutoff: 0.5 },
+        ..lambert(0.0, 3.0)
+    };
+    let texels = [[255, 255, 0, 255], [90, 90, 90, 255], [200, 200, 200, 255], [255, 255, 255, 0]];
     Stage::new(camera)
         .surface("walls", &room(Vec3::new(2.0, 1.2, 1.5)), lambert(0.6, 0.0))
         .panel("panel", &across(Vec3::new(-1.9, -1.1, -1.4)), 4.0, 6)
@@ -29,6 +37,9 @@ fn room_with_everything() -> PreparedScene {
         .surface("glossy", &quad(Vec3::new(-0.8, -1.1, -1.0), Vec3::Z, Vec3::X), metal(0.35))
         .surface("mirror", &quad(Vec3::new(-1.0, -0.8, -1.49), Vec3::X * 1.5, Vec3::Y), metal(0.0))
         .surface("light", &quad(Vec3::new(0.2, 1.15, -0.5), Vec3::X * 0.8, Vec3::Z * 0.8), lambert(0.0, 3.0))
+        .surface("veil", &quad(Vec3::new(-1.0, 1.1, 0.3), Vec3::X * 0.8, Vec3::Z * 0.8), veil(3.0))
+        .surface("sign", &quad(Vec3::new(1.95, -0.5, -1.1), Vec3::Z * 0.9, Vec3::Y * 0.9), sign)
+        .with_texture(texels, |place| Vec2::new(place.z + 1.1, place.y + 0.5) / 0.9)
         .prepared()
 }
 
@@ -140,8 +151,8 @@ fn connections_left_to_roulette_keep_the_mean() {
     let plan = MatrixPlan::new(&scene.lighting, Density::Full);
     let roulette = MatrixPlan::new(&scene.lighting, Density::Full).with_roulette(&column_scale(&scene));
     let n_cols = scene.lighting.basis.n_cols() as u32;
-    // All together, the ceiling light alone, and the panel alone.
-    for shining in [0..n_cols, 0..1, 1..n_cols] {
+    // All together, the lights without texels alone, and the panel alone.
+    for shining in [0..n_cols, 0..3, 3..n_cols] {
         let weights: Vec<f32> = (0..n_cols).map(|column| f32::from(shining.contains(&column))).collect();
         let surely = walks(10, 3, None, 1).streams(&scene, &plan, &weights);
         let seldom = walks(10, 3, None, 2).streams(&scene, &roulette, &weights);

@@ -2,13 +2,14 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
-use super::stage::{Stage, lambert, pane, quad, tint};
-use super::walks::{Even, Mean, Walks, file_light};
+use super::stage::{Stage, lambert, pane, quad, textured, tint, veil};
+use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
 use crate::camera::Camera;
 use crate::plan::{Density, MatrixPlan, PicturePlan};
 use crate::prepared::PreparedScene;
+use crate::scene::{AlphaMode, Encoding, Material};
 
 const ALBEDO: f32 = 0.5;
 const RADIANCE: f32 = 5.0;
@@ -105,4 +106,51 @@ fn walks_and_connections_through_films_share_the_light_of_a_panel() {
         let scene = stage.panel("panel", &level(HEIGHT, HALF, -1.0), RADIANCE, 4).prepared();
         assert_every_plan_finds(&scene, under_the_square(|_| 0.4), bounces);
     }
+}
+
+#[test]
+fn a_light_that_is_half_there_sends_half() {
+    let square = level(HEIGHT, HALF, -1.0);
+    let expected = 0.5 * under_the_square(|_| 1.0);
+    let scene = floor().surface("light", &square, veil(RADIANCE)).prepared();
+    assert_every_plan_finds(&scene, expected, Some(0));
+    // Cut away on one side.
+    let alpha = AlphaMode::Mask { cutoff: 0.5 };
+    let cut = Material { alpha, base_color_texture: textured(Encoding::Srgb), ..lambert(0.0, RADIANCE) };
+    let texels = [[0, 0, 0, 0], [0, 0, 0, 255], [0, 0, 0, 0], [0, 0, 0, 255]];
+    let stage = floor().surface("light", &square, cut).with_texture(texels, |place| Vec2::splat(place.x + 0.5));
+    assert_every_plan_finds(&stage.prepared(), expected, Some(0));
+}
+
+/// Before all else: glass without thickness whose roughness a texture tells, smooth where x is positive, else as rough as its green.
+fn etched(stage: Stage, green: u8) -> PreparedScene {
+    let glass = Material { roughness: 1.0, metallic_roughness_texture: textured(Encoding::Linear), ..pane() };
+    let (rough, smooth) = ([0, green, 255, 255], [0, 0, 255, 255]);
+    let stage = stage.surface("pane", &level(0.8, 5.0, 1.0), glass);
+    stage.with_texture([rough, smooth, rough, smooth], |place| Vec2::splat(place.x + 0.5)).prepared()
+}
+
+#[test]
+fn glass_that_its_texture_makes_smooth_lets_lamps_through() {
+    let seen = |x: f32, green: u8| {
+        let scene = etched(floor().lamp("lamp", Vec3::new(x, HEIGHT, 0.0), 7.0), green);
+        let plan = Even { n_cols: 1, rate: 1.0, splits: 1 };
+        Mean::of(&Walks::of_one_pixel(1000, Some(0)).streams(&scene, &plan, &file_light(&scene)))
+    };
+    let free = 7.0 / f64::from(HEIGHT * HEIGHT) * f64::from(ALBEDO) / PI;
+    seen(0.0, 0).assert_is(0.96 * free, 1e-5, "one crossing");
+    assert!(seen(0.5, 200).value > 0.4 * free, "where it is smooth");
+    assert_eq!(seen(-0.5, 200).value, 0.0, "where it is rough");
+}
+
+#[test]
+fn half_etched_glass_has_the_mean_of_walks_that_connect_to_nothing() {
+    let scene = etched(floor().surface("light", &level(HEIGHT, HALF, -1.0), lambert(0.0, RADIANCE)), 120);
+    let weights = file_light(&scene);
+    let walks = |seed| Walks { seed, ..Walks::of_one_pixel(200_000, Some(2)) };
+    let even = |rate| Even { n_cols: 1, rate, splits: 1 };
+    let plain = walks(1).streams(&scene, &even(0.0), &weights);
+    assert_same_mean(&walks(2).streams(&scene, &even(1.0), &weights), &plain, 0.02, "one pick of each column");
+    let plan = MatrixPlan::new(&scene.lighting, Density::Full);
+    assert_same_mean(&walks(3).streams(&scene, &plan, &weights), &plain, 0.02, "the plan of a matrix");
 }

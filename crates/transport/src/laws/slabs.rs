@@ -4,12 +4,12 @@ use std::f64::consts::PI;
 
 use glam::{Quat, Vec3, Vec4};
 
-use super::stage::{Stage, lambert, pane, quad, room};
+use super::stage::{Stage, lambert, pane, quad, room, textured};
 use super::walks::{Even, Mean, Walks, assert_same_mean, file_light};
 use crate::camera::{Camera, Film};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
-use crate::scene::Material;
+use crate::scene::{AlphaMode, Encoding, Finish, Material};
 use crate::slabs::hidden;
 
 const ALBEDO: f32 = 0.5;
@@ -174,6 +174,46 @@ fn lamps_in_glass_of_other_shapes_are_named() {
     let none: [String; 0] = [];
     assert_eq!(hidden(Vec3::new(1.0, 0.05, 1.0), Vec3::Y * 2.0, glass()), none, "a slab");
     assert_eq!(hidden(Vec3::splat(0.3), Vec3::Y, Material { roughness: 0.3, ..glass() }), none, "rough");
+}
+
+#[test]
+fn a_sun_without_size_over_a_block_of_glass_is_named() {
+    let stage = || {
+        let corners = block(Vec3::Y, Vec3::splat(0.3), Quat::IDENTITY);
+        floor(lambert(ALBEDO, 0.0)).surface("body", &corners, glass()).distant("sun", Vec3::new(0.2, -1.0, 0.1), 1.0)
+    };
+    let found = hidden::warnings(&stage().prepared());
+    assert!(found.len() == 1 && found[0].contains("into smooth glass") && found[0].contains("--sun-size"), "{found:?}");
+    let mut scene = stage().into_scene();
+    scene.set_sun_radius(0.005);
+    let none: [String; 0] = [];
+    assert_eq!(hidden::warnings(&PreparedScene::new(scene, &[]).unwrap().0), none, "with a size");
+}
+
+#[test]
+fn glass_hides_lamps_whatever_else_is_on_it() {
+    let water = quad(Vec3::new(-1.0, 1.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0);
+    let hidden = |material: Material, green: u8| {
+        let stage = floor(lambert(ALBEDO, 0.0)).surface("water", &water, material);
+        let stage = stage.with_texture([[128, green, 255, 255]; 4], |_| glam::Vec2::ZERO);
+        hidden::warnings(&stage.lamp("bulb", Vec3::Y * 2.0, 1.0).prepared())
+    };
+    let waves = Material { normal_texture: textured(Encoding::Linear), ..glass() };
+    let coat = Finish { clearcoat: 1.0, ..Finish::default() };
+    let coated = Material { finish: Some(Box::new(coat)), ..glass() };
+    let veiled = Material { base_color: Vec4::new(1.0, 1.0, 1.0, 0.5), alpha: AlphaMode::Blend, ..glass() };
+    let texture = textured(Encoding::Linear);
+    let by_texture = |metallic| Material { metallic, roughness: 1.0, metallic_roughness_texture: texture, ..glass() };
+    // A square of 2 m seen from 1 m above its middle takes a sixth of all directions.
+    for (material, green, percent) in
+        [(waves, 128, "17 %"), (coated, 0, "17 %"), (veiled, 0, ""), (by_texture(0.0), 0, "17 %")]
+    {
+        let found = hidden(material, green);
+        assert!(found.len() == 1 && found[0].contains(&format!("`bulb` sends {percent}")), "{percent}: {found:?}");
+    }
+    let none: [String; 0] = [];
+    assert_eq!(hidden(by_texture(0.0), 100), none, "rough by its texture");
+    assert_eq!(hidden(by_texture(1.0), 0), none, "metal by its texture");
 }
 
 #[test]

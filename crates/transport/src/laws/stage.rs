@@ -1,11 +1,16 @@
 //! Scenes under construction, in code.
 
-use glam::{Vec3, Vec4};
+use std::sync::Arc;
+
+use glam::{Affine2, Vec2, Vec3, Vec4};
 
 use crate::camera::Camera;
 use crate::emitters::SkyRequest;
 use crate::prepared::PreparedScene;
-use crate::scene::{Material, PunctualKind, PunctualLight, Scene, SceneNode};
+use crate::scene::{
+    AlphaMode, Encoding, Filter, Image, Material, PunctualKind, PunctualLight, Scene, SceneNode, Texture, TextureRef,
+    Wrap,
+};
 
 /// A scene under construction: every surface and lamp is a node of its own.
 pub(crate) struct Stage {
@@ -49,6 +54,14 @@ impl Stage {
     /// Every vertex so far is white, as where another mesh of the file has colors.
     pub fn with_white_vertices(mut self) -> Stage {
         self.scene.mesh.colors = vec![Vec4::ONE; self.scene.mesh.positions.len()];
+        self
+    }
+
+    /// The only texture, two texels above two, and coordinates of all vertices so far by their places.
+    pub fn with_texture(mut self, texels: [[u8; 4]; 4], uv: impl Fn(Vec3) -> Vec2) -> Stage {
+        let image = Arc::new(Image { width: 2, height: 2, texels: texels.to_vec() });
+        self.scene.textures = vec![Texture { image, wrap: [Wrap::Clamp; 2], filter: Filter::Nearest }];
+        self.scene.mesh.uvs[0] = self.scene.mesh.positions.iter().map(|&position| uv(position)).collect();
         self
     }
 
@@ -128,6 +141,16 @@ pub(crate) fn lambert(albedo: f32, radiance: f32) -> Material {
         emissive_strength: radiance,
         ..Material::default()
     }
+}
+
+/// A use of the texture of [`Stage::with_texture`].
+pub(crate) fn textured(encoding: Encoding) -> Option<TextureRef> {
+    Some(TextureRef { texture: 0, uv_set: 0, transform: Affine2::IDENTITY, encoding })
+}
+
+/// A black surface that shines from its front and is half there.
+pub(crate) fn veil(radiance: f32) -> Material {
+    Material { base_color: Vec4::new(0.0, 0.0, 0.0, 0.5), alpha: AlphaMode::Blend, ..lambert(0.0, radiance) }
 }
 
 /// Smooth glass without thickness.

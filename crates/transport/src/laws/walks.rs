@@ -201,7 +201,7 @@ fn plain_walk(
         }
         let bsdf = scene.bsdf(&hit, -direction);
         let Some(sample) = bsdf.sample(sampler.next_1d(), sampler.next_2d()) else { break };
-        if sample.kind != ScatterKind::Through || !scene.material(hit.triangle).is_clear_pane() {
+        if sample.kind != ScatterKind::Through || !scene.is_clear_pane(hit.triangle) {
             n_hits += 1;
             if n_hits - 1 > bounces {
                 break;
@@ -231,7 +231,7 @@ fn connected_walk(
         let bsdf = scene.bsdf(&hit, -direction);
         let sample = bsdf.sample(sampler.next_1d(), sampler.next_2d());
         let passes = sample.is_some_and(|sample| sample.kind == ScatterKind::Through);
-        if !passes || !scene.material(hit.triangle).is_clear_pane() {
+        if !passes || !scene.is_clear_pane(hit.triangle) {
             n_hits += 1;
             if n_hits - 1 > bounces {
                 break;
@@ -239,7 +239,7 @@ fn connected_walk(
         }
         for (emitter, source) in scene.lighting.emitters.iter().zip(&scene.lighting.basis.sources) {
             let u = glam::Vec2::from(sampler.next_2d());
-            let Some((target, normal, area, column, white)) = point_of(emitter, source.columns.start, u) else {
+            let Some((target, normal, area, column, white)) = point_of(scene, emitter, source.columns.start, u) else {
                 continue;
             };
             let toward = target - hit.position;
@@ -265,12 +265,13 @@ fn connected_walk(
     sum
 }
 
-/// A point of a light without texture, uniform over its area: place, normal, area in m², column, radiance.
-fn point_of(emitter: &Emitter, first: u32, u: glam::Vec2) -> Option<(Vec3, Vec3, f32, u32, Vec3)> {
+/// A point of a light, uniform over its area: place, normal, area in m², column, radiance.
+fn point_of(scene: &PreparedScene, emitter: &Emitter, first: u32, u: Vec2) -> Option<(Vec3, Vec3, f32, u32, Vec3)> {
     match emitter {
         Emitter::Surface(surface) => {
             let point = surface.sample(u);
-            Some((point.position, point.normal, surface.area, first, point.white))
+            let radiance = point.white * scene.shown(point.triangle, point.barycentric);
+            Some((point.position, point.normal, surface.area, first, radiance))
         }
         Emitter::Panel(panel) => {
             let area = panel.texel_area * (panel.resolution * panel.resolution) as f32;

@@ -109,10 +109,11 @@ impl<P: LightPlan> Integrator<'_, P> {
         let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         for _ in 0..PANES {
             let hit = self.closest(&ray, sampler)?;
-            if self.scene.bsdf(&hit, -direction).base_albedo() != Vec3::ZERO {
+            let bsdf = self.scene.bsdf(&hit, -direction);
+            if bsdf.base_albedo() != Vec3::ZERO {
                 return Some((hit, self.scene.smooth_normal(&hit, direction)));
             }
-            if !self.scene.material(hit.triangle).is_clear_pane() {
+            if !self.scene.is_clear_pane(hit.triangle) || bsdf.straight_through() == Vec3::ZERO {
                 return None;
             }
             ray.t_min = next_after(hit.t);

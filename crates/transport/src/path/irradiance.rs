@@ -124,7 +124,7 @@ impl<P: LightPlan> Integrator<'_, P> {
                 return Some(Receiver { position: hit.position, outward, normal, clearance: hit.clearance });
             }
             let bsdf = self.scene.bsdf(&hit, -ray.direction);
-            if material.is_clear_pane() && bsdf.straight_through() != Vec3::ZERO {
+            if self.scene.is_clear_pane(hit.triangle) && bsdf.straight_through() != Vec3::ZERO {
                 ray.t_min = next_after(hit.t);
                 continue;
             }

@@ -1,7 +1,5 @@
 //! Finds the slabs of a scene: closed bodies of smooth glass whose greatest faces are flat and parallel.
 
-use std::collections::HashMap;
-
 use super::{Bounds, Face, NONE, PARALLEL, Slab, Slabs};
 use crate::scene::{AlphaMode, Material, Mesh, Scene};
 
@@ -17,7 +15,8 @@ impl Slabs {
         let is_glass = |t: &u32| refracts_smoothly(&scene.materials[mesh.triangle_material[*t as usize] as usize]);
         let glass: Vec<u32> = (0..mesh.triangles.len() as u32).filter(is_glass).collect();
         let mut slabs = Slabs::default();
-        for body in bodies(mesh, &glass) {
+        let own = |t: u32| (mesh.triangle_node[t as usize], mesh.triangle_material[t as usize]);
+        for body in mesh.bodies(&glass, own) {
             let material = &scene.materials[mesh.triangle_material[body[0] as usize] as usize];
             if let Some(slab) = slab(mesh, &body, material.ior) {
                 slabs.add(slab, mesh.triangles.len());
@@ -39,38 +38,15 @@ impl Slabs {
 }
 
 /// Smooth solid glass that nothing bends but its shape.
-pub(super) fn refracts_smoothly(material: &Material) -> bool {
-    let bends = material.thickness > 0.0 && !crate::bsdf::is_matched(material.ior) && material.ior > 1.0;
+fn refracts_smoothly(material: &Material) -> bool {
     let plain = material.finish.is_none() && material.normal_texture.is_none() && material.alpha == AlphaMode::Opaque;
-    let smooth = crate::bsdf::is_mirror(material.roughness);
-    !material.unlit && material.transmission > 0.0 && bends && plain && smooth
+    bends(material) && plain && crate::bsdf::is_mirror(material.roughness)
 }
 
-/// Triangles that hang together by their corners, of one node and material each.
-fn bodies(mesh: &Mesh, triangles: &[u32]) -> Vec<Vec<u32>> {
-    let mut parents: Vec<usize> = (0..triangles.len()).collect();
-    fn root(parents: &mut [usize], mut i: usize) -> usize {
-        while parents[i] != i {
-            parents[i] = parents[parents[i]];
-            i = parents[i];
-        }
-        i
-    }
-    let mut first_at = HashMap::new();
-    for (i, &t) in triangles.iter().enumerate() {
-        let own = (mesh.triangle_node[t as usize], mesh.triangle_material[t as usize]);
-        for corner in mesh.corners(t) {
-            let first = *first_at.entry((own, Mesh::place(corner))).or_insert(i);
-            let (a, b) = (root(&mut parents, first), root(&mut parents, i));
-            parents[a.max(b)] = a.min(b);
-        }
-    }
-    let mut bodies: Vec<Vec<u32>> = vec![Vec::new(); triangles.len()];
-    for (i, &t) in triangles.iter().enumerate() {
-        bodies[root(&mut parents, i)].push(t);
-    }
-    bodies.retain(|body| !body.is_empty());
-    bodies
+/// Glass that bends what passes, smooth or rough.
+pub(super) fn bends(material: &Material) -> bool {
+    let is_solid = material.thickness > 0.0 && !crate::bsdf::is_matched(material.ior) && material.ior > 1.0;
+    !material.unlit && material.transmission > 0.0 && is_solid
 }
 
 /// The slab that a body is, if it is one.

@@ -3,11 +3,13 @@
 
 use glam::Vec3;
 
-use super::find::refracts_smoothly;
+use super::find::bends;
 use crate::basis::SourceKind;
+use crate::bsdf;
 use crate::bvh::Ray;
 use crate::emitters::{Emitter, punctual_falloff};
-use crate::prepared::PreparedScene;
+use crate::prepared::{PreparedScene, SurfaceHit};
+use crate::sampler::Sampler;
 use crate::scene::{Material, PunctualKind, PunctualLight, Scene};
 
 /// Directions that are looked into from a lamp.
@@ -17,15 +19,28 @@ const TOLERATED: f32 = 0.01;
 
 /// Whether a scene has both, lamps without size and glass or mirrors, so that some light may be missing.
 pub(crate) fn may_hide(scene: &Scene) -> bool {
-    let has_glass = scene.punctual.iter().any(is_near) && scene.materials.iter().any(refracts_smoothly);
-    let has_mirror = scene.punctual.iter().any(is_sharp) && scene.materials.iter().any(|m| mirrored(m) > 0.0);
-    has_glass || has_mirror
+    let hides = |m: &Material| bends_smoothly(m, || bsdf::least_roughness(m, &scene.textures)) || mirrored(m) > 0.0;
+    scene.punctual.iter().any(is_sharp) && scene.materials.iter().any(hides)
+}
+
+/// Whether glass bends what passes into one direction alone, whatever coats or waves are on it, where it is that rough.
+fn bends_smoothly(material: &Material, roughness: impl FnOnce() -> f32) -> bool {
+    bends(material) && !material.is_stretched() && bsdf::is_mirror(roughness())
+}
+
+/// Share of the light that smooth glass other than a slab takes in; 0 of what is none.
+fn bent(scene: &PreparedScene, hit: &SurfaceHit) -> f32 {
+    if !bends(scene.material(hit.triangle)) || scene.slabs.has(hit.triangle) {
+        return 0.0;
+    }
+    let params = scene.appearance(hit).params;
+    let is_smooth = bends_smoothly(scene.material(hit.triangle), || params.roughness);
+    if is_smooth { (1.0 - params.metallic) * params.transmission } else { 0.0 }
 }
 
 /// Share of the light that a mirror throws on; 0 of what is none.
 fn mirrored(material: &Material) -> f32 {
-    let stretched = material.finish.as_ref().is_some_and(|finish| finish.anisotropy > 0.0);
-    if material.unlit || stretched || !crate::bsdf::is_mirror(material.roughness) {
+    if material.unlit || material.is_stretched() || !bsdf::is_mirror(material.roughness) {
         return 0.0;
     }
     material.metallic * material.base_color.truncate().max_element()
@@ -43,17 +58,17 @@ pub(crate) fn warnings(scene: &PreparedScene) -> Vec<String> {
             _ => Missing::default(),
         };
         let said = |share: f32, text: &dyn Fn(f32) -> String| (share > TOLERATED).then(|| text(100.0 * share));
-        let of_glass = said(missing.bent, &|percent| {
-            format!(
-                "light `{}` sends {percent:.0} % of its light into smooth glass that bends it, and what passes there is missing: \
-                 make the glass rough (above 0.03), without thickness or a flat pane, or give the lamp a shape that emits",
-                source.key
-            )
-        });
         let remedy = match source.kind {
             SourceKind::Directional => "a size with --sun-size",
             _ => "a shape that emits",
         };
+        let of_glass = said(missing.bent, &|percent| {
+            format!(
+                "light `{}` sends {percent:.0} % of its light into smooth glass that bends it, and what passes there is missing: \
+                 make the glass rough (above 0.03), without thickness or a flat pane, or give the lamp {remedy}",
+                source.key
+            )
+        });
         let of_mirrors = said(missing.mirrored, &|percent| {
             format!(
                 "light `{}` sends {percent:.0} % of its light onto smooth mirrors, and what they throw on is missing: make the \
@@ -86,16 +101,14 @@ struct Missing {
 
 fn missing(scene: &PreparedScene, light: &PunctualLight) -> Missing {
     let (mut missing, mut all) = (Missing::default(), 0.0);
-    for (ray, intensity) in (0..DIRECTIONS).filter_map(|nth| ray_of(scene, light, nth)) {
-        let met = scene.first_opaque(&ray);
+    for nth in 0..DIRECTIONS {
+        let Some((ray, intensity)) = ray_of(scene, light, nth) else { continue };
+        let met = scene.closest_behind_panes(&ray, &mut Sampler::new(0, u64::from(nth), 0));
         // Of light from far away only what meets the scene counts.
         all += if met.is_some() || is_near(light) { intensity } else { 0.0 };
-        let Some(triangle) = met else { continue };
-        let material = scene.material(triangle);
-        missing.mirrored += intensity * mirrored(material);
-        if is_near(light) && refracts_smoothly(material) && !scene.slabs.has(triangle) {
-            missing.bent += intensity;
-        }
+        let Some(hit) = met else { continue };
+        missing.mirrored += intensity * mirrored(scene.material(hit.triangle));
+        missing.bent += intensity * bent(scene, &hit);
     }
     let share = |part: f32| if all > 0.0 { part / all } else { 0.0 };
     Missing { bent: share(missing.bent), mirrored: share(missing.mirrored) }
