@@ -9,4 +9,5 @@ mod muted;
 mod profiles;
 mod scenes;
 mod sheets;
+mod skins;
 mod surfaces;
