@@ -217,8 +217,16 @@ fn while_a_lamp_moves_continuously_the_picture_moves_continuously() {
         let shape = LampShape::Disk { radius_m: 0.1 };
         let position = Vec3::new(x, -0.2 + 0.1 * (3.0 * x).sin(), -0.3);
         let (unit, setting) = (LampUnit::Lumen, LightSetting::default());
-        let lamp =
-            FreeLamp { key: "l".into(), shape, position, aim: position - Vec3::Y, strength: 20.0, unit, setting };
+        let lamp = FreeLamp {
+            key: "l".into(),
+            shape,
+            position,
+            aim: position - Vec3::Y,
+            strength: 20.0,
+            unit,
+            setting,
+            replaces: None,
+        };
         let lamps = PreparedLamps::new(&[lamp], None).unwrap().0;
         let mut coefficients = bake.header.coefficients(&LightRig::default());
         coefficients.iter_mut().flatten().for_each(|rgb| *rgb = [0.0; 3]);

@@ -7,6 +7,7 @@ use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::lamps::LampShape;
 use serde::{Deserialize, Serialize};
 
+use crate::panels::lamps::Pulled;
 use crate::picture::DeviceWish;
 
 /// What a person asked for.
@@ -81,6 +82,8 @@ pub enum Action {
         /// Where the pointer went down, points.
         at: [f32; 2],
     },
+    /// Put the lamp back into the file that is being pulled out of it.
+    PutBack(Box<Pulled>),
     /// Add a copy of the chosen lamp.
     DuplicateLamp,
     /// Take the chosen lamp away.
@@ -221,7 +224,7 @@ impl FileTask {
             FileTask::Export | FileTask::ExportFrames => ("Pictures", &["png", "exr"]),
             FileTask::SaveSheet => ("Pictures", &["png"]),
             FileTask::SaveBake => ("Bakes", &["transport"]),
-            FileTask::OpenProfile => ("Profiles of lamps", &["ies", "ldt"]),
+            FileTask::OpenProfile => ("Profiles of lamps", PROFILE_EXTENSIONS),
             FileTask::FindScene | FileTask::ExportGltf => ("glTF scenes", &["glb", "gltf"]),
             FileTask::OpenTarget => ("Pictures", &["exr", "hdr", "png", "jpg", "jpeg"]),
             FileTask::OpenSky => ("Pictures of all directions", SKY_EXTENSIONS),
@@ -278,8 +281,11 @@ impl FileTask {
 
 /// Endings of maps of the sky.
 const SKY_EXTENSIONS: &[&str] = &["hdr", "exr"];
+/// Endings of measured distributions.
+const PROFILE_EXTENSIONS: &[&str] = &["ies", "ldt"];
 
-/// What to do with a file that was dropped on the window: looks and skies are taken over, everything else is opened.
+/// What to do with a file that was dropped on the window: looks and skies are taken over, profiles become lamps, everything
+/// else is opened.
 pub fn dropped(path: PathBuf) -> Action {
     let ends_in = |endings: &[&str]| {
         path.extension().is_some_and(|own| endings.iter().any(|ending| own.eq_ignore_ascii_case(ending)))
@@ -287,6 +293,7 @@ pub fn dropped(path: PathBuf) -> Action {
     match () {
         () if ends_in(&["look"]) => Action::OpenLook(path),
         () if ends_in(SKY_EXTENSIONS) => Action::UseSky(path),
+        () if ends_in(PROFILE_EXTENSIONS) => Action::AddProfile(path),
         () => Action::Open(path),
     }
 }
@@ -303,9 +310,11 @@ mod tests {
     }
 
     #[test]
-    fn dropped_looks_and_skies_are_taken_over_and_scenes_opened() {
+    fn dropped_looks_and_skies_are_taken_over_profiles_added_and_scenes_opened() {
         assert_eq!(dropped("warm.LOOK".into()), Action::OpenLook("warm.LOOK".into()));
         assert_eq!(dropped("day.HDR".into()), Action::UseSky("day.HDR".into()));
+        assert_eq!(dropped("track.IES".into()), Action::AddProfile("track.IES".into()));
+        assert_eq!(dropped("track.ldt".into()), Action::AddProfile("track.ldt".into()));
         assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
         assert_eq!(dropped("stage".into()), Action::Open("stage".into()));
     }

@@ -346,6 +346,7 @@ impl App {
             Action::AddProfile(path) => self.add_profile(path),
             Action::MakeMovable(key) => self.make_movable(&key),
             Action::PullLamp { key, at } => self.pull_lamp(&key, at),
+            Action::PutBack(pulled) => self.put_back(*pulled),
             Action::DuplicateLamp => self.duplicate_lamps(),
             Action::DeleteLamp => self.delete_lamps(),
             Action::DeleteChosen => self.delete_chosen(),
@@ -412,6 +413,7 @@ impl eframe::App for App {
         self.session.foresee(&self.settings);
         self.watch_file(ctx);
         self.follow_look_files();
+        self.follow_solo();
         self.feed_undoer(ctx);
         self.keep_unsaved(ctx);
         self.close_or_ask(ctx);
@@ -442,6 +444,7 @@ impl eframe::App for App {
         self.dialogs_ui(&ctx);
         self.follow_marks();
         self.choose_one(lamp_before, key_before);
+        self.follow_solo();
         // The worker starts on the new picture while this frame is still being painted.
         let are_lights_edited = self.look.lights != before.lights || self.lights.solo != solo_before;
         if self.look.display != before.display {

@@ -242,6 +242,7 @@ mod tests {
             strength: 800.0,
             unit: LampUnit::Lumen,
             setting: LightSetting { intensity: 0.5, ..LightSetting::default() },
+            replaces: None,
         };
         let off = LightSetting { muted: true, ..LightSetting::default() };
         look.lights.lamps = vec![lamp.clone(), FreeLamp { key: "dark".into(), setting: off, ..lamp }];

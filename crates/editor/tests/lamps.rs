@@ -17,7 +17,7 @@ use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use desk::{Dropped, Window, baked, click, drag, on_screen, open, open_with, quick, room, wait};
+use desk::{Dropped, Window, baked, click, drag, on_screen, open, open_with, quick, replace_and_reload, room, wait};
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
     window.state().look().lights.lamps.clone()
@@ -289,6 +289,122 @@ fn a_lamp_of_the_file_is_dragged_as_it_hangs_and_comes_back_by_one_undo() {
     window.get_by_label("Move lamp movable 1 along X");
     click(&mut window, "Undo");
     assert_eq!(*window.state().look(), Look::default(), "the exchange and the way at once");
+}
+
+#[test]
+fn esc_puts_a_lamp_back_into_the_file_that_was_pulled_out_of_it() {
+    let mut window = with_lamp("Point");
+    let before = window.state().look().clone();
+    let from = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    window.hover_at(from);
+    window.run_steps(3);
+    window.drag_at(from);
+    window.run_steps(2);
+    for step in 1..4 {
+        window.hover_at(from + vec2(-20.0 * step as f32, 15.0));
+        window.run_steps(2);
+    }
+    assert_eq!(lamps(&window).len(), 2);
+    assert!(window.query_all_by_label_contains("stands in for").next().is_some());
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), before);
+    assert!(window.query_all_by_label_contains("stands in for").next().is_none(), "it does not any more");
+    window.get_by_label("Move Point lamp 1 along X");
+    let to = from + vec2(-120.0, 15.0);
+    window.hover_at(to);
+    window.run_steps(2);
+    window.drop_at(to);
+    window.run_steps(3);
+    assert_eq!(*window.state().look(), before, "a pull that was put back is over");
+    click(&mut window, "Undo");
+    assert!(lamps(&window).is_empty(), "it left no step");
+}
+
+/// Drags the lamp of the file to the wall on the left.
+fn drag_to_the_wall(window: &mut Window) {
+    let (at, wall) = (Vec3::new(0.3, 0.6, -0.2), Vec3::new(-1.0, -0.2, -0.8));
+    let (from, to) = (on_screen(window, at), on_screen(window, wall));
+    drag(window, from, to);
+    assert_eq!(lamps(window)[0].key, "lamp movable 1");
+}
+
+#[test]
+fn a_soloed_lamp_of_the_file_that_is_dragged_stays_soloed_and_moves_its_light() {
+    let mut window = baked();
+    click(&mut window, "Solo lamp");
+    wait(&mut window, App::is_settled);
+    let alone = window.state().shown_ev();
+    drag_to_the_wall(&mut window);
+    window.get_by_label("Solo: lamp movable 1");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - alone).abs() > 0.1);
+    click(&mut window, "Undo");
+    window.get_by_label("Solo: lamp");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - alone).abs() < 1e-3);
+    click(&mut window, "Redo");
+    window.get_by_label("Solo: lamp movable 1");
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - alone).abs() > 0.1);
+}
+
+#[test]
+fn solo_ends_with_the_lamp_whose_adding_is_taken_back() {
+    let mut window = baked();
+    let ev = window.state().shown_ev();
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    click(&mut window, "Solo Point lamp 1");
+    window.get_by_label("Solo: Point lamp 1");
+    click(&mut window, "Undo");
+    assert!(lamps(&window).is_empty() && window.query_by_label("Clear solo").is_none());
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() < 1e-3);
+}
+
+#[test]
+fn solo_of_an_added_lamp_outlasts_a_reload() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.gltf");
+    std::fs::write(&path, room()).unwrap();
+    let mut window = open(Source::File(path.clone()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    click(&mut window, "Solo Point lamp 1");
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    gltf["extensions"]["KHR_lights_punctual"]["lights"][0]["intensity"] = json!(4);
+    replace_and_reload(&mut window, &path, &gltf);
+    wait_for_words(&mut window, "Opened room.gltf");
+    assert_eq!(lamps(&window).len(), 1);
+    window.get_by_label("Solo: Point lamp 1");
+}
+
+#[test]
+fn a_preset_leaves_a_lamp_dark_that_was_moved() {
+    let mut window = baked();
+    drag_to_the_wall(&mut window);
+    let at = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    window.hover_at(at);
+    window.run_steps(3);
+    assert!(window.query_by_label("lamp in the picture").is_none(), "it hangs there no longer");
+    click(&mut window, "Presets");
+    click(&mut window, "Night");
+    let lights = &window.state().look().lights;
+    assert!(lights.lights["lamp"].muted && !lights.lamps[0].setting.muted, "{lights:?}");
+    assert!(lights.lamps[0].setting.kelvin.is_some(), "the other one is set for the night");
+}
+
+#[test]
+fn a_profile_that_is_dropped_on_the_window_becomes_a_lamp() {
+    let folder = tempfile::tempdir().unwrap();
+    let ies = folder.path().join("down.IES");
+    std::fs::write(&ies, "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n")
+        .unwrap();
+    let mut window = with_lamp("Point");
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(ies.clone())));
+    window.run_steps(3);
+    let [_, lamp] = &lamps(&window)[..] else { panic!("{:?}", lamps(&window)) };
+    assert_eq!(lamp.shape, LampShape::Profile { file: ies.display().to_string() });
+    assert_eq!((lamp.strength, lamp.unit), (100.0, LampUnit::Candela));
+    assert!(window.query_by_label("Save").is_none(), "the look is not in the way");
 }
 
 #[test]

@@ -106,6 +106,18 @@ fn a_scene_without_a_sky_gets_one_by_a_button_and_the_sun_keeps_its_column() {
 }
 
 #[test]
+fn a_preset_dims_the_sky_that_was_chosen() {
+    let mut window = under_the_sky();
+    let chosen = sky(&window);
+    assert!(chosen.sun.is_some());
+    click(&mut window, "Presets");
+    click(&mut window, "Dusk");
+    let lights = &window.state().look().lights;
+    assert_eq!(lights.sky.as_ref(), Some(&chosen));
+    assert!(lights.lights["sky"].intensity < 0.1, "{lights:?}");
+}
+
+#[test]
 fn a_sky_over_closed_rooms_says_that_it_lights_nothing() {
     let room = Source::Bytes { name: "room.gltf".into(), bytes: include_bytes!("room.gltf").to_vec() };
     for (source, is_shut_out) in [(room, true), (court(), false)] {

@@ -112,6 +112,20 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
 }
 
 #[test]
+fn solving_waits_until_all_lights_are_heard() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    click(&mut window, "Add wish");
+    let is_offered = |window: &Window| !window.get_by_label("Solve").accesskit_node().is_disabled();
+    assert!(is_offered(&window));
+    click(&mut window, "Solo lamp");
+    assert!(!is_offered(&window));
+    click(&mut window, "Clear solo");
+    assert!(is_offered(&window));
+}
+
+#[test]
 fn what_was_found_can_be_left_and_wishes_removed() {
     let mut window = measured();
     click(&mut window, "Solve for light");

@@ -40,6 +40,9 @@ pub struct FreeLamp {
     pub unit: LampUnit,
     /// Color, or kelvin; white where neither is set. A muted lamp is dark.
     pub setting: LightSetting,
+    /// Key of the light of the scene in whose place it shines, which is muted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub replaces: Option<String>,
 }
 
 impl FreeLamp {
@@ -161,6 +164,6 @@ pub(crate) mod tests {
     pub(crate) fn lamp(shape: LampShape) -> FreeLamp {
         let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Candela };
         let (key, setting) = ("lamp".to_owned(), LightSetting::default());
-        FreeLamp { key, shape, position: Vec3::Y, aim: Vec3::ZERO, strength: 1.0, unit, setting }
+        FreeLamp { key, shape, position: Vec3::Y, aim: Vec3::ZERO, strength: 1.0, unit, setting, replaces: None }
     }
 }

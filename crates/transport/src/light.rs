@@ -130,6 +130,12 @@ impl LightRig {
         self.in_groups(key, self.own_setting(key))
     }
 
+    /// Whether a light of the scene is dark because a free lamp shines in its place.
+    pub fn is_replaced(&self, key: &str) -> bool {
+        self.lights.get(key).is_some_and(|setting| setting.muted)
+            && self.lamps.iter().any(|lamp| lamp.replaces.as_deref() == Some(key))
+    }
+
     /// The free lamps, set by themselves and by their groups.
     pub fn lit_lamps(&self) -> Vec<FreeLamp> {
         let lit = |lamp: &FreeLamp| FreeLamp { setting: self.in_groups(&lamp.key, lamp.setting), ..lamp.clone() };
@@ -268,6 +274,7 @@ mod tests {
             strength: 1.0,
             unit: LampUnit::Candela,
             setting: LightSetting::default(),
+            replaces: None,
         });
         assert_eq!(with_lamp.take_lamps()[0].setting.intensity, 0.5);
         assert_eq!(with_lamp.setting("b").intensity, 1.0, "it was counted");

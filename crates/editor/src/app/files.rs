@@ -71,7 +71,7 @@ impl App {
         if let (Some(question), Some(path)) = (self.question.take(), path) {
             self.actions.push(question.action(path));
         } else {
-            self.after_saving = None;
+            (self.after_saving, self.profile_at_px) = (None, None);
         }
     }
 

@@ -14,7 +14,7 @@ use glam::{Vec2, Vec3};
 use super::App;
 use crate::action::FileTask;
 use crate::look::{groups, numbered_name};
-use crate::panels::lamps::{LampChoice, kind_words};
+use crate::panels::lamps::{LampChoice, Pulled, kind_words};
 use crate::panels::lights::{ADDED, heard};
 use crate::panels::status::LampNote;
 use crate::session::SceneOfBake;
@@ -38,6 +38,13 @@ impl App {
             }
             Some(SceneOfBake::Waiting) => LampChoice::Waiting,
             Some(SceneOfBake::Found(_)) | None => LampChoice::Never,
+        }
+    }
+
+    /// Brings solo in step with the lights, whatever changed them.
+    pub(super) fn follow_solo(&mut self) {
+        if let Some(basis) = self.session.basis() {
+            self.lights.follow_solo(basis, &self.look.lights);
         }
     }
 
@@ -109,7 +116,7 @@ impl App {
         let key = self.free_name(kind_words(&shape));
         let (setting, origin) = (LightSetting::default(), Vec3::ZERO);
         let (unit, own) = (shape.units()[0], 1.0);
-        let lamp = FreeLamp { key, shape, position: origin, aim: origin, strength: own, unit, setting };
+        let lamp = FreeLamp { key, shape, position: origin, aim: origin, strength: own, unit, setting, replaces: None };
         let lamp = placed(lamp, surface.unwrap_or_else(in_the_air), eye, &scene);
         let (strength, unit) = strength.unwrap_or_else(|| fitting_strength(&lamp, self.follower.shown_ev(), &scene));
         let lamp = FreeLamp { strength, unit, ..lamp };
@@ -171,7 +178,7 @@ impl App {
         let lamp = self.look.lights.lamps.iter().find(|lamp| lamp.key == of)?.clone();
         let name = self.look.name_of(&lamp.key);
         let stem = name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end();
-        let mut copy = FreeLamp { key: self.free_name(stem), ..lamp };
+        let mut copy = FreeLamp { key: self.free_name(stem), replaces: None, ..lamp };
         // To the right in the picture, so that it is seen beside the first one.
         if let Some((_, camera, _)) = self.lamp_view() {
             let right = camera.world_from_camera.x_axis.truncate();
@@ -243,8 +250,18 @@ impl App {
         let twin = self.movable_twin(key);
         self.lights.lamps.pulled_at = twin.is_some().then(|| at.into());
         if let Some(lamp) = twin {
+            let (lights, chosen) = (self.look.lights.clone(), self.lights.lamps.chosen.clone());
+            self.lights.lamps.pulled = Some(Pulled { lights, chosen });
             self.exchange(key, lamp);
         }
+    }
+
+    /// The lamp of the file shines again in the place of the one that was pulled out of it.
+    pub(super) fn put_back(&mut self, pulled: Pulled) {
+        self.look.lights = pulled.lights;
+        self.lights.lamps.chosen = pulled.chosen;
+        self.messages.take_back();
+        self.say("Put back");
     }
 
     /// A free lamp of the same light as one of the file; complains where there can be none.

@@ -36,8 +36,7 @@ impl App {
         let mut lights = LightsState::new(self.lights.layout);
         if let Some(reloading) = &reloading {
             self.take_in(&reloading.lights);
-            lights.solo = std::mem::take(&mut self.lights.solo);
-            lights.solo.retain(|key| self.session.basis().is_none_or(|basis| basis.source(key).is_some()));
+            lights.keep_solo(&mut self.lights);
         } else {
             self.view = ViewState::default();
         }

@@ -454,6 +454,7 @@ impl App {
             look: &self.look,
             lights,
             is_busy: self.solving.solving.is_busy(),
+            is_soloed: !self.lights.solo.is_empty(),
             here: here(&self.session, &self.solving.pictures),
             lux_bake,
             has_scene,

@@ -264,7 +264,7 @@ fn free_lamps_become_nodes_that_shine_alike() {
     let setting = LightSetting { kelvin: Some(3000.0), intensity: 2.0, ..LightSetting::default() };
     let lamp = |shape: LampShape| {
         let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Lumen };
-        FreeLamp { key: shape.name().to_owned(), shape, position, aim, strength: 300.0, unit, setting }
+        FreeLamp { key: shape.name().to_owned(), shape, position, aim, strength: 300.0, unit, setting, replaces: None }
     };
     let mut look = Look::default();
     look.lights.lamps = vec![

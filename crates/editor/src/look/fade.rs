@@ -220,7 +220,7 @@ fn moved(a: &FreeLamp, b: &FreeLamp, t: f32) -> FreeLamp {
     let strength = lerp(a.strength, b.strength, t);
     setting.intensity = if strength > 0.0 { setting.intensity / strength } else { 0.0 };
     let (position, aim) = (a.position.lerp(b.position, t), a.aim.lerp(b.aim, t));
-    FreeLamp { key: a.key.clone(), shape: shape(&a.shape, &b.shape, t), position, aim, strength, unit: a.unit, setting }
+    FreeLamp { shape: shape(&a.shape, &b.shape, t), position, aim, strength, setting, ..a.clone() }
 }
 
 fn shape(a: &LampShape, b: &LampShape, t: f32) -> LampShape {
@@ -328,6 +328,7 @@ mod tests {
             strength,
             unit: LampUnit::Lumen,
             setting: LightSetting::default(),
+            replaces: None,
         };
         let [mut a, mut b] = [Look::default(), Look::default()];
         let there = FreeLamp { position: Vec3::Y * 4.0, ..lamp("s", LampShape::Disk { radius_m: 3.0 }, 300.0) };

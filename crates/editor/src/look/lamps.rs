@@ -20,7 +20,8 @@ const CONE_DEG: std::ops::RangeInclusive<f64> = 0.0..=90.0;
 /// Lamps of one look.
 const MAX_LAMPS: usize = 1000;
 /// Members that every lamp has.
-const COMMON: [&str; 9] = ["key", "type", "position", "strength", "unit", "intensity", "color", "kelvin", "muted"];
+const COMMON: [&str; 10] =
+    ["key", "type", "position", "strength", "unit", "intensity", "color", "kelvin", "muted", "replaces"];
 
 /// Names of the types in files.
 pub const TYPES: [&str; 7] = ["point", "spot", "rectangle", "disk", "sphere", "directional", "ies"];
@@ -112,6 +113,7 @@ impl Reader<'_> {
             strength: strength.ok_or_else(|| self.lacks("strength"))?,
             unit: unit.unwrap_or(shape.units()[0]),
             setting: self.setting_members(object)?,
+            replaces: self.optional(object, "replaces", |r, v| r.text(v))?,
             shape,
         }))
     }
@@ -194,6 +196,7 @@ pub(super) fn json(lamp: &FreeLamp) -> String {
     members.push(member("strength", &lamp.strength));
     members.push(member("unit", lamp.unit.name()));
     members.extend(setting_members(&lamp.setting));
+    members.extend(lamp.replaces.iter().map(|key| format!("\"replaces\": {}", value(key))));
     format!("{{ {} }}", members.join(", "))
 }
 
@@ -221,7 +224,7 @@ mod tests {
         let position = Vec3::new(1.5, 2.25, -0.1);
         let aim = if shape.is_aimed() { Vec3::new(0.1, 0.0, 3.0) } else { below(position) };
         let (unit, setting) = (shape.units()[0], LightSetting::default());
-        FreeLamp { key: key.into(), shape, position, aim, strength: 800.0, unit, setting }
+        FreeLamp { key: key.into(), shape, position, aim, strength: 800.0, unit, setting, replaces: None }
     }
 
     fn all() -> Vec<FreeLamp> {
@@ -233,7 +236,7 @@ mod tests {
             FreeLamp { unit: LampUnit::Nit, ..lamp("r", LampShape::Rectangle { size_m: [1.2, 0.3] }) },
             lamp("d", LampShape::Disk { radius_m: 0.0 }),
             FreeLamp { unit: LampUnit::Candela, ..lamp("s", LampShape::Sphere { radius_m: 0.06 }) },
-            lamp("sun", LampShape::Directional),
+            FreeLamp { replaces: Some("Sun \"A\"".into()), ..lamp("sun", LampShape::Directional) },
             lamp("track", LampShape::Profile { file: "a, b/x.ies".into() }),
         ]
     }

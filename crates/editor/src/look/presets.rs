@@ -59,9 +59,12 @@ impl Preset {
         Preset::ALL.iter().find(|(preset, ..)| *preset == self).map_or("", |(.., words)| words)
     }
 
-    /// The preset for a scene with these lights. Free lamps of `look` stay where they are and are dimmed like the others.
+    /// The preset for a scene with these lights. The sky of `look` stays, and so do its free lamps, where they are; all are
+    /// dimmed like the others. Lights in whose place a free lamp shines stay dark.
     pub fn of(self, basis: &LightBasis, look: &Look) -> Snapshot {
-        let parts = basis.sources.iter().filter_map(|source| Some((source, part(source)?)));
+        let (replaced, own): (Vec<&LightSource>, Vec<&LightSource>) =
+            basis.sources.iter().partition(|source| look.lights.is_replaced(&source.key));
+        let parts = own.into_iter().filter_map(|source| Some((source, part(source)?)));
         let parts: Vec<(&LightSource, Part)> = parts.collect();
         let lamps = look.lights.lamps.iter().map(|lamp| (lamp, lamp_part(lamp)));
         let lamps: Vec<(&FreeLamp, Part)> = lamps.collect();
@@ -72,7 +75,10 @@ impl Preset {
             () => Place::Outside,
         };
         let has_accents = all().any(|part| part == Part::Accent);
-        let mut rig = LightRig::default();
+        let mut rig = LightRig { sky: look.lights.sky.clone(), ..LightRig::default() };
+        for source in replaced {
+            rig.set(&source.key, LightSetting { muted: true, ..LightSetting::default() });
+        }
         for (source, part) in &parts {
             let setting = setting(self.level(*part, place, has_accents), source.color);
             if setting != LightSetting::default() {
@@ -176,7 +182,9 @@ fn lamp_part(lamp: &FreeLamp) -> Part {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::lamps::LampUnit;
     use clerestory_transport::light::luminance;
+    use clerestory_transport::sky::SkySetting;
 
     use super::*;
 
@@ -253,13 +261,40 @@ mod tests {
             position: Vec3::ONE,
             aim: Vec3::ZERO,
             strength: 5.0,
-            unit: clerestory_transport::lamps::LampUnit::Lumen,
+            unit: LampUnit::Lumen,
             setting: LightSetting { muted: true, ..LightSetting::default() },
+            replaces: None,
         };
         look.lights.lamps.push(lamp);
         let night = Preset::Night.of(&basis, &look);
         assert_eq!(night.lights.lights["neon"].kelvin, None);
         let lamp = &night.lights.lamps[0];
         assert!(lamp.position == Vec3::ONE && !lamp.setting.muted && lamp.setting.kelvin.is_some(), "{lamp:?}");
+    }
+
+    #[test]
+    fn the_sky_stays_and_a_light_that_was_exchanged_stays_dark() {
+        let basis = LightBasis::new(vec![source("spot", SourceKind::Spot), source("lamp", SourceKind::Emitter)]);
+        let mut look = Look::default();
+        look.lights.sky = Some(SkySetting { rotation_deg: 40.0, ..SkySetting::default() });
+        look.lights.set("spot", LightSetting { muted: true, ..LightSetting::default() });
+        let lamp = FreeLamp {
+            key: "free".into(),
+            shape: LampShape::Point,
+            position: Vec3::ONE,
+            aim: Vec3::ZERO,
+            strength: 5.0,
+            unit: LampUnit::Lumen,
+            setting: LightSetting::default(),
+            replaces: Some("spot".into()),
+        };
+        look.lights.lamps.push(lamp);
+        for (preset, name, _) in Preset::ALL {
+            let lights = preset.of(&basis, &look).lights;
+            assert_eq!(lights.sky, look.lights.sky, "{name}");
+            assert!(lights.is_replaced("spot") && !lights.setting("lamp").muted, "{name}");
+        }
+        look.lights.lamps.clear();
+        assert!(!Preset::Night.of(&basis, &look).lights.setting("spot").muted, "nothing shines in its place");
     }
 }

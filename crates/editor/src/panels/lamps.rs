@@ -1,7 +1,7 @@
 //! Free lamps in the list of lights: a row each, and what the chosen one is like.
 
 use clerestory_transport::lamps::{FreeLamp, LampShape};
-use clerestory_transport::light::luminance;
+use clerestory_transport::light::{LightRig, luminance};
 use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Modifiers, Pos2, RichText, Ui};
 use glam::Vec3;
 
@@ -28,10 +28,21 @@ pub struct LampState {
     pub dragged_to: Option<Pos2>,
     /// Where the chosen lamp was pulled out of the file, before it is held.
     pub pulled_at: Option<Pos2>,
+    /// What stood before that, while it is held.
+    pub pulled: Option<Pulled>,
     /// Where the menu of the picture was opened.
     pub menu_at: Option<Pos2>,
     /// A name that is being typed.
     naming: Renaming,
+}
+
+/// What stood before a lamp was pulled out of the file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pulled {
+    /// The lights.
+    pub lights: LightRig,
+    /// Key of the free lamp that was chosen.
+    pub chosen: Option<String>,
 }
 
 /// What a click on a light of the picture does to what is selected.

@@ -17,7 +17,7 @@ mod selection;
 pub mod solo;
 mod table;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::basis::LightBasis;
 use eframe::egui::{self, Align, ComboBox, DragValue, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
@@ -90,6 +90,8 @@ pub struct LightsState {
     pub filter: String,
     /// Keys of the lights that alone are heard.
     pub solo: BTreeSet<String>,
+    /// Keys of lamps in the place of lights of the scene, and of those, when solo was last brought in step.
+    stand_ins: BTreeMap<String, String>,
     /// Panel and spot that were touched last.
     pub spot: Option<(String, usize)>,
     /// The free lamps.

@@ -69,6 +69,8 @@ pub struct SolveView<'a> {
     pub lights: Vec<String>,
     /// Whether a solution is being looked for.
     pub is_busy: bool,
+    /// Whether a solo darkens lights: what they bring is not known then.
+    pub is_soloed: bool,
     /// What wishes are about.
     pub here: Here<'a>,
     /// How illuminance can be had, where it is not there.
@@ -320,9 +322,13 @@ fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Acti
     let can_solve = wishes.list.iter().any(|wish| view.here.misfit(wish).is_none());
     ui.horizontal(|ui| {
         let solve = Button::new(RichText::new("Solve").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-        let solve = ui.add_enabled(can_solve && !view.is_busy, solve);
+        let solve = ui.add_enabled(can_solve && !view.is_busy && !view.is_soloed, solve);
         let solve = solve.on_hover_text("Looks for the lights that come closest");
-        let why = if wishes.list.is_empty() { "Add a wish first" } else { "No wish fits what is shown" };
+        let why = match () {
+            () if wishes.list.is_empty() => "Add a wish first",
+            () if view.is_soloed => "Clear the solo first: it hides what the other lights bring",
+            () => "No wish fits what is shown",
+        };
         if solve.on_disabled_hover_text(why).clicked() {
             actions.push(Action::Solve);
         }

@@ -41,7 +41,7 @@ pub fn lamps_ui(
     let (names, lamps) = (&look.names, &mut look.lights.lamps[..]);
     let name_of = |lamp: &FreeLamp| names.get(&lamp.key).unwrap_or(&lamp.key).clone();
     let mut touched = aim_by_click(ui, picture, sight, lamps, state, &name_of);
-    cancel(ui, lamps, state);
+    cancel(ui, lamps, state, actions);
     hold_pulled(sight, lamps, state);
     drag_on(ui, sight, lamps, state);
     // The chosen lamp comes last, and so lies on top.
@@ -120,12 +120,16 @@ fn aim_by_click(
     false
 }
 
-/// Esc puts a dragged lamp back, and ends aiming.
-fn cancel(ui: &Ui, lamps: &mut [FreeLamp], state: &mut LampState) {
+/// Esc puts a dragged lamp back, one that was pulled out of the file into it, and ends aiming.
+fn cancel(ui: &Ui, lamps: &mut [FreeLamp], state: &mut LampState, actions: &mut Vec<Action>) {
     if !ui.input(|input| input.key_pressed(Key::Escape)) {
         return;
     }
     state.aiming = false;
+    if let Some(pulled) = state.pulled.take() {
+        state.pulled_at = None;
+        actions.push(Action::PutBack(Box::new(pulled)));
+    }
     if let Some(drag) = state.drag.take()
         && let Some(lamp) = lamps.iter_mut().find(|lamp| lamp.key == drag.key)
     {
@@ -255,6 +259,7 @@ fn hold_pulled(sight: &Sight, lamps: &[FreeLamp], state: &mut LampState) {
 fn drag_on(ui: &Ui, sight: &Sight, lamps: &mut [FreeLamp], state: &mut LampState) {
     let (pointer, is_down, modifiers) =
         ui.input(|input| (input.pointer.interact_pos(), input.pointer.primary_down(), input.modifiers));
+    state.pulled.take_if(|_| !is_down);
     let Some(drag) = &mut state.drag else { return };
     let lamp = lamps.iter_mut().find(|lamp| lamp.key == drag.key);
     if let (Some(lamp), Some(at), Some(last)) = (lamp, pointer, state.dragged_to)

@@ -40,13 +40,8 @@ pub fn marks_ui(
     for (source, position) in lamps(sight.scene) {
         let name = look.name_of(&source.key);
         let is_chosen = lights.chosen.as_deref() == Some(&source.key);
-        // Where a free lamp took its place its mark would lie below.
-        let is_replaced = look.lights.setting(&source.key).muted
-            && look.lights.lamps.iter().any(|lamp| lamp.position.distance(position) < 1e-3 * sight.scene.diameter());
-        if is_replaced {
-            continue;
-        }
-        if !is_near && !is_chosen {
+        // A lamp that was moved away hangs there no longer.
+        if look.lights.is_replaced(&source.key) || !is_near && !is_chosen {
             continue;
         }
         let seen = sight.seen_at(position).filter(|at| painter.clip_rect().contains(*at));

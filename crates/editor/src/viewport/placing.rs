@@ -77,7 +77,16 @@ mod tests {
     fn spot() -> FreeLamp {
         let (shape, setting) = (LampShape::Spot { inner_rad: 0.35, outer_rad: 0.6 }, LightSetting::default());
         let (strength, unit) = (1.0, LampUnit::Lumen);
-        FreeLamp { key: "spot".into(), shape, position: Vec3::ZERO, aim: Vec3::ZERO, strength, unit, setting }
+        FreeLamp {
+            key: "spot".into(),
+            shape,
+            position: Vec3::ZERO,
+            aim: Vec3::ZERO,
+            strength,
+            unit,
+            setting,
+            replaces: None,
+        }
     }
 
     #[test]

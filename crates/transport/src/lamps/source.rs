@@ -38,6 +38,7 @@ impl FreeLamp {
             strength: source.strength,
             unit,
             setting,
+            replaces: Some(source.key.clone()),
         })
     }
 }

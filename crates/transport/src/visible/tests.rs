@@ -23,7 +23,16 @@ fn never() -> bool {
 
 fn lamp(shape: LampShape, position: Vec3, strength: f32, unit: LampUnit) -> FreeLamp {
     let aim = position - Vec3::Y + Vec3::X * 0.2;
-    FreeLamp { key: "free".into(), shape, position, aim, strength, unit, setting: LightSetting::default() }
+    FreeLamp {
+        key: "free".into(),
+        shape,
+        position,
+        aim,
+        strength,
+        unit,
+        setting: LightSetting::default(),
+        replaces: None,
+    }
 }
 
 fn prepared(lamps: &[FreeLamp]) -> PreparedLamps {

@@ -252,7 +252,16 @@ pub(super) fn relit(bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Vec<f32> {
 
 pub(super) fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
     let (aim, unit, setting) = (position - Vec3::Y, LampUnit::Lumen, LightSetting::default());
-    FreeLamp { key: "a lamp of the report".into(), shape, position, aim, strength: LUMEN, unit, setting }
+    FreeLamp {
+        key: "a lamp of the report".into(),
+        shape,
+        position,
+        aim,
+        strength: LUMEN,
+        unit,
+        setting,
+        replaces: None,
+    }
 }
 
 fn point_lamp(position: Vec3) -> Result<PreparedLamps> {

@@ -1,18 +1,52 @@
 //! Solo: while any light is soloed, all others are dark. It is not in the look, and a banner over the picture says so.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::{self, Align2, Area, Button, Frame, Id, Order, Rect, RichText, Ui, vec2};
 
+use super::LightsState;
 use crate::look::Look;
 use crate::theme;
 
 /// Names that the banner tells; more are counted.
 const MOST_NAMES: usize = 3;
 
-/// The lights as they are seen: while any is soloed, all others are dark. Solo wins over mute, of a group as well.
+impl LightsState {
+    /// Brings solo in step with the lights: from a light to the lamp that takes its place, and back to it. What is gone is soloed
+    /// no longer.
+    pub fn follow_solo(&mut self, basis: &LightBasis, rig: &LightRig) {
+        let before = std::mem::replace(&mut self.stand_ins, stand_ins(rig));
+        let solo = &mut self.solo;
+        for (lamp, of) in self.stand_ins.iter().filter(|(lamp, of)| !before.contains_key(*lamp) && rig.is_replaced(of))
+        {
+            if solo.remove(of) {
+                solo.insert(lamp.clone());
+            }
+        }
+        for (lamp, of) in before.iter().filter(|(lamp, _)| !self.stand_ins.contains_key(*lamp)) {
+            if solo.remove(lamp) {
+                solo.insert(of.clone());
+            }
+        }
+        solo.retain(|key| basis.source(key).is_some() || rig.lamps.iter().any(|lamp| lamp.key == *key));
+    }
+
+    /// The scene is read again: solo stays on.
+    pub fn keep_solo(&mut self, before: &mut LightsState) {
+        self.solo = std::mem::take(&mut before.solo);
+        self.stand_ins = std::mem::take(&mut before.stand_ins);
+    }
+}
+
+/// Keys of lamps that shine in the place of lights of the scene, and of those.
+fn stand_ins(rig: &LightRig) -> BTreeMap<String, String> {
+    rig.lamps.iter().filter_map(|lamp| Some((lamp.key.clone(), lamp.replaces.clone()?))).collect()
+}
+
+/// The lights as they are seen: while any is soloed, all others are dark. Solo wins over mute, of a group as well, but a light
+/// does not shine beside a soloed lamp that took its place.
 pub fn heard(basis: &LightBasis, rig: &LightRig, solo: &BTreeSet<String>) -> LightRig {
     let mut rig = rig.clone();
     let is_solo = |key: &str| solo.contains(key);
@@ -20,7 +54,9 @@ pub fn heard(basis: &LightBasis, rig: &LightRig, solo: &BTreeSet<String>) -> Lig
         for source in basis.sources.iter().filter(|source| !is_solo(&source.key)) {
             rig.lights.entry(source.key.clone()).or_default().muted = true;
         }
-        for key in solo {
+        let doubled: BTreeSet<String> =
+            stand_ins(&rig).into_iter().filter(|(lamp, _)| is_solo(lamp)).map(|(_, of)| of).collect();
+        for key in solo.difference(&doubled) {
             if let Some(setting) = rig.lights.get_mut(key) {
                 setting.muted = false;
             }
@@ -87,6 +123,7 @@ fn words(look: &Look, solo: &BTreeSet<String>) -> String {
 #[cfg(test)]
 mod tests {
     use clerestory_transport::basis::{LightSource, SourceKind};
+    use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
     use clerestory_transport::light::LightGroup;
     use clerestory_transport::origin::LightOrigin;
     use glam::Vec3;
@@ -125,6 +162,50 @@ mod tests {
     fn a_solo_that_this_scene_does_not_know_darkens_nothing() {
         let rig = LightRig::default();
         assert_eq!(heard(&basis(), &rig, &BTreeSet::from(["elsewhere".to_string()])), rig);
+    }
+
+    /// The lights once the lamp `b` took the place of `a`.
+    fn exchanged() -> LightRig {
+        let mut rig = LightRig::default();
+        rig.set("a", LightSetting { muted: true, ..LightSetting::default() });
+        let (position, aim, setting) = (Vec3::ZERO, Vec3::NEG_Y, LightSetting::default());
+        let (key, shape, unit) = ("free".to_owned(), LampShape::Point, LampUnit::Candela);
+        let replaces = Some("a".to_owned());
+        rig.lamps.push(FreeLamp { key, shape, position, aim, strength: 1.0, unit, setting, replaces });
+        rig
+    }
+
+    #[test]
+    fn solo_goes_to_the_lamp_that_takes_the_place_of_a_light_and_back() {
+        let mut state = LightsState { solo: ["a".to_owned()].into(), ..LightsState::default() };
+        let soloed = |state: &LightsState| state.solo.iter().cloned().collect::<Vec<_>>();
+        for (rig, wanted) in [(exchanged(), "free"), (exchanged(), "free"), (LightRig::default(), "a")] {
+            state.follow_solo(&basis(), &rig);
+            assert_eq!(soloed(&state), [wanted]);
+        }
+        // Who solos the light that was exchanged wants that one.
+        state.follow_solo(&basis(), &exchanged());
+        state.solo = ["a".to_owned()].into();
+        state.follow_solo(&basis(), &exchanged());
+        assert_eq!(soloed(&state), ["a"]);
+        state.solo = ["free".to_owned(), "elsewhere".to_owned()].into();
+        let deleted = LightRig { lamps: Vec::new(), ..exchanged() };
+        let mut again = LightsState::default();
+        again.keep_solo(&mut state);
+        again.follow_solo(&LightBasis::new(Vec::new()), &deleted);
+        assert!(again.solo.is_empty(), "none of them is left");
+    }
+
+    #[test]
+    fn a_light_does_not_shine_beside_a_soloed_lamp_in_its_place() {
+        let of = |solo: &[&str]| {
+            let solo = solo.iter().map(|key| (*key).to_owned()).collect();
+            let heard = heard(&basis(), &exchanged(), &solo);
+            [heard.setting("a").muted, heard.setting("free").muted]
+        };
+        assert_eq!(of(&["a"]), [false, true]);
+        assert_eq!(of(&["free"]), [true, false]);
+        assert_eq!(of(&["a", "free"]), [true, false]);
     }
 
     #[test]

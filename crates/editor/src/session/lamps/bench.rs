@@ -125,9 +125,9 @@ fn on_cpu(error: &RelightError) -> String {
     format!("the CPU lights the lamps, since {error}")
 }
 
-/// The lamp without what only weighs its light.
+/// The lamp without what only weighs its light, and what it stands for.
 fn white(lamp: &FreeLamp) -> FreeLamp {
-    FreeLamp { setting: LightSetting::default(), ..lamp.clone() }
+    FreeLamp { setting: LightSetting::default(), replaces: None, ..lamp.clone() }
 }
 
 /// Samples of so many bytes each that are kept.
@@ -418,7 +418,16 @@ mod tests {
         let position = Vec3::new(0.0, 0.2, -0.3);
         let (shape, setting) = (LampShape::Point, LightSetting::default());
         let (strength, unit) = (100.0, LampUnit::Lumen);
-        let lamp = FreeLamp { key: "a".into(), shape, position, aim: position - Vec3::Y, strength, unit, setting };
+        let lamp = FreeLamp {
+            key: "a".into(),
+            shape,
+            position,
+            aim: position - Vec3::Y,
+            strength,
+            unit,
+            setting,
+            replaces: None,
+        };
         let mut bench = Bench::new(view.clone());
         bench.take(LampOrder { view: view.clone(), lamps: vec![lamp.clone()], shows_arriving: true, serial: 1 });
         bench.step(&|_, _| false);

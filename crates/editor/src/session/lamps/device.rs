@@ -107,7 +107,8 @@ mod tests {
         ];
         let lamp = |(shape, unit)| {
             let setting = LightSetting::default();
-            let lamp = FreeLamp { key: "lamp".into(), shape, position, aim, strength: 500.0, unit, setting };
+            let lamp =
+                FreeLamp { key: "lamp".into(), shape, position, aim, strength: 500.0, unit, setting, replaces: None };
             PreparedLamps::new(&[lamp], None).unwrap().0
         };
         shapes.map(lamp).into()
@@ -178,6 +179,7 @@ mod tests {
             strength: 1.0,
             unit: LampUnit::Lumen,
             setting: LightSetting::default(),
+            replaces: None,
         });
         let two =
             PreparedLamps::new(&[two[0].clone(), FreeLamp { key: "other".into(), ..two[1].clone() }], None).unwrap().0;

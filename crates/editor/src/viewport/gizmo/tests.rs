@@ -19,7 +19,7 @@ fn sight(scene: &PreparedScene) -> Sight<'_> {
 fn lamp(position: Vec3) -> FreeLamp {
     let shape = LampShape::Spot { inner_rad: 0.2, outer_rad: 0.4 };
     let (key, setting, unit) = ("l".to_owned(), LightSetting::default(), LampUnit::Candela);
-    FreeLamp { key, shape, position, aim: position - Vec3::Y, strength: 1.0, unit, setting }
+    FreeLamp { key, shape, position, aim: position - Vec3::Y, strength: 1.0, unit, setting, replaces: None }
 }
 
 fn near(a: Vec3, b: Vec3) -> bool {
