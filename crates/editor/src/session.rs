@@ -444,6 +444,45 @@ mod tests {
     }
 
     #[test]
+    fn a_file_that_cannot_be_written_ends_no_opening() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        let until_open = |session: &mut Session| {
+            let mut notices = Vec::new();
+            while session.is_opening() || !session.others.is_empty() {
+                notices.extend(session.drain());
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            notices
+        };
+        session.open(Source::BuiltIn);
+        let writing = session.spawn("write", |post| {
+            let _ = post.send(Fact::Written(Err("no room".into())), Duration::ZERO);
+        });
+        session.others.extend(writing);
+        let notices = until_open(&mut session);
+        assert!(
+            notices.contains(&Notice::Failed("no room".into())) && notices.contains(&Notice::Opened),
+            "{notices:?}"
+        );
+        assert!(!notices.contains(&Notice::NotOpened));
+        session.open(Source::File("nothing.glb".into()));
+        let notices = until_open(&mut session);
+        assert!(matches!(notices.as_slice(), [Notice::NotOpened, Notice::Failed(_)]), "{notices:?}");
+    }
+
+    #[test]
+    fn what_was_read_waits_until_what_is_open_may_go() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.open(Source::BuiltIn);
+        session.holds_opened = true;
+        wait(&mut session, Session::has_arrived);
+        assert!(session.drain().is_empty() && session.is_opening() && session.opened.is_none());
+        session.holds_opened = false;
+        assert_eq!(session.drain(), [Notice::Opened]);
+        assert_eq!(session.stage, Stage::Ready);
+    }
+
+    #[test]
     fn a_first_picture_is_whole_once_every_block_is_there() {
         let mut session = Session::new(Arc::new(|_| {}));
         assert!(!session.is_whole(), "nothing is shown");

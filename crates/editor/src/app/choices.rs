@@ -114,7 +114,11 @@ impl App {
     pub(super) fn choose_sky(&mut self, sky: Option<SkySetting>, divisions: u32) {
         let is_there = self.open_choice().sky == Some(divisions);
         self.choose(|look| (look.lights.sky, look.scene.sky) = (sky, Some(divisions)));
-        if is_there && !self.session.is_opening() {
+        if self.session.is_opening() {
+            return;
+        }
+        self.say("Baking the scene under its sky");
+        if is_there {
             let wanted = self.wanted_choice();
             self.prepare(&wanted, self.sky_of_look(divisions));
         }
