@@ -58,6 +58,8 @@ pub enum Action {
         /// Divisions of each of Tregenza's patches.
         divisions: u32,
     },
+    /// Bake again without columns for a sky.
+    BakeWithoutSky,
     /// Light the scene by a map of the sky.
     UseSky(PathBuf),
     /// Add a free lamp where a pixel of the film sees a surface; in the middle of the view if none is named.

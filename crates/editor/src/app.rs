@@ -340,6 +340,7 @@ impl App {
             Action::ChoosePanel { node, resolution } => self.choose_panel(node, resolution),
             Action::ChooseUnits(units) => self.choose_units(units),
             Action::BakeWithSky { divisions } => self.bake_with_sky(divisions),
+            Action::BakeWithoutSky => self.choose_no_sky(),
             Action::UseSky(path) => self.use_sky(&path),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
             Action::AskProfile { at_px } => self.ask_profile(at_px),

@@ -60,6 +60,13 @@ fn a_sky_that_was_baked_goes_with_undo_and_comes_back_with_its_scene_and_with_it
     assert!(is_under_one(window.state()) && window.state().look().scene.sky == Some(1));
     let as_baked = window.state().session().basis().unwrap().sky.clone().unwrap();
     assert_eq!(as_baked.sun, baked.light(None).unwrap().sun);
+    choose(&mut window, "Kind of sky", "Without a sky");
+    wait(&mut window, |app| !is_under_one(app));
+    settle(&mut window);
+    let kept = Kept::by(&mut window);
+    let mut window = open_again(&path, kept);
+    settle(&mut window);
+    assert!(!is_under_one(window.state()) && window.state().look().scene.sky.is_none());
 
     let opened_with = |file: &std::path::Path| {
         let mut window = open_again(&path, Kept::default());

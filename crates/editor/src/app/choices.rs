@@ -124,6 +124,11 @@ impl App {
         }
     }
 
+    /// Takes the sky away, from the look too: it would shine no more.
+    pub(super) fn choose_no_sky(&mut self) {
+        self.choose(|look| (look.lights.sky, look.scene.sky) = (None, None));
+    }
+
     fn choose(&mut self, edit: impl FnOnce(&mut Look)) {
         if self.session.is_opening() {
             return self.complain("a file is being opened; choose this once it is there");
