@@ -193,10 +193,12 @@ impl App {
     /// Says that the look has a sky which the open scene has no columns for.
     pub(super) fn missing_sky(&self) -> Option<String> {
         let basis = self.session.basis().filter(|basis| basis.sky.is_none())?;
-        let words = match self.session.has_scene() {
-            _ if basis.is_measured() => "the look has a sky, which does not shine on pictures that were taken",
-            true => "the look has a sky, which was not baked; “Bake with sky” below the lights lets it shine",
-            false => "the look has a sky, which was not baked; open the scene of this bake, and “Bake with sky”",
+        let words = if basis.is_measured() {
+            "the look has a sky, which does not shine on pictures that were taken"
+        } else if self.session.has_scene() {
+            "the look has a sky, which was not baked; “Bake with sky” below the lights lets it shine"
+        } else {
+            "the look has a sky, which was not baked; open the scene of this bake, and “Bake with sky”"
         };
         self.look.rigs().any(|rig| rig.sky.is_some()).then(|| words.into())
     }
