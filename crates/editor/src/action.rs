@@ -39,16 +39,18 @@ pub enum Action {
     ResumeBake,
     /// Give up what is being opened; what is open stays.
     CancelOpening,
+    /// Let what was read take its place, whatever was changed while it was read.
+    TakeOpened,
     /// Stop the bake and keep what was done.
     CancelBake,
     /// Lets the program take no more memory than this, bytes, while it bakes; what the system has left without.
     LimitMemory(Option<u64>),
-    /// Turn an emissive rectangle into a panel of texels and bake again.
+    /// Turn an emissive rectangle into a panel of texels, or back, and bake again.
     ChoosePanel {
         /// Key of the light.
         node: String,
-        /// Texels along each side.
-        resolution: u32,
+        /// Texels along each side; none where it is no panel any more.
+        resolution: Option<u32>,
     },
     /// Take the numbers of the scene's lamps in other units and bake again.
     ChooseUnits(LampUnits),
@@ -57,6 +59,8 @@ pub enum Action {
         /// Divisions of each of Tregenza's patches.
         divisions: u32,
     },
+    /// Bake again without columns for a sky.
+    BakeWithoutSky,
     /// Light the scene by a map of the sky.
     UseSky(PathBuf),
     /// Add a free lamp where a pixel of the film sees a surface; in the middle of the view if none is named.
@@ -284,6 +288,13 @@ const SKY_EXTENSIONS: &[&str] = &["hdr", "exr"];
 /// Endings of measured distributions.
 const PROFILE_EXTENSIONS: &[&str] = &["ies", "ldt"];
 
+/// What to do with files that were dropped on the window together: what is for a scene comes after it.
+pub fn all_dropped(paths: impl Iterator<Item = PathBuf>) -> Vec<Action> {
+    let mut actions: Vec<Action> = paths.map(dropped).collect();
+    actions.sort_by_key(|action| !matches!(action, Action::Open(_)));
+    actions
+}
+
 /// What to do with a file that was dropped on the window: looks and skies are taken over, profiles become lamps, everything
 /// else is opened.
 pub fn dropped(path: PathBuf) -> Action {
@@ -317,5 +328,7 @@ mod tests {
         assert_eq!(dropped("track.ldt".into()), Action::AddProfile("track.ldt".into()));
         assert_eq!(dropped("room.glb".into()), Action::Open("room.glb".into()));
         assert_eq!(dropped("stage".into()), Action::Open("stage".into()));
+        let both = all_dropped(["warm.look", "room.glb"].map(PathBuf::from).into_iter());
+        assert_eq!(both, [Action::Open("room.glb".into()), Action::OpenLook("warm.look".into())]);
     }
 }

@@ -18,6 +18,7 @@ mod look_files;
 mod looks;
 mod marked;
 mod memory;
+mod opening;
 mod probe;
 mod recovery;
 mod rest;
@@ -40,7 +41,7 @@ use clerestory_transport::patches::DEFAULT_PATCHES;
 use eframe::egui::{Context, Rect, ThemePreference, Ui};
 use eframe::{CreationContext, Storage};
 
-use crate::action::{Action, dropped};
+use crate::action::{Action, all_dropped};
 use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::panels::dialogs::{FileDialogs, FileQuestion};
@@ -64,6 +65,7 @@ use look_files::LookFiles;
 use looks::Prints;
 use marked::InView;
 use memory::MemoryWatch;
+use opening::Opening;
 use probe::Prober;
 use recovery::Recovery;
 use sides::Sides;
@@ -136,6 +138,7 @@ pub struct App {
     watched: strips::Watched,
     /// Where the scene that is being opened is the open one, changed: what stays.
     reloading: Option<scenes::Reloading>,
+    opening: Opening,
     is_new_here: bool,
     memory: MemoryWatch,
     recent: Vec<PathBuf>,
@@ -221,6 +224,7 @@ impl App {
             picture_area: Rect::NOTHING,
             watched: strips::Watched::default(),
             reloading: None,
+            opening: Opening::default(),
             is_new_here: start.welcome && !was_welcomed,
             memory: MemoryWatch::new(),
             recent,
@@ -302,15 +306,13 @@ impl App {
             Notice::SceneFound => self.scene_of_bake_found(),
             Notice::Said(words) => self.say(words),
             Notice::Developed(picture) => self.copied(ctx, picture),
-            Notice::Failed(words) => {
-                self.leave_behind();
-                self.reloading = None;
-                self.complain(words);
-            }
+            Notice::NotOpened => self.not_opened(),
+            Notice::Failed(words) => self.complain(words),
         }
     }
 
     fn apply(&mut self, ctx: &Context, action: Action) {
+        let Some(action) = self.hold(action) else { return };
         match action {
             Action::Ask(task) => self.ask(task),
             Action::Open(path) => self.unless_unsaved(Action::Open(path.clone()), |app| app.open(path)),
@@ -328,10 +330,8 @@ impl App {
             }
             Action::Reload => self.reload(),
             Action::ResumeBake => self.session.resume_bake(&self.settings),
-            Action::CancelOpening => {
-                self.reloading = None;
-                self.session.cancel_opening();
-            }
+            Action::CancelOpening => self.cancel_opening(),
+            Action::TakeOpened => self.take_opened(ctx),
             Action::LimitMemory(limit) => self.session.memory_limit = limit,
             Action::CancelBake => {
                 self.session.cancel_bake();
@@ -340,6 +340,7 @@ impl App {
             Action::ChoosePanel { node, resolution } => self.choose_panel(node, resolution),
             Action::ChooseUnits(units) => self.choose_units(units),
             Action::BakeWithSky { divisions } => self.bake_with_sky(divisions),
+            Action::BakeWithoutSky => self.choose_no_sky(),
             Action::UseSky(path) => self.use_sky(&path),
             Action::AddLamp { shape, at_px } => self.add_lamp(shape, at_px),
             Action::AskProfile { at_px } => self.ask_profile(at_px),
@@ -398,6 +399,7 @@ fn in_brief(mut words: String) -> String {
 impl eframe::App for App {
     fn logic(&mut self, ctx: &Context, _frame: &mut eframe::Frame) {
         self.pulse.iter_mut().for_each(Pulse::begin);
+        self.session.holds_opened = self.would_lose_changes();
         for notice in self.session.drain() {
             self.notice(ctx, notice);
         }
@@ -405,11 +407,12 @@ impl eframe::App for App {
             self.answered(Some(answer));
         }
         let files = ctx.input(|input| input.raw.dropped_files.clone());
-        self.actions.extend(files.iter().map(|file| dropped(file.path().to_path_buf())));
+        self.actions.extend(all_dropped(files.iter().map(|file| file.path().to_path_buf())));
         take_keys(ctx, self.waits_for_an_answer(), &mut self.actions);
         for action in std::mem::take(&mut self.actions) {
             self.apply(ctx, action);
         }
+        self.follow_opening();
         self.session.foresee(&self.settings);
         self.watch_file(ctx);
         self.follow_look_files();

@@ -3,6 +3,7 @@
 pub mod aside;
 mod baking;
 mod begun;
+mod chosen;
 mod earlier;
 pub mod estimate;
 mod found;
@@ -46,7 +47,8 @@ use crate::bake_cache::BakeCache;
 use crate::crash;
 use crate::picture::Changed;
 use crate::stills::Subject;
-pub use opened::{Chosen, Opened, SceneOfBake};
+pub use chosen::{Chosen, ChosenSky};
+pub use opened::{Opened, SceneOfBake};
 pub use shown::Shown;
 use task::{Fact, Post, Task};
 pub use task::{Loaded, Source};
@@ -130,6 +132,8 @@ pub enum Notice {
     PreparedAgain,
     /// The scene cannot be had with what was chosen, in words; it stays as it is.
     NotPrepared(String),
+    /// What was to be opened is not; why is told apart from this.
+    NotOpened,
     /// The scene of the bake that was opened is there.
     SceneFound,
     /// Something worth saying.
@@ -157,6 +161,10 @@ pub struct Session {
     /// Path of what is being opened.
     opening: Option<PathBuf>,
     opening_source: Option<Source>,
+    /// What was read and takes the place of what is open as soon as that may go.
+    arrived: Option<(String, Loaded)>,
+    /// Whether what is open may not go yet.
+    pub holds_opened: bool,
     /// Where opening stands.
     pub stage: Stage,
     /// What is open.
@@ -215,6 +223,8 @@ impl Session {
             frames: None,
             opening: None,
             opening_source: None,
+            arrived: None,
+            holds_opened: false,
             stage: Stage::Empty,
             opened: None,
             bake: BakeState::Idle,
@@ -303,6 +313,7 @@ impl Session {
     }
 
     fn stop_loading(&mut self) {
+        self.arrived = None;
         self.others.extend(self.loading.take().map(Task::stopped));
     }
 
@@ -318,6 +329,7 @@ impl Session {
             self.take(id, fact, &mut notices);
         }
         self.reap(ended, ended_finding, &mut notices);
+        self.take_arrived(&mut notices);
         notices
     }
 
@@ -353,9 +365,7 @@ impl Session {
             |task: &Option<Task>, ended: Option<u64>| ended.is_some() && task.as_ref().map(Task::id) == ended;
         if has_crashed(&self.loading, ended[0]) {
             self.others.extend(self.loading.take());
-            self.stage =
-                if self.opened.is_some() { Stage::Ready } else { Stage::Failed("the file".into(), crash::words()) };
-            notices.push(Notice::Failed(format!("opening failed: {}", crash::words())));
+            self.loading_crashed(notices);
         }
         if has_crashed(&self.baking, ended[1]) {
             self.others.extend(self.baking.take());
@@ -431,6 +441,45 @@ mod tests {
         session.cancel_opening();
         wait(&mut session, |session| session.others.is_empty());
         assert_eq!((session.stage.clone(), name(&session)), (Stage::Ready, Some("Gallery".into())));
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_ends_no_opening() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        let until_open = |session: &mut Session| {
+            let mut notices = Vec::new();
+            while session.is_opening() || !session.others.is_empty() {
+                notices.extend(session.drain());
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            notices
+        };
+        session.open(Source::BuiltIn);
+        let writing = session.spawn("write", |post| {
+            let _ = post.send(Fact::Written(Err("no room".into())), Duration::ZERO);
+        });
+        session.others.extend(writing);
+        let notices = until_open(&mut session);
+        assert!(
+            notices.contains(&Notice::Failed("no room".into())) && notices.contains(&Notice::Opened),
+            "{notices:?}"
+        );
+        assert!(!notices.contains(&Notice::NotOpened));
+        session.open(Source::File("nothing.glb".into()));
+        let notices = until_open(&mut session);
+        assert!(matches!(notices.as_slice(), [Notice::NotOpened, Notice::Failed(_)]), "{notices:?}");
+    }
+
+    #[test]
+    fn what_was_read_waits_until_what_is_open_may_go() {
+        let mut session = Session::new(Arc::new(|_| {}));
+        session.open(Source::BuiltIn);
+        session.holds_opened = true;
+        wait(&mut session, Session::has_arrived);
+        assert!(session.drain().is_empty() && session.is_opening() && session.opened.is_none());
+        session.holds_opened = false;
+        assert_eq!(session.drain(), [Notice::Opened]);
+        assert_eq!(session.stage, Stage::Ready);
     }
 
     #[test]

@@ -21,7 +21,9 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Kept, Window, baked, click, open, open_with, quick, reach, replace_and_reload, room, wait};
+use desk::{
+    Dropped, Kept, Window, baked, click, open, open_again, open_with, quick, reach, replace_and_reload, room, wait,
+};
 
 fn source() -> Source {
     Source::Bytes { name: "room.gltf".into(), bytes: room() }
@@ -328,7 +330,11 @@ fn texels(app: &App) -> Option<u32> {
 }
 
 fn make_panel(window: &mut Window) {
-    window.get_by_label("Mute panel");
+    from_menu_of_panel(window, "Make it a panel");
+    click(window, "8 × 8 texels");
+}
+
+fn from_menu_of_panel(window: &mut Window, item: &str) {
     let name = window.get_by_label("Mute panel").rect();
     let at = pos2(name.right() + 20.0, name.center().y);
     window.hover_at(at);
@@ -338,9 +344,8 @@ fn make_panel(window: &mut Window) {
         window.event(Event::PointerButton { pos: at, button, pressed, modifiers });
         window.run_steps(2);
     }
-    click(window, "Make it a panel");
+    click(window, item);
     window.run_steps(3);
-    click(window, "8 × 8 texels");
 }
 
 #[test]
@@ -399,17 +404,7 @@ fn what_cannot_be_made_a_panel_is_told_and_stands_in_the_way_of_no_bake() {
 fn panels_and_units_that_were_chosen_are_there_when_the_scene_is_opened_again() {
     let folder = tempfile::tempdir().unwrap();
     let path = plain_room(folder.path());
-    let film = Film { width: 64, height: 48 };
-    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
-    let opened = |kept: Kept| {
-        let kept: &'static Kept = Box::leak(Box::new(kept));
-        let start = Start::alone(Source::File(path.clone()), Some(settings.clone()));
-        let window: Window = Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| {
-            cc.storage = Some(kept);
-            App::new(cc, start).unwrap()
-        });
-        window
-    };
+    let opened = |kept: Kept| open_again(&path, kept);
     let mut window = opened(Kept::default());
     wait(&mut window, |app| texels(app) == Some(0));
     make_panel(&mut window);
@@ -424,6 +419,32 @@ fn panels_and_units_that_were_chosen_are_there_when_the_scene_is_opened_again() 
     input.viewports.entry(id).or_default().events.push(eframe::egui::ViewportEvent::Close);
     window.run_steps(3);
     assert!(window.query_by_label("Save the look?").is_none(), "nothing was done yet");
+}
+
+#[test]
+fn a_panel_is_made_finer_and_a_plain_surface_again_after_a_restart() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = plain_room(folder.path());
+    let mut window = open_again(&path, Kept::default());
+    wait(&mut window, |app| texels(app) == Some(0));
+    make_panel(&mut window);
+    wait(&mut window, |app| texels(app) == Some(8));
+    let kept = Kept::by(&mut window);
+    let mut window = open_again(&path, kept);
+    wait(&mut window, |app| texels(app) == Some(8));
+    from_menu_of_panel(&mut window, "Change the panel");
+    assert!(window.query_by_label("8 × 8 texels").is_none(), "it is one of these");
+    click(&mut window, "16 × 16 texels");
+    wait(&mut window, |app| texels(app) == Some(16));
+    from_menu_of_panel(&mut window, "Change the panel");
+    click(&mut window, "Back to a plain surface");
+    wait(&mut window, |app| texels(app) == Some(0));
+    assert!(window.state().look().scene.panels.is_empty());
+    let kept = Kept::by(&mut window);
+    click(&mut window, "Undo");
+    wait(&mut window, |app| texels(app) == Some(16));
+    let mut window = open_again(&path, kept);
+    wait(&mut window, |app| texels(app) == Some(0));
 }
 
 #[test]

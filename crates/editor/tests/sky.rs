@@ -10,7 +10,7 @@ use clerestory_transport::sky::{SkySetting, SunPlace};
 use eframe::egui::{Event, Vec2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Dropped, Window, click, drag, open, wait};
+use desk::{Dropped, Kept, Window, click, drag, open, open_again, wait};
 
 /// The room without ceiling, front and back, so that the sky is seen and lights it.
 fn court() -> Source {
@@ -31,6 +31,59 @@ fn under_the_sky() -> Window {
     wait(&mut window, |app| app.session().basis().is_some_and(|basis| basis.sky.is_some()));
     settle(&mut window);
     window
+}
+
+#[test]
+fn a_sky_that_was_baked_goes_with_undo_and_comes_back_with_its_scene_and_with_its_look() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, look, plain] = ["court.gltf", "day.look", "plain.look"].map(|name| folder.path().join(name));
+    let Source::Bytes { bytes, .. } = court() else { panic!("it comes as bytes") };
+    std::fs::write(&path, bytes).unwrap();
+    let is_under_one = |app: &clerestory::app::App| app.session().basis().is_some_and(|basis| basis.sky.is_some());
+    let mut window = open_again(&path, Kept::default());
+    settle(&mut window);
+    click(&mut window, "Sky");
+    click(&mut window, "Bake with sky");
+    wait(&mut window, is_under_one);
+    let baked = sky(&window);
+    click(&mut window, "Undo");
+    wait(&mut window, |app| !is_under_one(app));
+    assert_eq!(*window.state().look(), Look::default(), "it is one step");
+    click(&mut window, "Redo");
+    wait(&mut window, is_under_one);
+    settle(&mut window);
+    window.state().look().save(&look).unwrap();
+    let kept = Kept::by(&mut window);
+
+    let mut window = open_again(&path, kept);
+    settle(&mut window);
+    assert!(is_under_one(window.state()) && window.state().look().scene.sky == Some(1));
+    let as_baked = window.state().session().basis().unwrap().sky.clone().unwrap();
+    assert_eq!(as_baked.sun, baked.light(None).unwrap().sun);
+    choose(&mut window, "Kind of sky", "Without a sky");
+    wait(&mut window, |app| !is_under_one(app));
+    settle(&mut window);
+    let kept = Kept::by(&mut window);
+    let mut window = open_again(&path, kept);
+    settle(&mut window);
+    assert!(!is_under_one(window.state()) && window.state().look().scene.sky.is_none());
+
+    let opened_with = |file: &std::path::Path| {
+        let mut window = open_again(&path, Kept::default());
+        settle(&mut window);
+        assert!(!is_under_one(window.state()));
+        window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(file.into())));
+        wait(&mut window, |app| app.look().lights.sky.is_some());
+        window
+    };
+    let mut window = opened_with(&look);
+    wait(&mut window, is_under_one);
+    assert_eq!(sky(&window), baked);
+    assert!(window.query_by_label_contains("which was not baked").is_none());
+    // A look that says nothing of patches has its sky in vain, and that is told.
+    std::fs::write(&plain, r#"{"clerestory": 1, "sky": {"sun": {"azimuth_deg": 135, "elevation_deg": 40}}}"#).unwrap();
+    let window = opened_with(&plain);
+    assert!(window.query_all_by_label_contains("the look has a sky, which was not baked").count() > 0);
 }
 
 fn sky(window: &Window) -> SkySetting {

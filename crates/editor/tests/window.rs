@@ -188,6 +188,34 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
 }
 
 #[test]
+fn what_a_second_window_left_is_offered_once_that_of_the_first_is_saved() {
+    let home = tempfile::tempdir().unwrap();
+    let open = || {
+        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
+        let mut window = open_with(source, quick(), Some(home.path()));
+        wait(&mut window, |app| app.session().stage == Stage::Ready);
+        window
+    };
+    let (mut first, mut second) = (open(), open());
+    click(&mut first, "Mute lamp");
+    wait(&mut first, |_| home.path().join("unsaved/0.json").exists());
+    click(&mut second, "Mute panel");
+    wait(&mut second, |_| home.path().join("unsaved/1.json").exists());
+    drop((first, second));
+
+    let mut window = open();
+    click(&mut window, "Recover");
+    let muted = |window: &Window| window.state().look().lights.lights.keys().cloned().collect::<Vec<_>>();
+    let newer = muted(&window);
+    window.run_steps(3);
+    assert!(window.query_by_label("Recover").is_none(), "what was recovered is not saved yet");
+    save_as(&mut window, "Save look…", &home.path().join("newer.look"));
+    click(&mut window, "Recover");
+    assert_ne!(muted(&window), newer);
+    assert_eq!([newer, muted(&window)].concat().len(), 2);
+}
+
+#[test]
 fn two_editors_on_one_scene_keep_their_work_apart() {
     let home = tempfile::tempdir().unwrap();
     let open = || {
@@ -690,6 +718,106 @@ fn a_dropped_look_lights_the_scene() {
     // It is read beside the window.
     wait(&mut window, |app| !app.look().lights.lights.is_empty());
     assert_eq!(window.state().look().lights.lights["lamp"].intensity, 0.25);
+}
+
+/// Drops files on the window, and lets a frame see them.
+fn drop_all(window: &mut Window, paths: &[&Path]) {
+    window.input_mut().dropped_files.extend(paths.iter().map(|path| Arc::new(Dropped(path.to_path_buf())) as _));
+    window.step();
+}
+
+fn name_of_open(app: &App) -> Option<&str> {
+    app.session().opened.as_ref().map(|opened| opened.name.as_str())
+}
+
+#[test]
+fn a_look_that_is_dropped_with_its_scene_lights_that_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let [scene, look] = ["hall.gltf", "dim.look"].map(|name| folder.path().join(name));
+    std::fs::write(&scene, room()).unwrap();
+    std::fs::write(&look, r#"{"clerestory": 1, "lights": {"lamp": {"intensity": 0.25}}}"#).unwrap();
+    let is_lit = |app: &App| app.look().lights.lights.get("lamp").is_some_and(|lamp| lamp.intensity == 0.25);
+    let mut window = baked();
+    drop_all(&mut window, &[&look, &scene]);
+    wait(&mut window, |app| name_of_open(app) == Some("hall.gltf") && is_lit(app));
+
+    // What is asked about the look that goes is asked once, and for both.
+    let mut window = baked();
+    click(&mut window, "Mute panel");
+    drop_all(&mut window, &[&look, &scene]);
+    window.run_steps(3);
+    click(&mut window, "Cancel");
+    assert_eq!(name_of_open(window.state()), Some("room.gltf"));
+    drop_all(&mut window, &[&look, &scene]);
+    window.run_steps(3);
+    click(&mut window, "Discard");
+    wait(&mut window, |app| name_of_open(app) == Some("hall.gltf") && is_lit(app));
+    assert!(!window.state().look().lights.lights.contains_key("panel"));
+}
+
+/// The gallery in a file: it takes a while to open.
+fn gallery(folder: &Path) -> PathBuf {
+    let path = folder.join("gallery.glb");
+    std::fs::write(&path, clerestory::headless::GALLERY).unwrap();
+    path
+}
+
+#[track_caller]
+fn assert_is_opening(window: &Window) {
+    assert!(window.state().session().is_opening(), "{:?}", window.state().session().stage);
+}
+
+#[track_caller]
+fn wait_for_question(window: &mut Window) {
+    for _ in 0..5000 {
+        window.step();
+        if window.query_by_label("Save the look?").is_some() {
+            return window.run_steps(2);
+        }
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    panic!("nobody asked");
+}
+
+#[test]
+fn what_is_changed_while_a_file_is_opened_is_not_lost_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = gallery(folder.path());
+    let mut window = baked();
+    drop_all(&mut window, &[&path]);
+    assert_is_opening(&window);
+    click(&mut window, "Mute lamp");
+    wait_for_question(&mut window);
+    click(&mut window, "Cancel");
+    assert_eq!(window.state().session().stage, Stage::Ready);
+    assert_eq!(name_of_open(window.state()), Some("room.gltf"));
+    assert!(window.state().look().lights.lights["lamp"].muted);
+
+    // What was agreed to be lost is lost, but no more than that.
+    drop_all(&mut window, &[&path]);
+    window.run_steps(2);
+    click(&mut window, "Discard");
+    assert_is_opening(&window);
+    click(&mut window, "Mute panel");
+    wait_for_question(&mut window);
+    assert_is_opening(&window);
+    click(&mut window, "Discard");
+    wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
+    assert!(!window.state().look().lights.lights.contains_key("panel"));
+}
+
+#[test]
+fn what_is_chosen_about_a_scene_does_not_stop_another_from_being_opened() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = gallery(folder.path());
+    let mut window = baked();
+    window.get_by_label("Unitless lamps").scroll_to_me();
+    window.run_steps(8);
+    drop_all(&mut window, &[&path]);
+    assert_is_opening(&window);
+    click(&mut window, "Unitless lamps");
+    assert!(window.query_all_by_label_contains("a file is being opened").count() > 0);
+    wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
 }
 
 #[test]

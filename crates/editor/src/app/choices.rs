@@ -1,15 +1,17 @@
-//! Panels and units of lamps that were chosen: part of the look, made by the session, and remembered for each scene.
+//! Panels, units of lamps and a sky that were chosen: part of the look, made by the session, and remembered for each scene.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::lamp_units::LampUnits;
+use clerestory_transport::sky::SkySetting;
 use serde::{Deserialize, Serialize};
 
 use super::App;
+use crate::look::Look;
 use crate::look::scene::SceneChoice;
-use crate::session::{Chosen, Source};
+use crate::session::{Chosen, ChosenSky, Source};
 
 /// Scenes whose choices are remembered.
 const MOST_SCENES: usize = 100;
@@ -40,6 +42,9 @@ struct Kept {
     scene: Option<PathBuf>,
     panels: BTreeMap<String, u32>,
     unitless: bool,
+    /// What is over it, and the divisions of its patches.
+    #[serde(default)]
+    sky: Option<(SkySetting, u32)>,
 }
 
 impl KeptChoices {
@@ -49,17 +54,20 @@ impl KeptChoices {
         kept.map_or_else(Chosen::default, |kept| Chosen {
             panels: requests(&kept.panels),
             units: if kept.unitless { LampUnits::Unitless } else { LampUnits::Photometric },
-            sky: None,
+            sky: kept.sky.clone().map(|(setting, divisions)| ChosenSky { setting, light: None, divisions }),
         })
     }
 
     fn keep(&mut self, source: &Source, chosen: &Chosen) {
         let Some(scene) = place(source) else { return };
         self.0.retain(|kept| kept.scene != scene);
-        let SceneChoice { panels, units } = choice_of(chosen);
+        let SceneChoice { panels, units, .. } = choice_of(chosen);
         let unitless = units == Some(LampUnits::Unitless);
-        if unitless || !panels.is_empty() {
-            self.0.insert(0, Kept { scene, panels, unitless });
+        // One of a bake that was opened is not known well enough to be made again.
+        let sky = chosen.sky.as_ref().filter(|sky| sky.setting.names_a_sky());
+        let sky = sky.map(|sky| (SkySetting { map: None, ..sky.setting.clone() }, sky.divisions));
+        if unitless || !panels.is_empty() || sky.is_some() {
+            self.0.insert(0, Kept { scene, panels, unitless, sky });
         }
         self.0.truncate(MOST_SCENES);
     }
@@ -83,24 +91,51 @@ fn choice_of(chosen: &Chosen) -> SceneChoice {
     SceneChoice {
         panels: chosen.panels.iter().map(|panel| (panel.node.clone(), panel.resolution)).collect(),
         units: (chosen.units != LampUnits::default()).then_some(chosen.units),
+        sky: chosen.sky.as_ref().map(|sky| sky.divisions),
     }
 }
 
 impl App {
-    pub(super) fn choose_panel(&mut self, node: String, resolution: u32) {
-        self.choose(|choice| {
-            choice.panels.insert(node, resolution);
+    /// Makes a light a panel of so many texels along each side, or none of it any more.
+    pub(super) fn choose_panel(&mut self, node: String, resolution: Option<u32>) {
+        self.choose(|look| {
+            match resolution {
+                Some(resolution) => look.scene.panels.insert(node, resolution),
+                None => look.scene.panels.remove(&node),
+            };
         });
     }
 
     pub(super) fn choose_units(&mut self, units: LampUnits) {
-        self.choose(|choice| choice.units = Some(units));
+        self.choose(|look| look.scene.units = Some(units));
     }
 
-    fn choose(&mut self, edit: impl FnOnce(&mut SceneChoice)) {
+    /// Puts the sky of the look over the scene, which is baked anew even where one is there.
+    pub(super) fn choose_sky(&mut self, sky: Option<SkySetting>, divisions: u32) {
+        let is_there = self.open_choice().sky == Some(divisions);
+        self.choose(|look| (look.lights.sky, look.scene.sky) = (sky, Some(divisions)));
+        if self.session.is_opening() {
+            return;
+        }
+        self.say("Baking the scene under its sky");
+        if is_there {
+            let wanted = self.wanted_choice();
+            self.prepare(&wanted, self.sky_of_look(divisions));
+        }
+    }
+
+    /// Takes the sky away, from the look too: it would shine no more.
+    pub(super) fn choose_no_sky(&mut self) {
+        self.choose(|look| (look.lights.sky, look.scene.sky) = (None, None));
+    }
+
+    fn choose(&mut self, edit: impl FnOnce(&mut Look)) {
+        if self.session.is_opening() {
+            return self.complain("a file is being opened; choose this once it is there");
+        }
         let before = self.look.scene.clone();
         self.choices.failed = None;
-        self.as_one_step(|app| edit(&mut app.look.scene));
+        self.as_one_step(|app| edit(&mut app.look));
         self.choices.before = Some(before).filter(|_| self.prepare_chosen());
     }
 
@@ -109,20 +144,63 @@ impl App {
         self.session.opened.as_ref().map_or_else(SceneChoice::default, |opened| choice_of(&opened.chosen))
     }
 
+    /// What the look makes of the open scene, as far as that can be.
+    fn wanted_choice(&self) -> SceneChoice {
+        let basis = self.session.basis();
+        let is_known = |node: &str| basis.is_some_and(|basis| basis.source(node).is_some());
+        let panels = self.look.scene.panels.iter().filter(|(node, _)| is_known(node));
+        let has_sky = basis.is_some_and(|basis| basis.sky_light(&self.look.lights).is_some());
+        SceneChoice {
+            panels: panels.map(|(node, resolution)| (node.clone(), *resolution)).collect(),
+            units: self.look.scene.units.filter(|units| *units != LampUnits::default()),
+            sky: self.look.scene.sky.filter(|_| has_sky),
+        }
+    }
+
     /// Has the open scene prepared and baked anew where the look makes another one of it. Answers whether it does.
     pub(super) fn prepare_chosen(&mut self) -> bool {
-        let is_known = |node: &str| self.session.basis().is_some_and(|basis| basis.source(node).is_some());
-        let panels = self.look.scene.panels.iter().filter(|(node, _)| is_known(node));
-        let panels: BTreeMap<String, u32> = panels.map(|(node, resolution)| (node.clone(), *resolution)).collect();
-        let units = self.look.scene.units.unwrap_or_default();
-        let open = self.open_choice();
-        let is_other = (&panels, units) != (&open.panels, open.units.unwrap_or_default());
+        let (wanted, open) = (self.wanted_choice(), self.open_choice());
         let has_failed = self.choices.failed.as_ref() == Some(&self.look.scene);
-        let prepares = is_other && !has_failed && self.session.has_scene();
+        let can_be = self.session.has_scene() && !self.session.is_opening();
+        let prepares = wanted != open && !has_failed && can_be;
         if prepares {
-            self.session.choose_scene(requests(&panels), units);
+            let opened = self.session.opened.as_ref().filter(|_| wanted.sky == open.sky);
+            let same_sky = opened.and_then(|opened| opened.chosen.sky.clone());
+            let sky = same_sky.or_else(|| self.sky_of_look(wanted.sky?));
+            self.prepare(&wanted, sky);
         }
         prepares
+    }
+
+    fn prepare(&mut self, wanted: &SceneChoice, sky: Option<ChosenSky>) {
+        let units = wanted.units.unwrap_or_default();
+        self.session.choose(Chosen { panels: requests(&wanted.panels), units, sky });
+    }
+
+    /// The sky of the look in patches; one that only turns and dims what is there is made of that.
+    fn sky_of_look(&self, divisions: u32) -> Option<ChosenSky> {
+        let light = self.session.basis()?.sky_light(&self.look.lights);
+        let open = self.session.opened.as_ref().and_then(|opened| opened.chosen.sky.as_ref());
+        let before = open.map_or_else(SkySetting::default, |sky| sky.setting.clone());
+        let setting = match self.look.lights.sky.clone() {
+            None => before,
+            Some(own) if own.names_a_sky() => own,
+            Some(own) => SkySetting { rotation_deg: own.rotation_deg, intensity: own.intensity, ..before },
+        };
+        Some(ChosenSky { setting, light, divisions })
+    }
+
+    /// Says that the look has a sky which the open scene has no columns for.
+    pub(super) fn missing_sky(&self) -> Option<String> {
+        let basis = self.session.basis().filter(|basis| basis.sky.is_none())?;
+        let words = if basis.is_measured() {
+            "the look has a sky, which does not shine on pictures that were taken"
+        } else if self.session.has_scene() {
+            "the look has a sky, which was not baked; “Bake with sky” below the lights lets it shine"
+        } else {
+            "the look has a sky, which was not baked; open the scene of this bake, and “Bake with sky”"
+        };
+        self.look.rigs().any(|rig| rig.sky.is_some()).then(|| words.into())
     }
 
     /// The scene is open, or was found, with what is chosen about it: the look says so, too, and is as saved as it was.
@@ -157,14 +235,16 @@ impl App {
         self.complain(words);
     }
 
-    /// What a look that was opened makes of the scene: it is made where a scene is open, and told where a bake is.
+    /// What a look that was opened makes of the scene: it is made where a scene is open, and told where a bake is. A sky that
+    /// comes without its columns is told, too.
     pub(super) fn heed_choice(&mut self) -> Vec<String> {
         let is_bake = self.session.opened.as_ref().is_some_and(|opened| opened.is_bake() || opened.scene.is_none());
         if !is_bake {
-            self.prepare_chosen();
-            return Vec::new();
+            let gets_sky = self.prepare_chosen() && self.wanted_choice().sky.is_some();
+            return self.missing_sky().filter(|_| !gets_sky).into_iter().collect();
         }
-        self.session.basis().map_or_else(Vec::new, |basis| self.look.unbaked(basis))
+        let unbaked = self.session.basis().map_or_else(Vec::new, |basis| self.look.unbaked(basis));
+        unbaked.into_iter().chain(self.missing_sky()).collect()
     }
 }
 
@@ -177,7 +257,9 @@ mod tests {
         let mut kept = KeptChoices::default();
         let source = |name: &str| Source::File(format!("/scenes/{name}").into());
         let panels = vec![PanelRequest { node: "a".into(), resolution: 8 }];
-        let chosen = Chosen { panels, units: LampUnits::Unitless, sky: None };
+        let setting = SkySetting { file: Some("day.hdr".into()), ..SkySetting::default() };
+        let sky = Some(ChosenSky { setting, light: None, divisions: 2 });
+        let chosen = Chosen { panels, units: LampUnits::Unitless, sky };
         for place in [source("a.glb"), Source::BuiltIn] {
             kept.keep(&place, &chosen);
             let text = serde_json::to_string(&kept).unwrap();

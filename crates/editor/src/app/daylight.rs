@@ -4,8 +4,7 @@ use std::path::Path;
 
 use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
-use clerestory_transport::emitters::SkyRequest;
-use clerestory_transport::sky::{SkyForm, SkySetting, SunPlace, SunSetting};
+use clerestory_transport::sky::{SkySetting, SunPlace, SunSetting};
 use eframe::egui::{Context, Id, Panel, ScrollArea, Ui, UiBuilder};
 
 use super::App;
@@ -158,12 +157,13 @@ impl App {
 
     fn take_sky(&mut self, read: Read) {
         match read {
-            Ok((mut sky, odd)) => {
+            Ok((mut sky, mut odd)) => {
                 let before = self.look.lights.sky.take().unwrap_or_default();
                 (sky.rotation_deg, sky.intensity) = (before.rotation_deg, before.intensity);
                 self.look.lights.sky = Some(before).filter(|before| *before != SkySetting::default());
                 self.say(format!("Sky {}", sky.name()));
                 self.as_one_step(|app| app.look.lights.sky = Some(sky));
+                odd.extend(self.missing_sky());
                 if !odd.is_empty() {
                     self.complain(odd.join(", "));
                 }
@@ -174,19 +174,16 @@ impl App {
 
     /// Prepares and bakes the scene anew under the sky as it is set; a scene without any gets sun and clear sky.
     pub(super) fn bake_with_sky(&mut self, divisions: u32) {
-        let Some(basis) = self.session.basis().cloned() else { return };
+        let Some(basis) = self.session.basis() else { return };
+        let mut sky = self.look.lights.sky.clone();
         if basis.sky_light(&self.look.lights).is_none() {
-            let turned = self.look.lights.sky.clone().unwrap_or_default();
-            let wanted = SkySetting { sun: Some(NEW_SUN), ..turned };
+            let wanted = SkySetting { sun: Some(NEW_SUN), ..sky.unwrap_or_default() };
             match sky::remade(&SkySetting::default(), wanted) {
-                Ok(sky) => self.as_one_step(|app| app.look.lights.sky = Some(sky)),
+                Ok(made) => sky = Some(made),
                 Err(error) => return self.complain(error.to_string()),
             }
         }
-        if let Some(light) = basis.sky_light(&self.look.lights) {
-            self.say("Baking the scene under its sky");
-            self.session.choose_sky(SkyRequest { light, form: SkyForm::Patches(divisions) });
-        }
+        self.choose_sky(sky, divisions);
     }
 
     /// Takes in a sky that was read, and lets the hours pass.

@@ -53,6 +53,7 @@ impl App {
     /// Opens something else than what is open, or was about to be read again.
     pub(super) fn open_source(&mut self, source: Source) {
         self.reloading = None;
+        self.opening.given_up = self.look.clone();
         let chosen = self.choices.kept.of(&source);
         self.session.open_with(source, chosen);
     }

@@ -13,7 +13,7 @@ use crate::panels::shortcuts::{close_by_key, shortcuts_ui};
 use crate::panels::status::{Status, status_ui};
 use crate::panels::toolbar::{ToolbarState, toolbar_ui};
 use crate::session::estimate::Forecast;
-use crate::session::{BakeSettings, Session, Stage};
+use crate::session::{BakeSettings, Session};
 use crate::theme;
 use crate::viewport::{Viewed, viewport_ui};
 
@@ -36,6 +36,7 @@ impl App {
         {
             let waiting = self.unsaved.take();
             match answer {
+                UnsavedAnswer::Stay if waiting == Some(Action::TakeOpened) => self.cancel_opening(),
                 UnsavedAnswer::Stay => {}
                 UnsavedAnswer::Save => {
                     self.after_saving = waiting;
@@ -43,7 +44,7 @@ impl App {
                 }
                 // What is there stays unsaved until something else takes its place, which may fail.
                 UnsavedAnswer::Discard => {
-                    self.may_lose_look = true;
+                    self.may_lose_look = waiting != Some(Action::TakeOpened);
                     self.actions.extend(waiting);
                 }
             }
@@ -173,7 +174,7 @@ impl App {
             let device = self.follower.device();
             let status = Status {
                 messages: &self.messages,
-                opening: matches!(self.session.stage, Stage::Loading(_)),
+                opening: self.session.is_opening(),
                 bake: &self.session.bake,
                 device: &device,
                 wish: self.follower.wish(),

@@ -68,11 +68,11 @@ impl App {
         }
     }
 
-    /// What was left behind and is to be offered now: one after the other, once something is open.
+    /// What was left behind and is to be offered now: one after the other, once something is open and what was taken up is saved.
     pub(super) fn left_behind(&self) -> Option<&LeftBehind> {
         let is_busy = self.question.is_some() || self.unsaved.is_some() || self.recovery.taken.is_some();
-        let is_open = !matches!(self.session.stage, Stage::Loading(_) | Stage::Empty);
-        self.recovery.left.first().filter(|_| is_open && !is_busy)
+        let is_open = !self.session.is_opening() && self.session.stage != Stage::Empty;
+        self.recovery.left.first().filter(|_| is_open && !is_busy && !self.is_unsaved())
     }
 
     /// Offers it.
@@ -102,13 +102,13 @@ impl App {
         // What was opened instead has nothing to do with it.
         let open = self.session.opened.as_ref().and_then(|opened| opened.path.as_ref());
         let Some(left) = self.recovery.taken.take().filter(|left| left.work.scene.as_ref() == open) else { return };
-        let (look, warnings) = match left.work.look() {
+        let (look, mut warnings) = match left.work.look() {
             Ok(read) => read,
             Err(error) => return self.complain(format!("the unsaved look cannot be read: {}", in_words(&error))),
         };
         self.look = look;
         (self.look_path, self.look_files.on_disk) = (left.work.look_path.clone(), left.work.on_disk);
-        self.prepare_chosen();
+        warnings.extend(self.heed_choice());
         match warnings.as_slice() {
             [] => self.say(format!("Recovered the look of {}", left.work.scene_name())),
             some => self.complain(format!("Recovered in part: {}", some.join(", "))),

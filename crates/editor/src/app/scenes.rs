@@ -66,7 +66,12 @@ impl App {
                 self.complain(format!("Opened again: {}", lost.join(", ")));
             }
         }
+        if is_reloaded {
+            // Undo may have led elsewhere meanwhile.
+            self.prepare_chosen();
+        }
         self.start_bake();
+        self.actions.append(&mut self.opening.held);
     }
 
     /// Brings the lights that are new under the masters of the look and of its snapshots.

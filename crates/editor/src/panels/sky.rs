@@ -189,6 +189,11 @@ fn kind_ui(ui: &mut Ui, view: &SkyView, (sky, light): (&mut SkySetting, &SkyLigh
                 actions.push(Action::Ask(FileTask::OpenSky));
                 ui.close();
             }
+            let without = ui.add_enabled(view.can_bake, Button::new("Without a sky"));
+            if without.on_hover_text("The scene is baked again without columns for it").clicked() {
+                actions.push(Action::BakeWithoutSky);
+                ui.close();
+            }
         });
         combo.response.on_hover_text(light.name.as_str()).accessible_name("Kind of sky");
         if view.is_reading {

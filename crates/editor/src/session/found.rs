@@ -8,18 +8,18 @@ use anyhow::{Context, Result};
 use clerestory_transport::bake::BakeHeader;
 use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::camera::Camera;
-use clerestory_transport::emitters::{PanelRequest, SkyRequest};
+use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::import;
 use clerestory_transport::lamp_units::{LampUnits, assume_unitless};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::{FacetScattering, PunctualLight, Scene};
 use clerestory_transport::skips::Skips;
-use clerestory_transport::sky::SkyForm;
+use clerestory_transport::sky::SkySetting;
 use clerestory_transport::stop::Stop;
 
 use super::begun::Begun;
 use super::task::{Fact, Task};
-use super::{BakeSettings, Chosen, Notice, SceneOfBake, Session, Shown, Source};
+use super::{BakeSettings, Chosen, ChosenSky, Notice, SceneOfBake, Session, Shown, Source};
 use crate::words::in_words;
 
 /// The scene of a bake, prepared as it was for that.
@@ -137,7 +137,8 @@ fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScen
         "{} is another scene than was baked, or has changed since; bake it again",
         path.display()
     );
-    let prepared = PreparedScene::until(scene, &chosen.panels, chosen.sky.as_ref(), Skips::default(), stop);
+    let sky = chosen.sky.as_ref().and_then(ChosenSky::request);
+    let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), Skips::default(), stop);
     let (scene, _) = prepared.context("its lights cannot be used")?;
     Ok(FoundScene { scene: Box::new(scene), path: absolute(&path), lamps, chosen })
 }
@@ -155,8 +156,8 @@ fn chosen_for(basis: &LightBasis) -> Chosen {
                 chosen.panels.push(PanelRequest { node: source.key.clone(), resolution });
             }
             SourceKind::Dome { divisions } => {
-                let request = |light| SkyRequest { light, form: SkyForm::Patches(divisions) };
-                chosen.sky = basis.sky.clone().map(request);
+                let setting = SkySetting::default();
+                chosen.sky = basis.sky.clone().map(|light| ChosenSky { setting, light: Some(light), divisions });
             }
             _ => {}
         }

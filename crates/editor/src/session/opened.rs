@@ -5,14 +5,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clerestory_transport::camera::Film;
-use clerestory_transport::emitters::{PanelRequest, SkyRequest};
 use clerestory_transport::import::stack::ImageStack;
-use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::PunctualLight;
 
 use super::task::{self, Fact, Loaded, Prepared, words};
-use super::{BakeState, Notice, Session, Source, Stage};
+use super::{BakeState, Chosen, Notice, Session, Source, Stage};
+use crate::crash;
 use crate::words::in_words;
 
 /// A scene, a stack or a bake that is open.
@@ -61,17 +60,6 @@ impl Opened {
     }
 }
 
-/// What was chosen in the window about a scene, and makes another scene of it.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Chosen {
-    /// Lights that became panels.
-    pub panels: Vec<PanelRequest>,
-    /// How its lamps are counted.
-    pub units: LampUnits,
-    /// The sky that lights it.
-    pub sky: Option<SkyRequest>,
-}
-
 impl Session {
     /// Opens something in the background; what is open stays until it is there.
     pub fn open(&mut self, source: Source) {
@@ -95,31 +83,34 @@ impl Session {
             let loaded = task::load(source, chosen, &post.stop).map_err(|error| in_words(&error));
             let _ = post.send(Fact::Loaded(name, loaded), Duration::ZERO);
         });
+        if self.loading.is_none() {
+            // That no thread could be started is told.
+            self.cancel_opening();
+        }
+    }
+
+    /// Whether something is being opened.
+    pub fn is_opening(&self) -> bool {
+        matches!(self.stage, Stage::Loading(_))
+    }
+
+    /// Whether it was read, and waits for what is open to go.
+    pub fn has_arrived(&self) -> bool {
+        self.arrived.is_some()
     }
 
     /// Gives up what is being opened; what is open stays.
     pub fn cancel_opening(&mut self) {
-        if matches!(self.stage, Stage::Loading(_)) {
+        if self.is_opening() {
             self.stop_loading();
             self.stage = if self.opened.is_some() { Stage::Ready } else { Stage::Empty };
         }
     }
 
-    /// Makes panels of lights of the open scene, these and no others, and counts its lamps in these units; the scene is prepared
-    /// again in the background.
-    pub fn choose_scene(&mut self, panels: Vec<PanelRequest>, units: LampUnits) {
-        self.choose(|chosen| (chosen.panels, chosen.units) = (panels, units));
-    }
-
-    /// Puts a sky over the open scene; it is prepared again in the background.
-    pub fn choose_sky(&mut self, sky: SkyRequest) {
-        self.choose(|chosen| chosen.sky = Some(sky));
-    }
-
-    pub(super) fn choose(&mut self, change: impl FnOnce(&mut Chosen)) {
-        let of_scene = |opened: &Opened| Some((opened.scene.clone()?, opened.lamps.clone(), opened.chosen.clone()));
-        let Some((scene, lamps, mut chosen)) = self.opened.as_ref().and_then(of_scene) else { return };
-        change(&mut chosen);
+    /// Makes of the open scene what is chosen about it: it is prepared again in the background.
+    pub fn choose(&mut self, chosen: Chosen) {
+        let of_scene = |opened: &Opened| Some((opened.scene.clone()?, opened.lamps.clone()));
+        let Some((scene, lamps)) = self.opened.as_ref().and_then(of_scene) else { return };
         self.stop_loading();
         self.loading = self.spawn("prepare", move |post| {
             let prepared = task::prepare_again(&scene.scene, lamps, chosen, &post.stop).map_err(words);
@@ -140,18 +131,36 @@ impl Session {
 
     pub(super) fn loaded(&mut self, name: String, result: Result<Loaded, String>, notices: &mut Vec<Notice>) {
         self.others.extend(self.loading.take());
-        let loaded = match result {
-            Ok(loaded) => loaded,
-            Err(why) if self.opened.is_some() => {
-                self.stage = Stage::Ready;
-                notices.push(Notice::Failed(format!("{name} could not be opened: {why}")));
-                return;
-            }
-            Err(why) => {
-                self.stage = Stage::Failed(name, why);
-                return;
-            }
-        };
+        match result {
+            Ok(loaded) => self.arrived = Some((name, loaded)),
+            Err(why) => self.not_opened(name, why, notices),
+        }
+    }
+
+    fn not_opened(&mut self, name: String, why: String, notices: &mut Vec<Notice>) {
+        notices.push(Notice::NotOpened);
+        if self.opened.is_some() {
+            self.stage = Stage::Ready;
+            notices.push(Notice::Failed(format!("{name} could not be opened: {why}")));
+        } else {
+            self.stage = Stage::Failed(name, why);
+        }
+    }
+
+    /// What opened or prepared something has panicked.
+    pub(super) fn loading_crashed(&mut self, notices: &mut Vec<Notice>) {
+        match &self.stage {
+            Stage::Loading(name) => self.not_opened(name.clone(), crash::words(), notices),
+            _ => notices.push(Notice::NotPrepared(crash::words())),
+        }
+    }
+
+    /// Puts what was read in the place of what is open, unless that may not go yet.
+    pub(super) fn take_arrived(&mut self, notices: &mut Vec<Notice>) {
+        if self.holds_opened {
+            return;
+        }
+        let Some((name, loaded)) = self.arrived.take() else { return };
         let path = self.opening.take();
         let source = self.opening_source.take();
         self.keep_earlier(source.as_ref());

@@ -25,7 +25,7 @@ use eframe::egui::ColorImage;
 use super::found::FoundScene;
 use super::glimpse::{self, Glimpse};
 use super::room::all_threads;
-use super::{Chosen, Wake};
+use super::{Chosen, ChosenSky, Wake};
 use crate::bake_cache::{BakeCache, Found};
 use crate::export_gltf::Lit;
 use crate::headless::GALLERY;
@@ -214,7 +214,7 @@ pub(super) fn words(error: impl std::error::Error + Send + Sync + 'static) -> St
 }
 
 /// Reads and prepares something, a scene with what is chosen about it, if nobody asks for a stop meanwhile.
-pub(super) fn load(source: Source, chosen: Chosen, stop: &Stop) -> Result<Loaded> {
+pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Loaded> {
     let imported = match source {
         Source::BuiltIn => import::load_bytes_until("Gallery", GALLERY, Skips::default(), stop)?,
         Source::Bytes { name, bytes } => import::load_bytes_until(&name, &bytes, Skips::default(), stop)?,
@@ -234,6 +234,7 @@ pub(super) fn load(source: Source, chosen: Chosen, stop: &Stop) -> Result<Loaded
         report.push("It has no perspective camera; one was made".into());
     }
     let (lamps, files) = (imported.scene.punctual.clone(), imported.report.files);
+    report.extend(chosen.read_sky());
     if chosen != Chosen::default() {
         match prepare_again(&imported.scene, lamps.clone(), chosen, stop) {
             Ok(Prepared { scene, chosen, warnings }) => {
@@ -262,7 +263,8 @@ pub(super) fn prepare_again(
     if chosen.units == LampUnits::Unitless {
         assume_unitless(&mut scene);
     }
-    let prepared = PreparedScene::until(scene, &chosen.panels, chosen.sky.as_ref(), Skips::default(), stop);
+    let sky = chosen.sky.as_ref().and_then(ChosenSky::request);
+    let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), Skips::default(), stop);
     let (scene, warnings) = prepared?;
     Ok(Prepared { scene: Box::new(scene), chosen, warnings })
 }

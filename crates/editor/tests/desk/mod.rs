@@ -75,6 +75,19 @@ pub fn baked() -> Window {
     window
 }
 
+/// A file that is opened in a window that begins with what another one left.
+#[allow(dead_code, reason = "not every test of the window starts twice")]
+pub fn open_again(path: &Path, kept: Kept) -> Window {
+    let film = Film { width: 64, height: 48 };
+    let settings = BakeSettings { camera_idx: 0, film, config: quick(), illuminance: false, work_plane: None };
+    let kept: &'static Kept = Box::leak(Box::new(kept));
+    let start = Start::alone(Source::File(path.into()), Some(settings));
+    Harness::builder().with_size(vec2(1440.0, 900.0)).build_eframe(|cc| {
+        cc.storage = Some(kept);
+        App::new(cc, start).unwrap()
+    })
+}
+
 /// Steps until something is so. Pictures and bakes come from threads, so this takes real time.
 #[track_caller]
 pub fn wait(window: &mut Window, until: impl Fn(&App) -> bool) {

@@ -212,17 +212,27 @@ pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
                 mix.actions.push(Action::MakeMovable(key.clone()));
                 ui.close();
             }
-            if source.kind == SourceKind::Emitter {
-                ui.menu_button("Make it a panel", |ui| panel_menu(ui, key, mix.actions));
+            match source.kind {
+                SourceKind::Emitter => {
+                    ui.menu_button("Make it a panel", |ui| panel_menu(ui, key, None, mix.actions));
+                }
+                // One of the file is what it is.
+                SourceKind::Panel { resolution, .. } if mix.look.scene.panels.contains_key(key) => {
+                    ui.menu_button("Change the panel", |ui| panel_menu(ui, key, Some(resolution), mix.actions));
+                }
+                _ => {}
             }
         }
     }
 }
 
-fn panel_menu(ui: &mut Ui, key: &str, actions: &mut Vec<Action>) {
-    for resolution in PANEL_RESOLUTIONS {
-        if ui.button(format!("{resolution} × {resolution} texels")).clicked() {
-            actions.push(Action::ChoosePanel { node: key.to_string(), resolution });
+/// Resolutions of a panel but the one that it has, and the way back of one that is there.
+fn panel_menu(ui: &mut Ui, key: &str, now: Option<u32>, actions: &mut Vec<Action>) {
+    let others = PANEL_RESOLUTIONS.into_iter().map(Some).filter(|resolution| *resolution != now);
+    for resolution in others.chain(now.map(|_| None)) {
+        let words = resolution.map_or_else(|| "Back to a plain surface".to_owned(), |m| format!("{m} × {m} texels"));
+        if ui.button(words).clicked() {
+            actions.push(Action::ChoosePanel { node: key.to_owned(), resolution });
             ui.close();
         }
     }
