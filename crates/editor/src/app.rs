@@ -327,7 +327,7 @@ impl App {
                 self.bake_as_asked();
             }
             Action::Reload => self.reload(),
-            Action::ResumeBake => self.session.resume_bake(&self.settings),
+            Action::ResumeBake => self.session.resume_bake(&self.settings, self.camera.camera.as_ref()),
             Action::CancelOpening => {
                 self.reloading = None;
                 self.session.cancel_opening();
@@ -409,7 +409,7 @@ impl eframe::App for App {
         for action in std::mem::take(&mut self.actions) {
             self.apply(ctx, action);
         }
-        self.session.foresee(&self.settings);
+        self.session.foresee(&self.settings, self.camera.camera.as_ref());
         self.watch_file(ctx);
         self.follow_look_files();
         self.feed_undoer(ctx);

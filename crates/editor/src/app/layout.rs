@@ -1,5 +1,6 @@
 //! Where everything stands in the window: bars above and below, panels left and right, the picture between them, dialogs over it.
 
+use clerestory_transport::camera::Camera;
 use eframe::egui::{self, Context, Panel, Ui};
 
 use super::App;
@@ -120,7 +121,11 @@ impl App {
             let inner = &mut ui.new_child(egui::UiBuilder::new().max_rect(room));
             let frame = egui::Frame::NONE.inner_margin(egui::Margin { top: 6, ..egui::Margin::ZERO });
             Panel::bottom("start").frame(frame).show(inner, |ui| {
-                start_ui(ui, &bake_view(&self.session, &self.settings, None), &mut self.actions);
+                start_ui(
+                    ui,
+                    &bake_view(&self.session, (&self.settings, self.camera.camera.as_ref()), None),
+                    &mut self.actions,
+                );
             });
             egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(inner, |ui| {
                 let view = DisplayView {
@@ -140,7 +145,8 @@ impl App {
     }
 
     pub(super) fn bake_panel_ui(&mut self, ui: &mut Ui) {
-        let view = bake_view(&self.session, &self.settings, self.follower.device_bytes());
+        let asked = (&self.settings, self.camera.camera.as_ref());
+        let view = bake_view(&self.session, asked, self.follower.device_bytes());
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
         let is_of_scene = view.can_bake && view.pictures.is_none();
@@ -222,7 +228,11 @@ impl App {
     }
 }
 
-fn bake_view<'a>(session: &'a Session, settings: &BakeSettings, device_bytes: Option<u64>) -> BakeView<'a> {
+fn bake_view<'a>(
+    session: &'a Session,
+    (settings, camera): (&BakeSettings, Option<&Camera>),
+    device_bytes: Option<u64>,
+) -> BakeView<'a> {
     let opened = session.opened.as_ref();
     BakeView {
         state: &session.bake,
@@ -233,7 +243,7 @@ fn bake_view<'a>(session: &'a Session, settings: &BakeSettings, device_bytes: Op
         pictures: session.pictures(),
         units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
         report: opened.map_or(&[], |opened| &opened.report),
-        n_resumable: session.n_resumable(settings),
+        n_resumable: session.n_resumable(settings, camera),
         forecast: session.forecast(),
         threads: match session.forecast() {
             Forecast::Told(estimate) => Some(session.threads_foreseen(estimate)),
