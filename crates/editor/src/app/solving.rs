@@ -432,7 +432,7 @@ impl App {
     }
 
     /// Name of a node of the open scene.
-    fn node_name(&self, node: u32) -> Option<String> {
+    pub(super) fn node_name(&self, node: u32) -> Option<String> {
         let scene = self.session.opened.as_ref()?.scene.as_ref()?;
         scene.scene.nodes.get(node as usize).map(|node| node.key())
     }
