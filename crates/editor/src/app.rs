@@ -16,6 +16,7 @@ mod lamps;
 mod layout;
 mod look_files;
 mod looks;
+mod losing;
 mod marked;
 mod memory;
 mod probe;
@@ -62,6 +63,7 @@ pub use host::WindowLost;
 use isolux::IsoluxDesk;
 use look_files::LookFiles;
 use looks::Prints;
+use losing::Losing;
 use marked::InView;
 use memory::MemoryWatch;
 use probe::Prober;
@@ -115,6 +117,7 @@ pub struct App {
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
     unsaved: Option<Action>,
+    losing: Losing,
     /// Whether somebody said that the next action may lose the look.
     may_lose_look: bool,
     /// What waits until the look is saved.
@@ -207,6 +210,7 @@ impl App {
             question: None,
             dialogs: start.dialogs,
             unsaved: None,
+            losing: Losing::default(),
             may_lose_look: false,
             after_saving: None,
             profile_at_px: None,
@@ -313,8 +317,8 @@ impl App {
     fn apply(&mut self, ctx: &Context, action: Action) {
         match action {
             Action::Ask(task) => self.ask(task),
-            Action::Open(path) => self.unless_unsaved(Action::Open(path.clone()), |app| app.open(path)),
-            Action::OpenBuiltIn => self.unless_unsaved(Action::OpenBuiltIn, |app| app.open_source(Source::BuiltIn)),
+            Action::Open(path) => self.unless_lost(Action::Open(path.clone()), |app| app.open(path)),
+            Action::OpenBuiltIn => self.unless_lost(Action::OpenBuiltIn, |app| app.open_source(Source::BuiltIn)),
             Action::OpenLook(path) => self.unless_unsaved(Action::OpenLook(path.clone()), |app| app.open_look(path)),
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),

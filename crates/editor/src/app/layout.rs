@@ -32,12 +32,13 @@ impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
         close_by_key(ctx, &mut self.shortcuts);
         self.question_ui(ctx);
+        self.losing_ui(ctx);
         if self.unsaved.is_some()
             && let Some(answer) = unsaved_ui(ctx)
         {
             let waiting = self.unsaved.take();
             match answer {
-                UnsavedAnswer::Stay => {}
+                UnsavedAnswer::Stay => self.stay(),
                 UnsavedAnswer::Save => {
                     self.after_saving = waiting;
                     self.actions.push(Action::SaveLookAgain);
@@ -59,6 +60,7 @@ impl App {
     pub(super) fn waits_for_an_answer(&self) -> bool {
         self.question.is_some()
             || self.unsaved.is_some()
+            || self.losing.waits_for_an_answer()
             || self.look_files.waits_for_an_answer()
             || self.left_behind().is_some()
     }
