@@ -16,6 +16,7 @@ mod lamps;
 mod layout;
 mod look_files;
 mod looks;
+mod losing;
 mod marked;
 mod memory;
 mod opening;
@@ -63,6 +64,7 @@ pub use host::WindowLost;
 use isolux::IsoluxDesk;
 use look_files::LookFiles;
 use looks::Prints;
+use losing::Losing;
 use marked::InView;
 use memory::MemoryWatch;
 use opening::Opening;
@@ -117,6 +119,7 @@ pub struct App {
     question: Option<FileQuestion>,
     dialogs: FileDialogs,
     unsaved: Option<Action>,
+    losing: Losing,
     /// Whether somebody said that the next action may lose the look.
     may_lose_look: bool,
     /// What waits until the look is saved.
@@ -210,6 +213,7 @@ impl App {
             question: None,
             dialogs: start.dialogs,
             unsaved: None,
+            losing: Losing::default(),
             may_lose_look: false,
             after_saving: None,
             profile_at_px: None,
@@ -315,8 +319,8 @@ impl App {
         let Some(action) = self.hold(action) else { return };
         match action {
             Action::Ask(task) => self.ask(task),
-            Action::Open(path) => self.unless_unsaved(Action::Open(path.clone()), |app| app.open(path)),
-            Action::OpenBuiltIn => self.unless_unsaved(Action::OpenBuiltIn, |app| app.open_source(Source::BuiltIn)),
+            Action::Open(path) => self.unless_lost(Action::Open(path.clone()), |app| app.open(path)),
+            Action::OpenBuiltIn => self.unless_lost(Action::OpenBuiltIn, |app| app.open_source(Source::BuiltIn)),
             Action::OpenLook(path) => self.unless_unsaved(Action::OpenLook(path.clone()), |app| app.open_look(path)),
             Action::SaveLook(path) => self.save_look(path),
             Action::SaveLookAgain => self.save_look_again(),
@@ -329,7 +333,7 @@ impl App {
                 self.bake_as_asked();
             }
             Action::Reload => self.reload(),
-            Action::ResumeBake => self.session.resume_bake(&self.settings),
+            Action::ResumeBake => self.session.resume_bake(&self.settings, self.camera.camera.as_ref()),
             Action::CancelOpening => self.cancel_opening(),
             Action::TakeOpened => self.take_opened(ctx),
             Action::LimitMemory(limit) => self.session.memory_limit = limit,
@@ -413,7 +417,7 @@ impl eframe::App for App {
             self.apply(ctx, action);
         }
         self.follow_opening();
-        self.session.foresee(&self.settings);
+        self.session.foresee(&self.settings, self.camera.camera.as_ref());
         self.watch_file(ctx);
         self.follow_look_files();
         self.follow_solo();

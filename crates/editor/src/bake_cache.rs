@@ -104,6 +104,11 @@ impl BakeCache {
         entries.into_iter().map(|entry| self.find(&Place(entry.path))).collect()
     }
 
+    /// Whether the bake of a place was kept; it may be damaged.
+    pub fn holds(&self, Place(path): &Place) -> bool {
+        path.exists()
+    }
+
     /// The bake of a place, if it was kept; then it counts as used now.
     pub fn find(&self, Place(path): &Place) -> Found {
         if !path.exists() {

@@ -32,7 +32,7 @@ use std::time::{Duration, Instant};
 
 use clerestory_nystrom::BlockLowRank;
 use clerestory_transport::bake::focus::Focus;
-use clerestory_transport::bake::{Bake, BakeConfig};
+use clerestory_transport::bake::{Bake, BakeConfig, BakeHeader};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
@@ -158,6 +158,9 @@ pub struct Session {
     finding: Option<u64>,
     /// What writes frames, and how far it is.
     frames: Option<(Task, (u32, u32))>,
+    /// What writes a bake to a file, and which one; and the bake that was written last.
+    saving: Option<(u64, Arc<BakeHeader>)>,
+    saved: Option<Arc<BakeHeader>>,
     /// Path of what is being opened.
     opening: Option<PathBuf>,
     opening_source: Option<Source>,
@@ -221,6 +224,8 @@ impl Session {
             others: Vec::new(),
             finding: None,
             frames: None,
+            saving: None,
+            saved: None,
             opening: None,
             opening_source: None,
             arrived: None,
@@ -349,7 +354,10 @@ impl Session {
                     *done = n_written;
                 }
             }
-            Fact::Written(Ok(words)) => notices.push(Notice::Said(words)),
+            Fact::Written(Ok(words)) => {
+                self.written(id);
+                notices.push(Notice::Said(words));
+            }
             Fact::Written(Err(words)) | Fact::Developed(Err(words)) => notices.push(Notice::Failed(words)),
             Fact::Foreseen(answer) => self.foreseen(id, answer),
             Fact::Developed(Ok(picture)) => notices.push(Notice::Developed(picture)),

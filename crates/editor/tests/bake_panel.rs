@@ -2,7 +2,6 @@
 
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-#[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
 use std::path::PathBuf;
@@ -22,7 +21,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, baked, click, open, open_again, open_with, quick, reach, replace_and_reload, room, wait,
+    Dropped, Kept, Window, baked, click, drag, open, open_again, open_with, quick, reach, replace_and_reload, room, wait,
 };
 
 fn source() -> Source {
@@ -42,6 +41,45 @@ fn what_a_bake_will_take_is_told_before_it_starts() {
     window.get_by_label_contains("of memory, a file of");
     window.get_by_label("Tolerance").set_value_accesskit(f64::from(before));
     wait(&mut window, |app| *app.session().forecast() == Forecast::None);
+}
+
+#[test]
+fn of_illuminance_that_a_finished_bake_lacks_that_alone_is_foreseen() {
+    let mut window = baked();
+    let told = |app: &App| match app.session().forecast() {
+        Forecast::Told(estimate) => Some(*estimate),
+        _ => None,
+    };
+    reach(&mut window, "Illuminance");
+    assert!(window.state().settings().illuminance);
+    wait(&mut window, |app| told(app).is_some());
+    let of_rest = told(window.state()).unwrap();
+    assert_eq!((of_rest.preview_secs, of_rest.n_blocks, of_rest.n_tried), (0.0, 12, 12), "the picture is there");
+    window.get_by_label_contains("of memory, a file of");
+    window.get_by_label("Tolerance").set_value_accesskit(26.0);
+    wait(&mut window, |app| told(app).is_some_and(|estimate| estimate.preview_secs > 0.0));
+    let of_all = told(window.state()).unwrap();
+    assert!(of_rest.secs < of_all.secs, "{} of {} seconds", of_rest.secs, of_all.secs);
+}
+
+#[test]
+fn what_was_baked_before_is_not_tried() {
+    let home = tempfile::tempdir().unwrap();
+    let mut window = open_with(source(), quick(), Some(home.path()));
+    let is_baked = |app: &App, db: f32| {
+        let shown = app.session().shown.as_ref().filter(|_| app.session().bake == BakeState::Done);
+        shown.is_some_and(|shown| shown.header.config.tolerance_db == db)
+    };
+    wait(&mut window, |app| is_baked(app, 20.0) && app.is_settled());
+    window.get_by_label("Tolerance").set_value_accesskit(26.0);
+    window.run_steps(3);
+    reach(&mut window, "Start bake");
+    wait(&mut window, |app| is_baked(app, 26.0) && app.is_settled());
+    window.get_by_label("Tolerance").set_value_accesskit(20.0);
+    wait(&mut window, |app| *app.session().forecast() == Forecast::There);
+    window.get_by_label("Baked before, there at once");
+    reach(&mut window, "Start bake");
+    wait(&mut window, |app| is_baked(app, 20.0) && *app.session().forecast() == Forecast::None);
 }
 
 #[test]
@@ -206,8 +244,16 @@ fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
     click(&mut window, "Stop the bake");
     wait(&mut window, |app| app.session().bake == BakeState::Stopped);
     let settings = window.state().settings().clone();
-    let n_kept = window.state().session().n_resumable(&settings);
+    let n_kept = window.state().session().n_resumable(&settings, window.state().camera());
     assert!(n_kept > 0 && n_kept < 12, "{n_kept} blocks of the last pass were there");
+    // Another view begins anew.
+    window.key_press(Key::C);
+    window.run_steps(3);
+    let middle = window.get_by_label("View of the camera").rect().center();
+    drag(&mut window, middle, middle + vec2(60.0, 15.0));
+    assert!(window.query_by_label("Resume bake").is_none() && window.query_by_label("Start bake").is_some());
+    window.key_press(Key::Escape);
+    window.run_steps(3);
     window.get_by_label("Start over");
     reach(&mut window, "Resume bake");
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());

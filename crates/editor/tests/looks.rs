@@ -5,7 +5,7 @@
 mod desk;
 
 use clerestory::look::snapshot::Mark;
-use eframe::egui::{Key, Modifiers, PointerButton};
+use eframe::egui::{Key, Modifiers, PointerButton, ViewportCommand, ViewportEvent};
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, wait};
@@ -312,6 +312,38 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
         pixels.map(|(x, y)| (mean(left + x, y) - f32::from(part.get_pixel(x, y)[1])).abs()).sum::<f32>()
     };
     assert!(off(20) < 0.5 * off(0), "{} {}", off(20), off(0));
+}
+
+#[test]
+fn closing_asks_before_frames_are_given_up_and_then_for_the_look() {
+    let mut window = two_keys();
+    window.get_by_label("Frames per second").set_value_accesskit(240.0);
+    window.get_by_label("Time of the key").set_value_accesskit(120.0);
+    window.run_steps(3);
+    let folder = tempfile::tempdir().unwrap();
+    save_as(&mut window, "Export frames…", &folder.path().join("f_#####.png"));
+    let close = |window: &mut Window| {
+        let input = window.input_mut();
+        let id = input.viewport_id;
+        input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+        window.step();
+        let commands = window.output().viewport_output.values().flat_map(|output| output.commands.iter());
+        let is_stopped = commands.into_iter().any(|command| *command == ViewportCommand::CancelClose);
+        window.run_steps(3);
+        is_stopped
+    };
+    assert!(close(&mut window));
+    window.get_by_label_contains("frames are written; those stay");
+    click(&mut window, "Go on writing");
+    assert!(window.query_by_label("Stop writing frames?").is_none() && window.state().session().frames().is_some());
+    assert!(close(&mut window));
+    window.get_by_label("Stop and close").click();
+    window.run_steps(3);
+    assert!(close(&mut window), "the look is not saved either");
+    assert!(window.query_by_label("Stop writing frames?").is_none());
+    window.get_by_label("Save the look?");
+    click(&mut window, "Discard");
+    assert!(!close(&mut window));
 }
 
 #[test]

@@ -12,8 +12,10 @@ use clerestory_transport::camera::Film;
 use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
+use glam::Vec3;
+use serde_json::json;
 
-use desk::{Dropped, Window, baked, click, drag, quick, replace_and_reload, room, save_as, wait};
+use desk::{Dropped, Window, baked, click, drag, on_screen, quick, replace_and_reload, room, save_as, wait};
 
 /// The room, baked with the light that arrives.
 fn measured() -> Window {
@@ -251,6 +253,94 @@ fn a_work_plane_on_a_marked_floor_is_baked_and_tells_its_uniformity() {
     assert_eq!(window.query_all_by_label("U0").count(), 2);
     click(&mut window, "Work plane");
     assert_eq!(window.state().settings().work_plane, None);
+}
+
+/// The room with a table of 0.8 m × 0.8 m, in a file.
+fn with_table(folder: &std::path::Path) -> (std::path::PathBuf, serde_json::Value) {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let push = |list: &mut serde_json::Value, item: serde_json::Value| {
+        let list = list.as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    };
+    // The third quad of the box faces up.
+    let quad = json!({"bufferView": 1, "byteOffset": 24, "componentType": 5123, "count": 6, "type": "SCALAR"});
+    let indices = push(&mut gltf["accessors"], quad);
+    let primitive = json!({"attributes": {"POSITION": 0}, "indices": indices, "material": 0});
+    let mesh = push(&mut gltf["meshes"], json!({"primitives": [primitive]}));
+    let table = json!({"name": "table", "mesh": mesh, "scale": [0.4, 0.2, 0.4], "translation": [0, -0.3, -0.4]});
+    let node = push(&mut gltf["nodes"], table);
+    push(&mut gltf["scenes"][0]["nodes"], json!(node));
+    let path = folder.join("room.gltf");
+    std::fs::write(&path, serde_json::to_vec(&gltf).unwrap()).unwrap();
+    (path, gltf)
+}
+
+/// Marks the table of the room.
+fn mark_table(window: &mut Window) {
+    window.get_all_by_label("Surface").next().unwrap().click();
+    window.run_steps(3);
+    let at = on_screen(window, Vec3::new(0.0, -0.5, -0.4));
+    drag(window, at, at);
+    wait(window, |app| app.marked_lux().is_some() && !app.is_solving());
+    window.get_by_label("table");
+}
+
+#[test]
+fn powers_are_divided_by_the_floor_of_the_scene_or_of_what_is_marked() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = measured_at(Source::File(with_table(folder.path()).0), 1);
+    click(&mut window, "Measure");
+    let floor = |window: &mut Window, name: &str| -> f64 {
+        let path = folder.path().join(name);
+        save_as(window, "Save schedule…", &path);
+        let table = std::fs::read_to_string(path).unwrap();
+        let row = table.lines().find(|line| line.starts_with("floor area (m²)")).unwrap().to_owned();
+        row.split(',').find_map(|cell| cell.parse().ok()).unwrap()
+    };
+    assert_eq!(floor(&mut window, "scene.csv"), 4.0);
+    mark(&mut window);
+    assert_eq!(floor(&mut window, "part.csv"), 4.0, "what is seen of a part is no floor");
+    mark_table(&mut window);
+    assert_eq!(floor(&mut window, "table.csv"), 0.64);
+    window.get_by_label("Floor area").set_value_accesskit(2.5);
+    window.run_steps(3);
+    assert_eq!(floor(&mut window, "typed.csv"), 2.5);
+}
+
+#[test]
+fn a_work_plane_stays_on_its_object_when_the_file_changes_and_goes_with_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, mut gltf) = with_table(folder.path());
+    let mut window = measured_at(Source::File(path.clone()), 1);
+    click(&mut window, "Measure");
+    mark_table(&mut window);
+    click(&mut window, "Work plane");
+    let before = window.state().settings().work_plane.unwrap();
+    // A node before all others.
+    gltf["nodes"].as_array_mut().unwrap().insert(0, json!({"name": "nothing"}));
+    let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
+    roots.iter_mut().for_each(|root| *root = json!(root.as_u64().unwrap() + 1));
+    roots.insert(0, json!(0));
+    let has_grid = |app: &App| {
+        let shown = app.session().shown.as_ref().filter(|_| app.session().bake == BakeState::Done);
+        shown.is_some_and(|shown| {
+            shown.header.grids(shown.irradiance.len()).any(|(_, of)| of.name.ends_with("over table"))
+        })
+    };
+    replace_and_reload(&mut window, &path, &gltf);
+    wait(&mut window, has_grid);
+    let after = window.state().settings().work_plane.unwrap();
+    assert_eq!((after.floor, after.height_m), (before.floor.map(|node| node + 1), before.height_m));
+    // It is called otherwise now.
+    gltf["nodes"].as_array_mut().unwrap().iter_mut().for_each(|node| {
+        if node["name"] == "table" {
+            node["name"] = "desk".into();
+        }
+    });
+    replace_and_reload(&mut window, &path, &gltf);
+    wait(&mut window, |app| app.settings().work_plane.is_none() && app.session().bake == BakeState::Done);
+    assert!(window.query_all_by_label_contains("`table` is gone").count() > 0);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 mod desk;
 
 use clerestory::app::App;
+use clerestory::session::estimate::Forecast;
 use clerestory::session::shares::sum;
 use clerestory::session::{BakeState, Source};
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
@@ -207,6 +208,21 @@ fn a_view_is_looked_for_baked_and_kept_beside_the_first() {
     assert_eq!(window.state().camera(), Some(&first));
     click(&mut window, "Forget view View 1");
     assert_eq!(window.state().session().views().len(), 1);
+}
+
+#[test]
+fn what_another_view_will_take_is_told_and_nothing_of_those_that_are_baked() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    let is_told = |app: &App| matches!(app.session().forecast(), Forecast::Told(_));
+    assert_eq!(*window.state().session().forecast(), Forecast::None);
+    turn_camera(&mut window);
+    wait(&mut window, is_told);
+    assert_eq!(window.query_all_by_label_contains("of memory, a file of").count(), 1);
+    bake_view(&mut window);
+    assert_eq!(*window.state().session().forecast(), Forecast::None);
+    click(&mut window, &format!("Show view {}", first.name));
+    assert_eq!(*window.state().session().forecast(), Forecast::None, "it is there as well");
 }
 
 #[test]

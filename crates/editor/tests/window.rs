@@ -569,6 +569,41 @@ fn a_dropped_folder_of_pictures_is_baked_and_each_light_has_a_slider() {
 }
 
 #[test]
+fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() {
+    let folder = stage();
+    let home = tempfile::tempdir().unwrap();
+    let (saved, other) = (home.path().join("stage.transport"), home.path().join("room.gltf"));
+    std::fs::write(&other, room()).unwrap();
+    let mut window = open(Source::File(folder.path().into()));
+    let is_baked = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
+    wait(&mut window, is_baked);
+    let close = |window: &mut Window| {
+        let input = window.input_mut();
+        let id = input.viewport_id;
+        input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+        window.run_steps(3);
+    };
+    close(&mut window);
+    window.get_by_label("Save the bake?");
+    click(&mut window, "Cancel");
+    save_as(&mut window, "Save bake…", &saved);
+    wait(&mut window, |app| !app.session().has_unsaved_stack());
+    assert!(saved.exists());
+    close(&mut window);
+    assert!(window.query_by_label("Save the bake?").is_none(), "it is in a file");
+    // Another one is not, and goes when something else is opened.
+    reach(&mut window, "Start bake");
+    wait(&mut window, |app| app.session().has_unsaved_stack() && is_baked(app));
+    window.input_mut().dropped_files.push(Arc::new(Dropped(other)));
+    window.run_steps(3);
+    window.get_by_label("Save the bake?");
+    click(&mut window, "Discard");
+    wait(&mut window, |app| app.session().has_scene());
+    close(&mut window);
+    assert!(window.query_by_label("Save the bake?").is_none());
+}
+
+#[test]
 fn a_folder_that_is_no_stack_is_told_in_words() {
     let folder = stage();
     image::GrayImage::new(8, 8).save(folder.path().join("wrong.png")).unwrap();

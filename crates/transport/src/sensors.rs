@@ -9,7 +9,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-pub use plan::{IrradianceRequest, NodeGrid, OfFile, WorkPlane, floor_area_m2};
+pub use plan::{IrradianceRequest, NodeGrid, OfFile, WorkPlane, floor_area_m2, node_floor_area_m2};
 
 /// Points of a rectangle, row by row: point (i, j), i along u, is number `j · size[0] + i`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -72,7 +72,8 @@ impl App {
         if let (Some(question), Some(path)) = (self.question.take(), path) {
             self.actions.push(question.action(path));
         } else {
-            (self.after_saving, self.profile_at_px) = (None, None);
+            self.profile_at_px = None;
+            self.stay();
         }
     }
 
@@ -87,7 +88,12 @@ impl App {
     }
 
     pub(super) fn close_or_ask(&mut self, ctx: &Context) {
-        if ctx.input(|input| input.viewport().close_requested()) && self.is_unsaved() {
+        if !ctx.input(|input| input.viewport().close_requested()) {
+            return;
+        }
+        if self.asks_before_loss(&Action::Quit) {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+        } else if self.is_unsaved() {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
             self.unsaved = Some(Action::Quit);
         }

@@ -1,5 +1,6 @@
 //! Where everything stands in the window: bars above and below, panels left and right, the picture between them, dialogs over it.
 
+use clerestory_transport::camera::Camera;
 use eframe::egui::{self, Context, Panel, Ui};
 
 use super::App;
@@ -31,13 +32,18 @@ impl App {
     pub(super) fn dialogs_ui(&mut self, ctx: &Context) {
         close_by_key(ctx, &mut self.shortcuts);
         self.question_ui(ctx);
+        self.losing_ui(ctx);
         if self.unsaved.is_some()
             && let Some(answer) = unsaved_ui(ctx)
         {
             let waiting = self.unsaved.take();
             match answer {
-                UnsavedAnswer::Stay if waiting == Some(Action::TakeOpened) => self.cancel_opening(),
-                UnsavedAnswer::Stay => {}
+                UnsavedAnswer::Stay => {
+                    if waiting == Some(Action::TakeOpened) {
+                        self.cancel_opening();
+                    }
+                    self.stay();
+                }
                 UnsavedAnswer::Save => {
                     self.after_saving = waiting;
                     self.actions.push(Action::SaveLookAgain);
@@ -59,6 +65,7 @@ impl App {
     pub(super) fn waits_for_an_answer(&self) -> bool {
         self.question.is_some()
             || self.unsaved.is_some()
+            || self.losing.waits_for_an_answer()
             || self.look_files.waits_for_an_answer()
             || self.left_behind().is_some()
     }
@@ -121,7 +128,11 @@ impl App {
             let inner = &mut ui.new_child(egui::UiBuilder::new().max_rect(room));
             let frame = egui::Frame::NONE.inner_margin(egui::Margin { top: 6, ..egui::Margin::ZERO });
             Panel::bottom("start").frame(frame).show(inner, |ui| {
-                start_ui(ui, &bake_view(&self.session, &self.settings, None), &mut self.actions);
+                start_ui(
+                    ui,
+                    &bake_view(&self.session, (&self.settings, self.camera.camera.as_ref()), None),
+                    &mut self.actions,
+                );
             });
             egui::ScrollArea::vertical().id_salt("right").auto_shrink([false, false]).show(inner, |ui| {
                 let view = DisplayView {
@@ -141,7 +152,8 @@ impl App {
     }
 
     pub(super) fn bake_panel_ui(&mut self, ui: &mut Ui) {
-        let view = bake_view(&self.session, &self.settings, self.follower.device_bytes());
+        let asked = (&self.settings, self.camera.camera.as_ref());
+        let view = bake_view(&self.session, asked, self.follower.device_bytes());
         // A bake that was opened shows how it was baked; what the next scene is baked with stays.
         let mut of_file = if view.can_bake { None } else { self.session.settings_of_shown() };
         let is_of_scene = view.can_bake && view.pictures.is_none();
@@ -223,7 +235,11 @@ impl App {
     }
 }
 
-fn bake_view<'a>(session: &'a Session, settings: &BakeSettings, device_bytes: Option<u64>) -> BakeView<'a> {
+fn bake_view<'a>(
+    session: &'a Session,
+    (settings, camera): (&BakeSettings, Option<&Camera>),
+    device_bytes: Option<u64>,
+) -> BakeView<'a> {
     let opened = session.opened.as_ref();
     BakeView {
         state: &session.bake,
@@ -234,7 +250,7 @@ fn bake_view<'a>(session: &'a Session, settings: &BakeSettings, device_bytes: Op
         pictures: session.pictures(),
         units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),
         report: opened.map_or(&[], |opened| &opened.report),
-        n_resumable: session.n_resumable(settings),
+        n_resumable: session.n_resumable(settings, camera),
         forecast: session.forecast(),
         threads: match session.forecast() {
             Forecast::Told(estimate) => Some(session.threads_foreseen(estimate)),

@@ -144,7 +144,7 @@ impl App {
             }
             Err(error) => {
                 // What was to follow was asked for then, not for whenever a look is saved at last.
-                self.after_saving = None;
+                self.stay();
                 self.complain(in_words(&error));
             }
         }
@@ -158,7 +158,7 @@ impl App {
         match answer {
             ReplaceAnswer::Elsewhere => self.ask(FileTask::SaveLook),
             ReplaceAnswer::Replace => path.into_iter().for_each(|path| self.write_look(path)),
-            ReplaceAnswer::Stay => self.after_saving = None,
+            ReplaceAnswer::Stay => self.stay(),
         }
     }
 

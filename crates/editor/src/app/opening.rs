@@ -30,7 +30,7 @@ impl App {
 
     /// Whether a scene is being opened, or will be as soon as a question is answered.
     fn awaits_scene(&self) -> bool {
-        let asked = self.unsaved.iter().chain(&self.after_saving).chain(&self.actions);
+        let asked = self.unsaved.iter().chain(&self.after_saving).chain(self.losing.waiting()).chain(&self.actions);
         let mut asked = asked.filter(|action| matches!(action, Action::Open(_) | Action::OpenBuiltIn));
         self.session.is_opening() || asked.next().is_some()
     }

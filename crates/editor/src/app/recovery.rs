@@ -70,7 +70,8 @@ impl App {
 
     /// What was left behind and is to be offered now: one after the other, once something is open and what was taken up is saved.
     pub(super) fn left_behind(&self) -> Option<&LeftBehind> {
-        let is_busy = self.question.is_some() || self.unsaved.is_some() || self.recovery.taken.is_some();
+        let is_asked = self.question.is_some() || self.unsaved.is_some() || self.losing.waits_for_an_answer();
+        let is_busy = is_asked || self.recovery.taken.is_some();
         let is_open = !self.session.is_opening() && self.session.stage != Stage::Empty;
         self.recovery.left.first().filter(|_| is_open && !is_busy && !self.is_unsaved())
     }

@@ -8,6 +8,7 @@ use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sensors::{floor_area_m2, node_floor_area_m2};
 use eframe::egui::Ui;
 
 use super::App;
@@ -17,7 +18,7 @@ use crate::look::wishes::{Wanted, Where};
 use crate::marks::{Framing, Kin, Marks, Seen};
 use crate::output::PendingFile;
 use crate::panels::lights::heard;
-use crate::panels::measure::{LuxBake, MeasureState, MeasureView, ScheduleState, measure_ui};
+use crate::panels::measure::{KnownFloor, LuxBake, MeasureState, MeasureView, ScheduleState, measure_ui};
 use crate::panels::solve::{SolveState, SolveView, solve_ui};
 use crate::schedule::Schedule;
 use crate::session::aside::Aside;
@@ -25,6 +26,7 @@ use crate::session::lamps::{LampLight, LampPart};
 use crate::session::{Session, Shown, Wake};
 use crate::solve::kept::{Here, Pictures};
 use crate::solve::{AtPixel, LampColumn, Scene, Solution, TargetPicture, at_point, may_change, solve};
+use crate::viewport::marking::Join;
 use crate::words::in_words;
 
 /// A surface that was clicked on, and what was marked by that.
@@ -33,6 +35,8 @@ struct Picked {
     surface: Option<String>,
     /// Its node and the name of that.
     node: Option<(u32, String)>,
+    /// Area of the floor that the node has, in m², where that node is all that is marked.
+    floor_m2: Option<f64>,
 }
 
 /// Marks, measurements and wishes.
@@ -48,6 +52,8 @@ pub(super) struct Solving {
     measuring: Aside<(Measured, Result<Figures, String>)>,
     problem: Option<String>,
     picked: Option<Picked>,
+    /// Area of the floor of a scene, in m².
+    floor: Option<(Arc<PreparedScene>, Option<f64>)>,
     solving: Aside<Result<Solution, String>>,
     /// A picture to match, and whether it is a wish from then on.
     reading: Aside<(PathBuf, Reading, Result<TargetPicture, String>)>,
@@ -116,6 +122,7 @@ impl Solving {
             measuring: Aside::default(),
             problem: None,
             picked: None,
+            floor: None,
             solving: Aside::default(),
             reading: Aside::default(),
             pictures: Pictures::new(),
@@ -183,6 +190,7 @@ impl App {
         self.take_target();
         self.read_targets();
         self.measure(view.as_ref());
+        self.measure_floor();
         if self.solving.state.solution.is_some() && self.look.lights != self.solving.solved_from {
             self.solving.state.solution = None;
             self.say("The lights have changed since; solve again");
@@ -215,9 +223,29 @@ impl App {
             self.view.marking.join(seen.like(picked.pixel, kin), picked.join);
             let name = |kin| seen.name(&view.scene, picked.pixel, kin).filter(|name| !name.is_empty());
             let (surface, node) = (name(kin), seen.node(picked.pixel).zip(name(Kin::Node)));
+            let is_alone = (kin, picked.join) == (Kin::Node, Join::Replace);
+            let floor_m2 = node.as_ref().filter(|_| is_alone);
+            let floor_m2 = floor_m2.and_then(|(node, _)| node_floor_area_m2(&view.scene.scene, *node)).map(f64::from);
             let marks = self.view.marking.marks().cloned();
-            self.solving.picked = marks.map(|marks| Picked { marks, surface, node });
+            self.solving.picked = marks.map(|marks| Picked { marks, surface, node, floor_m2 });
         }
+    }
+
+    /// Measures the floor of each scene once.
+    fn measure_floor(&mut self) {
+        let scene = self.session.lamp_scene();
+        let is_known =
+            |scene: &Arc<PreparedScene>| self.solving.floor.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, scene));
+        if !scene.is_some_and(is_known) {
+            self.solving.floor = scene.map(|scene| (scene.clone(), floor_area_m2(&scene.scene).map(f64::from)));
+        }
+    }
+
+    /// The floor that powers are divided by where nobody types its area.
+    fn known_floor(&self) -> Option<KnownFloor> {
+        let marked = self.picked().and_then(|picked| picked.floor_m2).map(KnownFloor::Marked);
+        let of_scene = || self.solving.floor.as_ref().and_then(|(_, floor_m2)| *floor_m2).map(KnownFloor::OfScene);
+        marked.or_else(of_scene)
     }
 
     /// The surface that is marked; none where something else was marked since.
@@ -385,8 +413,8 @@ impl App {
         let Some(basis) = self.session.basis() else { return };
         let ScheduleState { by, efficacy_lm_w, floor_m2 } = self.solving.schedule;
         let efficacy_lm_w = Some(efficacy_lm_w).filter(|efficacy| *efficacy > 0.0);
-        let marked = self.marked_lux().and_then(|figures| figures.area_m2);
-        let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { marked };
+        let known = || self.known_floor().map(KnownFloor::area_m2);
+        let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { known() };
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
         match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer, by))) {
@@ -404,7 +432,7 @@ impl App {
     }
 
     /// Name of a node of the open scene.
-    fn node_name(&self, node: u32) -> Option<String> {
+    pub(super) fn node_name(&self, node: u32) -> Option<String> {
         let scene = self.session.opened.as_ref()?.scene.as_ref()?;
         scene.scene.nodes.get(node as usize).map(|node| node.key())
     }
@@ -441,6 +469,7 @@ impl App {
             has_scene,
             floor: floor.as_ref(),
             floor_name: floor_name.as_deref(),
+            known_floor: self.known_floor(),
             elsewhere: self.elsewhere(),
         };
         let state = MeasureState {

@@ -118,7 +118,8 @@ impl App {
         let camera = self.camera.camera.clone().filter(|camera| Some(camera) != of_file);
         let basis = self.session.basis();
         let lights = basis.map(|basis| basis.sources.iter().map(|source| source.key.clone()).collect());
-        self.reloading = Some(Reloading { camera, lights: lights.unwrap_or_default() });
+        let floor = self.settings.work_plane.and_then(|plane| self.node_name(plane.floor?));
+        self.reloading = Some(Reloading { camera, lights: lights.unwrap_or_default(), floor });
         self.session.reopen(Source::File(path));
     }
 

@@ -278,6 +278,7 @@ fn forecast_ui(ui: &mut Ui, view: &BakeView) {
         Forecast::None => return,
         Forecast::Trying => "Estimating time and memory".into(),
         Forecast::Failed(why) => why.clone(),
+        Forecast::There => "Baked before, there at once".into(),
         Forecast::Told(estimate) => format!(
             "About {}, {} of memory, a file of {}{threads}",
             duration(estimate.secs),

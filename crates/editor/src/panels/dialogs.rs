@@ -214,10 +214,40 @@ pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
     let words = "It was changed since it was last saved";
     let answers = Answers {
         best: ("Save look…", UnsavedAnswer::Save),
-        back: ("Cancel", UnsavedAnswer::Stay),
+        back: Some(("Cancel", UnsavedAnswer::Stay)),
         lose: ("Discard", UnsavedAnswer::Discard),
     };
     answers.ui(ctx, "Save the look?", words)
+}
+
+/// What a person wants done with other work that would be lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossAnswer {
+    /// Save it; nothing else is done.
+    Save,
+    /// Lose it.
+    Lose,
+    /// Go back.
+    Stay,
+}
+
+/// Asks before frames of a timeline are given up that are still to be written.
+pub fn frames_ui(ctx: &Context, n_written: u32, n_frames: u32) -> Option<LossAnswer> {
+    let words = format!("{n_written} of {n_frames} frames are written; those stay, the rest does not come");
+    let answers =
+        Answers { best: ("Go on writing", LossAnswer::Stay), back: None, lose: ("Stop and close", LossAnswer::Lose) };
+    answers.ui(ctx, "Stop writing frames?", &words)
+}
+
+/// Asks before the bake of pictures is lost.
+pub fn stack_ui(ctx: &Context) -> Option<LossAnswer> {
+    let words = "It is made of pictures, and in no file yet; it would have to be made again";
+    let answers = Answers {
+        best: ("Save bake…", LossAnswer::Save),
+        back: Some(("Cancel", LossAnswer::Stay)),
+        lose: ("Discard", LossAnswer::Lose),
+    };
+    answers.ui(ctx, "Save the bake?", words)
 }
 
 /// What a person wants done where another program changed the file of the look.
@@ -238,7 +268,7 @@ pub fn replace_ui(ctx: &Context, name: &str) -> Option<ReplaceAnswer> {
     );
     let answers = Answers {
         best: ("Save as…", ReplaceAnswer::Elsewhere),
-        back: ("Cancel", ReplaceAnswer::Stay),
+        back: Some(("Cancel", ReplaceAnswer::Stay)),
         lose: ("Replace", ReplaceAnswer::Replace),
     };
     answers.ui(ctx, "Replace the look?", &words)
@@ -260,7 +290,7 @@ pub fn recovery_ui(ctx: &Context, scene: &str, age: Option<Duration>) -> Option<
     let when = age.map_or(String::new(), |age| format!(", last changed {}", ago(age)));
     let answers = Answers {
         best: ("Recover", RecoveryAnswer::Recover),
-        back: ("Ask again later", RecoveryAnswer::Later),
+        back: Some(("Ask again later", RecoveryAnswer::Later)),
         lose: ("Discard", RecoveryAnswer::Discard),
     };
     let words = format!("Clerestory ended before the look of {scene} was saved{when}");
@@ -271,8 +301,8 @@ pub fn recovery_ui(ctx: &Context, scene: &str, age: Option<Duration>) -> Option<
 struct Answers<A> {
     /// Keeps the work.
     best: (&'static str, A),
-    /// Leaves everything as it is, as closing the question does.
-    back: (&'static str, A),
+    /// Leaves everything as it is, as closing the question does; none where that is what keeps the work.
+    back: Option<(&'static str, A)>,
     /// Loses the work.
     lose: (&'static str, A),
 }
@@ -280,7 +310,7 @@ struct Answers<A> {
 impl<A: Copy> Answers<A> {
     /// Asks; none while there is no answer.
     fn ui(self, ctx: &Context, title: &str, words: &str) -> Option<A> {
-        let Answers { best: (best_label, best), back: (back_label, back), lose: (lose_label, lose) } = self;
+        let Answers { best: (best_label, best), back, lose: (lose_label, lose) } = self;
         let mut chosen = None;
         let modal = Modal::new(egui::Id::unique(title)).show(ctx, |ui| {
             ui.set_width(400.0);
@@ -302,13 +332,16 @@ impl<A: Copy> Answers<A> {
                     if ui.memory(|memory| memory.focused().is_none()) {
                         button.request_focus();
                     }
-                    if ui.button(back_label).clicked() {
+                    if let Some((back_label, back)) = back
+                        && ui.button(back_label).clicked()
+                    {
                         chosen = Some(back);
                     }
                 });
             });
         });
-        if chosen.is_none() && modal.should_close() { Some(back) } else { chosen }
+        let closed = || modal.should_close().then(|| back.map_or(best, |(_, back)| back));
+        chosen.or_else(closed)
     }
 }
 

@@ -34,8 +34,33 @@ pub struct MeasureView<'a> {
     pub floor: Option<&'a (u32, String)>,
     /// Name of the object that the work plane stands on, if it is not the whole scene.
     pub floor_name: Option<&'a str>,
+    /// The floor that powers are divided by where nobody types its area.
+    pub known_floor: Option<KnownFloor>,
     /// What of the look is of another view than the one that is shown, for people.
     pub elsewhere: Option<String>,
+}
+
+/// A floor whose area in m² is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum KnownFloor {
+    /// Of the object that is marked.
+    Marked(f64),
+    /// Of the whole scene.
+    OfScene(f64),
+}
+
+impl KnownFloor {
+    /// In m².
+    pub fn area_m2(self) -> f64 {
+        match self {
+            KnownFloor::Marked(area) | KnownFloor::OfScene(area) => area,
+        }
+    }
+
+    fn words(self) -> String {
+        let whose = if matches!(self, KnownFloor::Marked(_)) { "marked" } else { "of the scene" };
+        format!("{whose} {} m²", number_words(self.area_m2() as f32))
+    }
 }
 
 /// How the light that arrives can be had, where it is not there.
@@ -70,7 +95,7 @@ pub struct ScheduleState {
     pub by: ScheduleBy,
     /// Lumen per watt of every lamp that tells no watts; 0 leaves these unknown.
     pub efficacy_lm_w: f64,
-    /// Floor area in m²; 0 is the area that is marked.
+    /// Floor area in m²; 0 is that of the floor that is known.
     pub floor_m2: f64,
 }
 
@@ -269,16 +294,18 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
         );
         ui.end_row();
         let label = ui.label("Floor area");
-        let marked = view.marked.and_then(|figures| figures.area_m2);
+        let known = view.known_floor;
         let floor = DragValue::new(&mut schedule.floor_m2).range(0.0..=1e6).speed(0.1);
-        let words = move |area: f64, _: std::ops::RangeInclusive<usize>| match marked {
+        let words = move |area: f64, _: std::ops::RangeInclusive<usize>| match known {
             _ if area > 0.0 => format!("{} m²", number_words(area as f32)),
-            Some(marked) => format!("marked {} m²", number_words(marked as f32)),
+            Some(known) => known.words(),
             None => "none".into(),
         };
         ui.add(floor.custom_formatter(words))
             .labelled_by(label.id)
-            .on_hover_text("For W/m² in the schedule; at 0 it is the area of what is marked");
+            .on_hover_text(
+                "For W/m² in the schedule; at 0 it is the floor of the object that was marked with Surface, else that of the scene",
+            );
         ui.end_row();
     });
     let save = ui

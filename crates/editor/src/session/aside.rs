@@ -1,4 +1,5 @@
-//! A job beside the window: one at a time, its answer taken when it comes.
+//! A job beside the window: one at a time, its answer taken when it comes. Nobody waits for a job whose answer is not wanted any
+//! more: it only reads, and ends by itself.
 
 use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::thread::JoinHandle;
@@ -53,24 +54,11 @@ impl<T: Send + 'static> Aside<T> {
             Err(TryRecvError::Empty) => return None,
             Err(TryRecvError::Disconnected) => Err(crash::words()),
         };
-        self.join();
-        Some(answer)
-    }
-}
-
-impl<T> Aside<T> {
-    fn join(&mut self) {
-        if let Some((receiver, thread)) = self.running.take() {
-            drop(receiver);
+        if let Some((_, thread)) = self.running.take() {
             // A panic was printed by the thread itself, and its answer is missed.
             let _ = thread.join();
         }
-    }
-}
-
-impl<T> Drop for Aside<T> {
-    fn drop(&mut self) {
-        self.join();
+        Some(answer)
     }
 }
 
@@ -99,5 +87,21 @@ mod tests {
         assert!(!aside.is_busy() && aside.take().is_none());
         aside.start("crash", &wake, || panic!("as asked")).unwrap();
         assert!(answer(&mut aside).is_err());
+    }
+
+    #[test]
+    fn whoever_leaves_does_not_wait_for_the_job() {
+        let wake: Wake = Arc::new(|_| {});
+        let ((go_on, held), (sender, ended)) = (sync_channel::<()>(1), sync_channel(1));
+        let mut aside = Aside::default();
+        let job = move || {
+            let is_let_go = held.recv_timeout(Duration::from_secs(5)).is_ok();
+            sender.send(is_let_go).unwrap();
+        };
+        aside.start("long", &wake, job).unwrap();
+        drop(aside);
+        // Whoever waited for it would come too late.
+        go_on.send(()).unwrap();
+        assert_eq!(ended.recv(), Ok(true));
     }
 }

@@ -10,7 +10,7 @@ use clerestory_transport::bake::{Bake, BakeConfig, BakeEvent, BakeHeader, BakeJo
 use clerestory_transport::camera::Camera;
 use clerestory_transport::sensors::{IrradianceRequest, OfFile};
 
-use super::begun::Begun;
+use super::begun::{Begun, seen_from};
 use super::glimpse::{self, Glimpse};
 use super::task::{self, Task, words};
 use super::{BakeSettings, BakeState, Notice, Session, Shown, earlier};
@@ -46,9 +46,9 @@ impl Session {
         self.begin(BakeJob { passes, ..job }, n_threads, None);
     }
 
-    /// Goes on with a bake that was stopped, where that can be.
-    pub fn resume_bake(&mut self, settings: &BakeSettings) {
-        if self.n_resumable(settings) == 0 {
+    /// Goes on with a bake that was stopped, where it is of this view.
+    pub fn resume_bake(&mut self, settings: &BakeSettings, camera: Option<&Camera>) {
+        if self.n_resumable(settings, camera) == 0 {
             return;
         }
         match self.fitting_job(settings, self.begun.as_ref().and_then(Begun::camera)) {
@@ -61,8 +61,7 @@ impl Session {
     pub(super) fn job(&self, settings: &BakeSettings, camera: Option<Camera>) -> Result<BakeJob, String> {
         const NO_CAMERA: &str = "the scene has no camera and no surfaces to look at; open a scene with meshes";
         let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone()).ok_or("no scene is open; open one")?;
-        let of_scene = || scene.scene.cameras.get(settings.camera_idx).cloned();
-        let camera = camera.or_else(of_scene).ok_or(NO_CAMERA)?;
+        let camera = seen_from(&scene, settings, camera.as_ref()).cloned().ok_or(NO_CAMERA)?;
         let of_file = if settings.illuminance { OfFile::All } else { OfFile::Nothing };
         let work_planes = settings.work_plane.filter(|_| settings.illuminance).into_iter().collect();
         let irradiance = IrradianceRequest { of_file, nodes: Vec::new(), work_planes };

@@ -8,14 +8,38 @@ use clerestory_transport::bake::{BakeHeader, HalfDone};
 use clerestory_transport::camera::Camera;
 use clerestory_transport::prepared::PreparedScene;
 
+use super::views::sees_alike;
 use super::{BakeSettings, BakeState, Session};
+
+/// What is baked.
+pub(super) struct Asked {
+    pub scene: Arc<PreparedScene>,
+    pub settings: BakeSettings,
+    /// Where it is seen from, if not from the camera of the settings.
+    pub camera: Option<Camera>,
+}
+
+impl Asked {
+    /// Whether it is the same picture, whatever its camera is called.
+    pub fn is(&self, scene: &Arc<PreparedScene>, settings: &BakeSettings, camera: Option<&Camera>) -> bool {
+        let own = seen_from(&self.scene, &self.settings, self.camera.as_ref());
+        let sees_it = own.zip(seen_from(scene, settings, camera)).is_some_and(|(own, other)| sees_alike(own, other));
+        Arc::ptr_eq(&self.scene, scene) && self.settings == *settings && sees_it
+    }
+}
+
+/// Where a bake is seen from: a camera of its own, else that of the settings.
+pub(super) fn seen_from<'a>(
+    scene: &'a PreparedScene,
+    settings: &BakeSettings,
+    camera: Option<&'a Camera>,
+) -> Option<&'a Camera> {
+    camera.or_else(|| scene.scene.cameras.get(settings.camera_idx))
+}
 
 /// The bake that was started last, and the blocks of its last pass as they come.
 pub(super) struct Begun {
-    scene: Arc<PreparedScene>,
-    settings: BakeSettings,
-    /// Where it is seen from, if not from a camera of the scene.
-    camera: Option<Camera>,
+    of: Asked,
     header: Option<Arc<BakeHeader>>,
     last_pass: u32,
     blocks: BTreeMap<usize, Vec<Arc<BlockFactors>>>,
@@ -23,11 +47,12 @@ pub(super) struct Begun {
 
 impl Begun {
     pub fn new(scene: Arc<PreparedScene>, settings: BakeSettings, camera: Option<Camera>) -> Begun {
-        Begun { scene, settings, camera, header: None, last_pass: u32::MAX, blocks: BTreeMap::new() }
+        let of = Asked { scene, settings, camera };
+        Begun { of, header: None, last_pass: u32::MAX, blocks: BTreeMap::new() }
     }
 
     pub fn camera(&self) -> Option<Camera> {
-        self.camera.clone()
+        self.of.camera.clone()
     }
 
     pub fn started(&mut self, header: Arc<BakeHeader>, n_passes: u32) {
@@ -39,33 +64,31 @@ impl Begun {
             self.blocks.insert(block_idx, factors.to_vec());
         }
     }
-
-    fn is_of(&self, scene: &Arc<PreparedScene>, settings: &BakeSettings) -> bool {
-        Arc::ptr_eq(&self.scene, scene) && self.settings == *settings
-    }
 }
 
 impl Session {
-    /// Blocks of the last pass that are there of a bake that was stopped; none where it would start over.
-    pub fn n_resumable(&self, settings: &BakeSettings) -> usize {
+    /// Blocks of the last pass that are there of a bake that was stopped; none where it would start over. `camera` is where
+    /// the next one is seen from, if not from that of the settings.
+    pub fn n_resumable(&self, settings: &BakeSettings, camera: Option<&Camera>) -> usize {
         let scene = self.opened.as_ref().and_then(|opened| opened.scene.as_ref());
         let begun = self.begun.as_ref().filter(|_| self.bake == BakeState::Stopped);
         begun
             .zip(scene)
-            .filter(|(begun, scene)| begun.is_of(scene, settings))
+            .filter(|(begun, scene)| begun.of.is(scene, settings, camera))
             .map_or(0, |(begun, _)| begun.blocks.len())
     }
 
     /// Whether the bake that runs holds illuminance in the end.
     pub fn bakes_illuminance(&self) -> bool {
-        self.bake.is_running() && self.begun.as_ref().is_some_and(|begun| begun.settings.illuminance)
+        self.bake.is_running() && self.begun.as_ref().is_some_and(|begun| begun.of.settings.illuminance)
     }
 
-    /// Whether the bake that is there was made with these settings, so that nothing is to be foreseen.
-    pub(super) fn is_baked_with(&self, settings: &BakeSettings) -> bool {
-        let scene = self.opened.as_ref().and_then(|opened| opened.scene.as_ref());
+    /// Whether a bake is there of this view with these settings, so that nothing is to be foreseen.
+    pub(super) fn is_baked_with(&self, settings: &BakeSettings, camera: Option<&Camera>) -> bool {
+        let Some(scene) = self.opened.as_ref().and_then(|opened| opened.scene.as_ref()) else { return false };
         let begun = self.begun.as_ref().filter(|_| matches!(self.bake, BakeState::Done | BakeState::Stopped));
-        begun.zip(scene).is_some_and(|(begun, scene)| begun.is_of(scene, settings))
+        begun.is_some_and(|begun| begun.of.is(scene, settings, camera))
+            || seen_from(scene, settings, camera).is_some_and(|camera| self.has_view(scene, settings, camera))
     }
 
     /// What is there of the bake that was stopped.

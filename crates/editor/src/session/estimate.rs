@@ -3,13 +3,15 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use clerestory_transport::bake::BakeJob;
 use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
-use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::bake::{Bake, BakeJob};
+use clerestory_transport::camera::Camera;
 
-use super::task::{Fact, Post, Task, beside_the_window};
+use super::begun::Asked;
+use super::task::{Fact, Post, Task, beside_the_window, most_reused};
 use super::{BakeSettings, Session};
+use crate::bake_cache::{BakeCache, Found};
 
 /// How long settings must stay before blocks are tried, and how long they are tried.
 const SETTLED: Duration = Duration::from_millis(600);
@@ -23,8 +25,10 @@ pub enum Forecast {
     None,
     /// Blocks are being tried, or soon will be.
     Trying,
-    /// About what it will take.
+    /// About what it will take, beside what is taken over.
     Told(BakeEstimate),
+    /// It was baked before, and is there at once.
+    There,
     /// It cannot be baked like this, in words.
     Failed(String),
 }
@@ -32,7 +36,7 @@ pub enum Forecast {
 /// What the forecast is of, and who makes it.
 #[derive(Default)]
 pub(super) struct Forecasting {
-    asked: Option<(Arc<PreparedScene>, BakeSettings)>,
+    asked: Option<Asked>,
     asked_at: Option<Instant>,
     task: Option<Task>,
     /// Threads on which blocks are tried.
@@ -47,23 +51,24 @@ impl Session {
         &self.forecasting.answer
     }
 
-    /// The same where it is of these settings.
-    pub(super) fn forecast_of(&self, settings: &BakeSettings) -> Option<&Forecast> {
+    /// The same where it is of this view with these settings.
+    pub(super) fn forecast_of(&self, settings: &BakeSettings, camera: Option<&Camera>) -> Option<&Forecast> {
         let scene = self.opened.as_ref()?.scene.as_ref()?;
-        let (of, asked) = self.forecasting.asked.as_ref()?;
-        (Arc::ptr_eq(of, scene) && asked == settings).then_some(&self.forecasting.answer)
+        let asked = self.forecasting.asked.as_ref()?;
+        asked.is(scene, settings, camera).then_some(&self.forecasting.answer)
     }
 
-    /// Asks for a forecast where settings are not those of the bake that is there, once they have stayed for a while.
-    pub fn foresee(&mut self, settings: &BakeSettings) {
+    /// Asks for a forecast where no bake of this view with these settings is there, once they have stayed for a while. `camera` is
+    /// where it is seen from, if not from that of the settings.
+    pub fn foresee(&mut self, settings: &BakeSettings, camera: Option<&Camera>) {
         let scene = self.opened.as_ref().and_then(|opened| opened.scene.clone());
-        let Some(scene) = scene.filter(|_| !self.bake.is_running() && !self.is_baked_with(settings)) else {
+        let Some(scene) = scene.filter(|_| !self.bake.is_running() && !self.is_baked_with(settings, camera)) else {
             self.forget_forecast();
             return;
         };
-        if self.forecast_of(settings).is_none() {
+        if self.forecast_of(settings, camera).is_none() {
             self.forget_forecast();
-            self.forecasting.asked = Some((scene, settings.clone()));
+            self.forecasting.asked = Some(Asked { scene, settings: settings.clone(), camera: camera.cloned() });
             (self.forecasting.asked_at, self.forecasting.answer) = (Some(Instant::now()), Forecast::Trying);
             (self.wake)(SETTLED);
         }
@@ -74,11 +79,13 @@ impl Session {
         if !is_due || self.forecasting.task.is_some() || self.forecasting.answer != Forecast::Trying {
             return;
         }
-        match self.fitting_job(settings, None) {
+        match self.fitting_job(settings, camera.cloned()) {
             Ok((job, n_threads)) => {
                 self.forecasting.n_threads = n_threads;
-                let focus = self.forecasting.focus.clone();
-                self.forecasting.task = self.spawn("estimate", move |post| estimate(&job, n_threads, &focus, &post));
+                let (focus, earlier, cache) =
+                    (self.forecasting.focus.clone(), self.earlier_bakes(), self.cache.clone());
+                let body = move |post: Post| estimate(&job, n_threads, (earlier, cache), &focus, &post);
+                self.forecasting.task = self.spawn("estimate", body);
             }
             Err(why) => self.forecasting.answer = Forecast::Failed(why),
         }
@@ -90,25 +97,45 @@ impl Session {
         self.others.extend(old.task.map(Task::stopped));
     }
 
-    pub(super) fn foreseen(&mut self, id: u64, answer: Result<BakeEstimate, String>) {
+    pub(super) fn foreseen(&mut self, id: u64, answer: Forecast) {
         if self.forecasting.task.as_ref().is_some_and(|task| task.id() == id) {
             self.others.extend(self.forecasting.task.take());
-            self.forecasting.answer = match answer {
-                Ok(estimate) => Forecast::Told(estimate),
-                Err(why) => Forecast::Failed(why),
-            };
+            self.forecasting.answer = answer;
         }
     }
 }
 
-fn estimate(job: &BakeJob, n_threads: usize, focus: &Focus, post: &Post) {
-    match beside_the_window(n_threads, || job.estimate(BUDGET, focus)) {
+/// Tries what the bake would trace: it finds and takes over what [`super::task::bake`] would.
+fn estimate(
+    job: &BakeJob,
+    n_threads: usize,
+    (mut earlier, cache): (Vec<Bake>, Option<BakeCache>),
+    focus: &Focus,
+    post: &Post,
+) {
+    let answer = |forecast| {
+        let _ = post.send(Fact::Foreseen(forecast), Duration::ZERO);
+    };
+    let place = cache.as_ref().map(|cache| (cache, cache.place(job)));
+    if place.as_ref().is_some_and(|(cache, place)| cache.holds(place)) {
+        return answer(Forecast::There);
+    }
+    let mut reuse = most_reused(job, &earlier);
+    if reuse.is_none() {
+        let relatives = place.iter().flat_map(|(cache, place)| cache.relatives(place));
+        earlier.extend(relatives.filter_map(|found| if let Found::Hit(bake) = found { Some(*bake) } else { None }));
+        reuse = most_reused(job, &earlier);
+    }
+    if reuse.as_ref().is_some_and(|reuse| (reuse.n_traced_columns(), reuse.n_added_rows()) == (0, 0)) {
+        return answer(Forecast::There);
+    }
+    let tried = beside_the_window(n_threads, || match &reuse {
+        Some(reuse) => job.estimate_reusing(reuse, BUDGET, focus),
+        None => job.estimate(BUDGET, focus),
+    });
+    match tried {
         Ok(None) => {}
-        Ok(Some(estimate)) => {
-            let _ = post.send(Fact::Foreseen(Ok(estimate)), Duration::ZERO);
-        }
-        Err(why) => {
-            let _ = post.send(Fact::Foreseen(Err(why)), Duration::ZERO);
-        }
+        Ok(Some(estimate)) => answer(Forecast::Told(estimate)),
+        Err(why) => answer(Forecast::Failed(why)),
     }
 }

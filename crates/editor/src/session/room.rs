@@ -86,8 +86,9 @@ impl Session {
         settings: &BakeSettings,
         camera: Option<Camera>,
     ) -> Result<(BakeJob, usize), String> {
+        let known = self.forecast_of(settings, camera.as_ref()).cloned();
         let job = self.job(settings, camera)?;
-        let needs = match self.forecast_of(settings) {
+        let needs = match &known {
             Some(Forecast::Told(estimate)) => Needs::estimated(estimate, self.forecasting.n_threads),
             _ => Needs::at_least(&job),
         };

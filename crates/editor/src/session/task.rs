@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use anyhow::{Context, Result};
 use clerestory_transport::archive::{self, UnderWay};
-use clerestory_transport::bake::estimate::BakeEstimate;
 use clerestory_transport::bake::focus::Focus;
+use clerestory_transport::bake::reuse::Reuse;
 use clerestory_transport::bake::stack::StackJob;
 use clerestory_transport::bake::{Bake, BakeError, BakeEvent, BakeJob, HalfDone, Passes};
 use clerestory_transport::emitters::LightingError;
@@ -22,6 +22,7 @@ use clerestory_transport::skips::Skips;
 use clerestory_transport::stop::Stop;
 use eframe::egui::ColorImage;
 
+use super::estimate::Forecast;
 use super::found::FoundScene;
 use super::glimpse::{self, Glimpse};
 use super::room::all_threads;
@@ -121,8 +122,8 @@ pub(super) enum Fact {
     Frame(u32),
     /// A file was written, or why not.
     Written(Result<String, String>),
-    /// What a bake will take, or why it cannot be made.
-    Foreseen(Result<BakeEstimate, String>),
+    /// What a bake will take.
+    Foreseen(Forecast),
     /// A picture for the clipboard, or why there is none.
     Developed(Result<ColorImage, String>),
 }
@@ -322,10 +323,7 @@ pub(super) fn bake(
             let _ = post.send(Fact::Glimpsed(glimpse), Duration::ZERO);
         }
     }
-    let reuse = earlier
-        .iter()
-        .filter_map(|bake| job.reuse(bake).ok())
-        .min_by_key(|reuse| (reuse.n_traced_columns(), reuse.n_added_rows()));
+    let reuse = most_reused(&job, &earlier);
     let on_event = |event| {
         if let Some(Err(error)) = kept.as_mut().map(|kept| kept.heed(&event)) {
             kept = None;
@@ -348,7 +346,13 @@ pub(super) fn bake(
     }
 }
 
-/// The same for a stack of pictures.
+/// What a job takes over of the bake that leaves it the least to trace.
+pub(super) fn most_reused(job: &BakeJob, earlier: &[Bake]) -> Option<Reuse> {
+    let reuses = earlier.iter().filter_map(|bake| job.reuse(bake).ok());
+    reuses.min_by_key(|reuse| (reuse.n_traced_columns(), reuse.n_added_rows()))
+}
+
+/// The same as [`bake`] for a stack of pictures.
 pub(super) fn bake_stack(job: StackJob, post: Post) {
     let result = beside_the_window(all_threads(), || {
         let Some(surveyed) = job.survey(&mut |event| tell(&post, event))? else { return Ok(None) };

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use clerestory_transport::bake::{Bake, BakeJob};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
+use clerestory_transport::prepared::PreparedScene;
 
-use super::{BakeState, Session, Shown};
+use super::{BakeSettings, BakeState, Session, Shown};
 
 /// Views beside the one that is shown.
 #[derive(Default)]
@@ -117,6 +118,20 @@ impl Session {
         let shown = self.shown.as_ref().filter(is_it).map(|_| self.views.shown);
         let kept = || self.views.kept.iter().find(|kept| is_it(&&kept.shown)).map(|kept| kept.id);
         shown.or_else(kept)
+    }
+
+    /// Whether all of a view was baked with these settings. Of work planes that is not known here.
+    pub(super) fn has_view(&self, scene: &PreparedScene, settings: &BakeSettings, camera: &Camera) -> bool {
+        let is_it = |shown: &Shown| {
+            let header = &shown.header;
+            shown.packed.is_some()
+                && shown.camera.as_ref().is_some_and(|own| sees_alike(own, camera))
+                && (shown.film(), &header.config) == (settings.film, &settings.config)
+                && shown.pixel_irradiance().is_some() == settings.illuminance
+                && header.basis.sources == scene.lighting.basis.sources
+        };
+        settings.work_plane.is_none()
+            && self.shown.iter().chain(self.views.kept.iter().map(|kept| &kept.shown)).any(is_it)
     }
 
     /// Takes what is shown from the window: into the list if it is whole, to the side if it is being baked.

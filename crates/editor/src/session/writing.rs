@@ -1,13 +1,14 @@
 //! Pictures, frames, scenes and bakes as files, written beside the window.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use clerestory_transport::archive;
 
 use super::lamps::LampLight;
 use super::seen::Seen;
-use super::task::{self, Fact};
+use super::task::{self, Fact, Task};
 use super::{Session, sheet};
 use crate::export::ExportOptions;
 use crate::look::Look;
@@ -69,15 +70,37 @@ impl Session {
     /// Writes the bake that is shown in the background.
     pub fn save_bake(&mut self, path: PathBuf) {
         let Some(shown) = &self.shown else { return };
-        let bake = shown.bake();
-        self.write(path.clone(), move || Ok(archive::write(&bake, &path)?));
+        let (bake, header) = (shown.bake(), shown.header.clone());
+        let task = self.write(path.clone(), move || Ok(archive::write(&bake, &path)?));
+        self.saving = task.map(|task| (task, header));
     }
 
-    pub(super) fn write(&mut self, path: PathBuf, job: impl FnOnce() -> anyhow::Result<()> + Send + 'static) {
+    /// A file is there.
+    pub(super) fn written(&mut self, task: u64) {
+        if let Some((_, header)) = self.saving.take_if(|(saving, _)| *saving == task) {
+            self.saved = Some(header);
+        }
+    }
+
+    /// Whether a finished bake of pictures is shown that is in no file. Bakes of scenes are found again.
+    pub fn has_unsaved_stack(&self) -> bool {
+        let is_stack = self.opened.as_ref().is_some_and(|opened| opened.stack.is_some());
+        let baked = self.shown.as_ref().filter(|shown| is_stack && shown.packed.is_some());
+        baked.is_some_and(|shown| !self.saved.as_ref().is_some_and(|saved| Arc::ptr_eq(saved, &shown.header)))
+    }
+
+    /// Answers with the number of the task.
+    pub(super) fn write(
+        &mut self,
+        path: PathBuf,
+        job: impl FnOnce() -> anyhow::Result<()> + Send + 'static,
+    ) -> Option<u64> {
         let task = self.spawn("write", move |post| {
             let result = job().map(|()| format!("Saved {}", path.display())).map_err(|error| in_words(&error));
             let _ = post.send(Fact::Written(result), Duration::ZERO);
         });
+        let id = task.as_ref().map(Task::id);
         self.others.extend(task);
+        id
     }
 }

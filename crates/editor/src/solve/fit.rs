@@ -22,7 +22,7 @@ const LEAST_INTENSITY: f64 = 0.1;
 const COLOR_PULL: f64 = 10.0;
 /// Share of the mean of the picture that counts as no light, so that the dark does not rule.
 const DARK: f64 = 0.05;
-/// Rounds in which lights that became too colorful are toned down.
+/// Rounds in which lights that are beyond their limits are brought back.
 const MOST_ROUNDS: usize = 8;
 
 /// A wish about a mean.
@@ -38,7 +38,10 @@ pub(super) struct Layout {
     /// First unknown of each light, and their number at the end.
     first: Vec<usize>,
     start: Vec<f64>,
+    /// Of each unknown alone: a channel that is sought may go out.
     bounds: Vec<[f64; 2]>,
+    /// Least and largest luminance of each light whose channels are sought, over that of a white lamp at intensity 1.
+    limits: Vec<[f64; 2]>,
 }
 
 /// A square of the picture, and its mean.
@@ -51,6 +54,7 @@ pub(super) struct Cell {
 impl Layout {
     fn new(unknowns: &[Unknown], [least, most]: [f64; 2]) -> Layout {
         let (mut first, mut start, mut bounds) = (vec![0], Vec::new(), Vec::new());
+        let limits = unknowns.iter().map(|unknown| [least, most].map(|times| times * unknown.luminance())).collect();
         for unknown in unknowns {
             start.extend(unknown.present());
             if unknown.is_colored {
@@ -61,7 +65,7 @@ impl Layout {
             }
             first.push(start.len());
         }
-        Layout { first, start, bounds }
+        Layout { first, start, bounds, limits }
     }
 
     fn n(&self) -> usize {
@@ -96,10 +100,42 @@ impl Layout {
         terms
     }
 
+    /// Least and most luminance of a row.
+    fn range(&self, row: &Row) -> [f64; 2] {
+        let mut range = [luminance(row.fixed); 2];
+        for (light, share) in row.shares.iter().enumerate() {
+            let first = self.first[light];
+            if self.first[light + 1] - first == 3 {
+                let of_light = spread(share, self.limits[light], self.bounds[first][1]);
+                (0..2).for_each(|end| range[end] += of_light[end]);
+            } else {
+                (0..2).for_each(|end| range[end] += luminance(*share) * self.bounds[first][end]);
+            }
+        }
+        range
+    }
+
     /// A row under some lights, RGB.
     fn value(&self, row: &Row, x: &[f64]) -> [f64; 3] {
         std::array::from_fn(|c| row.fixed[c] + self.channel(row, c).iter().map(|&(i, a)| a * x[i]).sum::<f64>())
     }
+}
+
+/// Least and most luminance that a light brings whose own lies between two limits, in whatever color; no channel is beyond
+/// `brightest`.
+fn spread(share: &[f64; 3], [least, most]: [f64; 2], brightest: f64) -> [f64; 2] {
+    let mut channels: [usize; 3] = [0, 1, 2];
+    channels.sort_by(|a, b| share[*a].total_cmp(&share[*b]));
+    let brought = |mut left: f64, channels: &mut dyn Iterator<Item = usize>| {
+        let mut sum = 0.0;
+        for c in channels {
+            let all = luminance(std::array::from_fn(|k| if k == c { brightest } else { 0.0 }));
+            sum += share[c] * left.min(all);
+            left -= left.min(all);
+        }
+        sum
+    };
+    [brought(least, &mut channels.into_iter()), brought(most, &mut channels.into_iter().rev())]
 }
 
 pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: &Rows) -> Result<Solution> {
@@ -115,7 +151,7 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
     let film = Film { width: scene.bake.header.width, height: scene.bake.header.height };
     let mut matchings: Vec<Matching> =
         request.wishes.iter().filter_map(|wish| Matching::new(wish, film, &cells, &layout)).collect();
-    let x = within_saturation(request.freedom, unknowns, layout.bounds.clone(), &layout, |bounds| {
+    let x = within_limits(request.freedom, unknowns, &layout, |bounds| {
         matching::solve(&base, &mut matchings, &cells, &layout, bounds)
     })?;
 
@@ -132,11 +168,9 @@ pub(super) fn fit(scene: &Scene, request: &Request, unknowns: &[Unknown], rows: 
     let missable = request.wishes.iter().filter(|wish| !matches!(wish.target, Target::Keep));
     let weights: Vec<f64> = missable.map(|wish| wish.weight).collect();
     let changes = unknowns.iter().zip(&settings).enumerate().map(|(light, (unknown, setting))| {
-        let at_bound =
-            layout.of(light, &x).iter().zip(&layout.bounds[layout.first[light]..]).find_map(|(x, bounds)| {
-                let is_at = |bound: f64| (x - bound).abs() <= 1e-9 * bound.abs().max(1.0);
-                (!unknown.is_colored).then(|| bounds.iter().position(|bound| is_at(*bound))).flatten()
-            });
+        let intensity = unknown.intensity(layout.of(light, &x));
+        let is_at = |bound: f64| (intensity - bound).abs() <= 1e-9 * bound.abs().max(1.0);
+        let at_bound = request.bounds.iter().position(|bound| is_at(*bound));
         Change { key: unknown.key.clone(), before: unknown.own, after: *setting, at_bound }
     });
     Ok(Solution {
@@ -265,37 +299,53 @@ fn pull(problem: &mut BoundedLeastSquares, unknowns: &[Unknown], strength: f64, 
     }
 }
 
-/// Solves, tones lights down that became more colorful than allowed, and solves again with their colors as they are then: a
-/// limit of saturation is no bound of a single unknown.
-fn within_saturation(
+/// Solves, brings lights back that are more colorful, darker or brighter than allowed, and solves again with these as they are
+/// then: limits of saturation and of luminance are no bounds of a single unknown.
+fn within_limits(
     freedom: Freedom,
     unknowns: &[Unknown],
-    mut bounds: Vec<[f64; 2]>,
     layout: &Layout,
     mut solve: impl FnMut(&[[f64; 2]]) -> Result<Vec<f64>>,
 ) -> Result<Vec<f64>> {
+    let mut bounds = layout.bounds.clone();
     let mut x = solve(&bounds)?;
     let Freedom::Color { most_saturation } = freedom else { return Ok(x) };
-    for _ in 0..MOST_ROUNDS {
+    for round in 0..=MOST_ROUNDS {
         let mut is_new = false;
         for light in (0..unknowns.len()).filter(|light| unknowns[*light].is_colored) {
-            let first = layout.first[light];
-            let rgb: [f64; 3] = std::array::from_fn(|c| x[first + c]);
-            // A light that was more colorful from the start may stay so.
-            let own: [f64; 3] = std::array::from_fn(|c| layout.start[first + c]);
-            let most = most_saturation.max(saturation(own));
-            if saturation(rgb) > most + 1e-6 {
-                let toned = toned_down(rgb, most);
-                bounds[first..first + 3].iter_mut().zip(toned).for_each(|(bound, x)| *bound = [x, x]);
+            let at = layout.first[light]..layout.first[light + 1];
+            let rgb: [f64; 3] = std::array::from_fn(|c| x[at.start + c]);
+            if let Some(allowed) = brought_back(rgb, &unknowns[light], most_saturation, layout.limits[light]) {
+                bounds[at.clone()].iter_mut().zip(allowed).for_each(|(bound, x)| *bound = [x, x]);
+                x[at].copy_from_slice(&allowed);
                 is_new = true;
             }
         }
-        if !is_new {
+        if !is_new || round == MOST_ROUNDS {
             break;
         }
         x = solve(&bounds)?;
     }
     Ok(x)
+}
+
+/// The light nearby that is within the limits, if one is not.
+fn brought_back(rgb: [f64; 3], unknown: &Unknown, most_saturation: f64, [least, most]: [f64; 2]) -> Option<[f64; 3]> {
+    // A light that was more colorful from the start may stay so.
+    let own = unknown.color.to_array().map(f64::from);
+    let most_saturation = most_saturation.max(saturation(own));
+    let is_gaudy = saturation(rgb) > most_saturation + 1e-6;
+    let toned = if is_gaudy { toned_down(rgb, most_saturation) } else { rgb };
+    let now = luminance(toned);
+    if now < least - 1e-9 * least {
+        // With light of its own color, so that it becomes no more colorful than either.
+        let more = (least - now) / luminance(own);
+        return Some(std::array::from_fn(|c| toned[c] + more * own[c]));
+    }
+    if now > most + 1e-9 * most {
+        return Some(toned.map(|x| x * most / now));
+    }
+    is_gaudy.then_some(toned)
 }
 
 /// One minus the least channel over the largest; 0 for black.
@@ -315,15 +365,8 @@ fn toned_down(rgb: [f64; 3], wanted: f64) -> [f64; 3] {
 
 fn outcome(mean: &Mean, x: &[f64], layout: &Layout, bounds: [f64; 2]) -> Outcome {
     let reached = luminance(layout.value(&mean.row, x));
-    let terms = layout.luminance(&mean.row);
-    let fixed = luminance(mean.row.fixed);
-    let extreme = |which: usize| {
-        let sum: f64 = terms.iter().map(|&(i, a)| a * layout.bounds[i][which]).sum();
-        fixed + if terms.is_empty() { 0.0 } else { sum }
-    };
     let unit = if matches!(mean.wish.place, Place::Grid(_)) { "lx" } else { mean.wish.target.unit() };
-    let range = [extreme(0), extreme(1)];
-    Outcome::of_mean((&mean.wish.name, unit), [mean.wanted, mean.before, reached], range, bounds)
+    Outcome::of_mean((&mean.wish.name, unit), [mean.wanted, mean.before, reached], layout.range(&mean.row), bounds)
 }
 
 /// Root mean square of how far the wishes are missed, each over what is wanted and by its weight.

@@ -9,7 +9,7 @@ use clerestory_transport::light::{LightRig, LightSetting, luminance};
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
 
-use super::{Freedom, Request, Scene};
+use super::{Freedom, Request, Scene, rows};
 
 /// Light at a pixel.
 pub type AtPixel = Arc<dyn Fn(u32) -> Vec3 + Send + Sync>;
@@ -55,6 +55,19 @@ impl Unknown {
     pub fn present(&self) -> Vec<f64> {
         let intensity = f64::from(self.own.intensity);
         if self.is_colored { self.color.to_array().map(|c| f64::from(c) * intensity).to_vec() } else { vec![intensity] }
+    }
+
+    /// Luminance at intensity 1, where the channels are found apart: over that of a white lamp; else 1.
+    pub fn luminance(&self) -> f64 {
+        if self.is_colored { rows::luminance(self.color.to_array().map(f64::from)) } else { 1.0 }
+    }
+
+    /// The intensity of what was found.
+    pub fn intensity(&self, found: &[f64]) -> f64 {
+        match *found {
+            [r, g, b] => rows::luminance([r, g, b]) / self.luminance(),
+            _ => found[0],
+        }
     }
 
     /// The setting for what was found.

@@ -283,6 +283,33 @@ fn colors_are_found_and_stay_within_the_saturation() {
 }
 
 #[test]
+fn lights_whose_color_may_change_stay_within_least_and_most_as_well() {
+    let scene = at(LightRig::default());
+    let before = lux(&scene.bake, &scene.rig);
+    let asked = |bounds: [f64; 2], times: f64| {
+        let wishes = vec![wish(corner(), Target::Illuminance(times * before))];
+        let freedom = Freedom::Color { most_saturation: 0.3 };
+        solve(&scene, &Request { bounds, freedom, ..of(wishes) }).unwrap()
+    };
+    for (bounds, times, end, words) in
+        [([0.5, 2.0], 0.01, 0, "whatever these lights do"), ([0.0, 1.5], 20.0, 1, "at most")]
+    {
+        let solved = asked(bounds, times);
+        for change in &solved.changes {
+            let off = f64::from(change.after.intensity) - bounds[end];
+            assert!(off.abs() < 1e-5 && change.at_bound == Some(end), "{change:?}");
+        }
+        let (told, relit) = (&solved.outcomes[0], lux(&scene.bake, &solved.rig));
+        assert!((told.reached / relit - 1.0).abs() < 1e-3, "{told:?} {relit}");
+        assert!(told.remark.as_ref().is_some_and(|remark| remark.contains(words)), "{told:?}");
+    }
+    // What lies between is reached, and no light goes out for it.
+    let solved = asked([0.5, 2.0], 0.7);
+    assert!(solved.outcomes[0].is_met, "{:?}", solved.outcomes);
+    assert!(solved.changes.iter().all(|change| change.after.intensity > 0.5 - 1e-5), "{:?}", solved.changes);
+}
+
+#[test]
 fn muted_lights_stay_dark_and_the_present_setting_breaks_ties() {
     let mut rig = LightRig::default();
     rig.lights.insert("lamp".into(), LightSetting { muted: true, ..LightSetting::default() });

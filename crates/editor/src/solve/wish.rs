@@ -72,7 +72,7 @@ pub struct Request {
     pub wishes: Vec<Wish>,
     /// Keys of the lights that may change; `None` for all that are not muted.
     pub lights: Option<Vec<String>>,
-    /// Least and largest intensity, times the file; of lights whose color may change, the largest only.
+    /// Least and largest intensity, times the file.
     pub bounds: [f64; 2],
     /// What of them may change.
     pub freedom: Freedom,

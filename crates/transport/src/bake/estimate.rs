@@ -18,6 +18,8 @@ use crate::archive::header_len;
 use crate::matrix::CHANNELS;
 use crate::nodes::Nodes;
 
+mod again;
+
 /// Blocks that are tried, and at least so many for each thread.
 const BLOCKS: usize = 48;
 const BLOCKS_PER_THREAD: usize = 3;
@@ -28,7 +30,7 @@ const COPIES: u64 = 11;
 const PACKING: f64 = 4.0;
 
 /// What a bake will take.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct BakeEstimate {
     /// From start to end, seconds, on as many threads as estimated.
     pub secs: f32,
@@ -50,6 +52,11 @@ pub struct BakeEstimate {
     pub n_blocks: usize,
     /// Blocks that were tried.
     pub n_tried: usize,
+}
+
+/// Blocks of a matrix that are tried, at most.
+fn most_tried() -> usize {
+    BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads())
 }
 
 /// Some blocks all over a picture, in an order that covers it evenly from the first one on.
@@ -124,7 +131,7 @@ impl BakeJob {
         let last = passes.len() as u32 - 1;
         let header = &header;
         let mut run = Run::new(self, &matrix, header, (focus, empty), last);
-        let n_tried = BLOCKS.max(BLOCKS_PER_THREAD * rayon::current_num_threads());
+        let n_tried = most_tried();
         let mut clock = Clock::new(&passes, partitions[0].n_blocks(), 0, rayon::current_num_threads());
         let of_irradiance = header.irradiance_passes(&passes, &vec![0; header.irradiance.len()], &mut clock);
 
@@ -214,6 +221,20 @@ struct Sizes {
 }
 
 impl Sizes {
+    /// Counts what was tried of a matrix for all of its blocks, and says how many times that is.
+    fn add(&mut self, groups: &[BlockLowRank], packed: &[PackedMatrix], partition: &Partition) -> f64 {
+        let n = groups.first().map_or(0, n_there).max(1);
+        let factor = partition.n_blocks() as f64 / n as f64;
+        let all = |bytes: usize| (bytes as f64 * factor) as u64;
+        self.factors += groups.iter().map(|group| all(group.n_bytes())).sum::<u64>();
+        let whole = |group: &PackedMatrix| all(group.block_bytes()) + (group.n_bytes() - group.block_bytes()) as u64;
+        self.packed += packed.iter().map(whole).sum::<u64>();
+        let telling = PackedMatrix::n_telling(partition.n_blocks()) as f64 / partition.n_blocks() as f64;
+        let scratch = |group: &BlockLowRank| (PACKING * telling * all(group.n_bytes()) as f64) as u64;
+        self.packing = groups.iter().map(scratch).fold(self.packing, u64::max);
+        factor
+    }
+
     /// At its most while blocks are sampled, or at the end, while noise is taken out of them or they are packed.
     fn memory(self, working: u64) -> u64 {
         let sampling = self.sampled.max(self.factors) + working;
@@ -239,16 +260,7 @@ fn sizes(
     let (mut sizes, mut most) = (Sizes::default(), 1.0f64);
     let packed = bake.packed.iter().flat_map(|matrices| matrices.iter());
     for ((groups, packed), partition) in matrices.iter().zip(packed).zip(partitions) {
-        let n = groups.first().map_or(0, n_there).max(1);
-        let factor = partition.n_blocks() as f64 / n as f64;
-        let all = |bytes: usize| (bytes as f64 * factor) as u64;
-        sizes.factors += groups.iter().map(|group| all(group.n_bytes())).sum::<u64>();
-        let whole = |group: &PackedMatrix| all(group.block_bytes()) + (group.n_bytes() - group.block_bytes()) as u64;
-        sizes.packed += packed.iter().map(whole).sum::<u64>();
-        let telling = PackedMatrix::n_telling(partition.n_blocks()) as f64 / partition.n_blocks() as f64;
-        let scratch = |group: &BlockLowRank| (PACKING * telling * all(group.n_bytes()) as f64) as u64;
-        sizes.packing = groups.iter().map(scratch).fold(sizes.packing, u64::max);
-        most = most.max(factor);
+        most = most.max(sizes.add(groups, packed, partition));
     }
     Some((packing_secs * most as f32, sizes))
 }

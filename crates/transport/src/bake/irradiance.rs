@@ -69,6 +69,12 @@ const PIXELS_PER_EARLY_POINT: usize = 4;
 type Matrices = Vec<Vec<BlockLowRank>>;
 
 impl BakeJob {
+    /// Samples per half of each pass over irradiance whose picture is there; `None` is the preview.
+    pub(super) fn irradiance_samples(&self) -> Vec<Option<u32>> {
+        let all = Some(self.config.samples_per_half());
+        if self.passes == Passes::FinalOnly { vec![all] } else { vec![None, all] }
+    }
+
     /// Traces matrices of irradiance for a bake whose other matrices are `there`; `None` if `on_event` says stop. Blocks that
     /// are `done`, numbered through all matrices, are taken as they are.
     pub(super) fn run_irradiance(
@@ -81,8 +87,7 @@ impl BakeJob {
     ) -> Result<Option<(Arc<BakeHeader>, Matrices)>, BakeError> {
         let plan = self.plan(Density::Full, header);
         let (matrix, empty) = self.scaled_matrix(&plan, header, focus);
-        let all = Some(self.config.samples_per_half());
-        let passes = if self.passes == Passes::FinalOnly { vec![all] } else { vec![None, all] };
+        let passes = self.irradiance_samples();
         let (n_passes, last) = (passes.len() as u32, passes.len() as u32 - 1);
         let (n_blocks, partitions) = (header.partition().n_blocks(), header.partitions());
         let mut run = Run::new(self, &matrix, header, (focus, empty), last);
@@ -109,7 +114,7 @@ impl BakeJob {
         }
         let n_given = |matrix: usize| partitions[matrix].n_blocks() - run.missing(matrix).len();
         let n_given: Vec<usize> = (1..partitions.len()).map(n_given).collect();
-        let mut clock = Clock::new(&[all], n_blocks, n_blocks, rayon::current_num_threads());
+        let mut clock = Clock::new(&passes[passes.len() - 1..], n_blocks, n_blocks, rayon::current_num_threads());
         for own in header.irradiance_passes(&passes, &n_given, &mut clock) {
             let blocks = run.missing(1 + own.set);
             if run.irradiance(&own, &blocks, &mut clock, on_event)?.is_break() {

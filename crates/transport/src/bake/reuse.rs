@@ -222,6 +222,29 @@ impl Reuse {
         self.sets.iter().filter(|set| set.is_none()).count()
     }
 
+    /// Whether a matrix of irradiance is traced for all columns.
+    pub(crate) fn adds(&self, set: usize) -> bool {
+        self.sets[set].is_none()
+    }
+
+    /// Bytes of what is taken over: of its factors in memory, and packed, about.
+    pub(crate) fn kept_bytes(&self) -> [u64; 2] {
+        let packed = self.earlier.packed.as_deref();
+        let mut bytes = [0; 2];
+        for (matrix, kept) in self.kept.iter().enumerate() {
+            let Some(there) = self.earlier_matrix(matrix).and_then(|there| packed?.get(there)) else { continue };
+            let of_patches = self.patches(matrix);
+            bytes[0] += kept.iter().chain(of_patches).map(|group| group.n_bytes() as u64).sum::<u64>();
+            let of_part = |part: &Part| {
+                let all = self.earlier.header.basis.groups[part.group].columns.len();
+                there[part.group].n_bytes() as u64 * part.columns.len() as u64 / all.max(1) as u64
+            };
+            bytes[1] += self.parts.iter().map(of_part).sum::<u64>();
+            bytes[1] += there.last().filter(|_| of_patches.is_some()).map_or(0, |group| group.n_bytes() as u64);
+        }
+        bytes
+    }
+
     /// The header of a bake of the job that adds rows of irradiance, whose columns are measured.
     pub(crate) fn header_with_rows(&self, job: &BakeJob, focus: &Focus) -> Result<BakeHeader, BakeError> {
         job.check()?;

@@ -222,7 +222,13 @@ fn standard_spacing(sides: Vec2) -> f32 {
 
 /// Area of the floor in m², as far as it is one level.
 pub fn floor_area_m2(scene: &Scene) -> Option<f32> {
-    floor(&scene.mesh, |_| true).map(|level| (0.5 * level.twice_m2) as f32)
+    floor(&scene.mesh, |_| true).map(|level| level.area_m2())
+}
+
+/// The same of a node alone; none where nothing of it faces up.
+pub fn node_floor_area_m2(scene: &Scene, node: u32) -> Option<f32> {
+    let is_of_node = |triangle: u32| scene.mesh.triangle_node[triangle as usize] == node;
+    floor(&scene.mesh, is_of_node).map(|level| level.area_m2())
 }
 
 /// Surfaces of one height that face up.
@@ -236,6 +242,10 @@ struct Level {
 }
 
 impl Level {
+    fn area_m2(&self) -> f32 {
+        (0.5 * self.twice_m2) as f32
+    }
+
     fn height_m(&self) -> f32 {
         (self.moment / self.twice_m2) as f32
     }
@@ -278,6 +288,10 @@ mod tests {
         let room = include_str!("../../../editor/tests/room.gltf");
         let scene = crate::import::load_bytes("room", room.as_bytes()).expect("a scene").scene;
         // Two meters a side.
-        assert!(floor_area_m2(&scene).is_some_and(|area| (area - 4.0).abs() < 1e-4));
+        let is_floor = |area: Option<f32>| area.is_some_and(|area| (area - 4.0).abs() < 1e-4);
+        assert!(is_floor(floor_area_m2(&scene)));
+        let room = scene.nodes.iter().position(|node| node.name.as_deref() == Some("room")).expect("the room") as u32;
+        assert!(is_floor(node_floor_area_m2(&scene, room)));
+        assert_eq!(node_floor_area_m2(&scene, scene.nodes.len() as u32), None);
     }
 }

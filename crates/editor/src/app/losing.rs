@@ -1,0 +1,96 @@
+//! Work beside the look that closing the window or opening something else would lose, and the question before that.
+
+use eframe::egui::{Context, ViewportCommand};
+
+use super::App;
+use crate::action::{Action, FileTask};
+use crate::panels::dialogs::{LossAnswer, frames_ui, stack_ui};
+
+/// What would be lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Loss {
+    /// Frames of a timeline that are not written yet: so many are there, of so many.
+    Frames(u32, u32),
+    /// The bake of pictures, which is in no file and in no cache.
+    Stack,
+}
+
+/// What is asked about it.
+#[derive(Default)]
+pub(super) struct Losing {
+    /// What somebody wants done, and is asked about.
+    waiting: Option<Action>,
+    /// What may be done though work is lost.
+    accepted: Option<Action>,
+}
+
+impl Losing {
+    pub fn waits_for_an_answer(&self) -> bool {
+        self.waiting.is_some()
+    }
+
+    /// What is done if the answer allows it.
+    pub fn waiting(&self) -> Option<&Action> {
+        self.waiting.as_ref()
+    }
+}
+
+impl App {
+    /// What an action would lose: frames go on while something else is opened.
+    fn loss(&self, action: &Action) -> Option<Loss> {
+        let frames = self.session.frames().filter(|_| *action == Action::Quit);
+        let of_frames = frames.map(|(n_written, n)| Loss::Frames(n_written, n));
+        of_frames.or_else(|| self.session.has_unsaved_stack().then_some(Loss::Stack))
+    }
+
+    /// Whether an action waits until somebody says that work may be lost.
+    pub(super) fn asks_before_loss(&mut self, action: &Action) -> bool {
+        let is_asked = self.losing.accepted.as_ref() != Some(action) && self.loss(action).is_some();
+        if is_asked {
+            self.losing = Losing { waiting: Some(action.clone()), accepted: None };
+        }
+        is_asked
+    }
+
+    /// Does something that loses what is open with its look, or asks first.
+    pub(super) fn unless_lost(&mut self, again: Action, job: impl FnOnce(&mut App)) {
+        if !self.asks_before_loss(&again) {
+            self.unless_unsaved(again, |app| {
+                app.losing = Losing::default();
+                job(app);
+            });
+        }
+    }
+
+    /// What was waiting for an answer, or for a look to be saved, is not done.
+    pub(super) fn stay(&mut self) {
+        (self.losing, self.after_saving) = (Losing::default(), None);
+    }
+
+    /// The question, if there is one.
+    pub(super) fn losing_ui(&mut self, ctx: &Context) {
+        let Some(action) = self.losing.waiting.clone() else { return };
+        // What would have been lost may be done meanwhile.
+        let answer = match self.loss(&action) {
+            Some(Loss::Frames(n_written, n)) => frames_ui(ctx, n_written, n),
+            Some(Loss::Stack) => stack_ui(ctx),
+            None => Some(LossAnswer::Lose),
+        };
+        match answer {
+            None => {}
+            Some(LossAnswer::Stay) => self.stay(),
+            Some(LossAnswer::Save) => {
+                self.stay();
+                self.ask(FileTask::SaveBake);
+            }
+            Some(LossAnswer::Lose) => {
+                self.losing = Losing { waiting: None, accepted: Some(action.clone()) };
+                // Whether the look is to be saved is asked next.
+                match action {
+                    Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
+                    action => self.actions.push(action),
+                }
+            }
+        }
+    }
+}
