@@ -185,7 +185,7 @@ impl Session {
         match loaded {
             Loaded::Scene { scene, report, lamps, chosen, files } => {
                 let scene = Some(Arc::from(scene));
-                self.opened = Some(Opened { source, files, scene, report, lamps, chosen, ..nothing });
+                self.opened = Some(Opened { source, files, scene, report, lamps, chosen: *chosen, ..nothing });
             }
             Loaded::Stack(stack) => {
                 let report = stack.remarks();

@@ -83,7 +83,7 @@ pub enum Loaded {
         /// Lamps as the file has them.
         lamps: Vec<PunctualLight>,
         /// What was chosen about it.
-        chosen: Chosen,
+        chosen: Box<Chosen>,
         /// Files beside it that it is made of, there or not.
         files: Vec<PathBuf>,
     },
@@ -240,7 +240,7 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
         match prepare_again(&imported.scene, lamps.clone(), chosen, stop) {
             Ok(Prepared { scene, chosen, warnings }) => {
                 report.extend(warnings);
-                return Ok(Loaded::Scene { scene, report, lamps, chosen, files });
+                return Ok(Loaded::Scene { scene, report, lamps, chosen: Box::new(chosen), files });
             }
             Err(error @ LightingError::Stopped(_)) => return Err(error.into()),
             // The file has changed: what was chosen about it may not be there any more.
@@ -250,7 +250,7 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
     let prepared = PreparedScene::until(imported.scene, &[], None, Skips::default(), stop);
     let (scene, warnings) = prepared.context("its lights cannot be used")?;
     report.extend(warnings);
-    Ok(Loaded::Scene { scene: Box::new(scene), report, lamps, chosen: Chosen::default(), files })
+    Ok(Loaded::Scene { scene: Box::new(scene), report, lamps, chosen: Box::default(), files })
 }
 
 /// The same scene with its lamps as the file has them, changed by what was chosen.

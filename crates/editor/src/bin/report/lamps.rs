@@ -41,6 +41,9 @@ const WIDTHS: [u32; 2] = [64, 320];
 /// Samples per pixel of a bake of each width.
 const BAKE_SPP: [u32; 2] = [256, 32];
 
+/// Samples per pixel of traced and of live light, in a hurry and in full.
+const TRACED_SPP: [u32; 2] = [256, 2048];
+
 /// A scene in which a lamp is moved.
 pub(super) struct Case {
     pub name: &'static str,
@@ -107,7 +110,7 @@ struct Traced {
 
 impl Traced {
     fn find(desk: &Desk, case: &Case, (scene, camera, film): (&PreparedScene, &Camera, Film)) -> Result<Traced> {
-        let (n_places, spp) = desk.choose((3, 256), (10, 2048));
+        let (n_places, spp) = desk.choose((3, TRACED_SPP[0]), (10, TRACED_SPP[1]));
         let coefficients = scene.lighting.basis.project(&LightRig::default());
         let of_file = traced(scene, film, &coefficients, spp, [1, 2])?;
         let (mut lamps, mut heights_m, mut of_lamps) = (Vec::new(), Vec::new(), Vec::new());

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::places::{Place, median};
 use super::spent::Spent;
-use super::{BAKE_SPP, LUMEN, WIDTHS};
+use super::{BAKE_SPP, LUMEN, TRACED_SPP, WIDTHS};
 use crate::desk::Desk;
 
 /// What is told of scenes.
@@ -160,7 +160,7 @@ impl Told {
             "## Lamps that were added\n\n\
             A point lamp of {LUMEN} lm at places that no bake knew, in pictures {width} pixels wide. They show the baked light of the file \
             ({spp} samples per pixel), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
-            irradiance. Two independent ones are held against two independent traced pictures; the live light has as many samples as these. \
+            irradiance. Two independent ones are held against two independent traced pictures of {} samples per pixel; the live light has as many. \
             L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
             noise of the bake is. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \
             noise included. *Noise* is that of the mean of both traced pictures without direct light. Places where it is more than half \
@@ -178,6 +178,7 @@ impl Told {
             the picture of the file against the same with its baked column, whose noise counts. *Bake of patches* is learning and walks over all else in CPU seconds, of a bake {wide} pixels wide \
             with {wide_spp} samples per pixel.\n\n\
             | scene | L2 ≤ 5 % | PSNR ≥ 35 dB | exchanged ≥ 40 dB | bake of patches ≤ 1× | bake without | learning | walks |\n|---|---|---|---|---|---|---|---|\n{goals}",
+            desk.choose(TRACED_SPP[0], TRACED_SPP[1]),
             100.0 * super::places::WORST,
             desk.load_words(),
             self.rows,
