@@ -52,7 +52,7 @@ pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
     }
     let ranges = match planes {
         Planes::C => [(0.0, 180.0), (0.0, 360.0)],
-        Planes::B => [(-90.0, 90.0), (-180.0, 180.0)],
+        Planes::B => [(-180.0, 180.0), (-90.0, 90.0)],
     };
     let vertical_deg = numbers.angles(n_vertical, "vertical angle", ranges[0])?;
     let horizontal_deg = numbers.angles(n_horizontal, "horizontal angle", ranges[1])?;

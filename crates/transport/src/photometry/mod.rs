@@ -4,8 +4,9 @@
 //! plane into X/Z. Directions are found from the angles of a file so:
 //! - C planes (LM-63 type C, EULUMDAT): the vertical angle γ counts from −Z, the horizontal angle φ from +X towards +Y, which
 //!   is counterclockwise for who looks from behind along the aim: (sin γ cos φ, sin γ sin φ, −cos γ).
-//! - Type B: all planes meet in the X axis. The horizontal angle H counts from −Z towards −Y (clockwise seen from +X), the
-//!   vertical angle V from the Y/Z plane towards +X: (sin V, −cos V sin H, −cos V cos H).
+//! - Type B, of floodlights: the vertical angle V turns half planes about the Y axis, from −Z towards +X; the horizontal
+//!   angle H counts within them from the X/Z plane towards −Y: (cos H sin V, −sin H, −cos H cos V), so that tan V = cos φ tan γ
+//!   and sin H = −sin φ sin γ.
 //!
 //! Type A, made for vehicle lamps, is refused with advice.
 
@@ -100,6 +101,7 @@ impl PhotometricProfile {
         }
         // Names of makers may be in any encoding; what counts here is ASCII.
         let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes));
+        let text = text.replace("\r\n", "\n").replace('\r', "\n");
         let lines: Vec<&str> = text.lines().collect();
         let is_ldt = file_name.rsplit('.').next().is_some_and(|end| end.eq_ignore_ascii_case("ldt"));
         let read = match ies::tilt_line(&lines) {

@@ -9,7 +9,7 @@ use glam::Vec3;
 pub(super) enum Planes {
     /// All planes meet in the aim.
     C,
-    /// All planes meet in the X axis, across the aim.
+    /// All planes meet in the Y axis, across the aim.
     B,
 }
 
@@ -137,8 +137,8 @@ impl Table {
                 (x.hypot(y).atan2(-z), first + (y.atan2(x) - first).rem_euclid(TAU))
             }
             // Along the axis every plane is met, and the signs of the zeros would choose one.
-            Planes::B if y == 0.0 && z == 0.0 => (x.atan2(0.0), 0.0),
-            Planes::B => (x.atan2(y.hypot(z)), (-y).atan2(-z)),
+            Planes::B if x == 0.0 && z == 0.0 => (0.0, (-y).atan2(0.0)),
+            Planes::B => (x.atan2(-z), (-y).atan2(x.hypot(z))),
         };
         let (Some((column, v)), Some((row, h))) =
             (bracket(&self.vertical, vertical), bracket(&self.horizontal, horizontal))
@@ -163,37 +163,45 @@ impl Table {
         let n = self.vertical.len();
         let mut flux = 0.0;
         for (row, h) in self.horizontal.windows(2).enumerate() {
-            let width = f64::from(h[1]) - f64::from(h[0]);
             for (column, v) in self.vertical.windows(2).enumerate() {
-                let mean = |column: usize| {
-                    let of_row = |row: usize| f64::from(self.candela[row * n + column]);
-                    0.5 * (of_row(row) + of_row(row + 1))
+                let at = |row: usize, column: usize| f64::from(self.candela[row * n + column]);
+                let of_column = |column: usize| 0.5 * (at(row, column) + at(row + 1, column));
+                let of_row = |row: usize| 0.5 * (at(row, column) + at(row, column + 1));
+                flux += match self.planes {
+                    Planes::C => width(h) * across_sine(v, [of_column(column), of_column(column + 1)]),
+                    Planes::B => width(v) * across_cosine(h, [of_row(row), of_row(row + 1)]),
                 };
-                let ends = [f64::from(v[0]), f64::from(v[1])];
-                flux += width * self.integral(ends, [mean(column), mean(column + 1)]);
             }
         }
         flux
     }
 
-    /// What is linear from one vertical angle to another, times the width of a plane's wedge there, integrated.
-    fn integral(&self, [from, to]: [f64; 2], [first, last]: [f64; 2]) -> f64 {
-        let slope = (last - first) / (to - from);
-        match self.planes {
-            Planes::C => first * from.cos() - last * to.cos() + slope * (to.sin() - from.sin()),
-            Planes::B => last * to.sin() - first * from.sin() + slope * (to.cos() - from.cos()),
-        }
-    }
-
     /// Everything as bytes.
     pub fn bytes(&self) -> Vec<u8> {
-        let mut bytes = vec![u8::from(self.planes == Planes::B)];
+        // 1 stood for type B as long as it was read with its angles the other way round.
+        let mut bytes = vec![if self.planes == Planes::B { 2 } else { 0 }];
         for values in [&self.vertical, &self.horizontal, &self.candela] {
             bytes.extend_from_slice(&(values.len() as u64).to_le_bytes());
             bytes.extend_from_slice(bytemuck::cast_slice(values));
         }
         bytes
     }
+}
+
+fn width(angles: &[f32]) -> f64 {
+    f64::from(angles[1]) - f64::from(angles[0])
+}
+
+/// What is linear from one polar angle to another, times its sine, integrated.
+fn across_sine(angles: &[f32], [first, last]: [f64; 2]) -> f64 {
+    let [from, to] = [f64::from(angles[0]), f64::from(angles[1])];
+    first * from.cos() - last * to.cos() + (last - first) / (to - from) * (to.sin() - from.sin())
+}
+
+/// What is linear from one latitude to another, times its cosine, integrated.
+fn across_cosine(angles: &[f32], [first, last]: [f64; 2]) -> f64 {
+    let [from, to] = [f64::from(angles[0]), f64::from(angles[1])];
+    last * to.sin() - first * from.sin() + (last - first) / (to - from) * (to.cos() - from.cos())
 }
 
 /// Index of the angle below, and how far it is to the next one, 0…1; `None` outside.

@@ -76,13 +76,42 @@ fn type_c_planes_turn_from_x_to_y_and_complete_themselves() {
 }
 
 #[test]
-fn type_b_planes_meet_in_x_and_turn_clockwise() {
+fn type_b_planes_meet_in_y_and_turn_towards_x() {
     let full = [1.0, 10.0, 2.0, 1.0, 20.0, 2.0, 1.0, 30.0, 2.0];
     let profile = parsed(&ies(2, &[-90.0, 0.0, 90.0], &[-90.0, 0.0, 90.0], &full));
     expect(&profile, &[(AIM, 20.0), (-Y, 30.0), (Y, 10.0), (X, 2.0), (-X, 1.0), (AIM - Y, 25.0), (AIM + X, 11.0)]);
     expect(&profile, &[(-AIM, 0.0), (-AIM + Y, 0.0)]);
     let mirrored = parsed(&ies(2, &[0.0, 90.0], &[0.0, 90.0], &[20.0, 2.0, 30.0, 2.0]));
     expect(&mirrored, &[(AIM, 20.0), (-Y, 30.0), (Y, 30.0), (X, 2.0), (-X, 2.0), (AIM - X, 11.0), (-AIM, 0.0)]);
+}
+
+#[test]
+fn the_corners_of_a_type_b_file_lie_where_its_axis_across_has_them() {
+    let degrees = [-90.0, 30.0, 60.0, 90.0];
+    let candela: Vec<f64> = (0..16).map(f64::from).collect();
+    let profile = parsed(&ies(2, &degrees, &degrees, &candela));
+    let root3 = 3.0_f32.sqrt();
+    // Row H = 60°, columns V = 60° and 30°; row H = 30°, column V = 60°.
+    expect(
+        &profile,
+        &[
+            (Vec3::new(root3 / 4.0, -root3 / 2.0, -0.25), 10.0),
+            (Vec3::new(0.25, -root3 / 2.0, -root3 / 4.0), 9.0),
+            (Vec3::new(0.75, -0.5, -root3 / 4.0), 6.0),
+        ],
+    );
+}
+
+#[test]
+fn lines_may_end_as_any_system_has_them() {
+    let text = ies(1, &[0.0, 90.0], &[0.0], &[100.0, 50.0]);
+    let known = parsed(&text);
+    for end in ["\n", "\r"] {
+        assert_eq!(parsed(&text.replace("\r\n", end)), known, "{end:?}");
+    }
+    let broken = text.replace("1000 1.0", "1000 0").replace("\r\n", "\r");
+    let words = PhotometricProfile::parse(broken.as_bytes(), "a.ies").expect_err("a multiplier of 0").to_string();
+    assert!(words.starts_with("line 5 of"), "{words}");
 }
 
 #[test]
@@ -116,6 +145,8 @@ fn flux_of_known_distributions_is_known() {
     near(parsed(&ies(1, &[0.0, 90.0, 180.0], &[0.0, 90.0], &[9.0; 6])).flux_lm(), 2.0 * TAU * 9.0);
     near(parsed(&ies(2, &[-90.0, 0.0, 90.0], &[-90.0, 90.0], &[9.0; 6])).flux_lm(), TAU * 9.0);
     near(parsed(&ies(2, &[0.0, 90.0], &[0.0, 90.0], &[9.0; 4])).flux_lm(), TAU * 9.0);
+    // 9 cd (1 − 2 |H| / π): its integral over V and H is π · 2 · 9 · ∫ (1 − 2 H / π) cos H dH = 4 · 9.
+    near(parsed(&ies(2, &[0.0, 90.0], &[0.0, 90.0], &[9.0, 9.0, 0.0, 0.0])).flux_lm(), 36.0);
     let degrees: Vec<f64> = (0..=45).map(|i| 2.0 * f64::from(i)).collect();
     let cosine: Vec<f64> = degrees.iter().map(|degrees| 9.0 * degrees.to_radians().cos()).collect();
     near(parsed(&ies(1, &degrees, &[0.0], &cosine)).flux_lm(), 9.0 * PI);
