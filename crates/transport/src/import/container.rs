@@ -39,9 +39,19 @@ pub(super) fn split<'a>(name: &str, bytes: &'a [u8]) -> Result<Container<'a>, Im
         Err(gltf::Error::Binary(binary::Error::Version(version))) => {
             Err(ImportError::Version { name: name.to_owned(), version: version.to_string() })
         }
+        Err(gltf::Error::Binary(binary::Error::UnknownChunkType(_))) if let Some(json) = json_chunk(bytes) => {
+            Ok(Container { json: json.into(), bin: None })
+        }
         Err(gltf::Error::Binary(error)) => Err(broken(in_words(&error, length, bytes.len()))),
         Err(error) => Err(broken(error.to_string())),
     }
+}
+
+/// The first chunk of a GLB if it is one of JSON: what follows it may be of a kind that only others know.
+fn json_chunk(bytes: &[u8]) -> Option<&[u8]> {
+    let (head, rest) = bytes.get(GLB_HEADER_BYTES as usize..)?.split_at_checked(8)?;
+    let length = u32::from_le_bytes(head[..4].try_into().expect("four bytes were sliced"));
+    rest.get(..length as usize).filter(|_| head[4..] == *b"JSON")
 }
 
 /// What is wrong with the chunks of a GLB that announces `length` bytes and has `n_bytes`.

@@ -61,8 +61,10 @@ impl Locator {
             _ => format!("the file {decoded:?} cannot be read ({error})"),
         };
         let named = folder.join(&decoded).canonicalize();
-        // Some names hold percent signs of their own.
-        let path = named.or_else(|error| folder.join(uri).canonicalize().map_err(|_| error));
+        // Some names hold percent signs of their own, and some programs write the separator of Windows.
+        let others = [uri.to_owned(), decoded.replace('\\', "/")];
+        let path =
+            named.or_else(|error| others.iter().find_map(|name| folder.join(name).canonicalize().ok()).ok_or(error));
         if path.is_err() {
             self.note(folder.join(&decoded));
         }
@@ -212,7 +214,14 @@ mod tests {
             std::fs::write(folder.path().join(name), bytes).unwrap();
         }
         let locator = Locator::new(Some(folder.path()), &Stop::default());
-        for (uri, bytes) in [("a%20b.bin", "a"), ("./a b.bin", "a"), ("100%25.bin", "b"), ("textures/c.bin", "c")] {
+        for (uri, bytes) in [
+            ("a%20b.bin", "a"),
+            ("./a b.bin", "a"),
+            ("100%25.bin", "b"),
+            ("textures/c.bin", "c"),
+            ("textures\\c.bin", "c"),
+            (".\\textures%5Cc.bin", "c"),
+        ] {
             assert_eq!(locator.fetch(uri).unwrap(), bytes.as_bytes(), "{uri}");
         }
         assert!(locator.fetch("textures").unwrap_err().contains("no regular file"));

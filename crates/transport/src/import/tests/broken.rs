@@ -137,6 +137,20 @@ fn the_element_at_fault_is_named() {
 }
 
 #[test]
+fn chunks_of_a_kind_that_is_not_known_are_passed_over() {
+    let chunk = |kind: &[u8; 4], bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes(), &kind[..], bytes].concat();
+    let glb = |chunks: &[Vec<u8>]| {
+        let chunks = chunks.concat();
+        [&b"glTF\x02\0\0\0"[..], &(chunks.len() as u32 + 12).to_le_bytes(), &chunks].concat()
+    };
+    let (json, other) = (chunk(b"JSON", &Fixture::triangle().json()), chunk(b"XTRA", b"four"));
+    let imported = load_bytes("a.glb", &glb(&[json.clone(), other.clone()])).expect("a loadable file");
+    assert_eq!(imported.scene.mesh.triangles.len(), 1);
+    let error = load_bytes("a.glb", &glb(&[other, json])).expect_err("JSON comes first").to_string();
+    assert!(error.contains("unknown type"), "{error}");
+}
+
+#[test]
 fn gltf_1_is_named() {
     let error = load_bytes("old.gltf", br#"{"asset": {"version": "1.0"}, "nodes": {"a": {}}}"#).expect_err("refused");
     assert!(matches!(error, ImportError::Version { .. }), "{error}");
