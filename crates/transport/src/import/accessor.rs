@@ -30,12 +30,14 @@ pub(super) struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Elements with exactly `N` floats, from any component type.
-    #[expect(clippy::arithmetic_side_effects, reason = "at most four numbers of four bytes")]
+    /// Elements with exactly `N` floats, from any component type; 16 are a matrix, column by column.
+    #[expect(clippy::arithmetic_side_effects, reason = "at most sixteen numbers of four bytes")]
     pub fn floats<const N: usize>(&self, index: usize, integers: Integers) -> Result<Vec<[f32; N]>, String> {
         let accessor = self.accessor(index)?;
         let fits = match accessor.type_ {
-            Checked::Valid(shape @ (Type::Scalar | Type::Vec2 | Type::Vec3 | Type::Vec4)) => shape.multiplicity() == N,
+            Checked::Valid(shape @ (Type::Scalar | Type::Vec2 | Type::Vec3 | Type::Vec4 | Type::Mat4)) => {
+                shape.multiplicity() == N
+            }
             _ => false,
         };
         if !fits {

@@ -16,6 +16,7 @@ use super::geometry::{self, Built, Job};
 use super::hierarchy::{self, PlacedNode};
 use super::material::Converter;
 use super::report::Notes;
+use super::skins::{Skeletons, Skin};
 use super::variants::Variant;
 use crate::scene::{Material, Scene};
 
@@ -123,6 +124,7 @@ pub(super) fn build_geometry(
     placed: &[PlacedNode],
     indices: &[Option<u32>],
     slots: &MaterialSlots,
+    skins: &[Option<Skin>],
     notes: &mut Notes,
 ) -> Result<Vec<Built>, ImportError> {
     let document = reader.document;
@@ -131,6 +133,7 @@ pub(super) fn build_geometry(
         names.push(called("node", node.index, document.nodes[node.index].name.as_ref()));
     }
     check_load(reader, scene, placed, indices)?;
+    let skeletons = Skeletons::place(reader, skins, placed);
     let mut jobs = Vec::new();
     for ((placed, node_idx), name) in placed.iter().zip(indices).zip(&names) {
         let node = &document.nodes[placed.index];
@@ -140,11 +143,16 @@ pub(super) fn build_geometry(
             continue;
         };
         let weights = node.weights.as_ref().or(mesh.weights.as_ref()).map_or(&[][..], Vec::as_slice);
-        for world_from_mesh in transforms(reader, node, placed, name, notes) {
+        let joints = skeletons.of(node, name, notes);
+        let transforms = match joints {
+            Some(_) => vec![placed.world_from_node],
+            None => transforms(reader, node, placed, name, notes),
+        };
+        for world_from_mesh in transforms {
             jobs.extend(mesh.primitives.iter().map(|primitive| {
                 let material = slots.at_node(node_idx, primitive);
                 let tangent_map = scene.materials[material as usize].tangent_map();
-                Job { primitive, weights, world_from_mesh, material, node: node_idx, tangent_map, name }
+                Job { primitive, weights, world_from_mesh, joints, material, node: node_idx, tangent_map, name }
             }));
         }
     }

@@ -12,6 +12,7 @@ use serde::de::Error as _;
 use serde_json::{Map, Value, json};
 
 use super::ImportError;
+use super::skins::Skin;
 
 /// A file's JSON.
 pub(super) struct Document {
@@ -19,11 +20,11 @@ pub(super) struct Document {
     pub root: Root,
     /// Animations, which are not read.
     pub n_animations: usize,
-    /// Skins, which are not read.
-    pub n_skins: usize,
+    /// Its skins; `None` for one of another shape than glTF's.
+    pub skins: Vec<Option<Skin>>,
 }
 
-/// Members that are never read, so that nothing odd in them matters: path from the root through all arrays, and name.
+/// Members that are not read as part of the model, so that nothing odd in them matters: path from the root through all arrays, and name.
 const UNREAD: &[(&[&str], &str)] = &[
     (&[], "animations"),
     (&[], "skins"),
@@ -71,11 +72,12 @@ pub(super) fn read(name: &str, text: &[u8]) -> Result<Document, ImportError> {
     {
         return Err(ImportError::MinVersion { name: name.to_owned(), min_version: min_version.to_owned() });
     }
-    let length = |key: &str| value.get(key).and_then(Value::as_array).map_or(0, Vec::len);
-    let (n_animations, n_skins) = (length("animations"), length("skins"));
+    let items = |key: &str| value.get(key).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    let n_animations = items("animations").len();
+    let skins = items("skins").iter().map(|skin| Skin::deserialize(skin).ok()).collect();
     mend(&mut value);
     let root = Root::deserialize(&value).map_err(|error| broken(located(&value, error)))?;
-    Ok(Document { root, n_animations, n_skins })
+    Ok(Document { root, n_animations, skins })
 }
 
 /// Whether a reader of glTF 2.0 may read what asks for a version at least.

@@ -4,14 +4,16 @@
 //! are left are gathered (split per triangle where the file has no normals), placed in the world, and given normals and
 //! tangents where theirs are missing.
 
-use glam::{DMat3, DMat4, DVec3, Vec2, Vec3, Vec4};
+use glam::{DMat4, Vec2, Vec3, Vec4};
 use gltf::Semantic;
 use gltf::json::mesh::{self, Primitive};
 use gltf::json::validation::Checked;
 use gltf::json::{Accessor, Index};
 
 use super::accessor::{Integers, Reader};
+use super::placement::Placement;
 use super::report::Notes;
+use super::skins::{self, Bones};
 use super::tangents;
 use crate::scene::{Mesh, TextureRef};
 use crate::stop::Stop;
@@ -22,6 +24,8 @@ pub(super) struct Job<'a> {
     /// Weights of the morph targets.
     pub weights: &'a [f32],
     pub world_from_mesh: DMat4,
+    /// World from mesh for each joint that vertices may hang on, in place of `world_from_mesh`.
+    pub joints: Option<&'a [DMat4]>,
     /// Index into `Scene::materials`.
     pub material: u32,
     /// Index into `Scene::nodes`.
@@ -62,6 +66,8 @@ struct Vertices {
     tangents: Vec<Vec4>,
     uvs: [Vec<Vec2>; 2],
     colors: Vec<Vec4>,
+    /// The first and the second four joints of each; without a skin there are none.
+    bones: [Vec<Bones>; 2],
 }
 
 impl Vertices {
@@ -87,6 +93,12 @@ impl Vertices {
         };
         vertices.read_attributes(reader, job, notes);
         vertices.morph(reader, job, notes);
+        if let Some(joints) = job.joints {
+            match skins::bones(reader, job.primitive, n_vertices, joints.len()) {
+                Ok(bones) => vertices.bones = bones,
+                Err(reason) => skins::ignored(job.name, &reason, notes),
+            }
+        }
         let triangles = usable_triangles(mode.triangles(&corners), &vertices.positions, job.name, notes);
         Ok((!triangles.is_empty()).then_some((vertices, triangles)))
     }
@@ -171,12 +183,24 @@ impl Vertices {
             tangents: gathered(&self.tangents, list),
             uvs: [gathered(&self.uvs[0], list), gathered(&self.uvs[1], list)],
             colors: gathered(&self.colors, list),
+            bones: [gathered(&self.bones[0], list), gathered(&self.bones[1], list)],
+        }
+    }
+
+    /// Brings one vertex into the world.
+    fn place(&mut self, v: usize, placement: &Placement) {
+        self.positions[v] = placement.position(self.positions[v]);
+        if let Some(normal) = self.normals.get_mut(v) {
+            *normal = placement.normal(*normal);
+        }
+        if let Some(tangent) = self.tangents.get_mut(v) {
+            *tangent = placement.tangent(*tangent);
         }
     }
 }
 
 /// Accessor of an attribute.
-fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
+pub(super) fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<usize> {
     primitive.attributes.get(&Checked::Valid(semantic)).map(|accessor| accessor.value())
 }
 
@@ -270,7 +294,7 @@ fn assemble(job: &Job, vertices: Vertices, triangles: Vec<[u32; 3]>, built: &mut
     let (list, triangles) =
         if has_normals { compacted(&triangles, vertices.positions.len()) } else { split(&triangles) };
     let mut vertices = vertices.gather(&list);
-    let mirrored = place(&mut vertices, job.world_from_mesh);
+    let mirrored = place(&mut vertices, job);
 
     let mut mesh = Mesh {
         positions: vertices.positions,
@@ -336,35 +360,22 @@ fn split(triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     (list, triangles)
 }
 
-/// Applies the world transform; true if it mirrors, so that fronts would become backs.
-fn place(vertices: &mut Vertices, world_from_mesh: DMat4) -> bool {
-    let linear = DMat3::from_mat4(world_from_mesh);
-    let mirrored = linear.determinant() < 0.0;
-    let sign = if mirrored { -1.0 } else { 1.0 };
-    // The cofactor matrix is the inverse transpose up to a factor, and exists where a scale is 0 too.
-    let scale = linear.to_cols_array().into_iter().fold(f64::MIN_POSITIVE, |most, x| most.max(x.abs()));
-    let unit = linear * (1.0 / scale);
-    let normal_matrix = DMat3::from_cols(
-        unit.y_axis.cross(unit.z_axis),
-        unit.z_axis.cross(unit.x_axis),
-        unit.x_axis.cross(unit.y_axis),
-    ) * sign;
-    for position in &mut vertices.positions {
-        *position = world_from_mesh.transform_point3(position.as_dvec3()).as_vec3();
+/// Brings vertices into the world; true if that mirrors most of them, so that fronts would become backs.
+#[expect(clippy::arithmetic_side_effects, reason = "a count of vertices in memory")]
+fn place(vertices: &mut Vertices, job: &Job) -> bool {
+    let n_vertices = vertices.positions.len();
+    let Some(joints) = job.joints.filter(|_| !vertices.bones[0].is_empty()) else {
+        let placement = Placement::new(job.world_from_mesh);
+        (0..n_vertices).for_each(|v| vertices.place(v, &placement));
+        return placement.mirrors;
+    };
+    let mut n_mirrored = 0;
+    for v in 0..n_vertices {
+        let placement = Placement::new(skins::blended([vertices.bones[0].get(v), vertices.bones[1].get(v)], joints));
+        vertices.place(v, &placement);
+        n_mirrored += usize::from(placement.mirrors);
     }
-    for normal in &mut vertices.normals {
-        *normal = unit_or_zero(normal_matrix * normal.as_dvec3());
-    }
-    for tangent in &mut vertices.tangents {
-        let direction = unit_or_zero(unit * tangent.truncate().as_dvec3());
-        let handedness = if (tangent.w < 0.0) == mirrored { 1.0 } else { -1.0 };
-        *tangent = direction.extend(handedness);
-    }
-    mirrored
-}
-
-fn unit_or_zero(v: DVec3) -> Vec3 {
-    v.normalize_or_zero().as_vec3()
+    n_mirrored > n_vertices / 2
 }
 
 fn has_area(positions: &[Vec3], triangle: [u32; 3]) -> bool {

@@ -27,9 +27,11 @@ mod merge;
 mod meshopt;
 mod muted;
 mod names;
+mod placement;
 mod profiles;
 mod report;
 mod sensors;
+mod skins;
 mod spots;
 pub mod stack;
 mod tangents;
@@ -248,7 +250,7 @@ fn unless_stopped(read: Result<Imported, ImportError>, stop: &Stop) -> Result<Im
 fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Result<Imported, ImportError> {
     let stop = &locator.stop;
     let container = container::split(name, bytes)?;
-    let Document { root: document, n_animations, n_skins } = document::read(name, &container.json)?;
+    let Document { root: document, n_animations, skins } = document::read(name, &container.json)?;
     let mut notes = Notes::default();
     extensions::check(name, &document, choice.variant.is_some(), &mut notes)?;
     let variant = Variant::find(name, &document, choice.variant.as_deref())?;
@@ -271,7 +273,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
     let mut n_degenerate_triangles = 0;
     let mut sensors = Sensors::find(&document, &placed, &indices, &mut notes);
     let mut surfaces = Vec::new();
-    for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &mut notes)? {
+    for mut built in assemble::build_geometry(&reader, &scene, &placed, &indices, &slots, &skins, &mut notes)? {
         notes.absorb(std::mem::take(&mut built.notes));
         n_degenerate_triangles = built.n_degenerate_triangles.saturating_add(n_degenerate_triangles);
         surfaces.extend(sensors.take(built));
@@ -292,7 +294,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
         if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials, stop) } else { None };
     // Around a scene at the edge of single precision there is no place for one.
     let made_camera = made_camera.filter(|camera| camera.world_from_camera.is_finite());
-    note_motion(&document, &placed, n_animations, n_skins, &mut notes);
+    note_motion(n_animations, &mut notes);
     let report = ImportReport {
         unsupported: notes.unsupported,
         warnings: notes.warnings,
@@ -419,13 +421,9 @@ fn panel_side(node: &Node, index: usize, notes: &mut Notes) -> Option<u32> {
 }
 
 /// What moves in the file stands still here.
-fn note_motion(document: &Root, placed: &[PlacedNode], n_animations: usize, n_skins: usize, notes: &mut Notes) {
+fn note_motion(n_animations: usize, notes: &mut Notes) {
     if n_animations > 0 {
         notes
             .unsupported(format!("{n_animations} animations: they are not played, everything stands as the nodes say"));
-    }
-    for node in placed.iter().filter(|node| document.nodes[node.index].skin.is_some()) {
-        let name = called("node", node.index, document.nodes[node.index].name.as_ref());
-        notes.unsupported(format!("{name}: its skeleton ({n_skins} in the file) is ignored, it is shown in rest pose"));
     }
 }

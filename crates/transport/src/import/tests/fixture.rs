@@ -118,6 +118,7 @@ fn components(shape: &str) -> usize {
         "SCALAR" => 1,
         "VEC2" => 2,
         "VEC3" => 3,
+        "MAT4" => 16,
         _ => 4,
     }
 }

@@ -8,4 +8,5 @@ mod idle;
 mod muted;
 mod profiles;
 mod scenes;
+mod skins;
 mod surfaces;
