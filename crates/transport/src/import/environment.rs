@@ -3,12 +3,14 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use exr::prelude::{MetaData, ReadChannels, ReadLayers};
+use exr::image::read::specific_channels::ReadSpecificChannel;
+use exr::prelude::{MetaData, ReadChannels, ReadLayers, Vec2};
 use image::ImageDecoder;
 use image::codecs::hdr::HdrDecoder;
 
+use super::channels::{self, Channels};
 use super::files::{guarded, read_at_most};
-use crate::sky::{Environment, SkyError};
+use crate::sky::{Cleaned, Environment, SkyError};
 
 /// Largest file that is read.
 const MAX_FILE_BYTES: u64 = 1 << 30;
@@ -35,11 +37,15 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
         () if bytes.starts_with(b"#?") => guarded(|| decode_hdr(bytes)).map_err(refuse)?,
         () => return Err(refuse("it is neither Radiance nor OpenEXR".into())),
     };
-    let (map, n_cleaned) = Environment::new(width, height, pixels)?;
+    let (map, Cleaned { n_black, n_capped }) = Environment::new(width, height, pixels)?;
     let mut warnings = Vec::new();
-    if n_cleaned > 0 {
-        warnings
-            .push(format!("{name}: {n_cleaned} pixels were negative, infinite or no numbers; they are black there"));
+    if n_black > 0 {
+        warnings.push(format!("{name}: {n_black} pixels were negative or no numbers; they are black there"));
+    }
+    if n_capped > 0 {
+        warnings.push(format!(
+            "{name}: {n_capped} pixels were brighter than the file could hold; a sun among them is darker than it was"
+        ));
     }
     if Some(width) != height.checked_mul(2) {
         warnings
@@ -65,7 +71,8 @@ fn too_large(width: usize, height: usize, n_bytes: usize) -> Option<String> {
 }
 
 fn decode_hdr(bytes: &[u8]) -> Decoded {
-    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(|e| e.to_string())?;
+    // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
+    let decoder = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(|e| e.to_string())?;
     let (width, height) = decoder.dimensions();
     let (width, height) = (width as usize, height as usize);
     if let Some(problem) = too_large(width, height, bytes.len()) {
@@ -88,22 +95,31 @@ fn decode_exr(bytes: &[u8]) -> Decoded {
             return Err(problem);
         }
     }
+    let (_, channels) = channels::of_picture(&meta.headers)?;
     // Other channels are passed over, however many there are.
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .rgb_channels(
-            |size, _| (size.width(), vec![[0.0; 3]; size.area()]),
-            |(width, pixels): &mut (usize, Vec<[f32; 3]>), at, (r, g, b): (f32, f32, f32)| {
-                pixels[at.y() * *width + at.x()] = [r, g, b];
-            },
-        )
-        .first_valid_layer()
-        .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|e| e.to_string())?;
-    let (width, pixels) = image.layer_data.channel_data.pixels;
-    Ok((width, image.layer_data.size.height(), pixels))
+    let levels = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
+    let black = |size: Vec2<usize>| (size.width(), vec![[0.0; 3]; size.area()]);
+    let set = |(width, pixels): &mut (usize, Vec<[f32; 3]>), at: Vec2<usize>, pixel| {
+        pixels[at.y() * *width + at.x()] = pixel;
+    };
+    let (size, (_, pixels)) = match channels {
+        Channels::Gray(y) => {
+            let channels =
+                levels.required(y).collect_pixels(|size, _| black(size), move |map, at, (y,)| set(map, at, [y; 3]));
+            let image = channels.first_valid_layer().all_attributes().from_buffered(Cursor::new(bytes));
+            let layer = image.map_err(|e| e.to_string())?.layer_data;
+            (layer.size, layer.channel_data.pixels)
+        }
+        Channels::Color([r, g, b]) => {
+            let channels = levels.required(r).required(g).required(b);
+            let channels =
+                channels.collect_pixels(|size, _| black(size), move |map, at, (r, g, b)| set(map, at, [r, g, b]));
+            let image = channels.first_valid_layer().all_attributes().from_buffered(Cursor::new(bytes));
+            let layer = image.map_err(|e| e.to_string())?.layer_data;
+            (layer.size, layer.channel_data.pixels)
+        }
+    };
+    Ok((size.width(), size.height(), pixels))
 }
 
 #[cfg(test)]
@@ -143,6 +159,53 @@ mod tests {
         assert_eq!(map.pixels()[6], [12.0, 24.0, 48.0]);
         assert_eq!(map.pixels()[5], [0.0; 3]);
         assert!(warnings.len() == 1 && warnings[0].contains("1 pixels"), "{warnings:?}");
+    }
+
+    #[test]
+    fn radiance_files_of_other_programs_are_read() {
+        let (known, _) = decode_sky("a.hdr", &hdr()).unwrap();
+        for signature in ["#?RGBE", "#?AUTOPANO", "#?RADIANCE 2.0"] {
+            let bytes = [signature.as_bytes(), &hdr()["#?RADIANCE".len()..]].concat();
+            assert!(decode_sky("a.hdr", &bytes).unwrap().0 == known, "{signature}");
+        }
+    }
+
+    /// Channels by name, each of two pixels.
+    fn exr(channels: &[(&str, [f32; 2])]) -> Vec<u8> {
+        use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
+        let channel = |(name, values): &(&str, [f32; 2])| AnyChannel::new(*name, FlatSamples::F32(values.to_vec()));
+        let mut bytes = Cursor::new(Vec::new());
+        let channels = AnyChannels::sort(channels.iter().map(channel).collect());
+        Image::from_channels((2, 1), channels).write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn exr_files_in_gray_and_in_layers_are_read() {
+        let color = |layer: &'static str, value: f32| {
+            let of = |color: &str| -> &'static str { format!("{layer}{color}").leak() };
+            [(of("R"), [value; 2]), (of("G"), [2.0 * value; 2]), (of("B"), [4.0 * value; 2])]
+        };
+        let blender = [color("ViewLayer.AO.", 7.0), color("ViewLayer.Combined.", 1.0), color("ViewLayer.Emit.", 9.0)];
+        let plain = [color("", 1.0), color("A.", 5.0)];
+        for (channels, expected) in [
+            (&[("Y", [3.0; 2])][..], [3.0; 3]),
+            (&blender.concat(), [1.0, 2.0, 4.0]),
+            (&[&color("beauty.", 1.0)[..], &[("Z", [8.0; 2])]].concat(), [1.0, 2.0, 4.0]),
+            (&plain.concat(), [1.0, 2.0, 4.0]),
+        ] {
+            let (map, _) = decode_sky("a.exr", &exr(channels)).unwrap();
+            assert_eq!(map.pixels(), [expected; 2], "{channels:?}");
+        }
+        let error = decode_sky("a.exr", &exr(&[("Z", [1.0; 2])])).unwrap_err().to_string();
+        assert!(error.contains("but Z"), "{error}");
+    }
+
+    #[test]
+    fn a_sun_that_overflowed_is_bright_and_told_of() {
+        let (map, warnings) = decode_sky("a.exr", &exr(&[("Y", [1.0, f32::INFINITY])])).unwrap();
+        assert_eq!(map.pixels(), [[1.0; 3], [65504.0; 3]]);
+        assert!(warnings.len() == 1 && warnings[0].contains("1 pixels were brighter"), "{warnings:?}");
     }
 
     #[test]

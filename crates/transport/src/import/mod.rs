@@ -11,6 +11,7 @@
 mod accessor;
 mod assemble;
 mod cameras;
+mod channels;
 mod container;
 mod document;
 mod environment;

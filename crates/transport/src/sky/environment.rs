@@ -12,6 +12,7 @@ use std::f32::consts::{PI, TAU};
 use std::sync::{Arc, OnceLock};
 
 use glam::{DVec3, Vec2, Vec3};
+use half::f16;
 use rayon::prelude::*;
 
 use super::SkyError;
@@ -26,6 +27,15 @@ pub struct Environment {
     pixels: Vec<[f32; 3]>,
     fingerprint: u64,
     coarse: OnceLock<Arc<Coarse>>,
+}
+
+/// How many pixels of a map were not as they can be.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cleaned {
+    /// With a value that is negative or no number.
+    pub n_black: usize,
+    /// With a value that is infinite, or brighter than any is believed.
+    pub n_capped: usize,
 }
 
 /// The uniform sky of 1 nit.
@@ -49,22 +59,26 @@ impl Environment {
     /// Brightest channel that is believed, in nit; the sun's disk has 2·10⁹.
     pub const MAX_NIT: f32 = 1e12;
 
-    /// From pixels, row-major from the zenith down. Values that are not finite or negative become black; says how many
-    /// pixels held such.
+    /// From pixels, row-major from the zenith down. Values that are no numbers or negative become black, those beyond
+    /// [`Environment::MAX_NIT`] as bright as that, and infinite ones as bright as the brightest finite one, but no darker than
+    /// the largest number of half precision, which overflowed where files come from; says how many pixels held such.
     ///
     /// # Errors
     /// [`SkyError::Size`].
-    pub fn new(width: usize, height: usize, mut pixels: Vec<[f32; 3]>) -> Result<(Environment, usize), SkyError> {
+    pub fn new(width: usize, height: usize, mut pixels: Vec<[f32; 3]>) -> Result<(Environment, Cleaned), SkyError> {
         if !Environment::is_size(width, height) || pixels.len() != width * height {
             return Err(SkyError::Size { width, height });
         }
-        let mut n_cleaned = 0;
+        let finite = pixels.iter().flatten().copied().filter(|v| v.is_finite());
+        let overflowed = finite.fold(f16::MAX.to_f32(), f32::max);
+        let mut cleaned = Cleaned::default();
         for pixel in &mut pixels {
-            let clean = pixel.map(|v| if v.is_finite() && v >= 0.0 { v.min(Environment::MAX_NIT) } else { 0.0 });
-            n_cleaned += usize::from(*pixel != clean);
-            *pixel = clean;
+            cleaned.n_black += usize::from(pixel.iter().any(|v| v.is_nan() || *v < 0.0));
+            cleaned.n_capped += usize::from(pixel.iter().any(|v| *v > Environment::MAX_NIT));
+            let told = pixel.map(|v| if v == f32::INFINITY { overflowed } else { v });
+            *pixel = told.map(|v| if v >= 0.0 { v.min(Environment::MAX_NIT) } else { 0.0 });
         }
-        Ok((Environment::of_clean(width, height, pixels), n_cleaned))
+        Ok((Environment::of_clean(width, height, pixels), cleaned))
     }
 
     /// What is the same for maps that are.
@@ -252,11 +266,22 @@ mod tests {
 
     #[test]
     fn broken_pixels_become_black_and_are_counted() {
-        let pixels = vec![[1.0, f32::NAN, 0.5], [f32::INFINITY; 3], [-1.0, 2.0, 0.0], [0.25; 3]];
-        let (map, n_cleaned) = Environment::new(2, 2, pixels).unwrap();
-        assert_eq!(n_cleaned, 3);
+        let pixels = vec![[1.0, f32::NAN, 0.5], [f32::NEG_INFINITY; 3], [-1.0, 2.0, 0.0], [0.25; 3]];
+        let (map, cleaned) = Environment::new(2, 2, pixels).unwrap();
+        assert_eq!(cleaned, Cleaned { n_black: 3, n_capped: 0 });
         assert_eq!(map.pixels(), [[1.0, 0.0, 0.5], [0.0; 3], [0.0, 2.0, 0.0], [0.25; 3]]);
         assert!(Environment::new(0, 2, vec![]).is_err() && Environment::new(usize::MAX, 2, vec![]).is_err());
+    }
+
+    #[test]
+    fn what_overflowed_is_no_darker_than_anything_else() {
+        for (brightest, overflowed) in [(3.0, 65504.0), (1e6, 1e6), (1e20, Environment::MAX_NIT)] {
+            let pixels = vec![[f32::INFINITY, 1.0, 0.0], [brightest; 3]];
+            let (map, cleaned) = Environment::new(2, 1, pixels).unwrap();
+            assert_eq!(map.pixels()[0], [overflowed, 1.0, 0.0]);
+            let n_capped = if brightest > Environment::MAX_NIT { 2 } else { 1 };
+            assert_eq!(cleaned, Cleaned { n_black: 0, n_capped });
+        }
     }
 
     #[test]

@@ -31,7 +31,7 @@ pub use analytic::{DEFAULT_TURBIDITY, analytic_sky, sun_illuminance, sun_tint};
 pub use backdrop::Backdrop;
 pub use dome::{DOME_DIVISIONS, Dome, dome_columns};
 pub use emitter::{DomeEmitter, MapEmitter, SunEmitter};
-pub use environment::Environment;
+pub use environment::{Cleaned, Environment};
 pub use picks::{SkyPicks, Unseen};
 pub use sampler::MapSampler;
 pub use setting::{SkySetting, SunPlace, SunSetting};

@@ -1,4 +1,4 @@
-//! OpenEXR of a measured stack: the first layer in color, else in gray, in its display window.
+//! OpenEXR of a measured stack: one layer, in its display window.
 
 use std::io::{BufRead, Cursor, Seek};
 
@@ -7,42 +7,30 @@ use exr::meta::header::Header;
 use exr::prelude::{MetaData, ReadChannels, ReadLayers, Vec2};
 
 use super::pixels::{Picture, check_size, of_file};
+use crate::import::channels::{self, Channels};
 
-/// Which layer of a file is read, and what of it.
+/// Where the picture of a file lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct ExrLayer {
     /// The picture: the display window.
     size: [u32; 2],
     /// Where the stored pixels begin in it.
     offset: [i64; 2],
-    is_gray: bool,
 }
 
 /// Width and height from the head of a file.
 pub(super) fn exr_size(file: impl BufRead + Seek) -> Result<[u32; 2], String> {
-    Ok(exr_layer(&exr_headers(file)?)?.size)
+    Ok(exr_layer(&exr_headers(file)?)?.0.size)
 }
 
 fn exr_headers(file: impl BufRead + Seek) -> Result<Vec<Header>, String> {
     Ok(MetaData::read_from_buffered(file, false).map_err(of_exr)?.headers.into_vec())
 }
 
-/// The first layer with channels R, G and B, else with Y alone.
+/// The layer that is the picture, and its channels.
 #[expect(clippy::cast_possible_truncation, reason = "sides and places of at most `MAX_PIXELS` pixels")]
-fn exr_layer(headers: &[Header]) -> Result<ExrLayer, String> {
-    let has = |header: &Header, name: &str| header.channels.list.iter().any(|channel| channel.name == *name);
-    let in_color = |header: &&Header| !header.deep && ["R", "G", "B"].into_iter().all(|name| has(header, name));
-    let in_gray = |header: &&Header| !header.deep && has(header, "Y");
-    let colored = headers.iter().find(in_color);
-    let Some(header) = colored.or_else(|| headers.iter().find(in_gray)) else {
-        let names: Vec<String> =
-            headers.iter().flat_map(|header| &header.channels.list).take(12).map(|c| c.name.to_string()).collect();
-        return Err(format!("it has neither channels R, G and B nor Y, but {}", names.join(", ")));
-    };
-    let is_gray = colored.is_none();
-    if is_gray && has(header, "RY") {
-        return Err("it holds luminance and chroma apart; save it with channels R, G and B".into());
-    }
+fn exr_layer(headers: &[Header]) -> Result<(ExrLayer, Channels), String> {
+    let (header, channels) = channels::of_picture(headers)?;
     let (stored, shown) = (header.layer_size, header.shared_attributes.display_window);
     for size in [stored, shown.size] {
         let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
@@ -51,11 +39,11 @@ fn exr_layer(headers: &[Header]) -> Result<ExrLayer, String> {
     let at = header.own_attributes.layer_position;
     #[expect(clippy::arithmetic_side_effects, reason = "a difference of two 32-bit numbers")]
     let offset = |stored: i32, shown: i32| i64::from(stored) - i64::from(shown);
-    Ok(ExrLayer {
+    let layer = ExrLayer {
         size: [shown.size.width() as u32, shown.size.height() as u32],
         offset: [offset(at.x(), shown.position.x()), offset(at.y(), shown.position.y())],
-        is_gray,
-    })
+    };
+    Ok((layer, channels))
 }
 
 /// The pixels of a display window; those that the file does not store are black.
@@ -90,19 +78,23 @@ impl Canvas {
 
 /// The picture, each value as it is stored.
 pub(super) fn decode_exr(bytes: &[u8]) -> Result<Picture, String> {
-    let layer = exr_layer(&exr_headers(Cursor::new(bytes))?)?;
-    let levels = exr::prelude::read().no_deep_data().largest_resolution_level();
+    let (layer, channels) = exr_layer(&exr_headers(Cursor::new(bytes))?)?;
+    let levels = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
     // Other channels are passed over, however many there are. Pictures are read side by side, not each by many threads.
-    let canvas = if layer.is_gray {
-        let gray = |canvas: &mut Canvas, at: Vec2<usize>, (y,): (f32,)| canvas.set(at, [y; 3]);
-        let channels = levels.specific_channels().required("Y").collect_pixels(|_, _| Canvas::new(layer), gray);
-        let image = channels.first_valid_layer().all_attributes().non_parallel().from_buffered(Cursor::new(bytes));
-        image.map_err(of_exr)?.layer_data.channel_data.pixels
-    } else {
-        let color = |canvas: &mut Canvas, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| canvas.set(at, [r, g, b]);
-        let channels = levels.rgb_channels(|_, _| Canvas::new(layer), color);
-        let image = channels.first_valid_layer().all_attributes().non_parallel().from_buffered(Cursor::new(bytes));
-        image.map_err(of_exr)?.layer_data.channel_data.pixels
+    let canvas = match channels {
+        Channels::Gray(y) => {
+            let gray = |canvas: &mut Canvas, at: Vec2<usize>, (y,): (f32,)| canvas.set(at, [y; 3]);
+            let channels = levels.required(y).collect_pixels(|_, _| Canvas::new(layer), gray);
+            let image = channels.first_valid_layer().all_attributes().non_parallel().from_buffered(Cursor::new(bytes));
+            image.map_err(of_exr)?.layer_data.channel_data.pixels
+        }
+        Channels::Color([r, g, b]) => {
+            let color = |canvas: &mut Canvas, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| canvas.set(at, [r, g, b]);
+            let channels = levels.required(r).required(g).required(b);
+            let channels = channels.collect_pixels(|_, _| Canvas::new(layer), color);
+            let image = channels.first_valid_layer().all_attributes().non_parallel().from_buffered(Cursor::new(bytes));
+            image.map_err(of_exr)?.layer_data.channel_data.pixels
+        }
     };
     Ok(Picture { size: layer.size, pixels: canvas.pixels, was_encoded: false })
 }
@@ -159,6 +151,12 @@ mod tests {
         }
         let gray = decode_picture(&exr(vec![channel("Y", &RAMP)], (4, 2), Encoding::FAST_LOSSLESS, [0, 0])).unwrap();
         assert_eq!(gray.pixels[6], [6.0; 3]);
+        let layered = ["View.AO.", "View.Combined.", "View.Emit."].into_iter().zip([1.0, 2.0, 3.0]);
+        let of_layer = |(layer, factor): (&str, f32)| {
+            ["R", "G", "B"].map(|color| channel(&format!("{layer}{color}"), &RAMP.map(|value| factor * value)))
+        };
+        let layered = exr(layered.flat_map(of_layer).collect(), (4, 2), Encoding::UNCOMPRESSED, [0, 0]);
+        assert_eq!(decode_picture(&layered).unwrap().pixels[6], [12.0; 3]);
     }
 
     #[test]

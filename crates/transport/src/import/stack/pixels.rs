@@ -51,7 +51,7 @@ pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 
     file.seek(SeekFrom::Start(0)).map_err(|e| of_file(&e))?;
     let size = guarded(|| match kind {
         Kind::OpenExr => exr_size(file),
-        Kind::Radiance => Ok(HdrDecoder::new(file).map_err(of_image)?.dimensions().into()),
+        Kind::Radiance => Ok(HdrDecoder::new_nonstrict(file).map_err(of_image)?.dimensions().into()),
         Kind::Encoded => {
             let reader = ImageReader::new(file).with_guessed_format().map_err(|e| of_file(&e))?;
             Ok(reader.into_dimensions().map_err(of_image)?.into())
@@ -105,7 +105,8 @@ pub(super) fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), 
 /// Radiance, in the unit that its head tells: values are stored times all its `EXPOSURE`.
 #[expect(clippy::cast_possible_truncation, reason = "bytes of at most `MAX_PIXELS` pixels; colors in single precision")]
 fn decode_hdr(bytes: &[u8], size: [u32; 2]) -> Result<Picture, String> {
-    let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(of_image)?;
+    // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
+    let decoder = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(of_image)?;
     let exposure = decoder.metadata().exposure.unwrap_or(1.0);
     if !(exposure.is_finite() && exposure > 0.0) {
         return Err(format!("its head tells an exposure of {exposure}"));
@@ -203,6 +204,8 @@ mod tests {
             for (value, expected) in picture.pixels[7].into_iter().zip([1.0, 2.0, 4.0]) {
                 assert!((value - factor * expected).abs() < 0.02 * expected, "{:?}", picture.pixels[7]);
             }
+            let of_others = [b"#?RGBE", &hdr(head)["#?RADIANCE".len()..]].concat();
+            assert_eq!(decode_picture(&of_others).unwrap(), picture);
         }
     }
 

@@ -1,0 +1,63 @@
+//! Which channels of an OpenEXR file are its picture.
+
+use exr::meta::header::Header;
+use exr::prelude::Text;
+
+/// Layers that are looked at for colors of their own.
+const MAX_LAYERS: usize = 256;
+
+/// Names of the channels of a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Channels {
+    /// Red, green and blue.
+    Color([Text; 3]),
+    /// Luminance alone.
+    Gray(Text),
+}
+
+/// The first part with a picture, and its channels: R, G and B, else Y, else a layer in color, first of all one that
+/// Blender names `Combined`.
+///
+/// # Errors
+/// The channels that there are, in words.
+pub(super) fn of_picture(headers: &[Header]) -> Result<(&Header, Channels), String> {
+    let flat = || headers.iter().filter(|header| !header.deep);
+    let plain = flat().find_map(|header| Some((header, in_color(header, b"")?)));
+    let gray = flat().find_map(|header| Some((header, in_gray(header)?)));
+    let layer = || {
+        let layers = || flat().flat_map(|header| prefixes(header).map(move |prefix| (header, prefix)));
+        let combined = layers().filter(|(_, prefix)| prefix.ends_with(b"Combined."));
+        let mut layers = combined.chain(layers()).take(MAX_LAYERS);
+        layers.find_map(|(header, prefix)| Some((header, in_color(header, prefix)?)))
+    };
+    if let Some(found) = plain.or(gray).or_else(layer) {
+        return Ok(found);
+    }
+    if flat().any(|header| named(header, b"RY").is_some()) {
+        return Err("it holds luminance and chroma apart; save it with channels R, G and B".into());
+    }
+    let names: Vec<String> =
+        headers.iter().flat_map(|header| &header.channels.list).take(12).map(|c| c.name.to_string()).collect();
+    Err(format!("it has neither channels R, G and B nor Y, but {}", names.join(", ")))
+}
+
+fn named(header: &Header, name: &[u8]) -> Option<Text> {
+    let channel = header.channels.list.iter().find(|channel| channel.name.as_slice() == name);
+    channel.map(|channel| channel.name.clone())
+}
+
+fn in_color(header: &Header, prefix: &[u8]) -> Option<Channels> {
+    let channel = |color: &[u8]| named(header, &[prefix, color].concat());
+    Some(Channels::Color([channel(b"R")?, channel(b"G")?, channel(b"B")?]))
+}
+
+fn in_gray(header: &Header) -> Option<Channels> {
+    let has_chroma = named(header, b"RY").is_some();
+    named(header, b"Y").filter(|_| !has_chroma).map(Channels::Gray)
+}
+
+/// What stands before the R of layers, with the dot that ends it.
+fn prefixes(header: &Header) -> impl Iterator<Item = &[u8]> {
+    let names = header.channels.list.iter().map(|channel| channel.name.as_slice());
+    names.filter_map(|name| name.strip_suffix(b"R")).filter(|prefix| prefix.ends_with(b"."))
+}
