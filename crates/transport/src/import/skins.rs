@@ -123,9 +123,8 @@ pub(super) fn bones(
     if sets[0].is_empty() {
         return Err("its vertices name no joints".to_owned());
     }
-    let mut pulls = sets.iter().flatten().flat_map(Bones::pulls);
-    let beyond = pulls.find(|&(joint, weight)| weight > 0.0 && joint >= n_joints);
-    drop(pulls);
+    let hangs_beyond = |&(joint, weight): &(usize, f64)| weight > 0.0 && joint >= n_joints;
+    let beyond = sets.iter().flatten().flat_map(Bones::pulls).find(hangs_beyond);
     match beyond {
         Some((joint, _)) => Err(format!("a vertex hangs on joint {joint} of {n_joints}")),
         None => Ok(sets),
