@@ -21,7 +21,8 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{
-    Dropped, Kept, Window, baked, click, drag, open, open_again, open_with, quick, reach, replace_and_reload, room, wait,
+    Dropped, Kept, Window, baked, click, drag, open, open_again, open_with, quick, reach, replace_and_reload, room,
+    wait,
 };
 
 fn source() -> Source {
