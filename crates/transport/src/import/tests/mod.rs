@@ -8,5 +8,4 @@ mod idle;
 mod muted;
 mod profiles;
 mod scenes;
-mod sheets;
 mod surfaces;
