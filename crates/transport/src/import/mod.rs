@@ -32,7 +32,6 @@ mod placement;
 mod profiles;
 mod report;
 mod sensors;
-mod sheets;
 mod skins;
 mod spots;
 pub mod stack;
@@ -289,7 +288,6 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
         }
     }
     merge::pad_attributes(&mut scene.mesh);
-    sheets::make_thin(&mut scene, &mut notes);
     stop.check()?;
     scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
     note_ranges(&scene, &ranged, &mut notes);

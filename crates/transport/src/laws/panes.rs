@@ -52,7 +52,7 @@ fn assert_every_plan_finds(scene: &PreparedScene, expected: f64, bounces: Option
     let weights = file_light(scene);
     let walks = |streams| Walks::of_one_pixel(streams, bounces);
     let n_cols = weights.len() as u32;
-    for (rate, splits, streams) in [(0.0, 1, 60_000), (0.5, 1, 20_000), (1.0, 3, 5000), (16.0, 1, 1200)] {
+    for (rate, splits, streams) in [(0.0, 1, 60_000), (0.5, 1, 20_000), (1.0, 3, 8000), (16.0, 1, 1200)] {
         let plan = Even { n_cols, rate, splits };
         let what = format!("{rate} picks of each column, {splits} walks on");
         walks(streams).assert_mean(scene, &plan, &weights, (expected, 1e-2), &what);

@@ -8,6 +8,5 @@ mod idle;
 mod muted;
 mod profiles;
 mod scenes;
-mod sheets;
 mod skins;
 mod surfaces;
