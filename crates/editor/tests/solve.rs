@@ -317,8 +317,12 @@ fn a_work_plane_stays_on_its_object_when_the_file_changes_and_goes_with_it() {
     mark_table(&mut window);
     click(&mut window, "Work plane");
     let before = window.state().settings().work_plane.unwrap();
-    // A node before all others.
-    gltf["nodes"].as_array_mut().unwrap().insert(0, json!({"name": "nothing"}));
+    let key_of =
+        |app: &App, node: Option<u32>| app.session().lamp_scene().unwrap().scene.nodes[node.unwrap() as usize].key();
+    assert_eq!(key_of(window.state(), before.floor), "table");
+    // A node before all others, far below.
+    let step = json!({"name": "step", "mesh": 1, "translation": [0, -40, 0]});
+    gltf["nodes"].as_array_mut().unwrap().insert(0, step);
     let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
     roots.iter_mut().for_each(|root| *root = json!(root.as_u64().unwrap() + 1));
     roots.insert(0, json!(0));
@@ -331,7 +335,9 @@ fn a_work_plane_stays_on_its_object_when_the_file_changes_and_goes_with_it() {
     replace_and_reload(&mut window, &path, &gltf);
     wait(&mut window, has_grid);
     let after = window.state().settings().work_plane.unwrap();
-    assert_eq!((after.floor, after.height_m), (before.floor.map(|node| node + 1), before.height_m));
+    assert_eq!(key_of(window.state(), after.floor), "table");
+    assert_eq!(after.height_m, before.height_m);
+    assert_ne!(after.floor, before.floor, "nodes have other numbers now");
     // It is called otherwise now.
     gltf["nodes"].as_array_mut().unwrap().iter_mut().for_each(|node| {
         if node["name"] == "table" {

@@ -586,6 +586,8 @@ fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() 
     close(&mut window);
     window.get_by_label("Save the bake?");
     click(&mut window, "Cancel");
+    window.get_by_label("Save bake…").scroll_to_me();
+    window.run_steps(8);
     save_as(&mut window, "Save bake…", &saved);
     wait(&mut window, |app| !app.session().has_unsaved_stack());
     assert!(saved.exists());

@@ -126,7 +126,9 @@ impl MatrixPlan {
     /// Leaves connections that carry little to roulette, given what each column is multiplied by.
     pub fn with_roulette(self, column_scale: &[f32]) -> MatrixPlan {
         let worth = column_scale.iter().map(|scale| scale / ROULETTE_BELOW).collect();
-        let peaks = median(column_scale.iter().copied().filter(|scale| scale.is_finite()));
+        // Behind the columns of lights there may be those of patches, which guide no walk of these.
+        let of_lights = column_scale.iter().take(self.worth.len());
+        let peaks = median(of_lights.copied().filter(|scale| scale.is_finite()));
         let mut plan = MatrixPlan { worth, peaks, ..self };
         for panel in &mut plan.thinned {
             let worth = &plan.worth[panel.columns.start as usize..panel.columns.end as usize];

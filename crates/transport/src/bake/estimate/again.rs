@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use clerestory_nystrom::{BlockLowRank, PackPlan, PackedMatrix};
 
 use super::{BakeEstimate, Sizes, most_tried, n_there, spread, thread_bytes, try_blocks};
+use crate::archive::header_len;
 use crate::bake::clock::Clock;
 use crate::bake::focus::Focus;
 use crate::bake::reuse::Reuse;
@@ -71,7 +72,7 @@ impl BakeJob {
             thread_bytes,
             ending_bytes: sizes.memory(0),
             result_bytes: sizes.factors + sizes.packed,
-            file_bytes: sizes.packed,
+            file_bytes: sizes.packed + header_len(&header),
             n_blocks: tried[0],
             n_tried: tried[1],
         }))
