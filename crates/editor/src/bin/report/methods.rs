@@ -66,9 +66,8 @@ fn tables(desk: &Desk) -> Result<String> {
         let noise_db = decibels(picture.peak(), noise);
         let title =
             format!("`assets/scenes/{name}.glb`, {spp} samples per pixel and half, {noise_db:.1} dB above its noise");
-        text += &desk.part("methods", &format!("own-{name}"), || {
-            Ok(section(desk, &title, &picture, desk.choose(2, 1)))
-        })?;
+        text +=
+            &desk.part("methods", &format!("own-{name}"), || Ok(section(desk, &title, &picture, desk.choose(2, 1))))?;
     }
     Ok(text)
 }
