@@ -161,7 +161,7 @@ fn mend_header(bytes: &mut [u8]) {
 }
 
 /// Versions of files whose packed matrices follow the header, with nothing or patches between.
-const PACKED_VERSIONS: [u8; 3] = [4, 5, 6];
+const PACKED_VERSIONS: [u8; 4] = [4, 5, 6, 8];
 
 /// Patches behind a header of so many bytes: a checksum over what its numbers say. Where the packed matrices begin.
 fn mend_patches(bytes: &mut [u8], header_end: usize) -> usize {
@@ -175,7 +175,9 @@ fn mend_patches(bytes: &mut [u8], header_end: usize) -> usize {
     let [Some(n_patches), Some(n_samples), Some(n_columns)] = numbers else { return header_end };
     let knows_grazing = find(&bytes[..header_end], b"\"knows_grazing\":true", 16).is_some();
     let sample_len = if knows_grazing { 32 } else { 28 };
-    let end = header_end + n_patches + sample_len * n_samples + 4 * n_columns + 2 * n_patches * n_columns;
+    let extent_len = if find(&bytes[..header_end], b"\"reach_m\":", 16).is_some() { 28 } else { 0 };
+    let places_len = sample_len * n_samples + extent_len * n_patches;
+    let end = header_end + n_patches + places_len + 4 * n_columns + 2 * n_patches * n_columns;
     if end + 8 > bytes.len() {
         return header_end;
     }

@@ -39,8 +39,8 @@ use crate::irradiance::first_block;
 use crate::matrix::CHANNELS;
 
 const MAGIC: &[u8; 8] = b"CLERTRAN";
-/// Newest version that is read: its blocks are packed, and its sky has a column of the map as it was baked.
-const VERSION: u32 = 7;
+/// Newest version that is read: its blocks are packed, and its patches know their areas.
+const VERSION: u32 = 8;
 
 /// Side of a packed tile that is believed.
 const MAX_TILE: u32 = 256;

@@ -7,6 +7,7 @@ mod light;
 mod prepared;
 mod rectangle;
 mod source;
+mod thrown;
 mod units;
 mod words;
 

@@ -10,6 +10,7 @@
 mod cluster;
 mod codec;
 mod exchange;
+mod layout;
 mod learn;
 mod matrix;
 mod modes;
@@ -24,6 +25,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use codec::{decode, encode};
+pub(crate) use layout::{Beam, Layout};
 pub(crate) use learn::{Request, Table, learn};
 pub(crate) use matrix::PatchMatrix;
 
@@ -68,6 +70,10 @@ pub struct Patches {
     /// Whether samples know [`PatchSample::grazing`].
     #[serde(default)]
     knows_grazing: bool,
+    /// Distance that a right angle between normals counts as, over the square root of two, m; 0 in files from before patches
+    /// knew their areas.
+    #[serde(default)]
+    reach_m: f32,
     #[serde(skip)]
     body: Arc<Body>,
 }
@@ -81,13 +87,16 @@ struct Body {
     first: Vec<u32>,
     /// Patches × columns: what a patch brings to each coefficient per unit of irradiance.
     shares: Vec<f32>,
+    /// Where patches lie; files from before they knew their areas have none.
+    layout: Option<Layout>,
     /// What a bake under way needs; no file holds it.
     table: Option<Table>,
 }
 
 impl PartialEq for Body {
     fn eq(&self, other: &Self) -> bool {
-        (&self.samples, &self.first, &self.shares) == (&other.samples, &other.first, &other.shares)
+        (&self.samples, &self.first, &self.shares, &self.layout)
+            == (&other.samples, &other.first, &other.shares, &other.layout)
     }
 }
 
@@ -124,6 +133,16 @@ impl Patches {
         self.knows_grazing
     }
 
+    /// The patches as receivers of light; `None` in files from before they knew their areas.
+    pub(crate) fn layout(&self) -> Option<&Layout> {
+        self.body.layout.as_ref()
+    }
+
+    /// Whether patches know where they lie and how large they are; those of earlier files do not.
+    pub(crate) fn knows_areas(&self) -> bool {
+        self.reach_m > 0.0
+    }
+
     /// What a bake needs to trace the columns; none in patches that were read from a file.
     pub(crate) fn table(&self) -> Option<&Table> {
         self.body.table.as_ref()
@@ -133,21 +152,51 @@ impl Patches {
     /// each direction times [`PatchSample::response`]. Asks at each of [`Patches::samples`] once, on all threads, and around those again that alone
     /// have most of their patch's light: there a lamp is near, or the edge of a shadow.
     pub fn coefficients(&self, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<[f32; 3]> {
+        self.coefficients_of(&self.irradiance(irradiance))
+    }
+
+    /// Mean irradiance of each patch, lux per channel, asked for as [`Patches::coefficients`] does.
+    pub(crate) fn irradiance(&self, irradiance: &(dyn Fn(&PatchSample) -> Vec3 + Sync)) -> Vec<Vec3> {
         let Body { samples, first, .. } = &*self.body;
         let of_patch = |w: &[u32]| patch_irradiance(&samples[w[0] as usize..w[1] as usize], irradiance);
-        let of_patches: Vec<Vec3> = first.par_windows(2).with_min_len(16).map(of_patch).collect();
+        first.par_windows(2).with_min_len(16).map(of_patch).collect()
+    }
+
+    /// One RGB coefficient per column, given the irradiance of each patch.
+    pub(crate) fn coefficients_of(&self, of_patches: &[Vec3]) -> Vec<[f32; 3]> {
+        let n_columns = self.n_columns().max(1);
+        let lit: Vec<(&[f32], Vec3)> =
+            self.body.shares.chunks_exact(n_columns).zip(of_patches.iter().copied()).collect();
+        let lit: Vec<_> = lit.into_iter().filter(|(_, light)| *light != Vec3::ZERO).collect();
         let mut coefficients = vec![[0.0f32; 3]; self.n_columns()];
-        for (light, shares) in of_patches.iter().zip(self.body.shares.chunks_exact(self.n_columns().max(1))) {
-            if *light == Vec3::ZERO {
-                continue;
+        // Each column is summed by one thread, patch by patch: the same on any number of them.
+        coefficients.par_chunks_mut(COLUMNS_AT_ONCE).enumerate().for_each(|(nth, chunk)| {
+            let from = nth * COLUMNS_AT_ONCE;
+            for (shares, light) in &lit {
+                for (c, share) in chunk.iter_mut().zip(&shares[from..]) {
+                    *c = (Vec3::from(*c) + *light * *share).to_array();
+                }
             }
-            for (c, share) in coefficients.iter_mut().zip(shares) {
-                *c = (Vec3::from(*c) + *light * *share).to_array();
-            }
-        }
+        });
         coefficients
     }
 }
+
+impl PatchSample {
+    /// Radius of a disk as large as its patch, m.
+    pub(crate) fn patch_radius_m(&self) -> f32 {
+        self.radius_m / self.weight.sqrt()
+    }
+
+    /// Share of the light of a lamp, so many meters apart, that patches find by their samples. The rest of what is nearer is
+    /// found by rays from the lamp, see [`Layout::receive`].
+    pub(crate) fn far_share(&self, apart_m: f32) -> f32 {
+        layout::far_share(apart_m, self.patch_radius_m())
+    }
+}
+
+/// Columns whose coefficients a thread sums.
+const COLUMNS_AT_ONCE: usize = 64;
 
 /// Share of a patch's light that one of its samples may have before it is looked at more closely, and at which nothing but
 /// the closer look counts. A patch of one sample is always looked at closely.

@@ -24,6 +24,8 @@ const PACKED_VERSION: u32 = 4;
 const EVEN_PATCHES_VERSION: u32 = 5;
 /// Packed, with patches that tell light by its angle.
 const GRAZING_VERSION: u32 = 6;
+/// Packed, with a sky that has a column of its map as it was baked; its patches do not know their areas.
+const MAP_VERSION: u32 = 7;
 /// Oldest version that is read: it knows no sky.
 const OLDEST_VERSION: u32 = 1;
 /// Longest header that is believed.
@@ -57,7 +59,8 @@ pub(super) fn header_bytes(magic: &[u8; 8], header: &BakeHeader, blocks: Blocks)
     let len = json.len() + CHECKSUM_DIGITS + CHECKSUM_END.len();
     let mut bytes = magic.to_vec();
     let version = match blocks {
-        Blocks::Packed if has_map_column(&header.basis) => VERSION,
+        Blocks::Packed if header.patches.as_ref().is_some_and(Patches::knows_areas) => VERSION,
+        Blocks::Packed if has_map_column(&header.basis) => MAP_VERSION,
         Blocks::Packed => match &header.patches {
             None => PACKED_VERSION,
             Some(patches) if patches.knows_grazing() => GRAZING_VERSION,

@@ -25,6 +25,8 @@ pub(crate) enum Form {
         light: PunctualLight,
         /// What takes the place of the falloff.
         profile: Option<Arc<PhotometricProfile>>,
+        /// Radius of a beam that carries as much, at a distance of 1 m, and no more than that.
+        spread: f32,
     },
     /// From infinitely far away, along a unit direction.
     Distant(Vec3),
@@ -47,7 +49,7 @@ pub(crate) struct Lit {
 }
 
 /// A lamp without size has this one next to it: closer than that it is not brighter, m.
-const POINT_RADIUS_M: f32 = 0.01;
+pub(super) const POINT_RADIUS_M: f32 = 0.01;
 /// Bodies within so many of their radii are sampled by the angle that they fill.
 pub(super) const NEAR: f32 = 3.0;
 
@@ -92,7 +94,7 @@ impl Lamp {
     #[inline]
     pub(crate) fn lit_from(&self, point: &BodyPoint, position: Vec3) -> Option<Lit> {
         match &self.form {
-            Form::Point { light, profile } => {
+            Form::Point { light, profile, .. } => {
                 let to_light = point.position - position;
                 let square = to_light.length_squared();
                 let wi = to_light / square.sqrt();

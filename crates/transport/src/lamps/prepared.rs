@@ -1,5 +1,6 @@
 //! Lamps of a look, checked and ready to shine.
 
+use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,11 +9,11 @@ use thiserror::Error;
 
 use super::body::{Body, frame};
 use super::light::{Form, Lamp};
-use super::units::native_strength;
+use super::units::{lumen_per_candela, native_strength};
 use super::{FreeLamp, LampShape};
 use crate::clearance::{offset_origin, rounding};
 use crate::import::read_profile;
-use crate::patches::{PatchSample, Patches};
+use crate::patches::PatchSample;
 use crate::photometry::PhotometricProfile;
 use crate::prepared::PreparedScene;
 use crate::scene::{PunctualKind, PunctualLight};
@@ -127,26 +128,18 @@ impl PreparedLamps {
     /// What the lamps send straight to a place on a surface, past everything in the way: illuminance per channel in lux.
     /// The same for the same question.
     pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3) -> Vec3 {
-        self.arriving(scene, &Place::new(scene, position, normal), |_| 1.0)
+        let place = Place::new(scene, position, normal);
+        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place, |_| 1.0)).sum()
     }
 
     /// The same on a point of a patch, light of each direction by what its surface makes of it.
     pub fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
-        self.arriving(scene, &Place::new(scene, sample.position, sample.normal), |cos| sample.response(cos))
-    }
-
-    /// One RGB coefficient per column of patches, see [`Patches::coefficients`].
-    pub fn light_on_patches(&self, scene: &PreparedScene, patches: &Patches) -> Vec<[f32; 3]> {
-        patches.coefficients(&|at| self.light_on(scene, at))
-    }
-
-    fn arriving(&self, scene: &PreparedScene, place: &Place, response: impl Fn(f32) -> f32) -> Vec3 {
-        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, place, &response)).sum()
+        self.lamps.iter().map(|lamp| lamp.light_on(scene, sample)).sum()
     }
 }
 
 /// How far a place lifts itself off its surface, which it does not know, relative to its coordinates within the scene and in meters.
-const LEAVING: f32 = 1e-5;
+pub(super) const LEAVING: f32 = 1e-5;
 
 /// A place that asks for light.
 struct Place {
@@ -168,6 +161,12 @@ impl Place {
 }
 
 impl PreparedLamp {
+    /// See [`PreparedLamps::light_on`].
+    pub(super) fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
+        let place = Place::new(scene, sample.position, sample.normal);
+        self.emission * self.arriving(scene, &place, |cos| sample.response(cos))
+    }
+
     /// Illuminance at emission 1, light of each direction times a response to its cosine.
     fn arriving(&self, scene: &PreparedScene, place: &Place, response: impl Fn(f32) -> f32) -> Vec3 {
         let &Place { position, normal, origin, far } = place;
@@ -241,7 +240,8 @@ fn prepare(
                 intensity: 1.0,
                 radius_rad: 0.0,
             };
-            Form::Point { light, profile }
+            let spread = (lumen_per_candela(kind, profile.as_deref()) / PI).sqrt().min(1.0) as f32;
+            Form::Point { light, profile, spread }
         }
     };
     let shines = emission != Vec3::ZERO;

@@ -1,6 +1,7 @@
 //! Laws of light transport, on scenes small enough for their answer to be known by hand or by brute force.
 
 mod caustics;
+mod close;
 mod columns;
 mod cutoffs;
 mod deadline;

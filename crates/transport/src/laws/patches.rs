@@ -27,7 +27,7 @@ use crate::scene::Material;
 use crate::trace::{TraceConfig, trace};
 use crate::visible::{VisibleConfig, VisiblePoints};
 
-const FILM: Film = Film { width: 32, height: 24 };
+pub(super) const FILM: Film = Film { width: 32, height: 24 };
 const HALF: Vec3 = Vec3::new(2.0, 1.2, 1.5);
 
 fn camera() -> Camera {
@@ -35,12 +35,12 @@ fn camera() -> Camera {
 }
 
 /// A closed room of one albedo; its own lamp shines in a corner.
-fn furnace(albedo: f32) -> Stage {
+pub(super) fn furnace(albedo: f32) -> Stage {
     Stage::new(camera()).surface("walls", &room(HALF), lambert(albedo, 0.0)).lamp("own", Vec3::new(1.5, 1.0, -1.2), 1.0)
 }
 
 /// A room with a red wall, a table, and a glossy plate.
-fn furnished() -> Stage {
+pub(super) fn furnished() -> Stage {
     let red = Material { base_color: Vec3::new(0.8, 0.1, 0.05).extend(1.0), ..lambert(0.5, 0.0) };
     let glossy = Material { base_color: Vec3::new(0.8, 0.7, 0.6).extend(1.0), roughness: 0.4, ..Material::default() };
     furnace(0.6)
@@ -56,7 +56,7 @@ fn job(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> BakeJob {
     BakeJob { scene: scene.clone(), camera: scene.scene.cameras[0].clone(), film: FILM, config, passes, irradiance }
 }
 
-fn baked(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> Bake {
+pub(super) fn baked(scene: &Arc<PreparedScene>, spp: u32, patches: u32) -> Bake {
     job(scene, spp, patches).run(|_| ControlFlow::Continue(())).expect("the job is valid").expect("nobody stops it")
 }
 

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 
 use super::cluster::{Met, cluster};
 use super::exchange::{Exchange, Row};
+use super::layout::Layout;
 use super::modes::Modes;
 use super::nearest::Nearest;
 use super::response::grazing;
 use super::trials::{Trial, irradiance};
-use super::{Body, Patches};
+use super::{Body, PatchSample, Patches};
 use crate::bake::focus::Focus;
 use crate::camera::{Camera, Film};
 use crate::light::luminance;
@@ -26,7 +27,7 @@ pub(crate) struct Table {
     pub n_columns: usize,
     /// See [`Request::narrow_alpha`].
     pub narrow_alpha: f32,
-    pub(super) nearest: Nearest,
+    pub(super) nearest: Arc<Nearest>,
     /// Patches × columns: irradiance straight from lamps.
     pub straight: Vec<f32>,
     /// Patches × channels × columns: all irradiance.
@@ -61,6 +62,8 @@ const PIXEL_SPLITS: u32 = 8;
 const REACH: f32 = 0.1;
 /// Share of that distance within which a lamp's light grows no more.
 const NEAR: f32 = 0.03;
+/// Least radius of a patch in distances to those around it; where patches are even it is half a distance.
+const LEAST_SPACING: f32 = 0.25;
 /// Streams of random numbers that nobody else uses.
 const SCOUT_STREAM: u64 = 10 << 58;
 const EXCHANGE_STREAM: u64 = 11 << 58;
@@ -91,8 +94,10 @@ pub(crate) fn learn(
     let low = met.iter().fold(Vec3::INFINITY, |low, met| low.min(met.position));
     let high = met.iter().fold(Vec3::NEG_INFINITY, |high, met| high.max(met.position));
     let reach_m = REACH * (high - low).length().max(f32::MIN_POSITIVE);
-    let (centers, samples, first) = cluster(&met, request.n_patches as usize, reach_m);
-    let nearest = Nearest::new(centers, reach_m);
+    let (centers, mut samples, first) = cluster(&met, request.n_patches as usize, reach_m);
+    let nearest = Arc::new(Nearest::new(centers, reach_m));
+    widen((&mut samples, &first), &nearest);
+    let layout = Layout::measured(scene, nearest.clone(), (&samples, &first));
     let origins: Vec<Vec<(Vec3, Vec3)>> = first
         .windows(2)
         .map(|w| samples[w[0] as usize..w[1] as usize].iter().map(|s| (s.position, s.normal)).collect())
@@ -118,7 +123,7 @@ pub(crate) fn learn(
         all: modes.all(&exchange),
         straight: modes.mixtures,
     };
-    let body = Body { samples, first, shares: modes.shares, table: Some(table) };
+    let body = Body { samples, first, shares: modes.shares, layout: Some(layout), table: Some(table) };
     Some(Patches {
         n_patches: body.first.len() as u32 - 1,
         n_samples: body.samples.len() as u32,
@@ -126,8 +131,20 @@ pub(crate) fn learn(
         held_out_error: modes.held_out_error,
         narrow_alpha,
         knows_grazing: true,
+        reach_m,
         body: Arc::new(body),
     })
+}
+
+/// Patches of few points are smaller by these than what they stand for.
+fn widen((samples, first): (&mut [PatchSample], &[u32]), nearest: &Nearest) {
+    for (patch, w) in first.windows(2).enumerate() {
+        let (own, spacing_m) = (&mut samples[w[0] as usize..w[1] as usize], nearest.spacing_m(patch));
+        let least_m = LEAST_SPACING * spacing_m / (own.len() as f32).sqrt();
+        if least_m.is_finite() {
+            own.iter_mut().for_each(|sample| sample.radius_m = sample.radius_m.max(least_m));
+        }
+    }
 }
 
 /// Follows walks of the camera beyond the first surface.

@@ -6,15 +6,22 @@ use glam::Vec3;
 pub(super) const SHARING: usize = 4;
 
 /// Middle of a patch.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Center {
     pub position: Vec3,
     /// Unit normal.
     pub normal: Vec3,
 }
 
+impl Center {
+    /// How far a place is above its plane, m.
+    pub fn height(&self, place: Vec3) -> f32 {
+        (place - self.position).dot(self.normal)
+    }
+}
+
 /// A k-d tree over the middles of patches. \[Bentley1975\]
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub(super) struct Nearest {
     centers: Vec<Center>,
     /// Patches in the order of the tree: the middle of each range splits it.
@@ -33,6 +40,7 @@ struct Found {
 }
 
 impl Nearest {
+    /// A right angle between normals counts as √2 times `reach_m`.
     pub fn new(centers: Vec<Center>, reach_m: f32) -> Nearest {
         let mut order: Vec<u32> = (0..centers.len() as u32).collect();
         let mut axes = vec![0; centers.len()];
@@ -42,20 +50,42 @@ impl Nearest {
 
     /// One of the patches around a point, drawn by `u` in 0…1 with a probability that changes smoothly with the point.
     pub fn draw(&self, position: Vec3, normal: Vec3, u: f32) -> Option<u32> {
-        let mut found = Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] };
-        self.search(0..self.order.len(), position, normal, &mut found);
-        // Weights fall to zero where another patch becomes the farthest.
-        let limit = found.squared[SHARING];
-        let weight = |squared: f32| if limit.is_finite() { (1.0 - squared / limit).max(0.0).powi(2) } else { 1.0 };
-        let weights: [f32; SHARING] = std::array::from_fn(|i| if i < found.n { weight(found.squared[i]) } else { 0.0 });
+        let (patches, weights) = self.weights(position, normal);
         let mut left = u * weights.iter().sum::<f32>();
-        for (&patch, weight) in found.patches.iter().zip(weights) {
+        for (patch, weight) in patches.into_iter().zip(weights) {
             left -= weight;
             if left < 0.0 {
                 return Some(patch);
             }
         }
-        (found.n > 0).then_some(found.patches[0])
+        (!self.order.is_empty()).then_some(patches[0])
+    }
+
+    /// The patches around a point, the nearest first, and the weights by which one of them is drawn.
+    pub fn weights(&self, position: Vec3, normal: Vec3) -> ([u32; SHARING], [f32; SHARING]) {
+        let found = self.found(position, normal);
+        // Weights fall to zero where another patch becomes the farthest.
+        let limit = found.squared[SHARING];
+        let weight = |squared: f32| if limit.is_finite() { (1.0 - squared / limit).max(0.0).powi(2) } else { 1.0 };
+        let weights = std::array::from_fn(|i| if i < found.n { weight(found.squared[i]) } else { 0.0 });
+        (std::array::from_fn(|i| found.patches[i]), weights)
+    }
+
+    /// Middles of the patches.
+    pub fn centers(&self) -> &[Center] {
+        &self.centers
+    }
+
+    /// Distance from the middle of a patch to the last of those around it that share its light; infinite where there are so few.
+    pub fn spacing_m(&self, patch: usize) -> f32 {
+        let Center { position, normal } = self.centers[patch];
+        self.found(position, normal).squared[SHARING].sqrt()
+    }
+
+    fn found(&self, position: Vec3, normal: Vec3) -> Found {
+        let mut found = Found { n: 0, patches: [0; SHARING + 1], squared: [f32::INFINITY; SHARING + 1] };
+        self.search(0..self.order.len(), position, normal, &mut found);
+        found
     }
 
     fn search(&self, range: std::ops::Range<usize>, position: Vec3, normal: Vec3, found: &mut Found) {

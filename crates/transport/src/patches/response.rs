@@ -21,7 +21,7 @@ fn rise(cos: f32) -> f32 {
     (1.0 - cos).clamp(0.0, 1.0).powi(5)
 }
 
-fn response(grazing: f32, cos: f32) -> f32 {
+pub(super) fn response(grazing: f32, cos: f32) -> f32 {
     1.0 + grazing * (rise(cos) - MEAN_RISE)
 }
 

@@ -1,0 +1,206 @@
+//! Laws of lamps close to surfaces: what they throw on patches is their light, no less and no more, and moves as they do.
+
+use std::sync::Arc;
+
+use clerestory_nystrom::BlockLowRank;
+use glam::Vec3;
+
+use super::patches::{FILM, baked, furnace, furnished};
+use super::stage::{Stage, lambert, room};
+use crate::bake::Bake;
+use crate::bake::focus::Focus;
+use crate::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
+use crate::light::LightSetting;
+use crate::patches::{NARROW_ALPHA, Patches, Request, learn};
+use crate::prepared::PreparedScene;
+use crate::sampler::uniform_hash;
+use crate::scene::Material;
+
+/// Flux of the lamps, lm.
+const FLUX: f32 = 100.0;
+const FLOOR: f32 = -1.2;
+/// Size of the bodies: radius, or half a side, m.
+const SIZE: f32 = 0.02;
+
+fn shapes() -> [LampShape; 5] {
+    [
+        LampShape::Point,
+        LampShape::Spot { inner_rad: 0.3, outer_rad: 0.6 },
+        LampShape::Sphere { radius_m: SIZE },
+        LampShape::Disk { radius_m: SIZE },
+        LampShape::Rectangle { size_m: [40.0 * SIZE, 2.0 * SIZE] },
+    ]
+}
+
+/// Lamps that look down.
+fn prepared(shape: &LampShape, position: Vec3) -> PreparedLamps {
+    let (setting, unit) = (LightSetting::default(), LampUnit::Lumen);
+    let (aim, shape) = (position - Vec3::Y, shape.clone());
+    let lamp = FreeLamp { key: "close".into(), shape, position, aim, strength: FLUX, unit, setting };
+    PreparedLamps::new(&[lamp], None).expect("a lamp that makes sense").0
+}
+
+fn learned(scene: &PreparedScene, n_patches: u32) -> Patches {
+    let request = Request { n_patches, bounces: None, seed: 5, narrow_alpha: NARROW_ALPHA };
+    learn(scene, &scene.scene.cameras[0], FILM, request, &Focus::default()).expect("the room has patches")
+}
+
+/// Irradiance of patches, and what it was before lamps threw light: all of it by samples.
+fn thrown(scene: &PreparedScene, patches: &Patches, lamps: &PreparedLamps) -> Vec<Vec3> {
+    lamps.irradiance_of_patches(scene, patches)
+}
+
+fn by_samples(scene: &PreparedScene, patches: &Patches, lamps: &PreparedLamps) -> Vec<Vec3> {
+    patches.irradiance(&|at| lamps.light_on(scene, at))
+}
+
+/// Share of the light that patches receive, by their areas, red.
+fn received(patches: &Patches, light: &[Vec3]) -> f32 {
+    let areas = patches.layout().expect("patches that were just learned").areas_m2();
+    light.iter().zip(areas).map(|(light, area)| light.x * area).sum::<f32>() / FLUX
+}
+
+fn range(values: impl Iterator<Item = f32> + Clone) -> (f32, f32) {
+    (values.clone().fold(f32::INFINITY, f32::min), values.fold(0.0, f32::max))
+}
+
+/// Places over the floor.
+fn feet(n: u64) -> impl Iterator<Item = Vec3> {
+    let at = |key: u64| 2.0 * uniform_hash(key) - 1.0;
+    (0..n).map(move |nth| Vec3::new(1.5 * at(2 * nth), FLOOR, 1.3 * at(2 * nth + 1)))
+}
+
+/// How far its middle is above the floor where the lowest point of the lamp is.
+fn raised(shape: &LampShape, height: f32) -> f32 {
+    if matches!(shape, LampShape::Sphere { .. }) { height + SIZE } else { height }
+}
+
+#[test]
+fn patches_of_a_closed_room_have_its_area() {
+    let patches = learned(&furnace(0.6).prepared(), 1024);
+    let area: f32 = patches.layout().expect("patches that were just learned").areas_m2().sum();
+    let whole = 2.0 * (4.0 * 2.4 + 4.0 * 3.0 + 2.4 * 3.0);
+    println!("{area} m², {whole} m²");
+    assert!((area / whole - 1.0).abs() < 0.05, "{area} m² of {whole}");
+}
+
+#[test]
+fn surfaces_receive_what_a_lamp_close_to_them_sends() {
+    let scene = furnace(0.6).prepared();
+    let patches = learned(&scene, 1024);
+    for shape in shapes() {
+        for height in [1e-3, 4e-3, 0.02, 0.1, 0.3, 0.6] {
+            // A point is no brighter than 1 cm away: half of its light goes down, less of which arrives.
+            let kept = (height / 0.01f32).min(1.0);
+            let all = match shape {
+                LampShape::Point => 0.5 * (1.0 + 2.0 * kept - kept * kept),
+                LampShape::Spot { .. } => kept * kept,
+                _ => 1.0,
+            };
+            let shares = feet(12).map(|foot| {
+                let lamps = prepared(&shape, foot + Vec3::Y * raised(&shape, height));
+                [thrown, by_samples].map(|light| received(&patches, &light(&scene, &patches, &lamps)) / all)
+            });
+            let shares: Vec<[f32; 2]> = shares.collect();
+            let [now, before] = [0, 1].map(|way| range(shares.iter().map(|share| share[way])));
+            println!("{shape:?} at {height} m: {now:.3?} of the light; by samples {before:.3?}");
+            // Near the rim of a beam at 1 mm light goes farther, and less is lost.
+            let most = if matches!(shape, LampShape::Spot { .. }) && kept < 1.0 { 1.25 } else { 1.05 };
+            assert!(now.0 > 0.95 && now.1 < most, "{shape:?} at {height} m: {now:.3?} of the light");
+        }
+    }
+}
+
+#[test]
+fn a_lamp_on_a_sample_is_no_flash() {
+    let scene = furnished().prepared();
+    let patches = learned(&scene, 512);
+    for shape in shapes() {
+        let most = |heights: &[f32]| {
+            let samples = patches.samples().iter().step_by(41);
+            let places = samples.flat_map(|at| heights.iter().map(|h| at.position + at.normal * *h));
+            let shares = places.map(|place| {
+                let lamps = prepared(&shape, place);
+                [thrown, by_samples].map(|light| received(&patches, &light(&scene, &patches, &lamps)))
+            });
+            shares.fold([0.0f32; 2], |most, share| [0, 1].map(|way| most[way].max(share[way])))
+        };
+        let (beside, within) = (most(&[-0.5 * SIZE, 1e-3, 0.7 * SIZE]), most(&[0.0, 1e-6]));
+        println!("{shape:?}: {beside:.3?} of the light; in a surface {within:.3?}");
+        assert!(beside[0] < 1.06, "{shape:?}: {beside:.3?} of the light");
+        // What lies in a surface lights both of its sides: rays from elsewhere end a little before it.
+        assert!(within[0] < 2.06, "{shape:?}: {within:.3?} of the light");
+    }
+}
+
+/// The picture of a lamp by way of patches.
+fn picture(bake: &Bake, light: &[Vec3]) -> Vec<f32> {
+    let patches = bake.header.patches.as_ref().expect("patches");
+    let red: Vec<f32> = patches.coefficients_of(light).iter().map(|rgb| rgb[0]).collect();
+    let group: &BlockLowRank = bake.groups.last().expect("a group of patches");
+    group.apply(&red)
+}
+
+fn size(picture: &[f32]) -> f64 {
+    picture.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt()
+}
+
+/// The largest change from one picture of a lamp to the next, and behind which of them.
+fn jump(frames: &[Vec<f32>]) -> (f64, usize) {
+    let change = |w: &[Vec<f32>]| size(&w[0].iter().zip(&w[1]).map(|(a, b)| a - b).collect::<Vec<_>>());
+    let changes = frames.windows(2).map(change).enumerate();
+    changes.fold((0.0, 0), |most, (nth, change)| if change > most.0 { (change, nth) } else { most })
+}
+
+#[test]
+fn while_a_lamp_moves_close_to_a_floor_the_picture_does_not_jump() {
+    let scene = Arc::new(furnished().prepared());
+    let bake = baked(&scene, 16, 512);
+    let patches = bake.header.patches.as_ref().expect("patches");
+    for shape in shapes() {
+        let typical = size(&picture(&bake, &thrown(&scene, patches, &prepared(&shape, Vec3::new(0.3, 0.7, 0.2)))));
+        let [now, before] = [thrown, by_samples].map(|light| {
+            let frame = |step_m: f32| {
+                let place = Vec3::new(-1.5 + step_m, FLOOR + raised(&shape, 0.02), 0.9);
+                picture(&bake, &light(&scene, patches, &prepared(&shape, place)))
+            };
+            let frames: Vec<Vec<f32>> = (0..128).map(|nth| frame(5e-3 * nth as f32)).collect();
+            let (coarse, at) = jump(&frames);
+            // A jump stays as large as it is where its step is divided.
+            let divided: Vec<Vec<f32>> = (0..=5).map(|nth| frame(5e-3 * at as f32 + 1e-3 * nth as f32)).collect();
+            [coarse, jump(&divided).0].map(|change| change / typical)
+        });
+        println!("{shape:?}: changes of {now:.3?} of the light in 5 mm and in 1 mm; by samples {before:.3?}");
+        assert!(now[0] < 0.15 && now[1] < 0.05, "{shape:?}: changes of {now:.3?} of the light");
+    }
+}
+
+/// A room with a wall of 20 cm in its middle, closed all around.
+fn walled() -> Stage {
+    let wall: Vec<Vec3> = room(Vec3::new(0.1, 0.8, 1.0)).into_iter().map(|corner| corner - Vec3::Y * 0.2).collect();
+    furnace(0.6).surface("wall", &wall, Material { double_sided: true, ..lambert(0.6, 0.0) })
+}
+
+#[test]
+fn a_lamp_that_is_pushed_through_a_wall_is_dark_within_and_no_flash_before_and_behind() {
+    let scene = walled().prepared();
+    let patches = learned(&scene, 512);
+    for shape in shapes() {
+        // Plates fit into the wall, and look along it.
+        let shape =
+            if let LampShape::Rectangle { .. } = shape { LampShape::Rectangle { size_m: [0.1; 2] } } else { shape };
+        let steps = (-60..=60).map(|step| 5e-3 * step as f32);
+        let shares: Vec<(f32, f32)> = steps
+            .map(|x| {
+                let lamps = prepared(&shape, Vec3::new(x, 0.03, 0.11));
+                (x, received(&patches, &thrown(&scene, &patches, &lamps)))
+            })
+            .collect();
+        let most = shares.iter().map(|(_, share)| *share).fold(0.0, f32::max);
+        let within = shares.iter().filter(|(x, _)| x.abs() < 0.04).map(|(_, share)| *share).fold(0.0, f32::max);
+        let jump = shares.windows(2).map(|w| (w[0].1 - w[1].1).abs()).fold(0.0, f32::max);
+        println!("{shape:?}: {most:.3} at most, {within:.4} within, jumps of {jump:.3}");
+        assert!(most < 1.06 && within < 0.01, "{shape:?}: {most:.3} at most, {within:.4} within");
+        assert!(jump < 0.6, "{shape:?}: jumps of {jump:.3}");
+    }
+}
