@@ -151,15 +151,22 @@ fn the_theme_that_was_chosen_is_there_at_the_next_start() {
     assert_eq!(opened(kept).1, ThemePreference::Light);
 }
 
+/// The room, opened by a user whose folder is named.
+fn room_of(home: &Path) -> Window {
+    open_with(Source::Bytes { name: "room.gltf".into(), bytes: room() }, quick(), Some(home))
+}
+
+/// The same, once it is there.
+fn ready_of(home: &Path) -> Window {
+    let mut window = room_of(home);
+    wait(&mut window, |app| app.session().stage == Stage::Ready);
+    window
+}
+
 #[test]
 fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
     let home = tempfile::tempdir().unwrap();
-    let open = || {
-        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_with(source, quick(), Some(home.path()));
-        wait(&mut window, |app| app.session().stage == Stage::Ready);
-        window
-    };
+    let open = || ready_of(home.path());
     let mut window = open();
     assert!(window.query_by_label("Recover").is_none());
     click(&mut window, "Mute lamp");
@@ -190,12 +197,7 @@ fn unsaved_lights_are_offered_after_the_editor_ended_without_asking() {
 #[test]
 fn what_a_second_window_left_is_offered_once_that_of_the_first_is_saved() {
     let home = tempfile::tempdir().unwrap();
-    let open = || {
-        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_with(source, quick(), Some(home.path()));
-        wait(&mut window, |app| app.session().stage == Stage::Ready);
-        window
-    };
+    let open = || ready_of(home.path());
     let (mut first, mut second) = (open(), open());
     click(&mut first, "Mute lamp");
     wait(&mut first, |_| home.path().join("unsaved/0.json").exists());
@@ -218,10 +220,7 @@ fn what_a_second_window_left_is_offered_once_that_of_the_first_is_saved() {
 #[test]
 fn two_editors_on_one_scene_keep_their_work_apart() {
     let home = tempfile::tempdir().unwrap();
-    let open = || {
-        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        open_with(source, quick(), Some(home.path()))
-    };
+    let open = || room_of(home.path());
     let is_baked = |app: &App| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled();
     // Both bake the same at the same time, into one cache.
     let (mut first, mut second) = (open(), open());
@@ -257,8 +256,7 @@ fn two_editors_on_one_scene_keep_their_work_apart() {
 fn a_finished_bake_is_found_again() {
     let home = tempfile::tempdir().unwrap();
     let open = || {
-        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_with(source, quick(), Some(home.path()));
+        let mut window = room_of(home.path());
         wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
         window
     };
@@ -681,12 +679,7 @@ fn a_question_mark_lists_the_keys_on_any_keyboard_and_types_itself_into_a_field(
 #[test]
 fn the_keys_are_listed_over_a_question_and_closing_them_leaves_it() {
     let home = tempfile::tempdir().unwrap();
-    let open = || {
-        let source = Source::Bytes { name: "room.gltf".into(), bytes: room() };
-        let mut window = open_with(source, quick(), Some(home.path()));
-        wait(&mut window, |app| app.session().stage == Stage::Ready);
-        window
-    };
+    let open = || ready_of(home.path());
     let mut window = open();
     click(&mut window, "Mute lamp");
     wait(&mut window, |_| home.path().join("unsaved/0.json").exists());

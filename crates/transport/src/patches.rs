@@ -165,16 +165,15 @@ impl Patches {
     /// One RGB coefficient per column, given the irradiance of each patch.
     pub(crate) fn coefficients_of(&self, of_patches: &[Vec3]) -> Vec<[f32; 3]> {
         let n_columns = self.n_columns().max(1);
-        let lit: Vec<(&[f32], Vec3)> =
-            self.body.shares.chunks_exact(n_columns).zip(of_patches.iter().copied()).collect();
-        let lit: Vec<_> = lit.into_iter().filter(|(_, light)| *light != Vec3::ZERO).collect();
+        let patches = self.body.shares.chunks_exact(n_columns).zip(of_patches);
+        let lit: Vec<_> = patches.filter(|(_, light)| **light != Vec3::ZERO).collect();
         let mut coefficients = vec![[0.0f32; 3]; self.n_columns()];
         // Each column is summed by one thread, patch by patch: the same on any number of them.
         coefficients.par_chunks_mut(COLUMNS_AT_ONCE).enumerate().for_each(|(nth, chunk)| {
             let from = nth * COLUMNS_AT_ONCE;
-            for (shares, light) in &lit {
+            for &(shares, &light) in &lit {
                 for (c, share) in chunk.iter_mut().zip(&shares[from..]) {
-                    *c = (Vec3::from(*c) + *light * *share).to_array();
+                    *c = (Vec3::from(*c) + light * *share).to_array();
                 }
             }
         });
@@ -215,10 +214,9 @@ fn patch_irradiance(samples: &[PatchSample], irradiance: &(dyn Fn(&PatchSample) 
     let total: Vec3 = lights.iter().sum();
     let mut mean = total;
     for (sample, light) in samples.iter().zip(lights) {
-        let [from, to] = ALONE;
-        let t = ((light.element_sum() / total.element_sum() - from) / (to - from)).clamp(0.0, 1.0);
+        let alone = layout::smoothly(ALONE, light.element_sum() / total.element_sum());
         // Without any light there is no share of it.
-        if !(t > 0.0 && sample.radius_m > 0.0) {
+        if !(alone > 0.0 && sample.radius_m > 0.0) {
             continue;
         }
         let (tangent, bitangent) = sample.normal.any_orthonormal_pair();
@@ -229,7 +227,7 @@ fn patch_irradiance(samples: &[PatchSample], irradiance: &(dyn Fn(&PatchSample) 
             ask(&PatchSample { position, ..*sample })
         };
         let closer = (0..POINTS).map(point).sum::<Vec3>() * (sample.weight / POINTS as f32);
-        mean += (closer - light) * (t * t * (3.0 - 2.0 * t));
+        mean += (closer - light) * alone;
     }
     mean
 }

@@ -206,14 +206,15 @@ impl PreparedScene {
         hidden::may_hide(scene)
     }
 
-    /// Nearest surface along a ray as [`PreparedScene::closest`] has it, but for clear panes.
-    pub(crate) fn closest_behind_panes(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
-        let mut ray = *ray;
+    /// Nearest surface along a ray as [`PreparedScene::closest`] has it, but for clear panes, and what these let through.
+    pub(crate) fn closest_behind_panes(&self, ray: &Ray, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
+        let (mut ray, mut passed) = (*ray, Vec3::ONE);
         loop {
             let hit = self.closest(&ray, sampler)?;
             if !self.is_clear_pane(hit.triangle) {
-                return Some(hit);
+                return Some((hit, passed));
             }
+            passed *= self.bsdf(&hit, -ray.direction).straight_through();
             ray.t_min = next_after(hit.t);
         }
     }

@@ -4,7 +4,7 @@ use eframe::egui::{Context, ViewportCommand};
 
 use super::App;
 use crate::action::{Action, FileTask};
-use crate::panels::dialogs::{LossAnswer, frames_ui, stack_ui};
+use crate::panels::dialogs::{UnsavedAnswer, frames_ui, stack_ui};
 
 /// What would be lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,16 +74,16 @@ impl App {
         let answer = match self.loss(&action) {
             Some(Loss::Frames(n_written, n)) => frames_ui(ctx, n_written, n),
             Some(Loss::Stack) => stack_ui(ctx),
-            None => Some(LossAnswer::Lose),
+            None => Some(UnsavedAnswer::Discard),
         };
         match answer {
             None => {}
-            Some(LossAnswer::Stay) => self.stay(),
-            Some(LossAnswer::Save) => {
+            Some(UnsavedAnswer::Stay) => self.stay(),
+            Some(UnsavedAnswer::Save) => {
                 self.stay();
                 self.ask(FileTask::SaveBake);
             }
-            Some(LossAnswer::Lose) => {
+            Some(UnsavedAnswer::Discard) => {
                 self.losing = Losing { waiting: None, accepted: Some(action.clone()) };
                 // Whether the look is to be saved is asked next.
                 match action {

@@ -198,7 +198,7 @@ impl FileQuestion {
     }
 }
 
-/// What a person wants done with a look that was not saved.
+/// What a person wants done with work that would be lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnsavedAnswer {
     /// Save it first.
@@ -220,32 +220,24 @@ pub fn unsaved_ui(ctx: &Context) -> Option<UnsavedAnswer> {
     answers.ui(ctx, "Save the look?", words)
 }
 
-/// What a person wants done with other work that would be lost.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LossAnswer {
-    /// Save it; nothing else is done.
-    Save,
-    /// Lose it.
-    Lose,
-    /// Go back.
-    Stay,
-}
-
 /// Asks before frames of a timeline are given up that are still to be written.
-pub fn frames_ui(ctx: &Context, n_written: u32, n_frames: u32) -> Option<LossAnswer> {
+pub fn frames_ui(ctx: &Context, n_written: u32, n_frames: u32) -> Option<UnsavedAnswer> {
     let words = format!("{n_written} of {n_frames} frames are written; those stay, the rest does not come");
-    let answers =
-        Answers { best: ("Go on writing", LossAnswer::Stay), back: None, lose: ("Stop and close", LossAnswer::Lose) };
+    let answers = Answers {
+        best: ("Go on writing", UnsavedAnswer::Stay),
+        back: None,
+        lose: ("Stop and close", UnsavedAnswer::Discard),
+    };
     answers.ui(ctx, "Stop writing frames?", &words)
 }
 
 /// Asks before the bake of pictures is lost.
-pub fn stack_ui(ctx: &Context) -> Option<LossAnswer> {
+pub fn stack_ui(ctx: &Context) -> Option<UnsavedAnswer> {
     let words = "It is made of pictures, and in no file yet; it would have to be made again";
     let answers = Answers {
-        best: ("Save bake…", LossAnswer::Save),
-        back: Some(("Cancel", LossAnswer::Stay)),
-        lose: ("Discard", LossAnswer::Lose),
+        best: ("Save bake…", UnsavedAnswer::Save),
+        back: Some(("Cancel", UnsavedAnswer::Stay)),
+        lose: ("Discard", UnsavedAnswer::Discard),
     };
     answers.ui(ctx, "Save the bake?", words)
 }

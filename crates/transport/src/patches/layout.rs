@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::nearest::{Center, Nearest, SHARING};
 use super::{GOLDEN_ANGLE, PatchSample};
 use crate::bvh::Ray;
-use crate::prepared::{PreparedScene, SurfaceHit, next_after};
+use crate::prepared::{PreparedScene, SurfaceHit};
 use crate::sampler::Sampler;
 
 /// Light that leaves a lamp along a ray.
@@ -63,7 +63,7 @@ const AREA_STREAM: u64 = 16 << 58;
 const BEAM_STREAM: u64 = AREA_STREAM + (1 << 57);
 
 /// 0 up to the first bound, 1 from the second, smooth in between.
-fn smoothly([from, to]: [f32; 2], x: f32) -> f32 {
+pub(super) fn smoothly([from, to]: [f32; 2], x: f32) -> f32 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
@@ -135,7 +135,7 @@ impl Layout {
     ) {
         let land = |(nth, beam): (usize, &Beam)| {
             let ray = Ray { origin: beam.origin, direction: beam.direction, t_min: 0.0, t_max: f32::INFINITY };
-            let (hit, passed) = first_broad(scene, ray, &mut Sampler::new(0, BEAM_STREAM, nth as u32))?;
+            let (hit, passed) = first_broad(scene, &ray, &mut Sampler::new(0, BEAM_STREAM, nth as u32))?;
             let normal = scene.smooth_normal(&hit, beam.direction);
             // Nothing dims the light of a body: its least distance is zero.
             let dimmed = (hit.t / beam.least_m).min(1.0).powi(2);
@@ -216,7 +216,7 @@ impl Layout {
                 return 0.0;
             }
             let ray = Ray { origin: eye, direction, t_min: 0.0, t_max: f32::INFINITY };
-            let Some((hit, _)) = first_broad(scene, ray, sampler) else { return 0.0 };
+            let Some((hit, _)) = first_broad(scene, &ray, sampler) else { return 0.0 };
             let normal = scene.smooth_normal(&hit, direction);
             let shares = self.around(hit.position, normal);
             let share = shares.iter().find(|(other, _)| *other == patch).map_or(0.0, |(_, share)| *share);
@@ -230,18 +230,8 @@ impl Layout {
 
 /// The first surface along a ray that scatters broadly, and what of the light passes clear panes before it; `None` where light
 /// ends elsewhere.
-fn first_broad(scene: &PreparedScene, mut ray: Ray, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
-    let mut passed = Vec3::ONE;
-    loop {
-        let hit = scene.closest(&ray, sampler)?;
-        let bsdf = scene.bsdf(&hit, -ray.direction);
-        if !scene.material(hit.triangle).is_clear_pane() {
-            return bsdf.has_smooth_lobes().then_some((hit, passed));
-        }
-        passed *= bsdf.straight_through();
-        if passed == Vec3::ZERO {
-            return None;
-        }
-        ray.t_min = next_after(hit.t);
-    }
+fn first_broad(scene: &PreparedScene, ray: &Ray, sampler: &mut Sampler) -> Option<(SurfaceHit, Vec3)> {
+    let (hit, passed) = scene.closest_behind_panes(ray, sampler)?;
+    let is_broad = scene.bsdf(&hit, -ray.direction).has_smooth_lobes();
+    (is_broad && passed != Vec3::ZERO).then_some((hit, passed))
 }

@@ -103,7 +103,7 @@ fn missing(scene: &PreparedScene, light: &PunctualLight) -> Missing {
     let (mut missing, mut all) = (Missing::default(), 0.0);
     for nth in 0..DIRECTIONS {
         let Some((ray, intensity)) = ray_of(scene, light, nth) else { continue };
-        let met = scene.closest_behind_panes(&ray, &mut Sampler::new(0, u64::from(nth), 0));
+        let met = scene.closest_behind_panes(&ray, &mut Sampler::new(0, u64::from(nth), 0)).map(|(hit, _)| hit);
         // Of light from far away only what meets the scene counts.
         all += if met.is_some() || is_near(light) { intensity } else { 0.0 };
         let Some(hit) = met else { continue };
