@@ -3,6 +3,7 @@
 use bytemuck::Pod;
 
 use super::buffers::{self, check_storage, storage, uniform, working};
+use super::clock::Stamps;
 use super::stages::{bind, pipeline};
 use crate::gpu::Gpu;
 use crate::layout::{LAMPLIGHT, LampRecord};
@@ -33,6 +34,8 @@ pub struct Lamplight {
     blocks: wgpu::Buffer,
     coats: wgpu::Buffer,
     sheer: Option<u32>,
+    /// Of the last pass, where the device takes time.
+    stamps: Option<Stamps>,
 }
 
 /// What the pixels see in one of their samples, on the device.
@@ -64,7 +67,8 @@ impl Lamplight {
             let blocks = filled(gpu, "the triangles of the scene", tree.blocks)?;
             let coats = filled(gpu, "the table of coats", tree.coats)?;
             let (name, source) = LAMPLIGHT;
-            Ok(Self { gpu: gpu.clone(), stage: pipeline(gpu, name, source), nodes, blocks, coats, sheer: tree.sheer })
+            let (stage, stamps) = (pipeline(gpu, name, source), Stamps::new(gpu, 1));
+            Ok(Self { gpu: gpu.clone(), stage, nodes, blocks, coats, sheer: tree.sheer, stamps })
         })
     }
 
@@ -114,14 +118,26 @@ impl Lamplight {
         let copy = |encoder: &mut wgpu::CommandEncoder, buffer: &wgpu::Buffer| {
             gpu.queue.write_buffer(&sample.lamp, 0, bytemuck::bytes_of(&record));
             gpu.queue.write_buffer(&sample.shifts, 0, bytemuck::cast_slice(shifts));
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            let timestamp_writes = self.stamps.as_ref().map(|stamps| stamps.around(0));
+            let mut pass =
+                encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
             pass.set_pipeline(&self.stage);
             pass.set_bind_group(0, &sample.bindings, &[]);
             pass.dispatch_workgroups(width.div_ceil(SIDE), height.div_ceil(SIDE), 1);
             drop(pass);
+            self.stamps.iter().for_each(|stamps| stamps.resolve(encoder, 1));
             encoder.copy_buffer_to_buffer(&sample.lit, 0, buffer, 0, n_bytes);
         };
         gpu.guarded(|| gpu.read_through(&sample.seen, copy, |bytes| look(bytemuck::cast_slice(bytes))))
+    }
+
+    /// Seconds that the kernel took on the device when lamps were looked at last, by the device's own clock; `None` where it has none.
+    ///
+    /// # Errors
+    /// [`RelightError::Device`] where the device fails.
+    pub fn kernel_secs(&self) -> Result<Option<f64>, RelightError> {
+        let Some(stamps) = &self.stamps else { return Ok(None) };
+        Ok(stamps.spans(&self.gpu, 1)?.first().copied())
     }
 
     /// The device.

@@ -46,8 +46,8 @@ pub fn write(desk: &Desk) -> Result<String> {
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
          all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; the threads that do it go on to refine\n\
          the lamp's light as they do there. Goals: {} ms on the CPU, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians. Shadow rays that nothing needs\n\
-         are not cast. `device` is the direct light by a kernel on the graphics device, the way back to memory and what it leaves to the CPU included; none where light\n\
-         comes through solid panes.\n\
+         are not cast. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it; none where\n\
+         light comes through solid panes.\n\
          {device} {}\n\n{table}",
         GOALS_MS[0],
         GOALS_MS[1],
@@ -60,8 +60,8 @@ pub fn write(desk: &Desk) -> Result<String> {
 /// # Errors
 /// As [`write()`].
 pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
-    let mut text = "| scene | lamp | whole, CPU | whole, with the device | direct | shadow rays | rays a second | patches | device | left to the CPU |\n\
-        |---|---|---|---|---|---|---|---|---|---|\n"
+    let mut text = "| scene | lamp | whole, CPU | whole, with the device | direct | shadow rays | rays a second | patches | kernel | back | device | left to the CPU |\n\
+        |---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .to_string();
     for case in cases(desk) {
         desk.say(&format!("steps in {}", case.name));
@@ -89,7 +89,7 @@ fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake
             let goal_ms = (!gpu.is_software()).then_some(GOALS_MS[1]);
             whole_cells(Window::new(bake, scene, camera, Some(gpu))?, &moved, goal_ms)
         })?;
-        let (mut direct_ms, mut patch_ms, mut device_ms, mut n_rays, mut n_left) = (vec![], vec![], vec![], 0, 0);
+        let (mut direct_ms, mut patch_ms, mut device_steps, mut n_rays) = (vec![], vec![], vec![], 0);
         for nth in 0..STEPS {
             let lamps = PreparedLamps::new(&[moved(nth)], None)?.0;
             let before = points.n_rays();
@@ -97,15 +97,11 @@ fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake
             n_rays = points.n_rays() - before;
             patch_ms.push(timed_ms(|| lamps.light_on_patches(scene, patches)));
             if let Some(device) = &device {
-                let begun = Instant::now();
-                n_left = device.step(scene, &points, &lamps)?;
-                device_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+                device_steps.push(device.step(scene, &points, &lamps)?);
             }
         }
         let [direct, of_patches] = [direct_ms, patch_ms].map(|times| median(&times).unwrap_or(f64::NAN));
-        let on_device = median(&device_ms).map_or("— | —".to_string(), |ms| {
-            format!("{ms:.0} ms | {:.1} %", 100.0 * n_left as f64 / STEP.n_pixels() as f64)
-        });
+        let on_device = device_cells(&device_steps);
         rows += &format!(
             "| {name} | {} | {whole} | {with_device} | {direct:.0} ms | {n_rays} | {:.1} M | {of_patches:.0} ms | {on_device} |\n",
             shape.name(),
@@ -118,6 +114,10 @@ fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake
 fn timed_ms<T>(work: impl FnOnce() -> T) -> f64 {
     let begun = Instant::now();
     std::hint::black_box(work());
+    ms_since(begun)
+}
+
+fn ms_since(begun: Instant) -> f64 {
     begun.elapsed().as_secs_f64() * 1e3
 }
 
@@ -148,13 +148,45 @@ impl Device {
         Ok(Some(Device { lamplight, sample }))
     }
 
-    /// A whole picture; returns the pixels that were left to the CPU.
-    fn step(&self, scene: &PreparedScene, points: &VisiblePoints, lamps: &PreparedLamps) -> Result<usize> {
+    /// A whole picture.
+    fn step(&self, scene: &PreparedScene, points: &VisiblePoints, lamps: &PreparedLamps) -> Result<DeviceStep> {
+        let begun = Instant::now();
         let lamp = lamps.words(scene).context("the device knows this lamp")?;
-        let completed = |found: &[[f32; 4]]| {
+        let look = |found: &[[f32; 4]]| {
+            let seen_ms = ms_since(begun);
             std::hint::black_box(points.completed(scene, lamps, 0, found, &|| false));
-            found.iter().filter(|rgb| rgb[3] != 0.0).count()
+            (seen_ms, ms_since(begun), found.iter().filter(|rgb| rgb[3] != 0.0).count())
         };
-        Ok(self.lamplight.light(&self.sample, &lamp, &points.shifts(0), completed)?)
+        let (seen_ms, whole_ms, n_left) = self.lamplight.light(&self.sample, &lamp, &points.shifts(0), look)?;
+        let kernel_ms = self.lamplight.kernel_secs()?.map(|secs| 1e3 * secs);
+        Ok(DeviceStep { kernel_ms, seen_ms, whole_ms, n_left })
     }
+}
+
+/// What a step takes on the device, until what is told of, ms.
+struct DeviceStep {
+    /// The kernel alone, by the device's clock.
+    kernel_ms: Option<f64>,
+    /// Its light can be read.
+    seen_ms: f64,
+    /// The CPU has done its part.
+    whole_ms: f64,
+    /// Pixels that were left to the CPU.
+    n_left: usize,
+}
+
+/// Medians of the steps on a device, if there were any.
+fn device_cells(steps: &[DeviceStep]) -> String {
+    let Some(last) = steps.last() else { return "— | — | — | —".into() };
+    let middle = |of: &dyn Fn(&DeviceStep) -> Option<f64>| {
+        let ms: Option<Vec<f64>> = steps.iter().map(of).collect();
+        ms.and_then(|ms| median(&ms)).map_or("—".to_string(), |ms| format!("{ms:.1} ms"))
+    };
+    format!(
+        "{} | {} | {} | {:.1} %",
+        middle(&|step| step.kernel_ms),
+        middle(&|step| Some(step.seen_ms)),
+        middle(&|step| Some(step.whole_ms)),
+        100.0 * last.n_left as f64 / STEP.n_pixels() as f64,
+    )
 }

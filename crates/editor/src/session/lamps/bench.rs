@@ -225,12 +225,16 @@ impl Bench {
     fn see(&mut self, idx: usize, view: &LampView, stop: &(dyn Fn() -> bool + Sync)) -> Option<()> {
         let (sample, round) = self.sample_of(self.lamps[idx].n_passes);
         self.look(sample, view, stop)?;
-        let pass = self.direct(idx, (sample, round), view, stop)?;
+        let lamp = self.lamps[idx].prepared.clone();
+        let lacking = view.patches.as_ref().filter(|_| self.lamps[idx].of_patches.is_none());
+        // The processor need not wait for a device.
+        let (pass, of_patches) = rayon::join(
+            || self.direct(&lamp, (sample, round), view, stop),
+            || lacking.map(|patches| Arc::new(lamp.light_on_patches(&view.scene, patches))),
+        );
         let lit = &mut self.lamps[idx];
-        add_pass(&mut lit.sum, pass);
-        if let (None, Some(patches)) = (&lit.of_patches, &view.patches) {
-            lit.of_patches = Some(Arc::new(lit.prepared.light_on_patches(&view.scene, patches)));
-        }
+        lit.of_patches = lit.of_patches.take().or(of_patches);
+        add_pass(&mut lit.sum, pass?);
         lit.n_passes += 1;
         Some(())
     }
@@ -238,12 +242,11 @@ impl Bench {
     /// Direct light of a lamp in a sample: by the device where it keeps that sample, else by the CPU; `None` when `stop` asked to.
     fn direct(
         &mut self,
-        idx: usize,
+        lamp: &PreparedLamps,
         (sample, round): (usize, u32),
         view: &LampView,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<Vec<[f32; 3]>> {
-        let lamp = &self.lamps[idx].prepared;
         if let (Some(device), Some(points)) = (&mut self.device, self.points.get(sample)) {
             match device.direct((sample, points), lamp, round, stop) {
                 Ok(Some(light)) => return Some(light),
