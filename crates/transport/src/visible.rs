@@ -62,13 +62,33 @@ struct Band {
     reach: Vec<f32>,
 }
 
+/// Whether somebody asked to stop: once he did, nobody goes on.
+struct Halt<'a> {
+    stop: &'a (dyn Fn() -> bool + Sync),
+    called: AtomicBool,
+}
+
+impl<'a> Halt<'a> {
+    fn new(stop: &'a (dyn Fn() -> bool + Sync)) -> Self {
+        Halt { stop, called: AtomicBool::new(false) }
+    }
+
+    /// Asks once more.
+    fn is_called(&self) -> bool {
+        if !self.called.load(Ordering::Relaxed) && (self.stop)() {
+            self.called.store(true, Ordering::Relaxed);
+        }
+        self.called.load(Ordering::Relaxed)
+    }
+}
+
 /// Rows of a band and side of a tile, pixels.
 const TILE: u32 = 16;
 /// Streams of random numbers that nobody else uses.
 const STREAM: u64 = 14 << 58;
 
 impl VisiblePoints {
-    /// Looks at every pixel; `None` when `stop` asked to.
+    /// Looks at every pixel; `None` when `stop` asked to, which is asked tile by tile.
     pub fn new(
         scene: &PreparedScene,
         camera: &Camera,
@@ -76,21 +96,15 @@ impl VisiblePoints {
         config: VisibleConfig,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<VisiblePoints> {
-        let (stopped, n_bands) = (AtomicBool::new(false), film.height.div_ceil(TILE));
-        let look = |sample: u32| -> Vec<Band> {
-            let band = |band: u32| {
-                if stopped.load(Ordering::Relaxed) || stop() {
-                    stopped.store(true, Ordering::Relaxed);
-                    return Band { found: Found::default(), tiles: Vec::new(), reach: Vec::new() };
-                }
-                Band::look(scene, (camera, film), config, config.first + sample, band)
-            };
-            (0..n_bands).into_par_iter().map(band).collect()
+        let (halt, n_bands) = (Halt::new(stop), film.height.div_ceil(TILE));
+        let look = |sample: u32| -> Option<Vec<Band>> {
+            let look = |band| Band::look(scene, (camera, film), config, (config.first + sample, band), &halt);
+            (0..n_bands).into_par_iter().map(look).collect()
         };
-        let bands: Vec<Vec<Band>> = (0..config.samples.max(1)).map(look).collect();
+        let bands: Vec<Vec<Band>> = (0..config.samples.max(1)).map(look).collect::<Option<_>>()?;
         let n_rays = bands.iter().flatten().map(|band| band.found.n_rays).sum::<u64>();
         let (camera, n_rays) = (camera.clone(), AtomicU64::new(n_rays));
-        (!stopped.into_inner()).then_some(VisiblePoints { camera, film, config, bands, n_rays })
+        Some(VisiblePoints { camera, film, config, bands, n_rays })
     }
 
     /// Memory of what is kept, bytes: more where mirrors, panes and narrow lobes show further surfaces.
@@ -126,21 +140,17 @@ impl VisiblePoints {
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<Vec<[f32; 3]>> {
         let (sample, round) = self.turn(pass);
-        let (stopped, rows) = (AtomicBool::new(false), TILE * self.film.width);
+        let (halt, rows) = (Halt::new(stop), TILE * self.film.width);
         let views = bodies::views(lamps, &self.camera, self.film);
         let bands = pixels.par_chunks_mut(rows as usize).zip(&self.bands[sample as usize]).enumerate();
         bands.for_each(|(nth, (pixels, band))| {
-            if stopped.load(Ordering::Relaxed) || stop() {
-                stopped.store(true, Ordering::Relaxed);
-                return;
-            }
             let shading = shade::Shading::new(scene, lamps);
             let key = (nth as u32 * rows, self.config.seed, [self.config.first + sample, round]);
-            let n_rays = shading.shade(band, key, &is_wanted, pixels);
+            let n_rays = shading.shade(band, key, (&is_wanted, &halt), pixels);
             self.n_rays.fetch_add(n_rays, Ordering::Relaxed);
             self.show_bodies(lamps, &views, (nth as u32, self.config.first + sample), band, pixels);
         });
-        (!stopped.into_inner()).then(|| pixels.into_iter().map(|rgb| rgb.to_array()).collect())
+        (!halt.called.into_inner()).then(|| pixels.into_iter().map(|rgb| rgb.to_array()).collect())
     }
 
     /// Sample and round of a pass.
@@ -159,13 +169,16 @@ impl Band {
         scene: &PreparedScene,
         (camera, film): (&Camera, Film),
         VisibleConfig { seed, narrow_alpha, .. }: VisibleConfig,
-        sample: u32,
-        band: u32,
-    ) -> Band {
+        (sample, band): (u32, u32),
+        halt: &Halt,
+    ) -> Option<Band> {
         let (top, bottom) = (band * TILE, ((band + 1) * TILE).min(film.height));
         let mut reach = vec![f32::INFINITY; (film.width * (bottom - top)) as usize];
         let (mut found, mut tiles) = (Found::default(), Vec::new());
         for left in (0..film.width).step_by(TILE as usize) {
+            if halt.is_called() {
+                return None;
+            }
             tiles.push(found.points.len() as u32);
             for [x, y] in in_tile().map(|[x, y]| [left + x, top + y]).filter(|[x, y]| *x < film.width && *y < bottom) {
                 let pixel = y * film.width + x;
@@ -181,7 +194,7 @@ impl Band {
         tiles.push(found.points.len() as u32);
         found.points.shrink_to_fit();
         found.shown = Vec::new();
-        Band { found, tiles, reach }
+        Some(Band { found, tiles, reach })
     }
 }
 

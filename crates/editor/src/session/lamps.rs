@@ -7,6 +7,7 @@ mod bench;
 mod device;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use clerestory_relight::{Gpu, Radiance};
 use clerestory_transport::camera::{Camera, Film};
@@ -141,6 +142,9 @@ enum Work {
 /// The worker; it ends when this is dropped. What is being done for an older order is given up.
 pub type LampWorker = Clerk<LampOrder, LampLight>;
 
+/// Time in which a lamp that was shown is expected to move on: all threads are left to the picture of it.
+const REST: Duration = Duration::from_millis(100);
+
 type LampMailbox = Mailbox<LampOrder, LampLight>;
 
 /// Starts the thread.
@@ -161,8 +165,18 @@ fn is_interrupted(mailbox: &LampMailbox, view: &Arc<LampView>, work: Work) -> bo
 
 fn work(mailbox: &LampMailbox) {
     let mut bench: Option<Bench> = None;
+    let (mut shown, mut rests) = (None, false);
     loop {
-        let idle = if bench.as_ref().is_some_and(|bench| !bench.is_done()) { Idle::GoOn } else { Idle::Sleep };
+        let idle = match &bench {
+            Some(bench) if !bench.is_done() => {
+                if rests {
+                    Idle::Rest(REST)
+                } else {
+                    Idle::GoOn
+                }
+            }
+            _ => Idle::Sleep,
+        };
         let Some(order) = mailbox.next(idle) else { return };
         let asked = order.as_ref().map(|order| (order.view.film, order.serial));
         let asked = asked.or(bench.as_ref().map(|bench| (bench.view.film, bench.serial)));
@@ -171,6 +185,7 @@ fn work(mailbox: &LampMailbox) {
             bench = None;
             asked.map(|(film, serial)| LampLight::failed(film, serial, format!("the light of lamps failed: {words}")))
         });
+        rests = news.as_ref().is_some_and(|light| shown.replace(light.serial) != Some(light.serial));
         if let Some(light) = news {
             mailbox.answer(light);
         }

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::Wake;
 
@@ -25,6 +25,8 @@ pub(super) struct Mailbox<O, A> {
 pub(super) enum Idle {
     /// Wait for one.
     Sleep,
+    /// Wait for one as long as that, then go on with what is at hand.
+    Rest(Duration),
     /// Go on with what is at hand.
     GoOn,
 }
@@ -37,15 +39,21 @@ impl<O, A> Mailbox<O, A> {
 
     /// The next order; waits for one where there is nothing to go on with. `None` where nobody wants any more.
     pub fn next(&self, idle: Idle) -> Option<Option<O>> {
+        let begun = Instant::now();
         let mut mail = self.lock();
         loop {
             if mail.closed {
                 return None;
             }
-            if mail.order.is_some() || idle == Idle::GoOn {
+            let patience = match idle {
+                Idle::Sleep => Duration::MAX,
+                Idle::Rest(patience) => patience.saturating_sub(begun.elapsed()),
+                Idle::GoOn => Duration::ZERO,
+            };
+            if mail.order.is_some() || patience.is_zero() {
                 return Some(mail.order.take());
             }
-            mail = self.posted.wait(mail).unwrap_or_else(PoisonError::into_inner);
+            mail = self.posted.wait_timeout(mail, patience).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 

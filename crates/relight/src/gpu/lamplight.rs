@@ -119,8 +119,7 @@ impl Lamplight {
             gpu.queue.write_buffer(&sample.lamp, 0, bytemuck::bytes_of(&record));
             gpu.queue.write_buffer(&sample.shifts, 0, bytemuck::cast_slice(shifts));
             let timestamp_writes = self.stamps.as_ref().map(|stamps| stamps.around(0));
-            let mut pass =
-                encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
             pass.set_pipeline(&self.stage);
             pass.set_bind_group(0, &sample.bindings, &[]);
             pass.dispatch_workgroups(width.div_ceil(SIDE), height.div_ceil(SIDE), 1);

@@ -52,6 +52,8 @@ pub(crate) struct Lit {
 pub(super) const POINT_RADIUS_M: f32 = 0.01;
 /// Bodies within so many of their radii are sampled by the angle that they fill.
 pub(super) const NEAR: f32 = 3.0;
+/// Bodies further away than so many of their radii are small.
+const SMALL: f32 = 8.0;
 
 impl Lamp {
     /// A point with uniform density over a body; `far` is a distance beyond all surfaces, m.
@@ -76,9 +78,18 @@ impl Lamp {
 
     /// Whether a body fills so much of the view that its parts are at different distances.
     pub(crate) fn is_near(&self, position: Vec3) -> bool {
+        self.is_body_within(NEAR, position)
+    }
+
+    /// Whether all of a body lies in about the same direction.
+    pub(super) fn is_small_at(&self, position: Vec3) -> bool {
+        !self.is_body_within(SMALL, position)
+    }
+
+    fn is_body_within(&self, radii: f32, position: Vec3) -> bool {
         let Form::Body(body) = &self.form else { return false };
         let (center, radius) = body.ball();
-        center.distance_squared(position) < (NEAR * radius).powi(2)
+        center.distance_squared(position) < (radii * radius).powi(2)
     }
 
     /// A point that serves for many places at once; `None` for light from far away.

@@ -91,6 +91,8 @@ const FARTHEST_M: f32 = 1e6;
 const STRONGEST: f32 = 1e12;
 /// Points on a body of which irradiance is the mean: as many as a fan has.
 const POINTS: usize = 16;
+/// The same on a body so far away that it is small: of many patches few see part of it.
+const FEW_POINTS: usize = 4;
 
 impl PreparedLamps {
     /// Checks lamps and converts their units; those that are dark are left out. Paths of distributions count from `folder`.
@@ -129,7 +131,7 @@ impl PreparedLamps {
     /// The same for the same question.
     pub fn irradiance(&self, scene: &PreparedScene, position: Vec3, normal: Vec3) -> Vec3 {
         let place = Place::new(scene, position, normal);
-        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place, |_| 1.0)).sum()
+        self.lamps.iter().map(|lamp| lamp.emission * lamp.arriving(scene, &place, POINTS, |_| 1.0)).sum()
     }
 
     /// The same on a point of a patch, light of each direction by what its surface makes of it.
@@ -164,11 +166,12 @@ impl PreparedLamp {
     /// See [`PreparedLamps::light_on`].
     pub(super) fn light_on(&self, scene: &PreparedScene, sample: &PatchSample) -> Vec3 {
         let place = Place::new(scene, sample.position, sample.normal);
-        self.emission * self.arriving(scene, &place, |cos| sample.response(cos))
+        let n_points = if self.lamp.is_small_at(sample.position) { FEW_POINTS } else { POINTS };
+        self.emission * self.arriving(scene, &place, n_points, |cos| sample.response(cos))
     }
 
-    /// Illuminance at emission 1, light of each direction times a response to its cosine.
-    fn arriving(&self, scene: &PreparedScene, place: &Place, response: impl Fn(f32) -> f32) -> Vec3 {
+    /// Illuminance at emission 1, light of each direction times a response to its cosine; of a body by some of its points, [`POINTS`] at most.
+    fn arriving(&self, scene: &PreparedScene, place: &Place, n_points: usize, response: impl Fn(f32) -> f32) -> Vec3 {
         let &Place { position, normal, origin, far } = place;
         if self.lamp.body().is_none() {
             let Some(lit) = self.lamp.lit(position, Vec2::ZERO, far) else { return Vec3::ZERO };
@@ -177,7 +180,7 @@ impl PreparedLamp {
             return if cos > 0.0 { scene.transmittance(origin, lit.target) * value } else { Vec3::ZERO };
         }
         let (mut targets, mut values, mut n) = ([Vec3::ZERO; POINTS], [0.0; POINTS], 0);
-        for nth in 0..POINTS {
+        for nth in 0..n_points {
             let Some(lit) = self.lamp.lit_well(position, lattice(nth as u32), far) else { continue };
             let cos = lit.wi.dot(normal);
             if cos > 0.0 {
@@ -189,7 +192,7 @@ impl PreparedLamp {
         if n > 0 {
             scene.transmittance16(origin, &targets, n, &mut passed);
         }
-        (0..n).map(|i| passed[i] * values[i]).sum::<Vec3>() / POINTS as f32
+        (0..n).map(|i| passed[i] * values[i]).sum::<Vec3>() / n_points as f32
     }
 }
 

@@ -11,7 +11,7 @@ use crate::bake::Bake;
 use crate::bake::focus::Focus;
 use crate::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use crate::light::LightSetting;
-use crate::patches::{NARROW_ALPHA, Patches, Request, learn};
+use crate::patches::{NARROW_ALPHA, PatchSample, Patches, Request, learn};
 use crate::prepared::PreparedScene;
 use crate::sampler::uniform_hash;
 use crate::scene::Material;
@@ -130,6 +130,24 @@ fn a_lamp_on_a_sample_is_no_flash() {
         assert!(beside[0] < 1.06, "{shape:?}: {beside:.3?} of the light");
         // What lies in a surface lights both of its sides: rays from elsewhere end a little before it.
         assert!(within[0] < 2.06, "{shape:?}: {within:.3?} of the light");
+    }
+}
+
+#[test]
+fn few_points_of_a_body_far_away_tell_what_many_tell() {
+    let scene = furnished().prepared();
+    let patches = learned(&scene, 512);
+    for shape in [LampShape::Sphere { radius_m: 0.1 }, LampShape::Rectangle { size_m: [0.2, 0.1] }] {
+        let lamps = prepared(&shape, Vec3::new(0.3, 0.6, -0.2));
+        let plain = patches.samples().iter().map(|at| PatchSample { grazing: 0.0, ..*at });
+        let (mut apart, mut all) = (0.0, 0.0);
+        for at in plain {
+            let many = lamps.irradiance(&scene, at.position, at.normal).x;
+            apart += (lamps.light_on(&scene, &at).x - many).abs();
+            all += many;
+        }
+        println!("{shape:?}: {:.2} %", 100.0 * apart / all);
+        assert!(apart < 0.02 * all, "{shape:?}: {apart} of {all}");
     }
 }
 

@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::Band;
 use super::point::{Point, Special};
+use super::{Band, Halt};
 use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, lattice};
 use crate::light::luminance;
 use crate::path::passed_along;
@@ -36,18 +36,21 @@ impl<'a> Shading<'a> {
         Shading { scene, lamps, far: scene.far() }
     }
 
-    /// Adds the light of all lamps to those pixels of a band that are wanted; the band begins with the one of number `first`. Returns
-    /// the number of shadow rays.
+    /// Adds the light of all lamps to those pixels of a band that are wanted, until it is halted; the band begins with the one of
+    /// number `first`. Returns the number of shadow rays.
     pub fn shade(
         &self,
         band: &Band,
         (first, seed, [sample, round]): (u32, u64, [u32; 2]),
-        is_wanted: impl Fn(u32) -> bool,
+        (is_wanted, halt): (impl Fn(u32) -> bool, &Halt),
         pixels: &mut [Vec3],
     ) -> u64 {
         let (points, specials) = (&band.found.points, band.found.specials.as_slice());
         let mut n_rays = 0;
         for (tile, ends) in band.tiles.windows(2).enumerate() {
+            if halt.is_called() {
+                break;
+            }
             for (nth, group) in points[ends[0] as usize..ends[1] as usize].chunks(GROUP).enumerate() {
                 if !group.iter().any(|point| is_wanted(point.pixel)) {
                     continue;

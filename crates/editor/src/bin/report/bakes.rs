@@ -1,5 +1,7 @@
 //! Bakes: how long until there is a picture, how small and how exact the result is.
 
+mod ways;
+
 use anyhow::Result;
 
 use super::cases::{Case, cases};
@@ -22,6 +24,7 @@ pub fn write(desk: &Desk) -> Result<String> {
             measure(desk, &case, reference_spp)
         })?;
     }
+    let ways = ways::write(desk)?;
     Ok(format!(
         "## Bakes\n\n\
          Asked for {TOLERANCE} dB, with as many samples per pixel at most as the table tells. Times in seconds, from the start of the command: to the preview (a whole\n\
@@ -29,7 +32,7 @@ pub fn write(desk: &Desk) -> Result<String> {
          last column holds the relit picture (all lights as in the file) against a path-traced one of {reference_spp} samples, whose own noise counts.\n\
          Each row is one bake, of seed 0; traced pictures have seed 7. {}\n\n\
          | scene | size | samples | columns | preview | bake | rank mean / max | MB in the file / in memory | dense / file | error dB | PSNR against trace |\n\
-         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}",
+         |---|---|---|---|---|---|---|---|---|---|---|\n{rows}{ways}",
         desk.load_words(),
     ))
 }

@@ -1,5 +1,7 @@
 //! Errors in decibels: of values below a peak, and of the columns of a matrix.
 
+use super::fit::median;
+
 /// Part of a column's entries that may be brighter than its peak.
 const PEAK_QUANTILE: f64 = 0.995;
 /// Best error that is told.
@@ -70,9 +72,7 @@ impl ColumnErrors {
 
     /// Median over columns; `None` of none.
     pub fn median_db(&self) -> Option<f64> {
-        let mut squares: Vec<f64> = self.squares.iter().map(|squares| squares[0]).collect();
-        squares.sort_by(f64::total_cmp);
-        squares.get(squares.len() / 2).map(|square| decibels(1.0, *square))
+        median(&self.squares.iter().map(|squares| squares[0]).collect::<Vec<_>>()).map(|square| decibels(1.0, square))
     }
 
     /// Mean over columns.

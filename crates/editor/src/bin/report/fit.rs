@@ -47,10 +47,18 @@ pub fn exponent(points: &[[f64; 2]]) -> Option<f64> {
     (squares > 0.0).then(|| products / squares)
 }
 
-/// Least, median and greatest of some repeats.
-pub fn spread(mut values: Vec<f64>) -> [f64; 3] {
-    values.sort_by(f64::total_cmp);
-    [0, values.len() / 2, values.len().saturating_sub(1)].map(|nth| values.get(nth).copied().unwrap_or(f64::NAN))
+/// The middle value, or the mean of both in the middle; `None` of nothing.
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (upper, lower) = (sorted.get(sorted.len() / 2)?, sorted.get((sorted.len() - 1) / 2)?);
+    Some(0.5 * (lower + upper))
+}
+
+/// Least, median and greatest of some repeats; none is a number of nothing.
+pub fn spread(values: &[f64]) -> [f64; 3] {
+    let ends = [f64::min, f64::max].map(|end| values.iter().copied().fold(f64::NAN, end));
+    [ends[0], median(values).unwrap_or(f64::NAN), ends[1]]
 }
 
 /// The median, and how far repeats lie apart.
@@ -65,7 +73,7 @@ pub fn tenths(values: Vec<f64>) -> String {
 
 fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
     let n = values.len();
-    let [least, median, greatest] = spread(values).map(tell);
+    let [least, median, greatest] = spread(&values).map(tell);
     if n > 1 { format!("{median} ({least}…{greatest})") } else { median }
 }
 
@@ -94,5 +102,9 @@ mod tests {
     fn repeats_are_told_by_their_middle_and_ends() {
         assert_eq!(spread_words(vec![3.0, 1.0, 2.0]), "2.0 (1.0…3.0)");
         assert_eq!(spread_words(vec![0.125]), "0.12");
+        assert_eq!(
+            [&[][..], &[3.0], &[4.0, 1.0, 2.0], &[9.0, 1.0, 2.0, 4.0]].map(median),
+            [None, Some(3.0), Some(2.0), Some(3.0)]
+        );
     }
 }

@@ -216,7 +216,7 @@ fn raced(mut runners: Vec<Runner>) -> Result<Vec<Point>> {
     }
     let timed = |Runner { mut point, millis, .. }: Runner| {
         if !millis.is_empty() {
-            [point.millis, _, point.most_millis] = spread(millis);
+            [point.millis, _, point.most_millis] = spread(&millis);
         }
         point
     };

@@ -17,7 +17,7 @@ use clerestory_transport::prepared::PreparedScene;
 use serde::{Deserialize, Serialize};
 
 use super::desk::Desk;
-use super::fit::{exponent, spread, spread_words};
+use super::fit::{exponent, median, spread_words};
 use super::matrix::process_cpu_secs;
 use super::plot::{Axis, Panel, Scale, Series};
 
@@ -192,8 +192,8 @@ fn table_rows(what: &str, costs: &[Cost]) -> String {
     let rows: String = costs.iter().map(row).collect();
     rows + &format!(
         "| **{what}, exponent** | | {} | {} | {} | {} |\n",
-        fitted(&|cost| median(&cost.prepare_secs)),
-        fitted(&|cost| median(&cost.bake_secs)),
+        fitted(&|cost| middle(&cost.prepare_secs)),
+        fitted(&|cost| middle(&cost.bake_secs)),
         fitted(&|cost| cost.peak_bytes.unwrap_or(0.0)),
         fitted(&|cost| cost.file_bytes),
     )
@@ -211,12 +211,13 @@ fn panel(what: &'static str, costs: &[Cost]) -> Panel {
         x: Axis { label: what, scale },
         y: Axis { label: "CPU seconds", scale: Scale::Log },
         series: vec![
-            series("preparing", &|cost| median(&cost.prepare_secs)),
-            series("bake", &|cost| median(&cost.bake_secs)),
+            series("preparing", &|cost| middle(&cost.prepare_secs)),
+            series("bake", &|cost| middle(&cost.bake_secs)),
         ],
     }
 }
 
-fn median(secs: &[f64]) -> f64 {
-    spread(secs.to_vec())[1]
+/// None is a number of no repeats.
+fn middle(secs: &[f64]) -> f64 {
+    median(secs).unwrap_or(f64::NAN)
 }

@@ -32,7 +32,7 @@ use self::places::{Pictures, Place, height_m};
 use self::spent::{Spent, bake};
 use self::tables::{Bytes, Goals, Told};
 use super::desk::Desk;
-use super::rendered::rendered;
+use super::rendered::{relit, rendered};
 
 /// Strength of the lamp, lm.
 const LUMEN: f32 = 1500.0;
@@ -90,7 +90,8 @@ pub(super) fn prepared(path: &Path, has_sky: bool) -> Result<(PreparedScene, Cam
     Ok((PreparedScene::with_sky(imported.scene, &[], sky.as_ref())?.0, camera))
 }
 
-fn uniform_sky() -> Result<SkyLight> {
+/// A sky of the same radiance all around.
+pub(super) fn uniform_sky() -> Result<SkyLight> {
     let mut setting = sky::typed("uniform").map_err(anyhow::Error::msg)?;
     sky::load(&mut setting, Path::new(""))?;
     setting.light(None).context("no sky")
@@ -238,19 +239,6 @@ fn traced(scene: &PreparedScene, film: Film, light: &[[f32; 3]], spp: u32, seeds
     let traced = |seed| rendered(scene, film, light, &TraceConfig { spp, bounces: None, seed });
     let [a, b] = seeds.map(|seed| traced(seed).map(|picture| picture.pixels.into_flattened()));
     Ok([a?, b?])
-}
-
-/// The picture of a bake under coefficients.
-pub(super) fn relit(bake: &Bake, coefficients: &[Vec<[f32; 3]>]) -> Vec<f32> {
-    let mut picture = vec![0.0; 3 * (bake.header.width * bake.header.height) as usize];
-    for (group, coefficients) in bake.groups.iter().zip(coefficients) {
-        for channel in 0..3 {
-            let light: Vec<f32> = coefficients.iter().map(|rgb| rgb[channel]).collect();
-            let rows = group.apply(&light);
-            picture.iter_mut().zip(rows).skip(channel).step_by(3).for_each(|(sum, value)| *sum += value);
-        }
-    }
-    picture
 }
 
 pub(super) fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {

@@ -17,8 +17,7 @@ use serde_json::Value;
 use super::desk::{Desk, number};
 use super::fit::{spread_words, tenths};
 use super::matrix::{BOUNCES, baked, process_cpu_secs};
-use super::rendered::rendered;
-use super::skips::picture;
+use super::rendered::{as_in_file, rendered};
 
 /// Environment variable with the Python that has the renderers.
 const PYTHON_VARIABLE: &str = "CLERESTORY_PYTHON";
@@ -77,7 +76,7 @@ pub fn write(desk: &Desk) -> Result<String> {
                             ..BakeConfig::default()
                         };
                         let (secs, bake) = baked(&scene, film, config)?;
-                        let pixels = picture(&bake).as_chunks::<3>().0.to_vec();
+                        let pixels = as_in_file(&bake).as_chunks::<3>().0.to_vec();
                         let relit = Radiance { width: film.width, height: film.height, pixels };
                         let columns = scene.lighting.basis.n_cols();
                         add(&format!("ours, all columns ({columns}), relit{how}"), secs, &relit)?;

@@ -20,6 +20,7 @@ use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
 use super::desk::Desk;
 use super::matrix::process_cpu_secs;
 use super::reference::{Reference, Sampling};
+use super::rendered::as_in_file;
 
 /// Tolerance in dB, one that many blocks can reach.
 const TOLERANCE_DB: f32 = 12.0;
@@ -164,23 +165,9 @@ fn attempt(subject: &Subject, judge: &Judge, config: &BakeConfig, skips: Skips) 
         load_secs: loaded - started,
         bake_secs,
         skipped: bake.figures().skipped,
-        picture: picture(&bake),
+        picture: as_in_file(&bake),
         error_db: judge.errors_db(&bake),
     })
-}
-
-/// RGB of a bake under the light of the file.
-pub fn picture(bake: &Bake) -> Vec<f32> {
-    let rig = LightRig::default();
-    let mut picture = vec![0.0; 3 * bake.header.width as usize * bake.header.height as usize];
-    for (group, coefficients) in bake.groups_under(&rig).iter().zip(bake.header.coefficients(&rig)) {
-        for channel in 0..3 {
-            let light: Vec<f32> = coefficients.iter().map(|rgb| rgb[channel]).collect();
-            let rows = group.apply(&light);
-            picture.iter_mut().zip(rows).skip(channel).step_by(3).for_each(|(out, value)| *out += value);
-        }
-    }
-    picture
 }
 
 fn row(what: &str, run: &Run, with_all: &Run) -> String {

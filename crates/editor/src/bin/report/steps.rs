@@ -17,7 +17,7 @@ use glam::Vec3;
 
 use self::whole::Window;
 use super::desk::Desk;
-use super::lamps::places::median;
+use super::fit::median;
 use super::lamps::spent::bake;
 use super::lamps::tables::Goal;
 use super::lamps::{cases, lamp, place, prepared};
@@ -44,8 +44,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Steps of a moved lamp\n\n\
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
-         all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; the threads that do it go on to refine\n\
-         the lamp's light as they do there. Goals: {} ms on the CPU, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians. Shadow rays that nothing needs\n\
+         all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; a lamp that rests for 0.1 s is\n\
+         refined as it is there. Goals: {} ms on the CPU, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians. Shadow rays that nothing needs\n\
          are not cast. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it; none where\n\
          light comes through solid panes.\n\
          {device} {}\n\n{table}",

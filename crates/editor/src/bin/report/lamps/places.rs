@@ -120,14 +120,6 @@ impl Pictures<'_> {
     }
 }
 
-/// The middle value, or the mean of both in the middle; `None` of nothing.
-pub fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let (upper, lower) = (sorted.get(sorted.len() / 2)?, sorted.get((sorted.len() - 1) / 2)?);
-    Some(0.5 * (lower + upper))
-}
-
 /// Distance to the nearest surface, m.
 pub fn height_m(mesh: &Mesh, place: Vec3) -> f32 {
     let distances = (0..mesh.triangles.len() as u32).map(|triangle| distance_m(mesh.corners(triangle), place));
@@ -153,14 +145,6 @@ fn distance_m([a, b, c]: [Vec3; 3], place: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_median_of_an_even_number_lies_between_the_two_in_the_middle() {
-        assert_eq!(median(&[]), None);
-        assert_eq!(median(&[3.0]), Some(3.0));
-        assert_eq!(median(&[4.0, 1.0, 2.0]), Some(2.0));
-        assert_eq!(median(&[9.0, 1.0, 2.0, 4.0]), Some(3.0));
-    }
 
     #[test]
     fn a_triangle_is_as_near_as_its_face_its_edge_or_its_corner() {

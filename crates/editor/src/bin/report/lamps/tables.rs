@@ -3,10 +3,11 @@
 use clerestory_transport::patches::{DEFAULT_PATCHES, Patches};
 use serde::{Deserialize, Serialize};
 
-use super::places::{Place, median};
+use super::places::Place;
 use super::spent::Spent;
 use super::{BAKE_SPP, LUMEN, TRACED_SPP, WIDTHS};
 use crate::desk::Desk;
+use crate::fit::median;
 
 /// What is told of scenes.
 #[derive(Default, Serialize, Deserialize)]

@@ -7,8 +7,9 @@ use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
 
-use super::{of_patches, relit};
+use super::of_patches;
 use crate::errors::{decibels, quantile};
+use crate::rendered::relit;
 
 /// A lamp of the file, and the free one that takes its place.
 pub struct Twin {

@@ -42,7 +42,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
             ))
         })?;
         let [bake, picture] = [0, 1].map(|which| secs.iter().map(|secs| secs[which]).collect::<Vec<f64>>());
-        let ratio = crate::fit::spread(bake.clone())[1] / crate::fit::spread(picture.clone())[1];
+        let ratio = crate::fit::spread(&bake)[1] / crate::fit::spread(&picture)[1];
         rows += &format!(
             "| {name} | {n_cols} | {} | {} | {}× |\n",
             spread_words(bake),

@@ -12,9 +12,10 @@ use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Scene;
 use glam::Vec3;
 
-use super::{TOLERANCE_DB, picture, psnr_db};
+use super::{TOLERANCE_DB, psnr_db};
 use crate::desk::Desk;
 use crate::matrix::process_cpu_secs;
+use crate::rendered::as_in_file;
 
 type Change = fn(&mut Scene);
 
@@ -67,7 +68,7 @@ pub(super) fn table(desk: &Desk, name: &str, film: Film, spp: u32) -> Result<Str
         let again = job.run_reusing(&reuse, &Focus::default(), None, |_| ControlFlow::Continue(()))?;
         let again_secs = process_cpu_secs()? - prepared;
         let again = again.context("nobody stops a bake of the report")?;
-        let db = psnr_db(&picture(&again), &picture(&full)).map_or("the same".into(), |db| format!("{db:.1}"));
+        let db = psnr_db(&as_in_file(&again), &as_in_file(&full)).map_or("the same".into(), |db| format!("{db:.1}"));
         let columns = again.header.basis.n_cols();
         rows += &format!(
             "| {what} | {traced} of {columns} | {again_secs:.2} | {full_secs:.2} | {:.2} | {db} |\n",

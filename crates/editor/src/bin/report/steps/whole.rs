@@ -17,7 +17,7 @@ use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 
-use crate::lamps::relit;
+use crate::rendered::relit;
 
 /// For each part of a step, after which something is wrong.
 const PATIENCE: Duration = Duration::from_secs(120);

@@ -1,0 +1,88 @@
+//! Indirect light shared between pixels beside traced light, in every scene that is at hand.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::{Context, Result};
+use clerestory_transport::bake::{BakeConfig, Indirect};
+use clerestory_transport::camera::Film;
+use clerestory_transport::emitters::SkyRequest;
+use clerestory_transport::import;
+use clerestory_transport::light::LightRig;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sky::SkyForm;
+
+use crate::desk::Desk;
+use crate::fit::digits;
+use crate::lamps::uniform_sky;
+use crate::matrix::baked;
+use crate::reference::{Reference, Sampling};
+
+/// Samples per pixel of the bakes, out of reach of their tolerance.
+const SPP: u32 = 16;
+const NO_TOLERANCE_DB: f32 = 80.0;
+const SEED: u64 = 1;
+
+/// A table of the scenes of `assets/scenes` and of the shared data.
+///
+/// # Errors
+/// If a scene cannot be read or baked, or this system does not tell the CPU time of a process.
+pub fn write(desk: &Desk) -> Result<String> {
+    let (film, step) = desk.choose((Film { width: 64, height: 48 }, 1), (Film { width: 256, height: 192 }, 4));
+    let sampling = Sampling { film, step, bounces: None, spp: desk.choose(16, 64) };
+    let mut rows = String::new();
+    for path in scenes(desk)? {
+        let name = path.file_stem().map_or("scene".into(), |stem| stem.to_string_lossy().into_owned());
+        rows += &desk.part("bakes", &format!("{name}, both ways"), || row(desk, &name, &path, sampling))?;
+    }
+    Ok(format!(
+        "\n### Shared beside traced\n\n\
+         Every scene, {} × {} pixels, {SPP} samples per pixel, indirect light shared between pixels (the default) or traced as `--exact` does; a scene without light under a uniform sky of 145 patches.\n\
+         CPU seconds (user and system) of the bake alone. Errors in dB as in the section Matrix, beside two references of {} samples per pixel each: of single lights, median over columns and the worst of them;\n\
+         of all lights of the file. Each row is one bake of each kind, of seed {SEED}.\n\n\
+         | scene | columns | shared, CPU s | median | worst | all lights | traced, CPU s | median | worst | all lights |\n\
+         |---|---|---|---|---|---|---|---|---|---|\n{rows}",
+        film.width, film.height, sampling.spp,
+    ))
+}
+
+/// Files of the scenes, by name; in a hurry one of them.
+fn scenes(desk: &Desk) -> Result<Vec<PathBuf>> {
+    let folders = [Some(desk.root.join("assets/scenes")), desk.shared("scenes")];
+    let mut files = Vec::new();
+    for folder in folders.into_iter().flatten() {
+        let listed = std::fs::read_dir(&folder).with_context(|| format!("cannot list {}", folder.display()))?;
+        let mut found: Vec<PathBuf> = listed.map(|entry| Ok(entry?.path())).collect::<Result<_>>()?;
+        found.retain(|path| path.extension().is_some_and(|ending| ending == "glb"));
+        found.sort();
+        files.extend(found);
+    }
+    files.truncate(desk.choose(1, usize::MAX));
+    Ok(files)
+}
+
+fn row(desk: &Desk, name: &str, path: &Path, sampling: Sampling) -> Result<String> {
+    let load = || import::load(path).with_context(|| format!("cannot load the scene {}", path.display()));
+    let mut scene = PreparedScene::new(load()?.scene, &[])?.0;
+    if scene.lighting.basis.n_cols() == 0 {
+        let sky = SkyRequest { light: uniform_sky()?, form: SkyForm::Patches(1) };
+        scene = PreparedScene::with_sky(load()?.scene, &[], Some(&sky))?.0;
+    }
+    let scene = Arc::new(scene);
+    desk.say(&format!("{name}: both ways"));
+    let reference = Reference::new(desk, &[path], &scene, sampling)?;
+    let light = scene.lighting.basis.project(&LightRig::default());
+    let mut row = format!("| {name} | {} |", scene.lighting.basis.n_cols());
+    for indirect in [Indirect::Shared, Indirect::Traced] {
+        let denoise = indirect == Indirect::Shared;
+        let (spp, tolerance_db, seed) = (SPP, NO_TOLERANCE_DB, SEED);
+        let config = BakeConfig { spp, tolerance_db, seed, indirect, denoise, ..BakeConfig::default() };
+        let (secs, bake) = baked(&scene, sampling.film, config)?;
+        let rows = reference.rows_of(&bake.header, &bake.groups);
+        let (single, all) = (reference.errors(&rows), reference.picture_db(&light, &reference.relit(&rows, &light)));
+        let told = |db: Option<f64>| db.map_or("—".into(), |db| format!("{db:.1}"));
+        let worst = single.median_db().map(|_| single.worst_db());
+        row += &format!(" {} | {} | {} | {} |", digits(secs), told(single.median_db()), told(worst), told(all));
+    }
+    Ok(row + "\n")
+}
