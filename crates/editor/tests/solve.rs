@@ -7,6 +7,7 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source};
+use clerestory::solve::Solution;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
@@ -111,6 +112,47 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     window.run_steps(3);
     assert_eq!(window.state().look().lights, Look::default().lights, "one step");
     assert_eq!(window.state().look().wishes.list.len(), 1, "the wish is another step");
+}
+
+/// Asks for the solution of the wishes that are there.
+fn solved(window: &mut Window) -> Solution {
+    click(window, "Solve");
+    wait(window, |app| !app.is_solving() && app.solution().is_some());
+    window.state().solution().unwrap().clone()
+}
+
+/// Wishes for what is marked to be so many times as bright.
+fn wish_times(window: &mut Window, times: f64) {
+    click(window, "Kind of wish");
+    click(window, "Times as bright");
+    window.get_by_label("Wanted").set_value_accesskit(times);
+    window.run_steps(3);
+    click(window, "Add wish");
+}
+
+#[test]
+fn no_light_gets_below_its_least_factor_and_the_rest_is_kept_as_much_as_asked() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    wish_times(&mut window, 0.2);
+    let set = |window: &mut Window, label: &str, value: f64| {
+        window.get_by_label(label).set_value_accesskit(value);
+        window.run_steps(3);
+    };
+    let least =
+        |found: &Solution| found.changes.iter().map(|change| change.after.intensity).fold(f32::INFINITY, f32::min);
+    let free = solved(&mut window);
+    assert!(least(&free) < 0.5, "{free:?}");
+    set(&mut window, "Least factor", 0.8);
+    let bounded = solved(&mut window);
+    assert!((least(&bounded) - 0.8).abs() < 1e-4 && !bounded.outcomes[0].is_met, "{bounded:?}");
+
+    set(&mut window, "Least factor", 0.0);
+    set(&mut window, "Keep the rest", 1.0);
+    let kept = solved(&mut window);
+    let [kept, free] = [kept, free].map(|found| found.outcomes[0].reached);
+    assert!(kept > 1.05 * free, "{kept} {free}");
 }
 
 #[test]
