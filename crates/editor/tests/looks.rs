@@ -5,6 +5,7 @@
 mod desk;
 
 use clerestory::look::snapshot::Mark;
+use eframe::egui::gui_zoom::kb_shortcuts::ZOOM_IN;
 use eframe::egui::{Key, Modifiers, PointerButton, ViewportCommand, ViewportEvent};
 use egui_kittest::kittest::{NodeT, Queryable};
 
@@ -104,12 +105,21 @@ fn a_narrow_window_has_room_for_one_panel_and_both_are_at_hand() {
 }
 
 #[test]
-fn the_list_of_keys_fits_the_window_and_esc_closes_it() {
+fn the_list_of_keys_fits_the_window_tells_what_there_is_and_esc_closes_it() {
     let mut window = baked();
     click(&mut window, "Shortcuts");
     window.run_steps(4);
     let (title, whole) = (window.get_by_label("Keyboard and mouse").rect(), window.ctx.content_rect());
     assert!(whole.contains_rect(title), "{title} of {whole}");
+    for keys in ["W A S D, Q E, with Shift", "Shift, Alt while marking", "Camera by Alt + mouse"] {
+        window.get_by_label(keys);
+    }
+    window.get_by_label_contains(&window.ctx.format_shortcut(&ZOOM_IN));
+    for (key, factor) in [(Key::Plus, 1.1), (Key::Num0, 1.0), (Key::Minus, 0.9), (Key::Num0, 1.0)] {
+        window.key_press_modifiers(Modifiers::COMMAND, key);
+        window.run_steps(3);
+        assert_eq!(window.ctx.zoom_factor(), factor);
+    }
     window.key_press(Key::Escape);
     window.run_steps(4);
     assert!(window.query_by_label("Keyboard and mouse").is_none());
