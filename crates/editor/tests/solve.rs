@@ -170,6 +170,33 @@ fn solving_waits_until_all_lights_are_heard() {
 }
 
 #[test]
+fn a_lamp_whose_light_is_on_its_way_is_waited_for_and_counts_as_it_is_set() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    wish_times(&mut window, 2.0);
+    click(&mut window, "Add lamp");
+    // Both in one frame: nothing of the lamp can be there.
+    window.get_by_label("Point").click_accesskit();
+    window.get_by_label("Solve").click_accesskit();
+    window.run_steps(3);
+    assert_eq!(window.state().look().lights.lamps.len(), 1);
+    wait(&mut window, |app| !app.is_solving() && app.solution().is_some());
+    let found = window.state().solution().unwrap().clone();
+    let lamp = |found: &Solution| {
+        let of = found.changes.iter().find(|change| change.key == "Point lamp 1").unwrap();
+        [of.before.intensity, of.after.intensity]
+    };
+    assert!(lamp(&found)[1] > 1.2, "it does its part: {found:?}");
+
+    // While the picture shows the lamp as it was found to be, it is still set as before.
+    wait(&mut window, App::is_settled);
+    let again = solved(&mut window);
+    let off = (lamp(&again)[1] / lamp(&found)[1] - 1.0).abs();
+    assert!(lamp(&again)[0] == 1.0 && off < 0.05, "{found:?} {again:?}");
+}
+
+#[test]
 fn what_was_found_can_be_left_and_wishes_removed() {
     let mut window = measured();
     click(&mut window, "Solve for light");
