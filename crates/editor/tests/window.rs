@@ -602,6 +602,25 @@ fn a_bake_of_pictures_that_runs_is_not_given_up_unasked() {
 }
 
 #[test]
+fn frames_that_are_given_up_do_not_take_a_bake_of_pictures_along() {
+    let (folder, frames) = (stage(), tempfile::tempdir().unwrap());
+    let mut window = open(Source::File(folder.path().into()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    for label in ["Keep look", "Timeline", "Add key", "Look"] {
+        click(&mut window, label);
+    }
+    window.get_by_label("Frames per second").set_value_accesskit(240.0);
+    window.get_by_label("Time of the key").set_value_accesskit(120.0);
+    window.run_steps(3);
+    save_as(&mut window, "Export frames…", &frames.path().join("f_#####.png"));
+    close(&mut window);
+    click(&mut window, "Stop and close");
+    assert!(window.state().session().frames().is_none());
+    close(&mut window);
+    window.get_by_label("Save the bake?");
+}
+
+#[test]
 fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() {
     let folder = stage();
     let home = tempfile::tempdir().unwrap();

@@ -74,7 +74,8 @@ impl App {
     pub(super) fn losing_ui(&mut self, ctx: &Context) {
         let Some(action) = self.losing.waiting.clone() else { return };
         // What would have been lost may be done meanwhile.
-        let answer = match self.loss(&action) {
+        let loss = self.loss(&action);
+        let answer = match loss {
             Some(Loss::Frames(n_written, n)) => frames_ui(ctx, n_written, n),
             Some(Loss::Stack) => stack_ui(ctx),
             Some(Loss::StackUnderWay) => stack_under_way_ui(ctx),
@@ -88,7 +89,12 @@ impl App {
                 self.ask(FileTask::SaveBake);
             }
             Some(UnsavedAnswer::Discard) => {
-                self.losing = Losing { waiting: None, accepted: Some(action.clone()) };
+                let is_of_frames = matches!(loss, Some(Loss::Frames(..)));
+                if is_of_frames {
+                    self.session.cancel_frames();
+                }
+                // What else would be lost is asked then.
+                self.losing = Losing { waiting: None, accepted: Some(action.clone()).filter(|_| !is_of_frames) };
                 // Whether the look is to be saved is asked next.
                 match action {
                     Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
