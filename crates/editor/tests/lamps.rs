@@ -5,6 +5,7 @@
 mod desk;
 
 use std::cell::Cell;
+use std::path::{Path, PathBuf};
 
 use clerestory::app::App;
 use clerestory::look::Look;
@@ -17,7 +18,10 @@ use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use desk::{Dropped, Window, baked, click, drag, on_screen, open, open_with, quick, replace_and_reload, room, wait};
+use desk::{
+    Dropped, Window, ask_for, baked, click, drag, on_screen, open, open_with, quick, reach, replace_and_reload, room,
+    wait,
+};
 
 fn lamps(window: &Window) -> Vec<FreeLamp> {
     window.state().look().lights.lamps.clone()
@@ -392,12 +396,63 @@ fn a_preset_leaves_a_lamp_dark_that_was_moved() {
     assert!(lights.lamps[0].setting.kelvin.is_some(), "the other one is set for the night");
 }
 
+/// A measured lamp that shines down, in a file.
+fn profile(folder: &Path) -> PathBuf {
+    let ies = folder.join("down.IES");
+    std::fs::write(&ies, "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n")
+        .unwrap();
+    ies
+}
+
+#[test]
+fn a_spot_lamp_is_set_in_numbers_and_keeps_its_aim_or_its_direction() {
+    let mut window = with_lamp("Spot");
+    let set = |window: &mut Window, label: &str, value: f64| {
+        window.get_by_label(&format!("Spot lamp 1 {label}")).set_value_accesskit(value);
+        window.run_steps(3);
+        lamps(window)[0].clone()
+    };
+    let ev = window.state().shown_ev();
+    for (label, degrees, expected) in [
+        ("inner angle", 10.0, [10.0, 0.6f32.to_degrees()]),
+        ("outer angle", 70.0, [10.0, 70.0]),
+        ("inner angle", 80.0, [70.0, 70.0]),
+        ("outer angle", 5.0, [5.0, 5.0]),
+    ] {
+        let LampShape::Spot { inner_rad, outer_rad } = set(&mut window, label, degrees).shape else { panic!("a spot") };
+        let off = [inner_rad, outer_rad].map(f32::to_degrees);
+        assert!((0..2).all(|i| (off[i] - expected[i]).abs() < 1e-3), "{label} {degrees}: {off:?}");
+    }
+    wait(&mut window, |app| app.is_settled() && (app.shown_ev() - ev).abs() > 0.02);
+
+    let before = lamps(&window)[0].clone();
+    let moved = set(&mut window, "position X", f64::from(before.position.x) + 0.25);
+    let way = moved.position - before.position;
+    assert!(way.x > 0.2 && (moved.aim - before.aim).distance(way) < 1e-5, "it lights the same way");
+    reach(&mut window, "Keep the aim");
+    let back = set(&mut window, "position X", f64::from(before.position.x));
+    assert!(back.position.distance(before.position) < 1e-5 && back.aim == moved.aim, "it lights the same place");
+}
+
+#[test]
+fn a_profile_from_the_menu_becomes_a_lamp() {
+    let folder = tempfile::tempdir().unwrap();
+    let ies = profile(folder.path());
+    let mut window = baked();
+    let ev = window.state().shown_ev();
+    click(&mut window, "Add lamp");
+    ask_for(&mut window, "IES or LDT…", &ies);
+    click(&mut window, "Open");
+    let [lamp] = &lamps(&window)[..] else { panic!("{:?}", lamps(&window)) };
+    assert_eq!(lamp.shape, LampShape::Profile { file: ies.display().to_string() });
+    wait(&mut window, |app| app.is_settled() && app.shown_ev() < ev - 0.05);
+    window.get_by_label("down.IES");
+}
+
 #[test]
 fn a_profile_that_is_dropped_on_the_window_becomes_a_lamp() {
     let folder = tempfile::tempdir().unwrap();
-    let ies = folder.path().join("down.IES");
-    std::fs::write(&ies, "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 45 90\n0\n100 50 0\n")
-        .unwrap();
+    let ies = profile(folder.path());
     let mut window = with_lamp("Point");
     window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(ies.clone())));
     window.run_steps(3);

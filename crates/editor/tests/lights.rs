@@ -313,6 +313,35 @@ fn press(window: &mut Window, key: Key) {
 }
 
 #[test]
+fn a_master_is_handed_down_unseen_and_a_group_is_reset_with_its_lights() {
+    let mut window = lit();
+    let fader = window.get_by_label("Group Counter intensity").rect();
+    drag(
+        &mut window,
+        pos2(fader.left() + 0.6 * fader.width(), fader.center().y),
+        pos2(fader.right(), fader.center().y),
+    );
+    click(&mut window, "Mute middle");
+    let set = |window: &Window| {
+        let lights = &window.state().look().lights;
+        ["left", "middle", "right"].map(|key| lights.setting(key)).map(|of| (of.intensity, of.muted))
+    };
+    let before = set(&window);
+    assert!(before[0].0 > 4.0 && intensity(&window, "left") == 1.0, "{before:?}");
+    menu_by_key(&mut window, "Counter", Modifiers::NONE, Key::Menu);
+    click(&mut window, "Hand the master down");
+    assert_eq!(set(&window), before);
+    assert!(window.state().look().lights.groups.is_empty() && intensity(&window, "left") == before[0].0);
+
+    click(&mut window, "Mute group Counter");
+    menu_by_key(&mut window, "Counter", Modifiers::NONE, Key::Menu);
+    click(&mut window, "Reset the group");
+    assert_eq!(*window.state().look(), Look::default(), "its master and its lights");
+    click(&mut window, "Undo");
+    assert!(set(&window).iter().all(|(intensity, muted)| *intensity > 4.0 && *muted), "in one step");
+}
+
+#[test]
 fn menus_open_choose_and_close_without_a_pointer() {
     let mut window = lit();
     window.hover_at(pos2(5.0, 400.0));

@@ -5,6 +5,7 @@
 mod desk;
 
 use clerestory::look::snapshot::Mark;
+use eframe::egui::gui_zoom::kb_shortcuts::ZOOM_IN;
 use eframe::egui::{Key, Modifiers, PointerButton, ViewportCommand, ViewportEvent};
 use egui_kittest::kittest::{NodeT, Queryable};
 
@@ -104,12 +105,21 @@ fn a_narrow_window_has_room_for_one_panel_and_both_are_at_hand() {
 }
 
 #[test]
-fn the_list_of_keys_fits_the_window_and_esc_closes_it() {
+fn the_list_of_keys_fits_the_window_tells_what_there_is_and_esc_closes_it() {
     let mut window = baked();
     click(&mut window, "Shortcuts");
     window.run_steps(4);
     let (title, whole) = (window.get_by_label("Keyboard and mouse").rect(), window.ctx.content_rect());
     assert!(whole.contains_rect(title), "{title} of {whole}");
+    for keys in ["W A S D, Q E, with Shift", "Shift, Alt while marking", "Camera by Alt + mouse"] {
+        window.get_by_label(keys);
+    }
+    window.get_by_label_contains(&window.ctx.format_shortcut(&ZOOM_IN));
+    for (key, factor) in [(Key::Plus, 1.1), (Key::Num0, 1.0), (Key::Minus, 0.9), (Key::Num0, 1.0)] {
+        window.key_press_modifiers(Modifiers::COMMAND, key);
+        window.run_steps(3);
+        assert_eq!(window.ctx.zoom_factor(), factor);
+    }
     window.key_press(Key::Escape);
     window.run_steps(4);
     assert!(window.query_by_label("Keyboard and mouse").is_none());
@@ -312,6 +322,50 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
         pixels.map(|(x, y)| (mean(left + x, y) - f32::from(part.get_pixel(x, y)[1])).abs()).sum::<f32>()
     };
     assert!(off(20) < 0.5 * off(0), "{} {}", off(20), off(0));
+}
+
+#[test]
+fn a_moment_is_taken_over_as_the_way_to_the_next_key_has_it_and_frames_are_cancelled() {
+    let mut window = two_keys();
+    let take_over = |window: &mut Window| {
+        let track = window.get_by_label("Timeline ruler").rect();
+        let at = track.left_top() + eframe::egui::vec2(12.0 + 0.2 * (track.width() - 24.0), 8.0);
+        drag(window, at - eframe::egui::vec2(30.0, 0.0), at);
+        window.get_by_label("1.00 s, frame 24");
+        click(window, "Take over");
+        assert!(window.query_by_label("Take over").is_none(), "the present look is seen again");
+        let look = window.state().look();
+        assert_eq!(look.on, None);
+        look.lights.own_setting("lamp")
+    };
+    let half_way = take_over(&mut window);
+    assert!((half_way.intensity - 0.5).abs() < 0.05 && !half_way.muted, "{half_way:?}");
+    click(&mut window, "Undo");
+    assert!(is_muted(&window), "one step");
+    let first = window.query_all_by_label_contains("Key 1: Look at").next().unwrap();
+    first.click();
+    window.run_steps(3);
+    click(&mut window, "Way to the next key");
+    click(&mut window, "Hold");
+    let held = take_over(&mut window);
+    assert!(held.intensity == 1.0 && !held.muted, "the first look until the next key: {held:?}");
+
+    window.get_by_label("Frames per second").set_value_accesskit(240.0);
+    window.get_by_label("Time of the key").set_value_accesskit(120.0);
+    window.run_steps(3);
+    let folder = tempfile::tempdir().unwrap();
+    save_as(&mut window, "Export frames…", &folder.path().join("f_#####.png"));
+    wait(&mut window, |app| app.session().frames().is_some_and(|(n_written, n)| n_written > 0 && n > 20_000));
+    click(&mut window, "Cancel the frames");
+    assert!(window.state().session().frames().is_none());
+    window.get_by_label("Export frames…");
+    let mut counts = (0..100).map(|_| {
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        std::fs::read_dir(folder.path()).unwrap().count()
+    });
+    let mut before = 0;
+    let is_still = counts.any(|n| std::mem::replace(&mut before, n) == n);
+    assert!(is_still && before > 0, "{before} files, and more of them still come");
 }
 
 #[test]

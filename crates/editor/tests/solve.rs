@@ -7,6 +7,7 @@ mod desk;
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
 use clerestory::session::{BakeSettings, BakeState, Source};
+use clerestory::solve::Solution;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
 use eframe::egui::{Key, Modifiers, Pos2, Rect, vec2};
@@ -113,6 +114,47 @@ fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     assert_eq!(window.state().look().wishes.list.len(), 1, "the wish is another step");
 }
 
+/// Asks for the solution of the wishes that are there.
+fn solved(window: &mut Window) -> Solution {
+    click(window, "Solve");
+    wait(window, |app| !app.is_solving() && app.solution().is_some());
+    window.state().solution().unwrap().clone()
+}
+
+/// Wishes for what is marked to be so many times as bright.
+fn wish_times(window: &mut Window, times: f64) {
+    click(window, "Kind of wish");
+    click(window, "Times as bright");
+    window.get_by_label("Wanted").set_value_accesskit(times);
+    window.run_steps(3);
+    click(window, "Add wish");
+}
+
+#[test]
+fn no_light_gets_below_its_least_factor_and_the_rest_is_kept_as_much_as_asked() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    wish_times(&mut window, 0.2);
+    let set = |window: &mut Window, label: &str, value: f64| {
+        window.get_by_label(label).set_value_accesskit(value);
+        window.run_steps(3);
+    };
+    let least =
+        |found: &Solution| found.changes.iter().map(|change| change.after.intensity).fold(f32::INFINITY, f32::min);
+    let free = solved(&mut window);
+    assert!(least(&free) < 0.5, "{free:?}");
+    set(&mut window, "Least factor", 0.8);
+    let bounded = solved(&mut window);
+    assert!((least(&bounded) - 0.8).abs() < 1e-4 && !bounded.outcomes[0].is_met, "{bounded:?}");
+
+    set(&mut window, "Least factor", 0.0);
+    set(&mut window, "Keep the rest", 1.0);
+    let kept = solved(&mut window);
+    let [kept, free] = [kept, free].map(|found| found.outcomes[0].reached);
+    assert!(kept > 1.05 * free, "{kept} {free}");
+}
+
 #[test]
 fn solving_waits_until_all_lights_are_heard() {
     let mut window = measured();
@@ -125,6 +167,33 @@ fn solving_waits_until_all_lights_are_heard() {
     assert!(!is_offered(&window));
     click(&mut window, "Clear solo");
     assert!(is_offered(&window));
+}
+
+#[test]
+fn a_lamp_whose_light_is_on_its_way_is_waited_for_and_counts_as_it_is_set() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    wish_times(&mut window, 2.0);
+    click(&mut window, "Add lamp");
+    // Both in one frame: nothing of the lamp can be there.
+    window.get_by_label("Point").click_accesskit();
+    window.get_by_label("Solve").click_accesskit();
+    window.run_steps(3);
+    assert_eq!(window.state().look().lights.lamps.len(), 1);
+    wait(&mut window, |app| !app.is_solving() && app.solution().is_some());
+    let found = window.state().solution().unwrap().clone();
+    let lamp = |found: &Solution| {
+        let of = found.changes.iter().find(|change| change.key == "Point lamp 1").unwrap();
+        [of.before.intensity, of.after.intensity]
+    };
+    assert!(lamp(&found)[1] > 1.2, "it does its part: {found:?}");
+
+    // While the picture shows the lamp as it was found to be, it is still set as before.
+    wait(&mut window, App::is_settled);
+    let again = solved(&mut window);
+    let off = (lamp(&again)[1] / lamp(&found)[1] - 1.0).abs();
+    assert!(lamp(&again)[0] == 1.0 && off < 0.05, "{found:?} {again:?}");
 }
 
 #[test]

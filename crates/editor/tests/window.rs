@@ -566,6 +566,60 @@ fn a_dropped_folder_of_pictures_is_baked_and_each_light_has_a_slider() {
     window.get_by_label("Save bake…");
 }
 
+/// Asks the window to close.
+fn close(window: &mut Window) {
+    let input = window.input_mut();
+    let id = input.viewport_id;
+    input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    window.run_steps(3);
+}
+
+#[test]
+fn a_bake_of_pictures_that_runs_is_not_given_up_unasked() {
+    let folder = tempfile::tempdir().unwrap();
+    // Noise, and much of it, takes its time.
+    for light in 0..16u32 {
+        let noise = |x: u32, y: u32| {
+            let bits = (x + 800 * y + 480_000 * light).wrapping_mul(0x9e37_79b9);
+            image::Luma([(bits ^ (bits >> 15)).wrapping_mul(0x85eb_ca6b).to_be_bytes()[0]])
+        };
+        image::GrayImage::from_fn(800, 600, noise).save(folder.path().join(format!("{light}.png"))).unwrap();
+    }
+    let home = tempfile::tempdir().unwrap();
+    let other = home.path().join("room.gltf");
+    std::fs::write(&other, room()).unwrap();
+    let mut window = open(Source::File(folder.path().into()));
+    wait(&mut window, |app| app.session().bake.is_running());
+    close(&mut window);
+    window.get_by_label("Give up the bake?");
+    click(&mut window, "Go on baking");
+    assert!(window.query_by_label("Give up the bake?").is_none() && window.state().session().bake.is_running());
+    window.input_mut().dropped_files.push(Arc::new(Dropped(other)));
+    window.run_steps(3);
+    window.get_by_label("Give up the bake?");
+    click(&mut window, "Discard");
+    wait(&mut window, |app| app.session().has_scene());
+}
+
+#[test]
+fn frames_that_are_given_up_do_not_take_a_bake_of_pictures_along() {
+    let (folder, frames) = (stage(), tempfile::tempdir().unwrap());
+    let mut window = open(Source::File(folder.path().into()));
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    for label in ["Keep look", "Timeline", "Add key", "Look"] {
+        click(&mut window, label);
+    }
+    window.get_by_label("Frames per second").set_value_accesskit(240.0);
+    window.get_by_label("Time of the key").set_value_accesskit(120.0);
+    window.run_steps(3);
+    save_as(&mut window, "Export frames…", &frames.path().join("f_#####.png"));
+    close(&mut window);
+    click(&mut window, "Stop and close");
+    assert!(window.state().session().frames().is_none());
+    close(&mut window);
+    window.get_by_label("Save the bake?");
+}
+
 #[test]
 fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() {
     let folder = stage();
@@ -575,12 +629,6 @@ fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() 
     let mut window = open(Source::File(folder.path().into()));
     let is_baked = |app: &App| app.session().bake == BakeState::Done && app.is_settled();
     wait(&mut window, is_baked);
-    let close = |window: &mut Window| {
-        let input = window.input_mut();
-        let id = input.viewport_id;
-        input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
-        window.run_steps(3);
-    };
     close(&mut window);
     window.get_by_label("Save the bake?");
     click(&mut window, "Cancel");

@@ -142,6 +142,11 @@ impl Follower {
         self.lamplight.light().filter(|_| self.lamplight.is_idle())
     }
 
+    /// Whether it is known what the free lamps of a lighting bring.
+    pub fn knows_lamps(&self, rig: &LightRig) -> bool {
+        self.lamplight.is_known(rig)
+    }
+
     /// Has the light of free lamps traced anew: a file that one of them names is another one.
     pub fn read_lamps_again(&mut self) {
         self.lamplight.forget_view();

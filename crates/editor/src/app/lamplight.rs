@@ -57,6 +57,16 @@ impl Lamplight {
             || self.light.as_ref().is_some_and(|light| light.serial == self.n_orders && light.is_done)
     }
 
+    /// Whether it is known what the free lamps of a lighting bring, and what arrives of them where that is measured. Without a
+    /// view nothing of them comes.
+    pub fn is_known(&self, rig: &LightRig) -> bool {
+        let (Some(view), shining) = (&self.view, shining(rig)) else { return true };
+        let is_ordered = self.ordered.as_ref().is_some_and(|ordered| ordered.shining == shining);
+        let answer = self.light.as_ref().filter(|light| light.serial == self.n_orders);
+        let is_there = |light: &LampLight| light.is_done || light.arriving.is_some() || !view.measures;
+        shining.is_empty() || (is_ordered && answer.is_some_and(is_there))
+    }
+
     /// Takes in what came and orders what is new. Answers the lighting to show: while the light of lamps that were added,
     /// moved, or taken away is on its way, the picture keeps the lighting that goes with the light it has. So a lamp of
     /// the file that becomes movable does not go out in between.
@@ -75,7 +85,7 @@ impl Lamplight {
         }
         self.take();
         let Some(view) = &self.view else { return rig.clone() };
-        let shining: Vec<FreeLamp> = rig.lit_lamps().into_iter().filter(|lamp| !lamp.setting.muted).collect();
+        let shining = shining(rig);
         let is_new = match &self.ordered {
             Some(ordered) => ordered.shining != shining,
             None => !shining.is_empty(),
@@ -139,6 +149,11 @@ impl Lamplight {
             Arc::new(LampView { scene: scene.clone(), camera, film, patches, measures, device: device.cloned() })
         }))
     }
+}
+
+/// Free lamps that are not muted, as they are set.
+fn shining(rig: &LightRig) -> Vec<FreeLamp> {
+    rig.lit_lamps().into_iter().filter(|lamp| !lamp.setting.muted).collect()
 }
 
 /// Whether a view is lit by a device, or by none, as it should be; one that was lost makes way for one that was not.

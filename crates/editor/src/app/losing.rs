@@ -4,7 +4,7 @@ use eframe::egui::{Context, ViewportCommand};
 
 use super::App;
 use crate::action::{Action, FileTask};
-use crate::panels::dialogs::{UnsavedAnswer, frames_ui, stack_ui};
+use crate::panels::dialogs::{UnsavedAnswer, frames_ui, stack_ui, stack_under_way_ui};
 
 /// What would be lost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,6 +13,8 @@ enum Loss {
     Frames(u32, u32),
     /// The bake of pictures, which is in no file and in no cache.
     Stack,
+    /// The same while it is made.
+    StackUnderWay,
 }
 
 /// What is asked about it.
@@ -40,7 +42,8 @@ impl App {
     fn loss(&self, action: &Action) -> Option<Loss> {
         let frames = self.session.frames().filter(|_| *action == Action::Quit);
         let of_frames = frames.map(|(n_written, n)| Loss::Frames(n_written, n));
-        of_frames.or_else(|| self.session.has_unsaved_stack().then_some(Loss::Stack))
+        let of_stack = || self.session.has_unsaved_stack().then_some(Loss::Stack);
+        of_frames.or_else(of_stack).or_else(|| self.session.is_baking_stack().then_some(Loss::StackUnderWay))
     }
 
     /// Whether an action waits until somebody says that work may be lost.
@@ -71,9 +74,11 @@ impl App {
     pub(super) fn losing_ui(&mut self, ctx: &Context) {
         let Some(action) = self.losing.waiting.clone() else { return };
         // What would have been lost may be done meanwhile.
-        let answer = match self.loss(&action) {
+        let loss = self.loss(&action);
+        let answer = match loss {
             Some(Loss::Frames(n_written, n)) => frames_ui(ctx, n_written, n),
             Some(Loss::Stack) => stack_ui(ctx),
+            Some(Loss::StackUnderWay) => stack_under_way_ui(ctx),
             None => Some(UnsavedAnswer::Discard),
         };
         match answer {
@@ -84,7 +89,12 @@ impl App {
                 self.ask(FileTask::SaveBake);
             }
             Some(UnsavedAnswer::Discard) => {
-                self.losing = Losing { waiting: None, accepted: Some(action.clone()) };
+                let is_of_frames = matches!(loss, Some(Loss::Frames(..)));
+                if is_of_frames {
+                    self.session.cancel_frames();
+                }
+                // What else would be lost is asked then.
+                self.losing = Losing { waiting: None, accepted: Some(action.clone()).filter(|_| !is_of_frames) };
                 // Whether the look is to be saved is asked next.
                 match action {
                     Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),

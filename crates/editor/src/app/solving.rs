@@ -54,6 +54,8 @@ pub(super) struct Solving {
     picked: Option<Picked>,
     /// Area of the floor of a scene, in m².
     floor: Option<(Arc<PreparedScene>, Option<f64>)>,
+    /// Whether somebody asked for a solution, and the light of a free lamp is still on its way.
+    is_due: bool,
     solving: Aside<Result<Solution, String>>,
     /// A picture to match, and whether it is a wish from then on.
     reading: Aside<(PathBuf, Reading, Result<TargetPicture, String>)>,
@@ -123,6 +125,7 @@ impl Solving {
             problem: None,
             picked: None,
             floor: None,
+            is_due: false,
             solving: Aside::default(),
             reading: Aside::default(),
             pictures: Pictures::new(),
@@ -163,7 +166,8 @@ impl App {
     /// Whether something is measured or solved beside the window.
     pub fn is_solving(&self) -> bool {
         let solving = &self.solving;
-        solving.solving.is_busy()
+        solving.is_due
+            || solving.solving.is_busy()
             || solving.measuring.is_busy()
             || solving.looking.is_busy()
             || solving.reading.is_busy()
@@ -187,6 +191,7 @@ impl App {
         self.take_seen(view.as_ref());
         self.follow_marks();
         self.take_solution();
+        self.begin_solving();
         self.take_target();
         self.read_targets();
         self.measure(view.as_ref());
@@ -310,8 +315,20 @@ impl App {
         }
     }
 
-    /// Looks for the lights that come closest, beside the window.
+    /// Has the lights looked for that come closest to the wishes.
     pub(super) fn solve(&mut self) {
+        // A moment of the timeline has lamps of its own, and would hide what is found.
+        self.looks.player.stop();
+        (self.solving.state.solution, self.solving.state.problem) = (None, None);
+        self.solving.is_due = true;
+    }
+
+    /// Looks for them beside the window, once it is known what the free lamps bring as they are set.
+    fn begin_solving(&mut self) {
+        if !self.solving.is_due || !self.follower.knows_lamps(&self.look.lights) {
+            return;
+        }
+        self.solving.is_due = false;
         let Some(shown) = &self.session.shown else { return };
         let request = here(&self.session, &self.solving.pictures).request(&self.look.wishes, &self.free_lights());
         let rig = self.look.lights.clone();
@@ -322,7 +339,6 @@ impl App {
         let lamps = lamps.unwrap_or_default();
         let seen = self.solving.seen(View::of(&self.session).as_ref());
         let scene = Scene { bake: shown.bake(), rig: rig.clone(), lamps, seen };
-        (self.solving.state.solution, self.solving.state.problem) = (None, None);
         self.solving.solved_from = rig;
         let started = self
             .solving
@@ -482,7 +498,11 @@ impl App {
         let view = SolveView {
             look: &self.look,
             lights,
-            is_busy: self.solving.solving.is_busy(),
+            busy: match () {
+                () if self.solving.is_due => Some("Waiting for the light of the lamps"),
+                () if self.solving.solving.is_busy() => Some("Looking for the lights"),
+                () => None,
+            },
             is_soloed: !self.lights.solo.is_empty(),
             here: here(&self.session, &self.solving.pictures),
             lux_bake,

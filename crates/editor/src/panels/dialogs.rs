@@ -242,6 +242,14 @@ pub fn stack_ui(ctx: &Context) -> Option<UnsavedAnswer> {
     answers.ui(ctx, "Save the bake?", words)
 }
 
+/// Asks before a bake of pictures is given up that runs.
+pub fn stack_under_way_ui(ctx: &Context) -> Option<UnsavedAnswer> {
+    let words = "It is made of pictures, and nothing of it is in a file; it would have to be made again";
+    let answers =
+        Answers { best: ("Go on baking", UnsavedAnswer::Stay), back: None, lose: ("Discard", UnsavedAnswer::Discard) };
+    answers.ui(ctx, "Give up the bake?", words)
+}
+
 /// What a person wants done where another program changed the file of the look.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReplaceAnswer {

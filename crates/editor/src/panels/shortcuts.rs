@@ -1,11 +1,13 @@
 //! Keys: which there are, what they do, and the window that lists them.
 
+use eframe::egui::gui_zoom::kb_shortcuts::{ZOOM_IN, ZOOM_OUT, ZOOM_RESET};
 use eframe::egui::text_selection::LabelSelectionState;
 use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
 use super::menu::MENU;
 use crate::action::{Action, FileTask, Side};
+use crate::viewport::orbit::Navigation;
 
 const fn command(key: Key) -> KeyboardShortcut {
     KeyboardShortcut::new(Modifiers::COMMAND, key)
@@ -141,6 +143,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
     let keys = |shortcut: &KeyboardShortcut| ctx.format_shortcut(shortcut);
     let words = |words: &str| words.to_string();
     let command = ctx.format_modifiers(Modifiers::COMMAND);
+    let [blender, alt_mouse, trackpad] = Navigation::ALL.map(|(_, name, hint)| (format!("Camera by {name}"), hint));
     vec![
         (keys(&OPEN), "Open a scene or a bake"),
         (keys(&OPEN_LOOK), "Open a look"),
@@ -158,6 +161,10 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("1"), "Show it pixel by pixel"),
         (words("H"), "Hide the panels, show them again"),
         (words("T, N"), "The panel of lights, the panel of settings"),
+        (
+            format!("{}, {}, {}", keys(&ZOOM_IN), keys(&ZOOM_OUT), keys(&ZOOM_RESET)),
+            "Everything in the window larger, smaller, as large as at first",
+        ),
         (words("Wheel, pinch"), "Zoom at the pointer"),
         (words("Z + drag"), "Zoom to a rectangle"),
         (words("Middle drag, Space + drag"), "Move the picture"),
@@ -165,6 +172,15 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("P"), "Pin a probe at the pointer"),
         (words("C, Esc"), "Take the camera in hand, put it down"),
         (words("Drag with the camera in hand"), "Turn, with Shift move; the wheel comes nearer"),
+        blender,
+        alt_mouse,
+        trackpad,
+        (
+            words("W A S D, Q E, with Shift"),
+            "Walk with the camera in hand, down and up, faster: if chosen under Navigation",
+        ),
+        (words("Shift, Alt while marking"), "Add to what is marked, take away from it"),
+        (words("Esc while marking"), "Put the tool down"),
         (words("Drag on a panel in the picture"), "Place or move a spot of light"),
         (words("Double-click on a panel"), "Add a spot"),
         (words("Arrow keys after a press on a spot"), "Move it by a quarter of a texel, with Shift by a tenth of that"),

@@ -67,8 +67,8 @@ pub struct SolveView<'a> {
     pub look: &'a Look,
     /// Keys of all lights that are not muted.
     pub lights: Vec<String>,
-    /// Whether a solution is being looked for.
-    pub is_busy: bool,
+    /// What a solution that was asked for waits for.
+    pub busy: Option<&'static str>,
     /// Whether a solo darkens lights: what they bring is not known then.
     pub is_soloed: bool,
     /// What wishes are about.
@@ -322,7 +322,7 @@ fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Acti
     let can_solve = wishes.list.iter().any(|wish| view.here.misfit(wish).is_none());
     ui.horizontal(|ui| {
         let solve = Button::new(RichText::new("Solve").color(theme::ON_ACCENT)).fill(theme::ACCENT);
-        let solve = ui.add_enabled(can_solve && !view.is_busy && !view.is_soloed, solve);
+        let solve = ui.add_enabled(can_solve && view.busy.is_none() && !view.is_soloed, solve);
         let solve = solve.on_hover_text("Looks for the lights that come closest");
         let why = match () {
             () if wishes.list.is_empty() => "Add a wish first",
@@ -332,9 +332,9 @@ fn run_ui(ui: &mut Ui, wishes: &Wishes, view: &SolveView, actions: &mut Vec<Acti
         if solve.on_disabled_hover_text(why).clicked() {
             actions.push(Action::Solve);
         }
-        if view.is_busy {
+        if let Some(words) = view.busy {
             ui.spinner();
-            ui.label("Looking for the lights");
+            ui.label(words);
         }
     });
 }

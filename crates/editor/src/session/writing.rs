@@ -89,6 +89,11 @@ impl Session {
         baked.is_some_and(|shown| !self.saved.as_ref().is_some_and(|saved| Arc::ptr_eq(saved, &shown.header)))
     }
 
+    /// Whether a bake of pictures runs.
+    pub fn is_baking_stack(&self) -> bool {
+        self.bake.is_running() && self.opened.as_ref().is_some_and(|opened| opened.stack.is_some())
+    }
+
     /// Answers with the number of the task.
     pub(super) fn write(
         &mut self,
