@@ -4,15 +4,17 @@
 
 mod desk;
 
-use clerestory::app::App;
+use clerestory::app::{App, Start};
 use clerestory::session::estimate::Forecast;
 use clerestory::session::shares::sum;
 use clerestory::session::{BakeState, Source};
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
+use clerestory_transport::archive;
 use clerestory_transport::camera::{Camera, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::{Key, Pos2, vec2};
+use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
@@ -347,6 +349,52 @@ fn a_reload_keeps_the_view_and_what_was_chosen() {
     wait(&mut window, |app| fingerprint(app).is_some_and(|now| Some(now) != before) && is_ready(app));
     assert_eq!((shown_camera(&window), strength(window.state())), (turned, bright));
     window.get_by_label("Solo: lamp");
+}
+
+/// Columns that the bake of the view that is shown did not trace.
+fn taken_over(window: &Window) -> usize {
+    window.state().session().figures.as_ref().unwrap().skipped.reused_columns
+}
+
+#[test]
+fn a_bookmark_that_is_renamed_keeps_its_baked_view() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    click(&mut window, "Bookmark");
+    click(&mut window, "View");
+    click(&mut window, "Bookmark 1");
+    bake_view(&mut window);
+    assert_eq!(taken_over(&window), 0);
+    window.get_by_label("Name of the bookmark").set_text_value_accesskit("Door");
+    window.run_steps(3);
+    reach(&mut window, "Start bake");
+    let is_renamed = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.header.camera == "Door");
+    wait(&mut window, |app| is_renamed(app) && app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(taken_over(&window), window.state().session().basis().unwrap().n_cols() as usize);
+    assert_eq!(window.state().session().views().len(), 2, "in place of what it was called before");
+}
+
+#[test]
+fn a_bake_finds_its_scene_whose_camera_was_renamed() {
+    let window = baked();
+    let bake = window.state().session().shown.as_ref().unwrap().bake();
+    drop(window);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.transport");
+    archive::write(&bake, &path).unwrap();
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    nodes.iter_mut().filter(|node| node["name"] == "door").for_each(|node| node["name"] = "gate".into());
+    // The camera is not the first one any more; the lamp keeps its number.
+    nodes.insert(2, serde_json::json!({ "name": "hatch", "camera": 0, "translation": [0, 0.4, 0.9] }));
+    let n_nodes = nodes.len();
+    gltf["scenes"][0]["nodes"] = (0..n_nodes).collect();
+    std::fs::write(folder.path().join("room.gltf"), gltf.to_string()).unwrap();
+    let start = Start::alone(Source::File(path), None);
+    let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+    wait(&mut window, |app| app.session().has_scene());
+    assert_eq!(window.state().camera().unwrap().name, "gate");
+    assert_eq!(window.state().settings().camera_idx, 1);
 }
 
 #[test]
