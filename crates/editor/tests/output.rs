@@ -259,6 +259,23 @@ fn the_command_line_bakes_the_panels_that_a_look_makes() {
 }
 
 #[test]
+fn the_command_line_bakes_the_sky_in_the_patches_of_a_look() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    let look = json!({ "clerestory": 1, "sky": { "file": "uniform" }, "scene": { "sky_patches": 577 } });
+    std::fs::write(at("a.look"), look.to_string()).unwrap();
+    let (scene, look) = (at("room.gltf"), at("a.look"));
+    let columns = |command: &str, out: &str, more: &[&str]| {
+        let line = [command, &scene, "--look", &look, "-o", &at(out), "--size", "16x12", "--spp", "1"];
+        answer(&[&line, more].concat())["columns"].as_u64().unwrap()
+    };
+    let few = columns("bake", "few.transport", &["--sky-patches", "145"]);
+    assert_eq!(columns("bake", "a.transport", &[]), few + 577 - 145);
+    assert_eq!(columns("render", "a.png", &[]), few + 577 - 145);
+}
+
+#[test]
 fn a_lamp_that_is_off_is_written_dark_and_comes_back_muted() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
