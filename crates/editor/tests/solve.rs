@@ -309,6 +309,17 @@ fn powers_are_divided_by_the_floor_of_the_scene_or_of_what_is_marked() {
 }
 
 #[test]
+fn the_floor_is_measured_once_somebody_looks_where_its_area_is_told() {
+    let mut window = measured();
+    window.run_steps(20);
+    assert!(window.state().floor_area_m2().is_none() && !window.state().is_solving(), "nobody asked");
+    click(&mut window, "Measure");
+    wait(&mut window, |app| app.floor_area_m2().is_some());
+    assert_eq!(window.state().floor_area_m2(), Some(4.0));
+    assert!(!window.state().is_solving());
+}
+
+#[test]
 fn a_work_plane_stays_on_its_object_when_the_file_changes_and_goes_with_it() {
     let folder = tempfile::tempdir().unwrap();
     let (path, mut gltf) = with_table(folder.path());
