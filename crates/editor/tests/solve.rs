@@ -215,6 +215,15 @@ fn isolux_lines_lie_over_the_lux_while_they_are_wanted_and_follow_the_lights() {
     choose(&mut window, "Isolux lines", "Lux");
     assert_eq!(lines(&window), 1);
     assert_eq!(window.state().look().display.isolux(), clerestory::isolux::Isolux::Lux);
+    let units = |window: &Window| {
+        [" lx", " fc"].map(|unit| {
+            let told = window.get_by_label_contains("Isolux lines at").accesskit_node().label().unwrap_or_default();
+            told.contains(unit)
+        })
+    };
+    assert_eq!(units(&window), [true, false]);
+    choose(&mut window, "Isolux lines", "Foot-candles");
+    assert_eq!(units(&window), [false, true]);
     // In the dark there is none.
     click(&mut window, "Mute lamp");
     click(&mut window, "Mute panel");

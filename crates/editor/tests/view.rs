@@ -10,10 +10,10 @@ use clerestory::session::shares::sum;
 use clerestory::session::{BakeState, Source};
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
 use clerestory_transport::archive;
-use clerestory_transport::camera::{Camera, Pose};
+use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Key, Pos2, vec2};
+use eframe::egui::{Key, Pos2, Role, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -395,6 +395,54 @@ fn a_bake_finds_its_scene_whose_camera_was_renamed() {
     wait(&mut window, |app| app.session().has_scene());
     assert_eq!(window.state().camera().unwrap().name, "gate");
     assert_eq!(window.state().settings().camera_idx, 1);
+}
+
+#[test]
+fn who_wants_to_walks_with_the_keys() {
+    let mut window = baked();
+    click(&mut window, "Numbers");
+    window.get_by_role_and_label(Role::SpinButton, "Yaw").set_value_accesskit(-45.0);
+    window.run_steps(3);
+    let stepped = |window: &mut Window, key: Key| {
+        let before = window.state().camera().unwrap().position();
+        window.key_down(key);
+        window.run_steps(4);
+        window.key_up(key);
+        window.run_steps(2);
+        window.state().camera().unwrap().position() - before
+    };
+    assert_eq!(stepped(&mut window, Key::W), Vec3::ZERO, "nobody asked for it yet");
+    reach(&mut window, "Navigation");
+    reach(&mut window, "Walk with W A S D");
+    let ahead = Vec3::new(-1.0, 0.0, -1.0).normalize();
+    let right = Vec3::new(1.0, 0.0, -1.0).normalize();
+    let ways =
+        [(Key::W, ahead), (Key::S, -ahead), (Key::D, right), (Key::A, -right), (Key::E, Vec3::Y), (Key::Q, -Vec3::Y)];
+    for (key, way) in ways {
+        let step = stepped(&mut window, key);
+        assert!(step.length() > 0.05 && step.normalize().dot(way) > 0.999, "{key:?} goes {step}");
+    }
+}
+
+#[test]
+fn focal_length_and_shift_are_those_of_the_lens() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    click(&mut window, "Numbers");
+    let set = |window: &mut Window, name: &str, value: f64| {
+        window.get_by_role_and_label(Role::SpinButton, name).set_value_accesskit(value);
+        window.run_steps(3);
+        window.state().camera().unwrap().clone()
+    };
+    // A picture of 4 : 3 is 27 mm high on film that is 36 mm wide.
+    let long = set(&mut window, "Focal length", 24.0);
+    assert!((long.yfov_rad - 2.0 * (13.5f32 / 24.0).atan()).abs() < 1e-4, "{}", long.yfov_rad);
+    window.get_by_label("View of the camera");
+    let shifted = set(&mut window, "Shift X", 0.25);
+    assert_eq!((shifted.shift, shifted.yfov_rad), ([0.25, 0.0], long.yfov_rad));
+    let ahead = first.position() + Vec3::NEG_Z;
+    let px = shifted.project(Film { width: 64, height: 48 }, ahead).unwrap();
+    assert!(px.distance(glam::Vec2::new(16.0, 24.0)) < 1e-3, "the middle went to the left: {px}");
 }
 
 #[test]
