@@ -5,6 +5,7 @@ mod choices;
 mod daylight;
 mod export;
 mod files;
+mod floor;
 mod focus;
 mod follow;
 mod habits;

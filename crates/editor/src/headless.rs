@@ -8,7 +8,6 @@ use clerestory_transport::bake::{Bake, Passes};
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::Film;
 use clerestory_transport::import::{self, Choice};
-use clerestory_transport::sky::SkyForm;
 use serde_json::json;
 
 use crate::cli::args::{BakeOptions, ViewArgs};
@@ -119,7 +118,7 @@ fn options() -> BakeOptions {
         seed: 0,
         threads: None,
     };
-    let (sky_patches, method) = (SkyForm::Patches(1), Method::default());
+    let (sky_patches, method) = (None, Method::default());
     let (tolerance, seconds) = (40.0, None);
     let (fast, exact, no_denoise) = (true, false, false);
     BakeOptions { view, sky_patches, tolerance, seconds, fast, exact, no_denoise, patches: 0, method, fresh: true }

@@ -15,7 +15,8 @@ use clerestory_transport::bake::BakeConfig;
 use eframe::egui::{Event, OutputCommand};
 use egui_kittest::kittest::{NodeT, Queryable};
 use exr::meta::MetaData;
-use exr::prelude::{ReadChannels, ReadLayers};
+use exr::meta::attribute::SampleType;
+use exr::prelude::{Compression, ReadChannels, ReadLayers};
 use serde_json::json;
 
 use desk::{Window, ask_for, baked, click, open_with, quick, room, wait};
@@ -52,6 +53,27 @@ fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
     assert_eq!(header.shared_attributes.display_window.size.0, 64);
     let part = read_exr(&path).unwrap();
     assert_eq!((part.width, part.height), (4, 48));
+}
+
+#[test]
+fn an_exr_is_compressed_as_it_was_chosen() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = baked();
+    let mut written = |choice: &str, name: &str| {
+        let path = folder.path().join(name);
+        ask_for(&mut window, "Export…", &path);
+        click(&mut window, "Compression");
+        click(&mut window, choice);
+        click(&mut window, "Float");
+        click(&mut window, "Save");
+        wait(&mut window, |_| path.exists());
+        let header = MetaData::read_from_file(&path, true).unwrap().headers.remove(0);
+        (header.compression, header.channels.list[0].sample_type)
+    };
+    assert_eq!(written("PIZ", "piz.exr"), (Compression::PIZ, SampleType::F32));
+    let (compression, samples) = written("DWAA (lossy)", "dwaa.exr");
+    assert!(matches!(compression, Compression::DWAA(_)), "{compression:?}");
+    assert_eq!(samples, SampleType::F16, "it knows halves alone");
 }
 
 /// Numbers of an EXR by the names of its channels.
@@ -256,6 +278,23 @@ fn the_command_line_bakes_the_panels_that_a_look_makes() {
     }
     let relit = answer(&["relight", &at("plain.transport"), "--look", &look, "-o", &at("a.exr")]);
     assert!(told(&relit).contains("a panel of 6 × 6 texels, which was not baked"), "{relit}");
+}
+
+#[test]
+fn the_command_line_bakes_the_sky_in_the_patches_of_a_look() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("room.gltf"), room()).unwrap();
+    let look = json!({ "clerestory": 1, "sky": { "file": "uniform" }, "scene": { "sky_patches": 577 } });
+    std::fs::write(at("a.look"), look.to_string()).unwrap();
+    let (scene, look) = (at("room.gltf"), at("a.look"));
+    let columns = |command: &str, out: &str, more: &[&str]| {
+        let line = [command, &scene, "--look", &look, "-o", &at(out), "--size", "16x12", "--spp", "1"];
+        answer(&[&line, more].concat())["columns"].as_u64().unwrap()
+    };
+    let few = columns("bake", "few.transport", &["--sky-patches", "145"]);
+    assert_eq!(columns("bake", "a.transport", &[]), few + 577 - 145);
+    assert_eq!(columns("render", "a.png", &[]), few + 577 - 145);
 }
 
 #[test]

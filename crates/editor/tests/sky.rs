@@ -211,6 +211,39 @@ fn the_sun_is_dragged_on_the_dome_and_says_that_it_is_soft_there() {
 }
 
 #[test]
+fn a_sun_that_was_baked_anew_goes_with_undo_and_the_one_before_has_its_column_again() {
+    let mut window = under_the_sky();
+    let baked = |app: &clerestory::app::App| app.session().basis().and_then(|basis| basis.sky.as_ref()?.sun);
+    let (first, at_first) = (baked(window.state()), sky(&window));
+    let dome = window.get_by_label("Dome of the sky").rect().center();
+    drag(&mut window, dome + vec2(40.0, 0.0), dome + vec2(0.0, 32.0));
+    settle(&mut window);
+    let dragged = sky(&window);
+    click(&mut window, "Bake this sky");
+    wait(&mut window, |app| baked(app) != first);
+    settle(&mut window);
+    let second = baked(window.state());
+    window.get_by_label_contains("This sun has its own column");
+
+    click(&mut window, "Undo");
+    wait(&mut window, |app| baked(app) == first);
+    settle(&mut window);
+    assert_eq!(sky(&window), dragged, "the bake alone is undone");
+    window.get_by_label_contains("no column of its own");
+    click(&mut window, "Undo");
+    settle(&mut window);
+    assert_eq!((sky(&window), baked(window.state())), (at_first, first));
+    window.get_by_label_contains("This sun has its own column");
+
+    click(&mut window, "Redo");
+    click(&mut window, "Redo");
+    wait(&mut window, |app| baked(app) == second);
+    settle(&mut window);
+    assert_eq!(sky(&window), dragged);
+    window.get_by_label_contains("This sun has its own column");
+}
+
+#[test]
 fn a_sky_without_a_sun_is_turned_by_hand_and_kept_in_looks() {
     let folder = std::env::temp_dir().join(format!("clerestory-sky-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();

@@ -284,6 +284,15 @@ fn isolux_lines_lie_over_the_lux_while_they_are_wanted_and_follow_the_lights() {
     choose(&mut window, "Isolux lines", "Lux");
     assert_eq!(lines(&window), 1);
     assert_eq!(window.state().look().display.isolux(), clerestory::isolux::Isolux::Lux);
+    let units = |window: &Window| {
+        [" lx", " fc"].map(|unit| {
+            let told = window.get_by_label_contains("Isolux lines at").accesskit_node().label().unwrap_or_default();
+            told.contains(unit)
+        })
+    };
+    assert_eq!(units(&window), [true, false]);
+    choose(&mut window, "Isolux lines", "Foot-candles");
+    assert_eq!(units(&window), [false, true]);
     // In the dark there is none.
     click(&mut window, "Mute lamp");
     click(&mut window, "Mute panel");
@@ -375,6 +384,17 @@ fn powers_are_divided_by_the_floor_of_the_scene_or_of_what_is_marked() {
     window.get_by_label("Floor area").set_value_accesskit(2.5);
     window.run_steps(3);
     assert_eq!(floor(&mut window, "typed.csv"), 2.5);
+}
+
+#[test]
+fn the_floor_is_measured_once_somebody_looks_where_its_area_is_told() {
+    let mut window = measured();
+    window.run_steps(20);
+    assert!(window.state().floor_area_m2().is_none() && !window.state().is_solving(), "nobody asked");
+    click(&mut window, "Measure");
+    wait(&mut window, |app| app.floor_area_m2().is_some());
+    assert_eq!(window.state().floor_area_m2(), Some(4.0));
+    assert!(!window.state().is_solving());
 }
 
 #[test]

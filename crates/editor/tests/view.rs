@@ -4,15 +4,17 @@
 
 mod desk;
 
-use clerestory::app::App;
+use clerestory::app::{App, Start};
 use clerestory::session::estimate::Forecast;
 use clerestory::session::shares::sum;
 use clerestory::session::{BakeState, Source};
 use clerestory_relight::{CpuRelighter, Radiance, Relight};
-use clerestory_transport::camera::{Camera, Pose};
+use clerestory_transport::archive;
+use clerestory_transport::camera::{Camera, Film, Pose};
 use clerestory_transport::lamps::LampShape;
 use clerestory_transport::light::{LightRig, LightSetting};
-use eframe::egui::{Key, Pos2, vec2};
+use eframe::egui::{Key, Pos2, Role, vec2};
+use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
@@ -347,6 +349,100 @@ fn a_reload_keeps_the_view_and_what_was_chosen() {
     wait(&mut window, |app| fingerprint(app).is_some_and(|now| Some(now) != before) && is_ready(app));
     assert_eq!((shown_camera(&window), strength(window.state())), (turned, bright));
     window.get_by_label("Solo: lamp");
+}
+
+/// Columns that the bake of the view that is shown did not trace.
+fn taken_over(window: &Window) -> usize {
+    window.state().session().figures.as_ref().unwrap().skipped.reused_columns
+}
+
+#[test]
+fn a_bookmark_that_is_renamed_keeps_its_baked_view() {
+    let mut window = baked();
+    turn_camera(&mut window);
+    click(&mut window, "Bookmark");
+    click(&mut window, "View");
+    click(&mut window, "Bookmark 1");
+    bake_view(&mut window);
+    assert_eq!(taken_over(&window), 0);
+    window.get_by_label("Name of the bookmark").set_text_value_accesskit("Door");
+    window.run_steps(3);
+    reach(&mut window, "Start bake");
+    let is_renamed = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.header.camera == "Door");
+    wait(&mut window, |app| is_renamed(app) && app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(taken_over(&window), window.state().session().basis().unwrap().n_cols() as usize);
+    assert_eq!(window.state().session().views().len(), 2, "in place of what it was called before");
+}
+
+#[test]
+fn a_bake_finds_its_scene_whose_camera_was_renamed() {
+    let window = baked();
+    let bake = window.state().session().shown.as_ref().unwrap().bake();
+    drop(window);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.transport");
+    archive::write(&bake, &path).unwrap();
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    nodes.iter_mut().filter(|node| node["name"] == "door").for_each(|node| node["name"] = "gate".into());
+    // The camera is not the first one any more; the lamp keeps its number.
+    nodes.insert(2, serde_json::json!({ "name": "hatch", "camera": 0, "translation": [0, 0.4, 0.9] }));
+    let n_nodes = nodes.len();
+    gltf["scenes"][0]["nodes"] = (0..n_nodes).collect();
+    std::fs::write(folder.path().join("room.gltf"), gltf.to_string()).unwrap();
+    let start = Start::alone(Source::File(path), None);
+    let mut window = Harness::builder().build_eframe(|cc| App::new(cc, start).unwrap());
+    wait(&mut window, |app| app.session().has_scene());
+    assert_eq!(window.state().camera().unwrap().name, "gate");
+    assert_eq!(window.state().settings().camera_idx, 1);
+}
+
+#[test]
+fn who_wants_to_walks_with_the_keys() {
+    let mut window = baked();
+    click(&mut window, "Numbers");
+    window.get_by_role_and_label(Role::SpinButton, "Yaw").set_value_accesskit(-45.0);
+    window.run_steps(3);
+    let stepped = |window: &mut Window, key: Key| {
+        let before = window.state().camera().unwrap().position();
+        window.key_down(key);
+        window.run_steps(4);
+        window.key_up(key);
+        window.run_steps(2);
+        window.state().camera().unwrap().position() - before
+    };
+    assert_eq!(stepped(&mut window, Key::W), Vec3::ZERO, "nobody asked for it yet");
+    reach(&mut window, "Navigation");
+    reach(&mut window, "Walk with W A S D");
+    let ahead = Vec3::new(-1.0, 0.0, -1.0).normalize();
+    let right = Vec3::new(1.0, 0.0, -1.0).normalize();
+    let ways =
+        [(Key::W, ahead), (Key::S, -ahead), (Key::D, right), (Key::A, -right), (Key::E, Vec3::Y), (Key::Q, -Vec3::Y)];
+    for (key, way) in ways {
+        let step = stepped(&mut window, key);
+        assert!(step.length() > 0.05 && step.normalize().dot(way) > 0.999, "{key:?} goes {step}");
+    }
+}
+
+#[test]
+fn focal_length_and_shift_are_those_of_the_lens() {
+    let mut window = baked();
+    let first = shown_camera(&window);
+    click(&mut window, "Numbers");
+    let set = |window: &mut Window, name: &str, value: f64| {
+        window.get_by_role_and_label(Role::SpinButton, name).set_value_accesskit(value);
+        window.run_steps(3);
+        window.state().camera().unwrap().clone()
+    };
+    // A picture of 4 : 3 is 27 mm high on film that is 36 mm wide.
+    let long = set(&mut window, "Focal length", 24.0);
+    assert!((long.yfov_rad - 2.0 * (13.5f32 / 24.0).atan()).abs() < 1e-4, "{}", long.yfov_rad);
+    window.get_by_label("View of the camera");
+    let shifted = set(&mut window, "Shift X", 0.25);
+    assert_eq!((shifted.shift, shifted.yfov_rad), ([0.25, 0.0], long.yfov_rad));
+    let ahead = first.position() + Vec3::NEG_Z;
+    let px = shifted.project(Film { width: 64, height: 48 }, ahead).unwrap();
+    assert!(px.distance(glam::Vec2::new(16.0, 24.0)) < 1e-3, "the middle went to the left: {px}");
 }
 
 #[test]

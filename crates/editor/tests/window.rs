@@ -19,7 +19,9 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 
-use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, open, open_with, quick, reach, room, save_as, wait};
+use desk::{
+    Dropped, Kept, Window, ask_for, baked, click, drag, on_screen, open, open_with, quick, reach, room, save_as, wait,
+};
 
 #[test]
 fn a_dragged_slider_relights_and_is_one_step_of_undo() {
@@ -621,6 +623,18 @@ fn frames_that_are_given_up_do_not_take_a_bake_of_pictures_along() {
 }
 
 #[test]
+fn a_folder_of_pictures_is_opened_by_its_path() {
+    let folder = stage();
+    let mut window = baked();
+    ask_for(&mut window, "Open pictures…", folder.path());
+    window.get_by_label_contains("A folder with one EXR, HDR, PNG or JPEG");
+    click(&mut window, "Open");
+    let is_measured = |app: &App| app.session().shown.as_ref().is_some_and(|shown| shown.header.basis.is_measured());
+    wait(&mut window, |app| is_measured(app) && app.session().bake == BakeState::Done);
+    window.get_by_label("3 of 32 × 24");
+}
+
+#[test]
 fn a_bake_of_pictures_is_in_no_cache_and_so_it_is_asked_for_before_it_is_lost() {
     let folder = stage();
     let home = tempfile::tempdir().unwrap();
@@ -882,6 +896,24 @@ fn what_is_changed_while_a_file_is_opened_is_not_lost_unasked() {
     click(&mut window, "Discard");
     wait(&mut window, |app| name_of_open(app) == Some("gallery.glb"));
     assert!(!window.state().look().lights.lights.contains_key("panel"));
+}
+
+#[test]
+fn the_opening_of_a_file_is_stopped_and_what_is_open_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = gallery(folder.path());
+    let mut window = baked();
+    drop_all(&mut window, &[&path]);
+    assert_is_opening(&window);
+    click(&mut window, "Stop opening");
+    assert_eq!(window.state().session().stage, Stage::Ready);
+    assert!(window.query_by_label("Stop opening").is_none());
+    for _ in 0..100 {
+        window.step();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert_eq!(name_of_open(window.state()), Some("room.gltf"));
+    assert_eq!(window.state().session().bake, BakeState::Done);
 }
 
 #[test]

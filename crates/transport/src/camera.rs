@@ -78,6 +78,11 @@ impl Camera {
         cameras.iter().find(|camera| camera.name == name)
     }
 
+    /// The same under another name.
+    pub(crate) fn called(&self, name: &str) -> Camera {
+        Camera { name: name.into(), ..self.clone() }
+    }
+
     /// Looks from `eye` to `target`, +Y up (or −Z up when looking along Y).
     pub fn look_at(name: &str, eye: Vec3, target: Vec3, yfov_rad: f32, aspect: f32) -> Camera {
         let forward = (target - eye).normalize_or(Vec3::NEG_Z);

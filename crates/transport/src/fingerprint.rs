@@ -51,7 +51,8 @@ pub(crate) fn digest(bytes: &[u8]) -> u64 {
     hash.0
 }
 
-/// Sixteen hexadecimal digits.
+/// Sixteen hexadecimal digits. The camera's name counts as well: a bake is compared under the name that it knows,
+/// [`BakeHeader::is_of`].
 pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
     let mut hash = Fnv(OFFSET);
     hash.mesh(&scene.mesh);
@@ -84,8 +85,14 @@ pub(crate) fn of_surfaces(scene: &Scene) -> String {
 }
 
 impl BakeHeader {
-    /// Whether the bake is of this scene, seen by this camera.
+    /// Whether the bake is of this scene, seen by this camera, whatever that is called by now.
     pub fn is_of(&self, scene: &Scene, camera: &Camera) -> bool {
-        self.fingerprint == fingerprint(scene, camera)
+        self.fingerprint == fingerprint(scene, &camera.called(&self.camera))
+    }
+
+    /// Where the bake is seen from, where it is of this scene: its own view, else a camera of the scene, rather one of its name.
+    pub fn camera_in<'a>(&'a self, scene: &'a Scene) -> Option<&'a Camera> {
+        let known = self.view.iter().chain(Camera::named(&scene.cameras, &self.camera));
+        known.chain(&scene.cameras).find(|camera| self.is_of(scene, camera))
     }
 }

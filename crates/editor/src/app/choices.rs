@@ -9,7 +9,6 @@ use clerestory_transport::sky::SkySetting;
 use serde::{Deserialize, Serialize};
 
 use super::App;
-use crate::look::Look;
 use crate::look::scene::SceneChoice;
 use crate::session::{Chosen, ChosenSky, Source};
 
@@ -20,6 +19,8 @@ const MOST_SCENES: usize = 100;
 pub(super) struct Choices {
     /// Of all scenes.
     pub kept: KeptChoices,
+    /// The sky that the scene is baked under, or will be; a step of undo remembers it.
+    pub sky: Option<ChosenSky>,
     /// What the look said before somebody chose something that is being made.
     before: Option<SceneChoice>,
     /// What the open scene could not be made: it is not tried again.
@@ -28,7 +29,7 @@ pub(super) struct Choices {
 
 impl Choices {
     pub fn new(kept: KeptChoices) -> Choices {
-        Choices { kept, before: None, failed: None }
+        Choices { kept, sky: None, before: None, failed: None }
     }
 }
 
@@ -98,45 +99,49 @@ fn choice_of(chosen: &Chosen) -> SceneChoice {
 impl App {
     /// Makes a light a panel of so many texels along each side, or none of it any more.
     pub(super) fn choose_panel(&mut self, node: String, resolution: Option<u32>) {
-        self.choose(|look| {
+        self.choose(|app| {
             match resolution {
-                Some(resolution) => look.scene.panels.insert(node, resolution),
-                None => look.scene.panels.remove(&node),
+                Some(resolution) => app.look.scene.panels.insert(node, resolution),
+                None => app.look.scene.panels.remove(&node),
             };
         });
     }
 
     pub(super) fn choose_units(&mut self, units: LampUnits) {
-        self.choose(|look| look.scene.units = Some(units));
+        self.choose(|app| app.look.scene.units = Some(units));
     }
 
     /// Puts the sky of the look over the scene, which is baked anew even where one is there.
     pub(super) fn choose_sky(&mut self, sky: Option<SkySetting>, divisions: u32) {
-        let is_there = self.open_choice().sky == Some(divisions);
-        self.choose(|look| (look.lights.sky, look.scene.sky) = (sky, Some(divisions)));
+        let prepares = self.choose(|app| {
+            (app.look.lights.sky, app.look.scene.sky) = (sky, Some(divisions));
+            app.choices.sky = app.sky_of_look(divisions);
+        });
         if self.session.is_opening() {
             return;
         }
         self.say("Baking the scene under its sky");
-        if is_there {
-            let wanted = self.wanted_choice();
-            self.prepare(&wanted, self.sky_of_look(divisions));
+        if !prepares {
+            self.start_bake();
         }
     }
 
     /// Takes the sky away, from the look too: it would shine no more.
     pub(super) fn choose_no_sky(&mut self) {
-        self.choose(|look| (look.lights.sky, look.scene.sky) = (None, None));
+        self.choose(|app| (app.look.lights.sky, app.look.scene.sky) = (None, None));
     }
 
-    fn choose(&mut self, edit: impl FnOnce(&mut Look)) {
+    /// Answers whether another scene is made.
+    fn choose(&mut self, edit: impl FnOnce(&mut App)) -> bool {
         if self.session.is_opening() {
-            return self.complain("a file is being opened; choose this once it is there");
+            self.complain("a file is being opened; choose this once it is there");
+            return false;
         }
         let before = self.look.scene.clone();
         self.choices.failed = None;
-        self.as_one_step(|app| edit(&mut app.look));
+        self.as_one_step(edit);
         self.choices.before = Some(before).filter(|_| self.prepare_chosen());
+        self.choices.before.is_some()
     }
 
     /// What was chosen about the scene that is open.
@@ -159,29 +164,36 @@ impl App {
 
     /// Has the open scene prepared and baked anew where the look makes another one of it. Answers whether it does.
     pub(super) fn prepare_chosen(&mut self) -> bool {
+        self.follow_sky();
         let (wanted, open) = (self.wanted_choice(), self.open_choice());
         let has_failed = self.choices.failed.as_ref() == Some(&self.look.scene);
         let can_be = self.session.has_scene() && !self.session.is_opening();
-        let prepares = wanted != open && !has_failed && can_be;
+        let is_other = wanted != open || self.choices.sky.as_ref() != self.open_sky();
+        let prepares = is_other && !has_failed && can_be;
         if prepares {
-            let opened = self.session.opened.as_ref().filter(|_| wanted.sky == open.sky);
-            let same_sky = opened.and_then(|opened| opened.chosen.sky.clone());
-            let sky = same_sky.or_else(|| self.sky_of_look(wanted.sky?));
-            self.prepare(&wanted, sky);
+            let (panels, units) = (requests(&wanted.panels), wanted.units.unwrap_or_default());
+            self.session.choose(Chosen { panels, units, sky: self.choices.sky.clone() });
         }
         prepares
     }
 
-    fn prepare(&mut self, wanted: &SceneChoice, sky: Option<ChosenSky>) {
-        let units = wanted.units.unwrap_or_default();
-        self.session.choose(Chosen { panels: requests(&wanted.panels), units, sky });
+    /// The sky of the look is baked as it is now, where the look wants it in other patches than before.
+    pub(super) fn follow_sky(&mut self) {
+        let wanted = self.wanted_choice().sky;
+        if self.session.has_scene() && self.choices.sky.as_ref().map(|sky| sky.divisions) != wanted {
+            self.choices.sky = wanted.and_then(|divisions| self.sky_of_look(divisions));
+        }
+    }
+
+    /// The sky that the open scene was prepared with.
+    fn open_sky(&self) -> Option<&ChosenSky> {
+        self.session.opened.as_ref()?.chosen.sky.as_ref()
     }
 
     /// The sky of the look in patches; one that only turns and dims what is there is made of that.
     fn sky_of_look(&self, divisions: u32) -> Option<ChosenSky> {
         let light = self.session.basis()?.sky_light(&self.look.lights);
-        let open = self.session.opened.as_ref().and_then(|opened| opened.chosen.sky.as_ref());
-        let before = open.map_or_else(SkySetting::default, |sky| sky.setting.clone());
+        let before = self.open_sky().map_or_else(SkySetting::default, |sky| sky.setting.clone());
         let setting = match self.look.lights.sky.clone() {
             None => before,
             Some(own) if own.names_a_sky() => own,
@@ -206,7 +218,7 @@ impl App {
     /// The scene is open, or was found, with what is chosen about it: the look says so, too, and is as saved as it was.
     pub(super) fn adopt_choice(&mut self) {
         let open = self.open_choice();
-        self.choices.failed = None;
+        (self.choices.sky, self.choices.failed) = (self.open_sky().cloned(), None);
         for look in [&mut self.look, &mut self.saved_look] {
             look.scene = std::mem::take(&mut look.scene).or(&open);
         }
@@ -228,7 +240,7 @@ impl App {
 
     /// What somebody chose cannot be made, and is left out of the look again; what a look from a file asks for stays in it.
     pub(super) fn chosen_cannot_be_made(&mut self, words: String) {
-        self.choices.failed = Some(self.look.scene.clone());
+        (self.choices.sky, self.choices.failed) = (self.open_sky().cloned(), Some(self.look.scene.clone()));
         if let Some(before) = self.choices.before.take() {
             self.as_one_step(|app| app.look.scene = before);
         }

@@ -8,10 +8,11 @@ use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::lamps::{FreeLamp, PreparedLamps};
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::sensors::{floor_area_m2, node_floor_area_m2};
+use clerestory_transport::sensors::node_floor_area_m2;
 use eframe::egui::Ui;
 
 use super::App;
+use super::floor::SceneFloor;
 use crate::illuminance::{LuxFigures, of_grid, of_marks};
 use crate::look::Look;
 use crate::look::wishes::{Wanted, Where};
@@ -30,18 +31,18 @@ use crate::viewport::marking::Join;
 use crate::words::in_words;
 
 /// A surface that was clicked on, and what was marked by that.
-struct Picked {
+pub(super) struct Picked {
     marks: Arc<Marks>,
     surface: Option<String>,
     /// Its node and the name of that.
     node: Option<(u32, String)>,
     /// Area of the floor that the node has, in m², where that node is all that is marked.
-    floor_m2: Option<f64>,
+    pub floor_m2: Option<f64>,
 }
 
 /// Marks, measurements and wishes.
 pub(super) struct Solving {
-    wake: Wake,
+    pub wake: Wake,
     pub state: SolveState,
     schedule: ScheduleState,
     /// What the pixels see, of which scene, camera and film.
@@ -52,10 +53,9 @@ pub(super) struct Solving {
     measuring: Aside<(Measured, Result<Figures, String>)>,
     problem: Option<String>,
     picked: Option<Picked>,
-    /// Area of the floor of a scene, in m².
-    floor: Option<(Arc<PreparedScene>, Option<f64>)>,
     /// Whether somebody asked for a solution, and the light of a free lamp is still on its way.
     is_due: bool,
+    pub floor: SceneFloor,
     solving: Aside<Result<Solution, String>>,
     /// A picture to match, and whether it is a wish from then on.
     reading: Aside<(PathBuf, Reading, Result<TargetPicture, String>)>,
@@ -124,8 +124,8 @@ impl Solving {
             measuring: Aside::default(),
             problem: None,
             picked: None,
-            floor: None,
             is_due: false,
+            floor: SceneFloor::default(),
             solving: Aside::default(),
             reading: Aside::default(),
             pictures: Pictures::new(),
@@ -171,6 +171,7 @@ impl App {
             || solving.measuring.is_busy()
             || solving.looking.is_busy()
             || solving.reading.is_busy()
+            || solving.floor.is_busy()
             || self.isolux.is_busy()
     }
 
@@ -195,7 +196,7 @@ impl App {
         self.take_target();
         self.read_targets();
         self.measure(view.as_ref());
-        self.measure_floor();
+        self.follow_floor();
         if self.solving.state.solution.is_some() && self.look.lights != self.solving.solved_from {
             self.solving.state.solution = None;
             self.say("The lights have changed since; solve again");
@@ -236,25 +237,8 @@ impl App {
         }
     }
 
-    /// Measures the floor of each scene once.
-    fn measure_floor(&mut self) {
-        let scene = self.session.lamp_scene();
-        let is_known =
-            |scene: &Arc<PreparedScene>| self.solving.floor.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, scene));
-        if !scene.is_some_and(is_known) {
-            self.solving.floor = scene.map(|scene| (scene.clone(), floor_area_m2(&scene.scene).map(f64::from)));
-        }
-    }
-
-    /// The floor that powers are divided by where nobody types its area.
-    fn known_floor(&self) -> Option<KnownFloor> {
-        let marked = self.picked().and_then(|picked| picked.floor_m2).map(KnownFloor::Marked);
-        let of_scene = || self.solving.floor.as_ref().and_then(|(_, floor_m2)| *floor_m2).map(KnownFloor::OfScene);
-        marked.or_else(of_scene)
-    }
-
     /// The surface that is marked; none where something else was marked since.
-    fn picked(&self) -> Option<&Picked> {
+    pub(super) fn picked(&self) -> Option<&Picked> {
         let is_marked = |picked: &&Picked| {
             let marks = self.view.marking.marks();
             marks.is_some_and(|marks| Arc::ptr_eq(marks, &picked.marks) || *marks == picked.marks)
@@ -426,11 +410,10 @@ impl App {
 
     /// Writes the table of lamps.
     pub(super) fn save_schedule(&mut self, path: &Path) {
-        let Some(basis) = self.session.basis() else { return };
         let ScheduleState { by, efficacy_lm_w, floor_m2 } = self.solving.schedule;
         let efficacy_lm_w = Some(efficacy_lm_w).filter(|efficacy| *efficacy > 0.0);
-        let known = || self.known_floor().map(KnownFloor::area_m2);
-        let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { known() };
+        let floor = if floor_m2 > 0.0 { Some(floor_m2) } else { self.floor_now().map(KnownFloor::area_m2) };
+        let Some(basis) = self.session.basis() else { return };
         let scene = self.session.lamp_scene().map(|scene| &**scene);
         let schedule = Schedule::new(basis, scene, &self.look, efficacy_lm_w, floor);
         match PendingFile::create(path).and_then(|place| place.commit(|writer| schedule.write(writer, by))) {
@@ -488,7 +471,9 @@ impl App {
             known_floor: self.known_floor(),
             elsewhere: self.elsewhere(),
         };
+        let mut asks_for_floor = false;
         let state = MeasureState {
+            asks_for_floor: &mut asks_for_floor,
             marking: &mut self.view.marking,
             schedule: &mut self.solving.schedule,
             work_plane: &mut self.settings.work_plane,
@@ -512,6 +497,9 @@ impl App {
         let state = (&mut self.solving.state, &mut wishes);
         solve_ui(ui, state, &mut self.view.marking, &view, &mut self.actions);
         self.look.wishes = wishes;
+        if asks_for_floor {
+            self.ask_for_floor();
+        }
     }
 }
 

@@ -1,5 +1,5 @@
-//! Steps of undo: one drag is one step, and so is an edit that no pointer makes. A step is the look and, while the camera is in hand, where
-//! that is; so a view that was left without a bake comes back.
+//! Steps of undo: one drag is one step, and so is an edit that no pointer makes. A step is the look, the sky that the scene is baked under,
+//! and, while the camera is in hand, where that is; so a view that was left without a bake comes back.
 
 use std::time::Duration;
 
@@ -8,6 +8,7 @@ use eframe::egui::{Context, util::undoer::Undoer};
 
 use super::App;
 use crate::look::Look;
+use crate::session::ChosenSky;
 
 /// A little longer than a state has to rest to be a step.
 const RESTED: Duration = Duration::from_millis(1050);
@@ -16,6 +17,8 @@ const RESTED: Duration = Duration::from_millis(1050);
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Step {
     look: Look,
+    /// The sky that the scene is baked under.
+    sky: Option<ChosenSky>,
     /// The view of a camera in hand.
     flight: Option<Camera>,
 }
@@ -37,9 +40,12 @@ impl Steps {
     }
 
     /// Looks are large: one that stays is not copied.
-    fn follow(&mut self, look: &Look, flight: Option<&Camera>) {
+    fn follow(&mut self, look: &Look, sky: Option<&ChosenSky>, flight: Option<&Camera>) {
         if self.now.look != *look {
             self.now.look = look.clone();
+        }
+        if self.now.sky.as_ref() != sky {
+            self.now.sky = sky.cloned();
         }
         if self.now.flight.as_ref() != flight {
             self.now.flight = flight.cloned();
@@ -51,7 +57,7 @@ impl App {
     /// The steps, up to date.
     fn steps(&mut self) -> &mut Steps {
         let flight = self.camera.camera.as_ref().filter(|_| self.camera.is_moving);
-        self.steps.follow(&self.look, flight);
+        self.steps.follow(&self.look, self.choices.sky.as_ref(), flight);
         &mut self.steps
     }
 
@@ -73,9 +79,13 @@ impl App {
 
     fn go_to(&mut self, step: Step, words: &str) {
         self.messages.take_back();
+        let has_other_sky = step.sky != self.choices.sky;
+        self.choices.sky = step.sky;
         if step.look != self.look {
             let before = std::mem::replace(&mut self.look, step.look);
             self.follow_file_of_look(before);
+            self.prepare_chosen();
+        } else if has_other_sky {
             self.prepare_chosen();
         }
         match step.flight {
@@ -129,6 +139,7 @@ impl App {
     pub(super) fn as_one_step(&mut self, edit: impl FnOnce(&mut App)) {
         self.keep_step();
         edit(self);
+        self.follow_sky();
         self.keep_step();
     }
 }

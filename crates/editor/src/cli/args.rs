@@ -218,9 +218,9 @@ pub struct BakeOptions {
     /// Picture and quality.
     #[command(flatten)]
     pub view: ViewArgs,
-    /// Patches of the sky above the horizon.
-    #[arg(long, value_name = "145|577|2305", default_value = "145", value_parser = parse_patches)]
-    pub sky_patches: SkyForm,
+    /// Patches of the sky above the horizon [default: as the look says, else 145].
+    #[arg(long, value_name = "145|577|2305", value_parser = parse_patches)]
+    pub sky_patches: Option<SkyForm>,
     /// Signal to error in decibels that the bake aims at.
     #[arg(long, value_name = "DB", default_value_t = 40.0, value_parser = parse_tolerance)]
     pub tolerance: f32,
@@ -251,6 +251,14 @@ pub struct BakeOptions {
     /// Start over, even if an earlier bake of the same name was stopped half way or could be taken over.
     #[arg(long)]
     pub fresh: bool,
+}
+
+impl BakeOptions {
+    /// In which patches the sky is baked under a look.
+    pub fn sky_form(&self, look: &Look) -> SkyForm {
+        let of_look = look.scene.sky.map(SkyForm::Patches);
+        self.sky_patches.or(of_look).unwrap_or(SkyForm::Patches(1))
+    }
 }
 
 /// Options that mean nothing to pictures that were taken: nothing is traced.

@@ -65,7 +65,7 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
         bail!("{0} is a folder; name a scene, or bake the pictures in it with --images {0}", scene.display());
     }
     let asked = args.options.view.as_in(look);
-    let sky = requested_sky(&asked, look.lights.sky.as_ref(), args.options.sky_patches, console)?;
+    let sky = requested_sky(&asked, look.lights.sky.as_ref(), args.options.sky_form(look), console)?;
     let view = open_view(scene, &asked, sky.as_ref(), console)?;
     let unheeded = Look { scene: look.scene.clone(), ..Look::default() }.unheeded(&view.scene.lighting.basis);
     console.warn_all(unheeded);

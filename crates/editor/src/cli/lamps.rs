@@ -215,9 +215,7 @@ fn arriving_light(scene: &PreparedScene, camera: &Camera, film: Film, lamps: &[P
 fn baked_of(header: &BakeHeader, mut scene: Scene) -> Option<(Scene, Camera)> {
     for scattering in [FacetScattering::Multiple, FacetScattering::Single] {
         scene.set_facet_scattering(scattering);
-        let cameras = scene.cameras.iter().filter(|camera| camera.name == header.camera);
-        let camera = header.view.iter().chain(cameras).find(|camera| header.is_of(&scene, camera)).cloned();
-        if let Some(camera) = camera {
+        if let Some(camera) = header.camera_in(&scene).cloned() {
             return Some((scene, camera));
         }
     }

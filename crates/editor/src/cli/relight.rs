@@ -52,7 +52,8 @@ pub(super) fn render(args: &RenderArgs, console: &mut Console) -> Result<Answer>
     let interrupt = console.interrupt.heeded()?;
     let mut target = Target::new(&args.relight, console)?;
     let kept = || discarded(&target.place);
-    let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), args.bake.sky_patches, console)?;
+    let form = args.bake.sky_form(&target.document);
+    let sky = requested_sky(&args.bake.view, target.look.lights.sky.as_ref(), form, console)?;
     let asked = args.bake.view.as_in(&target.document);
     let mut view =
         interrupt.watched(&ProgressBar::hidden(), &kept, || open_view(&args.scene, &asked, sky.as_ref(), console))?;

@@ -77,6 +77,8 @@ pub enum LuxBake {
 
 /// What can be set here.
 pub struct MeasureState<'a> {
+    /// Whether the area of the floor is told.
+    pub asks_for_floor: &'a mut bool,
     /// What is marked, and how.
     pub marking: &'a mut Marking,
     /// The schedule of luminaires.
@@ -101,7 +103,7 @@ pub struct ScheduleState {
 
 /// Draws it.
 pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions: &mut Vec<Action>) {
-    let MeasureState { marking, schedule, work_plane } = state;
+    let MeasureState { asks_for_floor, marking, schedule, work_plane } = state;
     theme::folding(ui, "Measure", Fold::Closed, |ui| {
         tools_ui(ui, marking, view.has_scene);
         if let Some(surface) = view.surface {
@@ -144,6 +146,7 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             work_plane_ui(ui, work_plane, view, actions);
         }
         ui.add_space(6.0);
+        *asks_for_floor = true;
         schedule_ui(ui, schedule, view, actions);
     });
 }

@@ -19,12 +19,15 @@ use clerestory_transport::stop::Stop;
 
 use super::begun::Begun;
 use super::task::{Fact, Task};
+use super::views::sees_alike;
 use super::{BakeSettings, Chosen, ChosenSky, Notice, SceneOfBake, Session, Shown, Source};
 use crate::words::in_words;
 
 /// The scene of a bake, prepared as it was for that.
 pub(super) struct FoundScene {
     scene: Box<PreparedScene>,
+    /// Where the bake is seen from.
+    camera: Camera,
     path: PathBuf,
     /// Lamps as the file has them.
     lamps: Vec<PunctualLight>,
@@ -65,7 +68,7 @@ impl Session {
     pub(super) fn scene_found(&mut self, found: Result<FoundScene, String>, notices: &mut Vec<Notice>) {
         self.finding = None;
         let Some(opened) = &mut self.opened else { return };
-        let FoundScene { scene, path, lamps, chosen } = match found {
+        let FoundScene { scene, camera, path, lamps, chosen } = match found {
             Ok(found) => found,
             Err(why) => {
                 opened.of_bake = Some(SceneOfBake::Missing(why));
@@ -75,8 +78,7 @@ impl Session {
         let scene: Arc<PreparedScene> = Arc::from(scene);
         opened.of_bake = Some(SceneOfBake::Found(scene.clone()));
         let Some(shown) = &mut self.shown else { return };
-        let named = || Camera::named(&scene.scene.cameras, &shown.header.camera);
-        shown.camera = shown.header.view.as_ref().or_else(named).cloned();
+        shown.camera = Some(camera);
         if has_lights_of(&scene.lighting.basis, &shown.header.basis) {
             (opened.lamps, opened.chosen, opened.source) = (lamps, chosen, Some(Source::File(path)));
             opened.scene = Some(scene.clone());
@@ -95,8 +97,9 @@ impl Session {
 impl Shown {
     /// How it was asked for, among the cameras of its scene.
     fn settings(&self, cameras: &[Camera]) -> BakeSettings {
+        let is_it = |camera: &Camera| self.camera.as_ref().is_some_and(|own| sees_alike(own, camera));
         BakeSettings {
-            camera_idx: cameras.iter().position(|camera| camera.name == self.header.camera).unwrap_or(0),
+            camera_idx: cameras.iter().position(is_it).unwrap_or(0),
             film: self.film(),
             config: self.header.config.clone(),
             illuminance: self.pixel_irradiance().is_some(),
@@ -119,28 +122,26 @@ fn scene_of(header: &BakeHeader, path: PathBuf, stop: &Stop) -> Result<FoundScen
     anyhow::ensure!(path.is_file(), "{} is not there", path.display());
     let mut scene = import::load_until(&path, Skips::default(), stop)?.scene;
     let (lamps, mut chosen) = (scene.punctual.clone(), chosen_for(&header.basis));
-    let camera = header.view.as_ref().or_else(|| Camera::named(&scene.cameras, &header.camera)).cloned();
     // With energy compensation, or baked without.
-    let is_it = |scene: &mut Scene| {
-        let Some(camera) = camera.as_ref() else { return false };
-        [FacetScattering::Multiple, FacetScattering::Single].into_iter().any(|scattering| {
+    let seen_from = |scene: &mut Scene| {
+        [FacetScattering::Multiple, FacetScattering::Single].into_iter().find_map(|scattering| {
             scene.set_facet_scattering(scattering);
-            header.is_of(scene, camera)
+            header.camera_in(scene).cloned()
         })
     };
-    if !is_it(&mut scene) {
+    let mut camera = seen_from(&mut scene);
+    if camera.is_none() {
         assume_unitless(&mut scene);
         chosen.units = LampUnits::Unitless;
+        camera = seen_from(&mut scene);
     }
-    anyhow::ensure!(
-        is_it(&mut scene),
-        "{} is another scene than was baked, or has changed since; bake it again",
-        path.display()
-    );
+    let camera = camera.with_context(|| {
+        format!("{} is another scene than was baked, or has changed since; bake it again", path.display())
+    })?;
     let sky = chosen.sky.as_ref().and_then(ChosenSky::request);
     let prepared = PreparedScene::until(scene, &chosen.panels, sky.as_ref(), Skips::default(), stop);
     let (scene, _) = prepared.context("its lights cannot be used")?;
-    Ok(FoundScene { scene: Box::new(scene), path: absolute(&path), lamps, chosen })
+    Ok(FoundScene { scene: Box::new(scene), camera, path: absolute(&path), lamps, chosen })
 }
 
 fn absolute(path: &Path) -> PathBuf {

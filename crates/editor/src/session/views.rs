@@ -158,7 +158,7 @@ impl Session {
     pub(super) fn shows_view_of(&self, job: &BakeJob) -> bool {
         self.shown.as_ref().is_some_and(|shown| {
             (shown.film() == job.film || shown.is_glimpse)
-                && shown.camera.as_ref() == Some(&job.camera)
+                && shown.camera.as_ref().is_some_and(|own| sees_alike(own, &job.camera))
                 && shown.header.basis.sources == job.scene.lighting.basis.sources
         })
     }
@@ -232,9 +232,12 @@ impl Session {
 
 /// Whether two bakes are of the same picture and the same lights. A glimpse is of the picture that comes after it.
 fn is_same_view(a: &Shown, b: &Shown) -> bool {
-    (a.film() == b.film() || a.is_glimpse)
-        && (&a.header.camera, &a.header.basis.sources) == (&b.header.camera, &b.header.basis.sources)
-        && a.camera == b.camera
+    let sees_it = match (&a.camera, &b.camera) {
+        (Some(a), Some(b)) => sees_alike(a, b),
+        (None, None) => a.header.camera == b.header.camera,
+        _ => false,
+    };
+    sees_it && (a.film() == b.film() || a.is_glimpse) && a.header.basis.sources == b.header.basis.sources
 }
 
 /// Whether two cameras see the same, whatever they are called.

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{BakeJob, TILE};
+use super::{BakeHeader, BakeJob, TILE};
 use crate::emitters::{Emitter, Lighting, ShiningTriangle};
 use crate::fingerprint::{digest, of_surfaces};
 use crate::prepared::PreparedScene;
@@ -15,7 +15,7 @@ use crate::skips::Skip;
 pub struct Grounds {
     /// Of the surfaces and how they scatter.
     pub surfaces: String,
-    /// Of the camera and the size of the picture.
+    /// Of the camera, whatever it is called, and the size of the picture.
     pub view: String,
     /// Of the settings, the skips and the version of the program.
     pub settings: String,
@@ -39,14 +39,24 @@ impl BakeJob {
         let skips: Vec<Skip> = self.scene.skips.off().into_iter().filter(|skip| *skip != Skip::Reuse).collect();
         let settings = (env!("CARGO_PKG_VERSION"), &self.config, skips);
         let settings = serde_json::to_vec(&settings).expect("settings always have a JSON form");
-        let view = format!("{:?} {} {} {TILE}", self.camera, self.film.width, self.film.height);
         let n_lights = self.scene.lighting.emitters.len();
         Grounds {
             surfaces: of_surfaces(&self.scene.scene),
-            view: hash_of(view.as_bytes()),
+            view: self.view(""),
             settings: hash_of(&settings),
             lights: (0..n_lights).map(|source| of_light(&self.scene, source)).collect(),
         }
+    }
+
+    /// A hash of its camera, called so, and of the size of its picture.
+    fn view(&self, name: &str) -> String {
+        let view = format!("{:?} {} {} {TILE}", self.camera.called(name), self.film.width, self.film.height);
+        hash_of(view.as_bytes())
+    }
+
+    /// Whether an earlier bake, which rests on `there`, is of the same view. Files of before count the name of its camera.
+    pub(super) fn has_view_of(&self, earlier: &BakeHeader, there: &Grounds) -> bool {
+        [self.view(""), self.view(&earlier.camera)].contains(&there.view)
     }
 }
 

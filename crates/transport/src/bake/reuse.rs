@@ -88,7 +88,7 @@ impl BakeJob {
         let wanted = self.grounds();
         for (is_other, why) in [
             (there.settings != wanted.settings, NothingKept::Settings),
-            (there.view != wanted.view, NothingKept::View),
+            (!self.has_view_of(&earlier.header, there), NothingKept::View),
             (there.surfaces != wanted.surfaces, NothingKept::Surfaces),
         ] {
             if is_other {

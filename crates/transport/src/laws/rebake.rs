@@ -14,6 +14,7 @@ use crate::bake::reuse::NothingKept;
 use crate::bake::{Bake, BakeConfig, BakeEvent, BakeJob, HalfDone, Indirect, Passes};
 use crate::basis::LightSource;
 use crate::camera::{Camera, Film};
+use crate::fingerprint::digest;
 use crate::irradiance::IrradianceRows;
 use crate::light::LightRig;
 use crate::matrix::CHANNELS;
@@ -213,6 +214,30 @@ fn what_every_column_sees_is_never_taken_over_when_it_has_changed() {
     assert_eq!(why(job(scene(others))), Some(NothingKept::Lights), "a uniform sky is none of them");
     let unknown = Bake { packed: None, ..earlier.clone() };
     assert_eq!(plain().reuse(&unknown).err(), Some(NothingKept::Unknown));
+}
+
+#[test]
+fn a_view_stays_what_it_is_when_its_camera_is_renamed() {
+    let plain = |scene: Scene| {
+        let job = job(scene);
+        BakeJob { irradiance: Vec::new(), config: BakeConfig { spp: 4, ..job.config.clone() }, ..job }
+    };
+    let mut earlier = baked(plain(scene(|_| {})));
+    let renamed = plain(scene(|s| s.cameras[0].name = "door".into()));
+    let of_file = &renamed.scene.scene;
+    assert_eq!(earlier.header.camera_in(of_file), Some(&renamed.camera));
+    assert!(!earlier.header.is_of(of_file, &Camera { yfov_rad: 1.2, ..renamed.camera.clone() }));
+    let before = plain(scene(|_| {})).camera;
+    // In files of before the name counts.
+    let with_name = format!("{:016x}", digest(format!("{before:?} {} {} 16", FILM.width, FILM.height).as_bytes()));
+    let without = earlier.header.grounds.as_ref().expect("it was not cut short").view.clone();
+    for view in [without, with_name] {
+        let header = Arc::make_mut(&mut earlier.header);
+        header.grounds.as_mut().expect("it was not cut short").view = view;
+        let (again, n_traced) = rebaked(renamed.clone(), &earlier);
+        assert_eq!((n_traced, &*again.header.camera), (0, "door"));
+        assert!(again.header.is_of(of_file, &before));
+    }
 }
 
 #[test]

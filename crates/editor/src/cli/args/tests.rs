@@ -15,8 +15,22 @@ fn defaults_are_those_of_the_manual() {
     assert_eq!((view.spp, view.bounces, view.size, view.seed), (256, None, None, 0));
     assert_eq!((bake.options.tolerance, bake.options.fresh), (40.0, false));
     assert_eq!(bake.options.method, Method::Projected);
-    assert_eq!((&view.sky, bake.options.sky_patches), (&None, SkyForm::Patches(1)));
+    assert_eq!((&view.sky, bake.options.sky_form(&Look::default())), (&None, SkyForm::Patches(1)));
     assert!(view.skips().is_all());
+}
+
+#[test]
+fn the_sky_is_baked_in_the_patches_of_the_look_unless_others_are_typed() {
+    let form = |options: &[&str], divisions: Option<u32>| {
+        let line = ["clerestory", "bake", "a.glb", "-o", "a.transport"].iter().chain(options);
+        let Some(Command::Bake(bake)) = Arguments::try_parse_from(line).unwrap().command else { panic!("it is bake") };
+        let mut look = Look::default();
+        look.scene.sky = divisions;
+        bake.options.sky_form(&look)
+    };
+    assert_eq!(form(&[], Some(2)), SkyForm::Patches(2));
+    assert_eq!(form(&["--sky-patches", "145"], Some(2)), SkyForm::Patches(1));
+    assert_eq!(form(&["--sky-patches", "2305"], None), SkyForm::Patches(4));
 }
 
 #[test]
