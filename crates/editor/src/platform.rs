@@ -56,6 +56,14 @@ fn status_bytes(process: &str, name: &str) -> Option<u64> {
     }
 }
 
+/// Has the system run other threads before this one, where both want a processor: as a nice value of 5 does.
+pub fn step_back() {
+    use thread_priority::{ThreadPriority, ThreadPriorityValue, set_current_thread_priority};
+    let low = ThreadPriorityValue::try_from(35).map(ThreadPriority::Crossplatform);
+    // Where that is refused, all threads share alike, as they did before: slower for who waits, and nothing else.
+    let _ = low.map(set_current_thread_priority);
+}
+
 /// Gives large memory back to the system as soon as it is freed. Of itself, the allocator of GNU/Linux takes what was freed once for
 /// what will be asked for again, and keeps it for each of its threads: half an hour of opening and baking nearly tripled the memory of the window.
 #[cfg_attr(
@@ -132,6 +140,23 @@ pub fn may_have_gpu() -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_thread_that_steps_back_does_so_alone() {
+        let nice = || -> i32 {
+            let stat = std::fs::read_to_string("/proc/thread-self/stat").unwrap();
+            // Behind the name, which may hold spaces, nice is the 17th field.
+            stat.rsplit_once(')').unwrap().1.split_whitespace().nth(16).unwrap().parse().unwrap()
+        };
+        let before = nice();
+        let stepped = std::thread::spawn(move || {
+            step_back();
+            nice()
+        });
+        assert!(stepped.join().unwrap() > before);
+        assert_eq!(nice(), before);
+    }
 
     #[test]
     fn the_system_has_more_memory_than_is_still_to_be_had() {

@@ -31,6 +31,7 @@ use crate::bake_cache::{BakeCache, Found};
 use crate::export_gltf::Lit;
 use crate::headless::GALLERY;
 use crate::look::Look;
+use crate::platform::step_back;
 use crate::sequence::Sequence;
 use crate::stills::{Stills, Subject};
 use crate::words::in_words;
@@ -367,11 +368,12 @@ fn tell(post: &Post, event: BakeEvent) -> ControlFlow<()> {
     post.send(Fact::Bake(event), soon)
 }
 
+/// On threads of their own, which make way for those that relight, light lamps and draw.
 pub(super) fn beside_the_window<T: Send>(
     n_threads: usize,
     bake: impl FnOnce() -> Result<Option<T>, BakeError> + Send,
 ) -> Result<Option<T>, String> {
-    match rayon::ThreadPoolBuilder::new().num_threads(n_threads).build() {
+    match rayon::ThreadPoolBuilder::new().num_threads(n_threads).start_handler(|_| step_back()).build() {
         Ok(pool) => pool.install(bake).map_err(words),
         Err(error) => Err(words(error)),
     }
