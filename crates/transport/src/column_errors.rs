@@ -16,6 +16,9 @@ const N_WORST: usize = 3;
 /// Pixels that tell how bright each column is, about.
 const PEAK_PIXELS: usize = 2048;
 
+/// Least error over the square of a peak: [`BEST_DB`].
+const LEAST: f32 = 1e-12;
+
 /// How the error is spread over the columns of lights, each below the peak of its own light in the picture, in dB: truncation and sampling,
 /// without the bias of shared light, which is known in the mean alone. Columns that light nothing do not count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -61,13 +64,18 @@ impl BeforePacking {
                 // Patches of the sky shine together: one scale and one peak are theirs.
                 let peak = if kind == ColumnKind::Sky && peak > 0.0 { 1.0 } else { peak };
                 let relative = ((error + added) / f64::from(peak).powi(2)) as f32;
-                if peak > 0.0 && relative.is_finite() { relative.max(f32::MIN_POSITIVE) } else { 0.0 }
+                if peak > 0.0 && relative.is_finite() { rounded(relative) } else { 0.0 }
             };
             errors.into_iter().zip(peaks(group)).map(relative).collect::<Vec<f32>>()
         };
         let kinds = header.basis.groups.iter().map(|group| group.kind);
         self.errors.into_iter().zip(self.truncation).zip(packed.iter().zip(kinds)).flat_map(of_group).collect()
     }
+}
+
+/// Three digits, which a header holds in few bytes; above 0.
+fn rounded(error: f32) -> f32 {
+    format!("{:.2e}", error.max(LEAST)).parse().expect("a number in words is a number")
 }
 
 /// The 99.5 percentile of each column in some pixels, light that is seen itself aside.
