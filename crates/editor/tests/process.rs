@@ -408,6 +408,26 @@ fn the_error_of_every_block_is_listed_in_its_layers() {
 }
 
 #[test]
+fn the_lights_with_the_worst_columns_are_named_by_bake_and_info() {
+    let folder = desk();
+    let told = answer(folder.path(), "bake room.gltf --size 40x24 --spp 8 -o a.transport")["column_error_db"].clone();
+    let worst = told["worst"].as_array().unwrap();
+    let db = |value: &serde_json::Value| value.as_f64().unwrap();
+    assert!(
+        worst.is_sorted_by(|a, b| db(&a["db"]) <= db(&b["db"])) && db(&worst[0]["db"]) <= db(&told["tenth"]),
+        "{told}"
+    );
+    assert!(db(&told["tenth"]) <= db(&told["median"]), "{told}");
+    assert_eq!(answer(folder.path(), "info a.transport")["column_error_db"], told);
+    let said = String::from_utf8(succeeds(folder.path(), "info a.transport").stdout).unwrap();
+    let first = worst[0]["light"].as_str().unwrap();
+    assert!(said.contains(&format!("worst light {first} {:.1} dB", db(&worst[0]["db"]))), "{said}");
+    // Other methods tell nothing of columns.
+    let of_other = answer(folder.path(), "bake room.gltf --size 40x24 --spp 8 --method svd -o b.transport");
+    assert!(of_other.get("column_error_db").is_none(), "{of_other}");
+}
+
+#[test]
 fn a_method_that_cannot_relight_is_baked_in_full_and_everything_says_so() {
     let folder = desk();
     for method in ["kernel", "compressed-sensing"] {

@@ -1,8 +1,9 @@
 //! Factors to bytes and back: little-endian, with a version in front and a checksum behind.
 //!
 //! ```text
-//! magic "CNBF" · version u16 · 1 with noise of the left factor, else 0 u16 · rows, columns, rank, sparse entries, samples u32 · truncation, sampling, noise f32 ·
-//! scale f32 × rank · left f16 × rows·rank · right f16 × rank·columns · noise of left f16 × rows·rank, if it is there · (row u32, column u32, value f32) × sparse · FNV-1a u64
+//! magic "CNBF" · version u16 · parts u16: 1 noise of the left factor, 2 errors of columns · rows, columns, rank, sparse entries, samples u32 · truncation, sampling, noise f32 ·
+//! scale f32 × rank · left f16 × rows·rank · right f16 × rank·columns · noise of left f16 × rows·rank, if it is there ·
+//! errors of columns f32 × columns, if they are there · (row u32, column u32, value f32) × sparse · FNV-1a u64
 //! ```
 //! Bytes are not trusted: sizes are held against the bytes that are there before anything is allocated.
 
@@ -19,12 +20,15 @@ use crate::{
 };
 
 const MAGIC: [u8; 4] = *b"CNBF";
-const VERSION: u16 = 2;
-/// Versions that are read: the first had no noise of the left factor, and 0 in its place.
+const VERSION: u16 = 3;
+/// Versions that are read: the first had no noise of the left factor, the second no errors of columns.
 const READABLE: RangeInclusive<u16> = 1..=VERSION;
 /// Magic, version, five counts, three errors.
 const HEADER_LEN: usize = 8 + 5 * 4 + 3 * 4;
 const CHECKSUM_LEN: usize = 8;
+/// Parts that a block may have or lack.
+const DOUBT: u16 = 1;
+const COLUMN_ERRORS: u16 = 2;
 /// Bytes of the smallest block: rank 0 without a sparse part.
 pub const MIN_BLOCK_BYTES: usize = HEADER_LEN + CHECKSUM_LEN;
 /// Rows or columns that a block may have.
@@ -61,7 +65,9 @@ pub fn encode_block(block: &BlockFactors, out: &mut Vec<u8>) {
     let start = out.len();
     out.extend(MAGIC);
     out.extend(VERSION.to_le_bytes());
-    out.extend(u16::from(!block.doubt.is_empty()).to_le_bytes());
+    let part = |is_there: bool, bit: u16| if is_there { bit } else { 0 };
+    let parts = part(!block.doubt.is_empty(), DOUBT) | part(!block.column_errors.is_empty(), COLUMN_ERRORS);
+    out.extend(parts.to_le_bytes());
     for count in [block.n_rows, block.n_cols, block.rank, block.sparse.len() as u32, block.n_samples] {
         out.extend(count.to_le_bytes());
     }
@@ -72,6 +78,7 @@ pub fn encode_block(block: &BlockFactors, out: &mut Vec<u8>) {
     out.extend(block.left.iter().flat_map(|x| x.to_le_bytes()));
     out.extend(block.right.iter().flat_map(|x| x.to_le_bytes()));
     out.extend(block.doubt.iter().flat_map(|x| x.to_le_bytes()));
+    out.extend(block.column_errors.iter().flat_map(|x| x.to_le_bytes()));
     for entry in &block.sparse {
         out.extend(entry.row.to_le_bytes());
         out.extend(entry.col.to_le_bytes());
@@ -95,11 +102,13 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
     if !READABLE.contains(&version) {
         return Err(CodecError::Version(version));
     }
-    let n_lefts = match u16::from_le_bytes([header[6], header[7]]) {
-        0 => 1,
-        1 if version > 1 => 2,
-        _ => return Err(CodecError::Malformed("unknown parts")),
-    };
+    let parts = u16::from_le_bytes([header[6], header[7]]);
+    let known = [0, DOUBT, DOUBT | COLUMN_ERRORS][usize::from(version).saturating_sub(1)];
+    if parts & !known != 0 {
+        return Err(CodecError::Malformed("unknown parts"));
+    }
+    let has = |part: u16| u32::from(parts & part != 0);
+    let (n_doubts, n_errors) = (has(DOUBT), has(COLUMN_ERRORS));
     let mut reader = Reader(&bytes[8..]);
     let [n_rows, n_cols, rank, n_sparse, n_samples] = [(); 5].map(|()| u32::from_le_bytes(reader.take()));
     if n_rows > MAX_SIDE || n_cols > MAX_SIDE || rank > MAX_SIDE {
@@ -107,7 +116,10 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
     }
     let (m, n, k) = (u64::from(n_rows), u64::from(n_cols), u64::from(rank));
     #[expect(clippy::arithmetic_side_effects, reason = "sides are at most 2^24, so that the sum is below 2^52")]
-    let len = HEADER_LEN as u64 + 4 * k + 2 * k * (n_lefts * m + n) + 12 * u64::from(n_sparse) + CHECKSUM_LEN as u64;
+    let len = {
+        let of_factors = 4 * k + 2 * k * ((1 + u64::from(n_doubts)) * m + n) + 4 * u64::from(n_errors) * n;
+        HEADER_LEN as u64 + of_factors + 12 * u64::from(n_sparse) + CHECKSUM_LEN as u64
+    };
     if len > present as u64 {
         return Err(truncated(len));
     }
@@ -121,7 +133,7 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
     let [truncation, sampling, noise] = [(); 3].map(|()| f32::from_le_bytes(reader.take()));
     let (m, n, k) = (n_rows as usize, n_cols as usize, rank as usize);
     #[expect(clippy::arithmetic_side_effects, reason = "so many bytes are there")]
-    let (n_left, n_right, n_doubt) = (m * k, k * n, if n_lefts > 1 { m * k } else { 0 });
+    let (n_left, n_right, n_doubt, n_errors) = (m * k, k * n, n_doubts as usize * m * k, n_errors as usize * n);
     let block = BlockFactors {
         n_rows,
         n_cols,
@@ -130,6 +142,7 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
         left: (0..n_left).map(|_| f16::from_le_bytes(reader.take())).collect(),
         right: (0..n_right).map(|_| f16::from_le_bytes(reader.take())).collect(),
         doubt: (0..n_doubt).map(|_| f16::from_le_bytes(reader.take())).collect(),
+        column_errors: (0..n_errors).map(|_| f32::from_le_bytes(reader.take())).collect(),
         sparse: (0..n_sparse).map(|_| reader.sparse_entry()).collect(),
         n_samples,
         error: BlockError { truncation, sampling, noise },
@@ -140,7 +153,7 @@ pub fn decode_block(bytes: &[u8]) -> Result<(BlockFactors, usize), CodecError> {
 
 /// What every block fulfills that an encoder was given.
 fn check(block: &BlockFactors) -> Result<(), CodecError> {
-    let finite = block.scale.iter().all(|x| x.is_finite())
+    let finite = block.scale.iter().chain(&block.column_errors).all(|x| x.is_finite())
         && block.left.iter().chain(&block.right).chain(&block.doubt).all(|x| x.is_finite())
         && block.sparse.iter().all(|entry| entry.value.is_finite());
     if !finite {
@@ -197,6 +210,9 @@ mod tests {
         let mut bytes = Vec::new();
         let mut blocks = vec![example(&mut rng, 12, 9, 3), example(&mut rng, 3, 2, 0), BlockFactors::default()];
         blocks[1].sparse.clear();
+        let with_parts =
+            BlockFactors { column_errors: vec![0.25; 9], doubt: blocks[0].left.clone(), ..blocks[0].clone() };
+        blocks.extend([BlockFactors { doubt: Vec::new(), ..with_parts.clone() }, with_parts]);
         blocks.iter().for_each(|block| encode_block(block, &mut bytes));
         let mut rest = bytes.as_slice();
         for block in blocks {
@@ -248,6 +264,8 @@ mod tests {
         assert!(malformed(HEADER_LEN, &f32::INFINITY.to_le_bytes()), "scale");
         assert!(malformed(HEADER_LEN + 8, &f16::NAN.to_le_bytes()), "left");
         assert!(matches!(decode_block(&forged(&bytes, 4, &[9, 0])), Err(CodecError::Version(9))));
+        assert!(malformed(4, &[2, 0, 2, 0]) && malformed(4, &[1, 0, 1, 0]), "parts that came later");
+        assert!(decode_block(&forged(&bytes, 4, &[2, 0])).is_ok(), "an older version without them");
         let mut rng = Random::new([24, 0]);
         for _ in 0..2000 {
             let noise: Vec<u8> = (0..rng.below(100)).map(|_| rng.bits() as u8).collect();

@@ -6,6 +6,7 @@ use std::{
 };
 
 use crate::{
+    column_errors::column_errors,
     factors::BlockFactors,
     landmarks::Selection,
     matrix::{SampledMatrix, SparseEntry},
@@ -256,7 +257,10 @@ pub(crate) fn compress_group(
     means: &mut Means,
 ) -> Result<BlockFactors, CompressError> {
     let mut factors = match config.method {
-        Method::Projected => unpacked(samples, group, config, block_idx, means)?.packed(),
+        Method::Projected => {
+            let factors = unpacked(samples, group, config, block_idx, means)?;
+            BlockFactors { column_errors: column_errors(means, &factors), ..factors.packed() }
+        }
         method => {
             fill(means, samples, group, block_idx)?;
             let mut rng = Random::new([config.seed, u64::from(block_idx)]);

@@ -266,8 +266,26 @@ impl<'a, L: Likeness> Surroundings<'a, L> {
         let sampling = (f64::from(block.error.sampling) - less).max(least) as f32;
         left.iter().all(|x| x.is_finite()).then(|| {
             let error = BlockError { sampling, ..block.error };
-            BlockFactors { error, ..block.with_left(&left) }
+            let column_errors = self.column_errors(block, &mixtures[..rank], moved / n_entries);
+            BlockFactors { error, column_errors, ..block.with_left(&left) }
         })
+    }
+}
+
+impl<L> Surroundings<'_, L> {
+    /// What is left of the error of each column, each component counting as much as the column has of it; the product that is put
+    /// back moves all alike by some mean square.
+    fn column_errors(&self, block: &BlockFactors, mixtures: &[Mixture], moved: f64) -> Vec<f32> {
+        let sum = |col: usize, of: fn(&Mixture) -> f64| {
+            let parts = mixtures.iter().enumerate();
+            let squares = parts.map(|(r, mixture)| of(mixture) * f64::from(self.basis.rows.row(r)[col]).powi(2));
+            squares.sum::<f64>() / f64::from(block.n_rows)
+        };
+        let left = |(col, before): (usize, &f32)| {
+            let less = sum(col, |mixture| mixture.before - mixture.error()) - moved;
+            (f64::from(*before) - less).max(sum(col, |mixture| mixture.noise)) as f32
+        };
+        block.column_errors.iter().enumerate().map(left).collect()
     }
 }
 

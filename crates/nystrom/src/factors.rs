@@ -35,6 +35,9 @@ pub struct BlockFactors {
     /// Row-major, rows × rank, in the scale of `left`: half of what the two halves of the samples differ by, noise like that of
     /// `left`. Empty where it is not known.
     pub doubt: Vec<f16>,
+    /// Mean square error per entry of each column, truncation and sampling together, its sparse part aside: their mean is that of the block
+    /// as it was compressed. Empty where it is not known.
+    pub column_errors: Vec<f32>,
     /// Entries that no low rank holds, sorted by row, then column; each once.
     pub sparse: Vec<SparseEntry>,
     /// Samples per row that the factors are the mean of, both halves together.
@@ -77,6 +80,7 @@ impl BlockFactors {
             left: scaled_columns(left, &exponents),
             scale: exponents.iter().map(|&exponent| scale(exponent)).collect(),
             doubt: Vec::new(),
+            column_errors: self.column_errors.clone(),
             right: self.right.clone(),
             sparse: self.sparse.clone(),
             ..*self
@@ -105,7 +109,7 @@ impl BlockFactors {
     }
 
     /// One row without its sparse part; `out` is overwritten.
-    pub(crate) fn low_rank_row(&self, row: usize, out: &mut [f32]) {
+    pub fn low_rank_row(&self, row: usize, out: &mut [f32]) {
         let (rank, n_cols) = (self.rank as usize, self.n_cols as usize);
         out.fill(0.0);
         for r in 0..rank {
@@ -150,11 +154,12 @@ impl BlockFactors {
         let n_cols = self.n_cols as usize;
         let rows = (0..self.rank as usize).map(|r| &self.right[r * n_cols..][..n_cols]);
         let right = rows.flat_map(|row| columns.iter().map(|&col| row[col as usize])).collect();
+        let column_errors = columns.iter().filter_map(|&col| self.column_errors.get(col as usize).copied()).collect();
         let place = |entry: &SparseEntry| columns.iter().position(|&col| col == entry.col);
         let moved = |entry: &SparseEntry| Some(SparseEntry { col: place(entry)? as u32, ..*entry });
         let mut sparse: Vec<SparseEntry> = self.sparse.iter().filter_map(moved).collect();
         sparse.sort_by_key(|entry| (entry.row, entry.col));
-        Self { n_cols: columns.len() as u32, right, sparse, ..self.clone() }
+        Self { n_cols: columns.len() as u32, right, column_errors, sparse, ..self.clone() }
     }
 
     /// Columns whose entries are all zero.
@@ -171,7 +176,7 @@ impl BlockFactors {
     /// Memory that factors and sparse entries take, in bytes.
     pub fn n_bytes(&self) -> usize {
         2 * (self.left.len() + self.doubt.len() + self.right.len())
-            + 4 * self.scale.len()
+            + 4 * (self.scale.len() + self.column_errors.len())
             + size_of_val(self.sparse.as_slice())
     }
 }
@@ -296,8 +301,10 @@ mod tests {
         let mut factors = BlockFactors::from_f32(&values(4 * 2), &values(2 * 5), 4, 5, 2);
         let entry = |row, col| SparseEntry { row, col, value: 7.0 };
         factors.sparse = vec![entry(1, 0), entry(1, 4), entry(2, 3)];
+        factors.column_errors = vec![0.0, 1.0, 2.0, 3.0, 4.0];
         let some = factors.with_columns(&[4, 0, 2]);
         assert_eq!((some.n_cols, some.sparse.len(), some.n_dark_columns()), (3, 2, 0));
+        assert_eq!(some.column_errors, [4.0, 0.0, 2.0]);
         for row in 0..4 {
             for (at, col) in [4, 0, 2].into_iter().enumerate() {
                 assert_eq!(some.entry(row, at), factors.entry(row, col), "{row}, {col}");

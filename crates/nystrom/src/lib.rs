@@ -51,6 +51,7 @@
 
 pub mod bounded;
 pub mod codec;
+mod column_errors;
 pub mod compress;
 mod cosine;
 pub mod denoise;

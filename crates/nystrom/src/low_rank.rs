@@ -75,6 +75,21 @@ impl BlockLowRank {
         BlockError { truncation: mean(|e| e.truncation), sampling: mean(|e| e.sampling), noise: mean(|e| e.noise) }
     }
 
+    /// Mean square error per entry of each column over the blocks that are there, see [`BlockFactors::column_errors`]; `None` if there are
+    /// none, or one does not tell.
+    pub fn column_errors(&self) -> Option<Vec<f64>> {
+        let (mut sums, mut n_rows) = (vec![0.0; self.n_cols as usize], 0.0);
+        for block in self.present() {
+            if block.column_errors.len() != sums.len() {
+                return None;
+            }
+            let rows = f64::from(block.n_rows);
+            sums.iter_mut().zip(&block.column_errors).for_each(|(sum, error)| *sum += rows * f64::from(*error));
+            n_rows += rows;
+        }
+        (n_rows > 0.0).then(|| sums.iter().map(|sum| sum / n_rows).collect())
+    }
+
     /// The product with a vector of one value per column: one value per row, in the order of the matrix.
     pub fn apply(&self, x: &[f32]) -> Vec<f32> {
         assert!(x.len() == self.n_cols as usize, "{} coefficients for {} columns", x.len(), self.n_cols);
@@ -115,6 +130,11 @@ mod tests {
         let doubled: Vec<f32> = (0..12).map(|i| 2.0 * i as f32).collect();
         assert_eq!(matrix.apply(&[2.0]), doubled);
         assert_eq!((matrix.mean_rank(), matrix.max_rank(), matrix.mean_error().noise), (1.0, 1, 1.0));
+        assert_eq!(matrix.column_errors(), None, "one block tells, the other does not");
+        for (block, error) in matrix.blocks.iter_mut().flatten().zip([1.0, 4.0]) {
+            Arc::make_mut(block).column_errors = vec![error];
+        }
+        assert_eq!(matrix.column_errors(), Some(vec![2.0]), "each counts as many rows as it has");
         matrix.blocks[0] = None;
         assert_eq!(matrix.apply(&[1.0]), [0.0, 0.0, 0.0, 0.0, 4.0, 5.0, 0.0, 0.0, 0.0, 0.0, 10.0, 11.0]);
         assert_eq!(

@@ -273,6 +273,10 @@ pub struct BakeHeader {
     /// Mean square over the entries by which shared indirect light is off; known at the end of a bake that shares it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sharing_bias: Option<f32>,
+    /// Truncation and sampling error of each column of lights: mean square over the square of its peak in the picture, 0 of a column that
+    /// lights nothing. Known at the end of a bake; none where the halves did not tell.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub column_error: Vec<f32>,
     /// Matrices of irradiance, if they were asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub irradiance: Vec<IrradianceHeader>,
@@ -517,6 +521,7 @@ impl BakeJob {
             column_scale,
             sky_reach,
             sharing_bias: None,
+            column_error: Vec::new(),
             irradiance: self.irradiance_headers(&dark, focus)?,
             patches: None,
             skips: self.scene.skips,

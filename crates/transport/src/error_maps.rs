@@ -154,7 +154,8 @@ impl ErrorMaps {
 }
 
 impl Spread {
-    fn new(layer: &Layer) -> Spread {
+    /// Over the values that are there.
+    pub(crate) fn new(layer: &Layer) -> Spread {
         let mut there: Vec<f32> = layer.iter().flatten().copied().collect();
         there.sort_by(f32::total_cmp);
         let at = |share: f64| there.get((there.len() as f64 * share) as usize).copied().unwrap_or(BEST_DB);

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use crate::bake::{Bake, BakeConfig};
 use crate::basis::LightSource;
+use crate::column_errors::ColumnErrorDb;
 use crate::error_maps::BlockErrorDb;
 use crate::matrix::CHANNELS;
 use crate::reach::is_beyond;
@@ -108,6 +109,9 @@ pub struct Figures {
     pub ratio: f32,
     /// Measured errors, of the columns of the scene's own lights.
     pub error_db: ErrorDb,
+    /// How they are spread over these columns; `None` where the file does not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column_error_db: Option<ColumnErrorDb>,
     /// The method, if its own form cannot relight.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reconstruction: Option<Reconstruction>,
@@ -187,6 +191,7 @@ impl Bake {
             dense_bytes,
             ratio: dense_bytes as f32 / file_bytes.unwrap_or(bytes).max(1) as f32,
             error_db: error_db(self.groups_of_lights(), self.header.sharing_bias),
+            column_error_db: self.column_error_db(),
             reconstruction: self.header.config.reconstruction(),
             patches: self.patch_figures(),
             block_error_db: self.error_maps().spread(),

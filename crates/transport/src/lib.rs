@@ -9,6 +9,7 @@ mod cache;
 pub mod camera;
 mod casters;
 pub mod clearance;
+pub mod column_errors;
 pub mod draft;
 pub mod emitters;
 mod empty;

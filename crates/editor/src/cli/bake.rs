@@ -278,7 +278,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         "pixels      {} with {} columns\n\
          blocks      {}, mean rank {:.2}, highest {}\n\
          size        {}{} in memory (dense {}, {:.1} times as large)\n\
-         error       {}{}{}{}{}",
+         error       {}{}{}{}{}{}",
         number("pixels"),
         number("columns"),
         number("blocks"),
@@ -290,6 +290,7 @@ pub(crate) fn figure_words(figures: &Value, basis: &LightBasis) -> String {
         number("ratio"),
         error_words(&figures["error_db"], basis),
         block_words(&figures["block_error_db"], basis),
+        column_words(&figures["column_error_db"]),
         reconstruction_words(&figures["reconstruction"]),
         patch_words(&figures["patches"]),
         skipped_words(&figures["skipped"]),
@@ -342,6 +343,14 @@ fn block_words(block_error_db: &Value, basis: &LightBasis) -> String {
     format!(
         "{total}; worst truncation {truncation:.1} dB, sampling {sampling:.1} dB, noise of the samples {noise:.1} dB"
     )
+}
+
+/// The worst lights, a line of its own; nothing where the file does not tell.
+fn column_words(column_error_db: &Value) -> String {
+    let word = |light: &Value| Some(format!("{} {:.1} dB", light["light"].as_str()?, light["db"].as_f64()?));
+    let worst: Vec<String> = column_error_db["worst"].as_array().into_iter().flatten().filter_map(word).collect();
+    let Some(median) = column_error_db["median"].as_f64().filter(|_| !worst.is_empty()) else { return String::new() };
+    format!("\nworst light {}; median of all columns {median:.1} dB, each below its own peak", worst.join(", "))
 }
 
 /// What a bake found needless, a line for people; nothing where it found nothing.

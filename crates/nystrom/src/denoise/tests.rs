@@ -134,6 +134,8 @@ fn noise_falls_by_more_than_twelve_decibels_and_what_is_left_is_told() {
     assert!((0.8..1.25).contains(&(told(&raw) / before)), "{} {before}", told(&raw));
     assert!((0.8..2.2).contains(&(told(&smooth) / after)), "{} {after}", told(&smooth));
     assert!(smooth.blocks.iter().flatten().all(|block| block.doubt.is_empty()));
+    let mean = smooth.column_errors().unwrap().iter().sum::<f64>() / N_COLS as f64;
+    assert!((0.8..1.25).contains(&(mean / told(&smooth))), "{mean} in the mean over columns, {} in all", told(&smooth));
 }
 
 #[test]

@@ -175,7 +175,7 @@ impl BakeJob {
             thread_bytes,
             ending_bytes: sizes.memory(0),
             result_bytes: sizes.factors + sizes.packed,
-            file_bytes: sizes.packed + header_len(header),
+            file_bytes: sizes.packed + sizes.header,
             n_blocks: partitions[0].n_blocks(),
             n_tried: run.matrices[0].first().map_or(0, n_there),
         }))
@@ -212,6 +212,8 @@ struct Sizes {
     factors: u64,
     /// In the file.
     packed: u64,
+    /// What stands before that in the file.
+    header: u64,
     /// While a group of columns is packed.
     packing: u64,
     /// Of the picture, in memory, before noise was taken out.
@@ -257,7 +259,7 @@ fn sizes(
     let begun = Instant::now();
     let bake = Bake::packing(header.clone(), matrices.to_vec(), focus)?;
     let packing_secs = begun.elapsed().as_secs_f32();
-    let (mut sizes, mut most) = (Sizes::default(), 1.0f64);
+    let (mut sizes, mut most) = (Sizes { header: header_len(&bake.header), ..Sizes::default() }, 1.0f64);
     let packed = bake.packed.iter().flat_map(|matrices| matrices.iter());
     for ((groups, packed), partition) in matrices.iter().zip(packed).zip(partitions) {
         most = most.max(sizes.add(groups, packed, partition));

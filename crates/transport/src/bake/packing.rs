@@ -9,12 +9,15 @@ use super::focus::Focus;
 use super::patches::PATCH_TOLERANCE_DB;
 use super::{BRIGHT, Bake, BakeHeader, PackedMatrices, mean_square, truncation_share};
 use crate::basis::{ColumnGroup, ColumnKind};
+use crate::column_errors::BeforePacking;
 
 impl Bake {
     /// A bake whose factors are what its file will hold: they differ from those of the blocks that were told of by the
     /// share of the tolerance that packing may use, and say so in their errors.
     /// `None` if nobody wants it any more.
     pub(crate) fn packing(header: Arc<BakeHeader>, matrices: Vec<Vec<BlockLowRank>>, focus: &Focus) -> Option<Bake> {
+        let of_lights = |groups: &[BlockLowRank]| groups.len() - usize::from(header.patches.is_some());
+        let before = matrices.first().and_then(|groups| BeforePacking::new(&groups[..of_lights(groups)]));
         // Each group is dropped as soon as it is packed: most factors are never there twice.
         let pack =
             |(group, plan): (BlockLowRank, PackPlan)| (!focus.is_left()).then(|| PackedMatrix::pack(&group, &plan));
@@ -22,7 +25,12 @@ impl Bake {
             groups.into_iter().zip(plans).map(pack).collect::<Option<Vec<_>>>()
         };
         let packed = matrices.into_iter().zip(header.pack_plans()).map(pack_all).collect::<Option<_>>()?;
-        Some(Bake::unpacking(header, packed).expect("what was just packed can be unpacked"))
+        let mut bake = Bake::unpacking(header, packed).expect("what was just packed can be unpacked");
+        if let Some(before) = before {
+            let column_error = before.after(bake.groups_of_lights(), &bake.header);
+            Arc::make_mut(&mut bake.header).column_error = column_error;
+        }
+        Some(bake)
     }
 
     /// A bake from the bytes of its factors.

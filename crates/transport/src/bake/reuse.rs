@@ -357,13 +357,18 @@ impl Reuse {
         let sources: Vec<(Option<usize>, usize)> =
             kept.chain(self.fresh.iter().map(|&of_job| (None, of_job))).collect();
         let mut header = BakeHeader { basis: self.joined_basis(&sources, new), ..self.header.clone() };
-        let gather = |old: &[f32], new: Option<&[f32]>| -> Vec<f32> {
+        let of_lights = |old: &[f32], new: Option<&[f32]>| -> Vec<f32> {
             let starts = self.parts.iter().map(|part| earlier.basis.groups[part.group].columns.start);
             let columns = self.parts.iter().zip(starts);
             let kept =
                 columns.flat_map(|(part, start)| part.columns.iter().map(move |column| old[(start + column) as usize]));
-            let n_patches = header.patches.as_ref().map_or(0, |patches| patches.n_columns());
-            kept.chain(new.into_iter().flatten().copied()).chain(old[old.len() - n_patches..].iter().copied()).collect()
+            kept.chain(new.into_iter().flatten().copied()).collect()
+        };
+        let n_patches = header.patches.as_ref().map_or(0, |patches| patches.n_columns());
+        let gather = |old: &[f32], new: Option<&[f32]>| -> Vec<f32> {
+            let mut all = of_lights(old, new);
+            all.extend_from_slice(&old[old.len() - n_patches..]);
+            all
         };
         header.column_scale = gather(&earlier.column_scale, new.map(|new| &new.column_scale[..]));
         let has_old_sky = self.parts.iter().any(|part| earlier.basis.groups[part.group].kind == ColumnKind::Sky);
@@ -381,6 +386,10 @@ impl Reuse {
             let of_new = of_new.and_then(|new| new.sharing_bias);
             header.irradiance[set].sharing_bias = self.joined_bias(old.sharing_bias, of_new);
         }
+        let is_told = |header: &BakeHeader| !header.column_error.is_empty();
+        let told = Some(earlier).filter(|earlier| is_told(earlier) && new.is_none_or(is_told));
+        header.column_error =
+            told.map_or_else(Vec::new, |told| of_lights(&told.column_error, new.map(|new| &new.column_error[..])));
         header.spared = self.joined_spared(&sources, new);
         header.sharing_bias = self.joined_bias(earlier.sharing_bias, new.and_then(|new| new.sharing_bias));
         if new.is_some_and(|new| new.grounds.is_none()) {

@@ -167,6 +167,7 @@ impl StackJob {
             column_scale,
             sky_reach: Vec::new(),
             sharing_bias: None,
+            column_error: Vec::new(),
             irradiance: Vec::new(),
             patches: None,
             skips: Skips::default(),

@@ -10,7 +10,7 @@ use super::stage::{Stage, lambert, quad, room};
 use super::walks::{Mean, assert_same_mean, file_light};
 use crate::bake::{Bake, BakeConfig};
 use crate::camera::{Camera, Film};
-use crate::matrix::{CHANNELS, TransportMatrix};
+use crate::matrix::{CHANNELS, TransportMatrix, peak};
 use crate::plan::{Density, MatrixPlan};
 use crate::prepared::PreparedScene;
 use crate::scene::Material;
@@ -157,5 +157,44 @@ fn a_sampled_column_is_the_picture_of_its_texel_alone() {
         // By blocks: neighboring pixels share walks.
         let [sampled, expected] = [sampled, expected].map(|pixels| block_means(&pixels));
         assert_same_mean(&sampled, &expected, 1e-2, &format!("column {column}"));
+    }
+}
+
+/// The error of a column in dB below its peak, beside two bakes that are independent of it and of each other.
+fn error_db(bake: &Bake, [a, b]: [&Bake; 2], column: usize) -> f64 {
+    let weights = only(column, bake.header.basis.n_cols());
+    let [x, a, b] = [bake, a, b].map(|bake| relit(bake, &weights));
+    let square = x.iter().zip(a.iter().zip(&b)).map(|(x, (a, b))| (x - a) * (x - b)).sum::<f64>() / x.len() as f64;
+    let mut bright: Vec<f32> = a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b) as f32).collect();
+    10.0 * (f64::from(peak(&mut bright, 0.0)).powi(2) / square).log10()
+}
+
+#[test]
+fn a_lamp_whose_light_comes_by_rare_walks_is_named_with_its_error() {
+    let camera = Camera::look_at("door", Vec3::new(0.2, 0.1, 0.9), Vec3::new(0.0, -0.3, -1.0), 1.1, 4.0 / 3.0);
+    // Between a wall and a plate, so that next to nothing but its light on the wall gets out.
+    let plate = quad(Vec3::new(-0.25, -0.25, -0.96), Vec3::X * 0.5, Vec3::Y * 0.5);
+    let scene = Stage::new(camera)
+        .surface("walls", &room(Vec3::ONE), lambert(0.6, 0.0))
+        .surface("plate", &plate, lambert(0.6, 0.0))
+        .lamp("left", Vec3::new(-0.6, 0.2, -0.1), 0.5)
+        .lamp("right", Vec3::new(0.6, 0.3, 0.1), 0.5)
+        .lamp("hidden", Vec3::new(0.0, 0.0, -0.98), 0.5)
+        .prepared();
+    let scene = Arc::new(scene);
+    let with = |seed: u64, spp: u32| {
+        let config = BakeConfig { spp, tolerance_db: 50.0, bounces: None, seed, ..BakeConfig::default() };
+        pictures::baked(&scene, FILM, config)
+    };
+    let (bake, a, b) = (with(5, 16), with(6, 128), with(7, 128));
+    let told = bake.figures().column_error_db.expect("the halves tell");
+    assert!(told.worst[0].light == "hidden" && told.worst[0].db < told.median - 3.0, "{told:?}");
+    for light in &told.worst {
+        let column = bake.header.basis.source(&light.light).unwrap().columns.start as usize;
+        let found = error_db(&bake, [&a, &b], column);
+        // What is told of the other two may suffer from what it cost to find the first.
+        let most = if light.light == "hidden" { 5.0 } else { 9.0 };
+        let better = f64::from(light.db) - found;
+        assert!(-most < better && better < 5.0, "{light:?} told, {found} found");
     }
 }

@@ -1,0 +1,127 @@
+//! Errors light by light: a bake may be as exact as asked in the mean, and far worse in the column of one light, which reaches
+//! few pixels by walks that are rare.
+
+use clerestory_nystrom::{BlockFactors, BlockLowRank};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::bake::{Bake, BakeHeader};
+use crate::basis::{ColumnKind, LightSource};
+use crate::error_maps::{Layer, Spread};
+use crate::figures::BEST_DB;
+use crate::matrix::{CHANNELS, peak};
+
+/// Lights that are named.
+const N_WORST: usize = 3;
+/// Pixels that tell how bright each column is, about.
+const PEAK_PIXELS: usize = 2048;
+
+/// Least error over the square of a peak: [`BEST_DB`].
+const LEAST: f32 = 1e-12;
+
+/// How the error is spread over the columns of lights, each below the peak of its own light in the picture, in dB: truncation and sampling,
+/// without the bias of shared light, which is known in the mean alone. Columns that light nothing do not count.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ColumnErrorDb {
+    /// Lights with the worst columns, the worst first, three at most.
+    pub worst: Vec<LightErrorDb>,
+    /// A tenth of the columns is worse.
+    pub tenth: f32,
+    /// Half of the columns is worse.
+    pub median: f32,
+}
+
+/// The worst column of a light.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LightErrorDb {
+    /// Key of the light.
+    pub light: String,
+    /// Its error in dB.
+    pub db: f32,
+}
+
+/// What is known of the errors of columns before they are packed.
+pub(crate) struct BeforePacking {
+    /// Mean square of each column of a group.
+    errors: Vec<Vec<f64>>,
+    /// Mean square of truncation of a group.
+    truncation: Vec<f32>,
+}
+
+impl BeforePacking {
+    /// Of the groups of lights of a picture; `None` where one of them does not tell.
+    pub(crate) fn new(groups: &[BlockLowRank]) -> Option<BeforePacking> {
+        let errors = groups.iter().map(BlockLowRank::column_errors).collect::<Option<_>>()?;
+        Some(BeforePacking { errors, truncation: groups.iter().map(|group| group.mean_error().truncation).collect() })
+    }
+
+    /// [`BakeHeader::column_error`], given the same groups as they were packed. What packing adds is known in the mean alone, and counts in
+    /// each column alike.
+    pub(crate) fn after(self, packed: &[BlockLowRank], header: &BakeHeader) -> Vec<f32> {
+        let of_group = |((errors, truncation), (group, kind)): ((Vec<f64>, f32), (&BlockLowRank, ColumnKind))| {
+            let added = f64::from((group.mean_error().truncation - truncation).max(0.0));
+            let relative = move |(error, peak): (f64, f32)| {
+                // Patches of the sky shine together: one scale and one peak are theirs.
+                let peak = if kind == ColumnKind::Sky && peak > 0.0 { 1.0 } else { peak };
+                let relative = ((error + added) / f64::from(peak).powi(2)) as f32;
+                if peak > 0.0 && relative.is_finite() { rounded(relative) } else { 0.0 }
+            };
+            errors.into_iter().zip(peaks(group)).map(relative).collect::<Vec<f32>>()
+        };
+        let kinds = header.basis.groups.iter().map(|group| group.kind);
+        self.errors.into_iter().zip(self.truncation).zip(packed.iter().zip(kinds)).flat_map(of_group).collect()
+    }
+}
+
+/// Three digits, which a header holds in few bytes; above 0.
+fn rounded(error: f32) -> f32 {
+    format!("{:.2e}", error.max(LEAST)).parse().expect("a number in words is a number")
+}
+
+/// The 99.5 percentile of each column in some pixels, light that is seen itself aside.
+fn peaks(group: &BlockLowRank) -> Vec<f32> {
+    let n_cols = group.n_cols as usize;
+    let step = (group.n_rows() / (CHANNELS * PEAK_PIXELS)).max(1);
+    let of_block = |(idx, block): (usize, &BlockFactors)| {
+        let n_pixels = block.n_rows as usize / CHANNELS;
+        // Not the same ones in each block.
+        let pixels = (idx * (step / 3 + 1) % step..n_pixels).step_by(step);
+        let mut rows = vec![0.0; CHANNELS * pixels.len() * n_cols];
+        let wanted = pixels.flat_map(|pixel| (0..CHANNELS).map(move |channel| pixel * CHANNELS + channel));
+        wanted.zip(rows.chunks_exact_mut(n_cols)).for_each(|(row, out)| block.low_rank_row(row, out));
+        rows
+    };
+    let there: Vec<(usize, &BlockFactors)> =
+        group.blocks.iter().enumerate().filter_map(|(idx, block)| Some((idx, block.as_deref()?))).collect();
+    let rows: Vec<Vec<f32>> = there.into_par_iter().map(of_block).collect();
+    let of_column = |column: usize| {
+        let of_rows = |rows: &Vec<f32>| rows.iter().skip(column).step_by(n_cols).copied().collect::<Vec<f32>>();
+        let mut values: Vec<f32> = rows.iter().flat_map(of_rows).collect();
+        if values.is_empty() { 0.0 } else { peak(&mut values, 0.0) }
+    };
+    (0..n_cols).into_par_iter().map(of_column).collect()
+}
+
+impl Bake {
+    /// How the error is spread over the columns of lights; `None` where the bake does not tell.
+    pub fn column_error_db(&self) -> Option<ColumnErrorDb> {
+        self.header.column_error_db()
+    }
+}
+
+impl BakeHeader {
+    fn column_error_db(&self) -> Option<ColumnErrorDb> {
+        let in_db = |error: &f32| (*error > 0.0).then(|| (-10.0 * error.log10()).min(BEST_DB));
+        let columns: Layer = self.column_error.iter().map(in_db).collect();
+        let of_source = |source: &LightSource| {
+            let own = columns.get(source.columns.start as usize..source.columns.end as usize)?;
+            let db = own.iter().flatten().copied().reduce(f32::min)?;
+            Some(LightErrorDb { light: source.key.clone(), db })
+        };
+        let mut worst: Vec<LightErrorDb> = self.basis.sources.iter().filter_map(of_source).collect();
+        worst.sort_by(|a, b| a.db.total_cmp(&b.db));
+        worst.truncate(N_WORST);
+        let Spread { tenth, median, .. } = Spread::new(&columns);
+        (!worst.is_empty()).then_some(ColumnErrorDb { worst, tenth, median })
+    }
+}
