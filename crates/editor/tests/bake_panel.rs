@@ -259,7 +259,10 @@ fn a_bake_that_was_stopped_goes_on_and_its_error_is_plotted() {
     reach(&mut window, "Resume bake");
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
     let error_db = window.state().session().error_db.unwrap().total;
-    window.get_by_label_contains(&format!("{error_db:.1} dB, median "));
+    let told = window.get_by_label_contains(&format!("{error_db:.1} dB, median ")).rect().center();
+    window.event(Event::PointerMoved(told));
+    window.run_steps(10);
+    window.get_by_label_contains("Least is known of ");
     let plotted = window.query_all_by_label_contains("Error over time, ").count();
     assert_eq!(plotted, 1, "the plot tells what it shows");
 }

@@ -184,6 +184,7 @@ impl App {
         let frame = frame.inner_margin(egui::Margin::symmetric(12, 3));
         Panel::bottom("status").frame(frame).show(ui, |ui| {
             let device = self.follower.device();
+            let figures = self.session.figures.as_ref();
             let status = Status {
                 messages: &self.messages,
                 opening: self.session.is_opening(),
@@ -194,7 +195,8 @@ impl App {
                 millis: self.follower.millis(),
                 lamps: self.lamp_note(),
                 error_db: self.session.error_db.map(|error| error.total),
-                median_db: self.session.figures.as_ref().map(|figures| figures.block_error_db.total.median),
+                median_db: figures.map(|figures| figures.block_error_db.total.median),
+                worst_lights: figures.and_then(|figures| figures.column_error_db.as_ref()).map_or(&[], |db| &db.worst),
                 memory_bytes: self.memory.bytes(),
                 device_bytes: self.follower.device_bytes(),
             };

@@ -1,5 +1,6 @@
 //! The bar at the bottom: what just happened, what runs, and on which device.
 
+use clerestory_transport::column_errors::LightErrorDb;
 use eframe::egui::{self, ProgressBar, RichText, Ui};
 
 use super::messages::Messages;
@@ -30,6 +31,8 @@ pub struct Status<'a> {
     pub error_db: Option<f32>,
     /// Error that half of its blocks do not reach: a few bright pixels beside a light can hold most of the whole.
     pub median_db: Option<f32>,
+    /// Lights that the bake knows least well, the worst first.
+    pub worst_lights: &'a [LightErrorDb],
     /// Memory of the program, bytes.
     pub memory_bytes: Option<u64>,
     /// Memory of the graphics device that the picture takes, bytes, while that relights.
@@ -91,6 +94,7 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
                 let hint = "Error of the bake, below the peaks of the lights: more is better. A few pixels beside a light may hold most of it; half of the picture is at the median or better";
                 let median = status.median_db.filter(|_| is_wide);
                 let median = median.map_or(String::new(), |median| format!(", median {median:.1} dB"));
+                let hint = format!("{hint}{}", worst_words(status.worst_lights));
                 ui.label(RichText::new(format!("{db:.1} dB{median}")).weak()).on_hover_text(hint);
             }
             lamps_ui(ui, &status.lamps, actions);
@@ -126,6 +130,12 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
             });
         });
     });
+}
+
+/// Lights that are known less well than others, a line; nothing of none.
+fn worst_words(lights: &[LightErrorDb]) -> String {
+    let words: Vec<String> = lights.iter().map(|worst| format!("{} {:.1} dB", worst.light, worst.db)).collect();
+    if words.is_empty() { String::new() } else { format!("\nLeast is known of {}", words.join(", ")) }
 }
 
 fn lamps_ui(ui: &mut Ui, note: &LampNote, actions: &mut Vec<Action>) {
