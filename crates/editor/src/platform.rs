@@ -1,4 +1,4 @@
-//! What is asked of one system and not of the others, all of it here. Elsewhere the code is the same on Linux, macOS and Windows.
+//! What is asked of systems in their own ways, all of it here. Elsewhere the code is the same on Linux, macOS and Windows.
 
 /// Memory of this process that is in use now, bytes; `None` where the system is not asked.
 pub fn resident_bytes() -> Option<u64> {

@@ -185,6 +185,9 @@ impl App {
         Panel::bottom("status").frame(frame).show(ui, |ui| {
             let device = self.follower.device();
             let figures = self.session.figures.as_ref();
+            let worst = figures.and_then(|figures| figures.column_error_db.as_ref()).map_or(&[][..], |db| &db.worst);
+            let worst: Vec<_> =
+                worst.iter().map(|worst| (self.look.name_of(&worst.light).to_string(), worst.db)).collect();
             let status = Status {
                 messages: &self.messages,
                 opening: self.session.is_opening(),
@@ -196,7 +199,7 @@ impl App {
                 lamps: self.lamp_note(),
                 error_db: self.session.error_db.map(|error| error.total),
                 median_db: figures.map(|figures| figures.block_error_db.total.median),
-                worst_lights: figures.and_then(|figures| figures.column_error_db.as_ref()).map_or(&[], |db| &db.worst),
+                worst_lights: &worst,
                 memory_bytes: self.memory.bytes(),
                 device_bytes: self.follower.device_bytes(),
             };

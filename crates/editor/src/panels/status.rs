@@ -1,6 +1,5 @@
 //! The bar at the bottom: what just happened, what runs, and on which device.
 
-use clerestory_transport::column_errors::LightErrorDb;
 use eframe::egui::{self, ProgressBar, RichText, Ui};
 
 use super::messages::Messages;
@@ -31,8 +30,8 @@ pub struct Status<'a> {
     pub error_db: Option<f32>,
     /// Error that half of its blocks do not reach: a few bright pixels beside a light can hold most of the whole.
     pub median_db: Option<f32>,
-    /// Lights that the bake knows least well, the worst first.
-    pub worst_lights: &'a [LightErrorDb],
+    /// Lights that the bake knows least well, the worst first, and their error in dB.
+    pub worst_lights: &'a [(String, f32)],
     /// Memory of the program, bytes.
     pub memory_bytes: Option<u64>,
     /// Memory of the graphics device that the picture takes, bytes, while that relights.
@@ -133,8 +132,8 @@ pub fn status_ui(ui: &mut Ui, status: &Status, actions: &mut Vec<Action>) {
 }
 
 /// Lights that are known less well than others, a line; nothing of none.
-fn worst_words(lights: &[LightErrorDb]) -> String {
-    let words: Vec<String> = lights.iter().map(|worst| format!("{} {:.1} dB", worst.light, worst.db)).collect();
+fn worst_words(lights: &[(String, f32)]) -> String {
+    let words: Vec<String> = lights.iter().map(|(name, db)| format!("{name} {db:.1} dB")).collect();
     if words.is_empty() { String::new() } else { format!("\nLeast is known of {}", words.join(", ")) }
 }
 

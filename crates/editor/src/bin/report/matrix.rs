@@ -200,8 +200,8 @@ fn quoted(desk: &Desk, rows: &str) -> Result<String> {
     let caution = text.lines().skip_while(|line| !line.starts_with("Caution")).take_while(|line| !line.is_empty());
     let caution: Vec<String> = caution.map(|line| format!("> {line}")).collect();
     Ok(format!(
-        "\nOther renderers, quoted from `references/peers.md` of the shared data (measured on another day, another machine, and by the\n\
-         metric that is described there):\n\n{}\n>\n{}\n",
+        "\nOther renderers, quoted from an earlier study of them on these scenes (another day, another machine, and a metric of its own,\n\
+         of which it warns itself):\n\n{}\n>\n{}\n",
         table.join("\n"),
         caution.join("\n"),
     ))
