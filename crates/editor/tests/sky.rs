@@ -63,6 +63,13 @@ fn a_sky_that_was_baked_goes_with_undo_and_comes_back_with_its_scene_and_with_it
     choose(&mut window, "Kind of sky", "Without a sky");
     wait(&mut window, |app| !is_under_one(app));
     settle(&mut window);
+    assert!(window.state().look().lights.sky.is_none(), "the look never named it");
+    click(&mut window, "Undo");
+    wait(&mut window, is_under_one);
+    settle(&mut window);
+    click(&mut window, "Redo");
+    wait(&mut window, |app| !is_under_one(app));
+    settle(&mut window);
     let kept = Kept::by(&mut window);
     let mut window = open_again(&path, kept);
     settle(&mut window);

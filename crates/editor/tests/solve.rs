@@ -197,6 +197,25 @@ fn a_lamp_whose_light_is_on_its_way_is_waited_for_and_counts_as_it_is_set() {
 }
 
 #[test]
+fn solving_that_waits_is_given_up_where_other_lights_are_shown() {
+    let mut window = measured();
+    click(&mut window, "Solve for light");
+    mark(&mut window);
+    wish_times(&mut window, 2.0);
+    click(&mut window, "Add lamp");
+    // All in one frame: nothing of the lamp can be there.
+    for label in ["Point", "Solve", "Solo lamp"] {
+        window.get_by_label(label).click_accesskit();
+    }
+    window.run_steps(3);
+    window.get_by_label_contains("other lights were shown meanwhile; solve again");
+    assert!(!window.state().is_solving());
+    click(&mut window, "Clear solo");
+    wait(&mut window, App::is_settled);
+    assert!(window.state().solution().is_none(), "nobody asked again");
+}
+
+#[test]
 fn what_was_found_can_be_left_and_wishes_removed() {
     let mut window = measured();
     click(&mut window, "Solve for light");

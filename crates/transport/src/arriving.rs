@@ -3,8 +3,6 @@
 //! These are the points of [`IrradianceRows::Pixels`](crate::irradiance::IrradianceRows::Pixels), one of each pixel: the mean
 //! over several such samples is the direct part of what a bake holds of the lights of a scene.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -13,6 +11,7 @@ use crate::lamps::PreparedLamps;
 use crate::path::{Integrator, NoLights};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::stop::Halt;
 
 /// One point of each pixel, and which side of it counts.
 pub struct ArrivingPoints {
@@ -68,14 +67,13 @@ fn whole<T: Send>(
     stop: &(dyn Fn() -> bool + Sync),
     of_pixel: impl Fn(usize) -> T + Sync,
 ) -> Option<Vec<T>> {
-    let stopped = AtomicBool::new(false);
+    let halt = Halt::new(stop);
     let chunk = |first: usize| {
-        if stopped.load(Ordering::Relaxed) || stop() {
-            stopped.store(true, Ordering::Relaxed);
+        if halt.is_called() {
             return Vec::new();
         }
         (first..n_pixels.min(first + AT_ONCE)).map(&of_pixel).collect()
     };
     let chunks: Vec<Vec<T>> = (0..n_pixels).into_par_iter().step_by(AT_ONCE).map(chunk).collect();
-    (!stopped.into_inner()).then(|| chunks.into_iter().flatten().collect())
+    (!halt.was_called()).then(|| chunks.into_iter().flatten().collect())
 }

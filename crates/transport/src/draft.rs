@@ -1,7 +1,5 @@
 //! A quick picture of the surfaces alone, for somebody who looks for a view: one ray per pixel, no light but that of the eye.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -9,6 +7,7 @@ use crate::bvh::Ray;
 use crate::camera::{Camera, Film};
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::stop::Halt;
 
 /// What a surface shows that is seen edge on, of what it shows from the front.
 const EDGE: f32 = 0.3;
@@ -26,11 +25,10 @@ pub fn draft(
     film: Film,
     stop: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<[f32; 3]>> {
-    let stopped = AtomicBool::new(false);
+    let halt = Halt::new(stop);
     let mut pixels = vec![[0.0; 3]; film.n_pixels()];
     pixels.par_chunks_mut(film.width as usize).enumerate().for_each(|(y, row)| {
-        if stopped.load(Ordering::Relaxed) || stop() {
-            stopped.store(true, Ordering::Relaxed);
+        if halt.is_called() {
             return;
         }
         for (x, pixel) in row.iter_mut().enumerate() {
@@ -38,7 +36,7 @@ pub fn draft(
             *pixel = color(scene, camera.position(), direction).to_array();
         }
     });
-    (!stopped.into_inner()).then_some(pixels)
+    (!halt.was_called()).then_some(pixels)
 }
 
 fn color(scene: &PreparedScene, origin: Vec3, direction: Vec3) -> Vec3 {

@@ -1,6 +1,7 @@
 //! A hash of everything in a scene that light can meet, so that a half-done bake is only taken up by the same scene.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::bake::BakeHeader;
 use crate::camera::Camera;
@@ -90,9 +91,11 @@ impl BakeHeader {
         self.fingerprint == fingerprint(scene, &camera.called(&self.camera))
     }
 
-    /// Where the bake is seen from, where it is of this scene: its own view, else a camera of the scene, rather one of its name.
+    /// Where the bake is seen from, where it is of this scene: its own view, else a camera of the scene, rather one of its name. Each
+    /// reads the whole scene, so the others are tried side by side.
     pub fn camera_in<'a>(&'a self, scene: &'a Scene) -> Option<&'a Camera> {
-        let known = self.view.iter().chain(Camera::named(&scene.cameras, &self.camera));
-        known.chain(&scene.cameras).find(|camera| self.is_of(scene, camera))
+        let is_it = |camera: &&Camera| self.is_of(scene, camera);
+        let known = self.view.iter().chain(Camera::named(&scene.cameras, &self.camera)).find(is_it);
+        known.or_else(|| scene.cameras.par_iter().find_first(is_it))
     }
 }

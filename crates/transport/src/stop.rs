@@ -59,6 +59,31 @@ impl Stop {
     }
 }
 
+/// A question that many threads ask: once somebody answered that they shall stop, nobody goes on.
+pub(crate) struct Halt<'a> {
+    stop: &'a (dyn Fn() -> bool + Sync),
+    called: AtomicBool,
+}
+
+impl<'a> Halt<'a> {
+    pub fn new(stop: &'a (dyn Fn() -> bool + Sync)) -> Self {
+        Halt { stop, called: AtomicBool::new(false) }
+    }
+
+    /// Asks once more.
+    pub fn is_called(&self) -> bool {
+        if !self.was_called() && (self.stop)() {
+            self.called.store(true, Ordering::Relaxed);
+        }
+        self.was_called()
+    }
+
+    /// Whether anybody was told to stop.
+    pub fn was_called(&self) -> bool {
+        self.called.load(Ordering::Relaxed)
+    }
+}
+
 /// See [`Stop::reader`].
 pub(crate) struct StoppedReader<'a, R> {
     reader: R,

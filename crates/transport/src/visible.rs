@@ -17,7 +17,7 @@ mod point;
 mod shade;
 mod words;
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -28,6 +28,7 @@ use crate::camera::{Camera, Film};
 use crate::lamps::PreparedLamps;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
+use crate::stop::Halt;
 
 /// How pixels are looked at.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,26 +61,6 @@ struct Band {
     tiles: Vec<u32>,
     /// Distance to the first surface, m, by pixel of the band.
     reach: Vec<f32>,
-}
-
-/// Whether somebody asked to stop: once he did, nobody goes on.
-struct Halt<'a> {
-    stop: &'a (dyn Fn() -> bool + Sync),
-    called: AtomicBool,
-}
-
-impl<'a> Halt<'a> {
-    fn new(stop: &'a (dyn Fn() -> bool + Sync)) -> Self {
-        Halt { stop, called: AtomicBool::new(false) }
-    }
-
-    /// Asks once more.
-    fn is_called(&self) -> bool {
-        if !self.called.load(Ordering::Relaxed) && (self.stop)() {
-            self.called.store(true, Ordering::Relaxed);
-        }
-        self.called.load(Ordering::Relaxed)
-    }
 }
 
 /// Rows of a band and side of a tile, pixels.
@@ -150,7 +131,7 @@ impl VisiblePoints {
             self.n_rays.fetch_add(n_rays, Ordering::Relaxed);
             self.show_bodies(lamps, &views, (nth as u32, self.config.first + sample), band, pixels);
         });
-        (!halt.called.into_inner()).then(|| pixels.into_iter().map(|rgb| rgb.to_array()).collect())
+        (!halt.was_called()).then(|| pixels.into_iter().map(|rgb| rgb.to_array()).collect())
     }
 
     /// Sample and round of a pass.

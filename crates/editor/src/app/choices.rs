@@ -24,7 +24,7 @@ pub(super) struct Choices {
     /// What the look said before somebody chose something that is being made.
     before: Option<SceneChoice>,
     /// What the open scene could not be made: it is not tried again.
-    failed: Option<SceneChoice>,
+    failed: Option<(SceneChoice, Option<ChosenSky>)>,
 }
 
 impl Choices {
@@ -154,7 +154,9 @@ impl App {
         let basis = self.session.basis();
         let is_known = |node: &str| basis.is_some_and(|basis| basis.source(node).is_some());
         let panels = self.look.scene.panels.iter().filter(|(node, _)| is_known(node));
-        let has_sky = basis.is_some_and(|basis| basis.sky_light(&self.look.lights).is_some());
+        // Undo may bring one back that nothing but the choice tells.
+        let has_sky =
+            self.choices.sky.is_some() || basis.is_some_and(|basis| basis.sky_light(&self.look.lights).is_some());
         SceneChoice {
             panels: panels.map(|(node, resolution)| (node.clone(), *resolution)).collect(),
             units: self.look.scene.units.filter(|units| *units != LampUnits::default()),
@@ -166,7 +168,11 @@ impl App {
     pub(super) fn prepare_chosen(&mut self) -> bool {
         self.follow_sky();
         let (wanted, open) = (self.wanted_choice(), self.open_choice());
-        let has_failed = self.choices.failed.as_ref() == Some(&self.look.scene);
+        let has_failed = self
+            .choices
+            .failed
+            .as_ref()
+            .is_some_and(|(scene, sky)| *scene == self.look.scene && *sky == self.choices.sky);
         let can_be = self.session.has_scene() && !self.session.is_opening();
         let is_other = wanted != open || self.choices.sky.as_ref() != self.open_sky();
         let prepares = is_other && !has_failed && can_be;
@@ -240,7 +246,8 @@ impl App {
 
     /// What somebody chose cannot be made, and is left out of the look again; what a look from a file asks for stays in it.
     pub(super) fn chosen_cannot_be_made(&mut self, words: String) {
-        (self.choices.sky, self.choices.failed) = (self.open_sky().cloned(), Some(self.look.scene.clone()));
+        let sky = std::mem::replace(&mut self.choices.sky, self.open_sky().cloned());
+        self.choices.failed = Some((self.look.scene.clone(), sky));
         if let Some(before) = self.choices.before.take() {
             self.as_one_step(|app| app.look.scene = before);
         }

@@ -51,11 +51,19 @@ impl SceneFloor {
 impl App {
     /// Takes the area in once it is there.
     pub(super) fn follow_floor(&mut self) {
+        let scene = self.session.lamp_scene().cloned();
         match self.solving.floor.measuring.take() {
             Some(Ok(known)) => self.solving.floor.known = Some(known),
-            Some(Err(words)) => self.complain(format!("The floor could not be measured: {words}")),
+            Some(Err(words)) => {
+                // It would fail again.
+                self.solving.floor.known = scene.clone().map(|scene| (scene, None));
+                self.complain(format!("The floor could not be measured: {words}"));
+            }
             None => {}
         }
+        // That of a scene which is gone keeps it in memory.
+        let is_here = |(of, _): &Measured| scene.as_ref().is_some_and(|scene| Arc::ptr_eq(of, scene));
+        self.solving.floor.known = self.solving.floor.known.take().filter(is_here);
     }
 
     /// Somebody looks where the area is told.
@@ -79,8 +87,8 @@ impl App {
 
     /// The same for somebody who cannot wait.
     pub(super) fn floor_now(&mut self) -> Option<KnownFloor> {
-        let scene = self.session.lamp_scene().filter(|scene| self.solving.floor.of(scene).is_none()).cloned();
-        if let Some(scene) = scene {
+        let asked = self.session.lamp_scene().filter(|scene| self.solving.floor.of(scene).is_none()).cloned();
+        if let (None, Some(scene)) = (self.known_floor(), asked) {
             self.solving.floor.known = Some(measured(scene));
         }
         self.known_floor()

@@ -1,5 +1,7 @@
 //! Work beside the look that closing the window or opening something else would lose, and the question before that.
 
+use std::mem::{Discriminant, discriminant};
+
 use eframe::egui::{Context, ViewportCommand};
 
 use super::App;
@@ -22,8 +24,8 @@ enum Loss {
 pub(super) struct Losing {
     /// What somebody wants done, and is asked about.
     waiting: Option<Action>,
-    /// What may be done though work is lost.
-    accepted: Option<Action>,
+    /// What may be done though work of these kinds is lost.
+    accepted: Option<(Action, Vec<Discriminant<Loss>>)>,
 }
 
 impl Losing {
@@ -38,19 +40,23 @@ impl Losing {
 }
 
 impl App {
-    /// What an action would lose: frames go on while something else is opened.
+    /// What an action would lose first that nobody has agreed to lose: frames go on while something else is opened.
     fn loss(&self, action: &Action) -> Option<Loss> {
         let frames = self.session.frames().filter(|_| *action == Action::Quit);
         let of_frames = frames.map(|(n_written, n)| Loss::Frames(n_written, n));
-        let of_stack = || self.session.has_unsaved_stack().then_some(Loss::Stack);
-        of_frames.or_else(of_stack).or_else(|| self.session.is_baking_stack().then_some(Loss::StackUnderWay))
+        let of_stack = self.session.has_unsaved_stack().then_some(Loss::Stack);
+        let under_way = self.session.is_baking_stack().then_some(Loss::StackUnderWay);
+        let accepted = self.losing.accepted.as_ref().filter(|(of, _)| of == action).map_or(&[][..], |(_, kinds)| kinds);
+        let mut losses = [of_frames, of_stack, under_way].into_iter().flatten();
+        losses.find(|loss| !accepted.contains(&discriminant(loss)))
     }
 
     /// Whether an action waits until somebody says that work may be lost.
     pub(super) fn asks_before_loss(&mut self, action: &Action) -> bool {
-        let is_asked = self.losing.accepted.as_ref() != Some(action) && self.loss(action).is_some();
+        let is_asked = self.loss(action).is_some();
         if is_asked {
-            self.losing = Losing { waiting: Some(action.clone()), accepted: None };
+            self.losing.accepted = self.losing.accepted.take().filter(|(of, _)| of == action);
+            self.losing.waiting = Some(action.clone());
         }
         is_asked
     }
@@ -89,13 +95,10 @@ impl App {
                 self.ask(FileTask::SaveBake);
             }
             Some(UnsavedAnswer::Discard) => {
-                let is_of_frames = matches!(loss, Some(Loss::Frames(..)));
-                if is_of_frames {
-                    self.session.cancel_frames();
-                }
-                // What else would be lost is asked then.
-                self.losing = Losing { waiting: None, accepted: Some(action.clone()).filter(|_| !is_of_frames) };
-                // Whether the look is to be saved is asked next.
+                // All of it goes on until nobody stays any more: what else would be lost, and whether the look is to be saved, is asked next.
+                let (_, kinds) = self.losing.accepted.get_or_insert_with(|| (action.clone(), Vec::new()));
+                kinds.extend(loss.map(|loss| discriminant(&loss)));
+                self.losing.waiting = None;
                 match action {
                     Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
                     action => self.actions.push(action),

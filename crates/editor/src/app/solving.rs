@@ -309,6 +309,11 @@ impl App {
 
     /// Looks for them beside the window, once it is known what the free lamps bring as they are set.
     fn begin_solving(&mut self) {
+        if self.solving.is_due && (!self.lights.solo.is_empty() || self.looks.player.playhead.is_some()) {
+            // What is shown now has other lamps, for as long as somebody likes.
+            self.solving.is_due = false;
+            self.solving.state.problem = Some("other lights were shown meanwhile; solve again".into());
+        }
         if !self.solving.is_due || !self.follower.knows_lamps(&self.look.lights) {
             return;
         }

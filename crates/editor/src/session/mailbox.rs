@@ -124,3 +124,25 @@ impl<O, A> Drop for Clerk<O, A> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_rests_takes_an_order_at_once_and_goes_on_without_one() {
+        let (sender, took) = std::sync::mpsc::channel();
+        let work = move |mailbox: &Mailbox<u32, u32>| {
+            // Longer than anybody lives, and no time at all.
+            for rest in [Duration::MAX, Duration::from_millis(1), Duration::MAX] {
+                sender.send(mailbox.next(Idle::Rest(rest))).unwrap();
+            }
+        };
+        let clerk = Clerk::start("a clerk that rests", Arc::new(|_| ()), work).unwrap();
+        clerk.order(7);
+        assert_eq!(took.recv().unwrap(), Some(Some(7)));
+        assert_eq!(took.recv().unwrap(), Some(None));
+        drop(clerk);
+        assert_eq!(took.recv().unwrap(), None, "nobody wants any more");
+    }
+}

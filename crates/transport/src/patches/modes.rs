@@ -1,6 +1,6 @@
 //! Combinations of light on patches that the columns are pictures of.
 //!
-//! Let T be what a few pixels take of the irradiance of all patches, by all ways, and Φ the irradiance that some hundred
+//! Let T be what a few pixels take of the irradiance of all patches, by all ways, and Φ the irradiance that hundreds of
 //! lamps throw on the patches. The pictures TΦ have the singular values Σ, and few of them matter. With V the strongest
 //! right vectors, the columns are the pictures of the mixtures R = ΦV, and the coefficients of any light e are those by
 //! which these pictures come nearest to that of e in the few pixels, Q = (TR)⁺T. So what the columns leave out of a light is

@@ -2,14 +2,15 @@
 
 use glam::{Vec2, Vec3};
 
+use super::Band;
 use super::point::{Point, Special};
-use super::{Band, Halt};
 use crate::lamps::{BodyPoint, Lit, PreparedLamp, PreparedLamps, lattice};
 use crate::light::luminance;
 use crate::path::passed_along;
 use crate::prepared::PreparedScene;
 use crate::sampler::Sampler;
 use crate::slabs::Route;
+use crate::stop::Halt;
 
 /// Points that are shaded together, as many as a fan has.
 pub(super) const GROUP: usize = 16;

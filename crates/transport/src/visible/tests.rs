@@ -323,4 +323,13 @@ fn a_pass_is_the_same_on_any_number_of_threads_and_stops_when_asked() {
     assert!(VisiblePoints::new(&scene, camera, FILM, config, &|| true).is_none());
     let points = VisiblePoints::new(&scene, camera, FILM, config, &never).expect("nobody stops it");
     assert!(points.direct(&scene, &lamps, 0, &|| true).is_none());
+    // Tile by tile of one band, and nobody is asked again once they said so.
+    let asked_thrice = |work: &(dyn Fn(&(dyn Fn() -> bool + Sync)) -> bool + Sync)| {
+        let n_asks = std::sync::atomic::AtomicU32::new(0);
+        let stop = || n_asks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) == 2;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+        assert!(pool.install(|| work(&stop)) && n_asks.into_inner() == 3);
+    };
+    asked_thrice(&|stop| VisiblePoints::new(&scene, camera, FILM, config, stop).is_none());
+    asked_thrice(&|stop| points.direct(&scene, &lamps, 0, stop).is_none());
 }
