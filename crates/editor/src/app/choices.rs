@@ -246,7 +246,8 @@ impl App {
 
     /// What somebody chose cannot be made, and is left out of the look again; what a look from a file asks for stays in it.
     pub(super) fn chosen_cannot_be_made(&mut self, words: String) {
-        let sky = std::mem::replace(&mut self.choices.sky, self.open_sky().cloned());
+        let open = self.open_sky().cloned();
+        let sky = std::mem::replace(&mut self.choices.sky, open);
         self.choices.failed = Some((self.look.scene.clone(), sky));
         if let Some(before) = self.choices.before.take() {
             self.as_one_step(|app| app.look.scene = before);

@@ -158,7 +158,9 @@ impl Device {
             (seen_ms, ms_since(begun), found.iter().filter(|rgb| rgb[3] != 0.0).count())
         };
         let (seen_ms, whole_ms, n_left) = self.lamplight.light(&self.sample, &lamp, &points.shifts(0), look)?;
-        let kernel_ms = self.lamplight.kernel_secs()?.map(|secs| 1e3 * secs);
+        // What a device without hardware notes is when it was told, not when it worked.
+        let is_told = !self.lamplight.gpu().is_software();
+        let kernel_ms = self.lamplight.kernel_secs()?.filter(|_| is_told).map(|secs| 1e3 * secs);
         Ok(DeviceStep { kernel_ms, seen_ms, whole_ms, n_left })
     }
 }
