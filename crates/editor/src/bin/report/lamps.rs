@@ -90,8 +90,7 @@ pub(super) fn prepared(path: &Path, has_sky: bool) -> Result<(PreparedScene, Cam
     Ok((PreparedScene::with_sky(imported.scene, &[], sky.as_ref())?.0, camera))
 }
 
-/// A sky of the same radiance all around.
-pub(super) fn uniform_sky() -> Result<SkyLight> {
+fn uniform_sky() -> Result<SkyLight> {
     let mut setting = sky::typed("uniform").map_err(anyhow::Error::msg)?;
     sky::load(&mut setting, Path::new(""))?;
     setting.light(None).context("no sky")

@@ -6,15 +6,12 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 use clerestory_transport::bake::{BakeConfig, Indirect};
 use clerestory_transport::camera::Film;
-use clerestory_transport::emitters::SkyRequest;
 use clerestory_transport::import;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::sky::SkyForm;
 
 use crate::desk::Desk;
 use crate::fit::digits;
-use crate::lamps::uniform_sky;
 use crate::matrix::baked;
 use crate::reference::{Reference, Sampling};
 
@@ -37,7 +34,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "\n### Shared beside traced\n\n\
-         Every scene, {} × {} pixels, {SPP} samples per pixel, indirect light shared between pixels and denoised, or traced as `--exact` does; a scene without light under a uniform sky of 145 patches.\n\
+         Every scene, {} × {} pixels, {SPP} samples per pixel, indirect light shared between pixels and denoised, or traced as `--exact` does; a scene without light under the even sky that it is given, one column.\n\
          CPU seconds (user and system) of the bake alone. Errors in dB as in the section Matrix, beside two references of {} samples per pixel each: of single lights, median over columns and the worst of them;\n\
          of all lights of the file. Each row is one bake of each kind, of seed {SEED}.\n\n\
          | scene | columns | shared, CPU s | median | worst | all lights | traced, CPU s | median | worst | all lights |\n\
@@ -62,13 +59,8 @@ fn scenes(desk: &Desk) -> Result<Vec<PathBuf>> {
 }
 
 fn row(desk: &Desk, name: &str, path: &Path, sampling: Sampling) -> Result<String> {
-    let load = || import::load(path).with_context(|| format!("cannot load the scene {}", path.display()));
-    let mut scene = PreparedScene::new(load()?.scene, &[])?.0;
-    if scene.lighting.basis.n_cols() == 0 {
-        let sky = SkyRequest { light: uniform_sky()?, form: SkyForm::Patches(1) };
-        scene = PreparedScene::with_sky(load()?.scene, &[], Some(&sky))?.0;
-    }
-    let scene = Arc::new(scene);
+    let imported = import::load(path).with_context(|| format!("cannot load the scene {}", path.display()))?;
+    let scene = Arc::new(PreparedScene::new(imported.scene, &[])?.0);
     desk.say(&format!("{name}: both ways"));
     let reference = Reference::new(desk, &[path], &scene, sampling)?;
     let light = scene.lighting.basis.project(&LightRig::default());
