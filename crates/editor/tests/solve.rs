@@ -169,16 +169,21 @@ fn solving_waits_until_all_lights_are_heard() {
     assert!(is_offered(&window));
 }
 
-#[test]
-fn a_lamp_whose_light_is_on_its_way_is_waited_for_and_counts_as_it_is_set() {
+/// A wish, and a lamp that is added in the very frame in which “Solve” is pressed: nothing of its light can be there.
+fn asked_too_soon() -> Window {
     let mut window = measured();
     click(&mut window, "Solve for light");
     mark(&mut window);
     wish_times(&mut window, 2.0);
     click(&mut window, "Add lamp");
-    // Both in one frame: nothing of the lamp can be there.
     window.get_by_label("Point").click_accesskit();
     window.get_by_label("Solve").click_accesskit();
+    window
+}
+
+#[test]
+fn a_lamp_whose_light_is_on_its_way_is_waited_for_and_counts_as_it_is_set() {
+    let mut window = asked_too_soon();
     window.run_steps(3);
     assert_eq!(window.state().look().lights.lamps.len(), 1);
     wait(&mut window, |app| !app.is_solving() && app.solution().is_some());
@@ -198,13 +203,7 @@ fn a_lamp_whose_light_is_on_its_way_is_waited_for_and_counts_as_it_is_set() {
 
 #[test]
 fn solving_that_waits_is_given_up_where_other_lights_are_shown() {
-    let mut window = measured();
-    click(&mut window, "Solve for light");
-    mark(&mut window);
-    wish_times(&mut window, 2.0);
-    click(&mut window, "Add lamp");
-    window.get_by_label("Point").click_accesskit();
-    window.get_by_label("Solve").click_accesskit();
+    let mut window = asked_too_soon();
     window.step();
     window.get_by_label("Solo lamp").click_accesskit();
     window.step();

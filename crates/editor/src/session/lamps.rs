@@ -168,13 +168,8 @@ fn work(mailbox: &LampMailbox) {
     let (mut shown, mut rests) = (None, false);
     loop {
         let idle = match &bench {
-            Some(bench) if !bench.is_done() => {
-                if rests {
-                    Idle::Rest(REST)
-                } else {
-                    Idle::GoOn
-                }
-            }
+            Some(bench) if !bench.is_done() && rests => Idle::Rest(REST),
+            Some(bench) if !bench.is_done() => Idle::GoOn,
             _ => Idle::Sleep,
         };
         let Some(order) = mailbox.next(idle) else { return };
