@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -29,6 +30,10 @@ pub struct Desk {
     begun_at: Mutex<Instant>,
     /// What had been computed then.
     begun: Mutex<Option<Computed>>,
+    /// The commit in words, as it was when the report began.
+    commit: String,
+    /// Whether parts of the section lay there from a run that was interrupted.
+    is_resumed: AtomicBool,
 }
 
 impl Desk {
@@ -43,6 +48,8 @@ impl Desk {
         let pages = pages.map_or_else(|| root.join("docs"), Path::to_path_buf);
         std::fs::create_dir_all(&pages).with_context(|| format!("cannot make the folder {}", pages.display()))?;
         Ok(Desk {
+            commit: commit(&root).unwrap_or_default(),
+            is_resumed: AtomicBool::new(false),
             root,
             pages,
             quick,
@@ -79,19 +86,21 @@ impl Desk {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let quick = if self.quick { "--quick " } else { "" };
         format!(
-            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, in {:.0} s.*",
+            "*Written by `cargo run --release -p clerestory --bin report -- {quick}{section}`, version {}{}, built by {}, on {threads} threads of {} ({}){}, {} {:.0} s.*",
             env!("CARGO_PKG_VERSION"),
-            commit(&self.root).unwrap_or_default(),
+            self.commit,
             env!("CLERESTORY_RUSTC"),
             cpu_name(),
             std::env::consts::OS,
             memory_words(memory_bytes()),
+            if self.is_resumed.load(Ordering::Relaxed) { "after an interruption the rest in" } else { "in" },
             self.begun_at.lock().unwrap_or_else(PoisonError::into_inner).elapsed().as_secs_f64(),
         )
     }
 
     /// A section begins: what others compute is counted from here on.
     pub fn begin(&self) {
+        self.is_resumed.store(false, Ordering::Relaxed);
         *self.begun_at.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
         *self.begun.lock().unwrap_or_else(PoisonError::into_inner) = Computed::now();
     }
@@ -122,7 +131,13 @@ impl Desk {
         part: &str,
         measure: impl FnOnce() -> Result<T>,
     ) -> Result<T> {
-        self.kept.part(&self.parts_of(section), part, measure)
+        let mut is_measured = false;
+        let value = self.kept.part(&self.parts_of(section), part, || {
+            is_measured = true;
+            measure()
+        })?;
+        self.is_resumed.fetch_or(!is_measured, Ordering::Relaxed);
+        Ok(value)
     }
 
     /// A section was written: the next run measures it again.

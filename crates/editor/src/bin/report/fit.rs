@@ -27,9 +27,10 @@ pub fn secs_words(target_db: f64, points: &[[f64; 2]]) -> String {
     }
 }
 
-/// Two digits that count, no more than two behind the point.
+/// Two digits that count.
 pub fn digits(value: f64) -> String {
     match value {
+        value if value > 0.0 && value < 0.1 => format!("{value:.*}", (1.0 - value.log10().floor()).min(9.0) as usize),
         value if value >= 10.0 => format!("{value:.0}"),
         value if value >= 1.0 => format!("{value:.1}"),
         value => format!("{value:.2}"),
@@ -71,6 +72,11 @@ pub fn tenths(values: Vec<f64>) -> String {
     spread_told(values, |value| format!("{value:.1}"))
 }
 
+/// The same with two digits behind the point, as ratios near one are told.
+pub fn hundredths(values: Vec<f64>) -> String {
+    spread_told(values, |value| format!("{value:.2}"))
+}
+
 fn spread_told(values: Vec<f64>, tell: fn(f64) -> String) -> String {
     let n = values.len();
     let [least, median, greatest] = spread(&values).map(tell);
@@ -102,6 +108,10 @@ mod tests {
     fn repeats_are_told_by_their_middle_and_ends() {
         assert_eq!(spread_words(vec![3.0, 1.0, 2.0]), "2.0 (1.0…3.0)");
         assert_eq!(spread_words(vec![0.125]), "0.12");
+        assert_eq!(
+            [0.0, 0.0042, 0.081, 0.25, 1.25, 12.5].map(digits),
+            ["0.00", "0.0042", "0.081", "0.25", "1.2", "12"]
+        );
         assert_eq!(
             [&[][..], &[3.0], &[4.0, 1.0, 2.0], &[9.0, 1.0, 2.0, 4.0]].map(median),
             [None, Some(3.0), Some(2.0), Some(3.0)]

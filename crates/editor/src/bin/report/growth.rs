@@ -43,6 +43,8 @@ struct Cost {
     /// Most memory of the process at a time, beyond what it had when the scene was prepared; none where the system does not tell.
     peak_bytes: Option<f64>,
     file_bytes: f64,
+    /// What the bake tells of itself.
+    error_db: f64,
 }
 
 /// Times that a bake is measured, as long as all of them together took no more than so many seconds before.
@@ -117,7 +119,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Growth\n\n\
          A generated hall of {} triangles under a panel of 8 × 8 texels, {} × {} pixels, {} samples of each, indirect light traced, roulette alone ends\n\
          paths; then one thing after the other grows (with the pixels, 16 columns and 2 samples). CPU seconds of preparing the scene (hierarchy, lights) and\n\
-         of the bake, each in a process of its own, median (least…greatest) of {TURNS} where they took no more than {PATIENCE_SECS} s together, else once; memory is the most that it had beyond the prepared scene; bytes are those of the file. The exponent e of the\n\
+         of the bake, each in a process of its own, median (least…greatest) of {TURNS} where they took no more than {PATIENCE_SECS} s together, else once; memory is the most that it had beyond the prepared scene; bytes are those of the file, the error is what the bake tells of itself (truncation and sampling): where it grows, what is kept of noise shrinks, and with it the file. The exponent e of the\n\
          power law y ∝ xᵉ is fitted by least squares of the logarithms. Seed 1. {}\n",
         bench.triangles,
         size[0],
@@ -127,7 +129,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     );
     text += &desk.plot("growth", "CPU seconds of a bake as pixels, columns, triangles and bounces grow", &panels)?;
     text += &format!(
-        "\n| what grows | | preparing, CPU s | bake, CPU s | memory, MB | file, kB |\n|---|---|---|---|---|---|\n{rows}"
+        "\n| what grows | | preparing, CPU s | bake, CPU s | memory, MB | file, kB | error, dB |\n|---|---|---|---|---|---|---|\n{rows}"
     );
     text += &threads::write(desk, "growth")?;
     Ok(text)
@@ -157,8 +159,9 @@ pub fn one(bench: &str) -> Result<String> {
     let bake_secs = process_cpu_secs()? - prepared;
     let peak_bytes = peak_bytes().zip(before).map(|(peak, before)| peak.saturating_sub(before) as f64);
     let file_bytes = bake.figures().file_bytes.context("a finished bake is packed")? as f64;
+    let error_db = f64::from(bake.figures().error_db.total);
     let (prepare_secs, bake_secs) = (vec![prepared - begun], vec![bake_secs]);
-    let cost = Cost { at: 0.0, prepare_secs, bake_secs, peak_bytes, file_bytes };
+    let cost = Cost { at: 0.0, prepare_secs, bake_secs, peak_bytes, file_bytes, error_db };
     Ok(serde_json::to_string(&cost)?)
 }
 
@@ -178,11 +181,12 @@ fn table_rows(what: &str, costs: &[Cost]) -> String {
     let row = |cost: &Cost| {
         let memory = cost.peak_bytes.map_or("—".into(), |bytes| format!("{:.1}", bytes / 1e6));
         format!(
-            "| {what} | {:.0} | {} | {} | {memory} | {:.1} |\n",
+            "| {what} | {:.0} | {} | {} | {memory} | {:.1} | {:.1} |\n",
             cost.at,
             spread_words(cost.prepare_secs.clone()),
             spread_words(cost.bake_secs.clone()),
             cost.file_bytes / 1e3,
+            cost.error_db,
         )
     };
     let fitted = |of: &dyn Fn(&Cost) -> f64| {
@@ -191,7 +195,7 @@ fn table_rows(what: &str, costs: &[Cost]) -> String {
     };
     let rows: String = costs.iter().map(row).collect();
     rows + &format!(
-        "| **{what}, exponent** | | {} | {} | {} | {} |\n",
+        "| **{what}, exponent** | | {} | {} | {} | {} | |\n",
         fitted(&|cost| middle(&cost.prepare_secs)),
         fitted(&|cost| middle(&cost.bake_secs)),
         fitted(&|cost| cost.peak_bytes.unwrap_or(0.0)),

@@ -10,14 +10,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
-use clerestory::look::sky;
 use clerestory_nystrom::PackedMatrix;
 use clerestory_transport::archive;
 use clerestory_transport::bake::{Bake, BakeConfig};
 use clerestory_transport::bvh::Ray;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::SkyRequest;
-use clerestory_transport::import;
+use clerestory_transport::import::{self, load_sky};
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, PreparedLamps};
 use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::patches::{DEFAULT_PATCHES, NARROW_ALPHA};
@@ -48,7 +47,8 @@ const TRACED_SPP: [u32; 2] = [256, 2048];
 pub(super) struct Case {
     pub name: &'static str,
     pub path: PathBuf,
-    pub has_sky: bool,
+    /// The map that its sky has.
+    pub sky: Option<PathBuf>,
 }
 
 /// Tables of scenes.
@@ -70,30 +70,27 @@ pub(super) fn cases(desk: &Desk) -> Vec<Case> {
     let own = Some(desk.root.join("assets/scenes/gallery.glb"));
     let shared = |name: &str| desk.shared(&format!("scenes/{name}.glb"));
     let all = [
-        ("gallery", own, false),
-        ("conference", shared("conference"), false),
-        ("staircase2", shared("bitterli-staircase2"), false),
-        ("living-room", shared("bitterli-living-room"), true),
+        ("gallery", own, None),
+        ("conference", shared("conference"), None),
+        ("staircase2", shared("bitterli-staircase2"), None),
+        ("living-room", shared("bitterli-living-room"), desk.shared("env/bitterli-living-room-sky19.exr")),
     ];
     let n_cases = desk.choose(1, all.len());
     let found = all.into_iter().take(n_cases);
-    let case = |(name, path, has_sky): (&'static str, Option<PathBuf>, bool)| {
-        Some(Case { name, path: path.filter(|path| path.exists())?, has_sky })
+    let case = |(name, path, sky): (&'static str, Option<PathBuf>, Option<PathBuf>)| {
+        Some(Case { name, path: path.filter(|path| path.exists())?, sky })
     };
     found.filter_map(case).collect()
 }
 
-pub(super) fn prepared(path: &Path, has_sky: bool) -> Result<(PreparedScene, Camera)> {
+pub(super) fn prepared(path: &Path, sky: Option<&Path>) -> Result<(PreparedScene, Camera)> {
     let imported = import::load(path)?;
     let camera = imported.scene.cameras.first().context("no camera")?.clone();
-    let sky = if has_sky { Some(SkyRequest { light: uniform_sky()?, form: SkyForm::Patches(1) }) } else { None };
+    let map = sky
+        .map(|path| load_sky(path).with_context(|| format!("cannot load the sky {}", path.display())))
+        .transpose()?;
+    let sky = map.map(|(map, _)| SkyRequest { light: SkyLight::new("sky", map), form: SkyForm::Patches(1) });
     Ok((PreparedScene::with_sky(imported.scene, &[], sky.as_ref())?.0, camera))
-}
-
-fn uniform_sky() -> Result<SkyLight> {
-    let mut setting = sky::typed("uniform").map_err(anyhow::Error::msg)?;
-    sky::load(&mut setting, Path::new(""))?;
-    setting.light(None).context("no sky")
 }
 
 /// Lamps of a scene, the light that belongs to it, and two traced and live pictures of each.
@@ -117,7 +114,7 @@ impl Traced {
         for nth in 0..n_places {
             let at = place(scene, camera, film, nth);
             let own = point_lamp(at)?;
-            let (mut lit, _) = prepared(&case.path, false)?;
+            let (mut lit, _) = prepared(&case.path, None)?;
             own.install(&mut lit)?;
             let mut coefficients = vec![[0.0; 3]; lit.lighting.basis.n_cols()];
             let last = lit.lighting.basis.sources.last().context("no lamp")?;
@@ -165,7 +162,7 @@ impl Traced {
 }
 
 fn measure(desk: &Desk, case: &Case) -> Result<Told> {
-    let (scene, camera) = prepared(&case.path, case.has_sky)?;
+    let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
     let scene = Arc::new(scene);
     let film = Film::of_width(WIDTHS[0], &camera);
     let traced = Traced::find(desk, case, (&scene, &camera, film))?;
@@ -187,7 +184,7 @@ fn measure(desk: &Desk, case: &Case) -> Result<Told> {
 
 /// CPU seconds of a bake that is large enough for what patches learn to count as it does in bakes for people.
 fn timed(desk: &Desk, case: &Case) -> Result<Spent> {
-    let (scene, camera) = prepared(&case.path, case.has_sky)?;
+    let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
     let film = Film::of_width(desk.choose(WIDTHS[0], WIDTHS[1]), &camera);
     let config = BakeConfig { spp: desk.choose(16, BAKE_SPP[1]), patches: DEFAULT_PATCHES, ..BakeConfig::default() };
     Ok(bake(&Arc::new(scene), &camera, film, config)?.1)

@@ -46,7 +46,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Latency\n\n\
          One slider dragged, each event sent when the picture of the one before is there: {n_events} events on the CPU, {n_device_events} on a graphics device. {LAMPS} lamps and a\n\
-         panel of {TEXELS} × {TEXELS} texels, blocks of rank 0 to {RANK} with random factors, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
+         panel of {TEXELS} × {TEXELS} texels, blocks of rank 0 to {RANK} with random factors from a fixed seed, so that every block moves and none is left out for being unseen. Milliseconds on {} threads.\n\
          On the CPU from the event to the end of the frame that draws its picture, triangles of the interface made. On a device from the event until the\n\
          device has all commands of that frame, those of relighting and those that draw the window of 1440 × 900, into a picture instead of a screen. A driver without hardware\n\
          computes on the cores that we need, and in the call that hands it commands: OpenGL in the first, Vulkan in that of the window's picture, which waits until relighting is done.\n\

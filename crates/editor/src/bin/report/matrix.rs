@@ -16,6 +16,7 @@ use clerestory_transport::scene::Scene;
 use super::desk::{Desk, process_secs};
 use super::errors::ColumnErrors;
 use super::fit::{secs_at, tenths};
+use super::lamps::tables::Goal;
 use super::reference::{Reference, Sampling};
 
 /// Scattering events beyond the first, as the peers had them.
@@ -25,6 +26,10 @@ const TARGETS_DB: [f64; 2] = [30.0, 38.0];
 
 /// A scene and how `peers.md` begins the rows that speak of it.
 const SCENES: [(&str, &str); 2] = [("bench-conf64", "| conference, 64 |"), ("bench-sponza20", "| sponza, 20 |")];
+/// What is aimed at for each scene: how indirect light is found, an error in dB, and CPU seconds at most.
+const AIMS: [(&str, f64, f64); 3] = [("shared", 30.0, 4.0), ("shared", 38.0, 16.0), ("traced", 30.0, 20.0)];
+/// The same with many columns.
+const AIMS_OF_MANY: [(&str, f64, f64); 1] = [("shared", 30.0, 60.0)];
 /// A scene with a panel, and how finely it is divided for a matrix of many columns.
 const MANY: (&str, u32) = ("conference-panel", 32);
 /// Seeds of the bakes with the fewest samples, which tell how far bakes lie apart; all others have the first.
@@ -125,6 +130,8 @@ fn scene(
             rows += &row(((spp, tolerance_db), way), [all_secs, all_db], &first, &errors);
         }
         targets += &words_of_targets(way, &measured);
+        let aims = if resolution.is_some() { &AIMS_OF_MANY[..] } else { &AIMS };
+        targets += &words_of_aims(way, aims, &measured);
     }
     Ok(format!(
         "\n### {name}\n\n\
@@ -190,6 +197,18 @@ fn words_of_targets(way: &str, measured: &[Vec<[f64; 2]>; 2]) -> String {
     format!(" Indirect light {way}: {}.", TARGETS_DB.map(of).join("; "))
 }
 
+/// Whether the least of these CPU seconds keeps what is aimed at.
+fn words_of_aims(way: &str, aims: &[(&str, f64, f64)], measured: &[Vec<[f64; 2]>; 2]) -> String {
+    let of_way = aims.iter().filter(|(of, ..)| *of == way);
+    let words = of_way.map(|(_, db, most)| {
+        let least = measured.iter().filter_map(|rows| secs_at(*db, rows)).reduce(f64::min);
+        let word = least.map_or("not known from these rows", |secs| Goal::Most(*most).word(secs));
+        format!("{db} dB in {most} CPU seconds, {word}")
+    });
+    let words: Vec<String> = words.collect();
+    if words.is_empty() { String::new() } else { format!(" Aimed at: {}.", words.join("; ")) }
+}
+
 /// What the study of the peers says about a scene, word for word.
 fn quoted(desk: &Desk, rows: &str) -> Result<String> {
     let Some(path) = desk.shared("references/peers.md") else { return Ok(String::new()) };
@@ -217,6 +236,19 @@ pub fn process_cpu_secs() -> Result<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_aim_is_kept_by_the_sooner_of_both_kinds_of_rows() {
+        let measured = [vec![[1.0, 20.0], [9.0, 40.0]], vec![[2.0, 25.0], [8.0, 35.0]]];
+        let aims = [("shared", 30.0, 3.5), ("traced", 30.0, 1.0)];
+        assert_eq!(words_of_aims("shared", &aims, &measured), " Aimed at: 30 dB in 3.5 CPU seconds, kept.");
+        assert_eq!(
+            words_of_aims("shared", &[("shared", 30.0, 2.5)], &measured),
+            " Aimed at: 30 dB in 2.5 CPU seconds, missed."
+        );
+        let words = words_of_aims("traced", &[("traced", 50.0, 1.0)], &measured);
+        assert!(words.ends_with("not known from these rows."), "{words}");
+    }
 
     #[test]
     fn cpu_time_grows_with_work() {

@@ -53,7 +53,7 @@ fn tables(desk: &Desk) -> Result<String> {
     for name in names {
         let Some(path) = desk.shared(&format!("matrices/{name}.npz")) else { continue };
         let picture = Picture::shared(&path, "T")?.in_z_order();
-        let title = format!("`{name}` of the shared matrices");
+        let title = format!("`{name}` (see the head of this page)");
         text += &desk.part("methods", name, || Ok(section(desk, &title, &picture, desk.choose(6, 1))))?;
     }
     let (film, spp) = desk.choose((Film { width: 32, height: 32 }, 64), (Film { width: 64, height: 48 }, 256));

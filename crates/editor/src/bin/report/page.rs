@@ -10,10 +10,17 @@ pub struct Page {
 
 const HEAD: &str = "# Benchmarks\n\n\
     Every figure on this page was measured and written by the command that its section names. Times depend on the machine;\n\
-    figures of one table come from one run. A section in full takes up to half an hour on two cores and goes on where it was\n\
-    interrupted; `--quick` without a section takes a few minutes for most of them.\n\n\
-    Five experiments come first: error against time, the method's own evaluation, growth, what nobody beats, and what a sitting\n\
-    costs. The sixth, every method on matrices on which methods fail, has a page of its own: [stability](stability.md).\n";
+    figures of one table come from one run. Each section tells how long it took, and goes on where it was interrupted; `--quick`\n\
+    measures less of them.\n\n\
+    Seven experiments: error against time; the method's own evaluation; growth; what nobody beats, in bytes and in time to\n\
+    relight; ablations, with the work that is skipped; what a sitting costs; and every method on matrices on which methods fail, which\n\
+    has a page of its own: [stability](stability.md). The other sections measure one part of the program each.\n\n\
+    Scenes of `assets/scenes` are always measured. Others, and the matrices `mixed` and `reflect`, lie in a folder that\n\
+    `CLERESTORY_SHARED` names (`scenes/*.glb`, `references/*.glb`, `env/*`, `matrices/*.npz`); without it their rows are left out. Both\n\
+    matrices are of a room of 128 × 96 pixels and 256 texels that another program traced; the file of `mixed` holds two noisy halves of\n\
+    it, too. What bakes are held against is made once and kept in the user's cache, or in the folder that\n\
+    `CLERESTORY_REPORT_CACHE` names. Cycles and Mitsuba are asked where `CLERESTORY_PYTHON` names a Python that has `bpy` or\n\
+    `mitsuba` (`scripts/peers.py`).\n";
 
 fn start(name: &str) -> String {
     format!("<!-- section {name} -->")

@@ -58,7 +58,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     }
     Ok(format!(
         "## Relighting\n\n\
-         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
+         Synthetic frames of one group of columns, tiles of 16 × 16, the same rank everywhere, random factors from a fixed seed; `relight/<size>/<columns>/<rank>/<bytes of an entry>`. Best of\n\
          {TURNS} turns: all coefficients new, one light of them new, and display alone (AgX, exposure changed). Megabytes that must move: factors that are\n\
          read (16-bit floats, or bytes with a scale per vector), and the radiance that is written; on a device it is read again, and what is shown is written. On the CPU each is done {REPEATS} times in a row, as in a drag, and the last is timed.\n\
          The share is that of what the same memory did in the same turns: read by all threads on the CPU, of far more than caches hold; copied by a kernel on a device. What moves\n\

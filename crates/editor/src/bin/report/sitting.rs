@@ -15,12 +15,14 @@ use clerestory_transport::{archive, import};
 use serde::{Deserialize, Serialize};
 
 use super::desk::{Desk, clerestory};
-use super::fit::spread_words;
+use super::fit::{spread_words, tenths};
 use super::plot::{Axis, Panel, Scale, Series};
 use super::under_way::run_until;
 
 /// Error of single lights, as the program tells it itself, at which a designer goes on.
 const TARGET_DB: f32 = 35.0;
+/// Name of the stage that ends there.
+const TO_TARGET: &str = "35 dB, or given up";
 /// Longest that is waited for it, seconds.
 const PATIENCE_SECS: u64 = 60;
 
@@ -59,8 +61,12 @@ pub fn write(desk: &Desk) -> Result<String> {
             let of = |what: fn([f64; 2]) -> f64| -> Vec<f64> {
                 sittings.iter().filter_map(|sitting| Some(what(sitting.stages.get(nth)?.1))).collect()
             };
+            let told = match stage == TO_TARGET {
+                true => format!(": {} dB", tenths(sittings.iter().map(|sitting| sitting.told_db.into()).collect())),
+                false => String::new(),
+            };
             rows += &format!(
-                "| {name} | {stage} | {} | {} |\n",
+                "| {name} | {stage}{told} | {} | {} |\n",
                 spread_words(of(|[from, to]| to - from)),
                 spread_words(of(|[_, to]| to))
             );
@@ -70,7 +76,7 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## What a sitting costs\n\n\
          {} × {} pixels, indirect light shared, seconds by the clock, median (least…greatest) of {turns} sittings with seeds of their own: how long a stage takes, and when it is\n\
-         over, counted from opening the file. \"{TARGET_DB} dB\" is what the program tells of itself, at the end of a pass, after {PATIENCE_SECS} s at the latest, where it is given up. A drag is one light set\n\
+         over, counted from opening the file. The dB are what the program tells of itself, at the end of a pass, after {PATIENCE_SECS} s at the latest, where it is given up. A drag is one light set\n\
          anew, relit and brought to the display. {}\n{}\n| scene | stage | s | over after, s |\n|---|---|---|---|\n{rows}",
         film.width,
         film.height,
@@ -105,8 +111,7 @@ fn sitting(desk: &Desk, path: &std::path::Path, film: Film, turn: u64) -> Result
         told_db >= TARGET_DB
     })?;
     note("first preview", prepared, previewed);
-    let reached = if told_db >= TARGET_DB { format!("{TARGET_DB} dB") } else { format!("given up at {told_db:.0} dB") };
-    note(&reached, previewed, baked.ended);
+    note(TO_TARGET, previewed, baked.ended);
 
     let frame = Frame { width: film.width, height: film.height, groups: baked.groups.clone() };
     let key = scene.lighting.basis.sources.first().map_or(String::new(), |source| source.key.clone());

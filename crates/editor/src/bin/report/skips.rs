@@ -18,27 +18,35 @@ use clerestory_transport::skips::{Skip, Skips};
 use clerestory_transport::sky::{Environment, SkyForm, SkyLight};
 
 use super::desk::Desk;
+use super::fit::{hundredths, spread_words};
 use super::matrix::process_cpu_secs;
 use super::reference::{Reference, Sampling};
 use super::rendered::as_in_file;
 
 /// Tolerance in dB, one that many blocks can reach.
 const TOLERANCE_DB: f32 = 12.0;
-/// Times that each bake is measured; the shortest counts.
-const TRIES: usize = 2;
+/// Times that each bake is measured, all of them in turn; the one without any skip, which takes longest by far, once.
+const TRIES: usize = 3;
 
 /// Scenes of `assets/scenes`, and whether a uniform sky of patches stands over them.
 const SCENES: [(&str, bool); 2] = [("gallery", false), ("diffuse", true)];
 
-/// One bake with what it took.
+/// One bake with what it took, each time that it was measured.
 struct Run {
-    load_secs: f64,
-    bake_secs: f64,
+    load_secs: Vec<f64>,
+    bake_secs: Vec<f64>,
     skipped: Skipped,
     /// RGB under the light of the file.
     picture: Vec<f32>,
     /// See [`Judge::errors_db`].
     error_db: [Option<f64>; 2],
+}
+
+impl Run {
+    fn new(bake: &Bake, judge: &Judge) -> Self {
+        let (skipped, picture, error_db) = (bake.figures().skipped, as_in_file(bake), judge.errors_db(bake));
+        Self { load_secs: Vec::new(), bake_secs: Vec::new(), skipped, picture, error_db }
+    }
 }
 
 /// What is baked.
@@ -103,8 +111,8 @@ pub fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "## Work that is skipped\n\n\
          Bakes of {} × {} pixels with at most {spp} samples each, asked for {TOLERANCE_DB} dB, indirect light traced, no preview: with all\n\
-         skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, the lesser of\n\
-         {TRIES} tries: differences of a quarter say nothing. *Picture* holds the picture under the\n\
+         skips, with each one off alone, and with all off. Times are CPU seconds (user and system) of the whole process, median (least…greatest) of\n\
+         {TRIES} turns through the table, and their ratio that within a turn; without any skip once. Seed 1 but where another is told. *Picture* holds the picture under the\n\
          light of the file against that with all skips: 10·log10(pk² / mean Δ²), pk the 99.5 percentile. Where random numbers\n\
          differ it shows their noise, which the row with another seed tells. *Single lights* (median) and *all lights* of the file are errors as in the section Error\n\
          against time, beside two references of {reference_spp} samples per pixel each, of pixels that are {step} apart, for which no work was left out. {}\n{tables}",
@@ -118,20 +126,27 @@ fn scene(desk: &Desk, (name, under_sky): (&str, bool), film: Film, spp: u32) -> 
     let subject = Subject { path: desk.root.join(format!("assets/scenes/{name}.glb")), under_sky, film };
     desk.say(&format!("{name}: what its bakes are held against"));
     let judge = Judge::new(desk, &subject)?;
-    let bake = |what: &str, skips: Skips, seed: u64| {
-        desk.say(&format!("baking {name} {what}"));
-        let config = BakeConfig { spp, tolerance_db: TOLERANCE_DB, seed, ..Default::default() };
-        run(&subject, &judge, &config, skips)
-    };
-    let with_all = bake("with all skips", Skips::default(), 1)?;
-    let mut rows = row("all skips", &with_all, &with_all);
-    rows += &row("all skips, another seed", &bake("with another seed", Skips::default(), 2)?, &with_all);
     // Without an earlier bake at hand there is nothing to take over: that has a table of its own.
-    for skip in Skip::ALL.into_iter().filter(|skip| *skip != Skip::Reuse) {
-        let what = format!("without {}", skip.name());
-        rows += &row(&what, &bake(&what, Skips::default().without(skip), 1)?, &with_all);
+    let one_off = Skip::ALL.into_iter().filter(|skip| *skip != Skip::Reuse);
+    let one_off = one_off.map(|skip| (format!("without {}", skip.name()), Skips::default().without(skip), 1));
+    let ends = [("all skips".into(), Skips::default(), 1), ("all skips, another seed".into(), Skips::default(), 2)];
+    let mut ways: Vec<(String, Skips, u64)> = ends.into_iter().chain(one_off).collect();
+    ways.push(("without any".into(), Skips::none(), 1));
+    let mut runs: Vec<Run> = Vec::new();
+    for turn in 0..TRIES {
+        for (nth, (what, skips, seed)) in ways.iter().enumerate().filter(|(nth, _)| turn == 0 || nth + 1 < ways.len()) {
+            desk.say(&format!("baking {name}, {what}, turn {}", turn + 1));
+            let config = BakeConfig { spp, tolerance_db: TOLERANCE_DB, seed: *seed, ..Default::default() };
+            let (bake, secs) = attempt(&subject, &config, *skips)?;
+            if turn == 0 {
+                runs.push(Run::new(&bake, &judge));
+            }
+            runs[nth].load_secs.push(secs[0]);
+            runs[nth].bake_secs.push(secs[1]);
+        }
     }
-    rows += &row("without any", &bake("without any skip", Skips::none(), 1)?, &with_all);
+    let with_all = &runs[0];
+    let rows: String = ways.iter().zip(&runs).map(|((what, ..), run)| row(what, run, with_all)).collect();
     let sky = if under_sky { " under a uniform sky of patches" } else { "" };
     Ok(format!(
         "\n### {name}{sky}\n\n{}\n\n\
@@ -141,18 +156,8 @@ fn scene(desk: &Desk, (name, under_sky): (&str, bool), film: Film, spp: u32) -> 
     ))
 }
 
-/// The shortest of some tries; everything else of them is the same.
-fn run(subject: &Subject, judge: &Judge, config: &BakeConfig, skips: Skips) -> Result<Run> {
-    let mut best = attempt(subject, judge, config, skips)?;
-    for _ in 1..TRIES {
-        let next = attempt(subject, judge, config, skips)?;
-        best.load_secs = best.load_secs.min(next.load_secs);
-        best.bake_secs = best.bake_secs.min(next.bake_secs);
-    }
-    Ok(best)
-}
-
-fn attempt(subject: &Subject, judge: &Judge, config: &BakeConfig, skips: Skips) -> Result<Run> {
+/// A bake, and the CPU seconds that loading its scene and it took.
+fn attempt(subject: &Subject, config: &BakeConfig, skips: Skips) -> Result<(Bake, [f64; 2])> {
     let started = process_cpu_secs()?;
     let scene = subject.prepared(skips)?;
     let loaded = process_cpu_secs()?;
@@ -160,21 +165,19 @@ fn attempt(subject: &Subject, judge: &Judge, config: &BakeConfig, skips: Skips) 
     let passes = Passes::FinalOnly;
     let job = BakeJob { scene, camera, film: subject.film, config, passes, irradiance: Vec::new() };
     let bake = job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")?;
-    let bake_secs = process_cpu_secs()? - loaded;
-    Ok(Run {
-        load_secs: loaded - started,
-        bake_secs,
-        skipped: bake.figures().skipped,
-        picture: as_in_file(&bake),
-        error_db: judge.errors_db(&bake),
-    })
+    Ok((bake, [loaded - started, process_cpu_secs()? - loaded]))
 }
 
 fn row(what: &str, run: &Run, with_all: &Run) -> String {
-    let ratio = run.bake_secs / with_all.bake_secs;
+    let of_turns = run.bake_secs.iter().zip(&with_all.bake_secs).map(|(secs, all)| secs / all);
     let db = psnr_db(&run.picture, &with_all.picture).map_or("the same".into(), |db| format!("{db:.1}"));
     let [single, all] = run.error_db.map(|db| db.map_or("—".into(), |db| format!("{db:.1}")));
-    format!("| {what} | {:.2} | {:.2} | {ratio:.2}× | {db} | {single} | {all} |\n", run.load_secs, run.bake_secs)
+    format!(
+        "| {what} | {} | {} | {}× | {db} | {single} | {all} |\n",
+        spread_words(run.load_secs.clone()),
+        spread_words(run.bake_secs.clone()),
+        hundredths(of_turns.collect()),
+    )
 }
 
 /// What a bake tells that it found needless.
@@ -216,17 +219,19 @@ mod tests {
 
     #[test]
     fn a_row_tells_what_a_skip_saves_and_how_far_the_bake_is_off() {
-        let run = |bake_secs: f64, value: f32, error_db: [Option<f64>; 2]| Run {
-            load_secs: 0.5,
-            bake_secs,
+        let run = |bake_secs: [f64; 3], value: f32, error_db: [Option<f64>; 2]| Run {
+            load_secs: vec![0.5],
+            bake_secs: bake_secs.to_vec(),
             skipped: Skipped::default(),
             picture: vec![value; 100],
             error_db,
         };
-        let with_all = run(2.0, 1.0, [Some(20.0), Some(31.3)]);
-        assert_eq!(row("all", &with_all, &with_all), "| all | 0.50 | 2.00 | 1.00× | the same | 20.0 | 31.3 |\n");
-        let without = run(3.0, 1.1, [Some(20.5), None]);
-        assert_eq!(row("none", &without, &with_all), "| none | 0.50 | 3.00 | 1.50× | 20.0 | 20.5 | — |\n");
+        let with_all = run([2.0, 2.2, 2.4], 1.0, [Some(20.0), Some(31.3)]);
+        let told = "| all | 0.50 | 2.2 (2.0…2.4) | 1.00 (1.00…1.00)× | the same | 20.0 | 31.3 |\n";
+        assert_eq!(row("all", &with_all, &with_all), told);
+        let without = run([3.0, 3.3, 3.3], 1.1, [Some(20.5), None]);
+        let told = "| none | 0.50 | 3.3 (3.0…3.3) | 1.50 (1.38…1.50)× | 20.0 | 20.5 | — |\n";
+        assert_eq!(row("none", &without, &with_all), told);
     }
 
     #[test]

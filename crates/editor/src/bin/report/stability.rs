@@ -62,9 +62,9 @@ fn core_of(method: Method) -> Option<Core> {
 }
 
 fn own_table(measured: &[Measured]) -> String {
-    let mut text = String::from(
+    let mut text = format!(
         "## Ours\n\n\
-         Shares of the norm. *Allowed* is twice the optimum and 1e-6; *packed* has the rounding of stored factors on top.\n\n\
+         Cases and methods of seed {SEED}. Shares of the norm. *Allowed* is twice the optimum and 1e-6; *packed* has the rounding of stored factors on top.\n\n\
          | case | rows × columns | rank asked for / kept | optimum | error | allowed | over the optimum | told by the halves | packed |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );

@@ -17,7 +17,7 @@ use glam::Vec3;
 
 use self::whole::Window;
 use super::desk::Desk;
-use super::fit::median;
+use super::fit::{median, spread};
 use super::lamps::spent::bake;
 use super::lamps::tables::Goal;
 use super::lamps::{cases, lamp, place, prepared};
@@ -45,7 +45,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## Steps of a moved lamp\n\n\
          *Whole* is what the window does from a lamp that has moved to the picture on the screen of 1024 × 768, its own drawing aside: one sample of the direct light of each pixel, the irradiance of\n\
          all {DEFAULT_PATCHES} patches, all columns of the bake (of {SPP} samples per pixel) relit, both summed and encoded, on the CPU or with the graphics device; a lamp that rests for 0.1 s is\n\
-         refined as it is there. Goals: {} ms on the CPU, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians. Shadow rays that nothing needs\n\
+         refined as it is there. Goals: {} ms on a CPU of two threads, {} ms with a graphics device of hardware. The other columns are parts of it, each by itself; medians of {STEPS} steps, of the whole with least…greatest. The bake has seed 0. Shadow rays that nothing needs\n\
          are not cast. `kernel` is the direct light on the graphics device by the device's own clock, `back` when the CPU can read it, `device` when the CPU has added what was left to it; none where\n\
          light comes through solid panes.\n\
          {device} {}\n\n{table}",
@@ -65,7 +65,7 @@ pub fn table(desk: &Desk, gpu: Option<&Gpu>) -> Result<String> {
         .to_string();
     for case in cases(desk) {
         desk.say(&format!("steps in {}", case.name));
-        let (scene, camera) = prepared(&case.path, case.has_sky)?;
+        let (scene, camera) = prepared(&case.path, case.sky.as_deref())?;
         let scene = Arc::new(scene);
         let config =
             BakeConfig { spp: SPP, patches: DEFAULT_PATCHES, indirect: Indirect::Shared, ..BakeConfig::default() };
@@ -81,10 +81,11 @@ fn rows(name: &str, (scene, camera): (&Arc<PreparedScene>, &Camera), bake: &Bake
     let points = VisiblePoints::new(scene, camera, STEP, config, &|| false).context("nobody stopped it")?;
     let device = gpu.map(|gpu| Device::new(gpu, scene, &points)).transpose()?.flatten();
     let patches = bake.header.patches.as_ref().context("no patches")?;
+    let goal_of_cpu = (rayon::current_num_threads() <= 2).then_some(GOALS_MS[0]);
     let mut rows = String::new();
     for shape in [LampShape::Point, LampShape::Rectangle { size_m: [0.6, 0.3] }, LampShape::Sphere { radius_m: 0.1 }] {
         let moved = |nth: u32| lamp(shape.clone(), place(scene, camera, STEP, 0) + Vec3::X * 0.01 * nth as f32);
-        let whole = whole_cells(Window::new(bake, scene, camera, None)?, &moved, Some(GOALS_MS[0]))?;
+        let whole = whole_cells(Window::new(bake, scene, camera, None)?, &moved, goal_of_cpu)?;
         let with_device = gpu.map_or(Ok("—".into()), |gpu| {
             let goal_ms = (!gpu.is_software()).then_some(GOALS_MS[1]);
             whole_cells(Window::new(bake, scene, camera, Some(gpu))?, &moved, goal_ms)
@@ -126,8 +127,9 @@ fn whole_cells(mut window: Window, moved: &dyn Fn(u32) -> FreeLamp, goal_ms: Opt
     // The first step looks at the scene and takes the bake over.
     window.step(moved(STEPS))?;
     let ms = (0..STEPS).map(|nth| Ok(1e3 * window.step(moved(nth))?)).collect::<Result<Vec<f64>>>()?;
-    let ms = median(&ms).context("no step was timed")?;
-    Ok(goal_ms.map_or(format!("{ms:.0} ms"), |goal| format!("{ms:.0} ms, {}", Goal::Most(goal).word(ms))))
+    let [least, middle, most] = spread(&ms);
+    let words = format!("{middle:.0} ms ({least:.0}…{most:.0})");
+    Ok(goal_ms.map_or(words.clone(), |goal| format!("{words}, {}", Goal::Most(goal).word(middle))))
 }
 
 /// What pixels see, on the graphics device.

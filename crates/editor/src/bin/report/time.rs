@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::desk::Desk;
-use super::fit::{digits, secs_at, secs_between, secs_words, spread_words, tenths};
+use super::fit::{secs_between, secs_words, spread_words, tenths};
 use super::plot::{Axis, Panel, Scale, Series};
 
 /// Errors that times are told for, in dB.
@@ -61,6 +61,9 @@ impl Way {
     }
 }
 
+/// Which of all ways makes one look alone.
+const PLAIN: usize = 4;
+
 /// What a way has reached after some time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Point {
@@ -73,6 +76,12 @@ pub(super) struct Point {
     pub(super) db: [Option<f64>; 3],
 }
 
+/// Classes of light in the order of the page, with their title and the name of their plot.
+const CHAPTERS: [(usize, &str, &str); 3] = [
+    (0, "Single lights", "time-single"),
+    (2, "All lights of the file", "time-full"),
+    (1, "Spots on a panel", "time-spots"),
+];
 const CLASSES: [&str; 3] = ["single lights", "spots on a panel", "all lights of the file"];
 
 /// One scene's measurements.
@@ -83,10 +92,14 @@ struct Measured {
 }
 
 impl Measured {
-    /// (CPU seconds, dB) of a way and a class of light.
+    /// (CPU seconds, dB) of a way and a class of light. A render of one single light costs its part of a render per light.
     fn curve(&self, way: Way, class: usize) -> Vec<[f64; 2]> {
+        let (way, part) = match (way, class) {
+            (Way::Plain, 0) => (Way::Renders, 1.0 / self.n_cols.max(1) as f64),
+            _ => (way, 1.0),
+        };
         let of_way = self.points.iter().filter(|point| point.way == way && point.seed == runs::SEEDS[0]);
-        of_way.filter_map(|point| Some([point.cpu_secs, point.db[class]?])).collect()
+        of_way.filter_map(|point| Some([part * point.cpu_secs, point.db[class]?])).collect()
     }
 }
 
@@ -97,11 +110,15 @@ impl Measured {
 pub fn write(desk: &Desk) -> Result<String> {
     let mut scenes = Vec::new();
     for subject in subjects(desk) {
-        let measured = desk.part("time", subject.name, || {
+        let mut measured: Measured = desk.part("time", subject.name, || {
             let scene = prepared(&subject)?;
             let points = runs::measure(desk, &subject, &scene)?;
             Ok(Measured { n_cols: scene.lighting.basis.n_cols(), points })
         })?;
+        let curve = measured.curve(Way::Fast, 0);
+        measured.points.extend(desk.part::<Vec<Point>>("time", &format!("{}, further", subject.name), || {
+            runs::further(desk, &subject, &curve)
+        })?);
         scenes.push((subject, measured));
     }
     let mut text = format!(
@@ -111,17 +128,17 @@ pub fn write(desk: &Desk) -> Result<String> {
          render of the look in question, which no light can be changed in afterwards. The error is the mean of (x − a)(x − b), a and b two\n\
          references of {} samples per pixel each that are kept between runs, below the square of the reference's 99.5 percentile, told as no less than its standard error; nothing is\n\
          clipped, and pixels that show the light itself, or lie beside one that does, are left out. Of single lights: the median over all\n\
-         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--exact`, nor is anything else. Spots: three of them on the first panel, one after the other. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
+         columns, each below its own peak. Shared light is denoised by what its pixels show; traced light is not, as with `--exact`, nor is anything else. Spots: three of them on the first panel, one after the other, and the mean of their dB; a render of one look is that of the first of them. A render of one single light is one of a render per light. Seed 1; how far repeats lie apart is told below. The references have seeds of their own. {}\n",
         runs::reference_spp(desk),
         desk.load_words(),
     );
-    for (class, what, file) in [(0, "Single lights", "time-single"), (2, "All lights of the file", "time-full")] {
-        let panels: Vec<Panel> = scenes.iter().map(|(subject, measured)| panel(subject, measured, class)).collect();
+    for (class, what, file) in CHAPTERS {
+        let panels = scenes.iter().map(|(subject, measured)| panel(subject, measured, class));
+        let panels: Vec<Panel> = panels.filter(|panel| !panel.series.is_empty()).collect();
         text += &format!("\n### {what}\n");
         text += &desk.plot(file, &format!("{what}: error against CPU time, by scene"), &panels)?;
         text += &table(&scenes, class);
     }
-    text += &format!("\n### {}\n\n{}", "Spots on a panel", table(&scenes, 1).trim_start());
     text += &repeats(&scenes);
     text += &beside_samples(scenes.iter().map(|(_, measured)| measured.points.as_slice()));
     text += &pays(&scenes);
@@ -178,8 +195,10 @@ fn panel(subject: &Subject, measured: &Measured, class: usize) -> Panel {
 fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
     let ways: Vec<&str> = Way::ALL.iter().map(|way| way.name()).collect();
     let mut text = format!(
-        "\nCPU seconds to an error of {}, between measured points; the least of each row in bold.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
+        "\nCPU seconds to an error of {}, between measured points; \"<\" and \">\": it was reached before the first point, or would be after the last; \"—\": not measured, \
+         as it takes too long. The least of each row in bold, where the points tell which it is{}.\n\n| scene | size | dB | {} |\n|---|---|---|{}\n",
         CLASSES[class],
+        if class == 0 { ", a render of one of the lights aside" } else { "" },
         ways.join(" | "),
         "---|".repeat(ways.len()),
     );
@@ -189,11 +208,14 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
             continue;
         }
         for target in TARGETS_DB {
-            let secs = curves.each_ref().map(|curve| secs_at(target, curve));
-            let least = secs.iter().flatten().copied().fold(f64::INFINITY, f64::min);
-            let cell = |nth: usize| match secs[nth] {
-                Some(found) if found <= least => format!("**{}**", digits(found)),
-                _ => secs_words(target, &curves[nth]),
+            let mut secs = curves.each_ref().map(|curve| secs_between(target, curve));
+            if class == 0 {
+                secs[PLAIN] = None;
+            }
+            let soonest = soonest(secs);
+            let cell = |nth: usize| match secs_words(target, &curves[nth]) {
+                words if soonest == Some(nth) => format!("**{words}**"),
+                words => words,
             };
             let cells: Vec<String> = (0..curves.len()).map(cell).collect();
             let Film { width, height } = subject.film;
@@ -201,6 +223,17 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
         }
     }
     text
+}
+
+/// Which of several certainly takes the fewest seconds, given the least and the greatest that each can take.
+fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
+    let is_first = |&nth: &usize| {
+        let others = secs.iter().enumerate().filter(|(other, _)| *other != nth);
+        secs[nth].is_some_and(|[_, most]| {
+            others.filter_map(|(_, secs)| *secs).all(|[least, _]| most <= least && most.is_finite())
+        })
+    };
+    (0..N).find(is_first)
 }
 
 /// How far bakes and renders of few samples lie apart that differ by their seed alone.
@@ -310,8 +343,11 @@ mod tests {
         let words = beside_samples([points.as_slice()].into_iter());
         assert!(words.contains(": 0.5 of single lights, -0.5 of all lights"), "{words}");
         assert!(pays(&scenes).contains("| hall | 30 | 10 | — | — | — |"), "{}", pays(&scenes));
-        let looks = |bake, render| looks_words(bake, render).unwrap_or_default();
         let endless = f64::INFINITY;
+        assert_eq!(soonest([Some([4.0, 4.0]), None, Some([3.0, endless])]), None, "the last may take 3 or 300");
+        assert_eq!(soonest([Some([0.0, 1.4]), Some([1.7, 1.7])]), Some(0));
+        assert_eq!(soonest([Some([9.0, endless]), None]), None);
+        let looks = |bake, render| looks_words(bake, render).unwrap_or_default();
         assert_eq!(looks([10.0, 10.0], [98.0, endless]), "≤ 1", "a render takes more");
         assert_eq!(looks([0.0, 1.4], [0.5, 0.5]), "≤ 3", "the first point is good enough");
         assert_eq!(looks([70.0, endless], [20.0, 20.0]), "> 3");

@@ -159,8 +159,8 @@ impl Told {
         let [spp, wide_spp] = desk.choose([64, 16], BAKE_SPP);
         format!(
             "## Lamps that were added\n\n\
-            A point lamp of {LUMEN} lm at places that no bake knew, in pictures {width} pixels wide. They show the baked light of the file \
-            ({spp} samples per pixel), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
+            A point lamp of {LUMEN} lm at places that no bake knew, in pictures {width} pixels wide. They show the baked light of the file, living-room's under its own sky \
+            ({spp} samples per pixel, seed 0; traced and live pictures have seeds 1 to 4), plus the lamp's live light (direct light at what is seen and at what narrow lobes show there), plus what the patches make of its \
             irradiance. Two independent ones are held against two independent traced pictures of {} samples per pixel; the live light has as many. \
             L2 is the root of the summed products of both differences, over that of the indirect light: noise of live and of traced light is no error, \
             noise of the bake is. *Without worst* leaves out the {:.1} % of the pixels with the greatest errors, which are chosen by what is measured, \

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use clerestory_transport::camera::Film;
 use serde::{Deserialize, Serialize};
 
 use crate::desk::{Desk, clerestory, number};
@@ -47,13 +48,14 @@ struct Baked {
 /// # Errors
 /// If a scene cannot be baked.
 pub fn write(desk: &Desk) -> Result<String> {
-    let size = desk.choose("96x72", "512x384");
+    let Film { width, height } = desk.choose(Film { width: 96, height: 72 }, Film { width: 512, height: 384 });
+    let size = format!("{width}x{height}");
     let mut rows = String::new();
     for subject in &SUBJECTS {
         let Subject { scene, side, aim, tolerance_db, .. } = subject;
         let Some(path) = subject.path(desk) else { continue };
         let n_cols = side * side;
-        let baked = desk.part("target-bakes", &format!("{scene}-{n_cols}"), || subject.baked(desk, &path, size))?;
+        let baked = desk.part("target-bakes", &format!("{scene}-{n_cols}"), || subject.baked(desk, &path, &size))?;
         let [truncation, sampling, total] = baked.error_db;
         rows += &format!(
             "| {scene} | {n_cols} | {tolerance_db} | {} | {:.2} / {:.0} | {:.2} | {:.0}×{} | {aim} | {truncation:.1} / {sampling:.1} / {total:.1} | {:.1} | {:.0} |\n",
@@ -72,10 +74,11 @@ pub fn write(desk: &Desk) -> Result<String> {
          Whole bakes of {} pixels from the command line, with the light between surfaces traced and the panel divided into so many\n\
          columns. Blocks stop once they are exact enough, at the latest after the samples that are given: where these do not suffice, the error says so, and the ratio\n\
          is that of what was reached. Errors as the bake tells them, from held-out samples: truncation / sampling / total, and the total of its worst\n\
-         block. Seconds by the clock; each row is one bake, of seed 0. Other renderers' pictures of 64 lights of the conference room, one file each, take 151 MB. {}\n\n\
+         block. Seconds by the clock; each row is one bake, of seed 0. A picture of each light by itself, in 32-bit floats as other renderers write them, is the dense matrix: {:.0} MB for 64 lights. {}\n\n\
          | scene | columns | asked for | samples | rank mean / max | MB | dense / file | aimed at | error dB | worst block | s |\n\
          |---|---|---|---|---|---|---|---|---|---|---|\n{rows}",
         size.replace('x', " × "),
+        64.0 * 12e-6 * f64::from(width) * f64::from(height),
         desk.load_words(),
     ))
 }

@@ -11,7 +11,7 @@ use clerestory_transport::matrix::CHANNELS;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
 
-use super::{Point, Subject, Way};
+use super::{Point, Subject, TARGETS_DB, Way, prepared};
 use crate::desk::Desk;
 use crate::matrix::{baked, process_cpu_secs};
 use crate::reference::{Reference, Sampling, uncompressed};
@@ -24,6 +24,8 @@ const SPP: [u32; 6] = [1, 4, 16, 64, 256, 1024];
 const MOST_BAKED: [f64; 2] = [5e4, 3.2e6];
 const MOST_TRACED: [f64; 2] = [4e5, 4e7];
 const MOST_PLAIN: [f64; 2] = [4e5, 5.2e7];
+/// The same for shared light that has not come to the dB of its last point yet.
+const MOST_FURTHER: [f64; 2] = [0.0, 1.3e7];
 /// Middles of the spots on a panel, and their radius in its shorter sides.
 const SPOTS: [[f32; 2]; 3] = [[0.5, 0.5], [0.2, 0.7], [0.85, 0.25]];
 const SPOT_RADIUS: f32 = 0.15;
@@ -114,6 +116,34 @@ pub(super) fn measure(desk: &Desk, subject: &Subject, scene: &Arc<PreparedScene>
                 points.extend(plain(subject, scene, &judge, taken)?);
             }
         }
+    }
+    Ok(points)
+}
+
+/// More points of shared light, on from the last (CPU seconds, dB of single lights) until the greatest error that is asked about.
+pub(super) fn further(desk: &Desk, subject: &Subject, curve: &[[f64; 2]]) -> Result<Vec<Point>> {
+    let (n_pixels, most) = (subject.film.n_pixels() as f64, desk.choose(MOST_FURTHER[0], MOST_FURTHER[1]));
+    let new = |spp: &u32| desk.choose(MOST_BAKED[0], MOST_BAKED[1]) < n_pixels * f64::from(*spp);
+    let mut reached = curve.last().map(|[_, db]| *db);
+    let (mut points, mut at_hand) = (Vec::new(), None);
+    for spp in SPP.into_iter().filter(new).take_while(|spp| n_pixels * f64::from(*spp) <= most) {
+        if reached.is_none_or(|db| TARGETS_DB.iter().all(|target| *target <= db)) {
+            break;
+        }
+        let (scene, judge) = match at_hand.take() {
+            Some(ready) => ready,
+            None => {
+                let scene = prepared(subject)?;
+                let judge = Judge::new(desk, subject, &scene)?;
+                (scene, judge)
+            }
+        };
+        desk.say(&format!("{} with {spp} samples per pixel, light shared", subject.name));
+        let taken = Taken { spp, seed: SEEDS[0] };
+        let point = ours(subject, &scene, &judge, (Way::Fast, Indirect::Shared), taken)?;
+        reached = point.db[0];
+        points.push(point);
+        at_hand = Some((scene, judge));
     }
     Ok(points)
 }
