@@ -197,6 +197,38 @@ fn compare_refuses_other_sizes_and_finds_no_difference_in_equals() {
     let same = desk.json("compare @small.exr @small.exr");
     assert_eq!((&same["relative_l2"], &same["psnr_db"]), (&json!(0.0), &Value::Null));
     desk.fails("compare @small.exr @large.exr", 1, "sizes differ");
+    desk.json("bake @room.glb -o @a.transport --size 16x8 --spp 1");
+    desk.json("relight @a.transport -o @left.exr --region 0,0,8,8");
+    desk.json("relight @a.transport -o @right.exr --region 8,0,8,8");
+    desk.fails("compare @left.exr @right.exr", 1, "different regions");
+    assert_eq!(desk.json("compare @left.exr @left.exr")["relative_l2"], 0.0);
+}
+
+#[test]
+fn a_picture_that_is_black_although_lights_are_on_is_told() {
+    let desk = Desk::new();
+    let walls = Shape::room(glam::Vec3::splat(2.0));
+    let file = SceneFile::default().surface("room", &walls, SceneFile::lambert([0.5; 3], [0.0; 3]));
+    let file = file.point_lamp("L", glam::Vec3::splat(9.0), [1.0; 3], 100.0).camera("eye", glam::Vec3::ZERO, 0.8);
+    std::fs::write(desk.path("dark.glb"), file.glb()).unwrap();
+    std::fs::write(desk.path("off.look"), r#"{"clerestory": 1, "lights": {"L": {"muted": true}}}"#).unwrap();
+    let is_told = |line: &str| desk.json(line)["warnings"].to_string().contains("the picture is black");
+    assert!(is_told("trace @dark.glb -o @a.exr --size 8x6 --spp 1"));
+    assert!(is_told("bake @dark.glb -o @a.transport --size 8x6 --spp 2"));
+    assert!(is_told("relight @a.transport -o @a.exr"));
+    assert!(!is_told("relight @a.transport --look @off.look -o @a.exr"));
+    assert!(!is_told("render @room.glb -o @a.exr --size 8x6 --spp 2"));
+}
+
+#[test]
+fn info_of_a_look_tells_its_lamps() {
+    let desk = Desk::new();
+    let lamp = r#"{"key": "Desk", "type": "spot", "position": [0, 2, 0], "aim": [0, 0, 0], "outer_deg": 30, "strength": 800, "muted": true}"#;
+    std::fs::write(desk.path("a.look"), format!(r#"{{"clerestory": 1, "lamps": [{lamp}]}}"#)).unwrap();
+    let words = desk.run("info @a.look").stdout;
+    assert!(words.contains("\nlamps     Desk (spot, 800 lm, off)\n"), "{words}");
+    std::fs::write(desk.path("sky"), "#?RGBE\n\n-Y 1 +X 2\n").unwrap();
+    desk.fails("info @sky", 1, "is a picture");
 }
 
 #[test]

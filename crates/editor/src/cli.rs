@@ -32,7 +32,7 @@ use anyhow::{Context, Result};
 use serde_json::json;
 
 use crate::app::WindowLost;
-use crate::compare::{compare, read_exr};
+use crate::compare::{check_parts, compare, read_part};
 use crate::platform::has_display;
 use crate::words::in_words;
 use args::{Arguments, Command, CompareArgs};
@@ -134,9 +134,10 @@ fn open_editor(arguments: &Arguments, console: &mut Console) -> Result<()> {
 }
 
 fn compare_files(args: &CompareArgs) -> Result<Answer> {
-    let (a, b) = (read_exr(&args.a)?, read_exr(&args.b)?);
-    let comparison =
-        compare(&a, &b).with_context(|| format!("cannot compare {} with {}", args.a.display(), args.b.display()))?;
+    let ((a, of_a), (b, of_b)) = (read_part(&args.a)?, read_part(&args.b)?);
+    let problem = || format!("cannot compare {} with {}", args.a.display(), args.b.display());
+    check_parts(of_a, of_b).with_context(problem)?;
+    let comparison = compare(&a, &b).with_context(problem)?;
     let percent = |value: Option<f64>| value.map_or("undefined".into(), |v| format!("{:+.4} %", 100.0 * v));
     let words = format!(
         "relative L2  {}\nmean bias    R {}, G {}, B {}\nPSNR         {}",

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, anyhow, bail};
 use clerestory_relight::Radiance;
-use exr::prelude::{AnyChannel, FlatSamples, ReadChannels, ReadLayers};
+use clerestory_transport::import::{self, ExrPicture};
 use serde::Serialize;
 
 /// How a picture A differs from the reference B.
@@ -75,51 +75,107 @@ fn quantile(sorted: &[f64], q: f64) -> f64 {
     low + (high - low) * at.fract()
 }
 
-/// Reads the plain R, G and B channels of an EXR file, whatever else it holds.
+/// Which part of a whole picture a file stores.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Its top left corner in pixels of the whole.
+    pub at: [i64; 2],
+    /// Width and height of the whole in pixels.
+    pub whole: [u32; 2],
+}
+
+/// Reads what an EXR file stores of its picture: R, G and B, else Y, else a layer in color, in linear Rec. 709.
 ///
 /// # Errors
 /// If the file cannot be read, has no such channels, or pixels that are not finite.
 pub fn read_exr(path: &Path) -> Result<Radiance> {
-    let name = path.display();
-    let image = exr::prelude::read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .from_file(path)
-        .with_context(|| format!("cannot read {name}: give an OpenEXR picture"))?;
-    for layer in &image.layer_data {
-        let channels = ["R", "G", "B"].map(|n| layer.channel_data.list.iter().find(|c| c.name == *n));
-        if let [Some(r), Some(g), Some(b)] = channels {
-            let picture = interleave(layer.size.0, layer.size.1, [r, g, b]);
-            let picture = picture.with_context(|| format!("cannot use {name}"))?;
-            let n_bad = picture.pixels.iter().filter(|rgb| !rgb.iter().all(|v| v.is_finite())).count();
-            if n_bad > 0 {
-                bail!("cannot use {name}: {n_bad} of its pixels are not finite numbers");
-            }
-            return Ok(picture);
-        }
-    }
-    bail!("cannot use {name}: it has no plain R, G and B channels")
+    read_part(path).map(|(picture, _)| picture)
 }
 
-fn interleave(width: usize, height: usize, channels: [&AnyChannel<FlatSamples>; 3]) -> Result<Radiance> {
-    if channels.iter().any(|c| c.sample_data.len() != width * height) {
-        bail!("its channels are subsampled; save it without chroma subsampling");
+/// The same, and which part it is if that is not the whole picture.
+///
+/// # Errors
+/// As [`read_exr`].
+pub fn read_part(path: &Path) -> Result<(Radiance, Option<Part>)> {
+    let name = path.display();
+    let read = import::read_exr(path).map_err(|why| anyhow!("cannot read {name}: {why}; give an OpenEXR picture"))?;
+    let ExrPicture { size: [width, height], pixels, shown: whole, offset: at, .. } = read;
+    let n_bad = pixels.iter().filter(|rgb| !rgb.iter().all(|v| v.is_finite())).count();
+    if n_bad > 0 {
+        bail!("cannot use {name}: {n_bad} of its pixels are not finite numbers");
     }
-    let mut pixels = vec![[0.0; 3]; width * height];
-    for (idx, channel) in channels.into_iter().enumerate() {
-        for (pixel, value) in pixels.iter_mut().zip(channel.sample_data.values_as_f32()) {
-            pixel[idx] = value;
+    let part = Some(Part { at, whole }).filter(|_| at != [0; 2] || whole != [width, height]);
+    Ok((Radiance { width, height, pixels }, part))
+}
+
+/// Refuses two parts that are not the same of pictures of one size; a whole picture may be what another one is a part of.
+///
+/// # Errors
+/// If they are not.
+pub fn check_parts(a: Option<Part>, b: Option<Part>) -> Result<()> {
+    let words = |Part { at: [x, y], whole: [width, height] }: Part| format!("at ({x}, {y}) of {width}×{height}");
+    match (a, b) {
+        (Some(a), Some(b)) if a != b => {
+            bail!("they show different regions: one {}, the other {}; write the same of both", words(a), words(b))
         }
+        _ => Ok(()),
     }
-    Ok(Radiance { width: width as u32, height: height as u32, pixels })
 }
 
 #[cfg(test)]
 mod tests {
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes, Vec2,
+        WritableImage,
+    };
+
     use super::*;
+
+    /// An EXR of 2 × 1 pixels at a place of a picture of 8 × 4.
+    fn exr(layer: &str, at: (i32, i32)) -> Vec<u8> {
+        let channel = |name: &str| AnyChannel::new(format!("{layer}{name}").as_str(), FlatSamples::F32(vec![1.0, 2.0]));
+        let channels = AnyChannels::sort(["R", "G", "B"].into_iter().map(channel).collect());
+        let attributes = LayerAttributes { layer_position: at.into(), ..LayerAttributes::default() };
+        let mut image = Image::from_layer(Layer::new((2, 1), attributes, Encoding::UNCOMPRESSED, channels));
+        image.attributes.display_window = IntegerBounds::new(Vec2(0, 0), (8, 4));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn parts_are_read_as_they_are_stored_and_must_be_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |bytes: &[u8]| {
+            let path = folder.path().join("a.exr");
+            std::fs::write(&path, bytes).unwrap();
+            read_part(&path)
+        };
+        let (first, second) = (read(&exr("", (0, 0))).unwrap(), read(&exr("View.Combined.", (3, 2))).unwrap());
+        assert_eq!(first.0.pixels, [[1.0; 3], [2.0; 3]]);
+        assert_eq!(second.0, first.0, "a layer as Blender names it");
+        assert_eq!(second.1, Some(Part { at: [3, 2], whole: [8, 4] }));
+        let why = check_parts(first.1, second.1).unwrap_err().to_string();
+        assert!(why.contains("different regions") && why.contains("(3, 2) of 8×4"), "{why}");
+        assert!(check_parts(first.1, first.1).is_ok() && check_parts(None, second.1).is_ok());
+    }
+
+    #[test]
+    fn a_head_that_claims_too_much_is_refused_before_memory_is_asked_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("huge.exr");
+        let mut bytes = exr("", (0, 0));
+        let window = bytes.windows(16).position(|part| part == b"dataWindow\0box2i").expect("a data window");
+        // Behind the name, the type and the length: left, top, right and bottom.
+        let right = window + b"dataWindow\0box2i\0".len() + 4 + 8;
+        for side in [16_383_i32, 399_999] {
+            bytes[right..right + 4].copy_from_slice(&side.to_le_bytes());
+            bytes[right + 4..right + 8].copy_from_slice(&side.to_le_bytes());
+            std::fs::write(&path, &bytes).unwrap();
+            let why = read_exr(&path).unwrap_err().to_string();
+            assert!(why.contains("too many") || why.contains("cannot be in"), "{why}");
+        }
+    }
 
     fn picture(pixels: Vec<[f32; 3]>) -> Radiance {
         Radiance { width: pixels.len() as u32, height: 1, pixels }

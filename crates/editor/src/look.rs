@@ -149,8 +149,9 @@ impl Look {
     pub fn load(path: &Path) -> Result<(Look, Vec<String>)> {
         let problem = || format!("cannot use the look {}", path.display());
         let (mut look, mut warnings) = Look::from_json(&read_text(path)?).with_context(problem)?;
+        let (mut maps, folder) = (sky::Maps::default(), path.parent().unwrap_or(Path::new("")));
         for sky in look.rigs_mut().filter_map(|rig| rig.sky.as_mut()) {
-            warnings.extend(sky::load(sky, path.parent().unwrap_or(Path::new(""))).with_context(problem)?);
+            warnings.extend(maps.load(sky, folder).with_context(problem)?);
         }
         Ok((look, warnings))
     }
@@ -181,8 +182,9 @@ impl Look {
     /// As [`Look::recover`].
     pub fn recover_in(json: &str, folder: &Path) -> Result<(Look, Vec<String>)> {
         let (mut look, mut warnings) = Look::recover(json)?;
+        let mut maps = sky::Maps::default();
         for rig in look.rigs_mut() {
-            match rig.sky.as_mut().map(|sky| sky::load(sky, folder)) {
+            match rig.sky.as_mut().map(|sky| maps.load(sky, folder)) {
                 Some(Ok(odd)) => warnings.extend(odd),
                 Some(Err(error)) => {
                     warnings.push(format!("{}; the sky of the look is left out", in_words(&error)));
@@ -272,6 +274,25 @@ mod tests {
             let (back, warnings) = Look::from_json(&json).unwrap();
             assert_eq!(back, look, "{json}");
             assert!(warnings.is_empty(), "{warnings:?}");
+        }
+    }
+
+    #[test]
+    fn skies_of_one_file_share_its_map() {
+        let folder = tempfile::tempdir().unwrap();
+        let head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n";
+        std::fs::write(folder.path().join("day.hdr"), [&head[..], &[32, 64, 128, 131, 32, 64, 128, 131]].concat())
+            .unwrap();
+        let json = r#"{"clerestory": 1, "sky": {"file": "day.hdr"}, "looks": [{"name": "A", "sky": {"file": "./day.hdr", "rotation_deg": 30}},
+            {"name": "B", "sky": {"file": "day.hdr"}}, {"name": "C", "sky": {"file": "uniform"}}]}"#;
+        let path = folder.path().join("a.look");
+        std::fs::write(&path, json).unwrap();
+        for (look, warnings) in [Look::load(&path).unwrap(), Look::load_readable(&path).unwrap()] {
+            assert_eq!(warnings, Vec::<String>::new());
+            let own = look.lights.sky.as_ref().and_then(|sky| sky.map.clone()).expect("a map");
+            let maps = look.snapshots.iter().filter_map(|kept| kept.lights.sky.as_ref()?.map.as_ref());
+            let shared: Vec<bool> = maps.map(|map| std::sync::Arc::ptr_eq(map, &own)).collect();
+            assert_eq!(shared, [true, true, false]);
         }
     }
 

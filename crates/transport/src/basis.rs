@@ -3,7 +3,7 @@
 //! Every column is baked white at intensity 1, so that a red lamp can turn blue afterwards. What the file says about a
 //! light stands beside it as `color` and `strength` and comes back in [`LightBasis::project`].
 
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::ops::Range;
 
 use clerestory_nystrom::ColumnRun;
@@ -348,19 +348,25 @@ fn project_spots(
 #[derive(Default)]
 pub struct KeyMaker {
     taken: HashSet<String>,
+    /// Number of the last repeat of a name: those up to it are taken.
+    repeats: HashMap<String, u32>,
 }
 
 impl KeyMaker {
     /// The key of the next light.
     pub fn key(&mut self, name: Option<&str>, node_index: u32) -> String {
         let base = name.filter(|n| !n.is_empty()).map_or_else(|| format!("node:{node_index}"), str::to_string);
-        let mut key = base.clone();
-        let mut repeat = 1;
-        while !self.taken.insert(key.clone()) {
-            repeat += 1;
-            key = format!("{base}#{repeat}");
+        if self.taken.insert(base.clone()) {
+            return base;
         }
-        key
+        let repeat = self.repeats.entry(base.clone()).or_insert(1);
+        loop {
+            *repeat += 1;
+            let key = format!("{base}#{repeat}");
+            if self.taken.insert(key.clone()) {
+                return key;
+            }
+        }
     }
 }
 
@@ -441,5 +447,7 @@ mod tests {
         let got =
             [keys.key(Some("lamp"), 0), keys.key(Some("lamp"), 1), keys.key(None, 7), keys.key(Some("lamp#2"), 8)];
         assert_eq!(got, ["lamp", "lamp#2", "node:7", "lamp#2#2"]);
+        let later = [keys.key(Some("lamp#4"), 9), keys.key(Some("lamp"), 10), keys.key(Some("lamp"), 11)];
+        assert_eq!(later, ["lamp#4", "lamp#3", "lamp#5"]);
     }
 }

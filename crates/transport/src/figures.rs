@@ -7,6 +7,7 @@ use crate::bake::{Bake, BakeConfig};
 use crate::basis::LightSource;
 use crate::column_errors::ColumnErrorDb;
 use crate::error_maps::BlockErrorDb;
+use crate::light::LightRig;
 use crate::matrix::CHANNELS;
 use crate::reach::is_beyond;
 use crate::skips::Skip;
@@ -202,6 +203,13 @@ impl Bake {
     /// The groups of columns that lights of the scene own.
     pub(crate) fn groups_of_lights(&self) -> &[BlockLowRank] {
         &self.groups[..self.groups.len() - usize::from(self.header.patches.is_some())]
+    }
+
+    /// Whether nothing can be seen, whatever the lights do: no light of the scene reaches what the camera sees, nor would lamps
+    /// by way of patches.
+    pub fn is_dark(&self) -> bool {
+        let groups = self.groups_under(&LightRig::default());
+        groups.iter().flat_map(|group| group.blocks.iter().flatten()).all(|b| b.rank == 0 && b.sparse.is_empty())
     }
 
     fn patch_figures(&self) -> Option<PatchFigures> {

@@ -16,7 +16,7 @@ use crate::scene::{AlphaMode, Material, PunctualKind, PunctualLight, Scene, Scen
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LightOrigin {
-    /// Names of the nodes above its own, the outermost first.
+    /// Names of the nodes above its own, as [`Scene::names_above`] has them.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub parents: Vec<String>,
     /// Name of the mesh or lamp that its node is an instance of.
@@ -46,7 +46,7 @@ impl LightOrigin {
         let is_near = light.kind != PunctualKind::Directional;
         let profile = light.profile.and_then(|profile| scene.profiles.get(profile as usize));
         LightOrigin {
-            parents: node.map_or_else(Vec::new, |node| node.parents.clone()),
+            parents: node.map_or_else(Vec::new, |node| scene.names_above(node)),
             model: node.and_then(|node| node.lamp.clone()),
             material: None,
             position: is_near.then_some(light.position),
@@ -64,7 +64,7 @@ impl LightOrigin {
         let radiance = |triangle: &u32| luminance(material(triangle).emitted_radiance());
         let brightest = triangles.iter().max_by(|a, b| radiance(a).total_cmp(&radiance(b)));
         LightOrigin {
-            parents: node.parents.clone(),
+            parents: scene.names_above(node),
             model: node.mesh.clone(),
             material: brightest.map(|triangle| material(triangle).name.clone()).filter(|name| !name.is_empty()),
             position: Some(center),

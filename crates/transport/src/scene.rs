@@ -31,6 +31,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Nodes of the displayed scene in file order, as far as they carry something.
     pub nodes: Vec<SceneNode>,
+    /// Nodes of the displayed scene in file order that others stand below.
+    pub ancestors: Vec<Ancestor>,
     /// Cameras in node order; a sensible one is made where the file has none.
     pub cameras: Vec<Camera>,
     /// Punctual lamps in node order.
@@ -53,6 +55,15 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Names of the nodes above one, the outermost first; of more than 64 the nearest. `node:INDEX` of those without a name.
+    pub fn names_above(&self, node: &SceneNode) -> Vec<String> {
+        let ancestor = |idx: u32| self.ancestors.get(idx as usize);
+        let above = std::iter::successors(node.parent.and_then(ancestor), |above| above.parent.and_then(ancestor));
+        let mut names: Vec<String> = above.take(MOST_ABOVE).map(Ancestor::key).collect();
+        names.reverse();
+        names
+    }
+
     /// Makes all materials scatter light so.
     pub fn set_facet_scattering(&mut self, scattering: FacetScattering) {
         self.materials.iter_mut().for_each(|material| material.facet_scattering = scattering);
@@ -71,6 +82,26 @@ impl Scene {
     }
 }
 
+/// Nodes above another one that are told: a file can chain as many as it has.
+const MOST_ABOVE: usize = 64;
+
+/// A node of the file that others stand below.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ancestor {
+    /// Index of the node in the file.
+    pub index: u32,
+    /// Name in the file, if it has one.
+    pub name: Option<String>,
+    /// Index into `Scene::ancestors` of the node above it.
+    pub parent: Option<u32>,
+}
+
+impl Ancestor {
+    fn key(&self) -> String {
+        self.name.clone().unwrap_or_else(|| index_key(self.index))
+    }
+}
+
 /// A node of the file that carries a mesh, a lamp or a camera.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneNode {
@@ -80,8 +111,8 @@ pub struct SceneNode {
     pub name: Option<String>,
     /// Side in texels of the panel that the node's extras ask for: `{"clerestory": {"panel": 32}}`.
     pub panel: Option<u32>,
-    /// Names of the nodes above it, the outermost first; `node:INDEX` of those without a name.
-    pub parents: Vec<String>,
+    /// Index into `Scene::ancestors` of the node above it.
+    pub parent: Option<u32>,
     /// Name of its mesh, the same for all nodes that show it: unnamed ones are `mesh:INDEX`.
     pub mesh: Option<String>,
     /// Name of the lamp of the file that it is an instance of: unnamed ones are `lamp:INDEX`.
@@ -91,17 +122,18 @@ pub struct SceneNode {
 impl SceneNode {
     /// The name by which a node is asked for: its own, or `node:INDEX`.
     pub fn key(&self) -> String {
-        self.name.clone().unwrap_or_else(|| self.index_key())
+        self.name.clone().unwrap_or_else(|| index_key(self.index))
     }
 
     /// Whether a node is meant, by its name or by its index.
     pub fn is_named(&self, name: &str) -> bool {
-        self.name.as_deref() == Some(name) || name == self.index_key()
+        self.name.as_deref() == Some(name) || name == index_key(self.index)
     }
+}
 
-    fn index_key(&self) -> String {
-        format!("node:{}", self.index)
-    }
+/// What a node without a name is called.
+fn index_key(index: u32) -> String {
+    format!("node:{index}")
 }
 
 /// Triangles with their vertex attributes; all attribute arrays are as long as `positions`.

@@ -24,6 +24,7 @@ use super::view::{View, inputs_of, load_look, on_threads, open_view, requested_s
 use crate::look::Look;
 use crate::output::{PendingFile, spare_inputs};
 use crate::sizes::bytes_words;
+use crate::words::BLACK;
 
 /// What a bake took.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,6 +50,9 @@ pub(super) fn bake(args: &BakeArgs, console: &mut Console) -> Result<Answer> {
         (None, Some(scene)) => bake_scene(scene, output, args, console)?,
         (None, None) => bail!("name a scene, or a folder of pictures with --images"),
     };
+    if args.scene.is_some() && bake.is_dark() {
+        console.warn(BLACK);
+    }
     let mut answer = baked(&bake, times, &args.options, console)?;
     if let Some(earlier) = earlier {
         answer.json["reuse"] = earlier.json();

@@ -12,6 +12,7 @@ use clerestory_transport::bsdf::{FurnaceLoss, furnace_loss};
 use clerestory_transport::camera::Film;
 use clerestory_transport::emitters::Lighting;
 use clerestory_transport::import::Choice;
+use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::scene::Material;
@@ -29,7 +30,7 @@ use crate::sizes::bytes_words;
 const TRANSPORT_MAGIC: &[u8] = b"CLERTRAN";
 
 /// First bytes of pictures: OpenEXR, PNG, JPEG, Radiance.
-const PICTURES: [&[u8]; 4] = [b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff", b"#?RADIANCE"];
+const PICTURES: [&[u8]; 4] = [b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff", b"#?"];
 
 /// The kinds of file that this program knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -253,10 +254,17 @@ fn transport(args: &InfoArgs) -> Result<Answer> {
     Ok(Answer { json, words })
 }
 
+fn lamp_words(lamp: &FreeLamp) -> String {
+    let FreeLamp { key, shape, strength, unit, setting, .. } = lamp;
+    let off = if setting.muted { ", off" } else { "" };
+    format!("{key} ({}, {} {}{off})", shape.name(), strength * setting.intensity, unit.name())
+}
+
 fn look(path: &Path, console: &mut Console) -> Result<Answer> {
     let (look, warnings) = Look::load(path)?;
     console.warn_all(warnings.iter().map(|warning| format!("{}: {warning}", path.display())));
     let lights: Vec<&String> = look.lights.lights.keys().collect();
+    let lamps: Vec<String> = look.lights.lamps.iter().map(lamp_words).collect();
     let looks: Vec<&str> = look.snapshots.iter().map(|snapshot| snapshot.name.as_str()).collect();
     let timeline = match look.timeline.keys.len() {
         0 => "none".into(),
@@ -281,9 +289,10 @@ fn look(path: &Path, console: &mut Console) -> Result<Answer> {
     let false_color = look.display.quantity().map_or(String::new(), |q| format!(", false color of {}", q.name()));
     let tone = serde_json::to_value(look.display.tone).context("a tone curve always has a JSON form")?;
     let words = format!(
-        "{}\nlights    {}\npanels    {}\nsky       {sky}\nexposure  {exposure}, tone curve {}{white}{false_color}\nlooks     {}\ntimeline  {timeline}",
+        "{}\nlights    {}\nlamps     {}\npanels    {}\nsky       {sky}\nexposure  {exposure}, tone curve {}{white}{false_color}\nlooks     {}\ntimeline  {timeline}",
         path.display(),
         listed(&lights),
+        listed(&lamps),
         listed(&panels),
         tone.as_str().unwrap_or("unnamed"),
         listed(&looks),

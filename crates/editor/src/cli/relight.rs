@@ -18,7 +18,10 @@ use super::console::{Answer, Console, duration_words};
 use super::interrupt::discarded;
 use super::lamps::{self, Arriving, DIRECT_LUX, LampLight};
 use super::sequence::sequence;
-use super::view::{inputs_of, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_unknown_lights};
+use super::view::{
+    inputs_of, is_lit, load_look, open_view, or_of_file, requested_sky, spare_look, warn_of_black,
+    warn_of_unknown_lights,
+};
 use super::{picture, sheet::sheet};
 use crate::export::layers::{FREE_LAMPS, LayerSet, layer_name};
 use crate::export::{ExportOptions, ImageFormat, LightLayer, Picture};
@@ -130,8 +133,9 @@ impl Target {
         if has_lamps && bake.pixel_irradiance().is_some_and(|set| !bake.header.holds_patches(&bake.irradiance[set])) {
             console.warn(DIRECT_LUX);
         }
-        let Lit { radiance, relighter, relight_secs, .. } = lit;
+        let Lit { radiance, relighter, relight_secs, coefficients } = lit;
         relighter.warn_of_refusal(console);
+        warn_of_black(&radiance, is_lit(coefficients.iter().flatten()) || !lamps.is_empty(), console);
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look };
         let shown = picture.write(self.place, self.format, &self.options)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
+use clerestory_relight::Radiance;
 use clerestory_transport::basis::LightBasis;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
@@ -20,6 +21,7 @@ use super::args::{IesRequest, ViewArgs};
 use super::console::Console;
 use crate::look::{Look, sky};
 use crate::output::spare_inputs;
+use crate::words::BLACK;
 
 /// Width of a picture whose size was not given.
 const DEFAULT_WIDTH_PX: u32 = 960;
@@ -156,17 +158,19 @@ fn change_lamps(scene: &mut Scene, args: &ViewArgs, console: &mut Console) -> Re
         if args.ies[..nth].iter().any(|other| other.key == *key) {
             bail!("--ies names the lamp `{key}` twice; give it one file");
         }
-        assign_profile(scene, request)
+        assign_profile(scene, request, console)
             .with_context(|| format!("cannot give `{key}` the distribution of {}", file.display()))?;
     }
     Ok(())
 }
 
-fn assign_profile(scene: &mut Scene, request: &IesRequest) -> Result<()> {
+fn assign_profile(scene: &mut Scene, request: &IesRequest, console: &mut Console) -> Result<()> {
     let mut bytes = Vec::new();
     let file = std::fs::File::open(&request.file).context("the file cannot be read: check the path")?;
     file.take(MAX_PROFILE_BYTES).read_to_end(&mut bytes).context("the file cannot be read")?;
-    let profile = PhotometricProfile::parse(&bytes, &request.file.display().to_string())?;
+    let name = request.file.display().to_string();
+    let profile = PhotometricProfile::parse(&bytes, &name)?;
+    console.warn_all(profile.remarks().iter().map(|remark| format!("{name}: {remark}")));
     Ok(assign(scene, &request.key, profile, 1.0)?)
 }
 
@@ -206,6 +210,18 @@ pub(crate) fn warn_of_unknown_lights(basis: &LightBasis, look: &Look, console: &
     if look.lights.sky.is_some() && basis.sky.is_none() {
         console.warn("the look sets the sky, but there is none to turn or exchange; name one with --sky (of the bake)");
     }
+}
+
+/// Says so where a picture is black although lights are on.
+pub(super) fn warn_of_black(radiance: &Radiance, is_lit: bool, console: &mut Console) {
+    if is_lit && radiance.pixels.as_flattened().iter().all(|value| *value == 0.0) {
+        console.warn(BLACK);
+    }
+}
+
+/// Whether any light of a basis is on.
+pub(super) fn is_lit<'a>(coefficients: impl IntoIterator<Item = &'a [f32; 3]>) -> bool {
+    coefficients.into_iter().flatten().any(|value| *value > 0.0)
 }
 
 /// Runs `work` on the given number of threads.

@@ -1,6 +1,8 @@
 //! The sky of a look, from JSON and back.
 
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Result, anyhow};
 use clerestory_transport::import::load_sky;
@@ -22,13 +24,32 @@ const OFFSET_H: std::ops::RangeInclusive<f64> = -14.0..=14.0;
 /// # Errors
 /// A file that cannot be used.
 pub fn load(sky: &mut SkySetting, folder: &Path) -> Result<Vec<String>> {
-    let mut warnings = Vec::new();
-    sky.load::<SkyError>(|file| {
-        let (map, odd) = load_sky(&folder.join(file))?;
-        warnings.extend(odd);
-        Ok(map)
-    })?;
-    Ok(warnings)
+    Maps::default().load(sky, folder)
+}
+
+/// Maps of files, each read once, however many skies of a document show it.
+#[derive(Default)]
+pub struct Maps(HashMap<PathBuf, Arc<Environment>>);
+
+impl Maps {
+    /// The same as [`load`]; what is odd about a file is told when it is read.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn load(&mut self, sky: &mut SkySetting, folder: &Path) -> Result<Vec<String>> {
+        let mut warnings = Vec::new();
+        sky.load::<SkyError>(|file| {
+            let path = folder.join(file);
+            let place = path.canonicalize().unwrap_or_else(|_| path.clone());
+            if let Some(known) = self.0.get(&place) {
+                return Ok(known.clone());
+            }
+            let (map, odd) = load_sky(&path)?;
+            warnings.extend(odd);
+            Ok(self.0.entry(place).or_insert(map.into()).clone())
+        })?;
+        Ok(warnings)
+    }
 }
 
 /// A sky that was edited: what shows it is made anew where that is another one. Its map is never read again.
@@ -37,7 +58,7 @@ pub fn load(sky: &mut SkySetting, folder: &Path) -> Result<Vec<String>> {
 /// A sun on a day that does not exist.
 pub fn remade(before: &SkySetting, mut sky: SkySetting) -> Result<SkySetting, SkyError> {
     if is_made_anew(before, &sky) {
-        sky.load(|_| Ok::<_, SkyError>(Environment::default()))?;
+        sky.load(|_| Ok::<_, SkyError>(Arc::default()))?;
     }
     Ok(sky)
 }

@@ -220,7 +220,7 @@ impl Session {
             Ok(Some(bake)) => {
                 let figures = bake.figures();
                 self.history.push([self.bake_began.elapsed().as_secs_f32(), figures.error_db.total]);
-                notices.push(Notice::Said(earlier::baked_words(&figures)));
+                notices.push(Notice::Said(earlier::baked_words(&bake, &figures)));
                 self.forget_earlier(&bake.header);
                 // The file will hold these, a little less exact than the blocks that came one by one.
                 if let Some(shown) = aside.as_mut().or(self.shown.as_mut()) {

@@ -4,6 +4,7 @@ use clerestory_transport::bake::{Bake, BakeHeader};
 use clerestory_transport::figures::Figures;
 
 use super::{Session, Source};
+use crate::words::BLACK;
 
 impl Session {
     /// Before what is open goes: its bakes stay, if the same file is opened again.
@@ -32,8 +33,11 @@ impl Session {
 }
 
 /// What a finished bake tells.
-pub(super) fn baked_words(figures: &Figures) -> String {
+pub(super) fn baked_words(bake: &Bake, figures: &Figures) -> String {
     let baked = format!("Baked at {:.1} dB", figures.error_db.total);
+    if bake.is_dark() {
+        return format!("{baked}; {BLACK}");
+    }
     match figures.skipped.reused_columns {
         0 => baked,
         n => format!("{baked}; {n} of {} columns taken over", figures.columns),

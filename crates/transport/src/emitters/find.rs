@@ -30,12 +30,16 @@ fn candidates(scene: &Scene) -> Vec<Candidate<'_>> {
             triangles_of_node.entry(scene.mesh.triangle_node[triangle as usize]).or_default().push(triangle);
         }
     }
+    let mut lamps_of_node: BTreeMap<u32, Vec<&PunctualLight>> = BTreeMap::new();
+    for light in &scene.punctual {
+        lamps_of_node.entry(light.node).or_default().push(light);
+    }
     let (mut keys, mut found) = (KeyMaker::default(), Vec::new());
-    for (node_idx, node) in scene.nodes.iter().enumerate() {
+    for (node_idx, node) in (0..).zip(&scene.nodes) {
         let mut add = |kind| found.push(Candidate { key: keys.key(node.name.as_deref(), node.index), kind });
-        let lamps = scene.punctual.iter().filter(|light| light.node as usize == node_idx);
-        lamps.for_each(|light| add(CandidateKind::Lamp(light)));
-        if let Some(triangles) = triangles_of_node.remove(&(node_idx as u32)) {
+        let lamps = lamps_of_node.remove(&node_idx).unwrap_or_default();
+        lamps.into_iter().for_each(|light| add(CandidateKind::Lamp(light)));
+        if let Some(triangles) = triangles_of_node.remove(&node_idx) {
             add(CandidateKind::Surface { node, triangles });
         }
     }

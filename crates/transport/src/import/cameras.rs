@@ -4,11 +4,15 @@ use glam::{DMat4, DVec3, Mat4};
 use gltf::json::{self, Index, Root};
 
 use super::document::called;
+use super::hierarchy::PlacedNode;
 use super::report::Notes;
 use crate::camera::Camera;
 
 /// Vertical angles of view beyond these, in radians, show nothing useful.
 const YFOV_RANGE_RAD: (f32, f32) = (0.01, 3.0);
+
+/// Vertical angle of view where the file gives none that is one, radians: 50°.
+const DEFAULT_YFOV_RAD: f32 = 0.872_664_6;
 
 /// Width over height if the file leaves it open.
 pub(super) const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
@@ -17,7 +21,7 @@ pub(super) const DEFAULT_ASPECT: f32 = 16.0 / 9.0;
 pub(super) fn camera(
     document: &Root,
     index: Index<json::Camera>,
-    world_from_node: DMat4,
+    placed: &PlacedNode,
     node_name: Option<&String>,
     number: usize,
     notes: &mut Notes,
@@ -31,10 +35,10 @@ pub(super) fn camera(
         notes.unsupported(format!("{line_name}: only perspective cameras are shown: it is left out"));
         return None;
     };
-    let mut yfov_rad = perspective.yfov.clamp(YFOV_RANGE_RAD.0, YFOV_RANGE_RAD.1);
-    if !yfov_rad.is_finite() {
-        yfov_rad = 1.0;
-    }
+    let yfov_rad = match perspective.yfov {
+        angle if angle > 0.0 && angle.is_finite() => angle.clamp(YFOV_RANGE_RAD.0, YFOV_RANGE_RAD.1),
+        _ => DEFAULT_YFOV_RAD,
+    };
     if yfov_rad != perspective.yfov {
         notes.warn(format!("{line_name}: its angle of view {} is out of range: {yfov_rad} is used", perspective.yfov));
     }
@@ -43,7 +47,7 @@ pub(super) fn camera(
     let name = source.name.as_ref().filter(named).or(node_name.filter(named));
     Some(Camera {
         name: name.cloned().unwrap_or_else(|| format!("camera {number}")),
-        world_from_camera: rigid(world_from_node),
+        world_from_camera: rigid(placed),
         yfov_rad,
         aspect,
         shift: [0.0; 2],
@@ -51,10 +55,12 @@ pub(super) fn camera(
 }
 
 /// Rotation and translation alone: glTF lets no scale or shear of a node reach its camera.
-fn rigid(world_from_node: DMat4) -> Mat4 {
-    let back = world_from_node.z_axis.truncate().try_normalize().unwrap_or(DVec3::Z);
-    let up = world_from_node.y_axis.truncate();
-    let up = (up - back * back.dot(up)).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
+fn rigid(placed: &PlacedNode) -> Mat4 {
+    let &PlacedNode { world_from_node, turn, .. } = placed;
+    let back = world_from_node.z_axis.truncate().try_normalize().unwrap_or(turn.z_axis);
+    let across = |axis: DVec3| (axis - back * back.dot(axis)).try_normalize();
+    let up = across(world_from_node.y_axis.truncate()).or_else(|| across(turn.y_axis));
+    let up = up.unwrap_or_else(|| back.any_orthonormal_vector());
     let right = up.cross(back);
     let eye = world_from_node.w_axis.truncate();
     DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0)).as_mat4()

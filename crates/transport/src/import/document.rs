@@ -1,7 +1,8 @@
 //! The JSON of a file as `gltf::json::Root`, which the rest of the import reads.
 //!
-//! That model is stricter than the files that people have: it refuses scenes without `nodes` and animations of kinds that
-//! it does not know. So the JSON is mended first. Nothing is validated: every index must be looked up with `get`.
+//! That model is stricter than the files that people have: it refuses scenes without `nodes`, animations of kinds that it
+//! does not know, and members that are `null`, as exporters write what they leave out. So the JSON is mended first. Nothing is
+//! validated: every index must be looked up with `get`.
 
 use gltf::json::material::NormalTexture;
 use gltf::json::texture::Info;
@@ -56,14 +57,20 @@ const DEMANDED: &[(&[&str], &str, &str)] = &[
     (&["scenes"], "nodes", "[]"),
 ];
 
+/// The extension that has lamps.
+const LAMPS: &str = "KHR_lights_punctual";
+
 /// Reads the JSON of a file.
 ///
 /// # Errors
-/// When it is not JSON, of another version than 2 or for readers of a newer one, or of another shape than glTF's; the place is named.
+/// When it is not JSON, of no version or another one than 2 or for readers of a newer one, or of another shape than glTF's; the place is named.
 pub(super) fn read(name: &str, text: &[u8]) -> Result<Document, ImportError> {
     let broken = |source| ImportError::Json { name: name.to_owned(), source };
     let mut value: Value = serde_json::from_slice(text).map_err(broken)?;
-    let version = value.pointer("/asset/version").and_then(Value::as_str).unwrap_or_default();
+    drop_nulls(&mut value);
+    let Some(version) = value.pointer("/asset/version").and_then(Value::as_str) else {
+        return Err(ImportError::NoVersion { name: name.to_owned() });
+    };
     if version.split('.').next() != Some("2") {
         return Err(ImportError::Version { name: name.to_owned(), version: version.to_owned() });
     }
@@ -84,6 +91,18 @@ pub(super) fn read(name: &str, text: &[u8]) -> Result<Document, ImportError> {
 fn is_readable(min_version: &str) -> bool {
     let parts = min_version.split_once('.').map(|(major, minor)| (major.parse::<u32>(), minor.parse::<u32>()));
     matches!(parts, Some((Ok(major), Ok(minor))) if (major, minor) <= (2, 0))
+}
+
+/// Takes members that are `null` from all objects but extras: nothing in glTF is said by that.
+fn drop_nulls(value: &mut Value) {
+    match value {
+        Value::Array(items) => items.iter_mut().for_each(drop_nulls),
+        Value::Object(members) => {
+            members.retain(|_, member| !member.is_null());
+            members.iter_mut().filter(|(key, _)| *key != "extras").for_each(|(_, member)| drop_nulls(member));
+        }
+        _ => {}
+    }
 }
 
 fn mend(root: &mut Value) {
@@ -114,17 +133,29 @@ fn each_object(value: &mut Value, path: &[&str], change: &mut impl FnMut(&mut Ma
     }
 }
 
-/// The error with the first element that causes one by itself, as `nodes[3]: …`.
+/// The error with the first part that causes one by itself, as `nodes[3]: …`.
 fn located(root: &Value, error: serde_json::Error) -> serde_json::Error {
-    for (key, member) in root.as_object().into_iter().flatten() {
-        for (index, item) in member.as_array().into_iter().flatten().enumerate() {
-            let alone = json!({"asset": {"version": "2.0"}, key.as_str(): [item]});
-            if let Err(reason) = Root::deserialize(&alone) {
-                return serde_json::Error::custom(format!("{key}[{index}]: {reason}"));
-            }
-        }
-    }
-    error
+    let reason_of = |key: &str, member: Value| {
+        let mut alone = json!({"asset": {"version": "2.0"}});
+        alone[key] = member;
+        Root::deserialize(&alone).err()
+    };
+    let found = root.as_object().into_iter().flatten().find_map(|(key, member)| {
+        let of_items = items_of(member).enumerate().find_map(|(index, item)| {
+            let reason = reason_of(key, json!([item]))?;
+            Some(format!("{key}[{index}]: {reason}"))
+        });
+        let of_lamps = items_of(&member[LAMPS]["lights"]).enumerate().find_map(|(index, lamp)| {
+            let reason = reason_of(key, json!({LAMPS: {"lights": [lamp]}}))?;
+            Some(format!("{key}.{LAMPS}.lights[{index}]: {reason}"))
+        });
+        of_items.or(of_lamps).or_else(|| Some(format!("{key}: {}", reason_of(key, member.clone())?)))
+    });
+    found.map_or(error, serde_json::Error::custom)
+}
+
+fn items_of(value: &Value) -> impl Iterator<Item = &Value> {
+    value.as_array().into_iter().flatten()
 }
 
 /// KHR_materials_pbrSpecularGlossiness.

@@ -1,15 +1,10 @@
 //! Equirectangular .hdr and .exr files into maps of the sky.
 
-use std::io::Cursor;
 use std::path::Path;
 
-use exr::image::read::specific_channels::ReadSpecificChannel;
-use exr::prelude::{MetaData, ReadChannels, ReadLayers, Vec2};
-use image::ImageDecoder;
-use image::codecs::hdr::HdrDecoder;
-
-use super::channels::{self, Channels};
 use super::files::{guarded, read_at_most};
+use super::openexr::{self, Beside, MAX_PIXELS_PER_BYTE, Wanted};
+use super::radiance;
 use crate::sky::{Cleaned, Environment, SkyError};
 
 /// Largest file that is read.
@@ -32,15 +27,28 @@ pub fn load_sky(path: &Path) -> Result<(Environment, Vec<String>), SkyError> {
 /// As [`load_sky`].
 pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>), SkyError> {
     let refuse = |reason: String| SkyError::Decode { path: name.into(), reason };
-    let (width, height, pixels) = match () {
-        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => guarded(|| decode_exr(bytes)).map_err(refuse)?,
-        () if bytes.starts_with(b"#?") => guarded(|| decode_hdr(bytes)).map_err(refuse)?,
-        () => return Err(refuse("it is neither Radiance nor OpenEXR".into())),
+    let check = |size| check_size(size, bytes.len());
+    let picture = match () {
+        () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => {
+            guarded(|| openexr::decode(bytes, Wanted::Shown, Beside::Nothing, &check))
+                .map(|picture| (picture.size, picture.pixels, picture.is_converted))
+        }
+        () if bytes.starts_with(b"#?") => {
+            guarded(|| radiance::decode(bytes, check)).map(|(size, pixels)| (size, pixels, false))
+        }
+        () => Err("it is neither Radiance nor OpenEXR".into()),
     };
-    let (map, Cleaned { n_black, n_capped }) = Environment::new(width, height, pixels)?;
+    let ([width, height], pixels, is_converted) = picture.map_err(refuse)?;
+    let (map, Cleaned { n_black, n_capped }) = Environment::new(width as usize, height as usize, pixels)?;
     let mut warnings = Vec::new();
     if n_black > 0 {
-        warnings.push(format!("{name}: {n_black} pixels were negative or no numbers; they are black there"));
+        let odd = match is_converted {
+            true => {
+                "have colors beyond Rec. 709, as the file has other primaries, or are no numbers; their channels end at 0"
+            }
+            false => "were negative or no numbers; they are black there",
+        };
+        warnings.push(format!("{name}: {n_black} pixels {odd}"));
     }
     if n_capped > 0 {
         warnings.push(format!(
@@ -54,76 +62,29 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
     Ok((map, warnings))
 }
 
-type Decoded = Result<(usize, usize, Vec<[f32; 3]>), String>;
-
-/// More pixels than a byte of a compressed file stands for.
-const MAX_PIXELS_PER_BYTE: usize = 1024;
-
+/// Within what a sky may have, and what so many bytes may.
 #[expect(clippy::arithmetic_side_effects, reason = "`is_size` holds where they are multiplied")]
-fn too_large(width: usize, height: usize, n_bytes: usize) -> Option<String> {
-    match Environment::is_size(width, height) {
-        false => Some(SkyError::Size { width, height }.to_string()),
-        true if width * height > n_bytes.saturating_mul(MAX_PIXELS_PER_BYTE) => {
-            Some(format!("{width}×{height} pixels cannot be in {n_bytes} bytes"))
-        }
-        true => None,
+fn check_size([width, height]: [u32; 2], n_bytes: usize) -> Result<(), String> {
+    let (columns, rows) = (width as usize, height as usize);
+    if !Environment::is_size(columns, rows) {
+        return Err(SkyError::Size { width: columns, height: rows }.to_string());
     }
-}
-
-fn decode_hdr(bytes: &[u8]) -> Decoded {
-    // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
-    let decoder = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(|e| e.to_string())?;
-    let (width, height) = decoder.dimensions();
-    let (width, height) = (width as usize, height as usize);
-    if let Some(problem) = too_large(width, height, bytes.len()) {
-        return Err(problem);
+    if (columns * rows) as u64 > (n_bytes as u64).saturating_mul(MAX_PIXELS_PER_BYTE) {
+        return Err(format!("{width}×{height} pixels cannot be in {n_bytes} bytes"));
     }
-    #[expect(clippy::arithmetic_side_effects, reason = "not too large")]
-    let mut raw = vec![0u8; width * height * 12];
-    decoder.read_image(&mut raw).map_err(|e| e.to_string())?;
-    let value = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
-    let pixels = raw.chunks_exact(12).map(|b| [value(b), value(&b[4..]), value(&b[8..])]).collect();
-    Ok((width, height, pixels))
-}
-
-#[expect(clippy::arithmetic_side_effects, reason = "not too large, and pixels are within their layer")]
-fn decode_exr(bytes: &[u8]) -> Decoded {
-    // Sizes are known before anything is allocated for the pixels.
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| e.to_string())?;
-    for header in &meta.headers {
-        if let Some(problem) = too_large(header.layer_size.width(), header.layer_size.height(), bytes.len()) {
-            return Err(problem);
-        }
-    }
-    let (_, channels) = channels::of_picture(&meta.headers)?;
-    // Other channels are passed over, however many there are.
-    let levels = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
-    let black = |size: Vec2<usize>| (size.width(), vec![[0.0; 3]; size.area()]);
-    let set = |(width, pixels): &mut (usize, Vec<[f32; 3]>), at: Vec2<usize>, pixel| {
-        pixels[at.y() * *width + at.x()] = pixel;
-    };
-    let (size, (_, pixels)) = match channels {
-        Channels::Gray(y) => {
-            let channels =
-                levels.required(y).collect_pixels(|size, _| black(size), move |map, at, (y,)| set(map, at, [y; 3]));
-            let image = channels.first_valid_layer().all_attributes().from_buffered(Cursor::new(bytes));
-            let layer = image.map_err(|e| e.to_string())?.layer_data;
-            (layer.size, layer.channel_data.pixels)
-        }
-        Channels::Color([r, g, b]) => {
-            let channels = levels.required(r).required(g).required(b);
-            let channels =
-                channels.collect_pixels(|size, _| black(size), move |map, at, (r, g, b)| set(map, at, [r, g, b]));
-            let image = channels.first_valid_layer().all_attributes().from_buffered(Cursor::new(bytes));
-            let layer = image.map_err(|e| e.to_string())?.layer_data;
-            (layer.size, layer.channel_data.pixels)
-        }
-    };
-    Ok((size.width(), size.height(), pixels))
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
+    use exr::meta::attribute::Chromaticities;
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes, Vec2,
+        WritableImage,
+    };
+
     use super::*;
 
     /// Pixels of 1, 2 and 4 nit in flat Radiance encoding: mantissa · 2^(exponent − 136).
@@ -147,14 +108,13 @@ mod tests {
 
     #[test]
     fn exr_files_are_read_as_they_are_written_and_broken_pixels_are_reported() {
-        use exr::prelude::WritableImage;
         let value = |x: usize, y: usize| if (x, y) == (1, 1) { f32::NAN } else { (x + 10 * y) as f32 };
-        let channels = exr::prelude::SpecificChannels::rgb(|at: exr::prelude::Vec2<usize>| {
+        let channels = exr::prelude::SpecificChannels::rgb(|at: Vec2<usize>| {
             let v = value(at.x(), at.y());
             (v, 2.0 * v, 4.0 * v)
         });
         let mut bytes = Cursor::new(Vec::new());
-        exr::prelude::Image::from_channels((4, 2), channels).write().to_buffered(&mut bytes).unwrap();
+        Image::from_channels((4, 2), channels).write().to_buffered(&mut bytes).unwrap();
         let (map, warnings) = decode_sky("a.exr", bytes.get_ref()).unwrap();
         assert_eq!(map.pixels()[6], [12.0, 24.0, 48.0]);
         assert_eq!(map.pixels()[5], [0.0; 3]);
@@ -172,7 +132,6 @@ mod tests {
 
     /// Channels by name, each of two pixels.
     fn exr(channels: &[(&str, [f32; 2])]) -> Vec<u8> {
-        use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
         let channel = |(name, values): &(&str, [f32; 2])| AnyChannel::new(*name, FlatSamples::F32(values.to_vec()));
         let mut bytes = Cursor::new(Vec::new());
         let channels = AnyChannels::sort(channels.iter().map(channel).collect());
@@ -199,6 +158,63 @@ mod tests {
         }
         let error = decode_sky("a.exr", &exr(&[("Z", [1.0; 2])])).unwrap_err().to_string();
         assert!(error.contains("but Z"), "{error}");
+    }
+
+    /// A map of 4 × 2 pixels whose head says more, with its data window at a place.
+    fn exr_of(at: (i32, i32), size: (usize, usize), values: [f32; 3], stated: Option<Chromaticities>) -> Vec<u8> {
+        let channel =
+            |(name, value): (&str, f32)| AnyChannel::new(name, FlatSamples::F32(vec![value; size.0 * size.1]));
+        let channels = AnyChannels::sort(["R", "G", "B"].into_iter().zip(values).map(channel).collect());
+        let attributes = LayerAttributes { layer_position: at.into(), ..LayerAttributes::default() };
+        let mut image = Image::from_layer(Layer::new(size, attributes, Encoding::FAST_LOSSLESS, channels));
+        image.attributes.display_window = IntegerBounds::new((0, 0), (4, 2));
+        image.attributes.chromaticities = stated;
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    #[test]
+    fn a_sky_that_was_cropped_or_written_beyond_its_edge_lies_in_its_display_window() {
+        let ([zero, one], white) = ([[0.0; 3], [1.0; 3]], [1.0; 3]);
+        let cropped = [zero, zero, zero, zero, one, one, one, one];
+        for (at, size, expected) in [((0, 1), (4, 1), cropped), ((-1, -2), (6, 8), [one; 8])] {
+            let (map, warnings) = decode_sky("a.exr", &exr_of(at, size, white, None)).unwrap();
+            assert_eq!((map.width(), map.height(), map.pixels()), (4, 2, &expected[..]));
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+    }
+
+    #[test]
+    fn a_sky_of_other_primaries_becomes_rec_709() {
+        let [red, green, blue, white] =
+            [Vec2(0.7347, 0.2653), Vec2(0.0, 1.0), Vec2(0.0001, -0.077), Vec2(0.32168, 0.33767)];
+        let aces = Some(Chromaticities { red, green, blue, white });
+        for (stored, expected, n_warnings) in [
+            ([1.0; 3], [1.0; 3], 0),
+            ([0.5, 0.4, 0.3], [0.690_956, 0.382_008, 0.281_624], 0),
+            ([0.0, 1.0, 0.0], [0.0, 1.372_72, 0.0], 1),
+        ] {
+            let (map, warnings) = decode_sky("a.exr", &exr_of((0, 0), (4, 2), stored, aces)).unwrap();
+            for (value, expected) in map.pixels()[3].into_iter().zip(expected) {
+                assert!((value - expected).abs() < 1e-3, "{stored:?}: {:?}", map.pixels()[3]);
+            }
+            assert_eq!(warnings.len(), n_warnings, "{warnings:?}");
+            assert!(warnings.iter().all(|line| line.contains("8 pixels have colors beyond Rec. 709")), "{warnings:?}");
+        }
+    }
+
+    #[test]
+    fn a_radiance_sky_is_divided_by_its_exposure_and_color_correction() {
+        let (plain, _) = decode_sky("a.hdr", &hdr()).unwrap();
+        let head = "#?RADIANCE\nEXPOSURE=2\nEXPOSURE= 4\nCOLORCORR=1 2 0.5";
+        let exposed = [head.as_bytes(), &hdr()["#?RADIANCE".len()..]].concat();
+        let (map, _) = decode_sky("a.hdr", &exposed).unwrap();
+        let expected = plain.pixels().iter().map(|[r, g, b]| [r / 8.0, g / 16.0, b / 4.0]).collect::<Vec<_>>();
+        assert_eq!(map.pixels(), expected);
+        let dark = [&b"#?RADIANCE\nEXPOSURE=0"[..], &hdr()["#?RADIANCE".len()..]].concat();
+        let error = decode_sky("a.hdr", &dark).unwrap_err().to_string();
+        assert!(error.contains("exposure of 0"), "{error}");
     }
 
     #[test]

@@ -39,6 +39,19 @@ pub(super) fn read_until(path: &Path, n_bytes: u64, stop: &Stop) -> io::Result<V
     if bytes.len() as u64 > n_bytes { Err(too_long()) } else { Ok(bytes) }
 }
 
+/// What the system says of a file while it is read.
+pub(super) fn of_file(error: &io::Error) -> String {
+    if error.kind() == io::ErrorKind::UnexpectedEof { "it is cut off".into() } else { error.to_string() }
+}
+
+/// What a decoder says of a picture.
+pub(super) fn of_image(error: image::ImageError) -> String {
+    match error {
+        image::ImageError::IoError(error) => of_file(&error),
+        error => error.to_string(),
+    }
+}
+
 /// What a decoder makes of a file; its panic is a fault of the file.
 pub(super) fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err("its decoder failed".into()))

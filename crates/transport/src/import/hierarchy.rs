@@ -1,6 +1,6 @@
 //! Which nodes are shown, and where they stand.
 
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use gltf::json::{Node, Root};
 use serde_json::Value;
 
@@ -18,15 +18,31 @@ pub(super) struct PlacedNode {
     /// Index in the file of the node above it.
     pub parent: Option<usize>,
     pub world_from_node: DMat4,
+    /// How it is turned in the world by the nodes down to it, whatever their scales.
+    pub turn: DMat3,
+}
+
+/// What a node takes from the one above it.
+#[derive(Clone, Copy)]
+struct Above {
+    parent: Option<usize>,
+    visible: bool,
+    world_from_parent: DMat4,
+    turn: DMat3,
+}
+
+impl Above {
+    const WORLD: Above =
+        Above { parent: None, visible: true, world_from_parent: DMat4::IDENTITY, turn: DMat3::IDENTITY };
 }
 
 /// Nodes of the displayed scene in file order, each once.
 pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
     let mut visited = vec![false; document.nodes.len()];
     let mut placed = Vec::new();
-    let mut pending: Vec<(usize, Option<usize>, DMat4, bool)> =
-        roots(document, notes).into_iter().rev().map(|root| (root, None, DMat4::IDENTITY, true)).collect();
-    while let Some((index, parent, world_from_parent, parent_visible)) = pending.pop() {
+    let mut pending: Vec<(usize, Above)> =
+        roots(document, notes).into_iter().rev().map(|root| (root, Above::WORLD)).collect();
+    while let Some((index, above)) = pending.pop() {
         let Some(node) = document.nodes.get(index) else {
             notes.warn(format!("node {index} does not exist: it is left out"));
             continue;
@@ -36,16 +52,17 @@ pub(super) fn place(document: &Root, notes: &mut Notes) -> Vec<PlacedNode> {
             notes.warn(format!("{name} has two parents or is its own ancestor: it is shown once"));
             continue;
         }
-        let world_from_node = world_from_parent * local_transform(node);
+        let world_from_node = above.world_from_parent * local_transform(node);
         // In single precision too, as lamps and vertices are.
         if !world_from_node.as_mat4().is_finite() {
             notes.warn(format!("{name} has a transform that is not finite: it is left out with all below it"));
             continue;
         }
-        let visible = parent_visible && is_visible(node);
-        placed.push(PlacedNode { index, visible, parent, world_from_node });
+        let (visible, turn) = (above.visible && is_visible(node), above.turn * local_turn(node));
+        placed.push(PlacedNode { index, visible, parent: above.parent, world_from_node, turn });
+        let below = Above { parent: Some(index), visible, world_from_parent: world_from_node, turn };
         let children = node.children.iter().flatten().rev();
-        pending.extend(children.map(|child| (child.value(), Some(index), world_from_node, visible)));
+        pending.extend(children.map(|child| (child.value(), below)));
     }
     placed.sort_by_key(|node| node.index);
     placed
@@ -85,14 +102,26 @@ fn local_transform(node: &Node) -> DMat4 {
     trs(node.translation, node.rotation.map(|rotation| rotation.0), node.scale)
 }
 
+/// How a node is turned, whatever its scale; of a matrix as far as its axes tell.
+fn local_turn(node: &Node) -> DMat3 {
+    let Some(matrix) = &node.matrix else { return DMat3::from_quat(unit(node.rotation.map(|rotation| rotation.0))) };
+    let linear = DMat3::from_mat4(DMat4::from_cols_array(&matrix.map(f64::from)));
+    let DMat3 { x_axis: x, y_axis: y, z_axis: z } = linear;
+    let z = z.try_normalize().or_else(|| x.cross(y).try_normalize()).unwrap_or(DVec3::Z);
+    let across = |axis: DVec3| (axis - z * z.dot(axis)).try_normalize();
+    let x = across(x).or_else(|| Some(across(y)?.cross(z))).unwrap_or_else(|| z.any_orthonormal_vector());
+    DMat3::from_cols(x, z.cross(x), z)
+}
+
+fn unit(rotation: Option<[f32; 4]>) -> DQuat {
+    let quaternion = rotation.map(|rotation| DQuat::from_array(rotation.map(f64::from)));
+    quaternion.filter(|q| q.length_squared() > 0.0).map_or(DQuat::IDENTITY, DQuat::normalize)
+}
+
 fn trs(translation: Option<[f32; 3]>, rotation: Option<[f32; 4]>, scale: Option<[f32; 3]>) -> DMat4 {
-    let rotation = rotation.map_or(DQuat::IDENTITY, |q| {
-        let q = DQuat::from_array(q.map(f64::from));
-        if q.length_squared() > 0.0 { q.normalize() } else { DQuat::IDENTITY }
-    });
     DMat4::from_scale_rotation_translation(
         scale.map_or(DVec3::ONE, |s| s.map(f64::from).into()),
-        rotation,
+        unit(rotation),
         translation.map_or(DVec3::ZERO, |t| t.map(f64::from).into()),
     )
 }

@@ -13,6 +13,7 @@ mod assemble;
 mod cameras;
 mod channels;
 mod container;
+mod dark;
 mod document;
 mod environment;
 mod extensions;
@@ -28,8 +29,11 @@ mod merge;
 mod meshopt;
 mod muted;
 mod names;
+mod openexr;
 mod placement;
+mod primaries;
 mod profiles;
+mod radiance;
 mod report;
 mod sensors;
 mod skins;
@@ -58,6 +62,7 @@ use uri::Locator;
 use variants::Variant;
 
 pub use environment::{decode_sky, load_sky};
+pub use openexr::{ExrPicture, read_exr};
 pub use profiles::read_profile;
 pub use report::ImportReport;
 
@@ -93,6 +98,14 @@ pub enum ImportError {
         name: String,
         /// Where and what.
         source: serde_json::Error,
+    },
+    /// No version of glTF, as of JSON that is something else.
+    #[error(
+        "{name} states no version of glTF (`asset.version` is no text): give a glTF file, or export it again as glTF 2.0"
+    )]
+    NoVersion {
+        /// Which file.
+        name: String,
     },
     /// Another version of glTF.
     #[error("{name} is glTF version {version:?}, only version 2 can be read: export it again as glTF 2.0")]
@@ -290,6 +303,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
     merge::pad_attributes(&mut scene.mesh);
     stop.check()?;
     scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
+    dark::put_out(&mut scene.materials, &scene.textures);
     note_ranges(&scene, &ranged, &mut notes);
     let made_camera =
         if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials, stop) } else { None };
@@ -329,8 +343,11 @@ fn add_nodes(
     notes: &mut Notes,
 ) -> (Vec<Option<u32>>, Vec<usize>) {
     let (mut indices, mut ranged) = (Vec::with_capacity(placed.len()), Vec::new());
-    let names = Names::new(document, placed);
-    for &PlacedNode { index, visible, world_from_node, .. } in placed {
+    let names = Names::new(document);
+    let (ancestors, places) = names::ancestors(document, placed);
+    scene.ancestors = ancestors;
+    for placed in placed {
+        let &PlacedNode { index, visible, parent, .. } = placed;
         let node = &document.nodes[index];
         let extensions = node.extensions.as_ref().filter(|_| visible);
         let light = extensions.and_then(|all| Some(all.khr_lights_punctual.as_ref()?.light));
@@ -355,17 +372,17 @@ fn add_nodes(
             index: index as u32,
             name,
             panel,
-            parents: names.above(index),
+            parent: parent.and_then(|parent| places[parent]),
             mesh: mesh.and_then(|mesh| names.mesh(mesh.value())),
             lamp: light.and_then(|light| names.lamp(light.value())),
         });
-        let plain = light.and_then(|light| lamps::lamp(document, light, world_from_node, node_idx, notes));
+        let plain = light.and_then(|light| lamps::lamp(document, light, placed, node_idx, notes));
         if plain.is_some() && light.and_then(|light| document.get(light)?.range).is_some() {
             ranged.push(scene.punctual.len());
         }
         scene.punctual.extend(match measured {
             Some(instance) => {
-                let bare = lamps::white_point(world_from_node, node_idx);
+                let bare = lamps::white_point(placed, node_idx);
                 let line_name = called("node", index, node.name.as_ref());
                 profiles.lamp(instance, plain, bare, &line_name, notes)
             }
@@ -374,9 +391,7 @@ fn add_nodes(
         #[expect(clippy::arithmetic_side_effects, reason = "a count of cameras in memory")]
         let number = scene.cameras.len() + 1;
         scene.cameras.extend(
-            node.camera.and_then(|camera| {
-                cameras::camera(document, camera, world_from_node, node.name.as_ref(), number, notes)
-            }),
+            node.camera.and_then(|camera| cameras::camera(document, camera, placed, node.name.as_ref(), number, notes)),
         );
         indices.push(Some(node_idx));
     }

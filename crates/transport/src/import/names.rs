@@ -6,40 +6,21 @@ use gltf::json::Root;
 use gltf::json::extensions::scene::khr_lights_punctual::Light;
 
 use super::hierarchy::PlacedNode;
+use crate::scene::Ancestor;
 
 /// Names of a file, each thing with one of its own within its kind.
-pub(super) struct Names<'a> {
-    document: &'a Root,
-    parents: Vec<Option<usize>>,
+pub(super) struct Names {
     meshes: Vec<String>,
     lamps: Vec<String>,
 }
 
-impl<'a> Names<'a> {
-    pub fn new(document: &'a Root, placed: &[PlacedNode]) -> Names<'a> {
-        let mut parents = vec![None; document.nodes.len()];
-        for node in placed {
-            parents[node.index] = node.parent;
-        }
+impl Names {
+    pub fn new(document: &Root) -> Names {
         let lamps: &[Light] = document.as_ref();
         Names {
-            document,
-            parents,
             meshes: own_names("mesh", document.meshes.iter().map(|mesh| mesh.name.as_deref())),
             lamps: own_names("lamp", lamps.iter().map(|lamp| lamp.name.as_deref())),
         }
-    }
-
-    /// Names of the nodes above one, the outermost first.
-    pub fn above(&self, index: usize) -> Vec<String> {
-        let parent = |index: usize| self.parents.get(index).copied().flatten();
-        let name = |index: usize| {
-            let name = self.document.nodes[index].name.clone().filter(|name| !name.is_empty());
-            name.unwrap_or_else(|| format!("node:{index}"))
-        };
-        let mut names: Vec<String> = std::iter::successors(parent(index), |above| parent(*above)).map(name).collect();
-        names.reverse();
-        names
     }
 
     pub fn mesh(&self, index: usize) -> Option<String> {
@@ -49,6 +30,24 @@ impl<'a> Names<'a> {
     pub fn lamp(&self, index: usize) -> Option<String> {
         self.lamps.get(index).cloned()
     }
+}
+
+/// What `Scene::ancestors` becomes, and where each node of the file stands in it.
+#[expect(clippy::cast_possible_truncation, reason = "fewer nodes than bytes of the file, at most 2³²")]
+pub(super) fn ancestors(document: &Root, placed: &[PlacedNode]) -> (Vec<Ancestor>, Vec<Option<u32>>) {
+    let mut is_above = vec![false; document.nodes.len()];
+    placed.iter().filter_map(|node| node.parent).for_each(|parent| is_above[parent] = true);
+    let above: Vec<&PlacedNode> = placed.iter().filter(|node| is_above[node.index]).collect();
+    let mut places = vec![None; document.nodes.len()];
+    for (place, node) in (0..).zip(&above) {
+        places[node.index] = Some(place);
+    }
+    let ancestor = |node: &&PlacedNode| Ancestor {
+        index: node.index as u32,
+        name: document.nodes[node.index].name.clone().filter(|name| !name.is_empty()),
+        parent: node.parent.and_then(|parent| places[parent]),
+    };
+    (above.iter().map(ancestor).collect(), places)
 }
 
 /// `KIND:INDEX` without a name, and behind a name that was there before.

@@ -99,6 +99,7 @@ impl<'a> Profiles<'a> {
         let found = match self.read(index) {
             Ok(profile) => {
                 let place = self.loaded.len() as u32;
+                profile.remarks().iter().for_each(|remark| notes.warn(format!("light profile {index}: {remark}")));
                 self.loaded.push(profile);
                 Some(place)
             }

@@ -4,7 +4,6 @@
 //! pixels.
 
 mod names;
-mod openexr;
 mod pixels;
 
 use std::fs::File;

@@ -213,6 +213,9 @@ fn prepare(
         LampShape::Profile { file } => Some(profile(lamp, file, folder)?),
         _ => None,
     };
+    for remark in profile.iter().flat_map(|profile| profile.remarks()) {
+        warnings.push(format!("lamp `{}`: {remark}", lamp.key));
+    }
     let body = Body::of(lamp);
     let strength = native_strength(lamp, body.as_ref().map(|(body, area)| (body, *area)), profile.as_deref())?;
     let emission = lamp.setting.emission(Vec3::ONE, strength as f32);

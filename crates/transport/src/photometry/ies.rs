@@ -1,8 +1,8 @@
 //! IES LM-63 of 1986, 1991, 1995, 2002 and 2019. \[LM63\]
 
-use super::Read;
 use super::numbers::{Comma, Fault, Numbers};
 use super::table::{Measured, Planes, Symmetry};
+use super::{Read, remarks_on};
 
 /// Most angles of a kind, and most tilt angles.
 const MAX_ANGLES: usize = 2000;
@@ -13,14 +13,20 @@ const NEAR_DEG: f64 = 0.01;
 
 /// Index of the line that ends the head of an IES file.
 pub(super) fn tilt_line(lines: &[&str]) -> Option<usize> {
-    lines.iter().position(|line| line.trim_start().get(..5).is_some_and(|head| head.eq_ignore_ascii_case("TILT=")))
+    lines.iter().position(|line| tilt_of(line).is_some())
+}
+
+/// What stands behind `TILT=`.
+fn tilt_of(line: &str) -> Option<&str> {
+    let (name, tilt) = line.split_once('=')?;
+    name.trim().eq_ignore_ascii_case("TILT").then(|| tilt.trim())
 }
 
 /// Reads what follows the head; `tilt` is the index of its last line.
 #[expect(clippy::arithmetic_side_effects, reason = "a line number, and counts of at most `MAX_ANGLES`")]
 pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
     let mut numbers = Numbers::new(lines, tilt + 1, Comma::Separates);
-    if lines[tilt].trim()[5..].trim().eq_ignore_ascii_case("INCLUDE") {
+    if tilt_of(lines[tilt]).is_some_and(|tilt| tilt.eq_ignore_ascii_case("INCLUDE")) {
         skip_tilt(&mut numbers)?;
     }
     numbers.next("the number of lamps")?;
@@ -45,7 +51,7 @@ pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
     }
     let ballast = numbers.factor("the ballast factor")?;
     let ballast_lamp = numbers.next("the ballast lamp factor")?;
-    let scale = multiplier * ballast * if has_ballast_lamp_factor(lines[0]) { ballast_lamp } else { 1.0 };
+    let scale = multiplier * ballast * if has_ballast_lamp_factor(&lines[..tilt]) { ballast_lamp } else { 1.0 };
     let input_watts = numbers.next("the power in watts")?;
     if scale <= 0.0 {
         return Err(numbers.fault("the ballast lamp factor before is not more than 0".into()));
@@ -56,10 +62,13 @@ pub(super) fn read(lines: &[&str], tilt: usize) -> Result<Read, Fault> {
     };
     let vertical_deg = numbers.angles(n_vertical, "vertical angle", ranges[0])?;
     let horizontal_deg = numbers.angles(n_horizontal, "horizontal angle", ranges[1])?;
-    let symmetry = symmetry(planes, &horizontal_deg).map_err(|reason| numbers.fault(reason))?;
-    let candela = numbers.candela(n_vertical * n_horizontal, scale)?;
-    let table = Measured { planes, vertical_deg, horizontal_deg, candela }.into_table(symmetry);
-    Ok(Read { table, watts: Some(input_watts) })
+    let line = numbers.line;
+    let (candela, n_negative) = numbers.candela(n_vertical * n_horizontal, scale)?;
+    let measured = Measured { planes, vertical_deg, horizontal_deg, candela };
+    let (measured, n_repeats) = measured.without_repeats(line)?;
+    let symmetry = symmetry(planes, &measured.horizontal_deg).map_err(|reason| Fault { line, reason })?;
+    let table = measured.into_table(symmetry);
+    Ok(Read { table, watts: Some(input_watts), remarks: remarks_on(n_negative, n_repeats) })
 }
 
 /// How intensities change as the luminaire is tilted; it hangs here as it was measured.
@@ -71,10 +80,12 @@ fn skip_tilt(numbers: &mut Numbers) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Up to 1995 the field is a factor; it is reserved in 2002 and a code for the origin of the file in 2019.
-fn has_ballast_lamp_factor(first_line: &str) -> bool {
-    let year = first_line.trim().rsplit("LM-63-").next().unwrap_or_default();
-    !(first_line.contains("LM-63-") && ["02", "2002", "19", "2019"].contains(&year))
+/// Up to 1995 the field is a factor; it is reserved in 2002 and a code for the origin of the file in 2019. The year stands in
+/// the first line of the head that names the format and is no keyword.
+fn has_ballast_lamp_factor(head: &[&str]) -> bool {
+    let head = head.iter().map(|line| line.trim().to_ascii_uppercase()).filter(|line| !line.starts_with('['));
+    let year = head.filter_map(|line| Some(line.rsplit_once("LM-63-")?.1.to_owned())).next();
+    !year.is_some_and(|year| ["02", "2002", "19", "2019"].contains(&year.as_str()))
 }
 
 /// What the first and the last horizontal angle say about the planes between the others.

@@ -3,9 +3,9 @@
 //! One value a line, known by the number of its line. Intensities are candela per 1000 lumen of the lamps; of several sets of
 //! lamps the first is taken.
 
-use super::Read;
 use super::numbers::{Comma, Fault, Numbers};
 use super::table::{Measured, Planes, Symmetry};
+use super::{Read, remarks_on};
 
 /// Most angles of a kind.
 const MAX_ANGLES: usize = 2000;
@@ -32,7 +32,7 @@ pub(super) fn read(lines: &[&str]) -> Result<Read, Fault> {
     let isym = line(SYMMETRY).count("the symmetry", 0..=4)?;
     let n_planes = line(N_PLANES).count("the number of C planes", 1..=MAX_ANGLES)?;
     let n_angles = line(N_ANGLES).count("the number of angles in a plane", 2..=MAX_ANGLES)?;
-    let factor = line(FACTOR).factor("the conversion factor")?;
+    let (factor, unused) = factor(line(FACTOR))?;
     let n_sets = line(N_SETS).count("the number of sets of lamps", 1..=MAX_SETS)?;
     let flux_lm = line(FLUX).factor("the luminous flux of the lamps")?;
     // Some makers write words here, or nothing; the light does not depend on it.
@@ -42,11 +42,24 @@ pub(super) fn read(lines: &[&str]) -> Result<Read, Fault> {
     let mut numbers = Numbers::new(lines, first, Comma::Decimal);
     let all_planes_deg = numbers.angles(n_planes, "C plane", (0.0, 360.0))?;
     let vertical_deg = numbers.angles(n_angles, "angle", (0.0, 180.0))?;
+    let line_of_angles = numbers.line;
     let (symmetry, held) = held_planes(isym, n_planes).map_err(|reason| Fault { line: N_PLANES, reason })?;
     let horizontal_deg: Vec<f64> = held.map(|plane| all_planes_deg[plane % n_planes]).collect();
-    let candela = numbers.candela(horizontal_deg.len() * n_angles, factor * flux_lm / 1000.0)?;
-    let table = Measured { planes: Planes::C, vertical_deg, horizontal_deg, candela }.into_table(symmetry);
-    Ok(Read { table, watts })
+    let (candela, n_negative) = numbers.candela(horizontal_deg.len() * n_angles, factor * flux_lm / 1000.0)?;
+    let measured = Measured { planes: Planes::C, vertical_deg, horizontal_deg, candela };
+    let (measured, n_repeats) = measured.without_repeats(line_of_angles)?;
+    let remarks = unused.into_iter().chain(remarks_on(n_negative, n_repeats)).collect();
+    Ok(Read { table: measured.into_table(symmetry), watts, remarks })
+}
+
+/// The conversion factor; makers who do not use it write 0 for 1, and that is said.
+fn factor(mut numbers: Numbers) -> Result<(f64, Option<String>), Fault> {
+    let what = "the conversion factor";
+    match numbers.next(what)? {
+        0.0 => Ok((1.0, Some(format!("{what} (line {FACTOR}) is 0: it counts as 1")))),
+        factor if factor > 0.0 => Ok((factor, None)),
+        factor => Err(numbers.fault(format!("{what} is {factor}; it must be more than 0"))),
+    }
 }
 
 /// Which of the planes, counted from 0 and on round the circle, have intensities in the file.

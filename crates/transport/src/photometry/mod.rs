@@ -80,6 +80,7 @@ pub struct PhotometricProfile {
     table: Table,
     max_candela: f32,
     watts: Option<f32>,
+    remarks: Vec<String>,
 }
 
 /// What a file says.
@@ -87,6 +88,8 @@ struct Read {
     table: Table,
     /// Electrical power, as the file has it.
     watts: Option<f64>,
+    /// What had to be mended, in words.
+    remarks: Vec<String>,
 }
 
 impl PhotometricProfile {
@@ -109,7 +112,7 @@ impl PhotometricProfile {
             None if is_ldt => ldt::read(&lines),
             None => return Err(PhotometryError::UnknownFormat { name }),
         };
-        let Read { table, watts } = match read {
+        let Read { table, watts, remarks } = match read {
             Ok(read) => read,
             Err(Fault { line, reason }) => return Err(PhotometryError::Line { name, line, reason }),
         };
@@ -117,7 +120,7 @@ impl PhotometricProfile {
         if max_candela <= 0.0 {
             return Err(PhotometryError::Dark { name });
         }
-        Ok(PhotometricProfile { name, table, max_candela, watts: watts.and_then(believed_watts) })
+        Ok(PhotometricProfile { name, table, max_candela, watts: watts.and_then(believed_watts), remarks })
     }
 
     /// Name of the file.
@@ -148,10 +151,24 @@ impl PhotometricProfile {
         self.watts
     }
 
+    /// What is odd about the file and was taken as it was meant, in words.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
+    }
+
     /// All that its light depends on, as bytes.
     pub(crate) fn light_bytes(&self) -> Vec<u8> {
         self.table.bytes()
     }
+}
+
+/// What is said of intensities below 0 and of angles that stand there twice.
+fn remarks_on(n_negative: usize, n_repeats: usize) -> Vec<String> {
+    let negative = (n_negative > 0)
+        .then(|| format!("{n_negative} intensities are a little less than 0, as noise leaves them: they count as 0"));
+    let repeats = (n_repeats > 0)
+        .then(|| format!("{n_repeats} angles stand there twice with the same intensities: they count once"));
+    negative.into_iter().chain(repeats).collect()
 }
 
 /// Power as it may be: makers who do not know it write 0.

@@ -5,7 +5,9 @@ use std::fmt::Display;
 /// Brightest intensity that is believed, candela: a lighthouse has 10⁷, and a flux of more could not be told.
 const MAX_CANDELA: f32 = 1e12;
 /// Least distance of two angles, degrees: closer ones become one in single precision.
-const MIN_STEP_DEG: f64 = 1e-3;
+pub(super) const MIN_STEP_DEG: f64 = 1e-3;
+/// Intensities below 0 by no more than this share of the largest are noise of the measurement.
+const NOISE: f64 = 0.01;
 
 /// What is wrong in a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,7 +68,7 @@ impl<'a> Numbers<'a> {
         (1..=n).map(|nth| self.next(format_args!("{what} {nth} of {n}"))).collect()
     }
 
-    /// Rising angles within a range, degrees.
+    /// Angles within a range, degrees, none of which is less than the one before it.
     pub fn angles(&mut self, n: usize, what: &str, range: (f64, f64)) -> Result<Vec<f64>, Fault> {
         let mut angles = Vec::new();
         for nth in 1..=n {
@@ -75,7 +77,7 @@ impl<'a> Numbers<'a> {
                 let reason = format!("{what} {angle}° is not within {}° to {}°", range.0, range.1);
                 return Err(self.fault(reason));
             }
-            if angles.last().is_some_and(|&last| angle - last < MIN_STEP_DEG) {
+            if angles.last().is_some_and(|&last| angle - last <= -MIN_STEP_DEG) {
                 return Err(self.fault(format!("{what} {angle}° is not larger than the one before it")));
             }
             angles.push(angle);
@@ -83,22 +85,31 @@ impl<'a> Numbers<'a> {
         Ok(angles)
     }
 
-    /// So many intensities times a scale, in candela.
+    /// So many intensities times a scale, in candela, and how many of them were less than 0, as noise leaves them: those are 0.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "values in single precision; a count that is cut off is not equal any more"
     )]
-    pub fn candela(&mut self, n: usize, scale: f64) -> Result<Vec<f32>, Fault> {
-        let mut candela = Vec::new();
+    pub fn candela(&mut self, n: usize, scale: f64) -> Result<(Vec<f32>, usize), Fault> {
+        let fault =
+            |line, value| Fault { line, reason: format!("the intensity {value} (times {scale}) is not possible") };
+        let (mut candela, mut most, mut negative) = (Vec::new(), 0.0_f64, Vec::new());
         for nth in 1..=n {
             let value = self.next(format_args!("intensity {nth} of {n}"))?;
-            let scaled = (value * scale) as f32;
-            if value < 0.0 || !(0.0..=MAX_CANDELA).contains(&scaled) {
-                return Err(self.fault(format!("the intensity {value} (times {scale}) is not possible")));
+            let scaled = (value.max(0.0) * scale) as f32;
+            if !(0.0..=MAX_CANDELA).contains(&scaled) {
+                return Err(fault(self.line, value));
             }
+            if value < 0.0 {
+                negative.push((self.line, value));
+            }
+            most = most.max(value);
             candela.push(scaled);
         }
-        Ok(candela)
+        match negative.iter().find(|(_, value)| *value < -NOISE * most) {
+            Some(&(line, value)) => Err(fault(line, value)),
+            None => Ok((candela, negative.len())),
+        }
     }
 
     /// A factor of the intensities: more than 0.

@@ -4,6 +4,8 @@ use std::f32::consts::TAU;
 
 use glam::Vec3;
 
+use super::numbers::{Fault, MIN_STEP_DEG};
+
 /// How the planes of a file lie; see the page of [`super`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Planes {
@@ -31,9 +33,9 @@ pub(super) enum Symmetry {
 /// Intensities as a file has them.
 pub(super) struct Measured {
     pub planes: Planes,
-    /// Rising, at least two; degrees.
+    /// Rising, at least two once those that are there twice count once; degrees.
     pub vertical_deg: Vec<f64>,
-    /// At least one for C planes and two for B planes; degrees.
+    /// At least one for C planes and two for B planes, likewise; degrees.
     pub horizontal_deg: Vec<f64>,
     /// Planes × vertical angles.
     pub candela: Vec<f32>,
@@ -60,6 +62,37 @@ const SLACK: f32 = 1e-4;
 type Places = Vec<(f64, usize)>;
 
 impl Measured {
+    /// Takes angles that stand there twice once, and says how many do. `line` is that of the last angle, from 1.
+    ///
+    /// # Errors
+    /// An angle whose intensities are not the same both times, or but one vertical angle.
+    pub fn without_repeats(self, line: usize) -> Result<(Measured, usize), Fault> {
+        let (n_rows, n_columns) = (self.horizontal_deg.len(), self.vertical_deg.len());
+        #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
+        let value = |row: usize, column: usize| self.candela.get(row * n_columns + column);
+        let twice = |angle| Fault {
+            line,
+            reason: format!("the angle {angle}° stands there twice with different intensities"),
+        };
+        let is_same_row = |a, b| (0..n_columns).all(|column| value(a, column) == value(b, column));
+        let is_same_column = |a, b| (0..n_rows).all(|row| value(row, a) == value(row, b));
+        let rows = distinct(&self.horizontal_deg, is_same_row).map_err(twice)?;
+        let columns = distinct(&self.vertical_deg, is_same_column).map_err(twice)?;
+        if columns.len() < 2 {
+            return Err(Fault { line, reason: "there is but one vertical angle".into() });
+        }
+        #[expect(clippy::arithmetic_side_effects, reason = "counts of angles, and of some of them")]
+        let n_repeats = (n_rows - rows.len()) + (n_columns - columns.len());
+        let row = |&row: &usize| columns.iter().filter_map(move |&column| value(row, column).copied());
+        let measured = Measured {
+            planes: self.planes,
+            candela: rows.iter().flat_map(row).collect(),
+            vertical_deg: columns.iter().map(|&column| self.vertical_deg[column]).collect(),
+            horizontal_deg: rows.iter().map(|&row| self.horizontal_deg[row]).collect(),
+        };
+        Ok((measured, n_repeats))
+    }
+
     /// Completes C planes by a symmetry. B planes say by their first angle, 0, that they are mirrored.
     #[expect(clippy::arithmetic_side_effects, reason = "indices in a table of angles by angles")]
     #[expect(clippy::cast_possible_truncation, reason = "angles in single precision")]
@@ -81,6 +114,22 @@ impl Measured {
             candela: rows.iter().flat_map(row).collect(),
         }
     }
+}
+
+/// Places of angles, without those that are the one before them once more; an angle that is, with other values, is an error.
+fn distinct(angles: &[f64], is_same: impl Fn(usize, usize) -> bool) -> Result<Vec<usize>, f64> {
+    let mut places: Vec<usize> = Vec::new();
+    for (place, &angle) in angles.iter().enumerate() {
+        match places.last() {
+            Some(&last) if (angle - angles[last]).abs() < MIN_STEP_DEG => {
+                if !is_same(last, place) {
+                    return Err(angle);
+                }
+            }
+            _ => places.push(place),
+        }
+    }
+    Ok(places)
 }
 
 fn as_they_are(angles: &[f64]) -> Places {

@@ -194,7 +194,7 @@ fn faults_are_named_with_their_lines() {
         ("3 2 1 2 0", "1999 1999 1 2 0", 5, "more than can be read"),
         ("1000 1.0", "1000 0", 5, "multiplier is 0"),
         ("1.0 1.0 10", "-1 1.0 10", 6, "ballast factor is -1"),
-        ("0 45 90", "0 45 45", 7, "not larger"),
+        ("0 45 90", "0 45 40", 7, "not larger"),
         ("0 45 90", "0 45 190", 7, "190° is not within"),
         ("0 45 90", "0 NaN 90", 7, "\"NaN\" is no number"),
         ("0 90\r\n", "0 80\r\n", 8, "from 0° to 80°"),
@@ -212,7 +212,7 @@ fn faults_are_named_with_their_lines() {
     for (line, to, reason) in [
         (3, "5", "symmetry is 5"),
         (4, "6", "multiple of 4"),
-        (24, "0", "conversion factor"),
+        (24, "-2", "conversion factor"),
         (29, "-500", "luminous flux"),
         (26, "", "sets of lamps is missing"),
         (51, "-1", "intensity -1"),
@@ -230,6 +230,58 @@ fn faults_are_named_with_their_lines() {
     assert!(matches!(PhotometricProfile::parse(dark.as_bytes(), "a.ies"), Err(PhotometryError::Dark { .. })));
     assert!(matches!(PhotometricProfile::parse(b"hello", "a.txt"), Err(PhotometryError::UnknownFormat { .. })));
     assert!(PhotometricProfile::parse(b"", "a.ldt").is_err() && PhotometricProfile::parse(b"TILT=", "a.ies").is_err());
+}
+
+#[test]
+fn noise_below_zero_and_angles_that_stand_there_twice_are_mended_and_told() {
+    let noisy = parsed(&ies(1, &[0.0, 90.0, 180.0], &[0.0], &[50.0, -0.4, -0.01]));
+    expect(&noisy, &[(AIM, 50.0), (X, 0.0), (-AIM, 0.0)]);
+    assert!(matches!(noisy.remarks(), [one] if one.starts_with("2 intensities")), "{:?}", noisy.remarks());
+    let known = parsed(&ies(1, &[0.0, 45.0, 90.0], &[0.0, 90.0], &[9.0, 5.0, 1.0, 9.0, 3.0, 2.0]));
+    let twice = ies(
+        1,
+        &[0.0, 45.0, 45.0, 90.0],
+        &[0.0, 0.0, 90.0],
+        &[9.0, 5.0, 5.0, 1.0, 9.0, 5.0, 5.0, 1.0, 9.0, 3.0, 3.0, 2.0],
+    );
+    let mended = parsed(&twice);
+    assert_eq!(mended.light_bytes(), known.light_bytes());
+    assert!(matches!(mended.remarks(), [one] if one.starts_with("2 angles")), "{:?}", mended.remarks());
+    for text in [ies(1, &[0.0, 45.0, 45.0], &[0.0], &[9.0, 5.0, 1.0]), ies(1, &[45.0, 45.0], &[0.0], &[9.0, 9.0])] {
+        let why = PhotometricProfile::parse(text.as_bytes(), "a.ies").expect_err("no table").to_string();
+        assert!(why.starts_with("line 8 of a.ies: "), "{why}");
+    }
+    let factors = |factor: &str| {
+        let lines = ldt(1, &[9.0; 3]);
+        let mut lines: Vec<&str> = lines.lines().collect();
+        lines[23] = factor;
+        parsed(&lines.join("\n"))
+    };
+    let unused = factors("0");
+    assert_eq!(unused.light_bytes(), factors("1").light_bytes());
+    assert!(matches!(unused.remarks(), [one] if one.contains("line 24")), "{:?}", unused.remarks());
+}
+
+#[test]
+fn heads_are_read_as_people_type_them() {
+    let text = ies(1, &[0.0, 90.0], &[0.0], &[100.0, 50.0]).replace("1.0 1.0 10", "1.0 0.5 10");
+    let known = parsed(&text);
+    expect(&known, &[(AIM, 100.0)]);
+    for (from, to, candela) in [
+        ("IESNA:LM-63-2002", "iesna:lm-63-2002", 100.0),
+        ("IESNA:LM-63-2002", "\r\nIES:LM-63-2019", 100.0),
+        ("IESNA:LM-63-2002", "IESNA:LM-63-1995", 50.0),
+        ("IESNA:LM-63-2002", "[MORE] as in LM-63-2002", 50.0),
+        ("TILT=NONE", " TILT = NONE", 100.0),
+        ("TILT=NONE", "Tilt =include\r\n1\r\n2\r\n0 90\r\n1 1", 100.0),
+    ] {
+        assert!(text.contains(from));
+        expect(&parsed_ies(&text.replace(from, to)), &[(AIM, candela)]);
+    }
+}
+
+fn parsed_ies(text: &str) -> PhotometricProfile {
+    PhotometricProfile::parse(text.as_bytes(), "test.ies").expect(text)
 }
 
 /// 64-bit linear congruential generator.

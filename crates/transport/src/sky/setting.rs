@@ -103,15 +103,14 @@ impl SkySetting {
     ///
     /// # Errors
     /// What `read` says, or a sun that does not exist.
-    pub fn load<E: From<SkyError>>(&mut self, read: impl FnOnce(&str) -> Result<Environment, E>) -> Result<(), E> {
+    pub fn load<E: From<SkyError>>(&mut self, read: impl FnOnce(&str) -> Result<Arc<Environment>, E>) -> Result<(), E> {
         let sun = self.sun.map(|sun| sun.sun()).transpose()?;
         self.map = match (self.file.as_deref(), self.sun, sun) {
-            (Some("uniform"), ..) => Some(Environment::uniform(Vec3::ONE)),
+            (Some("uniform"), ..) => Some(Environment::uniform(Vec3::ONE).into()),
             (Some(file), ..) => Some(read(file)?),
-            (None, Some(setting), Some(sun)) => Some(analytic_sky(sun.direction, setting.turbidity)),
+            (None, Some(setting), Some(sun)) => Some(analytic_sky(sun.direction, setting.turbidity).into()),
             (None, ..) => None,
-        }
-        .map(Arc::new);
+        };
         Ok(())
     }
 
@@ -150,7 +149,7 @@ mod tests {
     use super::*;
 
     fn load(setting: &mut SkySetting) {
-        setting.load::<SkyError>(|_| Ok(Environment::uniform(Vec3::splat(2.0)))).unwrap();
+        setting.load::<SkyError>(|_| Ok(Environment::uniform(Vec3::splat(2.0)).into())).unwrap();
     }
 
     #[test]

@@ -1,18 +1,17 @@
 //! Pictures as linear numbers: OpenEXR and Radiance as they are, PNG and JPEG through the curve of sRGB \[IEC61966-2-1\].
 
-use std::io::{self, BufRead, Cursor, Seek, SeekFrom};
+use std::io::{BufRead, Cursor, Seek, SeekFrom};
 
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::MAX_PIXELS;
-use super::openexr::{decode_exr, exr_size};
 use crate::camera::Film;
-use crate::import::files::guarded;
+use crate::import::files::{guarded, of_file, of_image};
+use crate::import::openexr::{self, Beside, MAX_PIXELS_PER_BYTE, Wanted};
+use crate::import::radiance;
 use crate::texture::srgb_to_linear;
 
-/// More pixels than a byte of a compressed file stands for.
-const MAX_PIXELS_PER_BYTE: u64 = 1 << 14;
 /// Most bytes that decoding one picture may take beside its pixels.
 const MAX_DECODE_BYTES: u64 = 1 << 30;
 
@@ -50,7 +49,7 @@ pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 
     let kind = kind_of(start)?;
     file.seek(SeekFrom::Start(0)).map_err(|e| of_file(&e))?;
     let size = guarded(|| match kind {
-        Kind::OpenExr => exr_size(file),
+        Kind::OpenExr => openexr::shown_size(file, &|size| check_size(size, u64::MAX)),
         Kind::Radiance => Ok(HdrDecoder::new_nonstrict(file).map_err(of_image)?.dimensions().into()),
         Kind::Encoded => {
             let reader = ImageReader::new(file).with_guessed_format().map_err(|e| of_file(&e))?;
@@ -66,27 +65,25 @@ pub(super) fn size(mut file: impl BufRead + Seek, n_bytes: u64) -> Result<[u32; 
 /// # Errors
 /// What is wrong with it, in words.
 pub fn decode_picture(bytes: &[u8]) -> Result<Picture, String> {
-    let size = size(Cursor::new(bytes), bytes.len() as u64)?;
+    size(Cursor::new(bytes), bytes.len() as u64)?;
     guarded(|| match kind_of(bytes)? {
-        Kind::OpenExr => decode_exr(bytes),
-        Kind::Radiance => decode_hdr(bytes, size),
+        Kind::OpenExr => {
+            // Pictures of a stack are read side by side.
+            let check = |size| check_size(size, u64::MAX);
+            let openexr::ExrPicture { size, pixels, .. } =
+                openexr::decode(bytes, Wanted::Shown, Beside::Others, &check)?;
+            Ok(Picture { size, pixels, was_encoded: false })
+        }
+        Kind::Radiance => {
+            let (size, pixels) = radiance::decode(bytes, |_| Ok(()))?;
+            Ok(Picture { size, pixels, was_encoded: false })
+        }
         Kind::Encoded => decode_encoded(bytes),
     })
 }
 
-/// What a decoder says of a picture.
-fn of_image(error: image::ImageError) -> String {
-    match error {
-        image::ImageError::IoError(error) => of_file(&error),
-        error => error.to_string(),
-    }
-}
-
-pub(super) fn of_file(error: &io::Error) -> String {
-    if error.kind() == io::ErrorKind::UnexpectedEof { "it is cut off".into() } else { error.to_string() }
-}
-
-pub(super) fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
+/// Within what a stack may hold, and what so many bytes may.
+fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), String> {
     #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
     let n_pixels = u64::from(width) * u64::from(height);
     match () {
@@ -100,22 +97,6 @@ pub(super) fn check_size([width, height]: [u32; 2], n_bytes: u64) -> Result<(), 
         }
         () => Ok(()),
     }
-}
-
-/// Radiance, in the unit that its head tells: values are stored times all its `EXPOSURE`.
-#[expect(clippy::cast_possible_truncation, reason = "bytes of at most `MAX_PIXELS` pixels; colors in single precision")]
-fn decode_hdr(bytes: &[u8], size: [u32; 2]) -> Result<Picture, String> {
-    // Strictly its head would begin with `#?RADIANCE`; `#?RGBE` is as common.
-    let decoder = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(of_image)?;
-    let exposure = decoder.metadata().exposure.unwrap_or(1.0);
-    if !(exposure.is_finite() && exposure > 0.0) {
-        return Err(format!("its head tells an exposure of {exposure}"));
-    }
-    let mut raw = vec![0u8; decoder.total_bytes() as usize];
-    decoder.read_image(&mut raw).map_err(of_image)?;
-    let value = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]) / exposure;
-    let pixels = raw.chunks_exact(12).map(|b| [value(b), value(&b[4..]), value(&b[8..])]).collect();
-    Ok(Picture { size, pixels, was_encoded: false })
 }
 
 /// PNG and JPEG of 8 or 16 bits; what is transparent keeps its color.
@@ -198,11 +179,15 @@ mod tests {
     }
 
     #[test]
-    fn radiance_is_divided_by_its_exposure() {
-        for (head, factor) in [("", 1.0), ("EXPOSURE=2\nEXPOSURE=4\n", 0.125)] {
+    fn radiance_is_divided_by_its_exposure_and_color_correction() {
+        for (head, factors) in [
+            ("", [1.0; 3]),
+            ("EXPOSURE=2\nEXPOSURE=4\n", [0.125; 3]),
+            ("EXPOSURE=2\nCOLORCORR=2 1 0.5\nCOLORCORR=1 1 2\n", [0.25, 0.5, 0.5]),
+        ] {
             let picture = decode_picture(&hdr(head)).unwrap();
-            for (value, expected) in picture.pixels[7].into_iter().zip([1.0, 2.0, 4.0]) {
-                assert!((value - factor * expected).abs() < 0.02 * expected, "{:?}", picture.pixels[7]);
+            for ((value, expected), factor) in picture.pixels[7].into_iter().zip([1.0, 2.0, 4.0]).zip(factors) {
+                assert!((value - factor * expected).abs() < 0.02 * factor * expected, "{:?}", picture.pixels[7]);
             }
             let of_others = [b"#?RGBE", &hdr(head)["#?RADIANCE".len()..]].concat();
             assert_eq!(decode_picture(&of_others).unwrap(), picture);
@@ -214,12 +199,13 @@ mod tests {
         let hdr_of = |size: &str| String::from_utf8_lossy(&hdr("")[..60]).replace("-Y 2 +X 4", size);
         let (huge, wide) = (hdr_of("-Y 60000 +X 60000"), hdr_of("-Y 8000 +X 8000"));
         let png = encoded(ImageBuffer::from_pixel(64, 64, Rgb([7u8; 3])), ImageFormat::Png);
-        let cases: [(&[u8], &str); 8] = [
+        let cases: [(&[u8], &str); 9] = [
             (b"GIF89a", "neither OpenEXR"),
             (b"", "neither OpenEXR"),
             (huge.as_bytes(), "too many"),
             (wide.as_bytes(), "cannot be in"),
             (&hdr("EXPOSURE=0\n"), "exposure of 0"),
+            (&hdr("COLORCORR=1 -1 1\n"), "color correction of 1 -1 1"),
             (&hdr("")[..70], "it is cut off"),
             (&png[..png.len() - 30], "it is cut off"),
             (&png[..20], "it is cut off"),

@@ -2,6 +2,7 @@ use serde_json::{Value, json};
 
 use super::fixture::Fixture;
 use crate::import::{ImportError, load_bytes};
+use crate::scene::Material;
 
 /// A file that uses everything that has an index in it.
 fn rich() -> Fixture {
@@ -134,6 +135,57 @@ fn the_element_at_fault_is_named() {
     fixture.root["materials"] = json!([{}, {"doubleSided": "yes"}]);
     let error = load_bytes("torn.gltf", &fixture.json()).expect_err("refused");
     assert!(error.to_string().contains("materials[1]"), "{error}");
+    let mut fixture = Fixture::triangle();
+    fixture.root["extensions"] =
+        json!({"KHR_lights_punctual": {"lights": [{"type": "point"}, {"type": "spot", "intensity": "100"}]}});
+    let error = load_bytes("torn.gltf", &fixture.json()).expect_err("refused").to_string();
+    assert!(error.contains("extensions.KHR_lights_punctual.lights[1]: invalid type: string"), "{error}");
+    let mut fixture = Fixture::triangle();
+    fixture.root["scene"] = json!("first");
+    let error = load_bytes("torn.gltf", &fixture.json()).expect_err("refused").to_string();
+    assert!(error.contains(": scene: invalid type"), "{error}");
+}
+
+#[test]
+fn members_that_are_null_are_read_as_left_out() {
+    let mut fixture = Fixture::triangle().material(json!({
+        "doubleSided": null, "alphaMode": null, "emissiveFactor": null, "extras": {"theirs": null},
+        "pbrMetallicRoughness": {"metallicFactor": null, "baseColorTexture": null},
+        "extensions": {
+            "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": null},
+            "KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": null},
+            "KHR_materials_emissive_strength": {"emissiveStrength": null},
+            "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatRoughnessFactor": null},
+        },
+    }));
+    fixture.root["extensions"] =
+        json!({"KHR_lights_punctual": {"lights": [{"type": "point", "color": null, "range": null}]}});
+    fixture.root["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});
+    for key in ["samplers", "textures", "skins", "animations", "extensionsUsed", "scene"] {
+        fixture.root[key] = Value::Null;
+    }
+    for key in ["mode", "indices", "targets"] {
+        fixture.primitive()[key] = Value::Null;
+    }
+    fixture.root["accessors"][0]["normalized"] = Value::Null;
+    let imported = fixture.load();
+    assert_eq!(imported.report.warnings, Vec::<String>::new());
+    let (material, plain) = (&imported.scene.materials[0], Material::default());
+    assert_eq!((material.thickness, material.attenuation_distance), (1.0, f32::INFINITY));
+    assert_eq!((material.metallic, material.ior, material.alpha), (plain.metallic, plain.ior, plain.alpha));
+    assert_eq!(material.finish.as_ref().map(|finish| finish.clearcoat), Some(1.0));
+    assert_eq!((imported.scene.punctual.len(), imported.scene.mesh.triangles.len()), (1, 1));
+    let mut fixture = Fixture::triangle();
+    fixture.root["nodes"] = json!([null]);
+    assert!(load_bytes("torn.gltf", &fixture.json()).is_err(), "a list has no gaps");
+}
+
+#[test]
+fn a_file_that_states_no_version_is_told_so() {
+    for text in [r#"{"nodes": []}"#, r#"{"asset": {"version": 2.0}}"#, r#"{"asset": {"version": null}}"#] {
+        let error = load_bytes("none.gltf", text.as_bytes()).expect_err("refused");
+        assert!(matches!(error, ImportError::NoVersion { .. }), "{error}");
+    }
 }
 
 #[test]

@@ -42,6 +42,13 @@ fn candela(scene: &Scene, toward: Vec3) -> Vec3 {
 }
 
 #[test]
+fn what_is_mended_in_a_profile_is_told() {
+    let noisy = data().replace("200 100 0", "200 100 -1");
+    let imported = lit(&noisy, json!({"light": 0}), json!({}));
+    assert!(matches!(&imported.report.warnings[..], [one] if one.starts_with("light profile 0: 1 intensities")));
+}
+
+#[test]
 fn profiles_shine_with_their_candela_as_their_node_turns_them() {
     let turned = json!({"rotation": [-std::f32::consts::FRAC_1_SQRT_2, 0, 0, std::f32::consts::FRAC_1_SQRT_2]});
     let imported = lit(&data(), json!({"light": 0, "multiplier": 0.5, "color": [1, 0.5, 2]}), turned);

@@ -42,14 +42,64 @@ fn nodes_know_what_stands_above_them_and_what_they_are_instances_of() {
     fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point", "name": "Bulb"}]}});
     let lit = json!({"name": "left", "extensions": {"KHR_lights_punctual": {"light": 0}}});
     fixture.root["nodes"] = json!([{"name": "Hall", "children": [1]}, {"children": [2, 3]}, lit, {"mesh": 0}]);
-    let nodes = fixture.load().scene.nodes;
-    let [lamp, mesh] = nodes.as_slice() else { panic!("two nodes carry something: {nodes:?}") };
-    assert_eq!(
-        (lamp.parents.as_slice(), &mesh.parents),
-        (&["Hall".to_owned(), "node:1".to_owned()][..], &lamp.parents)
-    );
+    let scene = fixture.load().scene;
+    let [lamp, mesh] = scene.nodes.as_slice() else { panic!("two nodes carry something: {:?}", scene.nodes) };
+    assert_eq!(scene.names_above(lamp), ["Hall", "node:1"]);
+    assert_eq!(mesh.parent, lamp.parent);
     assert_eq!((lamp.lamp.as_deref(), lamp.mesh.as_deref()), (Some("Bulb"), None));
     assert_eq!((mesh.lamp.as_deref(), mesh.mesh.as_deref()), (None, Some("mesh:0")));
+}
+
+#[test]
+fn a_long_chain_of_nodes_keeps_every_name_once() {
+    let mut fixture = Fixture::triangle();
+    let n_nodes = 5000;
+    let mut nodes: Vec<_> = (1..n_nodes).map(|i| json!({"mesh": 0, "children": [i]})).collect();
+    nodes.push(json!({"mesh": 0}));
+    fixture.root["nodes"] = json!(nodes);
+    let scene = fixture.load().scene;
+    assert_eq!((scene.nodes.len(), scene.ancestors.len()), (n_nodes, n_nodes - 1));
+    let above = scene.names_above(scene.nodes.last().expect("nodes"));
+    assert_eq!((above.len(), above[0].as_str(), above[63].as_str()), (64, "node:4935", "node:4998"));
+    assert_eq!(scene.names_above(&scene.nodes[2]), ["node:0", "node:1"]);
+}
+
+#[test]
+fn a_scale_of_0_turns_neither_lamps_nor_cameras() {
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let shining = json!({"KHR_lights_punctual": {"light": 0}});
+    let down = json!([-half, 0, 0, half]);
+    let mut fixture = Fixture::triangle();
+    fixture.root["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 1}}]);
+    fixture.root["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "spot", "spot": {}}]}});
+    fixture.root["nodes"] = json!([
+        {"scale": [0, 0, 0], "rotation": down, "extensions": shining, "camera": 0},
+        {"scale": [0, 0, 0], "children": [2]}, {"rotation": down, "extensions": shining, "camera": 0},
+        {"scale": [1, 1, 0], "rotation": down, "extensions": shining, "camera": 0},
+        {"matrix": [2, 0, 0, 0, 0, 0, -2, 0, 0, 0, 0, 0, 0, 0, 0, 1], "extensions": shining, "camera": 0},
+        {"matrix": [0, 0, 0, 0, 0, 0, -2, 0, 0, 3, 0, 0, 0, 0, 0, 1], "extensions": shining, "camera": 0},
+        {"mesh": 0}]);
+    fixture.root["scenes"][0]["nodes"] = json!([0, 1, 3, 4, 5, 6]);
+    let scene = fixture.load().scene;
+    assert_eq!((scene.punctual.len(), scene.cameras.len()), (5, 5));
+    for (lamp, camera) in scene.punctual.iter().zip(&scene.cameras) {
+        assert!(lamp.direction.distance(Vec3::NEG_Y) < 1e-6, "{lamp:?}");
+        assert!(lamp.across[0].distance(Vec3::X) < 1e-6 && lamp.across[1].distance(Vec3::NEG_Z) < 1e-6, "{lamp:?}");
+        let back = camera.world_from_camera.z_axis.truncate();
+        assert!(back.distance(Vec3::Y) < 1e-6, "{camera:?}");
+    }
+}
+
+#[test]
+fn a_camera_without_an_angle_of_view_has_one_of_50_degrees() {
+    for perspective in [json!({}), json!({"yfov": 0}), json!({"yfov": -0.5}), json!({"yfov": 0.001})] {
+        let mut fixture = Fixture::triangle().node(json!({"camera": 0}));
+        fixture.root["cameras"] = json!([{"type": "perspective", "perspective": perspective}]);
+        let imported = fixture.load();
+        let expected: f32 = if perspective["yfov"] == 0.001 { 0.01 } else { 50.0_f32.to_radians() };
+        assert!((imported.scene.cameras[0].yfov_rad - expected).abs() < 1e-6, "{perspective}");
+        assert_eq!(imported.report.warnings.len(), 1, "{perspective}");
+    }
 }
 
 #[test]

@@ -5,6 +5,8 @@ use glam::{Vec2, Vec3, Vec4};
 use serde_json::json;
 
 use super::fixture::Fixture;
+use crate::basis::SourceKind;
+use crate::emitters::Lighting;
 use crate::scene::{AlphaMode, Encoding, Filter, Material, Wrap};
 
 /// A 2 × 1 PNG: red, then green.
@@ -89,6 +91,29 @@ fn an_image_that_cannot_be_had_becomes_a_checkerboard() {
         assert_eq!(imported.scene.textures[0].image.texels[0], [255, 0, 255, 255]);
         assert!(imported.report.warnings[0].contains("checkerboard"), "{:?}", imported.report.warnings);
     }
+}
+
+#[test]
+fn a_surface_whose_map_is_black_where_it_would_shine_is_no_light() {
+    let emits = |factor: [f32; 3], texels: &[[u8; 4]]| {
+        let image = image::RgbaImage::from_raw(texels.len() as u32, 1, texels.concat()).expect("a row of texels");
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, image::ImageFormat::Png).expect("memory takes it");
+        let mut fixture = Fixture::triangle();
+        let view = fixture.view(bytes.get_ref());
+        fixture.root["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
+        fixture.root["textures"] = json!([{"source": 0}]);
+        let uvs = fixture.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+        fixture.primitive()["attributes"]["TEXCOORD_0"] = json!(uvs);
+        let scene = fixture.material(json!({"emissiveFactor": factor, "emissiveTexture": {"index": 0}})).load().scene;
+        let (lighting, warnings) = Lighting::new(&scene, &[]).expect("lights");
+        let kinds: Vec<SourceKind> = lighting.basis.sources.iter().map(|source| source.kind).collect();
+        (kinds, warnings.len())
+    };
+    let (shines, dark) = ((vec![SourceKind::Emitter], 0), (vec![SourceKind::Sky], 1));
+    assert_eq!(emits([1.0; 3], &[[0, 0, 0, 255], [0, 0, 0, 9]]), dark);
+    assert_eq!(emits([1.0; 3], &[[0, 0, 0, 255], [0, 1, 0, 255]]), shines);
+    assert_eq!(emits([1.0, 0.0, 0.5], &[[0, 200, 0, 255], [0, 255, 0, 255]]), dark);
 }
 
 #[test]

@@ -1,0 +1,272 @@
+//! OpenEXR: the layer of a file that is its picture, as it is shown or as it is stored, in linear Rec. 709.
+
+use std::io::{BufRead, Cursor, Seek};
+use std::path::Path;
+
+use exr::image::read::specific_channels::ReadSpecificChannel;
+use exr::meta::header::Header;
+use exr::prelude::{MetaData, ReadChannels, ReadLayers, Vec2};
+use glam::DMat3;
+
+use super::channels::{self, Channels};
+use super::files::{guarded, of_file, read_at_most};
+use super::primaries::{convert, into_rec709};
+use crate::camera::Film;
+
+/// Largest file that is read.
+const MAX_FILE_BYTES: u64 = 4 << 30;
+/// More pixels than a byte of a compressed file stands for.
+pub(super) const MAX_PIXELS_PER_BYTE: u64 = 1 << 14;
+
+/// The picture of an OpenEXR file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExrPicture {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Linear Rec. 709, row by row from the top left.
+    pub pixels: Vec<[f32; 3]>,
+    /// Width and height of the display window in pixels.
+    pub shown: [u32; 2],
+    /// Where the stored pixels begin in it.
+    pub offset: [i64; 2],
+    /// Whether the file states other primaries, from which the colors were converted.
+    pub is_converted: bool,
+}
+
+/// Which pixels are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Those of the display window; what is not stored is black.
+    Shown,
+    /// Those of the data window.
+    Stored,
+}
+
+/// How many pictures are read at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Beside {
+    /// This one alone, by many threads.
+    Nothing,
+    /// Others too, each by one thread.
+    Others,
+}
+
+/// Whether a picture of that width and height may be read.
+pub(super) type Check<'a> = &'a dyn Fn([u32; 2]) -> Result<(), String>;
+
+/// Reads what a file stores, its data window, whatever is shown around it.
+///
+/// # Errors
+/// Why it cannot be had, in words.
+pub fn read_exr(path: &Path) -> Result<ExrPicture, String> {
+    let bytes = read_at_most(path, MAX_FILE_BYTES).map_err(|error| of_file(&error))?;
+    let check = |[width, height]: [u32; 2]| {
+        #[expect(clippy::arithmetic_side_effects, reason = "a product of two 32-bit numbers")]
+        let n_pixels = u64::from(width) * u64::from(height);
+        match () {
+            () if width.max(height) > Film::MAX_SIDE => {
+                Err(format!("its {width} × {height} pixels are too many, at most {} to a side", Film::MAX_SIDE))
+            }
+            () if n_pixels > (bytes.len() as u64).saturating_mul(MAX_PIXELS_PER_BYTE) => {
+                Err(format!("{width} × {height} pixels cannot be in {} bytes", bytes.len()))
+            }
+            () => Ok(()),
+        }
+    };
+    guarded(|| decode(&bytes, Wanted::Stored, Beside::Nothing, &check))
+}
+
+/// Width and height of what a file shows, from its head.
+pub(super) fn shown_size(file: impl BufRead + Seek, check: Check) -> Result<[u32; 2], String> {
+    Ok(layer(&headers(file)?, Wanted::Shown, check)?.0.shown)
+}
+
+fn headers(file: impl BufRead + Seek) -> Result<Vec<Header>, String> {
+    Ok(MetaData::read_from_buffered(file, false).map_err(of_exr)?.headers.into_vec())
+}
+
+/// Where the picture of a file lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Windows {
+    /// Size of the data window.
+    stored: [u32; 2],
+    /// Size of the display window.
+    shown: [u32; 2],
+    /// Where the data window begins in the display window.
+    offset: [i64; 2],
+}
+
+/// The layer that is the picture, its channels, and what makes its colors those of Rec. 709. Sizes that are wanted are checked.
+fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, Channels, Option<DMat3>), String> {
+    let (header, channels) = channels::of_picture(headers)?;
+    let display = header.shared_attributes.display_window;
+    let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+    let [stored, shown] = [header.layer_size, display.size].map(|size| [side(size.width()), side(size.height())]);
+    check(stored)?;
+    if wanted == Wanted::Shown {
+        check(shown)?;
+    }
+    let at = header.own_attributes.layer_position;
+    #[expect(clippy::arithmetic_side_effects, reason = "a difference of two 32-bit numbers")]
+    let offset = |stored: i32, shown: i32| i64::from(stored) - i64::from(shown);
+    let offset = [offset(at.x(), display.position.x()), offset(at.y(), display.position.y())];
+    // Gray is white, whatever the primaries.
+    let stated = header.shared_attributes.chromaticities.filter(|_| matches!(channels, Channels::Color(_)));
+    let matrix = stated.map_or(Ok(None), |stated| into_rec709(&stated))?;
+    Ok((Windows { stored, shown, offset }, channels, matrix))
+}
+
+/// The pixels that are wanted; those that the file does not store are black.
+struct Canvas {
+    size: [u32; 2],
+    /// Where the stored pixels begin.
+    offset: [i64; 2],
+    pixels: Vec<[f32; 3]>,
+}
+
+impl Canvas {
+    #[expect(clippy::arithmetic_side_effects, reason = "checks of sizes have multiplied them")]
+    fn new(size: [u32; 2], offset: [i64; 2]) -> Canvas {
+        Canvas { size, offset, pixels: vec![[0.0; 3]; size[0] as usize * size[1] as usize] }
+    }
+
+    #[expect(
+        clippy::arithmetic_side_effects,
+        reason = "places and offsets are below 2^33, and the index is within the window"
+    )]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "places within a picture whose size was checked"
+    )]
+    fn set(&mut self, at: Vec2<usize>, pixel: [f32; 3]) {
+        let ([width, height], offset) = (self.size, self.offset);
+        let (x, y) = (at.x() as i64 + offset[0], at.y() as i64 + offset[1]);
+        if (0..i64::from(width)).contains(&x) && (0..i64::from(height)).contains(&y) {
+            self.pixels[y as usize * width as usize + x as usize] = pixel;
+        }
+    }
+}
+
+/// The picture of a file; sizes are checked before anything is allocated for them.
+///
+/// # Errors
+/// What is wrong with it, in words.
+pub(super) fn decode(bytes: &[u8], wanted: Wanted, beside: Beside, check: Check) -> Result<ExrPicture, String> {
+    let (windows, channels, matrix) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
+    let Windows { stored, shown, offset } = windows;
+    let (size, begin) = match wanted {
+        Wanted::Shown => (shown, offset),
+        Wanted::Stored => (stored, [0; 2]),
+    };
+    let levels = exr::prelude::read().no_deep_data().largest_resolution_level().specific_channels();
+    // Other channels are passed over, however many there are.
+    let mut canvas = match channels {
+        Channels::Gray(y) => {
+            let gray = |canvas: &mut Canvas, at: Vec2<usize>, (y,): (f32,)| canvas.set(at, [y; 3]);
+            let channels = levels.required(y).collect_pixels(|_, _| Canvas::new(size, begin), gray);
+            let image = channels.first_valid_layer().all_attributes();
+            let image = if beside == Beside::Others { image.non_parallel() } else { image };
+            image.from_buffered(Cursor::new(bytes)).map_err(of_exr)?.layer_data.channel_data.pixels
+        }
+        Channels::Color([r, g, b]) => {
+            let color = |canvas: &mut Canvas, at: Vec2<usize>, (r, g, b): (f32, f32, f32)| canvas.set(at, [r, g, b]);
+            let channels = levels.required(r).required(g).required(b);
+            let channels = channels.collect_pixels(|_, _| Canvas::new(size, begin), color);
+            let image = channels.first_valid_layer().all_attributes();
+            let image = if beside == Beside::Others { image.non_parallel() } else { image };
+            image.from_buffered(Cursor::new(bytes)).map_err(of_exr)?.layer_data.channel_data.pixels
+        }
+    };
+    if let Some(matrix) = matrix {
+        convert(&matrix, &mut canvas.pixels);
+    }
+    Ok(ExrPicture { size, pixels: canvas.pixels, shown, offset, is_converted: matrix.is_some() })
+}
+
+/// What a decoder says of an OpenEXR.
+fn of_exr(error: exr::error::Error) -> String {
+    match error {
+        exr::error::Error::Io(error) => of_file(&error),
+        exr::error::Error::Invalid(what) if what.contains("missing bytes") => "it is cut off".into(),
+        error => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, IntegerBounds, Layer, LayerAttributes, WritableImage,
+        f16,
+    };
+
+    use super::*;
+    use crate::import::stack::decode_picture;
+
+    fn exr(channels: Vec<AnyChannel<FlatSamples>>, size: (usize, usize), encoding: Encoding, at: [i32; 2]) -> Vec<u8> {
+        let attributes = LayerAttributes { layer_position: Vec2(at[0], at[1]), ..LayerAttributes::default() };
+        let layer = Layer::new(size, attributes, encoding, AnyChannels::sort(channels.into_iter().collect()));
+        let mut image = Image::from_layer(layer);
+        image.attributes.display_window = IntegerBounds::new((0, 0), (4, 2));
+        let mut bytes = Cursor::new(Vec::new());
+        image.write().to_buffered(&mut bytes).unwrap();
+        bytes.into_inner()
+    }
+
+    fn channel(name: &str, values: &[f32]) -> AnyChannel<FlatSamples> {
+        AnyChannel::new(name, FlatSamples::F32(values.to_vec()))
+    }
+
+    const RAMP: [f32; 8] = [0.0, 1.0, 2.0, -3.0, 4.0, 5.5, 6.0, 1e30];
+
+    #[test]
+    fn exr_is_read_as_it_is_written_scanlines_and_tiles_half_and_float() {
+        let half: Vec<f16> = RAMP.iter().map(|x| f16::from_f32(*x)).collect();
+        for encoding in [Encoding::UNCOMPRESSED, Encoding::FAST_LOSSLESS, Encoding::SMALL_LOSSLESS] {
+            let rgb = vec![
+                channel("R", &RAMP),
+                channel("G", &RAMP.map(|x| 0.5 * x)),
+                AnyChannel::new("B", FlatSamples::F16(half.clone())),
+                channel("A", &[0.5; 8]),
+            ];
+            let picture = decode_picture(&exr(rgb, (4, 2), encoding, [0, 0])).unwrap();
+            assert_eq!((picture.size, picture.was_encoded), ([4, 2], false));
+            assert_eq!(picture.pixels[5], [5.5, 2.75, 5.5]);
+            assert_eq!(picture.pixels[3], [-3.0, -1.5, -3.0], "negative values stay");
+        }
+        let gray = decode_picture(&exr(vec![channel("Y", &RAMP)], (4, 2), Encoding::FAST_LOSSLESS, [0, 0])).unwrap();
+        assert_eq!(gray.pixels[6], [6.0; 3]);
+        let layered = ["View.AO.", "View.Combined.", "View.Emit."].into_iter().zip([1.0, 2.0, 3.0]);
+        let of_layer = |(layer, factor): (&str, f32)| {
+            ["R", "G", "B"].map(|color| channel(&format!("{layer}{color}"), &RAMP.map(|value| factor * value)))
+        };
+        let layered = exr(layered.flat_map(of_layer).collect(), (4, 2), Encoding::UNCOMPRESSED, [0, 0]);
+        assert_eq!(decode_picture(&layered).unwrap().pixels[6], [12.0; 3]);
+    }
+
+    #[test]
+    fn pixels_of_a_data_window_lie_where_the_display_window_has_them() {
+        let cut = vec![channel("Y", &[1.0, 2.0, 3.0, 4.0])];
+        let picture = decode_picture(&exr(cut, (2, 2), Encoding::UNCOMPRESSED, [3, -1])).unwrap();
+        let mut expected = vec![[0.0; 3]; 8];
+        expected[3] = [3.0; 3];
+        assert_eq!((picture.size, picture.pixels), ([4, 2], expected));
+    }
+
+    #[test]
+    fn files_without_a_picture_that_can_be_used_are_refused_in_words() {
+        let chroma = exr(vec![channel("Y", &RAMP), channel("RY", &RAMP)], (4, 2), Encoding::UNCOMPRESSED, [0, 0]);
+        let depth = exr(vec![channel("Z", &RAMP)], (4, 2), Encoding::UNCOMPRESSED, [0, 0]);
+        let gray = exr(vec![channel("Y", &RAMP)], (4, 2), Encoding::UNCOMPRESSED, [0, 0]);
+        let cases: [(&[u8], &str); 4] = [
+            (&chroma, "luminance and chroma"),
+            (&depth, "but Z"),
+            (&gray[..gray.len() - 9], "it is cut off"),
+            (&gray[..60], "it is cut off"),
+        ];
+        for (bytes, words) in cases {
+            let said = decode_picture(bytes).expect_err(words);
+            assert!(said.contains(words), "{said} should say {words:?}");
+        }
+    }
+}
