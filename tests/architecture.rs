@@ -98,6 +98,17 @@ fn words_of_one_room_stay_out_of_the_others() {
     }
 }
 
+#[test]
+fn numbers_are_typed_into_one_field_alone() {
+    let source = root().join("crates/editor/src");
+    let field = source.join("panels/number.rs");
+    for file in sources(&source).into_iter().filter(|file| *file != field) {
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert!(!text.contains("DragValue"), "{} has a field of the toolkit, not `Number`", file.display());
+    }
+    assert!(std::fs::read_to_string(field).unwrap().contains("DragValue::new"));
+}
+
 /// Rust files below a folder, without those that only tests compile: a test may say what its numbers stand for.
 fn sources(folder: &Path) -> Vec<PathBuf> {
     let is_test = |path: &Path| path.file_stem().is_some_and(|stem| stem == "tests" || stem == "laws");

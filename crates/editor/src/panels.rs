@@ -14,6 +14,7 @@ pub mod looks;
 pub mod measure;
 pub mod menu;
 pub mod messages;
+pub mod number;
 pub mod plot;
 pub mod shortcuts;
 pub mod sky;

@@ -11,7 +11,7 @@ use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use serde_json::{Value, json};
 
-use desk::{Window, baked, click, drag, open, room, wait};
+use desk::{Window, baked, click, drag, open, room, type_over, wait};
 
 /// The room with three more lamps below a node: instances of one lamp.
 fn lit_room() -> Vec<u8> {
@@ -516,17 +516,6 @@ fn a_double_click_on_a_fader_brings_the_files_value_back() {
     assert_eq!(*window.state().look(), Look::default());
 }
 
-/// Types over the number of a field.
-fn type_over(window: &mut Window, label: &str, text: &str) {
-    window.get_by_label(label).click();
-    window.run_steps(2);
-    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
-    window.get_by_label(label).type_text(text);
-    window.run_steps(2);
-    window.key_press(Key::Enter);
-    window.run_steps(3);
-}
-
 #[test]
 fn a_number_is_taken_in_its_own_unit_and_in_no_other() {
     let mut window = lit();
@@ -584,4 +573,138 @@ fn a_long_list_is_searched_by_a_part_of_a_name() {
     window.get_by_label("Filter lights").type_text("spot 3");
     window.run_steps(3);
     assert_eq!((n_shown(&window, "left"), n_shown(&window, "spot")), (0, 1));
+}
+
+#[test]
+fn in_the_sorted_table_a_light_that_is_changed_stays_under_the_hand() {
+    let mut window = lit();
+    click(&mut window, "Table");
+    click(&mut window, "Sort by value");
+    let top = |window: &Window, name: &str| window.get_by_label(&format!("Mute {name}")).rect().top();
+    let others = ["middle", "right", "lamp", "panel"];
+    let are_as_in_the_file = |window: &Window| others.iter().all(|key| intensity(window, key) == 1.0);
+    let before = top(&window, "left");
+    assert!(before < top(&window, "right"));
+
+    // Dragged past all the others, and typed.
+    let at = window.get_by_label("left factor").rect().center();
+    window.hover_at(at);
+    window.run_steps(2);
+    window.drag_at(at);
+    window.run_steps(2);
+    for x in [10.0, 40.0, 80.0] {
+        window.hover_at(at + eframe::egui::vec2(x, 0.0));
+        window.run_steps(3);
+        assert_eq!(top(&window, "left"), before, "it stays while it is held");
+    }
+    let held = intensity(&window, "left");
+    assert!(held > 1.05 && are_as_in_the_file(&window), "{held}");
+    window.drop_at(at + eframe::egui::vec2(80.0, 0.0));
+    window.run_steps(4);
+    assert!(top(&window, "left") > top(&window, "right"), "and then goes where it belongs");
+    type_over(&mut window, "left factor", "0.25");
+    assert!(intensity(&window, "left") == 0.25 && are_as_in_the_file(&window));
+    assert!(top(&window, "left") < top(&window, "middle"));
+
+    // The keyboard and the window of a color go with their light.
+    click(&mut window, "Sort by lm");
+    click(&mut window, "Sort by lm");
+    window.get_by_label("Mute right").focus();
+    window.run_steps(2);
+    for _ in 0..2 {
+        press(&mut window, Key::Space);
+    }
+    let muted = |window: &Window, key: &str| window.state().look().lights.own_setting(key).muted;
+    assert!(!["left", "middle", "right", "lamp"].iter().any(|key| muted(&window, key)), "on and off is the same light");
+    click(&mut window, "Sort by kelvin");
+    click(&mut window, "right color");
+    click(&mut window, "Kelvin");
+    click(&mut window, "Warm");
+    click(&mut window, "Candle");
+    let kelvin = |key: &str| window.state().look().lights.own_setting(key).kelvin;
+    assert_eq!((kelvin("right"), kelvin("left"), kelvin("middle")), (Some(1900.0), None, None));
+}
+
+#[test]
+fn board_and_table_have_the_details_the_masters_and_the_way_back() {
+    let mut window = lit();
+    click(&mut window, "Add lamp");
+    click(&mut window, "Spot");
+    wait(&mut window, App::is_settled);
+    click(&mut window, "Mute group Counter");
+    for view in ["Board", "Table"] {
+        click(&mut window, view);
+        window.run_steps(4);
+        let panel = window.get_by_label("Picture").rect().left();
+        for label in ["Spot lamp 1 strength", "Spot lamp 1 outer angle", "Spot lamp 1 aim Z"] {
+            let field = window.get_by_label(label).rect();
+            assert!(field.right() < panel && field.bottom() < 900.0, "{view}: {label} at {field}");
+        }
+        assert_eq!(window.query_all_by_label_contains("Counter mutes").count(), usize::from(view == "Table"), "{view}");
+        window.get_by_label("Reset all lights");
+    }
+    type_over(&mut window, "Spot lamp 1 outer angle", "50");
+    click(&mut window, "Reset master Counter");
+    assert!(window.state().look().lights.groups.is_empty());
+    click(&mut window, "Reset all lights");
+    assert_eq!(*window.state().look(), Look::default());
+    assert!(window.query_by_label("Reset all lights").is_none());
+    // A panel has its spots there, too.
+    window.get_all_by_label("panel").next().unwrap().click();
+    window.run_steps(4);
+    click(&mut window, "Spots");
+    window.get_by_label("Spots on panel");
+}
+
+#[test]
+fn a_long_table_draws_the_lines_that_are_seen() {
+    let mut gltf: Value = serde_json::from_slice(&lit_room()).unwrap();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    let first = nodes.len();
+    nodes.extend((0..320).map(|idx| {
+        json!({"name": format!("spot {idx:03}"), "translation": [0.001 * f64::from(idx), 0.1, -0.6],
+            "extensions": {"KHR_lights_punctual": {"light": 0}}})
+    }));
+    let roots = gltf["scenes"][0]["nodes"].as_array_mut().unwrap();
+    roots.extend((first..first + 320).map(|node| json!(node)));
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().basis().is_some());
+    click(&mut window, "Table");
+    click(&mut window, "Sort by name");
+    let n_drawn = |window: &Window| window.query_all_by_label_contains("Mute spot").count();
+    assert!((10..60).contains(&n_drawn(&window)), "{}", n_drawn(&window));
+    let kinds = |window: &Window| window.get_by_label("Sort by kind").rect().x_range();
+    let before = kinds(&window);
+    assert!(window.query_by_label("Mute spot 319").is_none());
+    let at = window.get_by_label("Mute spot 000").rect().center();
+    window.hover_at(at);
+    window.event(Event::MouseWheel {
+        unit: eframe::egui::MouseWheelUnit::Point,
+        delta: eframe::egui::vec2(0.0, -20_000.0),
+        phase: eframe::egui::TouchPhase::Move,
+        modifiers: Modifiers::NONE,
+    });
+    window.run_steps(60);
+    window.get_by_label("Mute spot 319");
+    assert!(window.query_by_label("Mute spot 000").is_none());
+    assert_eq!(kinds(&window), before, "the columns stay");
+}
+
+#[test]
+fn the_square_of_colors_stays_where_it_is_pressed() {
+    let mut window = lit();
+    click(&mut window, "left color");
+    click(&mut window, "Color");
+    let place = |window: &Window| window.get_by_label("Saturation and value").rect();
+    let before = place(&window);
+    window.drag_at(before.center());
+    window.run_steps(3);
+    assert_eq!(place(&window), before);
+    window.get_by_label("left hex");
+    window.hover_at(before.center() + eframe::egui::vec2(20.0, 10.0));
+    window.run_steps(3);
+    assert_eq!(place(&window), before);
+    window.drop_at(before.center());
+    window.run_steps(3);
+    assert_eq!(place(&window), before);
 }

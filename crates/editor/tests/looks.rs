@@ -187,6 +187,70 @@ fn looks_are_renamed_duplicated_put_in_order_and_deleted() {
     assert_eq!(names(&window).len(), 3);
 }
 
+/// Two clicks as quick as a double-click is.
+fn double_click(window: &mut Window, at: eframe::egui::Pos2) {
+    window.hover_at(at);
+    window.run_steps(2);
+    for pressed in [true, false, true, false] {
+        let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+        window.event(eframe::egui::Event::PointerButton { pos: at, button, pressed, modifiers });
+        window.run_steps(1);
+    }
+    window.run_steps(3);
+}
+
+#[test]
+fn a_double_click_on_the_name_of_a_look_renames_it_and_leaves_the_lights() {
+    let mut window = two_looks();
+    click(&mut window, "Mute panel");
+    let look = window.state().look().clone();
+    for name in ["Look Look 2", "Look Look"] {
+        let card = window.get_by_label(name).rect();
+        double_click(&mut window, card.left_bottom() + eframe::egui::vec2(20.0, -8.0));
+        window.get_by_label("Name of the look");
+        assert_eq!(*window.state().look(), look, "{name}");
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+    }
+    let picture = window.get_by_label("Look Look").rect().center_top() + eframe::egui::vec2(0.0, 20.0);
+    double_click(&mut window, picture);
+    assert!(window.query_by_label("Name of the look").is_none());
+    assert!(!is_muted(&window), "the picture is taken");
+}
+
+#[test]
+fn a_look_that_is_compared_or_faded_may_be_renamed() {
+    let mut window = two_looks();
+    click(&mut window, "Compare");
+    click(&mut window, "Cross-fade");
+    for (card, name) in [("Look Look", "Day"), ("Look Look 2", "Night")] {
+        context_menu(&mut window, card, "Rename");
+        desk::type_over(&mut window, "Name of the look", name);
+    }
+    assert_eq!(names(&window), ["Day", "Night"]);
+    let chosen = |label: &str| window.get_by_label(label).accesskit_node().value().unwrap_or_default();
+    assert_eq!(["Left look", "Right look"].map(chosen), ["Day", "Now"]);
+    assert_eq!(["Fade from", "Fade to"].map(chosen), ["Night", "Day"]);
+}
+
+#[test]
+fn a_look_with_a_file_is_saved_at_once_or_as_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let [first, second] = ["first.look", "second.look"].map(|name| folder.path().join(name));
+    let mut window = baked();
+    assert!(window.query_by_label("Save look as…").is_none());
+    save_as(&mut window, "Save look…", &first);
+    assert!(first.exists() && window.query_by_label("Save look…").is_none());
+    click(&mut window, "Mute lamp");
+    click(&mut window, "Save look");
+    assert!(window.query_by_label("Path").is_none(), "it has a file");
+    assert!(std::fs::read_to_string(&first).unwrap().contains("muted"));
+    click(&mut window, "Mute lamp");
+    save_as(&mut window, "Save look as…", &second);
+    assert!(std::fs::read_to_string(&first).unwrap().contains("muted"));
+    assert!(!std::fs::read_to_string(&second).unwrap().contains("muted"));
+}
+
 #[test]
 fn presets_are_made_of_the_lights_of_the_scene() {
     let mut window = baked();

@@ -177,6 +177,7 @@ impl App {
                 can_redo: self.steps.can_redo(),
                 has_picture: self.follower.picture().is_some(),
                 is_unsaved: self.is_unsaved(),
+                has_look_file: self.look_path.is_some(),
                 recent: &self.recent,
             };
             toolbar_ui(ui, &state, &mut self.actions);
@@ -242,7 +243,7 @@ impl App {
 
 fn bake_view<'a>(
     session: &'a Session,
-    (settings, camera): (&BakeSettings, Option<&Camera>),
+    (settings, camera): (&BakeSettings, Option<&'a Camera>),
     device_bytes: Option<u64>,
 ) -> BakeView<'a> {
     let opened = session.opened.as_ref();
@@ -251,6 +252,7 @@ fn bake_view<'a>(
         figures: session.figures.as_ref(),
         device_bytes,
         error_db: session.error_db,
+        camera,
         can_bake: session.has_scene() || opened.is_some_and(|opened| opened.stack.is_some()),
         pictures: session.pictures(),
         units: opened.filter(|opened| opened.has_plain_lamps()).map(|opened| opened.chosen.units),

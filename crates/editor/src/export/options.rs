@@ -69,6 +69,20 @@ pub struct Region {
     pub height: u32,
 }
 
+impl Region {
+    /// The same part of a picture of another size, by whole pixels; something always stays.
+    fn scaled(self, before: [u32; 2], after: [u32; 2]) -> Region {
+        let part = |from: u32, length: u32, axis: usize| {
+            let scale = f64::from(after[axis]) / f64::from(before[axis]);
+            let [from, to] = [from, from.saturating_add(length)].map(|px| (f64::from(px) * scale).round() as u32);
+            let from = from.min(after[axis].saturating_sub(1));
+            (from, to.saturating_sub(from).max(1))
+        };
+        let ((x, width), (y, height)) = (part(self.x, self.width, 0), part(self.y, self.height, 1));
+        Region { x, y, width, height }
+    }
+}
+
 /// How a picture becomes a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -109,6 +123,15 @@ impl ExportOptions {
             ),
             Some(width) => Ok([width, cut::height_of(width, baked)]),
         }
+    }
+
+    /// The same for a picture of another width; the region keeps its part of the picture.
+    pub(crate) fn of_width(self, width: u32, baked: [u32; 2]) -> ExportOptions {
+        let width_px = (width < baked[0]).then_some(width);
+        let scaled = ExportOptions { width_px, ..self };
+        let region = self.region.zip(self.whole(baked).ok()).zip(scaled.whole(baked).ok());
+        let region = region.map(|((region, before), after)| region.scaled(before, after));
+        ExportOptions { region: region.or(self.region), ..scaled }
     }
 
     /// The part that is written, given the size of the bake.
@@ -163,6 +186,23 @@ mod tests {
         let half = ExportOptions { width_px: Some(320), region: region(300, 0, 20, 240), ..ExportOptions::default() };
         assert_eq!(half.window([640, 480]).unwrap(), region(300, 0, 20, 240).unwrap());
         assert_eq!(half.whole([641, 480]).unwrap(), [320, 240]);
+    }
+
+    #[test]
+    fn a_region_keeps_its_part_of_a_picture_of_another_width() {
+        let baked = [640, 480];
+        let whole =
+            ExportOptions { region: Some(Region { x: 100, y: 60, width: 400, height: 300 }), ..Default::default() };
+        let half = whole.of_width(320, baked);
+        assert_eq!((half.width_px, half.region), (Some(320), Some(Region { x: 50, y: 30, width: 200, height: 150 })));
+        assert_eq!(half.of_width(640, baked), whole);
+        let dot = whole.of_width(1, baked);
+        assert_eq!(dot.window(baked).unwrap(), Region { x: 0, y: 0, width: 1, height: 1 });
+        let corner = ExportOptions { region: Some(Region { x: 639, y: 479, width: 1, height: 1 }), ..whole };
+        assert!((1..640).all(|width| corner.of_width(width, baked).window(baked).is_ok()));
+        // One that does not fit stays one that does not.
+        let far = ExportOptions { region: Some(Region { x: 700, y: 0, width: u32::MAX, height: 9 }), ..whole };
+        assert!(far.of_width(320, baked).window(baked).is_err());
     }
 
     #[test]

@@ -3,13 +3,14 @@
 use std::ops::RangeInclusive;
 
 use clerestory_transport::bake::{BakeConfig, Indirect};
-use clerestory_transport::camera::Film;
+use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::lamp_units::LampUnits;
 use clerestory_transport::patches::{DEFAULT_PATCHES, MOST_PATCHES};
-use eframe::egui::{self, Button, DragValue, ProgressBar, RichText, Ui, Widget};
+use eframe::egui::{self, Button, ProgressBar, RichText, Ui, Widget};
 
 use super::heat::{HeatMap, heat_ui};
+use super::number::{Number, before_drag};
 use super::plot::error_plot_ui;
 use super::status::duration;
 use crate::action::{Action, FileTask};
@@ -58,6 +59,8 @@ pub struct BakeView<'a> {
     pub error_db: Option<ErrorDb>,
     /// Whether there is a scene or a stack, so that it can be baked.
     pub can_bake: bool,
+    /// The camera that it is of.
+    pub camera: Option<&'a Camera>,
     /// Number and size of the pictures, where the columns are pictures that were taken.
     pub pictures: Option<(usize, Film)>,
     /// How its lamps are counted, where it has lamps that leave room for a doubt.
@@ -122,14 +125,14 @@ fn content_ui(
 fn settings_ui(ui: &mut Ui, settings: &mut BakeSettings, view: &BakeView, actions: &mut Vec<Action>) {
     egui::Grid::new("bake settings").num_columns(2).spacing([10.0, 7.0]).show(ui, |ui| {
         ui.label("Size");
-        size_ui(ui, &mut settings.film);
+        size_ui(ui, &mut settings.film, view.camera);
         ui.end_row();
         let label = ui.label("Quality");
         quality_ui(ui, &mut settings.config, label.id);
         ui.end_row();
         ui.label("");
         ui.horizontal(|ui| {
-            let spp = DragValue::new(&mut settings.config.spp).range(2..=MOST_SPP).suffix(" spp");
+            let spp = Number::new(&mut settings.config.spp).range(2..=MOST_SPP).suffix(" spp");
             ui.add(spp).on_hover_text("Samples per pixel, at most").accessible_name("Samples per pixel");
             tolerance_ui(ui, &mut settings.config);
         });
@@ -179,7 +182,7 @@ fn pictures_ui(ui: &mut Ui, config: &mut BakeConfig, (n_pictures, film): (usize,
 }
 
 fn tolerance_ui(ui: &mut Ui, config: &mut BakeConfig) {
-    let tolerance = DragValue::new(&mut config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
+    let tolerance = Number::new(&mut config.tolerance_db).range(0.0..=100.0).speed(0.1).suffix(" dB");
     ui.add(tolerance).on_hover_text("A block is done at this error").accessible_name("Tolerance");
 }
 
@@ -195,7 +198,7 @@ fn patches_ui(ui: &mut Ui, patches: &mut u32) {
     if movable {
         ui.end_row();
         ui.label("Patches");
-        let number = DragValue::new(patches).range(FEWEST_PATCHES..=MOST_PATCHES).speed(16.0);
+        let number = Number::new(patches).range(FEWEST_PATCHES..=MOST_PATCHES).speed(16.0);
         number.ui(ui).on_hover_text("Patches of surface that are told apart").accessible_name("Number of patches");
     }
 }
@@ -212,7 +215,7 @@ fn memory_ui(ui: &mut Ui, limit: Option<u64>, actions: &mut Vec<Action>) {
         }
         if let Some(limit) = limit {
             let mut gigabytes = limit as f64 / GIGABYTE;
-            let value = DragValue::new(&mut gigabytes).range(0.01..=4096.0).speed(0.05).max_decimals(2).suffix(" GB");
+            let value = Number::new(&mut gigabytes).range(0.01..=4096.0).speed(0.05).max_decimals(2).suffix(" GB");
             if ui.add(value).on_hover_text(hint).accessible_name("Memory limit").changed() {
                 actions.push(Action::LimitMemory(Some((gigabytes * GIGABYTE) as u64)));
             }
@@ -232,18 +235,28 @@ fn units_ui(ui: &mut Ui, units: LampUnits, actions: &mut Vec<Action>) {
     }
 }
 
-fn size_ui(ui: &mut Ui, film: &mut Film) {
+fn size_ui(ui: &mut Ui, film: &mut Film, camera: Option<&Camera>) {
     ui.horizontal(|ui| {
-        let aspect = film.width as f32 / film.height as f32;
-        let width = ui.add(DragValue::new(&mut film.width).range(SIDES_PX));
+        let before = *film;
+        let width = ui.add(Number::new(&mut film.width).range(SIDES_PX));
         let width = width.on_hover_text("Pixels across; the height keeps the proportions").accessible_name("Width");
+        let before = before_drag(ui, &width, before);
         if width.changed() {
-            film.height = ((film.width as f32 / aspect).round() as u32).clamp(*SIDES_PX.start(), *SIDES_PX.end());
+            film.height = height_px(film.width, before, camera);
         }
         ui.label("×");
-        let height = ui.add(DragValue::new(&mut film.height).range(SIDES_PX));
+        let height = ui.add(Number::new(&mut film.height).range(SIDES_PX));
         height.on_hover_text("Pixels down").accessible_name("Height");
     });
+}
+
+/// The height that goes with a width: the camera's until somebody chose another, then in the proportions of before.
+fn height_px(width: u32, before: Film, camera: Option<&Camera>) -> u32 {
+    let side = |px: u32| px.clamp(*SIDES_PX.start(), *SIDES_PX.end());
+    let of_camera = |width: u32| camera.map(|camera| side(Film::of_width(width, camera).height));
+    let is_own = of_camera(before.width).is_none_or(|height| height.abs_diff(before.height) > 1);
+    let scaled = || side((width as f32 * before.height as f32 / before.width as f32).round() as u32);
+    of_camera(width).filter(|_| !is_own).unwrap_or_else(scaled)
 }
 
 fn quality_ui(ui: &mut Ui, config: &mut BakeConfig, label: egui::Id) {

@@ -1,8 +1,9 @@
 //! Where the picture is seen from: baked views, cameras of the file, bookmarks, and the numbers of the view.
 
 use clerestory_transport::camera::{Camera, Film, Pose};
-use eframe::egui::{self, Button, ComboBox, DragValue, Grid, RichText, TextEdit, Ui};
+use eframe::egui::{self, Button, ComboBox, Grid, Key, RichText, TextEdit, Ui};
 
+use super::number::Number;
 use crate::action::Action;
 use crate::look::numbered_name;
 use crate::session::views::ViewEntry;
@@ -66,7 +67,8 @@ fn mode_ui(ui: &mut Ui, view: &CameraView, actions: &mut Vec<Action>) {
 fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Vec<Camera>, actions: &mut Vec<Action>) {
     row_ui(ui, |ui| {
         if ui.button("Bookmark").on_hover_text("Keep this view in the look").clicked() {
-            let name = numbered_name("Bookmark", |name| Camera::named(bookmarks, name).is_some());
+            let is_taken = |name: &str| view.cameras.iter().chain(&*bookmarks).any(|known| known.name == name);
+            let name = numbered_name("Bookmark", is_taken);
             bookmarks.push(Camera { name, ..camera.clone() });
         }
         known_ui(ui, view.cameras, camera, bookmarks, actions);
@@ -74,9 +76,7 @@ fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Ve
     let Some(idx) = bookmarks.iter().position(|other| other == camera) else { return };
     row_ui(ui, |ui| {
         let is_over = ui.button("Remove").on_hover_text("Give this bookmark up").clicked();
-        let mut name = bookmarks[idx].name.clone();
-        let edit = TextEdit::singleline(&mut name).desired_width(ui.available_width() - 12.0);
-        if ui.add(edit).accessible_name("Name of the bookmark").changed() && !name.is_empty() {
+        if let Some(name) = bookmark_name_ui(ui, (view.cameras, bookmarks), idx) {
             bookmarks[idx].name.clone_from(&name);
             actions.push(Action::NameView(name));
         }
@@ -84,6 +84,28 @@ fn choice_ui(ui: &mut Ui, view: &CameraView, camera: &Camera, bookmarks: &mut Ve
             bookmarks.remove(idx);
         }
     });
+}
+
+/// The name of a bookmark; answers with another one once it is typed. None but its own view may have it.
+fn bookmark_name_ui(ui: &mut Ui, (cameras, bookmarks): (&[Camera], &[Camera]), idx: usize) -> Option<String> {
+    let now = &bookmarks[idx].name;
+    let id = ui.scope_id().with("bookmark name");
+    let mut name = ui.data(|data| data.get_temp(id)).unwrap_or_else(|| now.clone());
+    let edit = ui.add(TextEdit::singleline(&mut name).desired_width(ui.available_width() - 12.0));
+    let edit = edit.accessible_name("Name of the bookmark");
+    let wanted = name.trim().to_owned();
+    let others = bookmarks.iter().enumerate().filter(|(other, _)| *other != idx).map(|(_, bookmark)| bookmark);
+    let is_free = cameras.iter().chain(others).all(|view| view.name != wanted);
+    if edit.has_focus() {
+        if !is_free {
+            edit.show_tooltip_text("Another view has this name");
+        }
+        ui.data_mut(|data| data.insert_temp(id, name));
+        return None;
+    }
+    ui.data_mut(|data| data.remove_temp::<String>(id));
+    let is_wanted = edit.lost_focus() && !ui.input(|input| input.key_pressed(Key::Escape));
+    (is_wanted && is_free && !wanted.is_empty() && wanted != *now).then_some(wanted)
 }
 
 /// A row that is filled from the right, so that what comes last takes the room that is left.
@@ -157,8 +179,9 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
         let axes = [("X", &mut pose.position.x), ("Y", &mut pose.position.y), ("Z", &mut pose.position.z)];
         for (axis, meters) in axes {
             ui.label(format!("Position {axis}"));
-            let number = DragValue::new(meters).speed(0.02).max_decimals(2).suffix(" m");
-            ui.add(number).accessible_name(format!("Camera {axis}"));
+            let number = Number::new(meters).speed(0.02).max_decimals(2).suffix(" m");
+            let hint = format!("{axis} in meters; Y points up");
+            ui.add(number).on_hover_text(hint).accessible_name(format!("Camera {axis}"));
             ui.end_row();
         }
         let angles = [
@@ -175,7 +198,7 @@ fn numbers_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
         for (axis, idx, hint) in [("Shift X", 0, "To the right"), ("Shift Y", 1, "Up")] {
             ui.label(axis);
             let range = -Camera::MOST_SHIFT..=Camera::MOST_SHIFT;
-            let number = DragValue::new(&mut camera.shift[idx]).speed(0.002).range(range).max_decimals(3);
+            let number = Number::new(&mut camera.shift[idx]).speed(0.002).range(range).max_decimals(3);
             let hint = format!("{hint}, in {} of the picture", ["widths", "heights"][idx]);
             ui.add(number).on_hover_text(hint).accessible_name(axis);
             ui.end_row();
@@ -201,7 +224,7 @@ fn degrees_ui(ui: &mut Ui, radians: &mut f32, range: std::ops::RangeInclusive<f3
     // Rounded first, and plus zero: there is but one zero.
     let words =
         |degrees: f64, _: std::ops::RangeInclusive<usize>| format!("{:.1}", (10.0 * degrees).round() / 10.0 + 0.0);
-    let number = DragValue::new(&mut degrees).speed(0.2).range(range).custom_formatter(words).suffix("°");
+    let number = Number::new(&mut degrees).speed(0.2).range(range).words(words).suffix("°");
     let response = ui.add(number);
     if response.changed() {
         *radians = degrees.to_radians();
@@ -217,7 +240,7 @@ fn lens_ui(ui: &mut Ui, camera: &mut Camera, film: Film) {
     ui.label("Focal length");
     let aspect = film.width as f32 / film.height as f32;
     let mut focal_mm = 0.5 * FILM_MM / ((0.5 * camera.yfov_rad).tan() * aspect);
-    let number = DragValue::new(&mut focal_mm).speed(0.1).range(2.0..=2000.0).max_decimals(1).suffix(" mm");
+    let number = Number::new(&mut focal_mm).speed(0.1).range(2.0..=2000.0).max_decimals(1).suffix(" mm");
     let response = ui.add(number).on_hover_text("On film 36 mm wide").accessible_name("Focal length");
     if response.changed() {
         camera.yfov_rad = 2.0 * (0.5 * FILM_MM / (focal_mm * aspect)).atan();

@@ -2,12 +2,14 @@
 
 use clerestory_transport::light::planckian_tint;
 use eframe::egui::{
-    self, Color32, ColorImage, DragValue, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind,
+    self, Color32, ColorImage, Popup, PopupCloseBehavior, Rect, Response, Sense, Slider, Stroke, StrokeKind,
     TextureOptions, Ui,
     ecolor::{Hsva, HsvaGamma},
     pos2, vec2,
 };
 use glam::Vec3;
+
+use super::number::{Number, Spelling, slider_ui};
 
 /// How a light is tinted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,7 +47,9 @@ pub fn tint_ui(ui: &mut Ui, label: &str, tint: &mut Tint, file_color: Vec3, kelv
         match *tint {
             Tint { kelvin: Some(kelvin), .. } => kelvin_ui(ui, label, kelvin, tint),
             Tint { color: Some(color), .. } => {
-                if let Some(color) = picker_ui(ui, color).or_else(|| hex_ui(ui, label, color)) {
+                // Both at every frame, so that nothing moves under the pointer that picks.
+                let (picked, typed) = (picker_ui(ui, color), hex_ui(ui, label, color));
+                if let Some(color) = picked.or(typed) {
                     tint.color = Some(color);
                 }
             }
@@ -98,7 +102,8 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
         .fixed_decimals(0)
         .suffix(" K")
         .trailing_fill(false);
-    let response = ui.add(slider).on_hover_text("Color temperature in kelvin: 2700 K is warm, 6500 K is daylight");
+    let response = slider_ui(ui, slider, Spelling::with_unit(" K"));
+    let response = response.on_hover_text("Color temperature in kelvin: 2700 K is warm, 6500 K is daylight");
     if response.accessible_name(format!("{label} kelvin")).changed() {
         tint.kelvin = Some(kelvin.clamp(*KELVIN_RANGE.start(), *KELVIN_RANGE.end()));
     }
@@ -118,13 +123,13 @@ fn kelvin_ui(ui: &mut Ui, label: &str, mut kelvin: f32, tint: &mut Tint) {
 pub fn kelvin_field_ui(ui: &mut Ui, label: &str, tint: &mut Tint, is_mixed: bool) -> bool {
     let mut kelvin = tint.kelvin.unwrap_or(NEW_KELVIN);
     let has_one = tint.kelvin.is_some();
-    let number = DragValue::new(&mut kelvin).range(KELVIN_RANGE).speed(15.0).suffix(" K");
-    let number = number.custom_formatter(|kelvin, _| match (is_mixed, has_one) {
+    let number = Number::new(&mut kelvin).range(KELVIN_RANGE).speed(15.0).suffix(" K");
+    let number = number.words(|kelvin, _| match (is_mixed, has_one) {
         (true, _) => "mixed".into(),
         (false, true) => format!("{kelvin:.0}"),
         (false, false) => "–".into(),
     });
-    let number = number.custom_parser(|text| text.trim().trim_end_matches(['K', 'k', ' ']).parse().ok());
+    let number = number.read(|text| text.trim().trim_end_matches(['K', 'k', ' ']).parse().ok());
     let field = ui.add_sized([66.0, 22.0], number).on_hover_text("Color temperature, kelvin");
     let is_set = field.accessible_name(format!("{label} color temperature")).changed();
     if is_set {

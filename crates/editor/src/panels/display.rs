@@ -1,9 +1,10 @@
 //! Exposure, white balance, tone curve, and false color.
 
 use clerestory_relight::display::{Dither, Metering, Spacing, Tone, WhitePoint};
-use eframe::egui::{self, DragValue, Slider, SliderClamping, Ui};
+use eframe::egui::{self, Slider, SliderClamping, Ui};
 
 use super::measure::{LuxBake, missing_ui};
+use super::number::{Number, Spelling, before_drag, slider_ui};
 use crate::action::Action;
 use crate::isolux::Isolux;
 use crate::legend::Legend;
@@ -121,7 +122,7 @@ fn exposure_rows(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
     ui.end_row();
     if let Metering::Percentile(percent) = &mut display.metering {
         let label = ui.label("Below white");
-        let drag = DragValue::new(percent).range(0.0..=100.0).speed(0.1).suffix(" %");
+        let drag = Number::new(percent).range(0.0..=100.0).speed(0.1).suffix(" %");
         ui.add(drag).labelled_by(label.id).on_hover_text(METERINGS[2].2);
         ui.end_row();
     }
@@ -130,8 +131,8 @@ fn exposure_rows(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
 /// What is added to the exposure that suits the picture.
 fn compensation_ui(ui: &mut Ui, compensation_ev: &mut f32) {
     let range = (*COMPENSATION_EV.start() as f32)..=(*COMPENSATION_EV.end() as f32);
-    let drag = DragValue::new(compensation_ev).range(range).speed(0.02).fixed_decimals(2).suffix(" EV");
-    let signed = drag.custom_formatter(|ev, _| if ev == 0.0 { "±0.00".into() } else { format!("{ev:+.2}") });
+    let drag = Number::new(compensation_ev).range(range).speed(0.02).fixed_decimals(2).suffix(" EV");
+    let signed = drag.words(|ev, _| if ev == 0.0 { "±0.00".into() } else { format!("{ev:+.2}") });
     let hint = "Exposure compensation: stops (EV) that are added to the exposure that suits the picture, so that a night may be darker than a day";
     ui.add(signed).on_hover_text(hint).accessible_name("Exposure compensation");
 }
@@ -144,7 +145,8 @@ fn exposure_ui(ui: &mut Ui, display: &mut Display, view: &DisplayView) {
         .trailing_fill(false)
         .fixed_decimals(2)
         .suffix(" EV");
-    let response = ui.add(slider).on_hover_text("Stops (EV): one more shows everything twice as bright");
+    let response = slider_ui(ui, slider, Spelling::with_unit(" EV"));
+    let response = response.on_hover_text("Stops (EV): one more shows everything twice as bright");
     let response = response.accessible_name("Exposure");
     if response.changed() {
         display.exposure_ev = Some(ev.clamp(-60.0, 60.0));
@@ -165,11 +167,12 @@ fn white_rows(ui: &mut Ui, white: &mut Option<WhitePoint>) {
     let kelvins = *WHITE_KELVIN.start() as f32..=*WHITE_KELVIN.end() as f32;
     let slider =
         Slider::new(&mut white.kelvin, kelvins).logarithmic(true).trailing_fill(false).fixed_decimals(0).suffix(" K");
-    ui.add(slider).labelled_by(label.id).on_hover_text("Color temperature of the light that is shown as neutral");
+    let slider = slider_ui(ui, slider, Spelling::with_unit(" K")).labelled_by(label.id);
+    slider.on_hover_text("Color temperature of the light that is shown as neutral");
     ui.end_row();
     let label = ui.label("Tint");
     let duvs = *WHITE_DUV.start() as f32..=*WHITE_DUV.end() as f32;
-    let drag = DragValue::new(&mut white.duv).range(duvs).speed(0.0001).fixed_decimals(4).suffix(" Duv");
+    let drag = Number::new(&mut white.duv).range(duvs).speed(0.0001).fixed_decimals(4).suffix(" Duv");
     let hint = "Distance of that light from the black body in CIE 1960 uv: positive is green light, negative magenta";
     ui.add(drag).labelled_by(label.id).on_hover_text(hint);
     ui.end_row();
@@ -223,10 +226,16 @@ fn range_row(ui: &mut Ui, false_color: &mut FalseColor) {
     ui.label("Range");
     ui.horizontal(|ui| {
         let unit = format!(" {}", false_color.quantity.unit());
-        for (value, name) in [(&mut *low, "Scale from"), (&mut *high, "Scale to")] {
+        let number = |ui: &mut Ui, value: &mut f32, name: &str| {
             let speed = f64::from(value.abs().max(1e-3)) * 0.01;
-            let drag = DragValue::new(value).range(0.0..=1e9).speed(speed).suffix(&unit);
-            ui.add(drag).on_hover_text(format!("{name}; what lies outside takes the color of the end"));
+            let number = ui.add(Number::new(value).range(0.0..=1e9).speed(speed).suffix(unit.as_str()));
+            number.on_hover_text(format!("{name}; what lies outside takes the color of the end")).accessible_name(name)
+        };
+        number(ui, low, "Scale from");
+        let to = number(ui, high, "Scale to");
+        let before = before_drag(ui, &to, *low);
+        if to.changed() {
+            *low = before;
         }
     });
     ui.end_row();

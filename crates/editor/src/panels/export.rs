@@ -3,8 +3,9 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use eframe::egui::{self, ComboBox, DragValue, RichText, Ui};
+use eframe::egui::{self, ComboBox, RichText, Ui};
 
+use super::number::{Number, before_drag};
 use crate::action::Action;
 use crate::export::ImageFormat;
 use crate::export::layers::LayerSet;
@@ -176,9 +177,10 @@ fn numbers_rows(ui: &mut Ui, options: &mut ExportOptions) {
 
 fn width_ui(ui: &mut Ui, options: &mut ExportOptions, baked: [u32; 2]) {
     let mut width = options.width_px.unwrap_or(baked[0]);
-    let number = ui.add(DragValue::new(&mut width).range(1..=baked[0])).accessible_name("Width of the file");
-    if number.on_hover_text("Pixels across, at most as many as were baked").changed() {
-        options.width_px = (width < baked[0]).then_some(width);
+    let number = ui.add(Number::new(&mut width).range(1..=baked[0])).accessible_name("Width of the file");
+    let before = before_drag(ui, &number, *options);
+    if number.on_hover_text("Pixels across, at most as many as were baked; the region keeps its part").changed() {
+        *options = before.of_width(width, baked);
     }
     let height = options.whole(baked).map_or(baked[1], |[_, height]| height);
     ui.label(format!("× {height}"));
@@ -200,6 +202,9 @@ fn region_ui(ui: &mut Ui, options: &mut ExportOptions, baked: [u32; 2]) {
         (&mut region.height, 1..=height, "h ", "Region height"),
     ];
     for (value, range, prefix, name) in numbers {
-        ui.add(DragValue::new(value).range(range).prefix(prefix)).on_hover_text("Pixels").accessible_name(name);
+        let number = Number::new(value).range(range.clone()).leaves_what_is_outside().prefix(prefix);
+        if ui.add(number).on_hover_text("Pixels").accessible_name(name).changed() {
+            *value = (*value).clamp(*range.start(), *range.end());
+        }
     }
 }

@@ -2,11 +2,12 @@
 
 use clerestory_transport::lamps::{FreeLamp, LampShape};
 use clerestory_transport::light::{LightRig, luminance};
-use eframe::egui::{self, Button, Color32, ComboBox, DragValue, Grid, Label, Modifiers, Pos2, RichText, Ui};
+use eframe::egui::{self, Button, Color32, ComboBox, Grid, Label, Modifiers, Pos2, RichText, Ui};
 use glam::Vec3;
 
 use super::lights::listed::Listed;
 use super::lights::names::{Renaming, name_field_ui};
+use super::number::{Number, before_drag};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::viewport::gizmo::{AimWhileMoving, Drag, move_to};
@@ -206,7 +207,7 @@ fn strength_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     ui.label(RichText::new("Strength").weak());
     ui.horizontal(|ui| {
         let speed = (0.01 * f64::from(lamp.strength)).max(0.01);
-        let number = DragValue::new(&mut lamp.strength).range(0.0..=1e9).speed(speed).max_decimals(2);
+        let number = Number::new(&mut lamp.strength).range(0.0..=1e9).speed(speed).max_decimals(2);
         let tip = format!("Strength at intensity 1×, in {}", lamp.unit.name());
         ui.add(number).on_hover_text(tip).accessible_name(format!("{name} strength"));
         let (before, mut unit) = (lamp.unit, lamp.unit);
@@ -227,7 +228,7 @@ fn strength_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
 
 fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     let meters = |ui: &mut Ui, value: &mut f32, what: &str| {
-        let number = DragValue::new(value).range(0.0..=1e4).speed(0.005).suffix(" m").max_decimals(3);
+        let number = Number::new(value).range(0.0..=1e4).speed(0.005).suffix(" m").max_decimals(3);
         ui.add(number).on_hover_text(what).accessible_name(format!("{name} {}", what.to_lowercase()));
     };
     match &mut lamp.shape {
@@ -241,9 +242,10 @@ fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
                     *inner_rad = inner.to_radians().min(*outer_rad);
                 }
                 let number = ui.add(angle(&mut outer, 90.0)).on_hover_text("Where the light ends");
+                let before = before_drag(ui, &number, *inner_rad);
                 if number.accessible_name(format!("{name} outer angle")).changed() {
                     *outer_rad = outer.to_radians();
-                    *inner_rad = inner_rad.min(*outer_rad);
+                    *inner_rad = before.min(*outer_rad);
                 }
             });
         }
@@ -268,8 +270,8 @@ fn shape_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     ui.end_row();
 }
 
-fn angle(degrees: &mut f32, most: f32) -> DragValue<'_> {
-    DragValue::new(degrees).range(0.0..=most).speed(0.2).suffix("°").max_decimals(1)
+fn angle(degrees: &mut f32, most: f32) -> Number<'_> {
+    Number::new(degrees).range(0.0..=most).speed(0.2).suffix("°").max_decimals(1)
 }
 
 fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState) {
@@ -277,7 +279,7 @@ fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState)
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;
             for (value, axis) in place.as_mut().iter_mut().zip(["X", "Y", "Z"]) {
-                let number = DragValue::new(value).range(-MOST..=MOST).speed(0.01).fixed_decimals(2);
+                let number = Number::new(value).range(-MOST..=MOST).speed(0.01).fixed_decimals(2);
                 ui.add(number)
                     .on_hover_text(format!("{axis}, meters"))
                     .accessible_name(format!("{name} {what} {axis}"));

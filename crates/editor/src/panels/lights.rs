@@ -20,10 +20,11 @@ mod table;
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::basis::LightBasis;
-use eframe::egui::{self, Align, ComboBox, DragValue, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
+use eframe::egui::{self, Align, ComboBox, Key, Layout, Modifiers, Panel, RichText, TextEdit, Ui};
 use serde::{Deserialize, Serialize};
 
 use super::lamps::{LampChoice, LampState, Pick, add_button, missing_ui};
+use super::number::Number;
 use crate::action::Action;
 use crate::look::Look;
 pub use groups::{ADDED, take_in, with_groups};
@@ -105,6 +106,8 @@ pub struct LightsState {
     collapsed: BTreeSet<String>,
     renaming: Renaming,
     sorting: Option<Sorting>,
+    /// Keys of the lines of the table as they were sorted last.
+    lines: Vec<String>,
     scroll_to: Option<String>,
     profiles: Profiles,
 }
@@ -256,7 +259,7 @@ fn layout_ui(ui: &mut Ui, state: &mut LightsState, n_lights: usize) {
         let tip = "What intensities are counted in; lights that have no such amount keep the unit of their file";
         combo.response.accessible_name("Unit of intensities").on_hover_text(tip);
         if layout.scale == Scale::Watt {
-            let number = DragValue::new(&mut layout.efficacy).range(1.0..=IDEAL_EFFICACY).speed(1.0).max_decimals(0);
+            let number = Number::new(&mut layout.efficacy).range(1.0..=IDEAL_EFFICACY).speed(1.0).max_decimals(0);
             let tip = "Luminous efficacy, lm/W: 683 is what glTF and Blender count by, LED lamps have about 100";
             ui.add(number.suffix(" lm/W")).on_hover_text(tip).accessible_name("Luminous efficacy");
         }

@@ -12,7 +12,7 @@ use crate::look::Look;
 use crate::look::presets::Preset;
 use crate::theme;
 use cards::card_ui;
-use mix::{Compare, Fade, compare_ui, fade_ui};
+use mix::{Compare, Fade, Side, compare_ui, fade_ui};
 use timeline::{Player, timeline_ui};
 
 /// What the strip remembers and no look holds.
@@ -32,6 +32,17 @@ pub struct LooksState {
     pub(super) dragged: Option<usize>,
     /// What went wrong with the last name, in words.
     pub(super) problem: Option<String>,
+}
+
+impl LooksState {
+    /// A snapshot has another name: what is compared and faded stays.
+    fn follow_name(&mut self, old: &str, new: &str) {
+        let sides = self.compare.iter_mut().flat_map(|compare| &mut compare.sides).filter_map(Side::name_mut);
+        let ends = self.fade.iter_mut().flat_map(|fade| &mut fade.ends);
+        for mention in sides.chain(ends).filter(|mention| *mention == old) {
+            new.clone_into(mention);
+        }
+    }
 }
 
 /// What the strip needs to know.

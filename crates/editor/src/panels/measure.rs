@@ -1,8 +1,9 @@
 //! Measure: what is marked in the picture, and how much light arrives there.
 
 use clerestory_transport::sensors::WorkPlane;
-use eframe::egui::{Button, DragValue, Grid, RichText, Ui};
+use eframe::egui::{Button, Grid, RichText, Ui};
 
+use super::number::{Number, number_of};
 use crate::action::{Action, FileTask};
 use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, share_words};
 use crate::legend::number_words;
@@ -182,9 +183,9 @@ pub fn tools_ui(ui: &mut Ui, marking: &mut Marking, has_scene: bool) {
         Some(Tool::Brush) => {
             ui.horizontal(|ui| {
                 let label = ui.label("Radius");
-                let radius = DragValue::new(&mut marking.radius_px).range(0.0..=500.0).speed(0.2).suffix(" px");
+                let radius = Number::new(&mut marking.radius_px).range(0.0..=500.0).speed(0.2).suffix(" px");
                 let words = |px: f64, _| if px > 0.0 { format!("{px:.0}") } else { "fitting".into() };
-                ui.add(radius.custom_formatter(words))
+                ui.add(radius.words(words))
                     .labelled_by(label.id)
                     .on_hover_text("Of the brush, in pixels of the picture");
             });
@@ -245,13 +246,14 @@ fn work_plane_ui(ui: &mut Ui, plane: &mut Option<WorkPlane>, view: &MeasureView,
     let Some(plane) = plane else { return };
     Grid::new("work plane").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         let label = ui.label("Height");
-        let height = DragValue::new(&mut plane.height_m).range(0.0..=100.0).speed(0.01).max_decimals(3).suffix(" m");
+        let height = Number::new(&mut plane.height_m).range(0.0..=100.0).speed(0.01).max_decimals(3).suffix(" m");
         ui.add(height).labelled_by(label.id).on_hover_text("Above the floor");
         ui.end_row();
         let label = ui.label("Spacing");
         let mut spacing = plane.spacing_m.unwrap_or(0.0);
         let words = |m: f64, _| if m > 0.0 { format!("{} m", number_words(m as f32)) } else { "EN 12464-1".into() };
-        let drag = DragValue::new(&mut spacing).range(0.0..=100.0).speed(0.01).custom_formatter(words);
+        let drag =
+            Number::new(&mut spacing).range(0.0..=100.0).speed(0.01).words(words).read(|text| number_of(text, " m"));
         let hint = "Between points; at 0 it is as EN 12464-1 asks for the size of the floor";
         if ui.add(drag).labelled_by(label.id).on_hover_text(hint).changed() {
             plane.spacing_m = (spacing > 0.0).then_some(spacing.max(LEAST_SPACING_M));
@@ -289,7 +291,7 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
         ui.end_row();
         let label = ui.label("Efficacy");
         let efficacy =
-            DragValue::new(&mut schedule.efficacy_lm_w).range(0.0..=400.0).speed(0.5).max_decimals(1).custom_formatter(
+            Number::new(&mut schedule.efficacy_lm_w).range(0.0..=400.0).speed(0.5).max_decimals(1).words(
                 |lm_w, _| if lm_w > 0.0 { format!("{} lm/W", number_words(lm_w as f32)) } else { "none".into() },
             );
         ui.add(efficacy).labelled_by(label.id).on_hover_text(
@@ -298,13 +300,13 @@ fn schedule_ui(ui: &mut Ui, schedule: &mut ScheduleState, view: &MeasureView, ac
         ui.end_row();
         let label = ui.label("Floor area");
         let known = view.known_floor;
-        let floor = DragValue::new(&mut schedule.floor_m2).range(0.0..=1e6).speed(0.1);
+        let floor = Number::new(&mut schedule.floor_m2).range(0.0..=1e6).speed(0.1);
         let words = move |area: f64, _: std::ops::RangeInclusive<usize>| match known {
             _ if area > 0.0 => format!("{} m²", number_words(area as f32)),
             Some(known) => known.words(),
             None => "none".into(),
         };
-        ui.add(floor.custom_formatter(words))
+        ui.add(floor.words(words).read(|text| number_of(text, " m²")))
             .labelled_by(label.id)
             .on_hover_text(
                 "For W/m² in the schedule; at 0 it is the floor of the object that was marked with Surface, else that of the scene",

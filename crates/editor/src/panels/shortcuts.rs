@@ -23,7 +23,8 @@ pub const OPEN: KeyboardShortcut = command(Key::O);
 const OPEN_LOOK: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::O);
 /// Saves the look.
 pub const SAVE: KeyboardShortcut = command(Key::S);
-const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
+/// Saves the look in another file.
+pub const SAVE_AS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::S);
 /// Writes the picture.
 pub const EXPORT: KeyboardShortcut = command(Key::E);
 const COPY: KeyboardShortcut = command(Key::C);

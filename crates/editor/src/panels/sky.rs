@@ -6,9 +6,10 @@ mod sun;
 use clerestory_transport::basis::{LightBasis, SourceKind};
 use clerestory_transport::light::{LightRig, luminance};
 use clerestory_transport::sky::{DOME_DIVISIONS, SkyLight, SkySetting, SunSetting, SunTime};
-use eframe::egui::{Button, CollapsingHeader, ComboBox, DragValue, Grid, RichText, TextStyle, Ui};
+use eframe::egui::{Button, CollapsingHeader, ComboBox, Grid, RichText, TextStyle, Ui};
 use glam::Vec3;
 
+use super::number::Number;
 use crate::action::{Action, FileTask};
 use crate::illuminance::lux_words;
 use crate::look::sky::is_made_anew;
@@ -211,7 +212,7 @@ fn kind_ui(ui: &mut Ui, view: &SkyView, (sky, light): (&mut SkySetting, &SkyLigh
 
 fn turn_ui(ui: &mut Ui, sky: &mut SkySetting) {
     ui.label("Turn");
-    let number = DragValue::new(&mut sky.rotation_deg).speed(0.5).max_decimals(1).suffix("°");
+    let number = Number::new(&mut sky.rotation_deg).speed(0.5).max_decimals(1).suffix("°");
     let hint = "Turns map and sun counter-clockwise, seen from above, degrees";
     if ui.add(number).on_hover_text(hint).accessible_name("Turn of the sky").changed() {
         sky.rotation_deg = (sky.rotation_deg + 180.0).rem_euclid(360.0) - 180.0;
@@ -238,14 +239,14 @@ fn intensity_ui(ui: &mut Ui, sky: &mut SkySetting, is_narrow: bool) {
 
 fn factor_ui(ui: &mut Ui, sky: &mut SkySetting) {
     let speed = (0.01 * f64::from(sky.intensity)).max(1e-4);
-    let number = DragValue::new(&mut sky.intensity).range(0.0..=1e9).speed(speed).max_decimals(4).suffix("×");
+    let number = Number::new(&mut sky.intensity).range(0.0..=1e9).speed(speed).max_decimals(4).suffix("×");
     ui.add(number).on_hover_text("Multiplies map and sun").accessible_name("Intensity of the sky");
 }
 
 fn stops_ui(ui: &mut Ui, sky: &mut SkySetting) {
     let before = sky.intensity.max(f32::MIN_POSITIVE).log2().max(-MOST_EV);
     let mut stops = before;
-    let number = DragValue::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).max_decimals(2).suffix(" EV");
+    let number = Number::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).max_decimals(2).suffix(" EV");
     let number = ui.add(number).on_hover_text("The same in stops").accessible_name("Intensity of the sky in EV");
     if number.changed() && stops != before {
         sky.intensity = stops.exp2();

@@ -1,10 +1,11 @@
 //! Solve for light: wishes for parts of the picture, the lights that may change for them, and what came of it.
 
 use clerestory_relight::Tone;
-use eframe::egui::{self, Button, Checkbox, CollapsingHeader, DragValue, Grid, RichText, ScrollArea, Slider, Ui, vec2};
+use eframe::egui::{self, Button, Checkbox, CollapsingHeader, Grid, RichText, ScrollArea, Slider, Ui, vec2};
 
 use super::display::tone_name;
 use super::measure::{LuxBake, missing_ui, tools_ui};
+use super::number::{Number, before_drag};
 use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::wishes::{CURVES, Entry, Wanted, Where, Wishes};
@@ -135,7 +136,7 @@ fn kind_ui(ui: &mut Ui, state: &mut SolveState) {
         }
         if state.kind != Kind::Keep {
             let speed = (0.01 * state.value).max(0.01);
-            let value = DragValue::new(&mut state.value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            let value = Number::new(&mut state.value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
             ui.add(value).on_hover_text(hint).accessible_name("Wanted");
         }
     });
@@ -223,7 +224,7 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
     match value {
         Some(value) => {
             let speed = (0.01 * *value).max(0.01);
-            let drag = DragValue::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
+            let drag = Number::new(value).range(0.0..=1e6).speed(speed).suffix(unit).max_decimals(2);
             let tip = format!("What is wanted there{}{}", if unit.is_empty() { "" } else { ", in" }, unit);
             ui.add(drag).on_hover_text(tip).accessible_name(name);
         }
@@ -232,7 +233,7 @@ fn wanted_ui(ui: &mut Ui, wish: &mut Entry, here: &Here) {
             ui.label(unit);
         }
     }
-    let weight = DragValue::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
+    let weight = Number::new(&mut wish.weight).range(0.01..=100.0).speed(0.02).prefix("weight ");
     ui.add(weight)
         .on_hover_text("How much it counts beside the others")
         .accessible_name(format!("{} weight", wish.name));
@@ -286,10 +287,14 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
         ui.label("Factor");
         ui.horizontal(|ui| {
             let [least, most] = &mut wishes.bounds;
-            let low = DragValue::new(least).range(0.0..=1e6).speed(0.01).suffix("×").max_decimals(3);
-            ui.add(low).on_hover_text("Least intensity, times the file").accessible_name("Least factor");
+            let low = Number::new(least).range(0.0..=1e6).speed(0.01).suffix("×").max_decimals(3);
+            let low = ui.add(low).on_hover_text("Least intensity, times the file").accessible_name("Least factor");
+            let before = before_drag(ui, &low, *most);
+            if low.changed() {
+                *most = before;
+            }
             ui.label("to");
-            let high = DragValue::new(most).range(0.0..=1e6).speed(0.1).suffix("×").max_decimals(3);
+            let high = Number::new(most).range(0.0..=1e6).speed(0.1).suffix("×").max_decimals(3);
             ui.add(high).on_hover_text("Largest intensity, times the file").accessible_name("Largest factor");
             *most = most.max(*least);
         });
@@ -308,7 +313,7 @@ fn limits_ui(ui: &mut Ui, wishes: &mut Wishes, view: &SolveView) {
                 wishes.colors = may_change.then_some(USUAL_SATURATION);
             }
             if let Some(saturation) = &mut wishes.colors {
-                let saturation = DragValue::new(saturation).range(0.0..=1.0).speed(0.005).fixed_decimals(2);
+                let saturation = Number::new(saturation).range(0.0..=1.0).speed(0.005).fixed_decimals(2);
                 ui.add(saturation)
                     .on_hover_text("Most saturation: 0 is white, 1 is any color")
                     .accessible_name("Most saturation");

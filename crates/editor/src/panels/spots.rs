@@ -9,6 +9,7 @@ use glam::Vec3;
 
 use super::arrows::{FINE, arrows};
 use super::color::{KelvinChoice, Tint, tint_ui};
+use super::number::{Spelling, slider_ui};
 use crate::theme;
 
 /// A spot as it is added.
@@ -128,13 +129,14 @@ fn spot_ui(ui: &mut Ui, name: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>
         ui.spacing_mut().slider_width = width;
         ui.label(RichText::new("Radius").small().weak());
         let radius = Slider::new(&mut spot.radius, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
-        ui.add(radius)
+        slider_ui(ui, radius, Spelling::default())
             .on_hover_text("Radius, in shorter sides of the panel")
             .accessible_name(format!("{name} spot radius"));
         ui.label(RichText::new("Intensity").small().weak());
         let mut level = spot.intensity;
         let intensity = Slider::new(&mut level, 0.0..=20.0).logarithmic(true).smallest_positive(0.02).fixed_decimals(2);
-        let intensity = ui.add(intensity.clamping(egui::SliderClamping::Never)).on_hover_text("Intensity");
+        let intensity = intensity.clamping(egui::SliderClamping::Never);
+        let intensity = slider_ui(ui, intensity, Spelling::default()).on_hover_text("Intensity");
         if intensity.accessible_name(format!("{name} spot intensity")).changed() {
             spot.intensity = level.max(0.0);
         }

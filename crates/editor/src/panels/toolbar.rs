@@ -22,17 +22,21 @@ pub struct ToolbarState<'a> {
     pub panels_seen: [bool; 2],
     /// Whether the look differs from its file.
     pub is_unsaved: bool,
+    /// Whether it has one.
+    pub has_look_file: bool,
     /// Files opened lately, newest first.
     pub recent: &'a [PathBuf],
 }
 
 /// Width in points that all buttons have room in.
 const WIDE: f32 = 970.0;
+/// Points more where the look has a file that it goes back to.
+const WITH_FILE: f32 = 36.0;
 
 /// Draws it.
 pub fn toolbar_ui(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     // Large letters or a small window: in several rows.
-    if ui.available_width() < WIDE {
+    if ui.available_width() < WIDE + if state.has_look_file { WITH_FILE } else { 0.0 } {
         ui.horizontal_wrapped(|ui| {
             look_buttons(ui, state, actions);
             window_buttons(ui, actions);
@@ -92,7 +96,8 @@ fn panel_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
 
 fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     let keys = |keys: &egui::KeyboardShortcut| ui.ctx().format_shortcut(keys);
-    let [open, save, export] = [&shortcuts::OPEN, &shortcuts::SAVE, &shortcuts::EXPORT].map(keys);
+    let [open, save, save_as, export] =
+        [&shortcuts::OPEN, &shortcuts::SAVE, &shortcuts::SAVE_AS, &shortcuts::EXPORT].map(keys);
     if ui.button("Open…").on_hover_text(format!("Open a glTF scene or a finished bake, {open}")).clicked() {
         actions.push(Action::Ask(FileTask::OpenScene));
     }
@@ -105,13 +110,21 @@ fn file_buttons(ui: &mut Ui, state: &ToolbarState, actions: &mut Vec<Action>) {
     if ui.button("Open look…").clicked() {
         actions.push(Action::Ask(FileTask::OpenLook));
     }
-    let response = ui.button("Save look…").on_hover_text(save);
+    // Without a file it asks for one.
+    let words = if state.has_look_file { "Save look" } else { "Save look…" };
+    let response = ui.button(words).on_hover_text(save);
     if response.clicked() {
         actions.push(Action::SaveLookAgain);
     }
     if state.is_unsaved {
         let dot = response.rect.right_top() + egui::vec2(-4.0, 4.0);
         ui.painter().circle_filled(dot, 2.5, crate::theme::ACCENT);
+    }
+    if state.has_look_file {
+        let button = ui.button("As…").on_hover_text(format!("Save the look in another file, {save_as}"));
+        if button.accessible_name("Save look as…").clicked() {
+            actions.push(Action::Ask(FileTask::SaveLook));
+        }
     }
     let button = ui.add_enabled(state.has_picture, Button::new("Export…"));
     if button.on_hover_text(format!("Write the picture as PNG or linear EXR, {export}")).clicked() {

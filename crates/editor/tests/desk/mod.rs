@@ -9,9 +9,9 @@ use clerestory::bake_cache::BakeCache;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::camera::Film;
-use eframe::egui::{DroppedFile, Pos2, Rect, Vec2, vec2};
-use egui_kittest::kittest::Queryable;
-use egui_kittest::{Harness, HarnessBuilder};
+use eframe::egui::{DroppedFile, Event, Key, Modifiers, Pos2, Rect, Role, Vec2, vec2};
+use egui_kittest::kittest::{NodeT, Queryable};
+use egui_kittest::{Harness, HarnessBuilder, Node};
 use glam::Vec3;
 use serde_json::{Value, json};
 
@@ -123,6 +123,60 @@ pub fn drag(window: &mut Window, from: Pos2, to: Pos2) {
 pub fn click(window: &mut Window, label: &str) {
     window.get_by_label(label).click();
     window.run_steps(3);
+}
+
+/// Types over what stands in a field, a key in a frame as people do, and stays in it.
+#[allow(dead_code, reason = "not every test of the window types")]
+pub fn type_keys(window: &mut Window, label: &str, text: &str) {
+    // Words beside the field may be the same.
+    let is_field = |node: &Node<'_>| node.accesskit_node().role() != Role::Label;
+    window.query_all_by_label(label).find(is_field).unwrap().scroll_to_me();
+    window.run_steps(8);
+    let at = window.query_all_by_label(label).find(is_field).unwrap().rect().center();
+    window.hover_at(at);
+    window.run_steps(1);
+    window.drag_at(at);
+    window.drop_at(at);
+    window.run_steps(2);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run_steps(1);
+    for key in text.chars() {
+        window.event(Event::Text(key.to_string()));
+        window.run_steps(2);
+    }
+}
+
+/// The same, and ends with Enter.
+#[allow(dead_code, reason = "not every test of the window types")]
+pub fn type_over(window: &mut Window, label: &str, text: &str) {
+    type_keys(window, label, text);
+    window.key_press(Key::Enter);
+    window.run_steps(4);
+}
+
+/// Drags far to the left and back to where the drag began; answers what `seen` says on the way.
+#[allow(dead_code, reason = "not every test of the window drags")]
+pub fn there_and_back<T>(window: &mut Window, label: &str, points: f32, seen: impl Fn(&App) -> T) -> T {
+    window.get_by_label(label).scroll_to_me();
+    window.run_steps(8);
+    let from = window.get_by_label(label).rect().center();
+    window.hover_at(from);
+    window.run_steps(2);
+    window.drag_at(from);
+    window.run_steps(2);
+    let step_to = |window: &mut Window, x: f32| {
+        window.hover_at(from + vec2(x, 0.0));
+        window.run_steps(2);
+    };
+    // What it takes to be a drag is not counted as a part of it.
+    step_to(window, -8.0);
+    step_to(window, -points);
+    let seen = seen(window.state());
+    step_to(window, -8.0);
+    step_to(window, 0.0);
+    window.drop_at(from);
+    window.run_steps(3);
+    seen
 }
 
 /// Clicks on something that may lie below what is seen of its panel.

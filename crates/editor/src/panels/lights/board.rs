@@ -11,7 +11,7 @@ use eframe::egui::{
 use super::fader::{More, fader_ui};
 use super::group_row;
 use super::groups::{Group, Item, master, set_master};
-use super::list::LONG_FROM;
+use super::list::{LONG_FROM, end_ui};
 use super::listed::Listed;
 use super::mix::Mix;
 use super::row;
@@ -102,6 +102,7 @@ pub(super) fn board_ui(ui: &mut Ui, mix: &mut Mix) {
                 }
             });
         }
+        end_ui(ui, mix);
     });
 }
 

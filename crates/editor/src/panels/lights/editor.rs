@@ -1,17 +1,21 @@
 //! The editor of what is selected: one light or many, changed relatively or set to one value.
 
 use clerestory_transport::light::LightSetting;
-use eframe::egui::{Align, DragValue, Layout, RichText, Ui};
+use eframe::egui::{Align, Layout, RichText, ScrollArea, Ui};
 
+use super::LightsView;
 use super::fader::{STEP_EV, stepped};
 use super::listed::{LightOf, Listed};
 use super::mix::Mix;
 use super::row;
 use super::scale::{Measure, Shown, number_ui};
 use crate::panels::color::{KelvinChoice, Tint, kelvin_field_ui, tint_ui};
+use crate::panels::number::Number;
 
 /// Stops that a change may be.
 const MOST_EV: f64 = 20.0;
+/// Part of the height of the window that the details of a light may take.
+const DETAILS: f32 = 0.3;
 /// Width of the words in front of the fields.
 const WORDS: f32 = 72.0;
 
@@ -38,6 +42,12 @@ pub(super) fn editor_ui(ui: &mut Ui, mix: &mut Mix) {
         absolute_ui(ui, mix, &selected);
         color_ui(ui, mix, &selected);
     });
+    // The list has it below the row.
+    if let ([one], true) = (selected.as_slice(), mix.state.layout.view != LightsView::List) {
+        let (lights, most) = (mix.lights, DETAILS * ui.ctx().content_rect().height());
+        let area = ScrollArea::vertical().id_salt("details").max_height(most);
+        area.show(ui, |ui| row::below_ui(ui, mix, &lights[*one]));
+    }
     ui.add_space(2.0);
 }
 
@@ -93,8 +103,8 @@ fn offset_ui(ui: &mut Ui, mix: &mut Mix, keys: &[String]) {
     let id = ui.scope_id().with("offset");
     let mut stops: f64 = ui.data(|data| data.get_temp(id)).unwrap_or(0.0);
     let before = stops;
-    let number = DragValue::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).suffix(" EV");
-    let number = number.update_while_editing(false).custom_formatter(|stops, _| format!("{stops:+.2}"));
+    let number = Number::new(&mut stops).range(-MOST_EV..=MOST_EV).speed(0.02).suffix(" EV");
+    let number = number.words(|stops, _| format!("{stops:+.2}"));
     let field = ui.add_sized([76.0, 22.0], number).on_hover_text(tip).accessible_name("Change selected lights by EV");
     if field.changed() {
         offset(mix, keys, (stops - before) as f32);

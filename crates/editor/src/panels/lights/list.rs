@@ -2,6 +2,7 @@
 
 use eframe::egui::{RichText, ScrollArea, Ui};
 
+use super::LightsView;
 use super::columns::INDENT;
 use super::groups::Item;
 use super::mix::Mix;
@@ -27,13 +28,18 @@ pub(super) fn list_ui(ui: &mut Ui, mix: &mut Mix) {
                 }
             }
         }
-        ui.add_space(8.0);
-        other_masters_ui(ui, mix);
-        let tip = "Back to what the file says; added lamps go, and another sky. Undo brings all of it back";
-        if mix.look.lights != *mix.file && ui.button("Reset all lights").on_hover_text(tip).clicked() {
-            mix.look.lights = mix.file.clone();
-        }
+        end_ui(ui, mix);
     });
+}
+
+/// What stands below all lights, in whatever way they are laid out.
+pub(super) fn end_ui(ui: &mut Ui, mix: &mut Mix) {
+    ui.add_space(8.0);
+    other_masters_ui(ui, mix);
+    let tip = "Back to what the file says; added lamps go, and another sky. Undo brings all of it back";
+    if mix.look.lights != *mix.file && ui.button("Reset all lights").on_hover_text(tip).clicked() {
+        mix.look.lights = mix.file.clone();
+    }
 }
 
 fn light_ui(ui: &mut Ui, mix: &mut Mix, idx: usize, indent: f32, is_long: bool) {
@@ -44,16 +50,18 @@ fn light_ui(ui: &mut Ui, mix: &mut Mix, idx: usize, indent: f32, is_long: bool) 
     }
 }
 
-/// Masters of groups that are not in the list as it is sorted now still turn their lights: they are named here.
+/// Masters of groups that are not shown as the lights are sorted now still turn them: they are named here. The table shows none.
 fn other_masters_ui(ui: &mut Ui, mix: &mut Mix) {
-    let is_shown = |key: &String| mix.items.iter().any(|item| matches!(item, Item::Group(group) if group.key == *key));
-    let others: Vec<String> = mix.look.lights.groups.keys().filter(|key| !is_shown(key)).cloned().collect();
+    let has_masters = mix.state.layout.view != LightsView::Table;
+    let is_in = |key: &String| mix.items.iter().any(|item| matches!(item, Item::Group(group) if group.key == *key));
+    let others: Vec<String> =
+        mix.look.lights.groups.keys().filter(|key| !(has_masters && is_in(key))).cloned().collect();
     for key in others {
         let group = &mix.look.lights.groups[&key];
         let does = if group.muted { "mutes".to_owned() } else { format!("turns by {:.2}×", group.intensity) };
         let name = mix.look.names.get(&key).map_or_else(|| own_name(&key), String::as_str).to_owned();
         let words = format!("{name} {does} {} lights", group.lights.len());
-        let tip = "The master of a group that this order of the list does not show";
+        let tip = "The master of a group that is not shown here";
         ui.horizontal(|ui| {
             ui.label(RichText::new(words).weak()).on_hover_text(tip);
             if ui.small_button("Reset").accessible_name(format!("Reset master {name}")).clicked() {

@@ -259,8 +259,8 @@ pub(super) fn color_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     }
 }
 
-/// What unfolds below a row: the spots of a panel, everything about the chosen lamp.
-fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
+/// What unfolds below a row, or with board and table at their foot: the spots of a panel, everything about the chosen lamp.
+pub(super) fn below_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     match &light.light {
         LightOf::Scene(source) => {
             if let SourceKind::Panel { resolution, size_m } = source.kind {

@@ -2,10 +2,11 @@
 
 use clerestory_transport::lamps::LampUnit;
 use clerestory_transport::light::LightSetting;
-use eframe::egui::{DragValue, Response, Ui};
+use eframe::egui::{Response, Ui};
 use serde::{Deserialize, Serialize};
 
 use super::listed::Listed;
+use crate::panels::number::Number;
 
 /// What a designer counts in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -237,12 +238,8 @@ pub(super) fn number_ui(
         (Shown::WithUnit, _) => format!(" {}", measure.unit()),
         (Shown::Bare | Shown::Mixed, _) => String::new(),
     };
-    let drag = DragValue::new(&mut number)
-        .range(range)
-        .speed(speed)
-        .suffix(suffix)
-        .custom_parser(move |text| typed(text, measure));
-    let drag = drag.custom_formatter(|number, _| match shown {
+    let drag = Number::new(&mut number).range(range).speed(speed).suffix(suffix).read(move |text| typed(text, measure));
+    let drag = drag.words(move |number, _| match shown {
         Shown::Mixed => "mixed".into(),
         Shown::WithUnit | Shown::Bare => measure.digits(number),
     });

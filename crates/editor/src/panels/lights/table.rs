@@ -1,14 +1,16 @@
 //! The lights as a table: everything about each in a line of its own. Letters and names stay in view while the numbers scroll sideways.
 
 use std::cmp::Ordering;
+use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_transport::lamps::LampUnit;
 use clerestory_transport::light::LightSetting;
 use eframe::egui::{
-    Align, Button, FontSelection, Grid, Label, Layout, Rect, RichText, ScrollArea, Sense, TextStyle, Ui, UiBuilder,
-    WidgetText, pos2, vec2,
+    Align, Button, FontSelection, Grid, Id, Label, Layout, Popup, Rect, RichText, ScrollArea, Sense, TextStyle, Ui,
+    UiBuilder, WidgetText, pos2, vec2,
 };
 
+use super::list::{LONG_FROM, end_ui};
 use super::listed::Listed;
 use super::mix::Mix;
 use super::row;
@@ -48,18 +50,16 @@ const LETTERS: f32 = 59.0;
 /// Least and greatest width of the names, and the part of the room that they take at most.
 const NAME: [f32; 2] = [60.0, 104.0];
 const NAME_PART: f32 = 0.5;
+/// Height of a line.
+const LINE: f32 = row::HEIGHT - 2.0;
 /// Between columns, and between lines.
 const SPACING: [f32; 2] = [10.0, 3.0];
 
 /// Draws the table.
 pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
-    let mut lines: Vec<usize> = mix.items.iter().flat_map(|item| item.lights().iter().copied()).collect();
-    if let Some(sorting) = mix.state.sorting {
-        lines.sort_by(|a, b| {
-            let order = order(mix, sorting.column, &mix.lights[*a], &mix.lights[*b]);
-            if sorting.descends { order.reverse() } else { order }
-        });
-    }
+    let lines = lines(ui, mix);
+    let is_long = lines.len() > LONG_FROM;
+    let kinds = if is_long { kind_width(ui, mix) } else { 0.0 };
     let names = name_width(ui, mix, &lines);
     ScrollArea::both().id_salt("table").auto_shrink([false, false]).show(ui, |ui| {
         let fixed = Fixed { seen: ui.clip_rect(), width: LETTERS + names };
@@ -71,23 +71,60 @@ pub(super) fn table_ui(ui: &mut Ui, mix: &mut Mix) {
                 title_ui(ui, mix, "Name", "Click to sort", Some(Column::Name));
             });
             for (title, tip, column) in COLUMNS {
-                title_ui(ui, mix, title, tip, column);
+                ui.scope(|ui| {
+                    ui.set_min_width(if column == Some(Column::Kind) { kinds } else { 0.0 });
+                    title_ui(ui, mix, title, tip, column);
+                });
             }
             ui.end_row();
             for (nth, idx) in lines.into_iter().enumerate() {
-                line_ui(ui, mix, &mix.lights[idx], (&fixed, nth));
+                if is_long && !fixed.sees(ui.cursor().top()) {
+                    ui.allocate_space(vec2(0.0, LINE));
+                } else {
+                    line_ui(ui, mix, &mix.lights[idx], (&fixed, nth));
+                }
                 ui.end_row();
             }
         });
+        end_ui(ui, mix);
     });
+}
+
+/// The lights as their lines stand. While something of them is dragged or typed they stay as they are, so that no line moves away below the hand.
+fn lines(ui: &Ui, mix: &mut Mix) -> Vec<usize> {
+    let mut lines: Vec<usize> = mix.items.iter().flat_map(|item| item.lights().iter().copied()).collect();
+    let Some(sorting) = mix.state.sorting else { return lines };
+    let key = |idx: &usize| mix.lights[*idx].key.as_str();
+    let before: BTreeMap<&str, usize> = mix.state.lines.iter().map(String::as_str).zip(0..).collect();
+    let is_same = before.len() == lines.len() && lines.iter().all(|idx| before.contains_key(key(idx)));
+    let is_in_hand =
+        ui.input(|input| input.pointer.any_down()) || ui.ctx().text_edit_focused() || Popup::is_any_open(ui.ctx());
+    if is_same && is_in_hand {
+        lines.sort_by_key(|idx| before[key(idx)]);
+        return lines;
+    }
+    lines.sort_by(|a, b| {
+        let order = order(mix, sorting.column, &mix.lights[*a], &mix.lights[*b]);
+        if sorting.descends { order.reverse() } else { order }
+    });
+    mix.state.lines = mix.keys(&lines);
+    lines
+}
+
+/// Width of the longest kind, so that the columns stay where they are while lines come into view.
+fn kind_width(ui: &Ui, mix: &Mix) -> f32 {
+    let kinds: BTreeSet<String> = mix.lights.iter().map(Listed::kind_words).collect();
+    kinds.into_iter().map(|kind| text_width(ui, RichText::new(kind))).fold(0.0, f32::max)
+}
+
+fn text_width(ui: &Ui, text: RichText) -> f32 {
+    let text = WidgetText::from(text);
+    text.into_galley(ui, None, f32::INFINITY, FontSelection::Style(TextStyle::Body)).size().x
 }
 
 /// Width of the longest name, within reason.
 fn name_width(ui: &Ui, mix: &Mix, lines: &[usize]) -> f32 {
-    let width = |idx: &usize| {
-        let text = WidgetText::from(RichText::new(&mix.lights[*idx].name).strong());
-        text.into_galley(ui, None, f32::INFINITY, FontSelection::Style(TextStyle::Body)).size().x
-    };
+    let width = |idx: &usize| text_width(ui, RichText::new(&mix.lights[*idx].name).strong());
     let longest = lines.iter().map(width).fold(NAME[0], f32::max);
     longest.ceil().min(NAME[1]).min((NAME_PART * ui.available_width() - LETTERS).max(NAME[0]))
 }
@@ -105,15 +142,21 @@ impl Fixed {
         Rect::from_min_max(pos2(self.seen.left() + self.width + SPACING[0], self.seen.top()), self.seen.max)
     }
 
-    /// Draws a cell of it; every other line lies on a ground of its own, by its number.
-    fn show(&self, ui: &mut Ui, nth: Option<usize>, add: impl FnOnce(&mut Ui)) {
-        let (place, _) = ui.allocate_exact_size(vec2(self.width, row::HEIGHT - 2.0), Sense::hover());
+    /// Whether a line from there on down would be seen.
+    fn sees(&self, top: f32) -> bool {
+        self.seen.y_range().contains(top) || self.seen.y_range().contains(top + LINE)
+    }
+
+    /// Draws a cell of it; every other line lies on a ground of its own, by its number. What is in it belongs to `line`, wherever that stands.
+    fn show(&self, ui: &mut Ui, line: Option<(usize, Id)>, add: impl FnOnce(&mut Ui)) {
+        let (place, _) = ui.allocate_exact_size(vec2(self.width, LINE), Sense::hover());
         let cell = Rect::from_min_size(pos2(self.seen.left(), place.top()), place.size());
-        if nth.is_some_and(|nth| nth % 2 == 0) {
+        if line.is_some_and(|(nth, _)| nth % 2 == 0) {
             let line = Rect::from_x_y_ranges(self.seen.x_range(), cell.y_range()).expand2(vec2(0.0, 0.5 * SPACING[1]));
             ui.painter().with_clip_rect(self.seen).rect_filled(line, 2.0, ui.visuals().faint_bg_color);
         }
-        let mut cell = ui.new_child(UiBuilder::new().max_rect(cell).layout(Layout::left_to_right(Align::Center)));
+        let place = UiBuilder::new().max_rect(cell).layout(Layout::left_to_right(Align::Center));
+        let mut cell = ui.new_child(line.iter().fold(place, |place, (_, id)| place.scope_id(id.with("name"))));
         cell.set_clip_rect(self.seen);
         add(&mut cell);
     }
@@ -163,8 +206,14 @@ fn lumens(mix: &Mix, light: &Listed) -> Option<f64> {
     Some(if setting.muted { 0.0 } else { lumens })
 }
 
+/// A cell whose widgets are known by its light and not by their place: that changes as the lines are sorted.
+fn cell_ui<R>(ui: &mut Ui, id: Id, add: impl FnOnce(&mut Ui) -> R) -> R {
+    ui.scope_builder(UiBuilder::new().scope_id(id), add).inner
+}
+
 fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, (fixed, nth): (&Fixed, usize)) {
-    fixed.show(ui, Some(nth), |ui| {
+    let line = ui.scope_id().with(("line", light.key.as_str()));
+    fixed.show(ui, Some((nth, line)), |ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         row::mark_ui(ui, mix.differs(light), "Differs from the file");
         row::letters_ui(ui, mix, &light.name, std::slice::from_ref(&light.key));
@@ -177,15 +226,17 @@ fn line_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed, (fixed, nth): (&Fixed, us
     });
     let mut setting = mix.setting(light);
     let measure = mix.measure(light, &setting);
-    number_ui(ui, &light.name, (measure, Shown::Bare), &mut setting.intensity, row::NUMBER);
+    cell_ui(ui, line.with("value"), |ui| {
+        number_ui(ui, &light.name, (measure, Shown::Bare), &mut setting.intensity, row::NUMBER)
+    });
     ui.label(RichText::new(measure.unit()).weak());
     if setting != mix.setting(light) {
         mix.look.lights.set(&light.key, setting);
     }
-    row::color_ui(ui, mix, light);
+    cell_ui(ui, line.with("color"), |ui| row::color_ui(ui, mix, light));
     let setting = mix.setting(light);
     let mut tint = Tint { color: setting.color, kelvin: setting.kelvin };
-    if kelvin_field_ui(ui, &light.name, &mut tint, false) {
+    if cell_ui(ui, line.with("kelvin"), |ui| kelvin_field_ui(ui, &light.name, &mut tint, false)) {
         mix.look.lights.set(&light.key, LightSetting { color: tint.color, kelvin: tint.kelvin, ..setting });
     }
     ui.label(lumens(mix, light).map_or("–".into(), digits));

@@ -1,5 +1,6 @@
 //! A snapshot in the strip: its picture, its name, and whether it is on.
 
+use anyhow::Result;
 use eframe::egui::{
     self, Align2, Color32, CornerRadius, FontId, Key, Rect, Response, Sense, Stroke, StrokeKind, TextEdit, Ui, pos2,
     vec2,
@@ -49,10 +50,13 @@ pub(super) fn card_ui(
     if response.drag_started() {
         state.dragged = Some(idx);
     }
-    if response.clicked() || (response.has_focus() && ui.input(|input| input.key_pressed(Key::Enter))) {
+    // The name is there to be renamed and dragged: a double-click on it must not relight the scene.
+    let is_on_name = response.interact_pointer_pos().is_some_and(|pointer| name_rect.contains(pointer));
+    let is_taken = response.clicked() && !is_on_name;
+    if is_taken || (response.has_focus() && ui.input(|input| input.key_pressed(Key::Enter))) {
         actions.push(Action::TakeLook(idx));
     }
-    if response.double_clicked() {
+    if response.double_clicked() && is_on_name {
         state.renaming = Some((idx, name.clone()));
     }
     let hint = match mark {
@@ -62,7 +66,7 @@ pub(super) fn card_ui(
     };
     let keys = if idx < WITH_KEY { format!("\n{}", ui.ctx().format_shortcut(&take_keys(idx))) } else { String::new() };
     let response = response.on_hover_text(format!(
-        "{name}\n{hint}{keys}\nDouble-click to rename, drag to reorder, right-click or menu key for more"
+        "{name}\n{hint}{keys}\nDouble-click the name to rename, drag to reorder, right-click or menu key for more"
     ));
     context_menu(&response, |ui| menu(ui, idx, look, state, mark));
     rect.center().x
@@ -106,14 +110,24 @@ fn rename_ui(ui: &mut Ui, rect: Rect, look: &mut Look, state: &mut LooksState) {
     if ui.input(|input| input.key_pressed(Key::Escape)) {
         (state.renaming, state.problem) = (None, None);
     } else if field.lost_focus() {
-        let result = look.rename(*idx, typed);
-        state.problem = result.err().map(|error| error.to_string());
+        let (idx, typed) = (*idx, typed.clone());
+        state.problem = rename(look, state, idx, &typed).err().map(|error| error.to_string());
         if state.problem.is_none() || !ui.input(|input| input.key_pressed(Key::Enter)) {
             (state.renaming, state.problem) = (None, None);
         }
     } else if !field.has_focus() {
         field.request_focus();
     }
+}
+
+/// Gives a snapshot another name, and whatever of the strip is about it.
+fn rename(look: &mut Look, state: &mut LooksState, idx: usize, name: &str) -> Result<()> {
+    let old = look.snapshots.get(idx).map(|snapshot| snapshot.name.clone()).unwrap_or_default();
+    look.rename(idx, name)?;
+    if let Some(snapshot) = look.snapshots.get(idx) {
+        state.follow_name(&old, &snapshot.name);
+    }
+    Ok(())
 }
 
 fn menu(ui: &mut Ui, idx: usize, look: &mut Look, state: &mut LooksState, mark: Mark) {

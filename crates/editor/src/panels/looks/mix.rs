@@ -6,6 +6,7 @@ use eframe::egui::{ComboBox, RichText, Slider, Ui};
 use crate::look::Look;
 use crate::look::fade::fade;
 use crate::look::snapshot::Mark;
+use crate::panels::number::{Spelling, number_of, slider_ui};
 use crate::viewport::compare::Way;
 
 /// What is seen on a side of a comparison.
@@ -23,6 +24,14 @@ impl Side {
         match self {
             Side::Present => "Now",
             Side::Snapshot(name) => name,
+        }
+    }
+
+    /// The name of its snapshot.
+    pub(super) fn name_mut(&mut self) -> Option<&mut String> {
+        match self {
+            Side::Present => None,
+            Side::Snapshot(name) => Some(name),
         }
     }
 }
@@ -109,10 +118,9 @@ pub(super) fn fade_ui(ui: &mut Ui, state: &mut Fade, look: &mut Look, basis: Opt
         ui.label("From");
         end_ui(ui, "Fade from", &mut state.ends[0], look);
         ui.spacing_mut().slider_width = (ui.available_width() - 420.0).clamp(120.0, 420.0);
-        let slider = Slider::new(&mut state.share, 0.0..=1.0)
-            .custom_formatter(|share, _| format!("{:.0} %", 100.0 * share))
-            .custom_parser(|text| text.trim_end_matches(['%', ' ']).parse::<f64>().ok().map(|percent| percent / 100.0));
-        ui.add(slider)
+        let percent = |share: f64, _| format!("{:.0} %", 100.0 * share);
+        let read = |text: &str| number_of(text, "%").map(|percent| percent / 100.0);
+        slider_ui(ui, Slider::new(&mut state.share, 0.0..=1.0), Spelling::new(percent, read))
             .accessible_name("Share of the second look")
             .on_hover_text("Share of the second look, %; light is mixed linearly");
         ui.label("to");

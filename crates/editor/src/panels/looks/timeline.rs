@@ -1,8 +1,8 @@
 //! The timeline: keys on a ruler, a playhead that is dragged or runs, and frames for files.
 
 use eframe::egui::{
-    self, Align2, Button, Color32, ComboBox, DragValue, FontId, ProgressBar, Rect, Response, RichText, Sense, Shape,
-    Stroke, StrokeKind, Ui, pos2, vec2,
+    self, Align2, Button, Color32, ComboBox, FontId, ProgressBar, Rect, Response, RichText, Sense, Shape, Stroke,
+    StrokeKind, Ui, pos2, vec2,
 };
 
 use super::LooksView;
@@ -10,6 +10,7 @@ use crate::action::{Action, FileTask};
 use crate::look::Look;
 use crate::look::timeline::{Ease, FPS, Key, SECS, Timeline};
 use crate::panels::arrows::arrows;
+use crate::panels::number::Number;
 use crate::theme;
 
 /// Height of ruler and keys, points.
@@ -173,7 +174,7 @@ fn key_ui(ui: &mut Ui, look: &mut Look, player: &mut Player) {
     };
     ui.separator();
     let Key { mut secs, look: name, ease } = look.timeline.keys[idx].clone();
-    let number = DragValue::new(&mut secs).range(0.0..=*SECS.end() as f32).speed(0.02).suffix(" s").max_decimals(3);
+    let number = Number::new(&mut secs).range(0.0..=*SECS.end() as f32).speed(0.02).suffix(" s").max_decimals(3);
     let time = ui.add(number).accessible_name("Time of the key").on_hover_text("When it is reached, seconds");
     let key = &mut look.timeline.keys[idx];
     let shown = ComboBox::from_id_salt("look of the key").selected_text(name).show_ui(ui, |ui| {
@@ -209,7 +210,7 @@ fn frames_ui(ui: &mut Ui, look: &mut Look, view: &LooksView, actions: &mut Vec<A
     if ui.add_enabled(can_export, Button::new("Export frames…")).on_hover_text(hint).clicked() {
         actions.push(Action::Ask(FileTask::ExportFrames));
     }
-    let fps = DragValue::new(&mut look.timeline.fps).range(*FPS.start() as f32..=*FPS.end() as f32).suffix(" fps");
+    let fps = Number::new(&mut look.timeline.fps).range(*FPS.start() as f32..=*FPS.end() as f32).suffix(" fps");
     ui.add(fps.speed(0.1).max_decimals(3)).accessible_name("Frames per second").on_hover_text("Frames of a second");
 }
 

@@ -3,7 +3,9 @@
 use clerestory_transport::sky::{
     DEFAULT_TURBIDITY, SkyLight, SkySetting, SunPlace, SunPosition, SunSetting, SunTime, n_days,
 };
-use eframe::egui::{Button, ComboBox, DragValue, Grid, RichText, Slider, Ui};
+use eframe::egui::{Button, ComboBox, Grid, RichText, Slider, Ui};
+
+use crate::panels::number::{Number, Spelling, slider_ui};
 
 /// A sun in the morning that nobody has moved yet.
 pub const NEW_SUN: SunSetting = SunSetting {
@@ -62,13 +64,13 @@ pub(super) fn sun_ui(
             *playing = None;
             ui.horizontal(|ui| {
                 ui.label("Azimuth");
-                let number = DragValue::new(azimuth_deg).speed(0.5).max_decimals(2).suffix("°");
+                let number = Number::new(azimuth_deg).speed(0.5).max_decimals(2).suffix("°");
                 let number = ui.add(number).on_hover_text("From north, −Z, over east, +X, degrees");
                 if number.accessible_name("Azimuth of the sun").changed() {
                     *azimuth_deg = azimuth_deg.rem_euclid(360.0);
                 }
                 ui.label("Elevation");
-                let number = DragValue::new(elevation_deg).range(-90.0..=90.0).speed(0.2).max_decimals(2).suffix("°");
+                let number = Number::new(elevation_deg).range(-90.0..=90.0).speed(0.2).max_decimals(2).suffix("°");
                 ui.add(number).on_hover_text("Above the horizon, degrees").accessible_name("Elevation of the sun");
             });
         }
@@ -77,9 +79,10 @@ pub(super) fn sun_ui(
     ui.horizontal(|ui| {
         ui.label("Haze");
         let slider = Slider::new(&mut sun.turbidity, 2.0..=10.0).max_decimals(1);
-        ui.add(slider).on_hover_text("Turbidity: 2 is very clear, 10 is hazy").accessible_name("Haze");
+        let haze = slider_ui(ui, slider, Spelling::default());
+        haze.on_hover_text("Turbidity: 2 is very clear, 10 is hazy").accessible_name("Haze");
         let speed = (0.01 * f64::from(sun.intensity)).max(1e-3);
-        let number = DragValue::new(&mut sun.intensity).range(0.0..=1e9).speed(speed).max_decimals(3).suffix("×");
+        let number = Number::new(&mut sun.intensity).range(0.0..=1e9).speed(speed).max_decimals(3).suffix("×");
         ui.add(number).on_hover_text("Multiplies the sun alone").accessible_name("Intensity of the sun");
     });
     if let Ok(position) = sun.position() {
@@ -118,11 +121,12 @@ fn time_ui(ui: &mut Ui, (time, north_deg): (&mut SunTime, &mut f64), playing: &m
         }
         let mut minutes = (60.0 * time.hour).round();
         ui.spacing_mut().slider_width = (ui.available_width() - 64.0).max(80.0);
-        let slider = Slider::new(&mut minutes, 0.0..=24.0 * 60.0).step_by(1.0).custom_formatter(|minutes, _| {
+        let clock = |minutes: f64, _| {
             let minutes = minutes.round() as u32;
             format!("{:02}:{:02}", minutes / 60, minutes % 60)
-        });
-        let slider = ui.add(slider.custom_parser(parsed_minutes)).on_hover_text("Local time");
+        };
+        let slider = Slider::new(&mut minutes, 0.0..=24.0 * 60.0).step_by(1.0);
+        let slider = slider_ui(ui, slider, Spelling::new(clock, parsed_minutes)).on_hover_text("Local time");
         if slider.accessible_name("Time of day").changed() {
             (time.hour, *playing) = (minutes / 60.0, None);
         }
@@ -133,20 +137,20 @@ fn time_ui(ui: &mut Ui, (time, north_deg): (&mut SunTime, &mut f64), playing: &m
         ui.end_row();
         ui.label("Place");
         ui.horizontal(|ui| {
-            let latitude = DragValue::new(&mut time.latitude_deg).range(-90.0..=90.0).speed(0.1).max_decimals(4);
+            let latitude = Number::new(&mut time.latitude_deg).range(-90.0..=90.0).speed(0.1).max_decimals(4);
             ui.add(latitude.suffix("° N")).on_hover_text("Latitude, south is negative").accessible_name("Latitude");
-            let longitude = DragValue::new(&mut time.longitude_deg).range(-180.0..=180.0).speed(0.1).max_decimals(4);
+            let longitude = Number::new(&mut time.longitude_deg).range(-180.0..=180.0).speed(0.1).max_decimals(4);
             ui.add(longitude.suffix("° E")).on_hover_text("Longitude, west is negative").accessible_name("Longitude");
         });
         ui.end_row();
         ui.label("Clock");
         ui.horizontal(|ui| {
-            let offset = DragValue::new(&mut time.utc_offset_h).range(-14.0..=14.0).speed(0.05).max_decimals(2);
+            let offset = Number::new(&mut time.utc_offset_h).range(-14.0..=14.0).speed(0.05).max_decimals(2);
             ui.add(offset.prefix("UTC + ").suffix(" h"))
                 .on_hover_text("Local time less universal time, hours; with summer time one more")
                 .accessible_name("Offset from universal time");
             ui.label("North");
-            let north = DragValue::new(north_deg).range(-360.0..=360.0).speed(0.5).max_decimals(1).suffix("°");
+            let north = Number::new(north_deg).range(-360.0..=360.0).speed(0.5).max_decimals(1).suffix("°");
             ui.add(north).on_hover_text("Azimuth of north in the scene: 0° is −Z, 90° is +X").accessible_name("North");
         });
         ui.end_row();
@@ -154,7 +158,7 @@ fn time_ui(ui: &mut Ui, (time, north_deg): (&mut SunTime, &mut f64), playing: &m
 }
 
 fn date_ui(ui: &mut Ui, (year, month, day): &mut (i32, u32, u32)) {
-    let number = DragValue::new(day).range(1..=n_days(*year, *month)).speed(0.1);
+    let number = Number::new(day).range(1..=n_days(*year, *month)).speed(0.1);
     ui.add(number).on_hover_text("Day of the month").accessible_name("Day");
     let name = |month: u32| MONTHS.get(month as usize - 1).copied().unwrap_or_default();
     let combo = ComboBox::from_id_salt("month").width(92.0).selected_text(name(*month)).show_ui(ui, |ui| {
@@ -163,7 +167,7 @@ fn date_ui(ui: &mut Ui, (year, month, day): &mut (i32, u32, u32)) {
         }
     });
     combo.response.accessible_name("Month");
-    let number = DragValue::new(year).range(1901..=2099).speed(0.1).custom_formatter(|year, _| format!("{year:.0}"));
+    let number = Number::new(year).range(1901..=2099).speed(0.1).words(|year, _| format!("{year:.0}"));
     ui.add(number).on_hover_text("Year").accessible_name("Year");
     *day = (*day).min(n_days(*year, *month));
 }

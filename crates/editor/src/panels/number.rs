@@ -1,0 +1,176 @@
+//! A field for a number: dragged it changes at once, typed it changes once all of it is there.
+//!
+//! The toolkit's field, which this one wraps, writes at every key. On the way to 1920 that is 1, which a range makes 16, and all that hangs
+//! on the number follows; and the text of a number that does not come back to the last bit is exchanged under the cursor.
+
+use std::cell::RefCell;
+use std::ops::RangeInclusive;
+
+use eframe::egui::emath::Numeric;
+use eframe::egui::{DragValue, Key, Response, Slider, Ui, Widget};
+
+type Words<'a> = Box<dyn Fn(f64, RangeInclusive<usize>) -> String + 'a>;
+type Read<'a> = Box<dyn Fn(&str) -> Option<f64> + 'a>;
+
+/// The field. Enter, Tab and a click elsewhere take what was typed, Escape gives it up. Digits that nobody changed are no answer: the number
+/// behind them may be more exact.
+pub struct Number<'a> {
+    drag: DragValue<'a>,
+    spelling: Spelling<'a>,
+}
+
+impl<'a> Number<'a> {
+    /// For a value.
+    pub fn new(value: &'a mut impl Numeric) -> Number<'a> {
+        let drag = DragValue::new(value).update_while_editing(false);
+        Number { drag, spelling: Spelling::default() }
+    }
+
+    /// What the value may be; one that is outside is brought in.
+    pub fn range(self, range: RangeInclusive<impl Numeric>) -> Self {
+        Number { drag: self.drag.range(range), ..self }
+    }
+
+    /// A value that is outside of its range stays until somebody drags or types.
+    pub fn leaves_what_is_outside(self) -> Self {
+        Number { drag: self.drag.clamp_existing_to_range(false), ..self }
+    }
+
+    /// Change by a drag over one point.
+    pub fn speed(self, speed: impl Into<f64>) -> Self {
+        Number { drag: self.drag.speed(speed), ..self }
+    }
+
+    /// Most digits behind the point.
+    pub fn max_decimals(self, n: usize) -> Self {
+        Number { drag: self.drag.max_decimals(n), ..self }
+    }
+
+    /// Digits behind the point.
+    pub fn fixed_decimals(self, n: usize) -> Self {
+        Number { drag: self.drag.fixed_decimals(n), ..self }
+    }
+
+    /// What stands in front of it.
+    pub fn prefix(self, prefix: &str) -> Self {
+        Number { drag: self.drag.prefix(prefix.to_owned()), ..self }
+    }
+
+    /// Its unit, which may be typed as well.
+    pub fn suffix(mut self, suffix: impl Into<String>) -> Self {
+        self.spelling.unit = suffix.into();
+        Number { drag: self.drag.suffix(self.spelling.unit.clone()), ..self }
+    }
+
+    /// How it is written, given the number and the range of digits behind the point.
+    pub fn words(mut self, words: impl Fn(f64, RangeInclusive<usize>) -> String + 'a) -> Self {
+        self.spelling.words = Some(Box::new(words));
+        self
+    }
+
+    /// How what was typed is read.
+    pub fn read(mut self, read: impl Fn(&str) -> Option<f64> + 'a) -> Self {
+        self.spelling.read = Some(Box::new(read));
+        self
+    }
+}
+
+impl Widget for Number<'_> {
+    fn ui(self, ui: &mut Ui) -> Response {
+        let Number { drag, spelling } = self;
+        spelling.typed_ui(ui, |ui, words, read| drag.custom_formatter(words).custom_parser(read).ui(ui))
+    }
+}
+
+/// A slider with a number beside it, which is typed as into the field.
+pub fn slider_ui(ui: &mut Ui, slider: Slider<'_>, spelling: Spelling<'_>) -> Response {
+    let slider = slider.update_while_editing(false);
+    spelling.typed_ui(ui, |ui, words, read| slider.custom_formatter(words).custom_parser(read).ui(ui))
+}
+
+/// How a number is written and read.
+#[derive(Default)]
+pub struct Spelling<'a> {
+    unit: String,
+    words: Option<Words<'a>>,
+    read: Option<Read<'a>>,
+}
+
+impl<'a> Spelling<'a> {
+    /// In digits; its unit, which stands behind it, may be typed as well.
+    pub fn with_unit(unit: &str) -> Spelling<'a> {
+        Spelling { unit: unit.to_owned(), ..Spelling::default() }
+    }
+
+    /// In words of its own.
+    pub fn new(
+        words: impl Fn(f64, RangeInclusive<usize>) -> String + 'a,
+        read: impl Fn(&str) -> Option<f64> + 'a,
+    ) -> Spelling<'a> {
+        Spelling { words: Some(Box::new(words)), read: Some(Box::new(read)), ..Spelling::default() }
+    }
+
+    /// Has a field drawn that writes and reads like this.
+    fn typed_ui(self, ui: &mut Ui, add: impl FnOnce(&mut Ui, Words<'_>, Read<'_>) -> Response) -> Response {
+        // The toolkit takes the text a frame after the focus has gone, by whatever key it went.
+        let given_up = ui.next_auto_id().with("given up");
+        let is_given_up = ui.data_mut(|data| data.remove_temp::<()>(given_up)).is_some();
+        let digits = ui.style().number_formatter.clone();
+        let shown = RefCell::new(String::new());
+        let words = |number: f64, decimals: RangeInclusive<usize>| {
+            let text = match &self.words {
+                Some(words) => words(number, decimals),
+                None => digits.format(number, decimals),
+            };
+            shown.replace(text.clone());
+            text
+        };
+        let read = |text: &str| match &self.read {
+            _ if is_given_up || *shown.borrow() == text => None,
+            Some(read) => read(text),
+            None => number_of(text, &self.unit),
+        };
+        let response = add(ui, Box::new(words), Box::new(read));
+        if response.lost_focus() && ui.input(|input| input.key_pressed(Key::Escape)) {
+            ui.data_mut(|data| data.insert_temp(given_up, ()));
+        }
+        response
+    }
+}
+
+/// A finite number, with its unit behind it or without.
+pub fn number_of(text: &str, unit: &str) -> Option<f64> {
+    let bare = |text: &str| -> String {
+        text.chars().filter(|c| !c.is_whitespace()).map(|c| if c == '−' { '-' } else { c }).collect()
+    };
+    let text = bare(text);
+    let digits = text.strip_suffix(bare(unit).as_str()).unwrap_or(&text);
+    digits.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+/// What something was when the drag of a field began; `now`, before the field changed it, where none is under way. What goes along with a field follows from that, so
+/// that a drag there and back leaves no trace.
+pub fn before_drag<T: Clone + Send + Sync + 'static>(ui: &Ui, field: &Response, now: T) -> T {
+    if !field.dragged() {
+        return now;
+    }
+    let id = field.id.with("before the drag");
+    ui.data_mut(|data| {
+        if field.drag_started() {
+            data.insert_temp(id, now.clone());
+        }
+        data.get_temp(id).unwrap_or(now)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_may_carry_its_own_unit_and_no_other() {
+        let meters = |text: &str| number_of(text, " m");
+        assert_eq!(["1.5", " 1.5 m", "−2m", "1 000"].map(meters), [1.5, 1.5, -2.0, 1000.0].map(Some));
+        assert_eq!(["1.5 cm", "m", "", "nan", "inf", "1,5"].map(meters), [None; 6]);
+    }
+}
