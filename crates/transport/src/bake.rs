@@ -902,7 +902,11 @@ impl Run<'_> {
         let shared = match indirect.nodes(samples, job.config.tolerance_db) {
             None => None,
             Some(plan) => {
-                let go_on = || on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None });
+                let deadline = &mut self.deadline;
+                let go_on = || {
+                    deadline.iter_mut().try_for_each(|deadline| deadline.strike(pass))?;
+                    on_event(BakeEvent::Progress { pass, done: clock.done(), secs_left: None })
+                };
                 let Some(nodes) = Nodes::gather(matrix, plan, go_on) else { return Ok(ControlFlow::Break(())) };
                 Some(SharedMatrix { matrix, nodes })
             }
