@@ -682,6 +682,7 @@ fn a_long_table_draws_the_lines_that_are_seen() {
         unit: eframe::egui::MouseWheelUnit::Point,
         delta: eframe::egui::vec2(0.0, -20_000.0),
         phase: eframe::egui::TouchPhase::Move,
+        source: eframe::egui::MouseWheelSource::Unknown,
         modifiers: Modifiers::NONE,
     });
     window.run_steps(60);

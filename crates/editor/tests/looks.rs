@@ -193,8 +193,8 @@ fn double_click(window: &mut Window, at: eframe::egui::Pos2) {
     window.run_steps(2);
     for pressed in [true, false, true, false] {
         let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
-        window.event(eframe::egui::Event::PointerButton { pos: at, button, pressed, modifiers });
-        window.run_steps(1);
+        // All in one frame: those of a test are long.
+        window.input_mut().events.push(eframe::egui::Event::PointerButton { pos: at, button, pressed, modifiers });
     }
     window.run_steps(3);
 }

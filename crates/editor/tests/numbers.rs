@@ -168,6 +168,8 @@ fn a_bookmark_has_another_name_once_it_is_typed_and_no_two_have_the_same() {
         window.state().look().bookmarks.iter().map(|bookmark| bookmark.name.clone()).collect()
     };
     assert_eq!(names(&window), ["Bookmark 1", "Bookmark 2"]);
+    reach(&mut window, "View");
+    click(&mut window, "Bookmark 2");
     type_keys(&mut window, "Name of the bookmark", "");
     window.key_press(Key::Backspace);
     window.run_steps(2);

@@ -104,7 +104,8 @@ fn bookmark_name_ui(ui: &mut Ui, (cameras, bookmarks): (&[Camera], &[Camera]), i
         return None;
     }
     ui.data_mut(|data| data.remove_temp::<String>(id));
-    let is_wanted = edit.lost_focus() && !ui.input(|input| input.key_pressed(Key::Escape));
+    // Assistive technology sets it without the focus.
+    let is_wanted = edit.changed() || (edit.lost_focus() && !ui.input(|input| input.key_pressed(Key::Escape)));
     (is_wanted && is_free && !wanted.is_empty() && wanted != *now).then_some(wanted)
 }
 
