@@ -99,7 +99,8 @@ impl SceneNode {
         self.name.as_deref() == Some(name) || name == self.index_key()
     }
 
-    fn index_key(&self) -> String {
+    /// The name that no other node of the file has: `node:INDEX`.
+    pub fn index_key(&self) -> String {
         format!("node:{}", self.index)
     }
 }
