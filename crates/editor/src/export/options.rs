@@ -69,6 +69,19 @@ pub struct Region {
     pub height: u32,
 }
 
+impl Region {
+    /// Between two corners, in shares of width and height of a picture of some size in pixels; at least a pixel.
+    pub fn between([low, high]: [[f32; 2]; 2], [width, height]: [u32; 2]) -> Region {
+        let along = |axis: usize, side: u32| {
+            let px = |share: f32| (share * side as f32).round().clamp(0.0, side as f32) as u32;
+            let start = px(low[axis]).min(side.saturating_sub(1));
+            (start, px(high[axis]).max(start + 1) - start)
+        };
+        let ((x, width), (y, height)) = (along(0, width), along(1, height));
+        Region { x, y, width, height }
+    }
+}
+
 /// How a picture becomes a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -163,6 +176,16 @@ mod tests {
         let half = ExportOptions { width_px: Some(320), region: region(300, 0, 20, 240), ..ExportOptions::default() };
         assert_eq!(half.window([640, 480]).unwrap(), region(300, 0, 20, 240).unwrap());
         assert_eq!(half.whole([641, 480]).unwrap(), [320, 240]);
+    }
+
+    #[test]
+    fn a_region_between_corners_lies_within_the_picture_and_is_not_empty() {
+        let whole = [64, 48];
+        assert_eq!(Region::between([[0.25, 0.5], [0.75, 1.0]], whole), Region { x: 16, y: 24, width: 32, height: 24 });
+        for corners in [[[-0.5, -0.1], [1.5, 1.2]], [[1.0, 1.0], [1.0, 1.0]], [[0.3, 0.3], [0.3, 0.3]]] {
+            let region = Some(Region::between(corners, whole));
+            assert!(ExportOptions { region, ..ExportOptions::default() }.window(whole).is_ok(), "{region:?}");
+        }
     }
 
     #[test]
