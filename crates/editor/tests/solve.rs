@@ -77,6 +77,19 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
 }
 
 #[test]
+fn figures_say_that_they_are_of_the_lights_now_while_another_look_is_seen_beside_them() {
+    const WORDS: &str = "Under the lights as they are now";
+    let mut window = measured();
+    click(&mut window, "Measure");
+    mark(&mut window);
+    click(&mut window, "Keep look");
+    click(&mut window, "Mute lamp");
+    assert!(window.query_by_label(WORDS).is_none());
+    click(&mut window, "Compare");
+    window.get_by_label(WORDS);
+}
+
+#[test]
 fn a_wish_is_solved_previewed_and_one_step_of_undo() {
     let mut window = measured();
     click(&mut window, "Solve for light");
