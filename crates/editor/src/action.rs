@@ -1,6 +1,6 @@
 //! Requests that are not edits of the look: pushed while the window is drawn, applied before the next frame.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clerestory_transport::camera::Camera;
 use clerestory_transport::lamp_units::LampUnits;
@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::panels::lamps::Pulled;
 use crate::picture::DeviceWish;
+use crate::sequence::Pattern;
 
 /// What a person asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -260,11 +261,25 @@ impl FileTask {
         matches!(self, FileTask::Export | FileTask::ExportFrames | FileTask::SaveSheet)
     }
 
-    /// What happens once a file is chosen.
-    pub fn action(self, mut path: PathBuf) -> Action {
+    /// The file that is meant by a path: one to be written gets an ending where it has none.
+    pub fn whole(self, mut path: PathBuf) -> PathBuf {
         if self.writes() && path.extension().is_none() {
             path.set_extension(self.extensions().1[0]);
         }
+        path
+    }
+
+    /// Whether something is there that is replaced if a path is written.
+    pub fn replaces(self, path: &Path) -> bool {
+        match self {
+            FileTask::ExportFrames => Pattern::new(path).is_ok_and(|pattern| pattern.has_files()),
+            _ => self.writes() && path.is_file(),
+        }
+    }
+
+    /// What happens once a file is chosen.
+    pub fn action(self, path: PathBuf) -> Action {
+        let path = self.whole(path);
         match self {
             FileTask::OpenScene | FileTask::OpenPictures => Action::Open(path),
             FileTask::OpenLook => Action::OpenLook(path),

@@ -42,6 +42,7 @@ use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::patches::DEFAULT_PATCHES;
 use eframe::egui::{Context, Rect, ThemePreference, Ui};
 use eframe::{CreationContext, Storage};
+use serde::de::DeserializeOwned;
 
 use crate::action::{Action, all_dropped};
 use crate::export::ExportOptions;
@@ -84,6 +85,7 @@ const DEVICE_KEY: &str = "device";
 const MEMORY_KEY: &str = "memory";
 const BAKE_KEY: &str = "bake";
 const CHOICES_KEY: &str = "chosen";
+const SCHEDULE_KEY: &str = "schedule";
 /// Set once the welcome was read.
 const WELCOMED_KEY: &str = "welcomed";
 
@@ -161,21 +163,16 @@ impl App {
         if cc.storage.is_none_or(|storage| storage.get_string(RECENT_KEY).is_none()) {
             cc.egui_ctx.set_theme(ThemePreference::Dark);
         }
-        let recent = cc.storage.and_then(|storage| eframe::get_value(storage, RECENT_KEY)).unwrap_or_default();
+        let recent = left(cc, RECENT_KEY);
         let was_welcomed = cc.storage.is_some_and(|storage| storage.get_string(WELCOMED_KEY).is_some());
-        let layout = cc.storage.and_then(|storage| eframe::get_value(storage, LIGHTS_KEY)).unwrap_or_default();
-        let lights = LightsState::new(layout);
-        let habits: BakeHabits =
-            cc.storage.and_then(|storage| eframe::get_value(storage, BAKE_KEY)).unwrap_or_default();
-        let habits = habits.within_reason();
+        let lights = LightsState::new(left(cc, LIGHTS_KEY));
+        let habits = left::<BakeHabits>(cc, BAKE_KEY).within_reason();
         let ctx = cc.egui_ctx.clone();
         let wake: crate::session::Wake = Arc::new(move |soon| ctx.request_repaint_after(soon));
         let mut session = Session::new(wake.clone());
         session.cache = start.cache;
-        session.memory_limit =
-            cc.storage.and_then(|storage| eframe::get_value(storage, MEMORY_KEY)).unwrap_or_default();
-        let kept = cc.storage.and_then(|storage| eframe::get_value(storage, CHOICES_KEY)).unwrap_or_default();
-        let choices = Choices::new(kept);
+        session.memory_limit = left(cc, MEMORY_KEY);
+        let choices = Choices::new(left(cc, CHOICES_KEY));
         let chosen = choices.kept.of(&start.source);
         session.open_with(start.source, chosen);
         let (recovery, problem) = Recovery::start(start.unsaved.as_deref());
@@ -203,7 +200,7 @@ impl App {
             follower,
             looks: LooksState::default(),
             prints: Prints::new(wake.clone())?,
-            solving: Solving::new(wake.clone()),
+            solving: Solving::new(wake.clone()).with_schedule(left(cc, SCHEDULE_KEY)),
             isolux: IsoluxDesk::new(wake.clone()),
             in_view: InView::default(),
             prober: Prober::default(),
@@ -220,8 +217,8 @@ impl App {
             profile_at_px: None,
             shortcuts: false,
             is_bare: false,
-            sides: cc.storage.and_then(|storage| eframe::get_value(storage, PANELS_KEY)).unwrap_or_default(),
-            export: cc.storage.and_then(|storage| eframe::get_value(storage, EXPORT_KEY)).unwrap_or_default(),
+            sides: left(cc, PANELS_KEY),
+            export: left(cc, EXPORT_KEY),
             heat_map: HeatMap::default(),
             heat: None,
             recovery,
@@ -390,6 +387,11 @@ impl App {
     }
 }
 
+/// What the last window left under a key.
+fn left<T: Default + DeserializeOwned>(cc: &CreationContext<'_>, key: &str) -> T {
+    cc.storage.and_then(|storage| eframe::get_value(storage, key)).unwrap_or_default()
+}
+
 /// Characters of a message that anybody reads: a file from strangers can give rise to millions.
 const MAX_MESSAGE: usize = 2000;
 
@@ -414,10 +416,12 @@ impl eframe::App for App {
         let files = ctx.input(|input| input.raw.dropped_files.clone());
         self.actions.extend(all_dropped(files.iter().map(|file| file.path().to_path_buf())));
         take_keys(ctx, self.waits_for_an_answer(), &mut self.actions);
+        self.follow_work_plane();
         for action in std::mem::take(&mut self.actions) {
             self.apply(ctx, action);
         }
         self.follow_opening();
+        self.follow_work_plane();
         self.session.foresee(&self.settings, self.camera.camera.as_ref());
         self.watch_file(ctx);
         self.follow_look_files();
@@ -482,6 +486,7 @@ impl eframe::App for App {
         eframe::set_value(storage, MEMORY_KEY, &self.session.memory_limit);
         eframe::set_value(storage, BAKE_KEY, &self.habits);
         eframe::set_value(storage, CHOICES_KEY, &self.choices.kept);
+        eframe::set_value(storage, SCHEDULE_KEY, self.solving.schedule());
         if !self.is_new_here {
             eframe::set_value(storage, WELCOMED_KEY, &true);
         }

@@ -173,6 +173,15 @@ impl Marks {
         &self.pixels
     }
 
+    /// The corners between which they lie, as shares of the picture's width and height; none if none is marked.
+    pub fn corners(&self) -> Option<[[f32; 2]; 2]> {
+        let places = || self.pixels.iter().map(|pixel| (pixel % self.film.width, pixel / self.film.width));
+        let (left, right) = (places().map(|(x, _)| x).min()?, places().map(|(x, _)| x).max()?);
+        let (top, bottom) = (places().map(|(_, y)| y).min()?, places().map(|(_, y)| y).max()?);
+        let share = |x: u32, y: u32| [x as f32 / self.film.width as f32, y as f32 / self.film.height as f32];
+        Some([share(left, top), share(right + 1, bottom + 1)])
+    }
+
     /// Whether none is marked.
     pub fn is_empty(&self) -> bool {
         self.pixels.is_empty()

@@ -17,7 +17,7 @@ use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use clerestory_transport::light::{LightSetting, luminance};
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::look::Look;
 use crate::panels::lamps::kind_words;
@@ -26,7 +26,7 @@ use crate::panels::lights::source_words;
 pub use types::LuminaireType;
 
 /// What has a row of its own.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ScheduleBy {
     /// Every lamp.

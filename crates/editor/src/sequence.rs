@@ -55,6 +55,17 @@ impl Pattern {
         let Pattern { folder, before, digits, after, .. } = self;
         folder.join(format!("{before}{frame:0digits$}{after}"))
     }
+
+    /// Whether a file of any frame is there.
+    pub fn has_files(&self) -> bool {
+        let is_frame = |name: &str| {
+            let number = name.strip_prefix(&self.before).and_then(|rest| rest.strip_suffix(&self.after));
+            number.is_some_and(|n| n.len() >= self.digits && n.bytes().all(|byte| byte.is_ascii_digit()))
+        };
+        let folder = if self.folder.as_os_str().is_empty() { Path::new(".") } else { &self.folder };
+        let mut entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.any(|entry| is_frame(&entry.file_name().to_string_lossy()))
+    }
 }
 
 /// Number of the last frame of a look's timeline, counted from 0.

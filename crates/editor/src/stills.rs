@@ -126,6 +126,19 @@ impl Stills {
         straight.for_each(|straight| arriving.add(straight));
         Ok(Some(arriving))
     }
+
+    /// The light of the free lamps of a look, if any shine; `None` if it was stopped.
+    pub fn lamp_light(
+        &mut self,
+        look: &Look,
+        size: Size,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Option<LampLight>> {
+        let subject = self.subject.clone();
+        let header = &subject.bake.header;
+        let film = fitting(Film { width: header.width, height: header.height }, size);
+        lamp_light(&mut self.lamps, &subject, (look, film), stop)
+    }
 }
 
 /// The light of a look's lamps at a size; within it `None` if it was stopped, else what there is, if lamps shine.

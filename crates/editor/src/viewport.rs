@@ -29,11 +29,11 @@ use crate::panels::lights::LightsState;
 use crate::panels::spots::key_step;
 use crate::session::{BakeState, Stage};
 use crate::theme;
-use compare::{Compared, Way};
+use compare::Compared;
 use gizmo::Sight;
 use handles::{Grab, PanelPicker};
 use marking::{Marking, marking_ui};
-use probe::{Grid, Probes, Readings};
+use probe::{Grid, Plate, Probes, Readings};
 use zoom::Zoom;
 
 /// What is shown.
@@ -56,9 +56,19 @@ pub struct Viewed<'a> {
     pub compared: Option<Compared>,
     /// A map of colors over it.
     pub overlay: Option<Overlay>,
-    /// What was measured in it.
-    pub readings: &'a Readings,
+    /// What was measured in it, on the left and on the right of a comparison; without one on the left.
+    pub readings: &'a [Readings; 2],
 }
+
+impl Viewed<'_> {
+    /// What is seen on the left and on the right of a comparison.
+    fn names(&self) -> Option<&[String; 2]> {
+        self.compared.as_ref().map(|compared| &compared.names)
+    }
+}
+
+/// Of the picture, and of what is seen beside it.
+const NAMES: [&str; 2] = ["Picture", "Picture on the right"];
 
 /// How it is looked at.
 #[derive(Clone, Debug, Default)]
@@ -73,6 +83,8 @@ pub struct ViewState {
     divider: f32,
     /// What is marked, and how.
     pub marking: Marking,
+    /// The part of the picture that is in sight, as shares of its width and height; none where that is all or nothing of it.
+    pub seen: Option<[[f32; 2]; 2]>,
 }
 
 /// Draws picture and handles, or says in words what is going on.
@@ -86,17 +98,20 @@ pub fn viewport_ui(
 ) {
     let whole = ui.available_rect_before_wrap();
     ui.painter().rect_filled(whole, 0.0, theme::SURROUND);
-    let area = compare::left_area(whole, viewed.compared.as_ref());
+    let areas = compare::areas(whole, viewed.compared.as_ref());
     let Some((texture, [width, height])) = viewed.picture else {
-        words_ui(ui, area, viewed, actions);
+        words_ui(ui, areas[0], viewed, actions);
         return;
     };
-    let response = ui.allocate_rect(area, Sense::click_and_drag());
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "Picture"));
     let size = vec2(width as f32, height as f32);
     state.zoom.heed_size(size, ui.pixels_per_point());
-    zoom::navigate(ui, &response, (&mut state.zoom, &mut state.grab), size);
-    let image = state.zoom.image_rect(area, size);
+    let responses: Vec<Response> = areas.iter().zip(NAMES).map(|(area, name)| picture_of(ui, *area, name)).collect();
+    for response in &responses {
+        zoom::navigate(ui, response, (&mut state.zoom, &mut state.grab), size);
+    }
+    let images: Vec<Rect> = areas.iter().map(|area| state.zoom.image_rect(*area, size)).collect();
+    let (response, area, image) = (&responses[0], areas[0], images[0]);
+    state.seen = zoom::part_seen(area, image);
     let painter = ui.painter_at(area);
     painter.image(texture, image, Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
     if let Some(overlay) = viewed.overlay {
@@ -104,42 +119,21 @@ pub fn viewport_ui(
     } else if viewed.legend.is_some_and(|legend| legend.isolux != Isolux::Off) && viewed.compared.is_none() {
         isolux::isolux_ui(ui, viewed.isolines, (area, image), [width, height]);
     }
-    let marks = state.grab.is_none() && marking_ui(ui, &response, image, Film { width, height }, &mut state.marking);
-    let mut is_free = !marks;
-    if marks {
-        // The pointer marks: lamps, spots and probes wait.
-    } else if let Some((scene, camera)) = viewed.scene {
-        let film = Film { width, height };
-        let picker = PanelPicker { scene, camera, film, image };
-        let sight = Sight { scene, camera, film, image };
-        is_free = !lamps::lamps_ui(ui, &response, &sight, look, &mut lights.lamps, actions);
-        if !lights.lamps.aiming && lights.lamps.drag.is_none() {
-            is_free &= !names::marks_ui(ui, &response, &sight, look, lights, actions);
-            if lights.lamps.pulled_at.is_none() {
-                drag_spots(ui, &response, &picker, state, look, &mut lights.spot);
-            }
-            names::surface_hint(ui, &response, &sight, look);
-        }
-        picker.paint(&painter, look, lights.spot.as_ref());
-    } else if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
-        state.grab = Some(Grab::Picture);
-    }
-    if let Some(compared) = &viewed.compared {
-        let right = compare::right_area(whole, area);
-        match compared.way {
-            Way::SideBySide => {
-                let images = [image, state.zoom.image_rect(right, size)];
-                compare::beside_ui(ui, (compared, viewed.overlay), [area, right], images);
-            }
-            Way::Wipe => compare::wipe_ui(ui, (compared, viewed.overlay), area, image, &mut state.divider),
-        }
-    }
-    zoom::paint_region(ui, &response, state.grab.as_ref());
-    let grid = Grid { image, size: [width, height] };
-    probe::follow(ui, &response, grid, &mut state.probes, is_free);
-    probe::readings_ui(ui, &response, grid, viewed.readings, &mut state.probes, (look, lights));
+    let film = Film { width, height };
+    let is_free = touch_ui(ui, response, (film, image), viewed, state, (look, lights), actions);
+    responses.iter().skip(1).for_each(|right| grab_picture(right, state));
+    let seen_from = compared_ui(ui, viewed, (&areas, &images), state);
+    responses.iter().for_each(|response| zoom::paint_region(ui, response, state.grab.as_ref()));
+    let plate = |(nth, picture)| {
+        let grid = Grid { image: images[nth], size: [width, height] };
+        Plate { picture, grid, names: viewed.names(), right_from: seen_from[nth], nth }
+    };
+    let plates: Vec<Plate> = responses.iter().enumerate().map(plate).collect();
+    probe::follow(ui, &plates, &mut state.probes, is_free);
+    probe::readings_ui(ui, &plates, viewed.readings, &mut state.probes, (look, lights));
     if let Some(words) = viewed.overlay.and_then(|overlay| overlay.hovered_words()) {
-        probe::block_ui(ui, &response, &words);
+        let under = responses.iter().find(|response| response.hovered()).unwrap_or(response);
+        probe::block_ui(ui, under, &words);
     }
     match (viewed.overlay, viewed.legend) {
         (Some(overlay), _) => overlay.bar.ui(ui, area),
@@ -149,6 +143,69 @@ pub fn viewport_ui(
     let is_coarse = viewed.is_glimpse && viewed.bake.is_running();
     if is_coarse || matches!(viewed.stage, Stage::Loading(_)) || *viewed.bake == BakeState::Preparing {
         busy_corner(ui, area, &busy_words(viewed));
+    }
+}
+
+fn picture_of(ui: &mut Ui, area: Rect, name: &str) -> Response {
+    let response = ui.allocate_rect(area, Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, name));
+    response
+}
+
+/// What is done to marks, lamps and spots in the picture. Answers whether a click is about none of them.
+fn touch_ui(
+    ui: &mut Ui,
+    response: &Response,
+    (film, image): (Film, Rect),
+    viewed: &Viewed,
+    state: &mut ViewState,
+    (look, lights): (&mut Look, &mut LightsState),
+    actions: &mut Vec<Action>,
+) -> bool {
+    if state.grab.is_none() && marking_ui(ui, response, image, film, &mut state.marking) {
+        // The pointer marks: lamps, spots and probes wait.
+        return false;
+    }
+    let Some((scene, camera)) = viewed.scene else {
+        grab_picture(response, state);
+        return true;
+    };
+    let picker = PanelPicker { scene, camera, film, image };
+    let sight = Sight { scene, camera, film, image };
+    let mut is_free = !lamps::lamps_ui(ui, response, &sight, look, &mut lights.lamps, actions);
+    if !lights.lamps.aiming && lights.lamps.drag.is_none() {
+        is_free &= !names::marks_ui(ui, response, &sight, look, lights, actions);
+        if lights.lamps.pulled_at.is_none() {
+            drag_spots(ui, response, &picker, state, look, &mut lights.spot);
+        }
+        names::surface_hint(ui, response, &sight, look);
+    }
+    picker.paint(&ui.painter_at(response.rect), look, lights.spot.as_ref());
+    is_free
+}
+
+/// Where there are no handles, a press takes the picture, and a double-click shows all of it.
+fn grab_picture(response: &Response, state: &mut ViewState) {
+    if state.grab.is_none() && response.drag_started_by(PointerButton::Primary) {
+        state.grab = Some(Grab::Picture);
+    }
+    if response.double_clicked() {
+        state.zoom.fit();
+    }
+}
+
+/// Draws what the picture is compared with. Answers from where on in each picture the side on the right is seen, points across.
+fn compared_ui(ui: &Ui, viewed: &Viewed, (areas, images): (&[Rect], &[Rect]), state: &mut ViewState) -> [f32; 2] {
+    match (&viewed.compared, areas, images) {
+        (Some(compared), [left, right], [left_image, right_image]) => {
+            compare::beside_ui(ui, (compared, viewed.overlay), [*left, *right], [*left_image, *right_image]);
+            [f32::INFINITY, f32::NEG_INFINITY]
+        }
+        (Some(compared), [area, ..], [image, ..]) => {
+            let x = compare::wipe_ui(ui, (compared, viewed.overlay), *area, *image, &mut state.divider);
+            [x, f32::INFINITY]
+        }
+        _ => [f32::INFINITY; 2],
     }
 }
 

@@ -14,7 +14,7 @@ use clerestory_transport::archive;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
 use eframe::egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2, vec2};
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 use serde_json::{Value, json};
 
@@ -176,12 +176,65 @@ fn a_lamp_is_aimed_at_what_is_clicked() {
     let at = on_screen(&window, wall);
     click_at(&mut window, at, Modifiers::NONE);
     assert!(lamps(&window)[0].aim.distance(wall) < 0.03, "{}", lamps(&window)[0].aim);
+    window.key_press(Key::A);
+    window.run_steps(3);
     let at = on_screen(&window, side);
-    click_at(&mut window, at, Modifiers::COMMAND);
+    click_at(&mut window, at, Modifiers::NONE);
     assert!(lamps(&window)[0].aim.distance(side) < 0.03, "{}", lamps(&window)[0].aim);
     let at = on_screen(&window, wall);
+    click_at(&mut window, at, Modifiers::COMMAND);
+    assert!(lamps(&window)[0].aim.distance(side) < 0.03, "a click with Ctrl adds to what is selected");
     click_at(&mut window, at, Modifiers::NONE);
     assert!(lamps(&window)[0].aim.distance(side) < 0.03, "aiming is over");
+}
+
+#[test]
+fn a_light_that_is_reset_does_not_shine_beside_the_lamp_in_its_place() {
+    let mut window = baked();
+    make_movable(&mut window, "lamp");
+    assert!(window.state().look().lights.is_replaced("lamp") && lamps(&window).len() == 1);
+    let row = window.get_by_label("Mute lamp").rect();
+    ask_for_menu(&mut window, Pos2::new(row.right() + 20.0, row.center().y));
+    click(&mut window, "Reset");
+    assert_eq!(*window.state().look(), Look::default(), "as in the file");
+    click(&mut window, "Undo");
+    assert!(window.state().look().lights.is_replaced("lamp"), "one step");
+}
+
+#[test]
+fn who_deletes_a_lamp_hears_that_the_light_in_whose_place_it_shone_stays_off() {
+    let mut window = baked();
+    make_movable(&mut window, "lamp");
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert!(lamps(&window).is_empty() && window.state().look().lights.setting("lamp").muted);
+    let words = "Deleted lamp movable 1; lamp, in whose place it shone, stays off";
+    assert!(window.query_all_by_label(words).next().is_some());
+}
+
+#[test]
+fn a_measured_lamp_of_the_file_promises_no_drag() {
+    let mut gltf: Value = serde_json::from_slice(&room()).unwrap();
+    let profile = "data:application/x-ies-lm-63,IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 10\n0 90 180\n0\n9 9 9\n";
+    gltf["extensions"]["EXT_lights_ies"] = json!({ "lights": [{ "uri": profile }] });
+    gltf["nodes"][1]["extensions"]["EXT_lights_ies"] = json!({ "light": 0 });
+    gltf["extensionsUsed"].as_array_mut().unwrap().push("EXT_lights_ies".into());
+    let mut window = open(Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() });
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.n_pictures() > 0 && app.is_settled());
+    let lamp = on_screen(&window, Vec3::new(0.3, 0.6, -0.2));
+    window.hover_at(lamp);
+    window.run_steps(3);
+    window.get_by_label("lamp, click to choose it, it is measured and stays where it is");
+    drag(&mut window, lamp, lamp + vec2(60.0, 30.0));
+    assert_eq!(*window.state().look(), Look::default());
+    assert!(window.query_by_label_contains("cannot be made movable").is_none(), "nothing was promised");
+    let row = window.get_by_label("Mute lamp").rect();
+    for at in [lamp, Pos2::new(row.right() + 20.0, row.center().y)] {
+        ask_for_menu(&mut window, at);
+        assert!(window.get_by_label("Make movable").accesskit_node().is_disabled());
+        window.key_press(Key::Escape);
+        window.run_steps(3);
+    }
 }
 
 #[test]

@@ -104,6 +104,14 @@ fn lights_below_one_node_are_a_group_with_a_master() {
     assert!(window.query_by_label("Mute left").is_none());
     click(&mut window, "Expand Bulb");
     window.get_by_label("Mute left");
+    // By the keyboard, which stays on the name.
+    window.get_by_label("Bulb").focus();
+    window.run_steps(2);
+    for (key, is_open) in [(Key::ArrowLeft, false), (Key::ArrowRight, true), (Key::ArrowLeft, false)] {
+        window.key_press(key);
+        window.run_steps(3);
+        assert_eq!(window.query_by_label("Mute left").is_some(), is_open, "{key:?}");
+    }
 }
 
 #[test]

@@ -5,8 +5,14 @@
 mod desk;
 
 use clerestory::look::snapshot::Mark;
+use clerestory::session::shares::sum;
+use clerestory::viewport::probe::Reading;
+use clerestory_transport::light::LightRig;
 use eframe::egui::gui_zoom::kb_shortcuts::ZOOM_IN;
-use eframe::egui::{Key, Modifiers, PointerButton, ViewportCommand, ViewportEvent};
+use eframe::egui::{
+    Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, PointerButton, Pos2, Rect, TouchPhase, ViewportCommand,
+    ViewportEvent, vec2,
+};
 use egui_kittest::kittest::{NodeT, Queryable};
 
 use desk::{Dropped, Window, ask_for, baked, click, drag, save_as, wait};
@@ -292,6 +298,180 @@ fn two_looks_are_compared_and_the_divider_is_dragged() {
     assert_eq!(window.get_by_label("Picture").rect().width(), picture.width());
 }
 
+/// What is told under the pointer: the side where two are compared, the pixel, and what is read there.
+fn told(window: &mut Window, at: Pos2) -> Vec<String> {
+    window.hover_at(at);
+    window.run_steps(6);
+    let words = window.get_by_label_contains("cd/m²").accesskit_node().value().unwrap();
+    words.split("   ").map(str::to_owned).collect()
+}
+
+/// What a pixel, `x, y`, reads under some lights.
+fn reading(window: &Window, rig: &LightRig, pixel: &str) -> String {
+    let (x, y) = pixel.split_once(", ").unwrap();
+    let px: [u32; 2] = [x.parse().unwrap(), y.parse().unwrap()];
+    let shown = window.state().session().shown.as_ref().unwrap();
+    let shares = shown.shares(rig, None, &[px[1] * shown.header.width + px[0]]).unwrap();
+    Reading { px, radiance: sum(&shares), lux: None }.words()
+}
+
+fn area_of(window: &Window, label: &str) -> Rect {
+    window.get_by_label(label).rect()
+}
+
+/// Clicks in the picture, so often in one frame.
+fn click_in_picture(window: &mut Window, at: Pos2, times: usize) {
+    window.hover_at(at);
+    window.run_steps(2);
+    for pressed in [true, false].repeat(times) {
+        let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+        window.input_mut().events.push(Event::PointerButton { pos: at, button, pressed, modifiers });
+    }
+    window.run_steps(6);
+}
+
+fn come_nearer(window: &mut Window, at: Pos2) {
+    window.hover_at(at);
+    window.run_steps(2);
+    let (unit, phase, source) = (MouseWheelUnit::Point, TouchPhase::Move, MouseWheelSource::Unknown);
+    let (delta, modifiers) = (vec2(0.0, 100.0), Modifiers::NONE);
+    window.event(Event::MouseWheel { unit, delta, phase, source, modifiers });
+    window.run_steps(8);
+}
+
+/// Compares, once both pictures are there.
+fn compare(window: &mut Window) {
+    click(window, "Compare");
+    wait(window, |app| app.is_settled());
+    window.run_steps(4);
+}
+
+#[test]
+fn what_is_read_in_a_comparison_is_of_the_side_under_the_pointer() {
+    let mut window = two_looks();
+    compare(&mut window);
+    let middle = area_of(&window, "Picture").center();
+    let places = [middle + vec2(-170.0, 90.0), middle + vec2(170.0, 90.0)];
+    let rigs = {
+        let look = window.state().look();
+        [look.snapshots[0].lights.clone(), look.lights.clone()]
+    };
+    for ((at, name), (rig, other)) in places.iter().zip(["Look", "Now"]).zip([(0, 1), (1, 0)]) {
+        let told = told(&mut window, *at);
+        let expected = [rig, other].map(|rig| reading(&window, &rigs[rig], &told[1]));
+        assert_eq!((told[0].as_str(), &told[2]), (name, &expected[0]));
+        assert_ne!(expected[0], expected[1]);
+    }
+
+    // Who lights a place is told of the same side.
+    let n_of_lamp = |window: &Window| {
+        window
+            .query_all_by_label_contains("lamp ")
+            .filter(|row| {
+                row.accesskit_node().label().is_some_and(|words| words.starts_with("lamp ") && words.contains('%'))
+            })
+            .count()
+    };
+    click_in_picture(&mut window, places[0], 1);
+    assert_eq!(n_of_lamp(&window), 1);
+    click_in_picture(&mut window, places[1], 1);
+    assert_eq!(n_of_lamp(&window), 0, "it is off now");
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+
+    // One beside the other has both, of one and the same pixel; so has a probe that stays.
+    click(&mut window, "Side by side");
+    let sides = ["Picture", "Picture on the right"].map(|label| area_of(&window, label).center() + vec2(30.0, 60.0));
+    let both = sides.map(|at| told(&mut window, at));
+    assert!(both[0][1] == both[1][1] && both[0][2] != both[1][2], "{both:?}");
+    assert_eq!([&both[0][0], &both[1][0]], ["Look", "Now"]);
+    window.key_press(Key::P);
+    window.run_steps(4);
+    window.hover_at(Pos2::new(5.0, 5.0));
+    window.run_steps(3);
+    for words in both {
+        window.get_by_label(&format!("Probe 1, {}, {}", words[0], words[2]));
+    }
+}
+
+#[test]
+fn a_lamp_that_one_side_alone_has_is_counted_there() {
+    let mut window = baked();
+    click(&mut window, "Add lamp");
+    click(&mut window, "Point");
+    wait(&mut window, |app| app.is_settled());
+    click(&mut window, "Keep look");
+    window.key_press(Key::Delete);
+    window.run_steps(3);
+    assert!(window.state().look().lights.lamps.is_empty());
+    compare(&mut window);
+    click(&mut window, "Side by side");
+    let sides = ["Picture", "Picture on the right"].map(|label| area_of(&window, label).center() + vec2(20.0, 30.0));
+    let read = sides.map(|at| told(&mut window, at)[2].split(' ').next().unwrap().parse::<f32>().unwrap());
+    assert!(read[0] > 1.5 * read[1] && read[1] > 0.0, "{read:?}");
+    click_in_picture(&mut window, sides[0], 1);
+    for light in ["panel ", "Point lamp 1 "] {
+        let is_share = |row: &egui_kittest::Node<'_>| row.accesskit_node().label().is_some_and(|of| of.contains('%'));
+        window.query_all_by_label_contains(light).find(is_share).expect("it has a share").click();
+        window.run_steps(3);
+        assert_eq!(window.state().chosen_light(), Some("panel"), "{light}: the lamp is not among the lights now");
+    }
+}
+
+#[test]
+fn the_picture_on_the_right_is_zoomed_and_moved_as_that_on_the_left() {
+    let mut window = two_looks();
+    compare(&mut window);
+    click(&mut window, "Side by side");
+    let [left, right] = ["Picture", "Picture on the right"].map(|label| area_of(&window, label).center());
+    let offset = vec2(70.0, 50.0);
+    let (held, other) = (told(&mut window, right + offset), told(&mut window, left - offset));
+    come_nearer(&mut window, right + offset);
+    assert_eq!(told(&mut window, right + offset), held, "what is under the pointer stays there");
+    assert_eq!(told(&mut window, left + offset)[1], held[1], "in both");
+    let nearer = told(&mut window, left - offset);
+    assert_ne!(nearer[1], other[1]);
+    drag(&mut window, right, right + vec2(60.0, 0.0));
+    let [moved, beside] = [left, right].map(|middle| told(&mut window, middle - offset)[1].clone());
+    assert!(moved != nearer[1] && moved == beside, "a drag moves both: {moved} {beside}");
+    click_in_picture(&mut window, right, 2);
+    assert_eq!(told(&mut window, left - offset), other, "a double-click shows all of it");
+}
+
+#[test]
+fn a_double_click_shows_the_whole_picture_where_no_light_can_be_dragged() {
+    let mut window = two_keys();
+    wait(&mut window, |app| app.is_settled());
+    let track = area_of(&window, "Timeline ruler");
+    drag(&mut window, track.left_top() + vec2(60.0, 8.0), track.left_top() + vec2(12.0, 8.0));
+    wait(&mut window, |app| app.is_settled());
+    let middle = area_of(&window, "Picture").center();
+    let at = middle + vec2(-150.0, 40.0);
+    let whole = told(&mut window, at)[0].clone();
+    come_nearer(&mut window, middle);
+    assert_ne!(told(&mut window, at)[0], whole);
+    click_in_picture(&mut window, middle, 2);
+    assert_eq!(told(&mut window, at)[0], whole);
+}
+
+#[test]
+fn arrow_keys_move_the_divider_for_as_long_as_it_has_the_focus() {
+    let mut window = two_looks();
+    compare(&mut window);
+    let x = |window: &Window| area_of(window, "Compare divider").center().x;
+    let before = x(&window);
+    window.get_by_label("Compare divider").focus();
+    window.run_steps(2);
+    let mut at = vec![before];
+    for key in [Key::ArrowRight, Key::ArrowRight, Key::ArrowRight, Key::ArrowLeft] {
+        window.key_press(key);
+        window.run_steps(2);
+        at.push(x(&window));
+    }
+    let step = at[1] - at[0];
+    assert!(step > 2.0 && (at[3] - at[0] - 3.0 * step).abs() < 0.5 && (at[4] - at[2]).abs() < 0.5, "{at:?}");
+}
+
 #[test]
 fn a_cross_fade_lights_the_scene_and_is_one_step_of_undo() {
     let mut window = two_looks();
@@ -386,6 +566,22 @@ fn the_timeline_is_shown_played_and_written_without_an_edit() {
         pixels.map(|(x, y)| (mean(left + x, y) - f32::from(part.get_pixel(x, y)[1])).abs()).sum::<f32>()
     };
     assert!(off(20) < 0.5 * off(0), "{} {}", off(20), off(0));
+    replace_frames(&mut window, &folder.path().join("g_##.png"));
+}
+
+/// Exports frames that are there: they are replaced only once somebody says so.
+fn replace_frames(window: &mut Window, path: &std::path::Path) {
+    for answer in ["Choose another name", "Replace"] {
+        if window.query_by_label("Path").is_none() {
+            click(window, "Export frames…");
+        }
+        window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+        window.run_steps(3);
+        click(window, "Save");
+        window.get_by_label_contains("Files named g_##.png are there");
+        click(window, answer);
+    }
+    wait(window, |app| app.session().frames().is_none());
 }
 
 #[test]

@@ -2,24 +2,25 @@
 
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-#[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use clerestory::app::App;
 use clerestory::compare::read_exr;
 use clerestory::export::layers::LayerSet;
+use clerestory::export::options::Region;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::bake::BakeConfig;
-use eframe::egui::{Event, OutputCommand};
+use eframe::egui::{Event, Key, Modifiers, OutputCommand, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use exr::meta::MetaData;
 use exr::meta::attribute::SampleType;
 use exr::prelude::{Compression, ReadChannels, ReadLayers};
 use serde_json::json;
 
-use desk::{Window, ask_for, baked, click, open_with, quick, room, wait};
+use desk::{Window, ask_for, baked, click, drag, open_with, quick, room, wait};
 
 #[test]
 fn an_exr_gets_the_layers_and_the_part_that_were_chosen() {
@@ -148,10 +149,86 @@ fn a_name_alone_goes_beside_the_scene_and_the_dialog_says_where() {
     click(&mut window, "Save");
     wait(&mut window, |_| folder.path().join("room.png").exists());
     click(&mut window, "Export…");
-    window.get_by_label("A file of this name is there; saving replaces it");
+    assert_eq!(window.get_by_label("Path").accesskit_node().value().as_deref(), Some("room-2.png"), "it replaces none");
     window.get_by_label("Path").set_text_value_accesskit(&folder.path().join("b.png").display().to_string());
     window.run_steps(3);
     assert!(window.query_by_label(&format!("In {}", folder.path().display())).is_none(), "the path tells it");
+}
+
+#[test]
+fn a_file_that_is_there_is_not_replaced_before_somebody_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let [picture, look] = ["a.png", "other.look"].map(|name| folder.path().join(name));
+    let mut window = baked();
+    let holds = |path: &Path, bytes: &[u8]| std::fs::read(path).is_ok_and(|now| now == bytes);
+    for (label, path) in [("Export…", &picture), ("Save look…", &look)] {
+        std::fs::write(path, b"precious").unwrap();
+        // The ending is added to what is typed.
+        ask_for(&mut window, label, &path.with_extension(if label == "Export…" { "" } else { "look" }));
+        window.get_by_label("A file of this name is there; saving asks whether to replace it");
+        click(&mut window, "Save");
+        window.get_by_label("Replace the file?");
+        click(&mut window, "Choose another name");
+        assert!(window.query_by_label("Replace the file?").is_none() && holds(path, b"precious"));
+        window.get_by_label("Path").focus();
+        window.run_steps(2);
+        window.key_press(Key::Enter);
+        window.run_steps(4);
+        window.get_by_label("Replace the file?");
+        // Enter keeps the file, too.
+        window.key_press(Key::Enter);
+        window.run_steps(4);
+        assert!(window.query_by_label("Replace the file?").is_none() && holds(path, b"precious"));
+        click(&mut window, "Save");
+        click(&mut window, "Replace");
+        wait(&mut window, |_| !holds(path, b"precious"));
+        window.run_steps(4);
+        assert!(window.query_by_label("Path").is_none());
+    }
+    // The look's own file is its own.
+    click(&mut window, "Mute lamp");
+    window.key_press_modifiers(Modifiers::COMMAND | Modifiers::SHIFT, Key::S);
+    window.run_steps(3);
+    click(&mut window, "Save");
+    assert!(window.query_by_label("Path").is_none() && std::fs::read_to_string(&look).unwrap().contains("muted"));
+}
+
+#[test]
+fn a_region_is_taken_from_what_is_marked_or_in_sight() {
+    let mut window = baked();
+    let region = |window: &Window| window.state().export_options().region;
+    click(&mut window, "Export…");
+    for label in ["As marked", "As shown"] {
+        assert!(window.get_by_label(label).accesskit_node().is_disabled(), "{label}: nothing is");
+    }
+    click(&mut window, "Cancel");
+    click(&mut window, "Measure");
+    click(&mut window, "Rectangle");
+    let area = window.get_by_label("Picture").rect();
+    let scale = ((area.width() - 28.0) / 64.0).min((area.height() - 28.0) / 48.0);
+    let at = |x: f32, y: f32| area.center() + vec2(x - 32.0, y - 24.0) * scale;
+    drag(&mut window, at(16.1, 8.1), at(47.9, 39.9));
+    click(&mut window, "Export…");
+    click(&mut window, "As marked");
+    assert_eq!(region(&window), Some(Region { x: 16, y: 8, width: 32, height: 32 }));
+    window.get_by_label("Width of the file").set_value_accesskit(32.0);
+    window.run_steps(3);
+    click(&mut window, "As marked");
+    assert_eq!(region(&window), Some(Region { x: 8, y: 4, width: 16, height: 16 }), "in pixels of the file");
+    click(&mut window, "Cancel");
+
+    // A region that fills the picture's area is what is in sight, and what is above and below.
+    window.key_down(Key::Z);
+    drag(&mut window, at(20.0, 12.0), at(44.0, 30.0));
+    window.key_up(Key::Z);
+    window.run_steps(3);
+    click(&mut window, "Export…");
+    click(&mut window, "As shown");
+    let shown = region(&window).unwrap();
+    let twice_the_middle = [2 * shown.x + shown.width, 2 * shown.y + shown.height];
+    assert!(twice_the_middle[0].abs_diff(32) <= 1 && twice_the_middle[1].abs_diff(21) <= 1, "{shown:?}");
+    assert!((12..=18).contains(&shown.width) && (9..=18).contains(&shown.height), "{shown:?}");
+    assert!(!window.get_by_label("Save").accesskit_node().is_disabled());
 }
 
 #[test]

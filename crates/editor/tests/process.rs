@@ -488,6 +488,31 @@ fn wishes_become_a_look_that_meets_them_and_bad_ones_fail_with_words() {
 }
 
 #[test]
+fn the_work_plane_of_a_look_is_baked_with_the_illuminance_unless_another_one_is_named() {
+    let folder = desk();
+    let look = |floor: &str| {
+        let look =
+            format!(r#"{{"clerestory": 1, "scene": {{"work_plane": {{"height_m": 0.5, "spacing_m": 0.4{floor}}}}}}}"#);
+        std::fs::write(folder.path().join("plane.look"), look).unwrap();
+    };
+    let grids = |options: &str| -> Vec<String> {
+        let bake = "bake room.gltf --size 32x24 --spp 4 --fresh --look plane.look -o a.transport";
+        succeeds(folder.path(), &format!("{bake} {options}"));
+        let sets = answer(folder.path(), "info a.transport")["irradiance"].as_array().cloned().unwrap_or_default();
+        sets.iter().map(|set| set["name"].as_str().unwrap().to_owned()).collect()
+    };
+    look("");
+    assert_eq!(grids("--irradiance"), ["pixels", "work plane 0.5 m"]);
+    assert_eq!(grids("--irradiance --work-plane 0.7"), ["pixels", "work plane 0.7 m"]);
+    assert!(grids("").is_empty());
+    look(r#", "floor": "room""#);
+    assert_eq!(grids("--irradiance"), ["pixels", "work plane 0.5 m over room"]);
+    look(r#", "floor": "garden""#);
+    let bake = "bake room.gltf --size 32x24 --spp 4 --fresh --look plane.look -o a.transport --irradiance";
+    assert!(answer(folder.path(), bake)["warnings"].to_string().contains("`garden`"));
+}
+
+#[test]
 fn what_is_wished_in_a_look_is_solved_where_nothing_else_is_named() {
     let folder = desk();
     let path = |name: &str| folder.path().join(name);

@@ -6,6 +6,7 @@ mod desk;
 
 use clerestory::app::{App, Start};
 use clerestory::look::Look;
+use clerestory::look::scene::PlaneChoice;
 use clerestory::session::{BakeSettings, BakeState, Source};
 use clerestory::solve::Solution;
 use clerestory_transport::bake::BakeConfig;
@@ -16,7 +17,7 @@ use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
 use serde_json::json;
 
-use desk::{Dropped, Window, baked, click, drag, on_screen, quick, replace_and_reload, room, save_as, wait};
+use desk::{Dropped, Kept, Window, baked, click, drag, on_screen, quick, replace_and_reload, room, save_as, wait};
 
 /// The room, baked with the light that arrives.
 fn measured() -> Window {
@@ -73,6 +74,19 @@ fn a_marked_rectangle_is_measured_in_lux_and_follows_the_lights() {
     });
     click(&mut window, "Clear");
     wait(&mut window, |app| app.marked_lux().is_none());
+}
+
+#[test]
+fn figures_say_that_they_are_of_the_lights_now_while_another_look_is_seen_beside_them() {
+    const WORDS: &str = "Under the lights as they are now";
+    let mut window = measured();
+    click(&mut window, "Measure");
+    mark(&mut window);
+    click(&mut window, "Keep look");
+    click(&mut window, "Mute lamp");
+    assert!(window.query_by_label(WORDS).is_none());
+    click(&mut window, "Compare");
+    window.get_by_label(WORDS);
 }
 
 #[test]
@@ -268,6 +282,38 @@ fn a_picture_to_match_becomes_a_wish_and_what_is_none_is_told() {
 }
 
 #[test]
+fn a_picture_to_match_that_another_program_wrote_is_offered_and_read_again() {
+    let mut window = measured();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wanted.png");
+    let write = |size: [u32; 2]| {
+        image::RgbImage::from_pixel(size[0], size[1], image::Rgb([90; 3])).save(&path).unwrap();
+    };
+    write([64, 48]);
+    click(&mut window, "Solve for light");
+    click(&mut window, "Match picture…");
+    window.get_by_label("Path").set_text_value_accesskit(&path.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Open");
+    wait(&mut window, |app| !app.is_solving() && app.look().wishes.list.len() == 1);
+    let wishes = window.state().look().wishes.clone();
+    // What stands there now is no picture any more.
+    std::fs::write(&path, b"torn").unwrap();
+    for _ in 0..200 {
+        window.step();
+        if window.query_by_label("wanted.png has changed on disk").is_some() {
+            break;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    click(&mut window, "Reload");
+    wait(&mut window, |app| !app.is_solving());
+    window.run_steps(3);
+    assert!(window.query_all_by_label_contains("cannot use").next().is_some(), "what stands there now is none");
+    assert_eq!(window.state().look().wishes, wishes, "the wish stays");
+}
+
+#[test]
 fn a_surface_is_marked_by_a_click_and_the_pointer_then_marks_instead_of_panning() {
     let mut window = measured();
     click(&mut window, "Measure");
@@ -457,7 +503,80 @@ fn a_work_plane_stays_on_its_object_when_the_file_changes_and_goes_with_it() {
     });
     replace_and_reload(&mut window, &path, &gltf);
     wait(&mut window, |app| app.settings().work_plane.is_none() && app.session().bake == BakeState::Done);
-    assert!(window.query_all_by_label_contains("`table` is gone").count() > 0);
+    assert!(window.query_all_by_label_contains("work plane on `table`, which this scene does not have").count() > 0);
+    window.get_by_label("table is not in this scene");
+    assert!(window.state().look().scene.work_plane.is_some(), "it is there again with the table");
+}
+
+#[test]
+fn a_work_plane_is_part_of_the_look_with_undo_and_comes_back_with_it_and_with_its_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, look) = (with_table(folder.path()).0, folder.path().join("a.look"));
+    let mut window = measured_at(Source::File(scene.clone()), 1);
+    click(&mut window, "Measure");
+    mark_table(&mut window);
+    click(&mut window, "Work plane");
+    // What rests for a second is a step of undo.
+    window.run_steps(10);
+    // The other one is that of the picture, below.
+    window.get_all_by_label("Height").next().unwrap().set_value_accesskit(0.2);
+    window.run_steps(10);
+    let plane = PlaneChoice { height_m: 0.2, spacing_m: None, floor: Some("table".into()) };
+    assert_eq!(window.state().look().scene.work_plane.as_ref(), Some(&plane));
+    for (name, wanted) in [("Undo", 0.75), ("Redo", 0.2)] {
+        click(&mut window, name);
+        assert_eq!(window.state().settings().work_plane.map(|plane| plane.height_m), Some(wanted), "{name}");
+    }
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(3);
+    window.get_by_label("Path").set_text_value_accesskit(&look.display().to_string());
+    window.run_steps(3);
+    click(&mut window, "Save");
+    click(&mut window, "Bake work plane");
+    let has_grid = |app: &App| {
+        let shown = app.session().shown.as_ref().filter(|_| app.session().bake == BakeState::Done);
+        shown.is_some_and(|shown| {
+            shown.header.grids(shown.irradiance.len()).any(|(_, of)| of.name.ends_with("over table"))
+        })
+    };
+    wait(&mut window, has_grid);
+    let kept = Kept::by(&mut window);
+    drop(window);
+
+    let mut window = desk::open_again(&scene, kept);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(window.state().look().scene.work_plane.as_ref(), Some(&plane), "it was kept for the scene");
+    assert!(window.state().settings().work_plane.is_some_and(|plane| plane.floor.is_some()));
+    drop(window);
+
+    let mut window = measured();
+    assert_eq!(window.state().look().scene.work_plane, None);
+    window.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(look)));
+    wait(&mut window, |app| !app.is_reading_look() && app.look().scene.work_plane.is_some());
+    assert_eq!(window.state().look().scene.work_plane.as_ref(), Some(&plane), "and with the look");
+    assert_eq!(window.state().settings().work_plane, None, "this room has no table");
+    assert!(window.query_all_by_label_contains("work plane on `table`, which this scene does not have").count() > 0);
+}
+
+#[test]
+fn what_is_set_for_the_schedule_is_there_at_the_next_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = with_table(folder.path()).0;
+    let mut window = measured_at(Source::File(scene.clone()), 1);
+    click(&mut window, "Measure");
+    click(&mut window, "Per type");
+    window.get_by_label("Efficacy").set_value_accesskit(80.0);
+    window.get_by_label("Floor area").set_value_accesskit(2.5);
+    window.run_steps(3);
+    let kept = Kept::by(&mut window);
+    drop(window);
+    let mut window = desk::open_again(&scene, kept);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    desk::reach(&mut window, "Measure");
+    let value = |label: &str| window.get_by_label(label).accesskit_node().numeric_value();
+    assert_eq!((value("Efficacy"), value("Floor area")), (Some(80.0), Some(0.0)), "that floor was of the other room");
+    let is_on = window.get_by_label("Per type").accesskit_node().toggled();
+    assert_eq!(is_on, Some(eframe::egui::accesskit::Toggled::True));
 }
 
 #[test]

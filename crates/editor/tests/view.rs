@@ -326,6 +326,43 @@ fn what_the_camera_did_is_undone_step_by_step_and_a_view_that_was_left_comes_bac
 }
 
 #[test]
+fn a_view_of_another_shape_brings_its_film_and_undo_that_of_the_one_before() {
+    let mut gltf: serde_json::Value = serde_json::from_slice(&room()).unwrap();
+    let perspective = serde_json::json!({ "yfov": 1.0, "aspectRatio": 2.0, "znear": 0.01 });
+    let cameras = gltf["cameras"].as_array_mut().unwrap();
+    cameras.push(serde_json::json!({ "type": "perspective", "perspective": perspective }));
+    let n_cameras = cameras.len();
+    let nodes = gltf["nodes"].as_array_mut().unwrap();
+    nodes.push(serde_json::json!({ "name": "wide", "camera": n_cameras - 1, "translation": [0, 0.2, 0.9] }));
+    let n_nodes = nodes.len();
+    gltf["scenes"][0]["nodes"].as_array_mut().unwrap().push((n_nodes - 1).into());
+    let source = Source::Bytes { name: "room.gltf".into(), bytes: serde_json::to_vec(&gltf).unwrap() };
+    let builder = Harness::builder().with_size(vec2(1440.0, 900.0));
+    let mut window: Window = builder.build_eframe(|cc| App::new(cc, Start::alone(source, None)).unwrap());
+    wait(&mut window, |app| app.session().bake.is_running());
+    click(&mut window, "Stop the bake");
+    for (label, number) in [("Width", 48.0), ("Samples per pixel", 4.0)] {
+        window.get_by_label(label).set_value_accesskit(number);
+        window.run_steps(3);
+    }
+    reach(&mut window, "Start bake");
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    let film = |window: &Window| window.state().settings().film;
+    assert_eq!(film(&window), Film { width: 48, height: 36 });
+    click(&mut window, "View");
+    click(&mut window, "wide");
+    let wide = Film { width: 48, height: 24 };
+    assert_eq!(film(&window), wide);
+    for (name, wanted) in [("Undo", Film { width: 48, height: 36 }), ("Redo", wide)] {
+        click(&mut window, name);
+        assert_eq!(film(&window), wanted, "{name}");
+    }
+    window.key_press(Key::Escape);
+    window.run_steps(3);
+    assert_eq!(film(&window), Film { width: 48, height: 36 }, "and so has the view that is shown");
+}
+
+#[test]
 fn a_reload_keeps_the_view_and_what_was_chosen() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("room.gltf");

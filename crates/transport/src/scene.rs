@@ -127,7 +127,12 @@ impl SceneNode {
 
     /// Whether a node is meant, by its name or by its index.
     pub fn is_named(&self, name: &str) -> bool {
-        self.name.as_deref() == Some(name) || name == index_key(self.index)
+        self.name.as_deref() == Some(name) || name == self.index_key()
+    }
+
+    /// The name that no other node of the file has: `node:INDEX`.
+    pub fn index_key(&self) -> String {
+        index_key(self.index)
     }
 }
 

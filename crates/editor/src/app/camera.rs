@@ -123,8 +123,27 @@ impl App {
     }
 
     pub(super) fn put_camera_down(&mut self) {
+        let before = self.camera.camera.clone();
         self.camera.put_down();
         self.adopt_view();
+        self.fit_film(before.as_ref());
+    }
+
+    /// The film has the shape of the view after another one, unless somebody typed a height, which stays; rounding makes none.
+    fn fit_film(&mut self, before: Option<&Camera>) {
+        let (film, Some(camera)) = (self.settings.film, self.camera.camera.as_ref()) else { return };
+        let is_typed = |height: u32| (film.height as f32 / height as f32 - 1.0).abs() > 0.01;
+        let is_own = before.is_some_and(|before| is_typed(Film::of_width(film.width, before).height));
+        if self.fixed_settings.is_none() && !is_own {
+            self.settings.film = Film::of_width(film.width, camera);
+        }
+    }
+
+    /// Takes a camera in hand that looks from elsewhere than the one before.
+    pub(super) fn take_in_hand(&mut self, camera: Camera) {
+        let before = self.camera.camera.replace(camera);
+        self.fit_film(before.as_ref());
+        self.move_camera();
     }
 
     /// Looks from somewhere: at once where that is baked, else with the camera in hand.
@@ -134,15 +153,7 @@ impl App {
             self.camera.camera = Some(camera);
             return;
         }
-        // A height that somebody typed stays; rounding makes none.
-        let film = self.settings.film;
-        let is_typed = |height: u32| (film.height as f32 / height as f32 - 1.0).abs() > 0.01;
-        let is_own = self.camera().is_some_and(|before| is_typed(Film::of_width(film.width, before).height));
-        if self.fixed_settings.is_none() && !is_own {
-            self.settings.film = Film::of_width(film.width, &camera);
-        }
-        self.camera.camera = Some(camera);
-        self.move_camera();
+        self.take_in_hand(camera);
     }
 
     pub(super) fn show_view(&mut self, id: u64) {

@@ -1,15 +1,18 @@
-//! Panels, units of lamps and a sky that were chosen: part of the look, made by the session, and remembered for each scene.
+//! Panels, units of lamps, a sky and a work plane that were chosen: part of the look, made by the session, and remembered for each scene.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::{Arc, Weak};
 
 use clerestory_transport::emitters::PanelRequest;
 use clerestory_transport::lamp_units::LampUnits;
+use clerestory_transport::prepared::PreparedScene;
+use clerestory_transport::sensors::WorkPlane;
 use clerestory_transport::sky::SkySetting;
 use serde::{Deserialize, Serialize};
 
 use super::App;
-use crate::look::scene::SceneChoice;
+use crate::look::scene::{PlaneChoice, SceneChoice};
 use crate::session::{Chosen, ChosenSky, Source};
 
 /// Scenes whose choices are remembered.
@@ -25,11 +28,20 @@ pub(super) struct Choices {
     before: Option<SceneChoice>,
     /// What the open scene could not be made: it is not tried again.
     failed: Option<(SceneChoice, Option<ChosenSky>)>,
+    plane: Option<FoundPlane>,
+}
+
+/// The work plane of a look in a scene.
+struct FoundPlane {
+    choice: PlaneChoice,
+    scene: Weak<PreparedScene>,
+    /// None where the scene has not its floor.
+    plane: Option<WorkPlane>,
 }
 
 impl Choices {
     pub fn new(kept: KeptChoices) -> Choices {
-        Choices { kept, sky: None, before: None, failed: None }
+        Choices { kept, sky: None, before: None, failed: None, plane: None }
     }
 }
 
@@ -37,7 +49,7 @@ impl Choices {
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct KeptChoices(Vec<Kept>);
 
-#[derive(Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Default, PartialEq, Serialize, Deserialize)]
 struct Kept {
     /// From the root; the scene that is part of the program lies nowhere.
     scene: Option<PathBuf>,
@@ -46,6 +58,15 @@ struct Kept {
     /// What is over it, and the divisions of its patches.
     #[serde(default)]
     sky: Option<(SkySetting, u32)>,
+    #[serde(default)]
+    work_plane: Option<PlaneChoice>,
+}
+
+impl Kept {
+    /// Whether anything but the scene is told.
+    fn says_something(&self) -> bool {
+        self.unitless || !self.panels.is_empty() || self.sky.is_some() || self.work_plane.is_some()
+    }
 }
 
 impl KeptChoices {
@@ -61,14 +82,31 @@ impl KeptChoices {
 
     fn keep(&mut self, source: &Source, chosen: &Chosen) {
         let Some(scene) = place(source) else { return };
-        self.0.retain(|kept| kept.scene != scene);
+        let work_plane = self.plane_of(source);
         let SceneChoice { panels, units, .. } = choice_of(chosen);
         let unitless = units == Some(LampUnits::Unitless);
         // One of a bake that was opened is not known well enough to be made again.
         let sky = chosen.sky.as_ref().filter(|sky| sky.setting.names_a_sky());
         let sky = sky.map(|sky| (SkySetting { map: None, ..sky.setting.clone() }, sky.divisions));
-        if unitless || !panels.is_empty() || sky.is_some() {
-            self.0.insert(0, Kept { scene, panels, unitless, sky });
+        self.put(Kept { scene, panels, unitless, sky, work_plane });
+    }
+
+    /// The work plane that a scene was baked with last.
+    fn plane_of(&self, source: &Source) -> Option<PlaneChoice> {
+        let place = place(source)?;
+        self.0.iter().find(|kept| kept.scene == place)?.work_plane.clone()
+    }
+
+    fn keep_plane(&mut self, source: &Source, work_plane: Option<PlaneChoice>) {
+        let Some(scene) = place(source).filter(|_| self.plane_of(source) != work_plane) else { return };
+        let before = self.0.iter().find(|kept| kept.scene == scene).cloned().unwrap_or_default();
+        self.put(Kept { scene, work_plane, ..before });
+    }
+
+    fn put(&mut self, new: Kept) {
+        self.0.retain(|kept| kept.scene != new.scene);
+        if new.says_something() {
+            self.0.insert(0, new);
         }
         self.0.truncate(MOST_SCENES);
     }
@@ -93,6 +131,7 @@ fn choice_of(chosen: &Chosen) -> SceneChoice {
         panels: chosen.panels.iter().map(|panel| (panel.node.clone(), panel.resolution)).collect(),
         units: (chosen.units != LampUnits::default()).then_some(chosen.units),
         sky: chosen.sky.as_ref().map(|sky| sky.divisions),
+        work_plane: None,
     }
 }
 
@@ -161,6 +200,7 @@ impl App {
             panels: panels.map(|(node, resolution)| (node.clone(), *resolution)).collect(),
             units: self.look.scene.units.filter(|units| *units != LampUnits::default()),
             sky: self.look.scene.sky.filter(|_| has_sky),
+            work_plane: None,
         }
     }
 
@@ -172,7 +212,7 @@ impl App {
             .choices
             .failed
             .as_ref()
-            .is_some_and(|(scene, sky)| *scene == self.look.scene && *sky == self.choices.sky);
+            .is_some_and(|(scene, sky)| *scene == self.look.scene.made() && *sky == self.choices.sky);
         let can_be = self.session.has_scene() && !self.session.is_opening();
         let is_other = wanted != open || self.choices.sky.as_ref() != self.open_sky();
         let prepares = is_other && !has_failed && can_be;
@@ -223,7 +263,9 @@ impl App {
 
     /// The scene is open, or was found, with what is chosen about it: the look says so, too, and is as saved as it was.
     pub(super) fn adopt_choice(&mut self) {
-        let open = self.open_choice();
+        let source = self.session.opened.as_ref().and_then(|opened| opened.source.as_ref());
+        let work_plane = source.and_then(|source| self.choices.kept.plane_of(source));
+        let open = SceneChoice { work_plane, ..self.open_choice() };
         (self.choices.sky, self.choices.failed) = (self.open_sky().cloned(), None);
         for look in [&mut self.look, &mut self.saved_look] {
             look.scene = std::mem::take(&mut look.scene).or(&open);
@@ -248,9 +290,12 @@ impl App {
     pub(super) fn chosen_cannot_be_made(&mut self, words: String) {
         let open = self.open_sky().cloned();
         let sky = std::mem::replace(&mut self.choices.sky, open);
-        self.choices.failed = Some((self.look.scene.clone(), sky));
+        self.choices.failed = Some((self.look.scene.made(), sky));
         if let Some(before) = self.choices.before.take() {
-            self.as_one_step(|app| app.look.scene = before);
+            self.as_one_step(|app| {
+                let work_plane = app.look.scene.work_plane.take();
+                app.look.scene = SceneChoice { work_plane, ..before };
+            });
         }
         self.complain(words);
     }
@@ -259,12 +304,46 @@ impl App {
     /// comes without its columns is told, too.
     pub(super) fn heed_choice(&mut self) -> Vec<String> {
         let is_bake = self.session.opened.as_ref().is_some_and(|opened| opened.is_bake() || opened.scene.is_none());
+        let floor = self.session.lamp_scene().and_then(|scene| self.look.missing_floor(&scene.scene));
         if !is_bake {
             let gets_sky = self.prepare_chosen() && self.wanted_choice().sky.is_some();
-            return self.missing_sky().filter(|_| !gets_sky).into_iter().collect();
+            return self.missing_sky().filter(|_| !gets_sky).into_iter().chain(floor).collect();
         }
         let unbaked = self.session.basis().map_or_else(Vec::new, |basis| self.look.unbaked(basis));
-        unbaked.into_iter().chain(self.missing_sky()).collect()
+        unbaked.into_iter().chain(self.missing_sky()).chain(floor).collect()
+    }
+
+    /// What is baked next has the work plane of the look, where the scene has its floor.
+    pub(super) fn follow_work_plane(&mut self) {
+        let known = self.choices.plane.take();
+        let asked = self.session.lamp_scene().zip(self.look.scene.work_plane.as_ref());
+        self.choices.plane = asked.map(|(scene, choice)| {
+            let last = known.as_ref().and_then(|known| known.plane?.floor);
+            let of = Arc::downgrade(scene);
+            let is_it = |known: &FoundPlane| known.choice == *choice && Weak::ptr_eq(&known.scene, &of);
+            let find = || choice.on(&scene.scene, last);
+            known.filter(is_it).unwrap_or_else(|| FoundPlane {
+                choice: choice.clone(),
+                plane: find(),
+                scene: of.clone(),
+            })
+        });
+        self.settings.work_plane = self.choices.plane.as_ref().and_then(|found| found.plane);
+    }
+
+    /// The work plane of a bake that starts is remembered for its scene.
+    pub(super) fn keep_work_plane(&mut self) {
+        if let Some(source) = self.session.opened.as_ref().and_then(|opened| opened.source.as_ref()) {
+            self.choices.kept.keep_plane(source, self.look.scene.work_plane.clone());
+        }
+    }
+
+    /// The name under which a look finds a node of the open scene again: its own, unless another node has it, too.
+    pub(super) fn node_name(&self, node: u32) -> Option<String> {
+        let nodes = &self.session.lamp_scene()?.scene.nodes;
+        let own = nodes.get(node as usize)?;
+        let is_shared = nodes.iter().filter(|other| own.name.is_some() && other.name == own.name).count() > 1;
+        Some(if is_shared { own.index_key() } else { own.key() })
     }
 }
 
@@ -287,7 +366,12 @@ mod tests {
             assert_eq!(again.of(&place), chosen);
         }
         assert_eq!(kept.of(&source("b.glb")), Chosen::default());
+        let plane = Some(PlaneChoice { height_m: 0.8, spacing_m: None, floor: Some("Floor".into()) });
+        kept.keep_plane(&source("a.glb"), plane.clone());
         kept.keep(&source("a.glb"), &Chosen::default());
+        assert_eq!((kept.plane_of(&source("a.glb")), kept.of(&source("a.glb"))), (plane, Chosen::default()));
+        kept.keep_plane(&source("a.glb"), None);
+        kept.keep_plane(&source("b.glb"), None);
         assert!(kept.0.len() == 1 && kept.of(&source("a.glb")) == Chosen::default());
         (0..2 * MOST_SCENES).for_each(|n| kept.keep(&source(&n.to_string()), &chosen));
         assert_eq!(kept.0.len(), MOST_SCENES);

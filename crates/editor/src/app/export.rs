@@ -80,19 +80,23 @@ impl App {
     /// Asks for a file where one is wanted.
     pub(super) fn question_ui(&mut self, ctx: &Context) {
         let Some(question) = &mut self.question else { return };
-        let answer = match (question.task(), &self.session.shown) {
-            (FileTask::Export, Some(shown)) => {
-                let baked = [shown.header.width, shown.header.height];
-                let view = ExportView { baked, has_illuminance: shown.pixel_irradiance().is_some() };
+        let view = self.session.shown.as_ref().map(|shown| ExportView {
+            baked: [shown.header.width, shown.header.height],
+            has_illuminance: shown.pixel_irradiance().is_some(),
+            marked: self.view.marking.marks().and_then(|marks| marks.corners()),
+            seen: self.view.seen,
+        });
+        let answer = match (question.task(), view) {
+            (FileTask::Export, Some(view)) => {
                 let (options, actions) = (&mut self.export, &mut self.actions);
                 options.irradiance &= view.has_illuminance;
                 question.ui(ctx, |ui, path| export_ui(ui, path, options, &view, actions))
             }
-            (FileTask::ExportFrames, Some(shown)) => {
-                let (baked, timeline) = ([shown.header.width, shown.header.height], &self.look.timeline);
+            (FileTask::ExportFrames, Some(view)) => {
+                let timeline = &self.look.timeline;
                 let (frames, fps) = (0..=last_frame(&self.look, timeline.fps), timeline.fps);
                 let options = &mut self.export;
-                question.ui(ctx, |ui, path| frames_ui(ui, path, options, baked, (frames, fps)))
+                question.ui(ctx, |ui, path| frames_ui(ui, path, options, &view, (frames, fps)))
             }
             _ => question.ui(ctx, |_, _| None),
         };

@@ -1,6 +1,6 @@
 //! Files that are asked for and opened, and work that is not lost on the way.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use eframe::egui::{Context, ViewportCommand};
 
@@ -11,6 +11,16 @@ use crate::session::Source;
 
 /// Recent files that are remembered.
 const MAX_RECENT: usize = 8;
+/// Numbers that are tried for a name that is suggested.
+const MOST_TRIED: u32 = 1000;
+
+/// A name that replaces no file of a folder, such as `scene.png`, or `scene-2.png` where that one is there.
+fn unused_name(task: FileTask, folder: &Path, stem: &str, after: &str) -> String {
+    let numbered = (2..MOST_TRIED).map(|nth| format!("{stem}-{nth}{after}"));
+    let plain = format!("{stem}{after}");
+    let mut names = std::iter::once(plain.clone()).chain(numbered);
+    names.find(|name| !task.replaces(&folder.join(name))).unwrap_or(plain)
+}
 
 impl App {
     pub(super) fn ask(&mut self, task: FileTask) {
@@ -19,22 +29,24 @@ impl App {
         }
         let name = self.session.opened.as_ref().map_or("scene", |opened| opened.name.as_str());
         let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
-        let look_path = self.look_path.as_ref().map(|path| path.display().to_string());
+        let folder = self.folder();
+        let unused = |after: &str| unused_name(task, &folder, stem, after);
+        let own = self.look_path.clone().filter(|_| task == FileTask::SaveLook);
         let suggestion = match task {
             FileTask::OpenScene | FileTask::OpenPictures | FileTask::OpenLook => String::new(),
             FileTask::OpenProfile | FileTask::FindScene | FileTask::OpenTarget | FileTask::OpenSky => String::new(),
-            FileTask::SaveSchedule => format!("{stem}.csv"),
-            FileTask::SaveLook => look_path.unwrap_or_else(|| format!("{stem}.look")),
-            FileTask::Export => format!("{stem}.png"),
-            FileTask::SaveSheet => format!("{stem}-looks.png"),
-            FileTask::ExportFrames => format!("{stem}_####.png"),
-            FileTask::ExportGltf => format!("{stem}-lit.glb"),
-            FileTask::SaveBake => format!("{stem}.transport"),
+            FileTask::SaveSchedule => unused(".csv"),
+            FileTask::SaveLook => own.as_ref().map_or_else(|| unused(".look"), |path| path.display().to_string()),
+            FileTask::Export => unused(".png"),
+            FileTask::SaveSheet => unused("-looks.png"),
+            FileTask::ExportFrames => unused("_####.png"),
+            FileTask::ExportGltf => unused("-lit.glb"),
+            FileTask::SaveBake => unused(".transport"),
         };
         if task != FileTask::SaveLook {
             self.after_saving = None;
         }
-        self.question = Some(FileQuestion::new(task, &suggestion, self.folder(), self.dialogs));
+        self.question = Some(FileQuestion::new(task, &suggestion, folder, own, self.dialogs));
     }
 
     /// Where files are looked for and written first: beside the scene that is open, else where the program was started. A start

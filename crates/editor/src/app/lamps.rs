@@ -218,17 +218,17 @@ impl App {
             return;
         }
         self.lights.lamps.chosen = None;
+        let of_file = |lamp: &FreeLamp| lamp.replaces.clone().filter(|key| self.look.lights.is_replaced(key));
+        let lamps = self.look.lights.lamps.iter().filter(|lamp| doomed.contains(&lamp.key));
+        let off: Vec<String> = lamps.filter_map(of_file).map(|key| self.look.name_of(&key).to_owned()).collect();
         self.as_one_step(|app| {
-            let mut names = Vec::new();
-            for key in doomed {
-                app.look.lights.lamps.retain(|lamp| lamp.key != key);
-                app.lights.solo.remove(&key);
-                groups::leave(&mut app.look.lights, &key);
-                names.push(app.look.names.remove(&key).unwrap_or(key));
-            }
-            match names.as_slice() {
-                [name] => app.say(format!("Deleted {name}")),
-                many => app.say(format!("Deleted {} lamps", many.len())),
+            let names: Vec<String> = doomed.iter().map(|key| app.look.remove_lamp(key)).collect();
+            doomed.iter().for_each(|key| _ = app.lights.solo.remove(key));
+            let what = if let [name] = &names[..] { name.clone() } else { format!("{} lamps", names.len()) };
+            match off.len() {
+                0 => app.say(format!("Deleted {what}")),
+                1 => app.say(format!("Deleted {what}; {}, in whose place it shone, stays off", off[0])),
+                _ => app.say(format!("Deleted {what}; {}, in whose place they shone, stay off", off.join(", "))),
             }
         });
     }

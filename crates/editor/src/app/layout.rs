@@ -221,6 +221,8 @@ impl App {
         self.prober.heed_view(self.session.shown.as_ref(), &mut self.view.probes);
         let (left, compared) = self.compared().unzip();
         let picture = self.follower.picture().map(|(texture, size)| (left.unwrap_or(texture), size));
+        let sides = self.looks.compare.as_ref().filter(|_| compared.is_some()).map(|compare| &compare.sides);
+        let lit = (&self.follower, &self.prints);
         let viewed = Viewed {
             picture,
             stage: &self.session.stage,
@@ -231,7 +233,7 @@ impl App {
             isolines: self.isolux.lines(),
             compared,
             overlay,
-            readings: self.prober.read(&self.session, &self.follower, &self.view.probes),
+            readings: self.prober.read(&self.session, lit, &self.view.probes, sides),
         };
         egui::CentralPanel::no_frame().show(ui, |ui| {
             let area = ui.available_rect_before_wrap();

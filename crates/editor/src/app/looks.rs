@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::Result;
+use clerestory_transport::light::LightRig;
 use eframe::egui::{self, Context, Panel, TextureHandle, TextureId, TextureOptions, Ui, Vec2};
 
 use super::App;
@@ -16,7 +17,8 @@ use crate::panels::looks::mix::{Compare, Side};
 use crate::panels::looks::timeline::toggle;
 use crate::panels::looks::{LooksView, looks_ui};
 use crate::sequence::{Pattern, Sequence};
-use crate::session::prints::{PrintOrder, Printer, Slot};
+use crate::session::lamps::LampLight;
+use crate::session::prints::{Lit, PrintOrder, Printer, Slot};
 use crate::session::{Session, Wake};
 use crate::stills::{Size, Subject};
 use crate::viewport::compare::{Compared, Way};
@@ -35,12 +37,15 @@ pub(super) struct Prints {
     /// What each picture was ordered of.
     ordered: BTreeMap<Slot, Look>,
     textures: BTreeMap<Slot, TextureHandle>,
+    /// What the sides of a comparison are lit by, as they are pictured.
+    lit: BTreeMap<Slot, Lit>,
+    n_made: u64,
 }
 
 impl Prints {
     pub fn new(wake: Wake) -> Result<Prints> {
-        let (ordered, textures) = (BTreeMap::new(), BTreeMap::new());
-        Ok(Prints { printer: Printer::start(wake)?, subject: None, ordered, textures })
+        let (ordered, textures, lit) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+        Ok(Prints { printer: Printer::start(wake)?, subject: None, ordered, textures, lit, n_made: 0 })
     }
 
     /// No picture of the last scene is left.
@@ -48,6 +53,7 @@ impl Prints {
         self.subject = None;
         self.ordered.clear();
         self.textures.clear();
+        self.lit.clear();
     }
 
     /// Whether every picture that was asked for is there.
@@ -60,6 +66,16 @@ impl Prints {
         self.textures.get(slot).map(|texture| (texture.id(), texture.size_vec2()))
     }
 
+    /// What the side of a comparison is lit by, and the light of its free lamps.
+    pub fn light(&self, slot: &Slot) -> Option<(&LightRig, Option<&LampLight>)> {
+        self.lit.get(slot).map(|lit| (&lit.rig, lit.lamps.as_ref()))
+    }
+
+    /// Number of pictures that were made since the window opened.
+    pub fn n_made(&self) -> u64 {
+        self.n_made
+    }
+
     /// Takes in what was made, and orders what is new. Fails with words for people.
     pub fn follow(
         &mut self,
@@ -70,11 +86,13 @@ impl Prints {
     ) -> Result<(), String> {
         let mut problem = Ok(());
         for print in self.printer.take() {
-            match print.image {
+            match print.printed {
                 // What is no longer wanted came too late.
-                Ok(image) if self.ordered.contains_key(&print.slot) => {
+                Ok((image, lit)) if self.ordered.contains_key(&print.slot) => {
                     let texture = ctx.load_texture(format!("{:?}", print.slot), image, TextureOptions::LINEAR);
+                    self.lit.extend(lit.map(|lit| (print.slot.clone(), lit)));
                     self.textures.insert(print.slot, texture);
+                    self.n_made += 1;
                 }
                 Ok(_) => {}
                 Err(words) => problem = Err(words),
@@ -93,6 +111,7 @@ impl Prints {
     fn order(&mut self, session: &Session, wanted: BTreeMap<Slot, Look>) {
         self.ordered.retain(|slot, _| wanted.contains_key(slot));
         self.textures.retain(|slot, _| wanted.contains_key(slot));
+        self.lit.retain(|slot, _| wanted.contains_key(slot));
         if wanted.is_empty() || !session.is_whole() {
             self.subject = None;
             return;

@@ -1,20 +1,22 @@
 //! What the picture is made of where somebody looks: read again whenever the place or the picture changed.
 
+use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::light::{LightRig, luminance};
 
 use super::follow::Follower;
-use clerestory_transport::camera::{Camera, Film};
-
+use super::looks::Prints;
+use crate::panels::looks::mix::Side;
 use crate::session::lamps::LampLight;
+use crate::session::prints::Slot;
 use crate::session::{Session, Shown, shares};
 use crate::viewport::probe::{Probes, Reading, Readings};
 
-/// Reads the picture.
+/// Reads the picture, or both sides of a comparison.
 #[derive(Default)]
 pub(super) struct Prober {
-    /// Of which picture, and where.
-    read: (u64, Probes),
-    readings: Readings,
+    /// Of which picture and which prints, where, and of which sides.
+    read: (u64, u64, Probes, Option<[Side; 2]>),
+    readings: [Readings; 2],
     /// What the probes are in.
     view: Option<(Film, Option<Camera>)>,
 }
@@ -31,14 +33,26 @@ impl Prober {
         }
     }
 
-    /// What is measured at some places of the picture that is shown.
-    pub fn read(&mut self, session: &Session, follower: &Follower, probes: &Probes) -> &Readings {
-        let asked = (follower.n_pictures(), probes.clone());
+    /// What is measured at some places of the picture that is shown, on each side where two are.
+    pub fn read(
+        &mut self,
+        session: &Session,
+        (follower, prints): (&Follower, &Prints),
+        probes: &Probes,
+        sides: Option<&[Side; 2]>,
+    ) -> &[Readings; 2] {
+        let asked = (follower.n_pictures(), prints.n_made(), probes.clone(), sides.cloned());
         if self.read != asked {
-            self.readings = match (&session.shown, follower.rig()) {
-                (Some(shown), Some(rig)) => readings(shown, rig, follower.shown_lamp_light(shown), probes),
-                _ => Readings::default(),
+            let of_side = |idx: usize| {
+                let shown = session.shown.as_ref()?;
+                let (rig, light) = match sides.map(|sides| &sides[idx]) {
+                    None if idx > 0 => return None,
+                    None | Some(Side::Present) => (follower.rig()?, follower.shown_lamp_light(shown)),
+                    Some(Side::Snapshot(_)) => prints.light(&Slot::Side(idx))?,
+                };
+                Some(readings(shown, rig, light, probes))
             };
+            self.readings = [0, 1].map(|idx| of_side(idx).unwrap_or_default());
             self.read = asked;
         }
         &self.readings

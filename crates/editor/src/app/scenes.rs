@@ -4,8 +4,6 @@ use std::collections::BTreeSet;
 
 use clerestory_transport::bake::Passes;
 use clerestory_transport::camera::Camera;
-use clerestory_transport::scene::SceneNode;
-use clerestory_transport::sensors::WorkPlane;
 
 use super::App;
 use super::undo::Steps;
@@ -20,8 +18,6 @@ pub(super) struct Reloading {
     pub camera: Option<Camera>,
     /// Keys of the lights that were there.
     pub lights: BTreeSet<String>,
-    /// Key of the node that the work plane stood on.
-    pub floor: Option<String>,
 }
 
 impl App {
@@ -60,7 +56,8 @@ impl App {
                 (self.settings.camera_idx, self.settings.film) = (own.camera_idx, own.film);
             }
         }
-        self.find_floor(reloading.as_ref().and_then(|reloading| reloading.floor.as_deref()));
+        let floor = self.session.lamp_scene().and_then(|scene| self.look.missing_floor(&scene.scene));
+        floor.into_iter().for_each(|words| self.complain(words));
         let of_file = self.session.cameras().get(self.settings.camera_idx).cloned();
         let is_reloaded = reloading.is_some();
         self.camera.camera = reloading.and_then(|reloading| reloading.camera).or(of_file);
@@ -77,25 +74,6 @@ impl App {
         }
         self.start_bake();
         self.actions.append(&mut self.opening.held);
-    }
-
-    /// The work plane stands on the node of that key, wherever it comes now; there is no such plane where it is gone.
-    fn find_floor(&mut self, key: Option<&str>) {
-        let Some(plane) = self.settings.work_plane.filter(|plane| plane.floor.is_some()) else { return };
-        let Some(nodes) = self.session.lamp_scene().map(|scene| &scene.scene.nodes) else {
-            self.settings.work_plane = None;
-            return;
-        };
-        let is_it = |node: &SceneNode| key == Some(&*node.key());
-        // Where several share a name, rather the one that was there.
-        let stays = plane.floor.filter(|node| nodes.get(*node as usize).is_some_and(is_it));
-        let floor = stays.or_else(|| nodes.iter().position(is_it).map(|node| node as u32));
-        self.settings.work_plane = floor.map(|node| WorkPlane { floor: Some(node), ..plane });
-        if let (None, Some(key)) = (floor, key) {
-            self.complain(format!(
-                "`{key}` is gone, and with it the work plane that stood on it; choose another floor"
-            ));
-        }
     }
 
     /// Brings the lights that are new under the masters of the look and of its snapshots.
@@ -128,6 +106,8 @@ impl App {
     }
 
     pub(super) fn start_bake(&mut self) {
+        self.follow_work_plane();
+        self.keep_work_plane();
         let is_stack = self.session.opened.as_ref().is_some_and(|opened| opened.stack.is_some());
         let settings = if is_stack { &self.stack_settings } else { &self.settings };
         let camera = self.camera.camera.clone().filter(|_| !is_stack);

@@ -34,8 +34,8 @@ use crate::words::in_words;
 pub(super) struct Picked {
     marks: Arc<Marks>,
     surface: Option<String>,
-    /// Its node and the name of that.
-    node: Option<(u32, String)>,
+    /// Its node.
+    node: Option<u32>,
     /// Area of the floor that the node has, in m², where that node is all that is marked.
     pub floor_m2: Option<f64>,
 }
@@ -133,6 +133,16 @@ impl Solving {
         }
     }
 
+    /// With what was set for the schedule before.
+    pub fn with_schedule(self, schedule: ScheduleState) -> Solving {
+        Solving { schedule, ..self }
+    }
+
+    /// What is set for the schedule.
+    pub fn schedule(&self) -> &ScheduleState {
+        &self.schedule
+    }
+
     /// Another scene: nothing of the old one counts.
     pub fn forget(&mut self) {
         let wake = self.wake.clone();
@@ -228,10 +238,10 @@ impl App {
             let kin = self.view.marking.kin;
             self.view.marking.join(seen.like(picked.pixel, kin), picked.join);
             let name = |kin| seen.name(&view.scene, picked.pixel, kin).filter(|name| !name.is_empty());
-            let (surface, node) = (name(kin), seen.node(picked.pixel).zip(name(Kin::Node)));
+            let (surface, node) = (name(kin), seen.node(picked.pixel).filter(|_| name(Kin::Node).is_some()));
             let is_alone = (kin, picked.join) == (Kin::Node, Join::Replace);
-            let floor_m2 = node.as_ref().filter(|_| is_alone);
-            let floor_m2 = floor_m2.and_then(|(node, _)| node_floor_area_m2(&view.scene.scene, *node)).map(f64::from);
+            let floor_m2 = node.filter(|_| is_alone);
+            let floor_m2 = floor_m2.and_then(|node| node_floor_area_m2(&view.scene.scene, node)).map(f64::from);
             let marks = self.view.marking.marks().cloned();
             self.solving.picked = marks.map(|marks| Picked { marks, surface, node, floor_m2 });
         }
@@ -396,6 +406,14 @@ impl App {
         }
     }
 
+    /// A picture to match was written by another program: it is read anew, and what was found for it does not wait to be taken over.
+    pub(super) fn read_target_again(&mut self, file: &str) {
+        self.solving.pictures.remove(file);
+        if self.solving.state.solution.take().is_some() {
+            self.say("A picture to match has changed since; solve again");
+        }
+    }
+
     /// Pictures that wishes of the look name are read one after the other.
     fn read_targets(&mut self) {
         if self.solving.reading.is_busy() {
@@ -435,12 +453,6 @@ impl App {
         basis.map_or_else(Vec::new, |basis| may_change(basis, &self.look.lights, is_known))
     }
 
-    /// Name of a node of the open scene.
-    pub(super) fn node_name(&self, node: u32) -> Option<String> {
-        let scene = self.session.opened.as_ref()?.scene.as_ref()?;
-        scene.scene.nodes.get(node as usize).map(|node| node.key())
-    }
-
     /// How illuminance can be had, where it is not there.
     pub(super) fn lux_bake(&self) -> LuxBake {
         match () {
@@ -457,9 +469,9 @@ impl App {
         let lux_bake = self.lux_bake();
         let has_scene = self.session.lamp_scene().is_some();
         let figures = self.solving.measured.as_ref().map(|(_, figures)| figures.clone()).unwrap_or_default();
-        let (surface, floor) =
-            self.picked().map_or((None, None), |picked| (picked.surface.clone(), picked.node.clone()));
-        let floor_name = self.settings.work_plane.and_then(|plane| self.node_name(plane.floor?));
+        let (surface, node) = self.picked().map_or((None, None), |picked| (picked.surface.clone(), picked.node));
+        let floor = node.and_then(|node| self.node_name(node));
+        let has_floor = self.look.scene.work_plane.is_none() || self.settings.work_plane.is_some();
         let problem = self.solving.problem.as_ref().map(|words| self.look.renamed(words));
         let shines = self.look.lights.lamps.iter().any(|lamp| !lamp.setting.muted);
         let view = MeasureView {
@@ -469,10 +481,11 @@ impl App {
             lux_bake,
             counts_direct_only: shines && !shown.is_some_and(Shown::holds_lamp_lux),
             surface: surface.as_deref(),
+            is_compared: self.looks.compare.is_some(),
             problem: problem.as_deref(),
             has_scene,
-            floor: floor.as_ref(),
-            floor_name: floor_name.as_deref(),
+            floor: floor.as_deref(),
+            has_floor,
             known_floor: self.known_floor(),
             elsewhere: self.elsewhere(),
         };
@@ -481,7 +494,7 @@ impl App {
             asks_for_floor: &mut asks_for_floor,
             marking: &mut self.view.marking,
             schedule: &mut self.solving.schedule,
-            work_plane: &mut self.settings.work_plane,
+            work_plane: &mut self.look.scene.work_plane,
         };
         measure_ui(ui, state, &view, &mut self.actions);
         let (mut wishes, lights) = (self.look.wishes.clone(), self.free_lights());

@@ -28,7 +28,7 @@ type Stamp = Option<(Option<SystemTime>, u64)>;
 pub(super) struct Watched {
     /// The scene, first, and the files beside it.
     files: Vec<(PathBuf, Stamp)>,
-    /// The map of the sky of the look, and the profiles of its lamps.
+    /// The map of the sky of the look, the profiles of its lamps, and pictures that its wishes match.
     of_look: Vec<(PathBuf, Stamp)>,
     looking: Aside<Option<PathBuf>>,
     looked_at: f64,
@@ -74,7 +74,8 @@ impl App {
             LampShape::Profile { file } => Some(PathBuf::from(file)),
             _ => None,
         });
-        let named: BTreeSet<PathBuf> = self.sky_file().into_iter().chain(profiles).collect();
+        let pictures = self.look.wishes.files().map(PathBuf::from);
+        let named: BTreeSet<PathBuf> = self.sky_file().into_iter().chain(profiles).chain(pictures).collect();
         let of_look = &mut self.watched.of_look;
         of_look.retain(|(path, _)| named.contains(path));
         let is_known = |path: &PathBuf| of_look.iter().any(|(known, _)| known == path);
@@ -105,21 +106,23 @@ impl App {
     }
 
     /// Opens the same file again; what is set stays, light by light, as their names are. What belongs to the look is read alone: the
-    /// map of a sky, or the profile of a lamp.
+    /// map of a sky, the profile of a lamp, or a picture to match.
     pub(super) fn reload(&mut self) {
         let found = self.watched.changed.take();
         if let Some(known) = self.watched.of_look.iter_mut().find(|(path, _)| Some(path) == found.as_ref()) {
             *known = stamped(known.0.clone());
-            let is_sky = found == self.sky_file();
-            return if is_sky { self.read_sky_again() } else { self.read_profiles_again() };
+            return match known.0.display().to_string() {
+                _ if found == self.sky_file() => self.read_sky_again(),
+                file if self.look.wishes.files().any(|own| own == file) => self.read_target_again(&file),
+                _ => self.read_profiles_again(),
+            };
         }
         let Some(path) = self.session.opened.as_ref().and_then(|opened| opened.path.clone()) else { return };
         let of_file = self.session.cameras().get(self.settings.camera_idx);
         let camera = self.camera.camera.clone().filter(|camera| Some(camera) != of_file);
         let basis = self.session.basis();
         let lights = basis.map(|basis| basis.sources.iter().map(|source| source.key.clone()).collect());
-        let floor = self.settings.work_plane.and_then(|plane| self.node_name(plane.floor?));
-        self.reloading = Some(Reloading { camera, lights: lights.unwrap_or_default(), floor });
+        self.reloading = Some(Reloading { camera, lights: lights.unwrap_or_default() });
         self.session.reopen(Source::File(path));
     }
 

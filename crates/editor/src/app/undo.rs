@@ -89,10 +89,7 @@ impl App {
             self.prepare_chosen();
         }
         match step.flight {
-            Some(camera) => {
-                self.camera.camera = Some(camera);
-                self.move_camera();
-            }
+            Some(camera) => self.take_in_hand(camera),
             None if self.camera.is_moving => self.put_camera_down(),
             None => {}
         }

@@ -303,7 +303,8 @@ pub struct BakeArgs {
     /// key is the file's name. Takes 1 GiB of memory for pixels, however many there are.
     #[arg(long, value_name = "DIR", conflicts_with_all = OF_SCENES)]
     pub images: Option<PathBuf>,
-    /// Look whose panels, units of lamps and sky are baked, beside what is typed [default: as the scene says].
+    /// Look whose panels, units of lamps, sky and, with --irradiance, work plane are baked, beside what is typed [default: as the scene
+    /// says].
     #[arg(long, value_name = "FILE.look")]
     pub look: Option<PathBuf>,
     /// Transport file to write.

@@ -73,7 +73,13 @@ fn scene_job(scene: &Path, args: &BakeArgs, look: &Look, console: &mut Console) 
     let view = open_view(scene, &asked, sky.as_ref(), console)?;
     let unheeded = Look { scene: look.scene.clone(), ..Look::default() }.unheeded(&view.scene.lighting.basis);
     console.warn_all(unheeded);
-    let rows = requested(&args.irradiance).rows(&view.scene);
+    let mut request = requested(&args.irradiance);
+    if request.of_file == OfFile::All && request.work_planes.is_empty() {
+        let plane = look.scene.work_plane.as_ref().and_then(|plane| plane.on(&view.scene.scene, None));
+        request.work_planes.extend(plane);
+        console.warn_all(look.missing_floor(&view.scene.scene));
+    }
+    let rows = request.rows(&view.scene);
     let irradiance = rows.with_context(|| format!("cannot measure light in {}", scene.display()))?;
     Ok(BakeJob { irradiance, ..job(view, &args.options, Passes::PreviewAndFinal) })
 }

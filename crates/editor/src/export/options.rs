@@ -81,6 +81,17 @@ impl Region {
         let ((x, width), (y, height)) = (part(self.x, self.width, 0), part(self.y, self.height, 1));
         Region { x, y, width, height }
     }
+
+    /// Between two corners, in shares of width and height of a picture of some size in pixels; at least a pixel.
+    pub fn between([low, high]: [[f32; 2]; 2], [width, height]: [u32; 2]) -> Region {
+        let along = |axis: usize, side: u32| {
+            let px = |share: f32| (share * side as f32).round().clamp(0.0, side as f32) as u32;
+            let start = px(low[axis]).min(side.saturating_sub(1));
+            (start, px(high[axis]).max(start + 1) - start)
+        };
+        let ((x, width), (y, height)) = (along(0, width), along(1, height));
+        Region { x, y, width, height }
+    }
 }
 
 /// How a picture becomes a file.
@@ -203,6 +214,16 @@ mod tests {
         // One that does not fit stays one that does not.
         let far = ExportOptions { region: Some(Region { x: 700, y: 0, width: u32::MAX, height: 9 }), ..whole };
         assert!(far.of_width(320, baked).window(baked).is_err());
+    }
+
+    #[test]
+    fn a_region_between_corners_lies_within_the_picture_and_is_not_empty() {
+        let whole = [64, 48];
+        assert_eq!(Region::between([[0.25, 0.5], [0.75, 1.0]], whole), Region { x: 16, y: 24, width: 32, height: 24 });
+        for corners in [[[-0.5, -0.1], [1.5, 1.2]], [[1.0, 1.0], [1.0, 1.0]], [[0.3, 0.3], [0.3, 0.3]]] {
+            let region = Some(Region::between(corners, whole));
+            assert!(ExportOptions { region, ..ExportOptions::default() }.window(whole).is_ok(), "{region:?}");
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 
 use super::parse::{INTENSITY, Reader};
 use super::write::{member, setting_members, value};
+use super::{Look, groups};
 
 /// World-space coordinates in meters.
 const PLACE_M: std::ops::RangeInclusive<f64> = -1e6..=1e6;
@@ -29,6 +30,15 @@ pub const TYPES: [&str; 7] = ["point", "spot", "rectangle", "disk", "sphere", "d
 /// Where a lamp that shines all around is said to aim, so that equal lamps are equal.
 pub fn below(position: Vec3) -> Vec3 {
     position - Vec3::Y
+}
+
+impl Look {
+    /// Takes a free lamp out, with its name and its places in groups. Answers what it was called.
+    pub fn remove_lamp(&mut self, key: &str) -> String {
+        self.lights.lamps.retain(|lamp| lamp.key != key);
+        groups::leave(&mut self.lights, key);
+        self.names.remove(key).unwrap_or_else(|| key.to_owned())
+    }
 }
 
 /// Names the profile of a lamp, if it has one, from the root; it lies relative to `folder`.

@@ -9,6 +9,7 @@ use std::time::Duration;
 use eframe::egui::{self, Button, Context, Key, Modal, RichText, TextEdit, Ui};
 
 use crate::action::{Action, FileTask};
+use crate::sequence::Pattern;
 use crate::theme;
 
 type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
@@ -62,6 +63,10 @@ pub struct FileQuestion {
     native: Option<NativeDialog>,
     dialogs: FileDialogs,
     is_fresh: bool,
+    /// The file that may be replaced without being asked for: the look's own, or that of the desktop's dialog, which asks itself.
+    agreed: Option<PathBuf>,
+    /// The file that would be replaced, while that is being asked.
+    replaces: Option<PathBuf>,
 }
 
 struct Repaint(Context);
@@ -73,10 +78,18 @@ impl Wake for Repaint {
 }
 
 impl FileQuestion {
-    /// Asks for a file in `folder`, or elsewhere. The desktop's dialog is opened as well unless only the field is wanted.
-    pub fn new(task: FileTask, suggestion: &str, folder: PathBuf, dialogs: FileDialogs) -> FileQuestion {
+    /// Asks for a file in `folder`, or elsewhere. The desktop's dialog is opened as well unless only the field is wanted. A file that
+    /// is there is not replaced without a further question, unless it is the `own` one.
+    pub fn new(
+        task: FileTask,
+        suggestion: &str,
+        folder: PathBuf,
+        own: Option<PathBuf>,
+        dialogs: FileDialogs,
+    ) -> FileQuestion {
+        let path = suggestion.into();
         let mut question =
-            FileQuestion { task, path: suggestion.into(), folder, native: None, dialogs, is_fresh: true };
+            FileQuestion { task, path, folder, native: None, dialogs, is_fresh: true, agreed: own, replaces: None };
         if dialogs == FileDialogs::Desktop && !task.asks_more() {
             question.browse();
         }
@@ -110,13 +123,27 @@ impl FileQuestion {
         match ended {
             Ended::Chosen(path) if self.task.asks_more() => {
                 self.path = path.display().to_string();
+                self.agreed = Some(path);
                 None
             }
             Ended::Closed if self.task.asks_more() => None,
-            Ended::Chosen(path) => Some(Some(path)),
+            Ended::Chosen(path) => {
+                self.agreed = Some(path.clone());
+                self.chosen(path).map(Some)
+            }
             Ended::Closed => Some(None),
             Ended::Unseen => None,
         }
+    }
+
+    /// The file that somebody decided on, unless that is to be asked first.
+    fn chosen(&mut self, path: PathBuf) -> Option<PathBuf> {
+        let path = self.task.whole(path);
+        if self.agreed.as_ref() != Some(&path) && self.task.replaces(&path) {
+            self.replaces = Some(path);
+            return None;
+        }
+        Some(path)
     }
 
     /// The path that was typed, as a whole.
@@ -136,6 +163,15 @@ impl FileQuestion {
         ctx: &Context,
         above: impl FnOnce(&mut Ui, &mut String) -> Option<String>,
     ) -> Option<Option<PathBuf>> {
+        if let Some(path) = &self.replaces {
+            return match replace_file_ui(ctx, path)? {
+                ReplaceAnswer::Replace => Some(self.replaces.take()),
+                ReplaceAnswer::Elsewhere | ReplaceAnswer::Stay => {
+                    (self.replaces, self.is_fresh) = (None, true);
+                    None
+                }
+            };
+        }
         let modal = Modal::new(egui::Id::unique("file question")).show(ctx, |ui| {
             ui.set_width(460.0);
             ui.label(RichText::new(self.task.title()).heading().strong());
@@ -155,8 +191,8 @@ impl FileQuestion {
         let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
         let (_, extensions) = self.task.extensions();
         let hint = match extensions {
-            _ if self.task.writes() && self.place().is_file() => {
-                "A file of this name is there; saving replaces it".into()
+            _ if self.task.replaces(&self.task.whole(self.place())) => {
+                "A file of this name is there; saving asks whether to replace it".into()
             }
             [] => "A folder with one EXR, HDR, PNG or JPEG of the same view for each light".into(),
             endings => format!("Ends in .{}", endings.join(", .")),
@@ -182,7 +218,7 @@ impl FileQuestion {
                 let ok = Button::new(RichText::new(verb).color(theme::ON_ACCENT)).fill(theme::ACCENT);
                 let has_path = !self.path.trim().is_empty() && problem.is_none();
                 if (ui.add_enabled(has_path, ok).clicked() || entered) && has_path {
-                    answer = Some(Some(self.place()));
+                    answer = self.chosen(self.place()).map(Some);
                 }
                 if ui.button("Cancel").clicked() {
                     answer = Some(None);
@@ -272,6 +308,22 @@ pub fn replace_ui(ctx: &Context, name: &str) -> Option<ReplaceAnswer> {
         lose: ("Replace", ReplaceAnswer::Replace),
     };
     answers.ui(ctx, "Replace the look?", &words)
+}
+
+/// Asks before a file that is there, or the frames that a path names, are replaced.
+fn replace_file_ui(ctx: &Context, path: &Path) -> Option<ReplaceAnswer> {
+    let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.display().to_string());
+    let words = if Pattern::is_meant(path) {
+        format!("Files named {name} are there. Saving replaces those that have the number of a frame")
+    } else {
+        format!("{name} is there. Saving replaces what it holds")
+    };
+    let answers = Answers {
+        best: ("Choose another name", ReplaceAnswer::Elsewhere),
+        back: None,
+        lose: ("Replace", ReplaceAnswer::Replace),
+    };
+    answers.ui(ctx, "Replace the file?", &words)
 }
 
 /// What a person wants done with a look that an editor left behind.

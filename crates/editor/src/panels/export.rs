@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use eframe::egui::{self, ComboBox, RichText, Ui};
+use eframe::egui::{self, Button, ComboBox, RichText, Ui};
 
 use super::number::{Number, before_drag};
 use crate::action::Action;
@@ -14,12 +14,16 @@ use crate::legend::number_words;
 use crate::sequence::Pattern;
 
 /// What the questions are about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExportView {
     /// Size of the bake in pixels.
     pub baked: [u32; 2],
     /// Whether the light that arrives at the pixels was baked.
     pub has_illuminance: bool,
+    /// What is marked lies within these corners, in shares of width and height.
+    pub marked: Option<[[f32; 2]; 2]>,
+    /// The same of what is in sight, where that is a part.
+    pub seen: Option<[[f32; 2]; 2]>,
 }
 
 const LAYERS: [(LayerSet, &str); 3] =
@@ -48,6 +52,7 @@ pub fn export_ui(
         ui.label("Part");
         ui.horizontal(|ui| region_ui(ui, options, view.baked));
         ui.end_row();
+        view_row(ui, options, view);
     });
     ui.add_space(4.0);
     let hint = match format {
@@ -72,7 +77,7 @@ pub fn frames_ui(
     ui: &mut Ui,
     path: &mut String,
     options: &mut ExportOptions,
-    baked: [u32; 2],
+    view: &ExportView,
     (frames, fps): (RangeInclusive<u32>, f32),
 ) -> Option<String> {
     let format = ImageFormat::of(Path::new(path.trim())).ok();
@@ -88,11 +93,12 @@ pub fn frames_ui(
             _ => png_rows(ui, options),
         }
         ui.label("Size");
-        ui.horizontal(|ui| width_ui(ui, options, baked));
+        ui.horizontal(|ui| width_ui(ui, options, view.baked));
         ui.end_row();
         ui.label("Part");
-        ui.horizontal(|ui| region_ui(ui, options, baked));
+        ui.horizontal(|ui| region_ui(ui, options, view.baked));
         ui.end_row();
+        view_row(ui, options, view);
     });
     ui.add_space(4.0);
     let pattern = match Pattern::new(Path::new(path.trim())) {
@@ -104,7 +110,7 @@ pub fn frames_ui(
         let words = format!("{there} files of these names are there; saving replaces them");
         ui.colored_label(ui.visuals().warn_fg_color, words);
     }
-    options.window(baked).err().map(|error| error.to_string())
+    options.window(view.baked).err().map(|error| error.to_string())
 }
 
 fn format_ui(ui: &mut Ui, path: &mut String, format: Option<ImageFormat>) {
@@ -207,4 +213,23 @@ fn region_ui(ui: &mut Ui, options: &mut ExportOptions, baked: [u32; 2]) {
             *value = (*value).clamp(*range.start(), *range.end());
         }
     }
+}
+
+/// The region as it is marked, or in sight.
+fn view_row(ui: &mut Ui, options: &mut ExportOptions, view: &ExportView) {
+    ui.label("");
+    ui.horizontal(|ui| {
+        let choices = [
+            ("As marked", view.marked, "What is marked in the picture", "Mark a part of the picture in Measure first"),
+            ("As shown", view.seen, "What is in sight", "The whole picture is in sight; zoom to a part of it first"),
+        ];
+        for (name, part, tip, why) in choices {
+            let button = ui.add_enabled(part.is_some(), Button::new(name)).on_hover_text(tip);
+            if button.on_disabled_hover_text(why).clicked() {
+                let whole = options.whole(view.baked).unwrap_or(view.baked);
+                options.region = part.map(|corners| Region::between(corners, whole));
+            }
+        }
+    });
+    ui.end_row();
 }

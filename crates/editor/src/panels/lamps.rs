@@ -114,10 +114,16 @@ pub fn add_menu(ui: &mut Ui, at_px: Option<[f32; 2]>, actions: &mut Vec<Action>)
     }
 }
 
-/// Exchanges a lamp of the file for a free one.
-pub const MAKE_MOVABLE: &str = "Make movable";
-/// What that does, for people.
-pub const MAKE_MOVABLE_HINT: &str = "Mutes it, and puts a free lamp of the same light in its place";
+/// The entry of a menu that exchanges a lamp of the file for a free one; none of a measured lamp, whose distribution lies in the file.
+pub fn make_movable_ui(ui: &mut Ui, key: &str, is_measured: bool, actions: &mut Vec<Action>) {
+    let button = ui.add_enabled(!is_measured, Button::new("Make movable"));
+    let button = button.on_hover_text("Mutes it, and puts a free lamp of the same light in its place");
+    let why = "Its measured distribution lies in the file of the scene: mute it, and add one with “IES or LDT…”";
+    if button.on_disabled_hover_text(why).clicked() {
+        actions.push(Action::MakeMovable(key.to_owned()));
+        ui.close();
+    }
+}
 
 /// What can be done with a lamp.
 pub fn lamp_menu(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut Vec<Action>) {
@@ -187,8 +193,7 @@ pub(super) fn details_ui(
 fn buttons_ui(ui: &mut Ui, lamp: &FreeLamp, state: &mut LampState, actions: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         if lamp.shape.is_aimed() {
-            let command = ui.ctx().format_modifiers(egui::Modifiers::COMMAND);
-            let hint = format!("Click in the picture what it is to light\nA, or {command} and click at once");
+            let hint = "Click in the picture what it is to light, A";
             let aim = ui.add(Button::new("Aim at…").selected(state.aiming)).on_hover_text(hint);
             if aim.clicked() {
                 state.aiming = !state.aiming;

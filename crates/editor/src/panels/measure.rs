@@ -1,12 +1,13 @@
 //! Measure: what is marked in the picture, and how much light arrives there.
 
-use clerestory_transport::sensors::WorkPlane;
 use eframe::egui::{Button, Grid, RichText, Ui};
+use serde::{Deserialize, Serialize};
 
 use super::number::{Number, number_of};
 use crate::action::{Action, FileTask};
 use crate::illuminance::{FOOT_CANDLE_LX, LuxFigures, lux_words, share_words};
 use crate::legend::number_words;
+use crate::look::scene::{HEIGHT_M, PlaneChoice, SPACING_M};
 use crate::marks::Kin;
 use crate::schedule::ScheduleBy;
 use crate::theme::{self, Fold};
@@ -27,14 +28,16 @@ pub struct MeasureView<'a> {
     pub counts_direct_only: bool,
     /// What the pixel that was clicked on last shows.
     pub surface: Option<&'a str>,
+    /// Whether another look is seen beside the lights as they are now, of which the figures are.
+    pub is_compared: bool,
     /// Why something could not be measured, in words.
     pub problem: Option<&'a str>,
     /// Whether surfaces can be told apart.
     pub has_scene: bool,
-    /// Index and name of the object that is marked, if it was clicked on.
-    pub floor: Option<&'a (u32, String)>,
-    /// Name of the object that the work plane stands on, if it is not the whole scene.
-    pub floor_name: Option<&'a str>,
+    /// Name of the object that is marked, if it was clicked on.
+    pub floor: Option<&'a str>,
+    /// Whether the scene has the object that the work plane stands on.
+    pub has_floor: bool,
     /// The floor that powers are divided by where nobody types its area.
     pub known_floor: Option<KnownFloor>,
     /// What of the look is of another view than the one that is shown, for people.
@@ -85,20 +88,19 @@ pub struct MeasureState<'a> {
     /// The schedule of luminaires.
     pub schedule: &'a mut ScheduleState,
     /// A level grid of sensors that the next bake has.
-    pub work_plane: &'a mut Option<WorkPlane>,
+    pub work_plane: &'a mut Option<PlaneChoice>,
 }
 
-/// Least distance of points of a work plane, meters.
-const LEAST_SPACING_M: f32 = 0.01;
-
-/// What is set for the schedule of luminaires.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// What is set for the schedule of luminaires. It outlasts the program, but for the floor of one scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ScheduleState {
     /// What has a row of its own.
     pub by: ScheduleBy,
     /// Lumen per watt of every lamp that tells no watts; 0 leaves these unknown.
     pub efficacy_lm_w: f64,
     /// Floor area in m²; 0 is that of the floor that is known.
+    #[serde(skip)]
     pub floor_m2: f64,
 }
 
@@ -129,6 +131,10 @@ pub fn measure_ui(ui: &mut Ui, state: MeasureState, view: &MeasureView, actions:
             (None, true) => {
                 ui.spinner();
             }
+        }
+        if view.is_compared && (view.marked.is_some() || !view.grids.is_empty()) {
+            ui.label(RichText::new("Under the lights as they are now").weak())
+                .on_hover_text("Whatever is compared in the picture; take a look over to read it");
         }
         if let Some(problem) = view.problem {
             ui.colored_label(ui.visuals().error_fg_color, problem);
@@ -236,39 +242,46 @@ pub fn missing_ui(ui: &mut Ui, lux_bake: LuxBake, actions: &mut Vec<Action>) {
 const DESK_M: f32 = 0.75;
 
 /// A level grid of sensors over a floor.
-fn work_plane_ui(ui: &mut Ui, plane: &mut Option<WorkPlane>, view: &MeasureView, actions: &mut Vec<Action>) {
+fn work_plane_ui(ui: &mut Ui, plane: &mut Option<PlaneChoice>, view: &MeasureView, actions: &mut Vec<Action>) {
     let mut is_wanted = plane.is_some();
     let hint = "A level grid of sensors above a floor, baked with the illuminance: average, minimum and uniformity";
     if ui.checkbox(&mut is_wanted, "Work plane").on_hover_text(hint).changed() {
-        let floor = view.floor.map(|(node, _)| *node);
-        *plane = is_wanted.then_some(WorkPlane { height_m: DESK_M, spacing_m: None, floor });
+        let floor = view.floor.map(str::to_owned);
+        *plane = is_wanted.then_some(PlaneChoice { height_m: DESK_M, spacing_m: None, floor });
     }
     let Some(plane) = plane else { return };
     Grid::new("work plane").num_columns(2).spacing([10.0, 5.0]).show(ui, |ui| {
         let label = ui.label("Height");
-        let height = Number::new(&mut plane.height_m).range(0.0..=100.0).speed(0.01).max_decimals(3).suffix(" m");
+        let height = Number::new(&mut plane.height_m).range(HEIGHT_M).speed(0.01).max_decimals(3).suffix(" m");
         ui.add(height).labelled_by(label.id).on_hover_text("Above the floor");
         ui.end_row();
         let label = ui.label("Spacing");
         let mut spacing = plane.spacing_m.unwrap_or(0.0);
         let words = |m: f64, _| if m > 0.0 { format!("{} m", number_words(m as f32)) } else { "EN 12464-1".into() };
         let drag =
-            Number::new(&mut spacing).range(0.0..=100.0).speed(0.01).words(words).read(|text| number_of(text, " m"));
+            Number::new(&mut spacing).range(0.0..=*SPACING_M.end()).speed(0.01).words(words).read(|text| number_of(text, " m"));
         let hint = "Between points; at 0 it is as EN 12464-1 asks for the size of the floor";
         if ui.add(drag).labelled_by(label.id).on_hover_text(hint).changed() {
-            plane.spacing_m = (spacing > 0.0).then_some(spacing.max(LEAST_SPACING_M));
+            plane.spacing_m = (spacing > 0.0).then_some(spacing.max(*SPACING_M.start() as f32));
         }
         ui.end_row();
         ui.label("Floor");
-        ui.label(view.floor_name.unwrap_or("of the whole scene"));
+        match &plane.floor {
+            None => ui.label("of the whole scene"),
+            Some(name) if view.has_floor => ui.label(name),
+            Some(name) => {
+                let words = RichText::new(format!("{name} is not in this scene")).color(ui.visuals().warn_fg_color);
+                ui.label(words).on_hover_text("Nothing is baked on it; choose another floor")
+            }
+        };
         ui.end_row();
     });
     ui.horizontal_wrapped(|ui| {
         let choose = ui.add_enabled(view.floor.is_some(), Button::new("Stand on what is marked"));
         let choose = choose.on_hover_text("The surfaces of the marked object that face up are the floor");
         let choose = choose.on_disabled_hover_text("Mark a floor with the tool Surface first");
-        if let (true, Some((node, _))) = (choose.clicked(), view.floor) {
-            plane.floor = Some(*node);
+        if let (true, Some(name)) = (choose.clicked(), view.floor) {
+            plane.floor = Some(name.to_owned());
         }
         if plane.floor.is_some() && ui.button("Whole scene").on_hover_text("Over the plan of all surfaces").clicked() {
             plane.floor = None;

@@ -144,6 +144,7 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
     let keys = |shortcut: &KeyboardShortcut| ctx.format_shortcut(shortcut);
     let words = |words: &str| words.to_string();
     let command = ctx.format_modifiers(Modifiers::COMMAND);
+    let command = command.trim_end_matches('+');
     let [blender, alt_mouse, trackpad] = Navigation::ALL.map(|(_, name, hint)| (format!("Camera by {name}"), hint));
     vec![
         (keys(&OPEN), "Open a scene or a bake"),
@@ -190,13 +191,11 @@ fn rows(ctx: &Context) -> Vec<(String, &'static str)> {
         (words("Drag the lamp, Alt + drag"), "Move it over surfaces, or freely"),
         (words("Shift while dragging a lamp"), "Finer steps"),
         (words("Esc while dragging a lamp"), "Put it back"),
-        (
-            format!("A, then click; {} + click", ctx.format_modifiers(Modifiers::COMMAND).trim_end_matches('+')),
-            "Aim the lamp at what is clicked",
-        ),
+        (words("A, then click"), "Aim the lamp at what is clicked"),
         (keys(&DUPLICATE), "Duplicate the lamp"),
         (words("Del"), "Delete the lamp"),
         (format!("Click on a name, with Shift, with {command}"), "Select a light, all up to there, one more"),
+        (format!("Click in the picture, with Shift or {command}"), "Select the light that shines there, or one more"),
         (words("[ and ]"), "Selected lights a third of a stop darker, brighter"),
         (words("Arrow keys on a fader, with Shift"), "A third of a stop, a twelfth"),
         (words("F2"), "Rename the selected light"),

@@ -7,9 +7,11 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Result;
+use clerestory_transport::light::LightRig;
 use eframe::egui::ColorImage;
 
 use super::Wake;
+use super::lamps::LampLight;
 use crate::crash;
 use crate::look::Look;
 use crate::picture::color_image;
@@ -39,8 +41,16 @@ pub struct PrintOrder {
 pub struct Print {
     /// What it is for.
     pub slot: Slot,
-    /// Display-encoded, or why there is none.
-    pub image: Result<ColorImage, String>,
+    /// Display-encoded, and of a side of a comparison what it is lit by; or why there is none.
+    pub printed: Result<(ColorImage, Option<Lit>), String>,
+}
+
+/// What a picture is lit by.
+pub struct Lit {
+    /// All lights.
+    pub rig: LightRig,
+    /// The light of the free lamps among them, if any shine.
+    pub lamps: Option<LampLight>,
 }
 
 #[derive(Default)]
@@ -141,23 +151,28 @@ fn work(mailbox: &Mailbox, wake: &Wake) {
             let (_, own) = stills
                 .insert(kept.unwrap_or_else(|| (order.subject.clone(), Stills::new(order.subject.clone(), None))));
             let stop = || mailbox.closed.load(Ordering::Relaxed);
-            let printed = crash::guarded(|| print(own, &order, &stop).map_err(|error| in_words(&error)));
-            let image = match printed.flatten() {
+            let printed = crash::guarded(|| print(own, (&slot, &order), &stop).map_err(|error| in_words(&error)));
+            let printed = match printed.flatten() {
                 Ok(None) => return,
-                Ok(Some(image)) => Ok(image),
+                Ok(Some(printed)) => Ok(printed),
                 Err(words) => {
                     // What failed half way is not used again.
                     stills = None;
                     Err(words)
                 }
             };
-            mailbox.lock().prints.push(Print { slot, image });
+            mailbox.lock().prints.push(Print { slot, printed });
             wake(Duration::ZERO);
         }
     }
 }
 
-fn print(stills: &mut Stills, order: &PrintOrder, stop: &(dyn Fn() -> bool + Sync)) -> Result<Option<ColorImage>> {
+/// A picture and what it is lit by; none if it was stopped.
+fn print(
+    stills: &mut Stills,
+    (slot, order): (&Slot, &PrintOrder),
+    stop: &(dyn Fn() -> bool + Sync),
+) -> Result<Option<(ColorImage, Option<Lit>)>> {
     let look = &order.look;
     let (arriving, display) = stills.arriving(look, order.size, stop)?;
     let picture = match arriving {
@@ -167,5 +182,10 @@ fn print(stills: &mut Stills, order: &PrintOrder, stop: &(dyn Fn() -> bool + Syn
             None => return Ok(None),
         },
     };
-    Ok(Some(color_image(&picture, &display.metered(&picture))))
+    let image = color_image(&picture, &display.metered(&picture));
+    if matches!(slot, Slot::Thumbnail(_)) {
+        return Ok(Some((image, None)));
+    }
+    let lamps = stills.lamp_light(look, order.size, stop);
+    Ok(lamps.map(|lamps| (image, Some(Lit { rig: look.lights.clone(), lamps }))))
 }

@@ -20,6 +20,8 @@ pub struct Share {
     pub key: String,
     /// Its part of the mean radiance, nit per channel.
     pub radiance: Vec3,
+    /// Whether it is a light of the scene, and no lamp that was added.
+    pub is_of_scene: bool,
 }
 
 impl Share {
@@ -48,7 +50,7 @@ impl Shown {
             .map(|source| {
                 let columns = source.columns.clone().map(|column| column as usize);
                 let radiance = columns.map(|column| brought(column, Vec3::from(coefficients[column]))).sum();
-                Share { key: source.key.clone(), radiance }
+                Share { key: source.key.clone(), radiance, is_of_scene: true }
             })
             .collect();
         let first_patch = basis.patch_columns().map_or(row.len(), |columns| columns.start as usize);
@@ -56,7 +58,7 @@ impl Shown {
             let direct: Vec3 = pixels.iter().map(|pixel| part.direct(*pixel)).sum::<Vec3>() / pixels.len() as f32;
             let columns = first_patch..row.len();
             let indirect: Vec3 = columns.zip(LampPart::of_patches(part)).map(|(column, x)| brought(column, x)).sum();
-            Share { key: part.key.clone(), radiance: direct + indirect }
+            Share { key: part.key.clone(), radiance: direct + indirect, is_of_scene: false }
         }));
         shares.sort_by(|a, b| b.luminance().total_cmp(&a.luminance()));
         Some(shares)

@@ -47,8 +47,7 @@ impl Here<'_> {
             Where::Whole => None,
             Where::Marked(marked) => (!self.framing.as_ref().is_some_and(|shown| marked.framing.fits(shown)))
                 .then_some("Marked in another view: show that view, or mark it here again".into()),
-            Where::Sensors(name) => (self.grid(name).is_none())
-                .then(|| format!("This bake has no sensors {name}: bake the scene with its illuminance").into()),
+            Where::Sensors(name) => (self.grid(name).is_none()).then(|| no_sensors(name).into()),
         };
         of_place.or_else(|| match &entry.wanted {
             Wanted::Lux(_) if !self.has_illuminance && !matches!(entry.place, Where::Sensors(_)) => {
@@ -98,6 +97,10 @@ impl Here<'_> {
         };
         Some(Wish { name: entry.name.clone(), place, target, weight: entry.weight })
     }
+}
+
+fn no_sensors(name: &str) -> String {
+    format!("This bake has no sensors {name}: bake the scene with its illuminance; a work plane is laid in Measure")
 }
 
 #[cfg(test)]

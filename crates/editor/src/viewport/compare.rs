@@ -1,10 +1,11 @@
 //! Two looks of one picture: side by side, or with a divider that is dragged over it.
 
 use eframe::egui::{
-    self, Align2, Color32, CornerRadius, CursorIcon, FontId, Key, Pos2, Rect, Sense, Shape, Stroke, TextureId, Ui,
-    pos2, vec2,
+    self, Align2, Color32, CornerRadius, CursorIcon, FontId, Pos2, Rect, Sense, Shape, Stroke, TextureId, Ui, pos2,
+    vec2,
 };
 
+use crate::panels::arrows::{FINE, arrows};
 use crate::panels::heat::Overlay;
 use crate::theme;
 
@@ -36,17 +37,14 @@ const GAP: f32 = 4.0;
 const KEY_STEP: f32 = 0.02;
 const WHOLE: Rect = Rect { min: Pos2::ZERO, max: pos2(1.0, 1.0) };
 
-/// Where the picture on the left has its place in an area.
-pub fn left_area(area: Rect, compared: Option<&Compared>) -> Rect {
-    match compared.map(|compared| compared.way) {
-        Some(Way::SideBySide) => Rect::from_min_max(area.min, pos2(area.center().x - 0.5 * GAP, area.max.y)),
-        _ => area,
+/// Where the picture has its place in an area, and that beside it where there is one.
+pub fn areas(area: Rect, compared: Option<&Compared>) -> Vec<Rect> {
+    if compared.is_none_or(|compared| compared.way == Way::Wipe) {
+        return vec![area];
     }
-}
-
-/// Where the picture on the right has its place beside that of the left.
-pub fn right_area(area: Rect, left: Rect) -> Rect {
-    Rect::from_min_max(pos2(left.right() + GAP, area.top()), area.max)
+    let edge = 0.5 * GAP;
+    let (left, right) = (area.with_max_x(area.center().x - edge), area.with_min_x(area.center().x + edge));
+    vec![left, right]
 }
 
 /// Draws the picture on the right beside the left one, under the map of colors that the left one has, and a name on each. `areas` hold
@@ -63,11 +61,17 @@ pub fn beside_ui(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), are
 }
 
 /// Draws what is right of the divider, under the map of colors that the left has, and the divider. `offset` is its way from the middle,
-/// in widths of the picture.
-pub fn wipe_ui(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), area: Rect, image: Rect, offset: &mut f32) {
+/// in widths of the picture. Answers where it stands, points across.
+pub fn wipe_ui(
+    ui: &Ui,
+    (compared, overlay): (&Compared, Option<Overlay>),
+    area: Rect,
+    image: Rect,
+    offset: &mut f32,
+) -> f32 {
     let seen = image.intersect(area);
     if !seen.is_positive() {
-        return;
+        return f32::INFINITY;
     }
     let at = |offset: f32| (image.center().x + offset * image.width()).clamp(seen.left(), seen.right());
     let x = at(*offset);
@@ -79,11 +83,7 @@ pub fn wipe_ui(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), area:
     if let Some(pointer) = response.interact_pointer_pos() {
         *offset = ((pointer.x - image.center().x) / image.width()).clamp(-0.5, 0.5);
     }
-    if response.has_focus() {
-        let pressed = |key| ui.input(|input| input.key_pressed(key));
-        let step = f32::from(pressed(Key::ArrowRight)) - f32::from(pressed(Key::ArrowLeft));
-        *offset = (*offset + step * KEY_STEP).clamp(-0.5, 0.5);
-    }
+    *offset = (*offset + arrows(ui, &response, FINE).x * KEY_STEP).clamp(-0.5, 0.5);
     if response.hovered() || response.dragged() {
         ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
     }
@@ -108,6 +108,7 @@ pub fn wipe_ui(ui: &Ui, (compared, overlay): (&Compared, Option<Overlay>), area:
     }
     name(ui, seen, &compared.names[0], Align2::LEFT_BOTTOM);
     name(ui, seen, &compared.names[1], Align2::RIGHT_BOTTOM);
+    x
 }
 
 /// The name of a picture in its lower corner.
@@ -128,10 +129,10 @@ mod tests {
     fn two_pictures_share_the_area_evenly() {
         let area = Rect::from_min_max(pos2(10.0, 5.0), pos2(410.0, 300.0));
         let compared = |way| Compared { right: TextureId::default(), names: [String::new(), String::new()], way };
-        let left = left_area(area, Some(&compared(Way::SideBySide)));
-        let right = right_area(area, left);
+        let [left, right] = areas(area, Some(&compared(Way::SideBySide)))[..] else { panic!("two") };
         assert!((left.width() - right.width()).abs() < 1e-3 && right.right() == area.right(), "{left} {right}");
-        assert_eq!(left_area(area, Some(&compared(Way::Wipe))), area);
-        assert_eq!(left_area(area, None), area);
+        assert!((right.left() - left.right() - GAP).abs() < 1e-3, "{left} {right}");
+        assert_eq!(areas(area, Some(&compared(Way::Wipe))), [area]);
+        assert_eq!(areas(area, None), [area]);
     }
 }

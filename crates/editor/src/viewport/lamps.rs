@@ -88,7 +88,7 @@ fn film_px(sight: &Sight, at: Pos2) -> [f32; 2] {
     [px.x, px.y]
 }
 
-/// While a lamp is to be aimed, or with Ctrl, a click says at what. Answers whether one did.
+/// While a lamp is to be aimed, a click says at what. Answers whether one did.
 fn aim_by_click(
     ui: &Ui,
     picture: &Response,
@@ -102,8 +102,7 @@ fn aim_by_click(
         state.aiming = false;
         return false;
     };
-    let with_key = ui.input(|input| input.modifiers.command);
-    if !state.aiming && !with_key {
+    if !state.aiming {
         return false;
     }
     if let Some(at) = picture.hover_pos() {

@@ -5,6 +5,7 @@ use clerestory_transport::bvh::Ray;
 use clerestory_transport::emitters::{Emitter, Lighting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::sampler::Sampler;
+use clerestory_transport::scene::PunctualLight;
 use eframe::egui::{self, Color32, CursorIcon, Id, PointerButton, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2};
 use glam::Vec3;
 
@@ -12,7 +13,7 @@ use super::gizmo::Sight;
 use super::lamps::hint;
 use crate::action::Action;
 use crate::look::Look;
-use crate::panels::lamps::{MAKE_MOVABLE, MAKE_MOVABLE_HINT, Pick};
+use crate::panels::lamps::{Pick, make_movable_ui};
 use crate::panels::lights::LightsState;
 use crate::panels::menu::context_menu;
 use crate::theme;
@@ -37,7 +38,8 @@ pub fn marks_ui(
     let painter = ui.painter_at(picture.rect.intersect(sight.image));
     let is_near = ui.input(|input| input.pointer.hover_pos()).is_some_and(|at| picture.rect.contains(at));
     let mut touched = false;
-    for (source, position) in lamps(sight.scene) {
+    for (source, light) in lamps(sight.scene) {
+        let (position, is_measured) = (light.position, light.profile.is_some());
         let name = look.name_of(&source.key);
         let is_chosen = lights.chosen.as_deref() == Some(&source.key);
         // A lamp that was moved away hangs there no longer.
@@ -56,12 +58,14 @@ pub fn marks_ui(
         painter.circle_stroke(at, RADIUS, Stroke::new(1.4, color.gamma_multiply(strength)));
         if response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::PointingHand);
-            hint(ui, picture.rect, &format!("{name}, click to choose it, drag to move it"));
+            let drag = if is_measured { "it is measured and stays where it is" } else { "drag to move it" };
+            hint(ui, picture.rect, &format!("{name}, click to choose it, {drag}"));
         }
         // Who presses before the mark is known to be under the pointer has hold of the picture.
         let pressed = ui.input(|input| input.pointer.press_origin()).unwrap_or(at);
         let of_picture = picture.drag_started_by(PointerButton::Primary) && rect.contains(pressed);
-        if response.drag_started_by(PointerButton::Primary) || of_picture {
+        let is_pulled = response.drag_started_by(PointerButton::Primary) || of_picture;
+        if is_pulled && !is_measured {
             let at = pressed;
             lights.lamps.pulled_at = Some(at);
             actions.push(Action::PullLamp { key: source.key.clone(), at: at.into() });
@@ -73,21 +77,18 @@ pub fn marks_ui(
         } else if response.secondary_clicked() {
             lights.chosen = Some(source.key.clone());
         }
-        context_menu(&response, |ui| mark_menu(ui, &source.key, lights, actions));
+        context_menu(&response, |ui| mark_menu(ui, (&source.key, is_measured), lights, actions));
         touched |= response.hovered() || response.clicked();
     }
     touched
 }
 
-fn mark_menu(ui: &mut Ui, key: &str, lights: &mut LightsState, actions: &mut Vec<Action>) {
+fn mark_menu(ui: &mut Ui, (key, is_measured): (&str, bool), lights: &mut LightsState, actions: &mut Vec<Action>) {
     if ui.button("Solo this alone").clicked() {
         lights.solo = [key.to_owned()].into();
         ui.close();
     }
-    if ui.button(MAKE_MOVABLE).on_hover_text(MAKE_MOVABLE_HINT).clicked() {
-        actions.push(Action::MakeMovable(key.to_owned()));
-        ui.close();
-    }
+    make_movable_ui(ui, key, is_measured, actions);
 }
 
 /// Says the name of the shining surface under the pointer. Panels say more, elsewhere.
@@ -109,10 +110,10 @@ pub fn shining_at<'a>(sight: &Sight<'a>, at: Pos2) -> Option<&'a LightSource> {
 }
 
 /// Lamps of the file that hang somewhere.
-fn lamps(scene: &PreparedScene) -> impl Iterator<Item = (&LightSource, Vec3)> {
+fn lamps(scene: &PreparedScene) -> impl Iterator<Item = (&LightSource, &PunctualLight)> {
     let lights = scene.lighting.basis.sources.iter().zip(&scene.lighting.emitters);
     lights.filter_map(|(source, emitter)| match (emitter, source.kind) {
-        (Emitter::Punctual(light), SourceKind::Point | SourceKind::Spot) => Some((source, light.position)),
+        (Emitter::Punctual(light), SourceKind::Point | SourceKind::Spot) => Some((source, light)),
         _ => None,
     })
 }

@@ -23,6 +23,8 @@ pub struct Probes {
     pub hover: Option<[u32; 2]>,
     /// Where the light is told apart.
     pub picked: Option<[u32; 2]>,
+    /// Number of the picture that was clicked on for that, where one is seen beside another.
+    picked_in: usize,
     /// Whether the light that shines there most is still to be chosen.
     awaits_light: Option<Pick>,
     /// Where it stays.
@@ -112,11 +114,43 @@ impl Grid {
     }
 }
 
+/// A picture on the screen that is measured in.
+#[derive(Clone, Copy)]
+pub struct Plate<'a> {
+    /// Where it is.
+    pub picture: &'a Response,
+    /// Its pixels.
+    pub grid: Grid,
+    /// What is seen on the left and on the right of a comparison.
+    pub names: Option<&'a [String; 2]>,
+    /// From where on the side on the right of a comparison is seen, points across the screen.
+    pub right_from: f32,
+    /// Its number, 1 beside another.
+    pub nth: usize,
+}
+
+impl Plate<'_> {
+    /// The pixel under the pointer.
+    fn hovered(&self) -> Option<[u32; 2]> {
+        self.picture.hover_pos().and_then(|at| self.grid.pixel(at))
+    }
+
+    /// Which side of a comparison is seen at a pixel, 0 without one.
+    fn side(&self, px: [u32; 2]) -> usize {
+        usize::from(self.grid.middle(px).x >= self.right_from)
+    }
+
+    /// What is seen at a pixel, for people, where that is one of two.
+    fn name(&self, px: [u32; 2]) -> Option<&str> {
+        self.names.map(|names| names[self.side(px)].as_str())
+    }
+}
+
 /// Follows the pointer: what it is over, a click that asks what lights it, P that pins a probe.
 ///
 /// `is_free` tells whether a click means the picture and nothing on it.
-pub fn follow(ui: &Ui, picture: &Response, grid: Grid, probes: &mut Probes, is_free: bool) {
-    let hover = picture.hover_pos().and_then(|at| grid.pixel(at));
+pub fn follow(ui: &Ui, plates: &[Plate], probes: &mut Probes, is_free: bool) {
+    let hover = plates.iter().find_map(Plate::hovered);
     if hover != probes.hover {
         // What is there is read before the next frame.
         probes.hover = hover;
@@ -128,43 +162,53 @@ pub fn follow(ui: &Ui, picture: &Response, grid: Grid, probes: &mut Probes, is_f
         probes.pin(px);
         ui.ctx().request_repaint();
     }
-    if picture.clicked() && is_free {
-        probes.picked = picture.interact_pointer_pos().and_then(|at| grid.pixel(at));
+    if let Some(plate) = plates.iter().find(|plate| plate.picture.clicked()).filter(|_| is_free) {
+        probes.picked = plate.picture.interact_pointer_pos().and_then(|at| plate.grid.pixel(at));
+        probes.picked_in = plate.nth;
         probes.awaits_light = Some(Pick::of(ui.input(|input| input.modifiers)));
         ui.ctx().request_repaint();
     }
-    if picture.double_clicked() || keys(Key::Escape) {
+    if plates.iter().any(|plate| plate.picture.double_clicked()) || keys(Key::Escape) {
         probes.picked = None;
     }
 }
 
-/// Draws what was measured.
+/// Draws what was measured, on each side of a comparison under the light that is seen there.
 pub fn readings_ui(
     ui: &mut Ui,
-    picture: &Response,
-    grid: Grid,
-    readings: &Readings,
+    plates: &[Plate],
+    sides: &[Readings; 2],
     probes: &mut Probes,
     (look, lights): (&Look, &mut LightsState),
 ) {
-    for (idx, reading) in readings.pins.iter().enumerate() {
-        pin_ui(ui, picture, grid, (idx, reading), probes);
+    for plate in plates {
+        for idx in 0..sides[0].pins.len() {
+            let side = plate.side(sides[0].pins[idx].px);
+            if let Some(reading) = sides[side].pins.get(idx) {
+                pin_ui(ui, *plate, (idx, reading), probes);
+            }
+        }
     }
-    if let Some(reading) = &readings.hover {
-        let [x, y] = reading.px;
-        let words = format!("{x}, {y}   {}", reading.words());
-        let at = picture.rect.center_bottom() + vec2(0.0, -10.0);
+    let under = plates.iter().find_map(|plate| Some((plate, plate.hovered()?)));
+    if let Some((plate, px)) = under
+        && let Some(reading) = &sides[plate.side(px)].hover
+    {
+        let ([x, y], of) = (reading.px, plate.name(px).map_or_else(String::new, |name| format!("{name}   ")));
+        let words = format!("{of}{x}, {y}   {}", reading.words());
+        let at = plate.picture.rect.center_bottom() + vec2(0.0, -10.0);
         chip(ui, (at, Align2::CENTER_BOTTOM), Id::unique("under the pointer"), &words);
     }
-    if let Some((reading, shares)) = readings.picked.as_ref().filter(|(at, _)| Some(at.px) == probes.picked) {
+    let Some((plate, px)) = plates.get(probes.picked_in).or(plates.first()).zip(probes.picked) else { return };
+    let picked = &sides[plate.side(px)].picked;
+    if let Some((reading, shares)) = picked.as_ref().filter(|(at, _)| at.px == px) {
         // A click on what a light shines on picks it. Free lamps are picked by themselves: their handles would be in the way.
         let strongest = shares.first().filter(|share| share.luminance() > 0.0);
-        let of_file = strongest.filter(|share| look.lights.lamps.iter().all(|lamp| lamp.key != share.key));
+        let of_file = strongest.filter(|share| share.is_of_scene);
         if let Some((share, pick)) = of_file.zip(probes.awaits_light.take()) {
             choose(lights, &share.key, pick);
         }
         probes.awaits_light = None;
-        breakdown_ui(ui, picture, grid, (reading, shares), probes, (look, lights));
+        breakdown_ui(ui, *plate, (reading, shares), probes, (look, lights));
     }
 }
 
@@ -186,13 +230,15 @@ fn chip(ui: &Ui, (at, anchor): (Pos2, Align2), id: Id, words: &str) -> Response 
 }
 
 /// A probe that stays, with what it reads; a click takes it away.
-fn pin_ui(ui: &Ui, picture: &Response, grid: Grid, (idx, reading): (usize, &Reading), probes: &mut Probes) {
-    let at = grid.middle(reading.px);
-    if !picture.rect.contains(at) {
+fn pin_ui(ui: &Ui, plate: Plate, (idx, reading): (usize, &Reading), probes: &mut Probes) {
+    let at = plate.grid.middle(reading.px);
+    if !plate.picture.rect.contains(at) {
         return;
     }
-    let handle = ui.interact(Rect::from_center_size(at, Vec2::splat(16.0)), Id::unique(("probe", idx)), Sense::click());
-    let words = format!("Probe {}, {}", idx + 1, reading.words());
+    let id = ("probe", plate.nth, idx);
+    let handle = ui.interact(Rect::from_center_size(at, Vec2::splat(16.0)), Id::unique(id), Sense::click());
+    let of = plate.name(reading.px).map_or_else(String::new, |name| format!("{name}, "));
+    let words = format!("Probe {}, {of}{}", idx + 1, reading.words());
     handle.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &words));
     let color = if handle.hovered() { theme::ACCENT } else { Color32::WHITE };
     for (width, color) in [(3.5, Color32::from_black_alpha(150)), (1.3, color)] {
@@ -202,7 +248,8 @@ fn pin_ui(ui: &Ui, picture: &Response, grid: Grid, (idx, reading): (usize, &Read
             }
         }
     }
-    chip(ui, (at + vec2(11.0, -4.0), Align2::LEFT_BOTTOM), Id::unique(("probe words", idx)), &reading.words());
+    let id = Id::unique(("probe words", plate.nth, idx));
+    chip(ui, (at + vec2(11.0, -4.0), Align2::LEFT_BOTTOM), id, &reading.words());
     if handle.on_hover_text("Click to take the probe away").clicked() {
         probes.pins.retain(|px| *px != reading.px);
     }
@@ -211,13 +258,12 @@ fn pin_ui(ui: &Ui, picture: &Response, grid: Grid, (idx, reading): (usize, &Read
 /// Who lights a pixel, and by how much.
 fn breakdown_ui(
     ui: &mut Ui,
-    picture: &Response,
-    grid: Grid,
+    plate: Plate,
     (reading, shares): (&Reading, &[Share]),
     probes: &mut Probes,
     (look, lights): (&Look, &mut LightsState),
 ) {
-    let at = grid.middle(reading.px);
+    let (picture, at) = (plate.picture, plate.grid.middle(reading.px));
     let painter = ui.painter_at(picture.rect);
     for (width, color) in [(3.5, Color32::from_black_alpha(150)), (1.5, theme::ACCENT)] {
         painter.circle_stroke(at, 6.0, Stroke::new(width, color));
@@ -230,12 +276,13 @@ fn breakdown_ui(
     area.show(ui.ctx(), |ui| {
         Frame::window(ui.style()).inner_margin(10.0).show(ui, |ui| {
             ui.set_width(WIDTH);
-            heading_ui(ui, reading, probes);
+            heading_ui(ui, (reading, plate.name(reading.px)), probes);
             let total = sum(shares);
             let lit = shares.iter().filter(|share| share.luminance() > 1e-4 * luminance(total).max(1e-9));
             let lit: Vec<&Share> = lit.collect();
             for share in lit.iter().take(MOST_ROWS) {
-                share_ui(ui, share, luminance(total), look.name_of(&share.key), lights);
+                let is_here = share.is_of_scene || look.lights.lamps.iter().any(|lamp| lamp.key == share.key);
+                share_ui(ui, share, luminance(total), (look.name_of(&share.key), is_here), lights);
             }
             if lit.is_empty() {
                 ui.label(RichText::new("No light reaches this").weak());
@@ -264,7 +311,10 @@ fn noise_words(shares: &[Share]) -> Option<String> {
     })
 }
 
-fn heading_ui(ui: &mut Ui, reading: &Reading, probes: &mut Probes) {
+fn heading_ui(ui: &mut Ui, (reading, of): (&Reading, Option<&str>), probes: &mut Probes) {
+    if let Some(name) = of {
+        ui.label(RichText::new(name).strong()).on_hover_text("The side of the comparison that is seen here");
+    }
     ui.horizontal(|ui| {
         ui.label(RichText::new("Light here").strong());
         ui.label(RichText::new(reading.words()).weak());
@@ -280,8 +330,9 @@ fn heading_ui(ui: &mut Ui, reading: &Reading, probes: &mut Probes) {
     ui.separator();
 }
 
-/// A row: color, name, share and luminance over a bar as long as the share. A click chooses the light.
-fn share_ui(ui: &mut Ui, share: &Share, total: f32, name: &str, lights: &mut LightsState) {
+/// A row: color, name, share and luminance over a bar as long as the share. A click chooses the light, unless only the other look of a
+/// comparison has it.
+fn share_ui(ui: &mut Ui, share: &Share, total: f32, (name, is_here): (&str, bool), lights: &mut LightsState) {
     let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
     let luminance = share.luminance();
     let words = format!("{name} {} {} cd/m²", percent(luminance, total), number_words(luminance));
@@ -305,7 +356,8 @@ fn share_ui(ui: &mut Ui, share: &Share, total: f32, name: &str, lights: &mut Lig
     painter.text(pos2(left - 8.0, rect.center().y), Align2::RIGHT_CENTER, share_words, font.clone(), ink);
     let room = rect.with_max_x(left - 52.0);
     ui.painter_at(room).text(rect.left_center() + vec2(22.0, 0.0), Align2::LEFT_CENTER, name, font, ink);
-    if response.on_hover_text(format!("{name}\nClick to choose it in the list")).clicked() {
+    let tip = if is_here { "Click to choose it in the list" } else { "A lamp of that look, not among the lights now" };
+    if response.on_hover_text(format!("{name}\n{tip}")).clicked() && is_here {
         choose(lights, &share.key, Pick::of(ui.input(|input| input.modifiers)));
     }
 }
@@ -347,7 +399,8 @@ mod tests {
 
     #[test]
     fn shares_that_noise_spoiled_are_told() {
-        let shares = |lights: [f32; 3]| lights.map(|light| Share { key: "lamp".into(), radiance: Vec3::splat(light) });
+        let share = |light| Share { key: "lamp".into(), radiance: Vec3::splat(light), is_of_scene: true };
+        let shares = |lights: [f32; 3]| lights.map(share);
         assert_eq!(noise_words(&shares([2.0, 1.0, -0.1])), None);
         assert_eq!(noise_words(&shares([0.0, 0.0, 0.0])), None);
         let words = noise_words(&shares([9.0, 1.5, -7.5])).expect("more than the half is noise");

@@ -85,6 +85,13 @@ fn fitting(area: Rect, size: Vec2) -> f32 {
     (room.x / size.x).min(room.y / size.y)
 }
 
+/// The part of a picture that is in sight in an area, as shares of its width and height; none where that is all or nothing of it.
+pub(super) fn part_seen(area: Rect, image: Rect) -> Option<[[f32; 2]; 2]> {
+    let seen = area.intersect(image);
+    let share = |at: Pos2| ((at - image.min) / image.size()).into();
+    (seen.is_positive() && seen != image).then(|| [share(seen.min), share(seen.max)])
+}
+
 /// Zoom with the wheel, or to a rectangle that is dragged with Z; pan with the middle button or space.
 pub(super) fn navigate(ui: &Ui, response: &Response, (zoom, grab): (&mut Zoom, &mut Option<Grab>), size: Vec2) {
     let area = response.rect;
@@ -170,6 +177,19 @@ mod tests {
         let before = zoom.image_rect(AREA, size);
         zoom.show_region(AREA, size, Rect::from_min_size(pos2(200.0, 250.0), vec2(3.0, 60.0)));
         assert_eq!(zoom.image_rect(AREA, size), before, "a click with the key held is no region");
+    }
+
+    #[test]
+    fn the_part_in_sight_is_told_where_the_rest_is_not() {
+        let size = vec2(400.0, 200.0);
+        let mut zoom = Zoom::default();
+        assert_eq!(part_seen(AREA, zoom.image_rect(AREA, size)), None, "all of it");
+        let image = zoom.image_rect(AREA, size);
+        zoom.show_region(AREA, size, Rect::from_min_max(image.center(), image.max));
+        let [low, high] = part_seen(AREA, zoom.image_rect(AREA, size)).expect("a quarter");
+        let told = [low[0], high[0], high[1]].map(|share| (1e3 * share).round());
+        assert!(told == [500.0, 1000.0, 1000.0] && (0.3..0.5).contains(&low[1]), "{low:?} {high:?}");
+        assert_eq!(part_seen(AREA, image.translate(vec2(4000.0, 0.0))), None, "nothing of it");
     }
 
     #[test]

@@ -121,6 +121,8 @@ pub(super) fn group_response(ui: &Ui, mix: &mut Mix, group: &Group, name: Respon
     let keys = mix.keys(&group.lights);
     if name.has_focus() {
         ui.painter().rect_stroke(name.rect, 2.0, ui.visuals().selection.stroke, egui::StrokeKind::Outside);
+        let folds = egui::EventFilter { horizontal_arrows: true, ..egui::EventFilter::default() };
+        ui.memory_mut(|memory| memory.set_focus_lock_filter(name.id, folds));
         let [left, right] = ui.input(|input| [Key::ArrowLeft, Key::ArrowRight].map(|key| input.key_pressed(key)));
         if left || right {
             fold(mix, group, right);

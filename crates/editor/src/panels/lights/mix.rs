@@ -1,5 +1,6 @@
 //! What rows, strips and cells of the panel read and write.
 
+use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::{LightRig, LightSetting};
 use eframe::egui::Ui;
 
@@ -49,8 +50,16 @@ impl Mix<'_> {
         layout.scale.measure(light, setting, layout.efficacy)
     }
 
-    /// Everything about a light as in the file, or as it was added.
+    /// Everything about a light as in the file, or as it was added. A lamp that shines in its place goes.
     pub fn reset(&mut self, key: &str) {
+        if self.look.lights.is_replaced(key) {
+            let stands_in = |lamp: &&FreeLamp| lamp.replaces.as_deref() == Some(key);
+            let lamps = self.look.lights.lamps.iter().filter(stands_in);
+            for lamp in lamps.map(|lamp| lamp.key.clone()).collect::<Vec<_>>() {
+                self.look.remove_lamp(&lamp);
+                self.state.lamps.chosen.take_if(|chosen| *chosen == lamp);
+            }
+        }
         self.look.lights.set(key, self.file.own_setting(key));
         self.look.lights.panels.remove(key);
     }

@@ -15,7 +15,7 @@ use super::scale::{Measure, Scale, Shown, number_ui};
 use super::solo;
 use crate::action::Action;
 use crate::panels::color::{Tint, tint_ui};
-use crate::panels::lamps::{MAKE_MOVABLE, MAKE_MOVABLE_HINT, details_ui, lamp_menu};
+use crate::panels::lamps::{details_ui, lamp_menu, make_movable_ui};
 use crate::panels::menu::context_menu;
 use crate::panels::spots::spots_ui;
 use crate::theme;
@@ -192,7 +192,9 @@ fn about(mix: &Mix, light: &Listed) -> String {
 /// What else can be done with a light.
 pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
     let key = &light.key;
-    if ui.button("Reset").on_hover_text("As in the file").clicked() {
+    let is_replaced = mix.look.lights.is_replaced(key);
+    let tip = if is_replaced { "As in the file; the lamp that shines in its place goes" } else { "As in the file" };
+    if ui.button("Reset").on_hover_text(tip).clicked() {
         mix.reset(key);
         ui.close();
     }
@@ -208,9 +210,8 @@ pub(super) fn menu_ui(ui: &mut Ui, mix: &mut Mix, light: &Listed) {
         LightOf::Look(lamp, _) => lamp_menu(ui, lamp, &mut mix.state.lamps, mix.actions),
         LightOf::Scene(source) => {
             let is_punctual = matches!(source.kind, SourceKind::Point | SourceKind::Spot | SourceKind::Directional);
-            if is_punctual && ui.button(MAKE_MOVABLE).on_hover_text(MAKE_MOVABLE_HINT).clicked() {
-                mix.actions.push(Action::MakeMovable(key.clone()));
-                ui.close();
+            if is_punctual {
+                make_movable_ui(ui, key, source.origin.profile.is_some(), mix.actions);
             }
             match source.kind {
                 SourceKind::Emitter => {
