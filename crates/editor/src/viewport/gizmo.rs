@@ -115,14 +115,6 @@ pub fn meet_plane(point: Vec3, normal: Vec3, origin: Vec3, direction: Vec3) -> O
     (along.abs() > LEAST_SINE && t > 0.0).then(|| origin + direction * t)
 }
 
-/// Right, up and ahead of a lamp: level to the right where it can be. A lamp that aims at itself looks down.
-pub fn frame(lamp: &FreeLamp) -> [Vec3; 3] {
-    let ahead = (lamp.aim - lamp.position).normalize_or(Vec3::NEG_Y);
-    let up = if ahead.y.abs() > 0.999_999 { Vec3::NEG_Z } else { Vec3::Y };
-    let right = ahead.cross(up).normalize();
-    [right, right.cross(ahead), ahead]
-}
-
 /// How far the middle of a lamp stays from the surface that it is put on, meters: its own size, and a hand's breadth seen
 /// from `distance_m`.
 pub fn standoff_m(shape: &LampShape, distance_m: f32) -> f32 {
@@ -146,6 +138,8 @@ pub fn move_to(lamp: &mut FreeLamp, position: Vec3, aim: AimWhileMoving) {
         lamp.aim = below(position);
     } else if aim == AimWhileMoving::GoesAlong {
         lamp.aim += position - lamp.position;
+    } else {
+        lamp.point(position, lamp.aim);
     }
     lamp.position = position;
 }
@@ -224,7 +218,7 @@ impl Drag {
             Part::Body => sight.surface(self.at).map(|surface| surface.position + surface.normal * self.standoff_m),
             Part::Aim => {
                 if let Some(aim) = self.aim(sight, lamp, held) {
-                    moved.aim = aim;
+                    moved.point(moved.position, aim);
                 }
                 None
             }

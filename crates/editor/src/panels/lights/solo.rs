@@ -171,7 +171,7 @@ mod tests {
         let (position, aim, setting) = (Vec3::ZERO, Vec3::NEG_Y, LightSetting::default());
         let (key, shape, unit) = ("free".to_owned(), LampShape::Point, LampUnit::Candela);
         let replaces = Some("a".to_owned());
-        rig.lamps.push(FreeLamp { key, shape, position, aim, strength: 1.0, unit, setting, replaces });
+        rig.lamps.push(FreeLamp { key, shape, position, aim, strength: 1.0, unit, setting, turn_rad: 0.0, replaces });
         rig
     }
 
