@@ -93,7 +93,7 @@ impl Sight<'_> {
 /// The first surface along a ray, its normal towards where the ray comes from.
 pub fn surface_along(scene: &PreparedScene, origin: Vec3, direction: Vec3) -> Option<Surface> {
     let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-    let hit = scene.closest(&ray, &mut Sampler::new(0, 0, 0))?;
+    let hit = scene.closest_seen(&ray, &mut Sampler::new(0, 0, 0))?;
     let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
     Some(Surface { position: hit.position, normal })
 }
