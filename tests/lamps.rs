@@ -225,6 +225,7 @@ fn while_a_lamp_moves_continuously_the_picture_moves_continuously() {
             strength: 20.0,
             unit,
             setting,
+            turn_rad: 0.0,
             replaces: None,
         };
         let lamps = PreparedLamps::new(&[lamp], None).unwrap().0;

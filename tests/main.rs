@@ -6,6 +6,8 @@
 mod architecture;
 /// Sums that must not wrap in silence where files are read.
 mod checked;
+/// What a scene is warned of before anybody looks for light that is not there.
+mod doubts;
 /// Scenes whose radiance is known by hand: closed spheres and furnaces.
 mod energy;
 /// Numbers at the ends of what they can be.
@@ -36,3 +38,5 @@ mod sky;
 mod support;
 /// Two ways to one answer: tracing and relighting, CPU and GPU.
 mod twins;
+/// Unlit surfaces: seen, and no obstacle to light.
+mod unlit;

@@ -119,9 +119,6 @@ impl Look {
         let words = |(key, why): (&str, Unheeded)| match why {
             Unheeded::Unknown => format!("the look sets `{key}`, which this scene does not have; it is ignored"),
             Unheeded::NoPanel => format!("the look puts spots on `{key}`, which is no panel; they are ignored"),
-            Unheeded::Constant => {
-                format!("the look sets `{key}`, but unlit surfaces look alike whatever the lights do; it is ignored")
-            }
             Unheeded::Taken => {
                 format!("the look has a lamp `{key}`, but a light of the scene has this name; rename the lamp")
             }

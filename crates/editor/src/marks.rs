@@ -223,7 +223,7 @@ impl Seen {
             let solid_angle = side * side * direction.dot(forward).max(0.0).powi(3);
             let mut ray = Ray { origin: camera.position(), direction, t_min: 0.0, t_max: f32::INFINITY };
             for _ in 0..MOST_PANES {
-                let Some(hit) = scene.closest(&ray, &mut Sampler::new(0, u64::from(pixel), 0)) else { break };
+                let Some(hit) = scene.closest_seen(&ray, &mut Sampler::new(0, u64::from(pixel), 0)) else { break };
                 if scene.is_clear_pane(hit.triangle) {
                     ray.t_min = hit.t * (1.0 + 1e-5) + 1e-6;
                     continue;

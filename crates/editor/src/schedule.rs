@@ -242,6 +242,7 @@ mod tests {
             strength: 800.0,
             unit: LampUnit::Lumen,
             setting: LightSetting { intensity: 0.5, ..LightSetting::default() },
+            turn_rad: 0.0,
             replaces: None,
         };
         let off = LightSetting { muted: true, ..LightSetting::default() };

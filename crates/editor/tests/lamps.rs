@@ -488,6 +488,31 @@ fn a_spot_lamp_is_set_in_numbers_and_keeps_its_aim_or_its_direction() {
 }
 
 #[test]
+fn a_rectangle_is_turned_about_its_aim_and_keeps_its_frame_while_the_aim_is_typed() {
+    let mut window = with_lamp("Rectangle");
+    let set = |window: &mut Window, label: &str, value: f64| {
+        window.get_by_label(&format!("Rectangular lamp 1 {label}")).set_value_accesskit(value);
+        window.run_steps(3);
+        lamps(window)[0].clone()
+    };
+    let before = lamps(&window)[0].clone();
+    let turned = set(&mut window, "turn", 30.0);
+    assert!((turned.turn_rad.to_degrees() - 30.0).abs() < 1e-3, "{}", turned.turn_rad);
+    click(&mut window, "Undo");
+    assert_eq!(lamps(&window)[0], before);
+
+    // Straight below, and from there to the side: the long side stays where it is.
+    for (axis, along) in
+        [("aim X", before.position.x), ("aim Z", before.position.z), ("aim Y", before.position.y - 1.0)]
+    {
+        set(&mut window, axis, f64::from(along));
+    }
+    let below = lamps(&window)[0].clone();
+    let aside = set(&mut window, "aim X", f64::from(before.position.x) + 0.01);
+    assert!(aside.frame()[0].distance(below.frame()[0]) < 0.02, "{:?} {:?}", below.frame(), aside.frame());
+}
+
+#[test]
 fn a_profile_from_the_menu_becomes_a_lamp() {
     let folder = tempfile::tempdir().unwrap();
     let ies = profile(folder.path());

@@ -28,7 +28,7 @@ pub enum ColumnKind {
     Panel,
     /// The sky: one column, or one per patch of a dome and one for what is seen of it.
     Sky,
-    /// What is seen whatever the lights do: unlit surfaces, one column, coefficient always 1.
+    /// What is seen whatever the lights do: unlit surfaces, one column.
     Constant,
     /// Light that free lamps throw on surfaces, see [`crate::patches`]: no light of the scene owns these columns.
     Patch,
@@ -65,7 +65,7 @@ pub enum SourceKind {
         /// Unit vector towards it.
         direction: Vec3,
     },
-    /// Unlit surfaces.
+    /// Unlit surfaces; strength multiplies their base color to nit.
     Constant,
     /// A light that was photographed; strength 1 is the picture as it was taken.
     Image,
@@ -128,8 +128,6 @@ pub enum Unheeded {
     Unknown,
     /// Spots on a light that is no panel.
     NoPanel,
-    /// Unlit surfaces, which look alike whatever the lights do.
-    Constant,
     /// A free lamp with the name of a light that has columns.
     Taken,
 }
@@ -222,7 +220,6 @@ impl LightBasis {
             let columns = &mut coefficients[source.columns.start as usize..source.columns.end as usize];
             let setting = rig.setting(&source.key);
             match (source.kind, self.spots_of(rig, &source.key)) {
-                (SourceKind::Constant, _) => columns.fill([1.0; 3]),
                 (SourceKind::Dome { divisions }, _) => self.project_dome(rig, setting, divisions, columns),
                 (SourceKind::Sun { .. }, _) => columns.fill(self.project_sun(rig, setting, source).to_array()),
                 (SourceKind::Panel { resolution, size_m }, Some(spots)) => {
@@ -282,13 +279,8 @@ impl LightBasis {
 
     /// Keys of a rig that change nothing in this basis.
     pub fn unheeded_keys<'a>(&self, rig: &'a LightRig) -> Vec<(&'a str, Unheeded)> {
-        let lights = rig.lights.iter().filter_map(|(key, setting)| match self.source(key) {
-            None => Some((key.as_str(), Unheeded::Unknown)),
-            Some(source) if source.kind == SourceKind::Constant && *setting != LightSetting::default() => {
-                Some((key.as_str(), Unheeded::Constant))
-            }
-            Some(_) => None,
-        });
+        let lights = rig.lights.keys().filter(|key| self.source(key).is_none());
+        let lights = lights.map(|key| (key.as_str(), Unheeded::Unknown));
         let panels = rig.panels.keys().filter_map(|key| match self.source(key) {
             None => Some((key.as_str(), Unheeded::Unknown)),
             Some(LightSource { kind: SourceKind::Panel { .. }, .. }) => None,
@@ -413,21 +405,14 @@ mod tests {
 
     #[test]
     fn what_changes_nothing_is_told_with_its_reason() {
-        let kinds = [("lamp", SourceKind::Point, 1), ("p", panel(4), 16), ("unlit", SourceKind::Constant, 1)];
+        let kinds = [("lamp", SourceKind::Point, 1), ("p", panel(4), 16)];
         let basis = LightBasis::new(kinds.into_iter().map(|(key, kind, n)| source(key, kind, n)).collect());
         let mut rig = LightRig::default();
         let muted = LightSetting { muted: true, ..LightSetting::default() };
-        rig.lights.extend(["lamp", "none", "p", "unlit"].map(|key| (key.to_owned(), muted)));
+        rig.lights.extend(["lamp", "none", "p"].map(|key| (key.to_owned(), muted)));
         rig.panels.extend(["lamp", "none", "nothing", "p"].map(|key| (key.to_owned(), vec![])));
-        let expected = [
-            ("lamp", Unheeded::NoPanel),
-            ("none", Unheeded::Unknown),
-            ("nothing", Unheeded::Unknown),
-            ("unlit", Unheeded::Constant),
-        ];
+        let expected = [("lamp", Unheeded::NoPanel), ("none", Unheeded::Unknown), ("nothing", Unheeded::Unknown)];
         assert_eq!(basis.unheeded_keys(&rig), expected);
-        let same = LightRig { lights: [("unlit".to_owned(), LightSetting::default())].into(), ..LightRig::default() };
-        assert_eq!(basis.unheeded_keys(&same), []);
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub fn draft(
 fn color(scene: &PreparedScene, origin: Vec3, direction: Vec3) -> Vec3 {
     let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
     // Surfaces with alpha are there by chance, the same one for all pixels, so that nothing flickers.
-    let Some(hit) = scene.closest(&ray, &mut Sampler::new(0, 0, 0)) else { return BEYOND };
+    let Some(hit) = scene.closest_seen(&ray, &mut Sampler::new(0, 0, 0)) else { return BEYOND };
     if scene.emitted(&hit, -direction).is_some_and(|(_, radiance)| radiance.max_element() > 0.0) {
         return SHINING;
     }

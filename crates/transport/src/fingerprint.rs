@@ -43,6 +43,13 @@ impl Fnv {
     fn digits(&self) -> String {
         format!("{:016x}", self.0)
     }
+
+    /// Of scenes whose unlit surfaces stopped light in bakes of before.
+    fn unlit(&mut self, scene: &Scene) {
+        if scene.materials.iter().any(|material| material.unlit) {
+            self.bytes(b"light passes");
+        }
+    }
 }
 
 /// A hash of some bytes.
@@ -62,6 +69,7 @@ pub fn fingerprint(scene: &Scene, camera: &Camera) -> String {
         hash.bytes(&profile.light_bytes());
     }
     hash.textures(scene);
+    hash.unlit(scene);
     hash.digits()
 }
 
@@ -82,6 +90,7 @@ pub(crate) fn of_surfaces(scene: &Scene) -> String {
         hash.bytes(format!("{:?}", dark(material)).as_bytes());
     }
     hash.textures(scene);
+    hash.unlit(scene);
     hash.digits()
 }
 

@@ -159,7 +159,7 @@ fn look(scene: &PreparedScene, (origin, direction): (Vec3, Vec3), sampler: &mut 
     let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
     let (mut look, mut tint) = (Look::default(), Vec3::ONE);
     for depth in 0..MOST_MIRRORS {
-        let Some(hit) = scene.closest(&ray, sampler) else { break };
+        let Some(hit) = scene.closest_seen(&ray, sampler) else { break };
         if depth == 0 {
             look.solid = 1.0;
             look.normal = scene.smooth_normal(&hit, ray.direction);

@@ -2,6 +2,7 @@
 
 mod body;
 mod exchange;
+mod frame;
 mod install;
 mod light;
 mod prepared;
@@ -35,6 +36,9 @@ pub struct FreeLamp {
     pub position: Vec3,
     /// World-space point that it shines at, meters. A lamp that shines all around has no use for it.
     pub aim: Vec3,
+    /// Turn about the aim, clockwise as the lamp looks; at 0 its right side is level. Only a lamp with sides has use for it.
+    #[serde(default, skip_serializing_if = "is_level")]
+    pub turn_rad: f32,
     /// How strong it is, in `unit`, before `setting.intensity` multiplies it.
     pub strength: f32,
     /// Unit of the strength.
@@ -46,11 +50,8 @@ pub struct FreeLamp {
     pub replaces: Option<String>,
 }
 
-impl FreeLamp {
-    /// Unit vectors to its right, its upper side, and where it shines; right-handed with the last one turned round.
-    pub fn frame(&self) -> [Vec3; 3] {
-        body::frame(self)
-    }
+fn is_level(turn_rad: &f32) -> bool {
+    *turn_rad == 0.0
 }
 
 /// Kinds of free lamps. Angles are half angles in radians.
@@ -155,6 +156,11 @@ impl LampShape {
     pub fn is_aimed(&self) -> bool {
         !matches!(self, LampShape::Point | LampShape::Sphere { .. })
     }
+
+    /// Whether it has sides, so that it matters how it is turned about its aim.
+    pub fn is_turnable(&self) -> bool {
+        matches!(self, LampShape::Rectangle { .. } | LampShape::Profile { .. })
+    }
 }
 
 #[cfg(test)]
@@ -165,6 +171,16 @@ pub(crate) mod tests {
     pub(crate) fn lamp(shape: LampShape) -> FreeLamp {
         let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Candela };
         let (key, setting) = ("lamp".to_owned(), LightSetting::default());
-        FreeLamp { key, shape, position: Vec3::Y, aim: Vec3::ZERO, strength: 1.0, unit, setting, replaces: None }
+        FreeLamp {
+            key,
+            shape,
+            position: Vec3::Y,
+            aim: Vec3::ZERO,
+            strength: 1.0,
+            unit,
+            setting,
+            turn_rad: 0.0,
+            replaces: None,
+        }
     }
 }

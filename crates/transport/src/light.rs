@@ -274,6 +274,7 @@ mod tests {
             strength: 1.0,
             unit: LampUnit::Candela,
             setting: LightSetting::default(),
+            turn_rad: 0.0,
             replaces: None,
         });
         assert_eq!(with_lamp.take_lamps()[0].setting.intensity, 0.5);

@@ -282,6 +282,11 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
         if self.focus.is_some_and(Focus::is_left) { None } else { self.scene.closest(ray, sampler) }
     }
 
+    /// The same along a ray of the camera.
+    fn closest_seen(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
+        if self.focus.is_some_and(Focus::is_left) { None } else { self.scene.closest_seen(ray, sampler) }
+    }
+
     /// The scene of the walks.
     pub(crate) fn scene(&self) -> &'a PreparedScene {
         self.scene
@@ -409,7 +414,8 @@ impl<'a, P: LightPlan> Integrator<'a, P> {
 
     /// Goes to the next surface and collects what it emits; `None` where the walk ends.
     fn arrive(&self, walk: &mut Walk, sampler: &mut Sampler, deposit: &mut impl Deposit) -> Option<SurfaceHit> {
-        let hit = self.closest(&walk.ray(), sampler);
+        let ray = walk.ray();
+        let hit = if walk.specular { self.closest_seen(&ray, sampler) } else { self.closest(&ray, sampler) };
         self.arrive_at_next(walk, hit, sampler, deposit)
     }
 

@@ -9,11 +9,14 @@ use crate::bvh::{Aabb, Bvh, Hit, Ray, TreeWords};
 use crate::casters::Casters;
 use crate::clearance::{clearance, nearer, offset_origin, rounding, shortening};
 use crate::emitters::{Emitter, Lighting, LightingError, PanelRequest, SkyRequest};
+use crate::enclosed;
+use crate::remote;
 use crate::sampler::Sampler;
 use crate::scene::{AlphaMode, Material, Scene};
 use crate::skips::{Skip, Skips, Spared};
 use crate::slabs::{Slabs, hidden};
 use crate::stop::Stop;
+use crate::unlit;
 
 /// A scene with its lights, ready to be traced.
 #[derive(Clone)]
@@ -28,6 +31,8 @@ pub struct PreparedScene {
     solid: Arc<Bvh>,
     /// Triangles with alpha and clear panes, `None` where the scene has none: shadow rays may pass them.
     sheer: Option<Arc<Bvh>>,
+    /// Unlit triangles, `None` where the scene has none: they are seen, and light passes them.
+    unlit: Option<Arc<Bvh>>,
     /// Whether a material attenuates light inside (KHR_materials_volume).
     pub attenuates: bool,
     /// Whether shadow rays may pass each material as walks do.
@@ -138,23 +143,26 @@ impl PreparedScene {
             let is_opaque = scene.materials[material].alpha == AlphaMode::Opaque;
             skips.has(Skip::Alpha) && is_opaque && !clear_panes[material]
         };
-        let all = 0..scene.mesh.triangles.len() as u32;
-        let (solid, sheer): (Vec<u32>, Vec<u32>) = all.partition(is_solid);
+        let is_unlit = |t: &u32| scene.materials[scene.mesh.triangle_material[*t as usize] as usize].unlit;
+        let (unlit, lit): (Vec<u32>, Vec<u32>) = (0..scene.mesh.triangles.len() as u32).partition(is_unlit);
+        let (solid, sheer): (Vec<u32>, Vec<u32>) = lit.into_iter().partition(is_solid);
         let build = |ids: &[u32]| {
             let corners: Vec<[Vec3; 3]> = ids.iter().map(|&t| scene.mesh.corners(t)).collect();
             Bvh::build_until(&corners, ids, stop).map(Arc::new)
         };
-        let (solid, sheer) = (build(&solid)?, (!sheer.is_empty()).then(|| build(&sheer)).transpose()?);
+        let any = |ids: &[u32]| (!ids.is_empty()).then(|| build(ids)).transpose();
+        let (solid, sheer, unlit) = (build(&solid)?, any(&sheer)?, any(&unlit)?);
         let attenuates = scene.materials.iter().any(|m| m.thickness > 0.0 && m.attenuation_distance.is_finite());
         let slabs = Arc::new(Slabs::find(&scene));
         stop.check()?;
-        let extent = diagonal(&solid, sheer.as_deref());
+        let extent = diagonal([Some(&*solid), sheer.as_deref(), unlit.as_deref()]);
         let mut prepared = PreparedScene {
             scene,
             lighting,
             skips,
             solid,
             sheer,
+            unlit,
             attenuates,
             clear_panes,
             slabs,
@@ -163,7 +171,10 @@ impl PreparedScene {
             extent,
         };
         prepared.casters = Casters::find(&prepared, stop)?.map(Arc::new);
+        warnings.extend(remote::warning(&prepared.scene));
         warnings.extend(hidden::warnings(&prepared));
+        warnings.extend(enclosed::warnings(&prepared));
+        warnings.extend(unlit::brighten(&mut prepared));
         stop.check()?;
         Ok((prepared, warnings))
     }
@@ -183,27 +194,35 @@ impl PreparedScene {
         coat_table(self.scene.facet_scattering())
     }
 
-    /// Nearest surface along a ray; surfaces with alpha are there with their coverage as probability.
+    /// Nearest surface along a ray that light meets; surfaces with alpha are there with their coverage as probability.
     pub fn closest(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
-        let mut nearest = self.solid.closest(ray);
-        if let Some(sheer) = &self.sheer {
-            let mut segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
-            // Surfaces that are not there are passed one by one.
-            while let Some(hit) = sheer.closest(&segment) {
-                let alpha = self.alpha(hit.triangle, barycentric_of(&hit));
-                if alpha >= 1.0 || sampler.next_1d() < alpha {
-                    nearest = Some(hit);
-                    break;
-                }
-                segment.t_min = next_after(hit.t);
-            }
-        }
-        nearest.map(|hit| self.surface_hit(&hit))
+        let nearest = self.solid.closest(ray);
+        self.nearer_sheer(self.sheer.as_deref(), ray, nearest, sampler).map(|hit| self.surface_hit(&hit))
     }
 
-    /// Whether light of lamps may be missing by glass or mirrors, so that preparing the scene can tell.
-    pub fn may_hide_lamps(scene: &Scene) -> bool {
-        hidden::may_hide(scene)
+    /// Nearest surface along a ray that a viewer looks along: the same, and unlit surfaces.
+    pub fn closest_seen(&self, ray: &Ray, sampler: &mut Sampler) -> Option<SurfaceHit> {
+        if self.unlit.is_none() {
+            return self.closest(ray, sampler);
+        }
+        let nearest = self.solid.closest(ray);
+        let nearest = self.nearer_sheer(self.sheer.as_deref(), ray, nearest, sampler);
+        self.nearer_sheer(self.unlit.as_deref(), ray, nearest, sampler).map(|hit| self.surface_hit(&hit))
+    }
+
+    /// The nearest triangle before another one, or that. Those that are not there are passed one by one.
+    #[inline]
+    fn nearer_sheer(&self, tree: Option<&Bvh>, ray: &Ray, nearest: Option<Hit>, sampler: &mut Sampler) -> Option<Hit> {
+        let Some(tree) = tree else { return nearest };
+        let mut segment = Ray { t_max: nearest.as_ref().map_or(ray.t_max, |hit| hit.t), ..*ray };
+        while let Some(hit) = tree.closest(&segment) {
+            let alpha = self.alpha(hit.triangle, barycentric_of(&hit));
+            if alpha >= 1.0 || sampler.next_1d() < alpha {
+                return Some(hit);
+            }
+            segment.t_min = next_after(hit.t);
+        }
+        nearest
     }
 
     /// Nearest surface along a ray as [`PreparedScene::closest`] has it, but for clear panes, and what these let through.
@@ -351,7 +370,7 @@ impl PreparedScene {
     pub(crate) fn is_wall(&self, triangle: u32) -> bool {
         let material = self.material(triangle);
         let passes = material.finish.as_ref().is_some_and(|finish| finish.diffuse_transmission > 0.0);
-        material.alpha == AlphaMode::Opaque && material.transmission <= 0.0 && !passes
+        material.alpha == AlphaMode::Opaque && material.transmission <= 0.0 && !passes && !material.unlit
     }
 
     /// What of the scene itself is found needless, whoever looks at it.
@@ -519,8 +538,8 @@ fn barycentric_of(hit: &Hit) -> Vec3 {
     Vec3::new(1.0 - hit.u - hit.v, hit.u, hit.v)
 }
 
-fn diagonal(solid: &Bvh, sheer: Option<&Bvh>) -> f32 {
-    let bounds = [Some(solid), sheer].into_iter().flatten().map(Bvh::bounds);
+fn diagonal(trees: [Option<&Bvh>; 3]) -> f32 {
+    let bounds = trees.into_iter().flatten().map(Bvh::bounds);
     let all = bounds.fold(Aabb::EMPTY, |a, b| Aabb { min: a.min.min(b.min), max: a.max.max(b.max) });
     (all.max - all.min).length()
 }

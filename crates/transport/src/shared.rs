@@ -71,7 +71,7 @@ impl SharedMatrix<'_> {
         let mut sampler = Sampler::new(self.matrix.seed, MIDDLE_STREAM + u64::from(pixel), 0);
         let (integrator, scene) = (&self.matrix.integrator, self.matrix.integrator.scene());
         scene
-            .closest(&ray, &mut sampler)
+            .closest_seen(&ray, &mut sampler)
             .is_none_or(|hit| scene.material(hit.triangle).is_matte() && !integrator.has_caustics_at(hit.position))
     }
 }

@@ -27,9 +27,9 @@ pub struct TraceConfig {
 }
 
 /// A sum of radiance under given coefficients.
-struct PictureDeposit<'a> {
-    coefficients: &'a [[f32; 3]],
-    sum: Vec3,
+pub(crate) struct PictureDeposit<'a> {
+    pub coefficients: &'a [[f32; 3]],
+    pub sum: Vec3,
 }
 
 impl Deposit for PictureDeposit<'_> {

@@ -116,7 +116,17 @@ impl App {
         let key = self.free_name(kind_words(&shape));
         let (setting, origin) = (LightSetting::default(), Vec3::ZERO);
         let (unit, own) = (shape.units()[0], 1.0);
-        let lamp = FreeLamp { key, shape, position: origin, aim: origin, strength: own, unit, setting, replaces: None };
+        let lamp = FreeLamp {
+            key,
+            shape,
+            position: origin,
+            aim: origin,
+            strength: own,
+            unit,
+            setting,
+            turn_rad: 0.0,
+            replaces: None,
+        };
         let lamp = placed(lamp, surface.unwrap_or_else(in_the_air), eye, &scene);
         let (strength, unit) = strength.unwrap_or_else(|| fitting_strength(&lamp, self.follower.shown_ev(), &scene));
         let lamp = FreeLamp { strength, unit, ..lamp };

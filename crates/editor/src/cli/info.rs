@@ -10,7 +10,6 @@ use clerestory_transport::archive;
 use clerestory_transport::basis::{LightBasis, LightSource};
 use clerestory_transport::bsdf::{FurnaceLoss, furnace_loss};
 use clerestory_transport::camera::Film;
-use clerestory_transport::emitters::Lighting;
 use clerestory_transport::import::Choice;
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
@@ -96,15 +95,12 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
     console.warn_all(fault_words(&imported, path));
     let (scene, report) = (&imported.scene, &imported.report);
     // A light that cannot be made a column is a warning here: the file itself is what was asked about.
-    let lighting = if PreparedScene::may_hide_lamps(scene) {
-        PreparedScene::new(scene.clone(), &[]).map(|(prepared, warnings)| (prepared.lighting, warnings))
-    } else {
-        Lighting::new(scene, &[])
-    };
-    let basis = match lighting {
-        Ok((lighting, warnings)) => {
+    let of_file = || scene.cameras.iter().filter(|_| !report.made_camera);
+    let basis = match PreparedScene::new(scene.clone(), &[]) {
+        Ok((prepared, warnings)) => {
             console.warn_all(warnings);
-            lighting.basis
+            console.warn_all(of_file().filter_map(|camera| prepared.warn_of_backs(camera)));
+            prepared.lighting.basis
         }
         Err(error) => {
             console.warn(&error.to_string());
@@ -113,8 +109,7 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
     };
     let sources = &basis.sources;
     let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
-    let of_file = scene.cameras.iter().filter(|_| !report.made_camera);
-    let cameras: Vec<&str> = of_file.map(|camera| camera.name.as_str()).collect();
+    let cameras: Vec<&str> = of_file().map(|camera| camera.name.as_str()).collect();
     let sensors: Vec<&str> = scene.sensors.iter().map(|grid| grid.name.as_str()).collect();
     let caustic = scene.materials.iter().filter(|material| material.casts_caustics());
     let name = |material: &Material| match material.name.as_str() {

@@ -123,6 +123,7 @@ pub(crate) fn prepare_view(
     let (scene, warnings) = PreparedScene::with_skips(scene, &panels, sky, args.skips())
         .with_context(|| format!("cannot prepare the scene {name}"))?;
     console.warn_all(warnings);
+    console.warn_all(scene.warn_of_backs(&camera));
     Ok(View { scene: Arc::new(scene), camera, film })
 }
 

@@ -56,8 +56,7 @@ pub(super) fn write(document: &mut Document, scene: &PreparedScene, rig: &LightR
                 (node, Part::Surfaces)
             }
             _ => {
-                let is_told = source.kind != SourceKind::Constant && !is_same(as_set, file);
-                warnings.extend(is_told.then(|| left_out(source)));
+                warnings.extend((!is_same(as_set, file)).then(|| left_out(source)));
                 continue;
             }
         };

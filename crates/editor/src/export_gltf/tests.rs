@@ -264,7 +264,17 @@ fn free_lamps_become_nodes_that_shine_alike() {
     let setting = LightSetting { kelvin: Some(3000.0), intensity: 2.0, ..LightSetting::default() };
     let lamp = |shape: LampShape| {
         let unit = if shape == LampShape::Directional { LampUnit::Lux } else { LampUnit::Lumen };
-        FreeLamp { key: shape.name().to_owned(), shape, position, aim, strength: 300.0, unit, setting, replaces: None }
+        FreeLamp {
+            key: shape.name().to_owned(),
+            shape,
+            position,
+            aim,
+            strength: 300.0,
+            unit,
+            setting,
+            turn_rad: 0.4,
+            replaces: None,
+        }
     };
     let mut look = Look::default();
     look.lights.lamps = vec![
@@ -339,13 +349,21 @@ fn hold_free_lamps(look: &Look, again: &PreparedScene, muted: bool) {
         if let Some(punctual) = again.scene.punctual.iter().find(|light| light.node as usize == node) {
             let ahead = (lamp.aim - lamp.position).normalize();
             assert!(punctual.position.distance(lamp.position) < 1e-5 && punctual.direction.distance(ahead) < 1e-5);
-            assert_eq!(punctual.profile.is_some(), matches!(lamp.shape, LampShape::Profile { .. }));
+            let measured = matches!(lamp.shape, LampShape::Profile { .. });
+            assert_eq!(punctual.profile.is_some(), measured);
+            assert!(!measured || punctual.across[0].distance(lamp.frame()[0]) < 1e-5, "it is turned as it was");
         } else {
             let mesh = &again.scene.mesh;
             let own = (0..mesh.triangles.len()).filter(|t| mesh.triangle_node[*t] as usize == node);
             let toward: Vec3 = own.map(|t| mesh.area_normal(t as u32)).sum();
             let flat = !matches!(lamp.shape, LampShape::Sphere { .. });
             assert!(!flat || toward.normalize().distance((lamp.aim - lamp.position).normalize()) < 1e-4, "{lamp:?}");
+            if let LampShape::Rectangle { size_m: [width, _] } = lamp.shape {
+                let own = (0..mesh.triangles.len()).filter(|t| mesh.triangle_node[*t] as usize == node);
+                let mut corners = own.flat_map(|t| mesh.corners(t as u32));
+                let aside = |corner: Vec3| (corner - lamp.position).dot(lamp.frame()[0]).abs();
+                assert!(corners.all(|corner| (aside(corner) - 0.5 * width).abs() < 1e-5), "it is turned as it was");
+            }
         }
     }
 }

@@ -220,7 +220,9 @@ fn moved(a: &FreeLamp, b: &FreeLamp, t: f32) -> FreeLamp {
     let strength = lerp(a.strength, b.strength, t);
     setting.intensity = if strength > 0.0 { setting.intensity / strength } else { 0.0 };
     let (position, aim) = (a.position.lerp(b.position, t), a.aim.lerp(b.aim, t));
-    FreeLamp { shape: shape(&a.shape, &b.shape, t), position, aim, strength, setting, ..a.clone() }
+    let mut between = FreeLamp { shape: shape(&a.shape, &b.shape, t), position, aim, strength, setting, ..a.clone() };
+    between.turn_rad = between.turn_between([a, b], t);
+    between
 }
 
 fn shape(a: &LampShape, b: &LampShape, t: f32) -> LampShape {
@@ -328,6 +330,7 @@ mod tests {
             strength,
             unit: LampUnit::Lumen,
             setting: LightSetting::default(),
+            turn_rad: 0.0,
             replaces: None,
         };
         let [mut a, mut b] = [Look::default(), Look::default()];

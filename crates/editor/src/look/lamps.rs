@@ -18,6 +18,8 @@ const PLACE_M: std::ops::RangeInclusive<f64> = -1e6..=1e6;
 const SIZE_M: std::ops::RangeInclusive<f64> = 0.0..=1e4;
 /// Half angles of a cone.
 const CONE_DEG: std::ops::RangeInclusive<f64> = 0.0..=90.0;
+/// Turns about the aim.
+const TURN_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
 /// Lamps of one look.
 const MAX_LAMPS: usize = 1000;
 /// Members that every lamp has.
@@ -111,9 +113,12 @@ impl Reader<'_> {
         let Some(kind) = self.optional(object, "type", |r, v| r.by_name(v, types))?.flatten() else { return Ok(None) };
         let (shape, own) = self.shape(object, kind)?;
         let aim: &[&str] = if shape.is_aimed() { &["aim"] } else { &[] };
-        self.report_unknown(object, &[&COMMON, own, aim].concat());
+        let turn: &[&str] = if shape.is_turnable() { &["turn_deg"] } else { &[] };
+        self.report_unknown(object, &[&COMMON, own, aim, turn].concat());
         let position = self.place(object, "position")?;
         let aim = if shape.is_aimed() { self.place(object, "aim")? } else { below(position) };
+        let turn =
+            if shape.is_turnable() { self.optional(object, "turn_deg", |r, v| r.radians(v, &TURN_DEG))? } else { None };
         let strength = self.optional(object, "strength", |r, v| r.number(v, &INTENSITY))?;
         let unit = self.optional(object, "unit", |r, v| r.unit(v, &shape))?;
         Ok(Some(FreeLamp {
@@ -123,6 +128,7 @@ impl Reader<'_> {
             strength: strength.ok_or_else(|| self.lacks("strength"))?,
             unit: unit.unwrap_or(shape.units()[0]),
             setting: self.setting_members(object)?,
+            turn_rad: turn.unwrap_or(0.0),
             replaces: self.optional(object, "replaces", |r, v| r.text(v))?,
             shape,
         }))
@@ -132,8 +138,8 @@ impl Reader<'_> {
     fn shape(&mut self, object: &Map<String, Value>, kind: &str) -> Result<(LampShape, &'static [&'static str])> {
         Ok(match kind {
             "spot" => {
-                let inner_rad = self.optional(object, "inner_deg", |r, v| r.radians(v))?.unwrap_or(0.0);
-                let outer = self.optional(object, "outer_deg", |r, v| r.radians(v))?;
+                let inner_rad = self.optional(object, "inner_deg", |r, v| r.radians(v, &CONE_DEG))?.unwrap_or(0.0);
+                let outer = self.optional(object, "outer_deg", |r, v| r.radians(v, &CONE_DEG))?;
                 let outer_rad = outer.ok_or_else(|| self.lacks("outer_deg"))?;
                 if inner_rad > outer_rad {
                     bail!("`{}.inner_deg` must be `outer_deg` at most", self.name());
@@ -173,8 +179,8 @@ impl Reader<'_> {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "angles, as exact as a lamp keeps them")]
-    fn radians(&self, value: &Value) -> Result<f32> {
-        self.number(value, &CONE_DEG)?;
+    fn radians(&self, value: &Value, range_deg: &std::ops::RangeInclusive<f64>) -> Result<f32> {
+        self.number(value, range_deg)?;
         Ok(value.as_f64().unwrap_or_default().to_radians() as f32)
     }
 
@@ -203,6 +209,9 @@ pub(super) fn json(lamp: &FreeLamp) -> String {
         LampShape::Profile { file } => members.push(format!("\"file\": {}", value(file))),
         LampShape::Point | LampShape::Directional => {}
     }
+    if lamp.shape.is_turnable() && lamp.turn_rad != 0.0 {
+        members.push(member("turn_deg", &degrees(lamp.turn_rad)));
+    }
     members.push(member("strength", &lamp.strength));
     members.push(member("unit", lamp.unit.name()));
     members.extend(setting_members(&lamp.setting));
@@ -223,6 +232,8 @@ fn degrees(rad: f32) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::PI;
+
     use clerestory_transport::basis::{LightBasis, LightSource, SourceKind};
     use clerestory_transport::light::LightSetting;
     use clerestory_transport::origin::LightOrigin;
@@ -234,7 +245,17 @@ mod tests {
         let position = Vec3::new(1.5, 2.25, -0.1);
         let aim = if shape.is_aimed() { Vec3::new(0.1, 0.0, 3.0) } else { below(position) };
         let (unit, setting) = (shape.units()[0], LightSetting::default());
-        FreeLamp { key: key.into(), shape, position, aim, strength: 800.0, unit, setting, replaces: None }
+        FreeLamp {
+            key: key.into(),
+            shape,
+            position,
+            aim,
+            strength: 800.0,
+            unit,
+            setting,
+            turn_rad: 0.0,
+            replaces: None,
+        }
     }
 
     fn all() -> Vec<FreeLamp> {
@@ -244,9 +265,10 @@ mod tests {
             lamp("a point, \"quoted\"", LampShape::Point),
             FreeLamp { setting, ..lamp("Lamp 1", spot) },
             FreeLamp { unit: LampUnit::Nit, ..lamp("r", LampShape::Rectangle { size_m: [1.2, 0.3] }) },
+            FreeLamp { turn_rad: -0.5 * PI, ..lamp("turned", LampShape::Rectangle { size_m: [1.2, 0.3] }) },
             lamp("d", LampShape::Disk { radius_m: 0.0 }),
             FreeLamp { unit: LampUnit::Candela, ..lamp("s", LampShape::Sphere { radius_m: 0.06 }) },
-            FreeLamp { replaces: Some("Sun \"A\"".into()), ..lamp("sun", LampShape::Directional) },
+            FreeLamp { turn_rad: 0.0, replaces: Some("Sun \"A\"".into()), ..lamp("sun", LampShape::Directional) },
             lamp("track", LampShape::Profile { file: "a, b/x.ies".into() }),
         ]
     }
@@ -260,7 +282,9 @@ mod tests {
         assert_eq!(back, look, "{json}");
         assert!(warnings.is_empty(), "{warnings:?}");
         assert!(json.contains("\"outer_deg\": 20.0,"), "{json}");
-        assert_eq!(json.matches("\"aim\"").count(), 5, "only what can be aimed has an aim: {json}");
+        assert_eq!(json.matches("\"turn_deg\": -90.0,").count(), json.matches("turn_deg").count(), "{json}");
+        assert!(json.contains("turn_deg"), "{json}");
+        assert_eq!(json.matches("\"aim\"").count(), 6, "only what can be aimed has an aim: {json}");
     }
 
     #[test]
@@ -291,6 +315,13 @@ mod tests {
             ),
             (&format!("{}, \"outer_deg\": 30", point.replace("point", "spot")), "`lamps[0].aim` is missing"),
             (&point.replace("point", "disk"), "`lamps[0].radius_m` is missing"),
+            (
+                &format!(
+                    "{}, \"size_m\": [1, 1], \"aim\": [0, 0, 0], \"turn_deg\": 400",
+                    point.replace("point", "rectangle")
+                ),
+                "`lamps[0].turn_deg` must be a number from -360 to 360",
+            ),
             (
                 &format!("{}, \"size_m\": [1]", point.replace("point", "rectangle")),
                 "`lamps[0].size_m` must be a list of 2",

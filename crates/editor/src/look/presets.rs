@@ -263,6 +263,7 @@ mod tests {
             strength: 5.0,
             unit: LampUnit::Lumen,
             setting: LightSetting { muted: true, ..LightSetting::default() },
+            turn_rad: 0.0,
             replaces: None,
         };
         look.lights.lamps.push(lamp);
@@ -286,6 +287,7 @@ mod tests {
             strength: 5.0,
             unit: LampUnit::Lumen,
             setting: LightSetting::default(),
+            turn_rad: 0.0,
             replaces: Some("spot".into()),
         };
         look.lights.lamps.push(lamp);

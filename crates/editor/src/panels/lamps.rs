@@ -297,8 +297,13 @@ fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState)
     ui.end_row();
     if lamp.shape.is_aimed() {
         ui.label(RichText::new("Aim").weak());
-        numbers(ui, &mut lamp.aim, "aim");
+        let mut aim = lamp.aim;
+        numbers(ui, &mut aim, "aim");
+        if aim != lamp.aim {
+            lamp.point(lamp.position, aim);
+        }
         ui.end_row();
+        turn_ui(ui, name, lamp);
         ui.label("");
         let mut stays = state.aim_while_moving == AimWhileMoving::Stays;
         let hint = "A lamp that is moved keeps what it lights, else its direction";
@@ -310,6 +315,21 @@ fn place_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp, state: &mut LampState)
     if position != lamp.position {
         move_to(lamp, position, state.aim_while_moving);
     }
+}
+
+/// The turn about the aim, of a lamp that has sides.
+fn turn_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
+    if !lamp.shape.is_turnable() {
+        return;
+    }
+    ui.label(RichText::new("Turn").weak());
+    let mut degrees = lamp.turn_rad.to_degrees();
+    let number = DragValue::new(&mut degrees).range(-180.0..=180.0).speed(0.5).suffix("°").max_decimals(1);
+    let hint = "About the aim, clockwise as the lamp looks";
+    if ui.add(number).on_hover_text(hint).accessible_name(format!("{name} turn")).changed() {
+        lamp.turn_rad = degrees.to_radians();
+    }
+    ui.end_row();
 }
 
 /// What a shape is called in the window.

@@ -241,6 +241,7 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
         match prepare_again(&imported.scene, lamps.clone(), chosen, stop) {
             Ok(Prepared { scene, chosen, warnings }) => {
                 report.extend(warnings);
+                report.extend(scene.scene.cameras.first().and_then(|camera| scene.warn_of_backs(camera)));
                 return Ok(Loaded::Scene { scene, report, lamps, chosen: Box::new(chosen), files });
             }
             Err(error @ LightingError::Stopped(_)) => return Err(error.into()),
@@ -251,6 +252,7 @@ pub(super) fn load(source: Source, mut chosen: Chosen, stop: &Stop) -> Result<Lo
     let prepared = PreparedScene::until(imported.scene, &[], None, Skips::default(), stop);
     let (scene, warnings) = prepared.context("its lights cannot be used")?;
     report.extend(warnings);
+    report.extend(scene.scene.cameras.first().and_then(|camera| scene.warn_of_backs(camera)));
     Ok(Loaded::Scene { scene: Box::new(scene), report, lamps, chosen: Box::default(), files })
 }
 

@@ -123,8 +123,17 @@ fn a_wish_for_sensors_counts_a_free_lamp_at_each_of_them() {
     let setting = LightSetting { intensity: 2.0, ..LightSetting::default() };
     let (position, aim) = (Vec3::new(0.2, 0.6, 0.1), Vec3::ZERO);
     let (shape, unit) = (LampShape::Point, LampUnit::Candela);
-    scene.rig.lamps =
-        vec![FreeLamp { key: "new".into(), shape, position, aim, strength: 3.0, unit, setting, replaces: None }];
+    scene.rig.lamps = vec![FreeLamp {
+        key: "new".into(),
+        shape,
+        position,
+        aim,
+        strength: 3.0,
+        unit,
+        setting,
+        turn_rad: 0.0,
+        replaces: None,
+    }];
     let stage = prepared();
     let lit = |rig: &LightRig| PreparedLamps::new(&rig.lit_lamps(), None).unwrap().0;
     let dark: AtPixel = Arc::new(|_| Vec3::ZERO);

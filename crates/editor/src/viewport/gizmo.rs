@@ -93,7 +93,7 @@ impl Sight<'_> {
 /// The first surface along a ray, its normal towards where the ray comes from.
 pub fn surface_along(scene: &PreparedScene, origin: Vec3, direction: Vec3) -> Option<Surface> {
     let ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
-    let hit = scene.closest(&ray, &mut Sampler::new(0, 0, 0))?;
+    let hit = scene.closest_seen(&ray, &mut Sampler::new(0, 0, 0))?;
     let normal = if hit.normal.dot(direction) > 0.0 { -hit.normal } else { hit.normal };
     Some(Surface { position: hit.position, normal })
 }
@@ -113,14 +113,6 @@ pub fn meet_plane(point: Vec3, normal: Vec3, origin: Vec3, direction: Vec3) -> O
     let along = direction.dot(normal);
     let t = (point - origin).dot(normal) / along;
     (along.abs() > LEAST_SINE && t > 0.0).then(|| origin + direction * t)
-}
-
-/// Right, up and ahead of a lamp: level to the right where it can be. A lamp that aims at itself looks down.
-pub fn frame(lamp: &FreeLamp) -> [Vec3; 3] {
-    let ahead = (lamp.aim - lamp.position).normalize_or(Vec3::NEG_Y);
-    let up = if ahead.y.abs() > 0.999_999 { Vec3::NEG_Z } else { Vec3::Y };
-    let right = ahead.cross(up).normalize();
-    [right, right.cross(ahead), ahead]
 }
 
 /// How far the middle of a lamp stays from the surface that it is put on, meters: its own size, and a hand's breadth seen
@@ -146,6 +138,8 @@ pub fn move_to(lamp: &mut FreeLamp, position: Vec3, aim: AimWhileMoving) {
         lamp.aim = below(position);
     } else if aim == AimWhileMoving::GoesAlong {
         lamp.aim += position - lamp.position;
+    } else {
+        lamp.point(position, lamp.aim);
     }
     lamp.position = position;
 }
@@ -224,7 +218,7 @@ impl Drag {
             Part::Body => sight.surface(self.at).map(|surface| surface.position + surface.normal * self.standoff_m),
             Part::Aim => {
                 if let Some(aim) = self.aim(sight, lamp, held) {
-                    moved.aim = aim;
+                    moved.point(moved.position, aim);
                 }
                 None
             }

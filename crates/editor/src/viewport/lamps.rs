@@ -8,7 +8,7 @@ use eframe::egui::{
 };
 use glam::Vec3;
 
-use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight, frame};
+use super::gizmo::{AXES, AXIS_NAMES, Drag, Held, Part, Sight};
 use crate::action::Action;
 use crate::look::Look;
 use crate::panels::lamps::{LampState, Pick, add_menu, lamp_menu, shown_color};
@@ -313,7 +313,7 @@ fn paint_body(painter: &Painter, (center, radius): (Pos2, f32), lamp: &FreeLamp,
 
 /// The outline of a lamp that has a size, and the cone of a spot.
 fn paint_shape(painter: &Painter, sight: &Sight, lamp: &FreeLamp) {
-    let [right, up, ahead] = frame(lamp);
+    let [right, up, ahead] = lamp.frame();
     let ring = |center: Vec3, radius: f32, u: Vec3, v: Vec3| -> Vec<Vec3> {
         let angles = (0..48).map(|i| i as f32 / 48.0 * std::f32::consts::TAU);
         angles.map(|angle| center + (u * angle.cos() + v * angle.sin()) * radius).collect()

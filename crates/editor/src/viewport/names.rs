@@ -103,7 +103,7 @@ pub fn surface_hint(ui: &Ui, picture: &Response, sight: &Sight, look: &Look) {
 /// The light whose surface is seen at a place on the screen.
 pub fn shining_at<'a>(sight: &Sight<'a>, at: Pos2) -> Option<&'a LightSource> {
     let ray = Ray { origin: sight.camera.position(), direction: sight.direction(at), t_min: 0.0, t_max: f32::INFINITY };
-    let hit = sight.scene.closest(&ray, &mut Sampler::new(0, 0, 0))?;
+    let hit = sight.scene.closest_seen(&ray, &mut Sampler::new(0, 0, 0))?;
     let lighting = &sight.scene.lighting;
     let source = lighting.triangle_source[hit.triangle as usize];
     (source != Lighting::NONE).then(|| &lighting.basis.sources[source as usize])

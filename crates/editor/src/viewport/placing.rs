@@ -85,6 +85,7 @@ mod tests {
             strength,
             unit,
             setting,
+            turn_rad: 0.0,
             replaces: None,
         }
     }

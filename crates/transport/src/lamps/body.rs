@@ -54,7 +54,7 @@ impl Body {
     /// The body of a lamp and the area that the look gives it, m²; `None` for a lamp without size.
     pub fn of(lamp: &FreeLamp) -> Option<(Body, f64)> {
         let center = lamp.position;
-        let [right, up, normal] = frame(lamp);
+        let [right, up, normal] = lamp.frame();
         match lamp.shape {
             LampShape::Rectangle { size_m: [width, height] } => {
                 let half = [right * (0.5 * width.max(LEAST_M)), up * (0.5 * height.max(LEAST_M))];
@@ -128,14 +128,6 @@ impl Body {
         };
         (t > 0.0 && t < t_max).then(|| (t, BodyPoint { position: origin + direction * t, normal }))
     }
-}
-
-/// Right, up and ahead of a lamp, unit vectors: level to the right where it can be. A lamp that aims at itself looks down.
-pub(super) fn frame(lamp: &FreeLamp) -> [Vec3; 3] {
-    let ahead = (lamp.aim - lamp.position).as_dvec3().try_normalize().map_or(Vec3::NEG_Y, |ahead| ahead.as_vec3());
-    let up = if ahead.y.abs() > 0.999_999 { Vec3::NEG_Z } else { Vec3::Y };
-    let right = ahead.cross(up).normalize();
-    [right, right.cross(ahead), ahead]
 }
 
 /// Where a ray meets the front of a plane, and how far from the plane's point.

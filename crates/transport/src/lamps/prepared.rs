@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use thiserror::Error;
 
-use super::body::{Body, frame};
+use super::body::Body;
 use super::light::{Form, Lamp};
 use super::units::{lumen_per_candela, native_strength};
 use super::{FreeLamp, LampShape};
@@ -89,6 +89,8 @@ pub(crate) struct PreparedLamp {
 const FARTHEST_M: f32 = 1e6;
 /// Greatest strength in the lamp's own unit.
 const STRONGEST: f32 = 1e12;
+/// Turns about the aim either way, degrees, with room for rounding.
+const MOST_TURN_DEG: f32 = 360.001;
 /// Points on a body of which irradiance is the mean: as many as a fan has.
 const POINTS: usize = 16;
 /// The same on a body so far away that it is small: of many patches few see part of it.
@@ -226,7 +228,7 @@ fn prepare(
     if lamp.aim == lamp.position && lamp.shape.is_aimed() {
         warnings.push(format!("lamp `{}` aims at itself; it shines down", lamp.key));
     }
-    let [right, up, ahead] = frame(lamp);
+    let [right, up, ahead] = lamp.frame();
     let form = match (&lamp.shape, body) {
         (_, Some((body, _))) => Form::Body(body),
         (LampShape::Directional, _) => Form::Distant(ahead),
@@ -269,6 +271,7 @@ fn check(lamp: &FreeLamp) -> Result<(), LampError> {
     for value in lamp.aim.to_array() {
         within("aim", value, place, "meters up to 1000000 from the origin")?;
     }
+    within("turn", lamp.turn_rad.to_degrees(), [-MOST_TURN_DEG, MOST_TURN_DEG], "degrees from -360 to 360")?;
     within("strength", lamp.strength, [0.0, STRONGEST], "a number from 0 to 1e12")?;
     let size = |what, value| within(what, value, [0.0, FARTHEST_M], "meters from 0 to 1000000");
     match lamp.shape {

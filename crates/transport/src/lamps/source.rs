@@ -38,6 +38,7 @@ impl FreeLamp {
             strength: source.strength,
             unit,
             setting,
+            turn_rad: 0.0,
             replaces: Some(source.key.clone()),
         })
     }

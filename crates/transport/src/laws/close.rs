@@ -36,7 +36,17 @@ fn shapes() -> [LampShape; 5] {
 fn prepared(shape: &LampShape, position: Vec3) -> PreparedLamps {
     let (setting, unit) = (LightSetting::default(), LampUnit::Lumen);
     let (aim, shape) = (position - Vec3::Y, shape.clone());
-    let lamp = FreeLamp { key: "close".into(), shape, position, aim, strength: FLUX, unit, setting, replaces: None };
+    let lamp = FreeLamp {
+        key: "close".into(),
+        shape,
+        position,
+        aim,
+        strength: FLUX,
+        unit,
+        setting,
+        turn_rad: 0.0,
+        replaces: None,
+    };
     PreparedLamps::new(&[lamp], None).expect("a lamp that makes sense").0
 }
 

@@ -108,7 +108,10 @@ impl<P: LightPlan> Integrator<'_, P> {
     ) -> Option<(SurfaceHit, Vec3)> {
         let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         for _ in 0..PANES {
-            let hit = self.closest(&ray, sampler)?;
+            let hit = self.closest_seen(&ray, sampler)?;
+            if self.scene.material(hit.triangle).unlit {
+                return None;
+            }
             let bsdf = self.scene.bsdf(&hit, -direction);
             if bsdf.base_albedo() != Vec3::ZERO {
                 return Some((hit, self.scene.smooth_normal(&hit, direction)));

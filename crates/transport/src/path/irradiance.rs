@@ -113,7 +113,7 @@ impl<P: LightPlan> Integrator<'_, P> {
     pub(crate) fn seen_receiver(&self, (origin, direction): (Vec3, Vec3), sampler: &mut Sampler) -> Option<Receiver> {
         let mut ray = Ray { origin, direction, t_min: 0.0, t_max: f32::INFINITY };
         for _ in 0..MOST_MIRRORS {
-            let hit = self.closest(&ray, sampler)?;
+            let hit = self.closest_seen(&ray, sampler)?;
             let material = self.scene.material(hit.triangle);
             if material.unlit {
                 return None;

@@ -18,7 +18,7 @@ const DIRECTIONS: u32 = 512;
 const TOLERATED: f32 = 0.01;
 
 /// Whether a scene has both, lamps without size and glass or mirrors, so that some light may be missing.
-pub(crate) fn may_hide(scene: &Scene) -> bool {
+fn may_hide(scene: &Scene) -> bool {
     let hides = |m: &Material| bends_smoothly(m, || bsdf::least_roughness(m, &scene.textures)) || mirrored(m) > 0.0;
     scene.punctual.iter().any(is_sharp) && scene.materials.iter().any(hides)
 }

@@ -82,7 +82,8 @@ impl Found {
     ) -> f32 {
         let (mut reach, mut waiting, mut n_parts) = (f32::INFINITY, vec![first], 0);
         while let Some(mut trail) = waiting.pop() {
-            let hit = scene.closest(&trail.ray(), sampler);
+            let ray = trail.ray();
+            let hit = if trail.is_scattered { scene.closest(&ray, sampler) } else { scene.closest_seen(&ray, sampler) };
             let free = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
             (n_parts, self.n_rays) = (n_parts + 1, self.n_rays + 1);
             if trail.depth == 0 {

@@ -31,6 +31,7 @@ fn lamp(shape: LampShape, position: Vec3, strength: f32, unit: LampUnit) -> Free
         strength,
         unit,
         setting: LightSetting::default(),
+        turn_rad: 0.0,
         replaces: None,
     }
 }

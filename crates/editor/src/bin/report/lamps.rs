@@ -247,6 +247,7 @@ pub(super) fn lamp(shape: LampShape, position: Vec3) -> FreeLamp {
         strength: LUMEN,
         unit,
         setting,
+        turn_rad: 0.0,
         replaces: None,
     }
 }

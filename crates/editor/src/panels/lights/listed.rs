@@ -34,15 +34,14 @@ pub(in crate::panels) enum LightOf<'a> {
     Look(FreeLamp, Option<f32>),
 }
 
-/// All lights, free lamps first. Unlit surfaces look alike whatever is set and are none.
+/// All lights, free lamps first.
 pub(super) fn listed<'a>(basis: &'a LightBasis, look: &Look, profiles: &mut Profiles) -> Vec<Listed<'a>> {
     let lamps = look.lights.lamps.iter().map(|lamp| Listed {
         key: lamp.key.clone(),
         name: look.name_of(&lamp.key).to_owned(),
         light: LightOf::Look(lamp.clone(), lumens_per_candela(lamp, profiles)),
     });
-    let sources = basis.sources.iter().filter(|source| source.kind != SourceKind::Constant);
-    let sources = sources.map(|source| Listed {
+    let sources = basis.sources.iter().map(|source| Listed {
         key: source.key.clone(),
         name: look.name_of(&source.key).to_owned(),
         light: LightOf::Scene(source),

@@ -429,6 +429,7 @@ mod tests {
             strength,
             unit,
             setting,
+            turn_rad: 0.0,
             replaces: None,
         };
         let mut bench = Bench::new(view.clone());

@@ -107,8 +107,17 @@ mod tests {
         ];
         let lamp = |(shape, unit)| {
             let setting = LightSetting::default();
-            let lamp =
-                FreeLamp { key: "lamp".into(), shape, position, aim, strength: 500.0, unit, setting, replaces: None };
+            let lamp = FreeLamp {
+                key: "lamp".into(),
+                shape,
+                position,
+                aim,
+                strength: 500.0,
+                unit,
+                setting,
+                turn_rad: 0.0,
+                replaces: None,
+            };
             PreparedLamps::new(&[lamp], None).unwrap().0
         };
         shapes.map(lamp).into()
@@ -179,6 +188,7 @@ mod tests {
             strength: 1.0,
             unit: LampUnit::Lumen,
             setting: LightSetting::default(),
+            turn_rad: 0.0,
             replaces: None,
         });
         let two =

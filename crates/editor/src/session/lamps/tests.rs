@@ -25,7 +25,17 @@ fn lamp(key: &str, x: f32) -> FreeLamp {
     let position = Vec3::new(x, 0.2, -0.3);
     let (shape, setting) = (LampShape::Sphere { radius_m: 0.1 }, LightSetting::default());
     let (strength, unit) = (100.0, LampUnit::Lumen);
-    FreeLamp { key: key.into(), shape, position, aim: position - Vec3::Y, strength, unit, setting, replaces: None }
+    FreeLamp {
+        key: key.into(),
+        shape,
+        position,
+        aim: position - Vec3::Y,
+        strength,
+        unit,
+        setting,
+        turn_rad: 0.0,
+        replaces: None,
+    }
 }
 
 /// A worker, and how often it has asked for a repaint.

@@ -1,5 +1,5 @@
 use clerestory_transport::import;
-use clerestory_transport::lamps::LampUnit;
+use clerestory_transport::lamps::{LampUnit, PreparedLamps};
 use clerestory_transport::light::LightSetting;
 use eframe::egui::{self, pos2};
 
@@ -19,7 +19,17 @@ fn sight(scene: &PreparedScene) -> Sight<'_> {
 fn lamp(position: Vec3) -> FreeLamp {
     let shape = LampShape::Spot { inner_rad: 0.2, outer_rad: 0.4 };
     let (key, setting, unit) = ("l".to_owned(), LightSetting::default(), LampUnit::Candela);
-    FreeLamp { key, shape, position, aim: position - Vec3::Y, strength: 1.0, unit, setting, replaces: None }
+    FreeLamp {
+        key,
+        shape,
+        position,
+        aim: position - Vec3::Y,
+        strength: 1.0,
+        unit,
+        setting,
+        turn_rad: 0.0,
+        replaces: None,
+    }
 }
 
 fn near(a: Vec3, b: Vec3) -> bool {
@@ -132,6 +142,35 @@ fn the_aim_goes_over_surfaces_and_stays_where_it_is_asked_to() {
     let held = Held { aim: AimWhileMoving::Stays, ..Held::default() };
     let moved = drag(Part::Axis(0), &aimed, [aimed.position, aimed.position + Vec3::X * 0.1], held);
     assert_eq!(moved.aim, aimed.aim);
+}
+
+#[test]
+fn a_rectangle_whose_aim_is_dragged_around_straight_below_lights_the_floor_without_a_jump() {
+    let scene = room();
+    let sight = sight(&scene);
+    let place = Vec3::new(0.0, 0.2, -0.4);
+    let shape = LampShape::Rectangle { size_m: [0.8, 0.05] };
+    let mut of = FreeLamp { shape, unit: LampUnit::Nit, ..lamp(place) };
+    let around = |step: usize| {
+        let (sin, cos) = (step as f32 / 60.0 * std::f32::consts::TAU).sin_cos();
+        Vec3::new(place.x + 0.05 * cos, -1.0, place.z + 0.05 * sin)
+    };
+    of.aim = around(0);
+    let lux = |of: &FreeLamp| {
+        let lamps = PreparedLamps::new(std::slice::from_ref(of), None).unwrap().0;
+        let places = [Vec3::new(0.5, -1.0, -0.4), Vec3::new(0.0, -1.0, 0.1), Vec3::new(0.4, -1.0, 0.0)];
+        places.map(|place| lamps.irradiance(&scene, place, Vec3::Y).y)
+    };
+    let mut drag = Drag::begin(&sight, &of, Part::Aim, sight.seen_at(of.aim).unwrap());
+    for step in 0..60 {
+        let (before, travel) =
+            (lux(&of), sight.seen_at(around(step + 1)).unwrap() - sight.seen_at(around(step)).unwrap());
+        of = drag.moved(&sight, &of, travel, Held::default());
+        assert!(near(of.aim, around(step + 1)), "{}", of.aim);
+        for (now, before) in lux(&of).into_iter().zip(before) {
+            assert!((now / before - 1.0).abs() < 0.02, "from {before} to {now} lx in step {step}");
+        }
+    }
 }
 
 #[test]

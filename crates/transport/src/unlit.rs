@@ -1,0 +1,71 @@
+//! How bright unlit surfaces are where no look sets it: glTF gives them a color and no unit, so they are shown as white paper of that
+//! color would be in the light of the file.
+
+use std::f32::consts::PI;
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::basis::SourceKind;
+use crate::camera::{Camera, Film};
+use crate::path::{Integrator, Scratch};
+use crate::plan::PicturePlan;
+use crate::prepared::PreparedScene;
+use crate::sampler::Sampler;
+use crate::trace::PictureDeposit;
+
+/// Places of the picture where paper is held, along each side of it, and samples of each.
+const PLACES: u32 = 8;
+const SAMPLES: u32 = 64;
+/// Stream of random numbers that nobody else uses.
+const STREAM: u64 = 5 << 59;
+
+/// Gives unlit surfaces their strength, and tells it; `None` where there are none.
+pub(crate) fn brighten(scene: &mut PreparedScene) -> Option<String> {
+    let sources = scene.lighting.basis.sources.iter();
+    let idx = sources.enumerate().find(|(_, source)| source.kind == SourceKind::Constant)?.0;
+    let camera = scene.scene.cameras.first().cloned();
+    let nit = camera.and_then(|camera| paper_nit(scene, &camera)).unwrap_or(1.0);
+    let source = &mut scene.lighting.basis.sources[idx];
+    source.strength = nit;
+    let key = &source.key;
+    Some(format!(
+        "unlit surfaces are seen, and light passes them; a white one has {nit} nit, as paper has in the light of the file: \
+         a look sets more or less with the light `{key}`"
+    ))
+}
+
+/// Luminance of white paper where the light of the file is neither strong nor weak in a picture, in two digits; `None` where there
+/// is none.
+fn paper_nit(scene: &PreparedScene, camera: &Camera) -> Option<f32> {
+    let film = Film { width: PLACES, height: PLACES };
+    let basis = &scene.lighting.basis;
+    let coefficients = basis.project(&basis.file_rig());
+    let plan = PicturePlan::new(&scene.lighting, &coefficients, scene.diameter());
+    let integrator = Integrator::new(scene, &plan, None);
+    let lux = |scratch: &mut Scratch, place: u32| {
+        let corner = Vec2::new((place % PLACES) as f32, (place / PLACES) as f32);
+        let (mut deposit, mut n_found) = (PictureDeposit { coefficients: &coefficients, sum: Vec3::ZERO }, 0u32);
+        for nth in 0..SAMPLES {
+            let mut sampler = Sampler::new(0, STREAM + u64::from(place), nth);
+            let at = corner + Vec2::from(sampler.next_2d());
+            let ray = (camera.position(), camera.direction(film, at));
+            if let Some(receiver) = integrator.seen_receiver(ray, &mut sampler) {
+                integrator.sample_irradiance(&receiver, &mut sampler, scratch, &mut deposit);
+                n_found += 1;
+            }
+        }
+        crate::light::luminance(deposit.sum) / n_found.max(1) as f32
+    };
+    let places = (0..PLACES * PLACES).into_par_iter();
+    let mut lux: Vec<f32> =
+        places.map_init(Scratch::default, lux).filter(|lux| *lux > 0.0 && lux.is_finite()).collect();
+    lux.sort_by(f32::total_cmp);
+    let median = lux.get(lux.len() / 2)?;
+    Some(rounded(median / PI))
+}
+
+/// In two digits.
+fn rounded(value: f32) -> f32 {
+    format!("{value:.1e}").parse().unwrap_or(value)
+}
