@@ -52,9 +52,15 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## The method's own evaluation, redone\n\n\
          Pictures under {} lights on the panel, of different color, position and size: PSNR is the mean over them, each exposed to four times the median\n\
          luminance of its reference and clipped at white. Matrices are sampled with seed {SEED} where no other is told; methods that choose rows and columns\n\
-         by chance have {} on the same matrix, told as median (least…greatest) where they differ. {}\n{measured}",
+         by chance have {}. {}\n{measured}",
         lights::count(),
-        desk.choose("one seed".into(), format!("the seeds {}", SEEDS.map(|seed| seed.to_string()).join(", "))),
+        desk.choose(
+            format!("seed {SEED}"),
+            format!(
+                "the seeds {} on the same matrix, told as median (least…greatest) where they differ",
+                SEEDS.map(|seed| seed.to_string()).join(", ")
+            )
+        ),
         desk.load_words(),
     ))
 }

@@ -57,10 +57,15 @@ impl Components {
         let energies: Vec<Vec<f64>> = self.factors().map(|factors| factors.map(energies)).collect::<Result<_>>()?;
         let ranks = ranks(&energies, SHARE_OF_RANKS * allowed * picture.values.len() as f64);
         let mut matrix = BlockLowRank::new(picture.partition(), CHANNELS as u32, picture.n_cols as u32);
-        for ((block, factors), rank) in matrix.blocks.iter_mut().zip(self.factors()).zip(ranks) {
+        for (((block, factors), energies), rank) in
+            matrix.blocks.iter_mut().zip(self.factors()).zip(&energies).zip(ranks)
+        {
             let (left, right) = factors?;
-            let kept = [left.columns(0, rank).into_owned(), right.rows(0, rank).into_owned()];
-            *block = Some(Arc::new(block_factors(&kept[0], &kept[1])));
+            let mut kept = block_factors(&left.columns(0, rank).into_owned(), &right.rows(0, rank).into_owned());
+            // What the ranks have used up of what is allowed.
+            kept.error.truncation =
+                (energies[rank..].iter().sum::<f64>() / (left.nrows() * right.ncols()) as f64) as f32;
+            *block = Some(Arc::new(kept));
         }
         let side = picture.n_cols.isqrt() as u32;
         let columns = vec![ColumnRun::Grid { width: side, height: side }];

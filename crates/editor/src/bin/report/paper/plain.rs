@@ -62,7 +62,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     Ok(format!(
         "\n### All columns against one picture\n\n\
          CPU seconds of a bake of all columns, its indirect light traced, compression and denoising included, and of one path-traced picture under the light of the file,\n\
-         both with {spp} samples per pixel of {} × {}; median (least…greatest) of the seeds {SEED} to {}, in turn. {}\n\n\
+         both with {spp} samples per pixel of {} × {}; median (least…greatest) of the seeds {SEED} to {}, in turn.\n\n{}\n\n\
          | scene | columns | bake, CPU s | picture, CPU s | ratio | practically the same, as the paper |\n|---|---|---|---|---|---|\n{}",
         film.width,
         film.height,

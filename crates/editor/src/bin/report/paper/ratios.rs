@@ -127,8 +127,8 @@ fn is_it_constant(found: &[Resolution], exact: &[[f64; 2]]) -> String {
 fn growth_words(factor: f64) -> String {
     match factor {
         factor if (1.0 / CONSTANT..=CONSTANT).contains(&factor) => format!("is constant ({factor:.2} times)"),
-        factor if factor > 1.0 => format!("is not: it grows {factor:.1} times"),
-        factor => format!("is not: it shrinks to {factor:.2} times"),
+        factor if factor > 1.0 => format!("is not constant, it grows {factor:.1} times"),
+        factor => format!("is not constant, it shrinks to {factor:.2} times"),
     }
 }
 
@@ -215,12 +215,12 @@ mod tests {
         let found = [resolution(8, [50.0, 6.0]), resolution(16, [200.0, 7.0]), resolution(64, [500.0, 3.0])];
         let words = is_it_constant(&found, &[[10.0, 12.0], [11.0, 20.0], [12.0, 36.0]]);
         assert!(words.contains("From 8 × 8 to 64 × 64 texels, 64 times as many"), "{words}");
-        assert!(
-            words.contains("the least rank without noise is constant (1.20 times), ours is not: it grows 3.0 times;")
-        );
-        assert!(
-            words.contains("which holds the noise, is not: it grows 10.0 times, and ours is not: it shrinks to 0.50")
-        );
+        assert!(words.contains(
+            "the least rank without noise is constant (1.20 times), ours is not constant, it grows 3.0 times;"
+        ));
+        assert!(words.contains(
+            "which holds the noise, is not constant, it grows 10.0 times, and ours is not constant, it shrinks to 0.50"
+        ));
         assert_eq!(is_it_constant(&[], &[]), "");
     }
 }

@@ -117,8 +117,8 @@ fn table(ways: &[Way], memory: f64) -> String {
     };
     format!(
         "Milliseconds by the clock, median (least…greatest); megabytes that must move: factors as ours keeps them in memory, or the full matrix in single precision, laid out by columns\n\
-         so that it is read at the speed of memory, and the radiance that is written. Memory was read at {:.1} GB/s at best in the same turns. {} The paper tells less than a second on\n\
-         the GPU of a laptop of its day.\n\n\
+         so that it is read at the speed of memory, and the radiance that is written. Memory was read at {:.1} GB/s at best in the same turns. {}\n\
+         The paper tells less than a second on the GPU of a laptop of its day.\n\n\
          | what | ms per frame | MB | GB/s | under 1 s, as the paper |\n|---|---|---|---|---|\n{}",
         memory / 1e9,
         beside(ways),
