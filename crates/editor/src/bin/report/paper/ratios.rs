@@ -71,7 +71,7 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         "\n### Ratios\n\n\
          `diffuse`, {} × {} pixels under a panel of {finest} × {finest} texels of {} samples per pixel; coarser panels are its texels summed. Ratio of\n\
          the dense matrix in single precision to the bytes, and PSNR in dB against it: ours asked for {} dB of single texels and packed as a file has it;\n\
-         principal components (`svd`) with a rank for each block for the same tolerances, packed alike; then at ranks {}, as Nyström's method after a transform\n\
+         principal components (`svd`) with a rank for each block for the same tolerances, packed alike but for dark blocks, which ours holds to less; then at ranks {}, as Nyström's method after a transform\n\
          (`kernel`), two bytes for each number.\n{}\n\
          | texels | method | | | | | |\n|---|---|---|---|---|---|---|\n{rows}\n\
          ### Rank against texels\n\n\
