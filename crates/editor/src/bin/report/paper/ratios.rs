@@ -17,7 +17,7 @@ use crate::targets::soft;
 
 /// Ranks of the rivals, and what is packed is asked for in dB.
 const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
-const TOLERANCES_DB: [f64; 8] = [15.0, 16.0, 17.0, 18.0, 19.0, 20.0, 25.0, 30.0];
+const TOLERANCES_DB: [f64; 6] = [20.0, 25.0, 30.0, 35.0, 40.0, 45.0];
 /// Error of the ranks that are told, in dB of single texels.
 const RANK_DB: f64 = 40.0;
 /// Bytes of a number of a rival: rounding is not held against them.
