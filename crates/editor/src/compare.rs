@@ -56,7 +56,7 @@ fn channel_sum(picture: &Radiance, channel: usize) -> f64 {
 }
 
 /// Luminance that counts as 1: four times the median; the 99.5 percentile where most of the picture is black.
-fn white_level(picture: &Radiance) -> f64 {
+pub fn white_level(picture: &Radiance) -> f64 {
     let luminance =
         |rgb: &[f32; 3]| 0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2]);
     let mut luminances: Vec<f64> = picture.pixels.iter().map(luminance).collect();

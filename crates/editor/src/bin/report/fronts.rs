@@ -76,7 +76,7 @@ pub fn write(desk: &Desk) -> Result<String> {
         "## What nobody beats\n\n\
          Every method of the section Methods, block by block of 16 × 16 pixels at ranks {}, two bytes for each number that it stores; and ours as a file has\n\
          it, asked for {} dB, all bytes counted, with a rank for each block. So that methods are compared and not formats alone, some rivals are packed like ours, too (\"packed\"), asked for the same. The error is that of single texels, as in Methods. The time is that of our relighter on one\n\
-         thread with the factors of each method, all lights new, least…greatest of {TURNS} rounds over all methods and ranks, of which the least counts; methods whose entries are no product of factors make all entries anew, once. Single precision, seed {SEED}. {}\n",
+         thread with the factors of each method, all lights new, least…greatest of {TURNS} rounds over all methods and ranks, of which the least counts; methods whose entries are no product of factors make all entries anew for each picture. Single precision, seed {SEED}. {}\n",
         RANKS.map(|rank| rank.to_string()).join(", "),
         TOLERANCES_DB.map(|db| db.to_string()).join(", "),
         desk.load_words(),
@@ -141,7 +141,7 @@ fn measured(desk: &Desk, name: &str, picture: Picture) -> Result<Vec<Point>> {
             most_millis: f64::NAN,
             db: judged::decibels(coded.judged.mean_square()),
         };
-        runners.push(Runner::new(point, Some(coded.matrix))?);
+        runners.push(Runner::new(point, coded.matrix)?);
         Ok(())
     };
     desk.say(&format!("ours on {name}, packed"));
@@ -165,49 +165,62 @@ fn runner(
     let mut matrix = BlockLowRank::new(picture.partition(), CHANNELS as u32, picture.n_cols as u32);
     let found = blocks.par_iter().map(|block| approximate(method, block, rank, SEED)).collect::<Result<Vec<_>, _>>();
     let Ok(found) = found else { return Ok(None) };
-    let (mut n_values, mut squares, mut anew) = (0.0, 0.0, 0.0);
+    let (mut n_values, mut squares) = (0.0, 0.0);
     for ((block, found), factors) in blocks.iter().zip(&found).zip(&mut matrix.blocks) {
         n_values += found.n_values() as f64;
         squares += squared_error(block, &found.to_dense());
-        match found.factors() {
-            Some((left, right)) => *factors = Some(Arc::new(block_factors(left, right))),
-            None => anew += anew_millis(found),
-        }
+        *factors = found.factors().map(|(left, right)| Arc::new(block_factors(left, right)));
     }
     let (name, db) = (method.to_string(), decibels(peak, squares / picture.values.len() as f64));
     let bytes = BYTES * n_values;
-    let point = Point { name, at: format!("rank {rank}"), bytes, millis: anew, most_millis: anew, db };
-    Ok(Some(Runner::new(point, method.has_factors().then_some(matrix))?))
+    let point = Point { name, at: format!("rank {rank}"), bytes, millis: f64::NAN, most_millis: f64::NAN, db };
+    let runner = if method.has_factors() { Runner::new(point, matrix)? } else { Runner::anew(point, found) };
+    Ok(Some(runner))
 }
 
-/// A point whose time is still to be measured, if it has factors.
+/// A point whose time is still to be measured.
 struct Runner {
     point: Point,
-    relighter: Option<CpuRelighter>,
-    n_cols: usize,
+    product: Product,
     millis: Vec<f64>,
 }
 
+/// What makes a picture of lights.
+enum Product {
+    /// Factors of so many columns.
+    Factors(Box<CpuRelighter>, usize),
+    /// Blocks all entries of which are made anew for every picture.
+    Anew(Vec<Approximation<f32>>),
+}
+
 impl Runner {
-    fn new(point: Point, matrix: Option<BlockLowRank>) -> Result<Runner> {
-        let n_cols = matrix.as_ref().map_or(0, |matrix| matrix.n_cols as usize);
-        let frame = |matrix: BlockLowRank| {
-            let Partition { width, height, .. } = matrix.partition;
-            CpuRelighter::new(&Frame { width, height, groups: vec![matrix] })
-        };
-        Ok(Runner { point, relighter: matrix.map(frame).transpose()?, n_cols, millis: Vec::new() })
+    fn new(point: Point, matrix: BlockLowRank) -> Result<Runner> {
+        let Partition { width, height, .. } = matrix.partition;
+        let n_cols = matrix.n_cols as usize;
+        let relighter = CpuRelighter::new(&Frame { width, height, groups: vec![matrix] })?;
+        Ok(Runner { point, product: Product::Factors(Box::new(relighter), n_cols), millis: Vec::new() })
+    }
+
+    fn anew(point: Point, blocks: Vec<Approximation<f32>>) -> Runner {
+        Runner { point, product: Product::Anew(blocks), millis: Vec::new() }
     }
 
     /// Relights under lights that are new in every turn, on one thread.
     fn run(&mut self, turn: usize) -> Result<()> {
-        let Some(relighter) = &mut self.relighter else { return Ok(()) };
-        let light = |level: f32| vec![vec![[level, 2.0, 2.0 + level]; self.n_cols]];
-        let (before, now, mut shown) = (light(0.5 + turn as f32), light(1.0 + turn as f32), Radiance::default());
-        let secs = single_threaded(|| {
-            // The first picture of all copies factors into streams, and each one brings what it needs into the caches.
-            relighter.relight(&before, &mut shown)?;
-            let begun = Instant::now();
-            relighter.relight(&now, &mut shown).map(|()| begun.elapsed().as_secs_f64())
+        let levels = [0.5, 1.0].map(|level| level + turn as f32);
+        let secs = single_threaded(|| match &mut self.product {
+            Product::Factors(relighter, n_cols) => {
+                let light = |level: f32| vec![vec![[level, 2.0, 2.0 + level]; *n_cols]];
+                let ([before, now], mut shown) = (levels.map(light), Radiance::default());
+                // The first picture of all copies factors into streams, and each one brings what it needs into the caches.
+                relighter.relight(&before, &mut shown)?;
+                let begun = Instant::now();
+                relighter.relight(&now, &mut shown).map(|()| begun.elapsed().as_secs_f64())
+            }
+            Product::Anew(blocks) => {
+                let [_, secs] = levels.map(|level| blocks.iter().map(|block| anew_secs(block, level)).sum::<f64>());
+                Ok(secs)
+            }
         })??;
         self.millis.push(1e3 * secs);
         Ok(())
@@ -220,27 +233,26 @@ fn raced(mut runners: Vec<Runner>) -> Result<Vec<Point>> {
         runners.iter_mut().try_for_each(|runner| runner.run(turn))?;
     }
     let timed = |Runner { mut point, millis, .. }: Runner| {
-        if !millis.is_empty() {
-            [point.millis, _, point.most_millis] = spread(&millis);
-        }
+        [point.millis, _, point.most_millis] = spread(&millis);
         point
     };
     Ok(runners.into_iter().map(timed).collect())
 }
 
-fn block_factors(left: &DMatrix<f32>, right: &DMatrix<f32>) -> BlockFactors {
+/// Factors as they lie in memory.
+pub fn block_factors(left: &DMatrix<f32>, right: &DMatrix<f32>) -> BlockFactors {
     // What nalgebra holds column by column is wanted row by row.
     let [rows, columns] = [left, right].map(|factor| factor.transpose().as_slice().to_vec());
     BlockFactors::from_f32(&rows, &columns, left.nrows(), right.ncols(), left.ncols())
 }
 
-/// Milliseconds in which all entries of a block are made, and their product with three channels of light.
-fn anew_millis(found: &Approximation<f32>) -> f64 {
+/// Seconds in which all entries of a block are made, and their product with three channels of light.
+fn anew_secs(found: &Approximation<f32>, level: f32) -> f64 {
     let begun = Instant::now();
     let dense = found.to_dense();
-    let light = DMatrix::from_element(dense.ncols(), CHANNELS, 1.0);
+    let light = DMatrix::from_element(dense.ncols(), CHANNELS, level);
     std::hint::black_box(dense * light);
-    1e3 * begun.elapsed().as_secs_f64()
+    begun.elapsed().as_secs_f64()
 }
 
 /// Points than which none has less error at as little cost, the cheapest first; those worse than black are none.

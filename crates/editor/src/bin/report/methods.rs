@@ -3,6 +3,7 @@
 pub mod dense;
 mod npz;
 pub mod own;
+pub mod planes;
 
 use std::time::Instant;
 

@@ -37,9 +37,38 @@ pub fn difference(a: &Radiance, b: &Radiance, factor: f32) -> Radiance {
     Radiance { pixels: a.pixels.iter().zip(&b.pixels).map(pixel).collect(), ..*a }
 }
 
-/// Every so manyth pixel across and down.
-pub fn thinned(picture: &Radiance, step: usize) -> Radiance {
-    let (width, height) = (picture.width as usize / step, picture.height as usize / step);
-    let at = |nth: usize| picture.pixels[nth / width * step * picture.width as usize + nth % width * step];
+/// Each pixel the mean of `side` × `side`; what is left over at the right and below is left out.
+pub fn averaged(picture: &Radiance, side: usize) -> Radiance {
+    let (width, height) = (picture.width as usize / side, picture.height as usize / side);
+    let mean = |nth: usize| {
+        let first = nth / width * side * picture.width as usize + nth % width * side;
+        let rows = (0..side).flat_map(|row| &picture.pixels[first + row * picture.width as usize..][..side]);
+        let sum = rows.fold([0.0; 3], |sum: [f32; 3], rgb| std::array::from_fn(|c| sum[c] + rgb[c]));
+        sum.map(|x| x / (side * side) as f32)
+    };
+    Radiance { width: width as u32, height: height as u32, pixels: (0..width * height).map(mean).collect() }
+}
+
+/// Each pixel as a square of `side` × `side`.
+pub fn enlarged(picture: &Radiance, side: usize) -> Radiance {
+    let (width, height) = (picture.width as usize * side, picture.height as usize * side);
+    let at = |nth: usize| picture.pixels[nth / width / side * picture.width as usize + nth % width / side];
     Radiance { width: width as u32, height: height as u32, pixels: (0..width * height).map(at).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_reduced_to_means_and_enlarged_by_whole_pixels() {
+        let picture = Radiance { width: 5, height: 2, pixels: (0..10).map(|i| [i as f32, 1.0, 2.0]).collect() };
+        let small = averaged(&picture, 2);
+        assert_eq!((small.width, small.height), (2, 1));
+        assert_eq!(small.pixels, [[3.0, 1.0, 2.0], [5.0, 1.0, 2.0]]);
+        let large = enlarged(&small, 3);
+        assert_eq!((large.width, large.height), (6, 3));
+        assert!((0..18).all(|nth| large.pixels[nth] == small.pixels[nth % 6 / 3]));
+        assert_eq!(averaged(&large, 3).pixels, small.pixels);
+    }
 }

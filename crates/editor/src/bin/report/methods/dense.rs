@@ -15,6 +15,8 @@ pub const CHANNELS: usize = 3;
 pub const TILE: usize = 16;
 /// What values of the shared matrices are multiplied by.
 const SHARED_UNIT: f32 = 1024.0;
+/// Products that are summed side by side.
+const LANES: usize = 8;
 /// Share of a column's entries that are no brighter than its peak.
 const PEAK_QUANTILE: f64 = 0.995;
 
@@ -117,9 +119,11 @@ impl Picture {
 
     /// The picture under a coefficient per column and channel.
     pub fn relit(&self, light: &[[f32; CHANNELS]]) -> Radiance {
-        let value = |row: &[f32], channel: usize| row.iter().zip(light).map(|(x, light)| x * light[channel]).sum();
-        let pixel =
-            |rows: &[f32]| std::array::from_fn(|channel| value(&rows[channel * self.n_cols..][..self.n_cols], channel));
+        let lights: [Vec<f32>; CHANNELS] =
+            std::array::from_fn(|channel| light.iter().map(|light| light[channel]).collect());
+        let pixel = |rows: &[f32]| {
+            std::array::from_fn(|channel| dot(&rows[channel * self.n_cols..][..self.n_cols], &lights[channel]))
+        };
         let pixels = self.values.par_chunks_exact(CHANNELS * self.n_cols).map(pixel).collect();
         Radiance { width: self.width as u32, height: self.height as u32, pixels }
     }
@@ -131,6 +135,16 @@ impl Picture {
             S::nearest(f64::from(self.values[row * self.n_cols + column]))
         })
     }
+}
+
+/// In as many sums side by side as no sum waits for the one before it.
+fn dot(row: &[f32], light: &[f32]) -> f32 {
+    let ((rows, last), (lights, of_last)) = (row.as_chunks::<LANES>(), light.as_chunks::<LANES>());
+    let mut sums = [0.0; LANES];
+    for (row, light) in rows.iter().zip(lights) {
+        sums.iter_mut().zip(row).zip(light).for_each(|((sum, x), light)| *sum += x * light);
+    }
+    sums.iter().sum::<f32>() + last.iter().zip(of_last).map(|(x, light)| x * light).sum::<f32>()
 }
 
 /// Sum of squared differences. What is not finite is infinitely far away.

@@ -3,7 +3,7 @@
 use anyhow::Result;
 
 use super::lights::psnr_db;
-use super::{METHODS, SCENES, SEED, approximated, sampling};
+use super::{METHODS, Repeats, SCENES, SEED, approximated, middle, repeated, sampling, told};
 use crate::desk::Desk;
 use crate::errors::decibels;
 use crate::methods::own;
@@ -19,28 +19,27 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     let spp = desk.choose(32, 256);
     let (mut panels, mut rows) = (Vec::new(), String::new());
     for name in &SCENES[..desk.choose(1, 4)] {
-        let (noise_db, curves): (f64, Vec<Vec<Option<f64>>>) =
-            desk.part("paper", &format!("columns-{name}"), || {
-                let path = desk.root.join(format!("assets/scenes/{name}.glb"));
-                let halves = own::halves(desk, &path, None, (sampling(desk, spp), SEED))?;
-                let (picture, noise) = own::mean_and_noise(&halves);
-                let blocks = picture.blocks::<f32>(1);
-                let curve = |method| {
-                    desk.say(&format!("{method} on {name}"));
-                    let psnr =
-                        |&rank: &usize| Some(psnr_db(&picture, &approximated(&picture, &blocks, method, rank).ok()?.0));
-                    RANKS.iter().map(psnr).collect()
+        let (noise_db, curves): (f64, Vec<Vec<Repeats>>) = desk.part("paper", &format!("columns-{name}"), || {
+            let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+            let halves = own::halves(desk, &path, None, (sampling(desk, spp), SEED))?;
+            let (picture, noise) = own::mean_and_noise(&halves);
+            let blocks = picture.blocks::<f32>(1);
+            let curve = |method| {
+                desk.say(&format!("{method} on {name}"));
+                let psnr = |rank: usize, seed: u64| {
+                    Some(psnr_db(&picture, &approximated(&picture, &blocks, method, (rank, seed)).ok()?.0))
                 };
-                Ok((decibels(picture.peak(), noise), METHODS.map(curve).into()))
-            })?;
+                RANKS.map(|rank| repeated(desk, method, |seed| psnr(rank, seed))).into()
+            };
+            Ok((decibels(picture.peak(), noise), METHODS.map(curve).into()))
+        })?;
         for (method, curve) in METHODS.iter().zip(&curves) {
-            let words: Vec<String> =
-                curve.iter().map(|db| db.map_or("singular".into(), |db| format!("{db:.1}"))).collect();
+            let words: Vec<String> = curve.iter().map(told).collect();
             rows += &format!("| {name} | {noise_db:.1} | `{method}` | {} |\n", words.join(" | "));
         }
         let series = METHODS.iter().zip(&curves).map(|(method, curve)| Series {
             name: method.to_string(),
-            points: RANKS.iter().zip(curve).filter_map(|(&rank, db)| Some([rank as f64, (*db)?])).collect(),
+            points: RANKS.iter().zip(curve).filter_map(|(&rank, db)| Some([rank as f64, middle(db)?])).collect(),
             is_joined: true,
         });
         panels.push(Panel {

@@ -1,12 +1,14 @@
 //! A room of twenty lights: how long a relit frame takes, and how it looks beside the full matrix.
 
+mod frames;
+
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
 use anyhow::{Context, Result};
 use clerestory::compare::compare;
-use clerestory_relight::{CpuRelighter, DeviceChoice, Frame, Gpu, GpuRelighter, Radiance, Relight};
+use clerestory_relight::{CpuRelighter, Frame, Radiance, Relight};
 use clerestory_transport::bake::{Bake, BakeConfig, BakeJob, Passes};
 use clerestory_transport::camera::Film;
 use clerestory_transport::import;
@@ -14,11 +16,13 @@ use clerestory_transport::light::{LightRig, LightSetting};
 use clerestory_transport::prepared::PreparedScene;
 use clerestory_transport::trace::TraceConfig;
 
+use self::frames::{Frames, Racers};
 use super::SEED;
+use super::beside::psnr_db;
 use crate::desk::Desk;
-use crate::fit::spread_words;
 use crate::methods::dense::Picture;
-use crate::prints::{difference, jpeg, thinned};
+use crate::methods::planes::Planes;
+use crate::prints::{averaged, difference, jpeg};
 use crate::reference::uncompressed;
 use crate::rendered::rendered;
 
@@ -26,6 +30,8 @@ const FRAMES: usize = 25;
 const AMPLIFIED: f32 = 10.0;
 /// What the bake is asked for, that of a bake that is told nothing.
 const TOLERANCE_DB: f32 = 40.0;
+/// Of both pictures that the last frame is held against.
+const TRACE_SEEDS: [u64; 2] = [SEED + 1, SEED + 2];
 
 /// A sentence, a table and a sheet of pictures.
 ///
@@ -33,88 +39,67 @@ const TOLERANCE_DB: f32 = 40.0;
 /// If the scene cannot be baked, or a device fails.
 pub(super) fn write(desk: &Desk) -> Result<String> {
     let Some(path) = desk.shared("scenes/conference.glb") else { return Ok(String::new()) };
-    let (film, baked_spp) = desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 64));
-    desk.say("baking the conference room");
-    let scene = import::load(&path).with_context(|| format!("cannot load {}", path.display()))?.scene;
-    let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
-    let camera = scene.scene.cameras[0].clone();
-    let (tolerance_db, denoise) = (TOLERANCE_DB, false);
-    let config = BakeConfig { spp: baked_spp, tolerance_db, denoise, seed: SEED, ..BakeConfig::default() };
-    let job = BakeJob { scene: scene.clone(), camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() };
-    let header = job.header()?;
-    let baked = |denoise: bool| {
-        let job = BakeJob { config: BakeConfig { denoise, ..job.config.clone() }, ..job.clone() };
-        job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")
-    };
-    let bake = baked(false)?;
-    let frame = Frame { width: film.width, height: film.height, groups: bake.groups.clone() };
-    desk.say("baking it once more, denoised");
-    let clean = baked(true)?;
-
-    desk.say("sampling its full matrix");
-    let pixels: Vec<u32> = (0..film.n_pixels() as u32).collect();
-    let (width, height) = (film.width as usize, film.height as usize);
-    let n_cols = header.basis.n_cols();
-    let dense = Picture { width, height, n_cols, values: uncompressed(&job, &header, &pixels) };
-
-    let rigs: Vec<LightRig> = (0..FRAMES).map(|nth| rig(&scene, nth)).collect();
-    let (mut rows, mut shown, mut full) = (String::new(), Radiance::default(), Radiance::default());
-    let mut times =
-        vec![("ours on the CPU".to_string(), Vec::new()), ("full matrix on the CPU".to_string(), Vec::new())];
-    let mut cpu = CpuRelighter::new(&frame)?;
-    let mut psnr = 0.0;
-    for rig in &rigs {
-        times[0].1.push(millis(|| Ok(cpu.relight(&bake.header.coefficients(rig), &mut shown)?))?);
-        let light = scene.lighting.basis.project(rig);
-        times[1].1.push(millis(|| {
-            full = dense.relit(&light);
-            Ok(())
-        })?);
-        psnr += compare(&shown, &full)?.psnr_db.unwrap_or(f64::INFINITY) / FRAMES as f64;
-    }
-    for gpu in &Gpu::all_headless(DeviceChoice::Any) {
-        let secs = on_device(gpu, &frame, &bake, &rigs)?;
-        times.push((format!("ours on {}", gpu.description()), secs));
-    }
-    let spp = desk.choose(16, 256);
-    let traced = traced(desk, &scene, film, (rigs.last().context("there are frames")?, spp))?;
-    let mut denoised = Radiance::default();
-    let last = rigs.last().context("there are frames")?;
-    CpuRelighter::new(&Frame { groups: clean.groups.clone(), ..frame })?
-        .relight(&clean.header.coefficients(last), &mut denoised)?;
-    let beside =
-        |picture: &Radiance| Ok::<_, anyhow::Error>(compare(picture, &traced)?.psnr_db.unwrap_or(f64::INFINITY));
-    let [of_ours, of_full, of_denoised] = [beside(&shown)?, beside(&full)?, beside(&denoised)?];
-    for (what, millis) in times {
-        rows += &format!("| {what} | {} |\n", spread_words(millis));
-    }
-    let apart = difference(&shown, &full, AMPLIFIED);
-    let pictures = [("full matrix", full), ("ours", shown), ("difference, ten times", apart)];
-    let small = pictures.map(|(name, picture)| (name, thinned(&picture, desk.choose(1, 4))));
-    Ok(format!(
-        "\n### A room of twenty lights\n\n\
-         `conference`, {n_cols} columns, {} × {} pixels, {baked_spp} samples of each; all lights change their strength and color in each of {FRAMES} frames. Milliseconds by the\n\
-         clock, median (least…greatest). Both matrices are of the same samples, ours asked for {TOLERANCE_DB} dB and not denoised; the mean PSNR of the frames against the full\n\
-         matrix ({:.0} MB; ours: {:.1} MB in memory) is {psnr:.1} dB, noise that ours did not keep included. Against a path-traced picture of {spp} samples, whose noise counts,\n\
-         too, the last frame of ours has {of_ours:.1} dB, that of the full matrix {of_full:.1} dB, and that of the same bake denoised, as bakes are by default, {of_denoised:.1} dB.\n\n| what | ms per frame |\n|---|---|\n{rows}{}",
-        film.width,
-        film.height,
-        (4 * dense.values.len()) as f64 / 1e6,
-        bake.figures().bytes as f64 / 1e6,
-        desk.show(
-            "paper-conference.jpg",
-            "the conference room: full matrix, ours, ten times the difference",
-            &jpeg(&small)?
-        )?,
-    ))
+    let (text, sheet): (String, Vec<u8>) = desk.part("paper", "conference", || measured(desk, &path))?;
+    let words = "the conference room: full matrix, ours, ten times the difference";
+    Ok(text + &desk.show("paper-conference.jpg", words, &sheet)?)
 }
 
-/// A path-traced picture under other lights.
-fn traced(desk: &Desk, scene: &PreparedScene, film: Film, (rig, spp): (&LightRig, u32)) -> Result<Radiance> {
+/// The text, and the bytes of the sheet.
+fn measured(desk: &Desk, path: &Path) -> Result<(String, Vec<u8>)> {
+    let (film, spp) = desk.choose((Film { width: 128, height: 96 }, 4), (Film { width: 1024, height: 768 }, 32));
+    let scene = import::load(path).with_context(|| format!("cannot load {}", path.display()))?.scene;
+    let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
+    let job = job(&scene, film, spp);
+    desk.say("baking the conference room");
+    let bake = baked(&job, false)?;
+    desk.say("baking it once more, denoised");
+    let clean = baked(&job, true)?;
+    desk.say("sampling its full matrix");
+    let header = job.header()?;
+    let pixels: Vec<u32> = (0..film.n_pixels() as u32).collect();
+    let (width, height, n_cols) = (film.width as usize, film.height as usize, header.basis.n_cols());
+    let dense = Planes::new(&Picture { width, height, n_cols, values: uncompressed(&job, &header, &pixels) });
+
+    let frame = |bake: &Bake| Frame { width: film.width, height: film.height, groups: bake.groups.clone() };
+    let rigs: Vec<LightRig> = (0..=FRAMES).map(|nth| rig(&scene, nth)).collect();
+    let racers = Racers { basis: &scene.lighting.basis, bake: &bake, frame: frame(&bake), dense: &dense };
+    let Frames { table, psnr_db: of_frames, shown, full } = racers.race(desk, &rigs)?;
+    let last = rigs.last().context("there are frames")?;
+    let mut denoised = Radiance::default();
+    CpuRelighter::new(&frame(&clean))?.relight(&clean.header.coefficients(last), &mut denoised)?;
+
     desk.say("tracing its last frame");
-    let light = scene.lighting.basis.project(rig);
-    let config = TraceConfig { spp, bounces: None, seed: SEED + 1 };
-    rendered(scene, film, &light, &config)
+    let (light, trace_spp) = (scene.lighting.basis.project(last), desk.choose(8, 64));
+    let traced = |seed: u64| rendered(&scene, film, &light, &TraceConfig { spp: trace_spp, bounces: None, seed });
+    let [a, b] = TRACE_SEEDS.map(traced);
+    let (a, b) = (a?, b?);
+    let [of_ours, of_full, of_denoised] = [&shown, &full, &denoised].map(|picture| psnr_db(picture, [&a, &b]));
+    let of_trace = compare(&a, &b)?.psnr_db.unwrap_or(f64::INFINITY);
+    let side = desk.choose(1, 4);
+    let apart = difference(&shown, &full, AMPLIFIED);
+    let pictures = [("full matrix", full), ("ours", shown), ("difference, ten times", apart)];
+    let text = format!(
+        "\n### A room of twenty lights\n\n\
+         `conference`, {n_cols} columns, {} × {} pixels, {spp} samples of each (seed {SEED}); all lights change their strength and color in each of {FRAMES} frames, all of which every way makes\n\
+         in turn after one that does not count. Both matrices are of the same samples, ours asked for {TOLERANCE_DB} dB and not denoised; the mean PSNR of the frames against the\n\
+         full matrix is {of_frames:.1} dB, noise that ours did not keep included. Beside two path-traced pictures of {trace_spp} samples each (seeds {} and {}), whose noise does not\n\
+         count, the last frame of ours has {of_ours:.1} dB, that of the full matrix {of_full:.1} dB, and that of the same bake denoised, as bakes are by default, {of_denoised:.1} dB; the two\n\
+         beside each other have {of_trace:.1} dB. Below, each pixel is the mean of {side} × {side}, and all pictures are exposed alike.\n\n{table}",
+        film.width, film.height, TRACE_SEEDS[0], TRACE_SEEDS[1],
+    );
+    Ok((text, jpeg(&pictures.map(|(name, picture)| (name, averaged(&picture, side))))?))
+}
+
+fn job(scene: &Arc<PreparedScene>, film: Film, spp: u32) -> BakeJob {
+    let (tolerance_db, seed) = (TOLERANCE_DB, SEED);
+    let config = BakeConfig { spp, tolerance_db, seed, ..BakeConfig::default() };
+    let (scene, camera) = (scene.clone(), scene.scene.cameras[0].clone());
+    BakeJob { scene, camera, film, config, passes: Passes::FinalOnly, irradiance: Vec::new() }
+}
+
+fn baked(job: &BakeJob, denoise: bool) -> Result<Bake> {
+    let job = BakeJob { config: BakeConfig { denoise, ..job.config.clone() }, ..job.clone() };
+    job.run(|_| ControlFlow::Continue(()))?.context("nobody stops a bake of the report")
 }
 
 /// All lights other than before.
@@ -131,21 +116,4 @@ fn rig(scene: &PreparedScene, nth: usize) -> LightRig {
         rig.set(&source.key, setting);
     }
     rig
-}
-
-fn millis(work: impl FnOnce() -> Result<()>) -> Result<f64> {
-    let begun = Instant::now();
-    work()?;
-    Ok(1e3 * begun.elapsed().as_secs_f64())
-}
-
-fn on_device(gpu: &Gpu, frame: &Frame, bake: &Bake, rigs: &[LightRig]) -> Result<Vec<f64>> {
-    let (mut relighter, display) = (GpuRelighter::new(gpu, frame)?, clerestory_relight::DisplayParams::default());
-    let time = |rig: &LightRig| {
-        millis(|| {
-            relighter.relight_to_texture(&bake.header.coefficients(rig), &display)?;
-            Ok(gpu.wait()?)
-        })
-    };
-    rigs.iter().map(time).collect()
 }

@@ -1,52 +1,62 @@
 //! PSNR against the samples of a bake, and what noise does to pictures with mirrors and caustics.
 
-use anyhow::Result;
-use clerestory_nystrom::rivals::Method;
+use std::path::Path;
+use std::sync::Arc;
 
-use super::lights::{lights, psnr_db};
+use anyhow::{Context, Result};
+use clerestory_nystrom::BlockFactors;
+use clerestory_nystrom::rivals::Method;
+use clerestory_transport::bake::{Bake, BakeConfig, Indirect};
+use clerestory_transport::import;
+use clerestory_transport::prepared::PreparedScene;
+use serde::{Deserialize, Serialize};
+
+use super::beside::mean_psnr_db;
+use super::lights::lights;
 use super::{SEED, approximated, sampling};
 use crate::desk::Desk;
-use crate::methods::dense::Picture;
+use crate::matrix::baked;
+use crate::methods::dense::{CHANNELS, Picture};
 use crate::methods::own;
 use crate::plot::{Axis, Panel, Scale, Series};
-use crate::prints::jpeg;
+use crate::prints::{enlarged, jpeg};
 use crate::targets::coded::Subject;
 
-/// Rank of the rival; what ours is asked for in dB, more than noise lets it reach.
+/// Rank of the rival; what ours and bakes are asked for in dB, as a bake is that is told nothing: mostly more than noise lets them reach.
 const RANK: usize = 16;
-const TOLERANCE_DB: f64 = 40.0;
-const NAMES: [&str; 3] = ["as sampled", "kernel", "ours"];
+const TOLERANCE_DB: f32 = 40.0;
+/// Of all that is held against the reference, which has the usual one.
+const OTHER_SEED: u64 = SEED + 1;
+const NAMES: [&str; 5] = ["as sampled", "kernel", "ours", "a bake, `--exact` but denoised", "a bake as by default"];
+/// Pixels on the page, across and down, that show one.
+const ENLARGED: usize = 4;
 
-/// A plot, a table and a sheet of pictures.
+/// What was measured of a scene.
+#[derive(Serialize, Deserialize)]
+struct Measured {
+    /// By number of samples and way; `None` where it has no answer.
+    curves: Vec<[Option<f64>; NAMES.len()]>,
+    /// Pictures, as the bytes of a file.
+    sheet: Vec<u8>,
+}
+
+/// A plot, a table and sheets of pictures.
 ///
 /// # Errors
-/// If a scene cannot be sampled or compressed.
+/// If a scene cannot be sampled, compressed or baked.
 pub(super) fn write(desk: &Desk) -> Result<String> {
     let (spp, reference_spp): (&[u32], u32) = desk.choose((&[2, 8], 32), (&[2, 8, 32, 128], 256));
     let scenes: &[&str] = desk.choose(&["caustics"], &["diffuse", "reflections", "caustics"]);
-    let (mut panels, mut rows, mut shown) = (Vec::new(), String::new(), String::new());
+    let (mut panels, mut rows, mut sheets) = (Vec::new(), String::new(), String::new());
     for name in scenes {
-        let path = desk.root.join(format!("assets/scenes/{name}.glb"));
-        let reference = || {
-            Ok::<_, anyhow::Error>(
-                own::mean_and_noise(&own::halves(desk, &path, None, (sampling(desk, reference_spp), SEED))?).0,
-            )
-        };
-        let noisy = |spp: u32| own::halves(desk, &path, None, (sampling(desk, spp), SEED + 1));
-        let curves: Vec<[Option<f64>; 3]> = desk.part("paper", &format!("noise-{name}"), || {
-            let truth = reference()?;
-            let point = |&spp: &u32| {
-                desk.say(&format!("{name} with {spp} samples per pixel and half"));
-                Ok(answers(noisy(spp)?)?.each_ref().map(|found| Some(psnr_db(&truth, found.as_ref()?))))
-            };
-            spp.iter().map(point).collect()
-        })?;
+        let part = || measured(desk, name, spp, reference_spp);
+        let Measured { curves, sheet } = desk.part("paper", &format!("noise-{name}"), part)?;
         for (spp, dbs) in spp.iter().zip(&curves) {
             let words = dbs.map(|db| db.map_or("singular".into(), |db| format!("{db:.1}")));
             rows += &format!("| {name} | {} | {} |\n", 2 * spp, words.join(" | "));
         }
         let series = (0..NAMES.len()).map(|way| Series {
-            name: NAMES[way].into(),
+            name: NAMES[way].replace('`', ""),
             points: spp.iter().zip(&curves).filter_map(|(spp, dbs)| Some([f64::from(2 * spp), dbs[way]?])).collect(),
             is_joined: true,
         });
@@ -56,37 +66,125 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
             y: Axis { label: "PSNR, dB", scale: Scale::Linear },
             series: series.collect(),
         });
-        if *name == "caustics" || *name == "reflections" {
-            let light = &lights(16)[0];
-            let found = answers(noisy(spp[1])?)?;
-            let mut pictures = vec![("converged", reference()?.relit(light))];
-            pictures.extend(
-                NAMES.iter().zip(&found).filter_map(|(name, found)| Some((*name, found.as_ref()?.relit(light)))),
-            );
-            let words = format!("{name} under a small spot: converged, as sampled, `kernel`, ours");
-            shown += &desk.show(&format!("paper-noise-{name}.jpg"), &words, &jpeg(&pictures)?)?;
-        }
+        let words = format!("{name} under a small spot, converged and with {} samples per pixel", 2 * spp[1]);
+        sheets += &desk.show(&format!("paper-noise-{name}.jpg"), &words, &sheet)?;
     }
     Ok(format!(
         "\n### Noise\n\n\
-         PSNR in dB of matrices of few samples against one of {} per pixel with a seed of its own: as sampled, after Nyström's method on powers of\n\
-         the entries at rank {RANK} (`kernel`), and after ours, which is told both halves. 256 texels. The pictures have {} samples per pixel, and one\n\
-         small spot.\n{}\n| scene | samples per pixel | {} |\n|---|---|---|---|---|\n{rows}{shown}",
-        2 * reference_spp,
+         PSNR in dB of matrices of few samples: as sampled, after Nyström's method on powers of the entries at rank {RANK} (`kernel`), and after ours, which is told\n\
+         both halves, block by block. Then what bakes of as many samples give, whose blocks tell each other, too: `--exact` but denoised, and as they are made by\n\
+         default, indirect light shared between pixels; blocks that reach the {TOLERANCE_DB} dB that ours and bakes are asked for take fewer. All have seed {OTHER_SEED}, and lights that are seen left out. They are held against two references of {reference_spp} samples\n\
+         per pixel each (both halves of seed {SEED}): the mean of (x − a)(x − b) of the clipped values, told as no less than its standard error, so that noise of the\n\
+         references does not count. 256 texels. The pictures have {} samples per pixel and one small spot; each pixel is shown as {ENLARGED} × {ENLARGED}.\n{}\n\
+         | scene | samples per pixel | {} |\n|---|---|{}\n{rows}{sheets}",
         2 * spp[1],
         desk.plot("paper-noise", "PSNR against samples per pixel, by scene", &panels)?,
         NAMES.join(" | "),
+        "---|".repeat(NAMES.len()),
     ))
 }
 
-/// As sampled, after the rival if it has an answer, and after ours.
-fn answers(halves: [Picture; 2]) -> Result<[Option<Picture>; 3]> {
+fn measured(desk: &Desk, name: &str, spp: &[u32], reference_spp: u32) -> Result<Measured> {
+    let path = desk.root.join(format!("assets/scenes/{name}.glb"));
+    let references = own::halves(desk, &path, None, (sampling(desk, reference_spp), SEED))?;
+    let (mut curves, mut sheet) = (Vec::new(), Vec::new());
+    for &spp in spp {
+        desk.say(&format!("{name} with {spp} samples per pixel and half"));
+        let found = answers(desk, &path, spp)?;
+        curves.push(found.each_ref().map(|found| Some(mean_psnr_db(&references, found.as_ref()?))));
+        // The second is noisy, but not so noisy that nothing can be seen.
+        if curves.len() == 2 {
+            sheet = shown(own::mean_and_noise(&references).0, &found)?;
+        }
+    }
+    Ok(Measured { curves, sheet })
+}
+
+/// Everything under one small spot.
+fn shown(converged: Picture, found: &[Option<Picture>]) -> Result<Vec<u8>> {
+    let light = &lights(converged.n_cols.isqrt())[0];
+    let picture = |matrix: &Picture| enlarged(&matrix.relit(light), ENLARGED);
+    let mut pictures = vec![("converged", picture(&converged))];
+    let names = NAMES.map(|name| name.replace('`', ""));
+    pictures
+        .extend(names.iter().zip(found).filter_map(|(name, found)| Some((name.as_str(), picture(found.as_ref()?)))));
+    jpeg(&pictures)
+}
+
+/// As sampled, after the rival if it has an answer, after ours, and two bakes.
+fn answers(desk: &Desk, path: &Path, spp: u32) -> Result<[Option<Picture>; NAMES.len()]> {
+    let halves = own::halves(desk, path, None, (sampling(desk, spp), OTHER_SEED))?;
     let mean = own::mean_and_noise(&halves).0;
-    let kernel = approximated(&mean, &mean.blocks(1), Method::KERNEL, RANK).ok();
+    let kernel = approximated(&mean, &mean.blocks(1), Method::KERNEL, (RANK, SEED)).ok();
     let sampled = Picture { values: mean.values.clone(), ..mean };
     let unit = mean.peak();
     let subject = Subject::new(mean, Some(halves));
-    let mut ours = subject.truth.unpacked(&subject.coded(Method::Projected, TOLERANCE_DB)?.matrix);
+    let mut ours = subject.truth.unpacked(&subject.coded(Method::Projected, TOLERANCE_DB.into())?.matrix);
     ours.values.iter_mut().for_each(|value| *value *= unit as f32);
-    Ok([Some(sampled), kernel.map(|(found, _)| found), Some(ours)])
+    let scene = import::load(path).with_context(|| format!("cannot load {}", path.display()))?.scene;
+    let scene = Arc::new(PreparedScene::new(scene, &[])?.0);
+    let bake = |indirect: Indirect| {
+        let (tolerance_db, seed) = (TOLERANCE_DB, OTHER_SEED);
+        let config = BakeConfig { spp: 2 * spp, tolerance_db, seed, indirect, ..BakeConfig::default() };
+        Ok::<_, anyhow::Error>(Some(scattered(&baked(&scene, sampling(desk, spp).film, config)?.1)))
+    };
+    let [traced, shared] = [bake(Indirect::Traced)?, bake(Indirect::Shared)?];
+    Ok([Some(sampled), kernel.map(|(found, _)| found), Some(ours), traced, shared])
+}
+
+/// All entries of a bake, radiance per unit of light, without the lights that are seen.
+fn scattered(bake: &Bake) -> Picture {
+    let (header, mut pixels) = (&bake.header, Vec::new());
+    let (width, height, n_cols) = (header.width as usize, header.height as usize, header.basis.n_cols());
+    let mut values = vec![0.0; width * height * CHANNELS * n_cols];
+    for (matrix, group) in bake.groups.iter().zip(&header.basis.groups) {
+        let columns = group.columns.start as usize..group.columns.end as usize;
+        for (block_idx, block) in matrix.blocks.iter().enumerate() {
+            let Some(block) = block else { continue };
+            let rows = BlockFactors { sparse: Vec::new(), ..(**block).clone() }.dense();
+            matrix.partition.bundles(block_idx, &mut pixels);
+            let places = pixels.iter().flat_map(|&pixel| (0..CHANNELS).map(move |c| pixel as usize * CHANNELS + c));
+            for (row, place) in rows.chunks_exact(columns.len()).zip(places) {
+                values[place * n_cols..][columns.clone()].copy_from_slice(row);
+            }
+        }
+    }
+    for row in values.chunks_exact_mut(n_cols) {
+        row.iter_mut().zip(&header.column_scale).for_each(|(value, scale)| *value /= scale);
+    }
+    Picture { width, height, n_cols, values }
+}
+
+#[cfg(test)]
+mod tests {
+    use clerestory_transport::camera::Film;
+    use clerestory_transport::light::LightRig;
+
+    use super::*;
+    use crate::rendered::as_in_file;
+
+    #[test]
+    fn entries_of_a_bake_under_the_light_of_the_file_are_its_picture() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/scenes/diffuse.glb");
+        let scene = Arc::new(PreparedScene::new(import::load(&path).unwrap().scene, &[]).unwrap().0);
+        let config = BakeConfig { spp: 2, ..BakeConfig::default() };
+        let bake = baked(&scene, Film { width: 24, height: 18 }, config).unwrap().1;
+        let light = scene.lighting.basis.project(&LightRig::default());
+        let entries = scattered(&bake).relit(&light).pixels;
+        let shown = as_in_file(&bake);
+        let is_seen = |pixel: usize| {
+            let at = [pixel % 24, pixel / 24].map(|at| at / 16);
+            let rows = (pixel / 24 % 16 * (24 - at[0] * 16).min(16) + pixel % 24 % 16) * CHANNELS;
+            let blocks = bake.groups.iter().filter_map(|group| group.blocks[at[1] * 2 + at[0]].as_ref());
+            blocks.flat_map(|block| &block.sparse).any(|entry| (rows..rows + 3).contains(&(entry.row as usize)))
+        };
+        let compared: Vec<usize> = (0..24 * 18).filter(|&pixel| !is_seen(pixel)).collect();
+        assert!(compared.len() > 300, "{}", compared.len());
+        for pixel in compared {
+            for channel in 0..CHANNELS {
+                let (entry, shown) = (entries[pixel][channel], shown[3 * pixel + channel]);
+                assert!((entry - shown).abs() <= 1e-3 * shown.abs() + 1e-3, "{pixel}: {entry} {shown}");
+            }
+        }
+    }
 }

@@ -9,6 +9,9 @@ use crate::desk::{Desk, clerestory, number};
 use crate::errors::beside_two;
 use crate::prints::jpeg;
 
+/// Of the bake, and of both traced pictures.
+const BAKE_SEED: &str = "1";
+const TRACE_SEEDS: [&str; 2] = ["7", "8"];
 /// Turns of the sky in degrees.
 const TURNS_DEG: [u32; 3] = [0, 90, 200];
 
@@ -20,11 +23,17 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     let files = desk.shared("scenes/sponza-dabrovic.glb").zip(desk.shared("env/vestibule_1k.hdr"));
     let Some((scene, sky)) = files else { return Ok(String::new()) };
     let [scene, sky] = [scene, sky].map(|path| path.display().to_string());
+    let (text, sheet): (String, Vec<u8>) = desk.part("paper", "open", || measured(desk, &scene, &sky))?;
+    Ok(text + &desk.show("paper-sky.jpg", "traced and relit, the sky as it is and turned", &sheet)?)
+}
+
+/// The text, and the bytes of the sheet.
+fn measured(desk: &Desk, scene: &str, sky: &str) -> Result<(String, Vec<u8>)> {
     let (size, spp, trace_spp) = desk.choose(("64x48", "8", "64"), ("128x96", "64", "512"));
     let transport = desk.file("open.transport");
     desk.say("baking a building under a measured sky");
-    let bake = ["bake", &scene, "-o", &transport, "--sky", &sky, "--size", size, "--spp", spp, "--fresh", "--json"];
-    let baked = clerestory(&bake)?;
+    let bake = ["bake", scene, "-o", &transport, "--sky", sky, "--size", size, "--spp", spp, "--seed", BAKE_SEED];
+    let baked = clerestory(&[&bake[..], &["--fresh", "--json"]].concat())?;
     let told = clerestory(&["info", &transport, "--json"])?;
     let keys = told.pointer("/lights").and_then(Value::as_array).context("no lights")?;
     let lamps = keys.iter().filter_map(Value::as_str).filter(|key| *key != "sky");
@@ -39,12 +48,11 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
         clerestory(&[&["relight", &transport, "-o", &relit, "--device", "cpu"][..], &options].concat())?;
         let traced = |seed: &str| {
             let file = desk.file("open-traced.exr");
-            let trace =
-                ["trace", &scene, "-o", &file, "--sky", &sky, "--size", size, "--spp", trace_spp, "--seed", seed];
+            let trace = ["trace", scene, "-o", &file, "--sky", sky, "--size", size, "--spp", trace_spp, "--seed", seed];
             clerestory(&[&trace[..], &options].concat())?;
             read_exr(file.as_ref())
         };
-        let (shown, traced) = (read_exr(relit.as_ref())?, [traced("7")?, traced("8")?]);
+        let (shown, traced) = (read_exr(relit.as_ref())?, [traced(TRACE_SEEDS[0])?, traced(TRACE_SEEDS[1])?]);
         let moved = compare(&shown, first.get_or_insert_with(|| shown.clone()))?.psnr_db;
         let moved = moved.map_or("the same".into(), |db| format!("{db:.1}"));
         let percent_off = |channel: usize| {
@@ -59,17 +67,18 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
             pictures.extend([("traced", traced), ("relit", shown)]);
         }
     }
-    Ok(format!(
+    let text = format!(
         "\n### A building under a measured sky\n\n\
-         `sponza-dabrovic` under `vestibule_1k.hdr`, {} columns, {size} pixels, {spp} samples per pixel in {:.1} s, {:.2} MB in the file; then its lamp is turned off and the sky is\n\
-         turned. Beside it path-traced pictures a and b under the same sky, {trace_spp} samples each. The error of the relit picture x is the mean of (x − a)(x − b), that of a traced one\n\
+         `sponza-dabrovic` under `vestibule_1k.hdr`, {} columns, {size} pixels, {spp} samples per pixel (seed {BAKE_SEED}) in {:.1} s, {:.2} MB in the file; then its lamp is turned off and the sky is\n\
+         turned. Beside it path-traced pictures a and b under the same sky, {trace_spp} samples each (seeds {}). The error of the relit picture x is the mean of (x − a)(x − b), that of a traced one\n\
          the mean of (a − x)(a − b), below the square of the 99.5 percentile; neither counts the noise of what it is held against.\n\n\
-         | turned by | relit, dB | traced, dB | means off, R / G / B, % | against the first relit picture, PSNR, dB |\n|---|---|---|---|---|\n{rows}{}",
+         | turned by | relit, dB | traced, dB | means off, R / G / B, % | against the first relit picture, PSNR, dB |\n|---|---|---|---|---|\n{rows}",
         number(&told, "/columns"),
         number(&baked, "/bake_secs"),
         number(&told, "/file_bytes") / 1e6,
-        desk.show("paper-sky.jpg", "traced and relit, the sky as it is and turned", &jpeg(&pictures)?)?,
-    ))
+        TRACE_SEEDS.join(" and "),
+    );
+    Ok((text, jpeg(&pictures)?))
 }
 
 /// How far a picture is off two pictures whose noise is their own.

@@ -1,13 +1,13 @@
 //! PSNR against the ratio of compression on panels of many texels, and rank against their number.
 
-use anyhow::{Context, Result};
-use clerestory_nystrom::rivals::{Approximation, Method, approximate};
+use anyhow::Result;
+use clerestory_nystrom::rivals::Method;
 use clerestory_transport::camera::Film;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::components::Components;
 use super::lights::psnr_db;
-use super::{SEED, approximated, sampling};
+use super::{Repeats, SEED, approximated, middle, repeated, sampling, told};
 use crate::desk::Desk;
 use crate::methods::dense::Picture;
 use crate::methods::own;
@@ -15,24 +15,26 @@ use crate::plot::{Axis, Panel, Scale, Series};
 use crate::targets::coded::Subject;
 use crate::targets::soft;
 
-/// Ranks of the rivals, and what ours is asked for in dB.
+/// Ranks of the rivals, and what is packed is asked for in dB.
 const RANKS: [usize; 5] = [2, 4, 8, 16, 32];
-const TOLERANCES_DB: [f64; 5] = [5.0, 10.0, 15.0, 20.0, 30.0];
+const TOLERANCES_DB: [f64; 6] = [20.0, 25.0, 30.0, 35.0, 40.0, 45.0];
 /// Error of the ranks that are told, in dB of single texels.
 const RANK_DB: f64 = 40.0;
 /// Bytes of a number of a rival: rounding is not held against them.
 const BYTES: f64 = 2.0;
-const KERNEL: Method = Method::KERNEL;
+const NAMES: [&str; 4] = ["ours, packed", "`svd`, packed", "`svd` in 16-bit numbers", "`kernel` in 16-bit numbers"];
+/// A rank that changes by no more than this factor is called constant.
+const CONSTANT: f64 = 1.25;
 
-/// (dense in single precision over bytes, PSNR in dB).
-type Curve = Vec<[f64; 2]>;
+/// Dense in single precision over bytes, and PSNR in dB with each seed.
+type Curve = Vec<(f64, Repeats)>;
 
 /// What is known of one number of texels.
 #[derive(Serialize, Deserialize)]
 struct Resolution {
     side: usize,
-    /// Of ours, of `svd` and of the transform.
-    curves: Vec<Curve>,
+    /// In the order of [`NAMES`].
+    curves: [Curve; NAMES.len()],
     /// Mean rank of the blocks: the least for the error that is told, and that of ours.
     ranks: [f64; 2],
 }
@@ -55,48 +57,81 @@ pub(super) fn write(desk: &Desk) -> Result<String> {
     }
     found.reverse();
     let exact: Vec<[f64; 2]> = desk.part("paper", "ranks-exact", || exact_ranks(desk, finest))?;
-    let names = ["ours, packed", "`svd` in 16-bit numbers", "`kernel` in 16-bit numbers"];
     let (mut panels, mut rows, mut ranks) = (Vec::new(), String::new(), String::new());
     for (Resolution { side, curves, ranks: [least, ours] }, [least_exact, ours_exact]) in found.iter().zip(&exact) {
         ranks += &format!("| {side} × {side} | {least_exact:.1} | {ours_exact:.1} | {least:.1} | {ours:.1} |\n");
-        for (name, curve) in names.iter().zip(curves) {
-            let words: Vec<String> = curve.iter().map(|[ratio, db]| format!("{ratio:.0}× {db:.1}")).collect();
-            if !words.is_empty() {
-                rows += &format!("| {side} × {side} | {name} | {} |\n", words.join(" | "));
-            }
+        for (name, curve) in NAMES.iter().zip(curves).filter(|(_, curve)| !curve.is_empty()) {
+            let words: Vec<String> = curve.iter().map(|(ratio, db)| format!("{ratio:.0}× {}", told(db))).collect();
+            rows += &format!("| {side} × {side} | {name} | {} |\n", words.join(" | "));
         }
-        let series = names.iter().zip(curves).filter(|(_, curve)| !curve.is_empty()).map(|(name, curve)| Series {
-            name: name.replace('`', ""),
-            points: curve.clone(),
-            is_joined: true,
-        });
-        let panel = Panel {
-            title: format!("{side} × {side} texels"),
-            x: Axis { label: "dense / bytes", scale: Scale::Log },
-            y: Axis { label: "PSNR, dB", scale: Scale::Linear },
-            series: series.collect(),
-        };
-        panels.extend(Some(panel).filter(|panel| !panel.series.is_empty()));
+        panels.extend(Some(panel(*side, curves)).filter(|panel| !panel.series.is_empty()));
     }
     let film = sampling(desk, spp).film;
     Ok(format!(
         "\n### Ratios\n\n\
          `diffuse`, {} × {} pixels under a panel of {finest} × {finest} texels of {} samples per pixel; coarser panels are its texels summed. Ratio of\n\
-         the dense matrix in single precision to the bytes, and PSNR against it: ours asked for {} dB of single texels and packed as a file has it;\n\
-         principal components (`svd`) and Nyström's method after a transform (`kernel`) at ranks {}, two bytes for each number.\n{}\n\
-         | texels | method | | | | | |\n|---|---|---|---|---|---|---|\n{rows}\n\
+         the dense matrix in single precision to the bytes, and PSNR in dB against it: ours asked for {} dB of single texels and packed as a file has it;\n\
+         principal components (`svd`) with a rank for each block for the same tolerances, packed alike but for dark blocks, which ours holds to less; then at ranks {}, as Nyström's method after a transform\n\
+         (`kernel`), two bytes for each number.\n{}\n\
+         | texels | method |{}\n|---|---|{}\n{rows}\n\
          ### Rank against texels\n\n\
          Mean rank of blocks of 16 × 16 pixels for {RANK_DB} dB of single texels, the least there is and that of ours. First of a matrix without noise: the floor, wall\n\
          and balls of the section Targets. Then of `diffuse` as sampled: the least for the mean of both halves, whose noise counts as something to be kept, and\n\
          ours, which is told both halves and keeps what they agree about.\n\n\
-         | texels | without noise: least | ours | `diffuse`: least | ours |\n|---|---|---|---|---|\n{ranks}",
+         | texels | without noise: least | ours | `diffuse`: least | ours |\n|---|---|---|---|---|\n{ranks}\n{}\n",
         film.width,
         film.height,
         2 * spp,
         TOLERANCES_DB.map(|db| db.to_string()).join(", "),
         RANKS.map(|rank| rank.to_string()).join(", "),
         desk.plot("paper-ratios", "PSNR against the ratio of compression, by number of texels", &panels)?,
+        " |".repeat(TOLERANCES_DB.len()),
+        "---|".repeat(TOLERANCES_DB.len()),
+        is_it_constant(&found, &exact),
     ))
+}
+
+/// Curves of a number of texels; those that were not measured are left out.
+fn panel(side: usize, curves: &[Curve; NAMES.len()]) -> Panel {
+    let series = NAMES.iter().zip(curves).filter(|(_, curve)| !curve.is_empty()).map(|(name, curve)| Series {
+        name: name.replace('`', ""),
+        points: curve.iter().filter_map(|(ratio, db)| Some([*ratio, middle(db)?])).collect(),
+        is_joined: true,
+    });
+    Panel {
+        title: format!("{side} × {side} texels"),
+        x: Axis { label: "dense / bytes", scale: Scale::Log },
+        y: Axis { label: "PSNR, dB", scale: Scale::Linear },
+        series: series.collect(),
+    }
+}
+
+/// The paper's question about the rank, answered by the coarsest panel and the finest.
+fn is_it_constant(found: &[Resolution], exact: &[[f64; 2]]) -> String {
+    let ends = found.first().zip(found.last()).zip(exact.first().zip(exact.last()));
+    let Some(((coarse, fine), (coarse_exact, fine_exact))) = ends else { return String::new() };
+    let growth = |of_coarse: f64, of_fine: f64| of_fine / of_coarse;
+    let exact = [0, 1].map(|which| growth(coarse_exact[which], fine_exact[which]));
+    let sampled = [0, 1].map(|which| growth(coarse.ranks[which], fine.ranks[which]));
+    format!(
+        "Is it constant, as the paper says? From {0} × {0} to {1} × {1} texels, {2} times as many, the least rank without noise {3}, ours {4}; \
+         of `diffuse` as sampled the least, which holds the noise, {5}, and ours {6}. Constant is what changes by no more than a factor of {CONSTANT}.",
+        coarse.side,
+        fine.side,
+        (fine.side / coarse.side).pow(2),
+        growth_words(exact[0]),
+        growth_words(exact[1]),
+        growth_words(sampled[0]),
+        growth_words(sampled[1]),
+    )
+}
+
+fn growth_words(factor: f64) -> String {
+    match factor {
+        factor if (1.0 / CONSTANT..=CONSTANT).contains(&factor) => format!("is constant ({factor:.2} times)"),
+        factor if factor > 1.0 => format!("is not constant, it grows {factor:.1} times"),
+        factor => format!("is not constant, it shrinks to {factor:.2} times"),
+    }
 }
 
 fn summed(mut picture: Picture, side: usize) -> Picture {
@@ -111,29 +146,43 @@ fn resolution(desk: &Desk, halves: [Picture; 2], least_of_curves: usize) -> Resu
     let side = halves[0].n_cols.isqrt();
     desk.say(&format!("ratios and ranks of {side} × {side} texels"));
     let mean = || own::mean_and_noise(&halves).0;
-    let mut curves = vec![Curve::new(); 3];
+    let mut curves = [const { Curve::new() }; NAMES.len()];
     if side >= least_of_curves {
-        let subject = Subject::new(mean(), None);
-        for tolerance in TOLERANCES_DB {
-            let coded = subject.coded(Method::Projected, tolerance)?;
-            curves[0].push([coded.ratio, psnr_db(&subject.truth, &subject.truth.unpacked(&coded.matrix))]);
-        }
-        let blocks = subject.truth.blocks::<f32>(1);
-        let best = blocks.par_iter().map(|block| approximate(Method::Svd, block, RANKS[RANKS.len() - 1], SEED));
-        let best = best.collect::<Result<Vec<_>, _>>()?;
-        for rank in RANKS {
-            let (found, n_values) = leading(&subject.truth, &best, rank)?;
-            curves[1].push(point(&subject.truth, &found, n_values));
-            // What has no answer is no point of the curve.
-            if let Ok((found, n_values)) = approximated(&subject.truth, &blocks, KERNEL, rank) {
-                curves[2].push(point(&subject.truth, &found, n_values));
-            }
-        }
+        curves = all_curves(desk, mean())?;
     }
     let subject = Subject::new(mean(), Some(halves));
     let least = subject.spectrum.least_mean_rank(10f64.powf(-RANK_DB / 10.0));
     let ours = subject.coded(Method::Projected, RANK_DB)?.mean_rank;
     Ok(Resolution { side, curves, ranks: [least, ours] })
+}
+
+/// Every method at each of its tolerances or ranks.
+fn all_curves(desk: &Desk, picture: Picture) -> Result<[Curve; NAMES.len()]> {
+    let mut curves = [const { Curve::new() }; NAMES.len()];
+    let subject = Subject::new(picture, None);
+    let (truth, blocks) = (&subject.truth, subject.truth.blocks::<f32>(1));
+    let dense_bytes = size_of_val(&truth.values[..]) as f64;
+    let components = Components::new(&blocks)?;
+    for tolerance in TOLERANCES_DB {
+        let coded = subject.coded(Method::Projected, tolerance)?;
+        curves[0].push((coded.ratio, Some(vec![psnr_db(truth, &truth.unpacked(&coded.matrix))])));
+        let (bytes, matrix) = components.packed(truth, 10f64.powf(-tolerance / 10.0))?;
+        curves[1].push((dense_bytes / bytes as f64, Some(vec![psnr_db(truth, &truth.unpacked(&matrix))])));
+    }
+    for rank in RANKS {
+        let ratio = |n_values: usize| dense_bytes / (BYTES * n_values as f64);
+        let (found, n_values) = components.leading(truth, rank)?;
+        curves[2].push((ratio(n_values), Some(vec![psnr_db(truth, &found)])));
+        let mut of_kernel = f64::NAN;
+        let found = repeated(desk, Method::KERNEL, |seed| {
+            let (found, n_values) = approximated(truth, &blocks, Method::KERNEL, (rank, seed)).ok()?;
+            of_kernel = ratio(n_values);
+            Some(psnr_db(truth, &found))
+        });
+        // What has no answer is no point of the curve.
+        curves[3].extend(found.map(|db| (of_kernel, Some(db))));
+    }
+    Ok(curves)
 }
 
 /// Mean ranks of a matrix without noise, the least and ours, of panels from 8 × 8 texels to `finest`.
@@ -158,18 +207,22 @@ fn exact_ranks(desk: &Desk, finest: usize) -> Result<Vec<[f64; 2]>> {
     Ok(found)
 }
 
-fn point(truth: &Picture, found: &Picture, n_values: usize) -> [f64; 2] {
-    [4.0 * truth.values.len() as f64 / (BYTES * n_values as f64), psnr_db(truth, found)]
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// The leading components of decomposed blocks: of lower rank they are the same, but fewer.
-fn leading(picture: &Picture, found: &[Approximation<f32>], rank: usize) -> Result<(Picture, usize)> {
-    let (mut dense, mut n_values) = (Vec::new(), 0);
-    for found in found {
-        let (left, right) = found.factors().context("components are factors")?;
-        let rank = rank.min(left.ncols());
-        dense.push(left.columns(0, rank) * right.rows(0, rank));
-        n_values += rank * (left.nrows() + right.ncols());
+    #[test]
+    fn a_rank_is_constant_only_if_it_hardly_changes() {
+        let resolution = |side, ranks| Resolution { side, curves: [const { Curve::new() }; NAMES.len()], ranks };
+        let found = [resolution(8, [50.0, 6.0]), resolution(16, [200.0, 7.0]), resolution(64, [500.0, 3.0])];
+        let words = is_it_constant(&found, &[[10.0, 12.0], [11.0, 20.0], [12.0, 36.0]]);
+        assert!(words.contains("From 8 × 8 to 64 × 64 texels, 64 times as many"), "{words}");
+        assert!(words.contains(
+            "the least rank without noise is constant (1.20 times), ours is not constant, it grows 3.0 times;"
+        ));
+        assert!(words.contains(
+            "which holds the noise, is not constant, it grows 10.0 times, and ours is not constant, it shrinks to 0.50"
+        ));
+        assert_eq!(is_it_constant(&[], &[]), "");
     }
-    Ok((picture.with_blocks(&dense), n_values))
 }

@@ -2,6 +2,7 @@
 
 use clerestory_nystrom::BlockLowRank;
 use clerestory_nystrom::rivals::DMatrix;
+use rayon::prelude::*;
 
 use crate::methods::dense::{CHANNELS, Picture, TILE};
 
@@ -95,7 +96,7 @@ impl Spectrum {
             let gram = if rows.nrows() < rows.ncols() { &rows * rows.transpose() } else { rows.tr_mul(&rows) };
             gram.symmetric_eigenvalues().iter().map(|energy| energy.max(0.0)).collect::<Vec<_>>()
         };
-        let mut energies: Vec<f64> = (0..partition.n_blocks()).flat_map(of_block).collect();
+        let mut energies: Vec<f64> = (0..partition.n_blocks()).into_par_iter().flat_map_iter(of_block).collect();
         energies.sort_by(f64::total_cmp);
         Spectrum { energies, n_blocks: partition.n_blocks(), n_entries: truth.values.len() as f64 }
     }

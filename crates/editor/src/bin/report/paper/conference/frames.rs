@@ -1,0 +1,165 @@
+//! Frames of one room by every way in turn: ours on the CPU and on each device, and the full matrix.
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use clerestory::compare::compare;
+use clerestory_relight::bandwidth::ReadProbe;
+use clerestory_relight::{CpuRelighter, DeviceChoice, DisplayParams, Frame, Gpu, GpuRelighter, Radiance, Relight};
+use clerestory_transport::bake::Bake;
+use clerestory_transport::basis::LightBasis;
+use clerestory_transport::light::LightRig;
+
+use crate::desk::Desk;
+use crate::fit::{digits, median, spread_words};
+use crate::lamps::tables::Goal;
+use crate::methods::planes::Planes;
+
+/// What the paper reached on a laptop's GPU of its day, milliseconds.
+const PAPER: Goal = Goal::Most(1000.0);
+/// Bytes of a pixel's radiance.
+const RADIANCE_BYTES: usize = 12;
+/// PSNR of a picture that does not differ.
+const BEST_DB: f64 = 120.0;
+
+/// What makes the frames.
+pub(super) struct Racers<'a> {
+    pub basis: &'a LightBasis,
+    pub bake: &'a Bake,
+    pub frame: Frame,
+    pub dense: &'a Planes,
+}
+
+/// What was measured, and the last frame of ours and of the full matrix.
+pub(super) struct Frames {
+    pub table: String,
+    /// Mean PSNR of ours against the full matrix, dB.
+    pub psnr_db: f64,
+    pub shown: Radiance,
+    pub full: Radiance,
+}
+
+/// A way, the milliseconds of its frames, and the bytes that each one moves where they are known.
+struct Way {
+    name: String,
+    millis: Vec<f64>,
+    n_bytes: Option<usize>,
+}
+
+impl Racers<'_> {
+    /// Every way in turn with every rig but the first, which all get ready with.
+    ///
+    /// # Errors
+    /// If a frame cannot be relit.
+    pub(super) fn race(&self, desk: &Desk, rigs: &[LightRig]) -> Result<Frames> {
+        let (first, rigs) = rigs.split_first().context("there are frames")?;
+        desk.say("relighting it");
+        let (mut shown, mut full) = (Radiance::default(), Radiance::default());
+        let mut cpu = CpuRelighter::new(&self.frame)?;
+        let mut ours = |rig: &LightRig, shown: &mut Radiance| {
+            let millis = millis(|| Ok(cpu.relight(&self.bake.header.coefficients(rig), shown)?))?;
+            Ok::<_, anyhow::Error>((millis, cpu.stats().n_bytes as usize))
+        };
+        let dense = |rig: &LightRig, full: &mut Radiance| {
+            millis(|| {
+                self.dense.relight(&self.basis.project(rig), full);
+                Ok(())
+            })
+        };
+        let all = Gpu::all_headless(DeviceChoice::Any);
+        let mut devices = all.iter().map(|gpu| GpuRelighter::new(gpu, &self.frame)).collect::<Result<Vec<_>, _>>()?;
+        let display = DisplayParams::default();
+        let mut on_device = |nth: usize, rig: &LightRig| {
+            millis(|| {
+                devices[nth].relight_to_texture(&self.bake.header.coefficients(rig), &display)?;
+                Ok(all[nth].wait()?)
+            })
+        };
+        ours(first, &mut shown)?;
+        dense(first, &mut full)?;
+        (0..all.len()).try_for_each(|nth| on_device(nth, first).map(drop))?;
+
+        let named = |name: String| Way { name, millis: Vec::new(), n_bytes: None };
+        let mut ways = vec![named("ours on the CPU".into()), named("full matrix on the CPU".into())];
+        ways.extend(all.iter().map(|gpu| named(format!("ours on {}", gpu.description()))));
+        let probe = ReadProbe::new(desk.choose(64 << 20, 1 << 30));
+        let (mut memory, mut psnr_db, n_written) =
+            (0f64, 0.0, RADIANCE_BYTES * (self.frame.width * self.frame.height) as usize);
+        for rig in rigs {
+            let (millis, n_read) = ours(rig, &mut shown)?;
+            ways[0].millis.push(millis);
+            ways[0].n_bytes = Some(n_read + n_written);
+            ways[1].millis.push(dense(rig, &mut full)?);
+            memory = memory.max(probe.bytes_per_sec(u64::MAX));
+            psnr_db += compare(&shown, &full)?.psnr_db.unwrap_or(BEST_DB) / rigs.len() as f64;
+            (0..all.len()).try_for_each(|nth| on_device(nth, rig).map(|millis| ways[2 + nth].millis.push(millis)))?;
+        }
+        ways[1].n_bytes = Some(self.dense.n_bytes() + n_written);
+        Ok(Frames { table: table(&ways, memory), psnr_db, shown, full })
+    }
+}
+
+fn millis(work: impl FnOnce() -> Result<()>) -> Result<f64> {
+    let begun = Instant::now();
+    work()?;
+    Ok(1e3 * begun.elapsed().as_secs_f64())
+}
+
+/// All ways, and what their bytes and times say of each other.
+fn table(ways: &[Way], memory: f64) -> String {
+    let row = |way: &Way| {
+        let millis = median(&way.millis).unwrap_or(f64::NAN);
+        let [megabytes, rate] = way.n_bytes.map_or(["—".into(), "—".into()], |n_bytes| {
+            [format!("{:.0}", n_bytes as f64 / 1e6), format!("{:.1}", n_bytes as f64 / 1e6 / millis)]
+        });
+        let words = spread_words(way.millis.clone());
+        format!("| {} | {words} | {megabytes} | {rate} | {} |\n", way.name, PAPER.word(millis))
+    };
+    format!(
+        "Milliseconds by the clock, median (least…greatest); megabytes that must move: factors as ours keeps them in memory, or the full matrix in single precision, laid out by columns\n\
+         so that it is read at the speed of memory, and the radiance that is written. Memory was read at {:.1} GB/s at best in the same turns. {}\n\
+         The paper tells less than a second on the GPU of a laptop of its day.\n\n\
+         | what | ms per frame | MB | GB/s | under 1 s, as the paper |\n|---|---|---|---|---|\n{}",
+        memory / 1e9,
+        beside(ways),
+        ways.iter().map(row).collect::<String>(),
+    )
+}
+
+/// Ours beside the full matrix, the first two ways.
+fn beside(ways: &[Way]) -> String {
+    let [ours, full, ..] = ways else { return String::new() };
+    let ratio = |a: f64, b: f64| digits(a / b);
+    let (Some(of_ours), Some(of_full)) = (median(&ours.millis), median(&full.millis)) else { return String::new() };
+    let (Some(bytes), Some(all)) = (ours.n_bytes, full.n_bytes) else { return String::new() };
+    let times = if of_full >= of_ours {
+        format!("takes {} times as long", ratio(of_full, of_ours))
+    } else {
+        format!("is ahead of it: ours takes {} times as long", ratio(of_ours, of_full))
+    };
+    format!("The full matrix moves {} times the bytes of ours and {times}.", ratio(all as f64, bytes as f64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ways_are_told_with_their_bytes_and_beside_what_the_paper_reached() {
+        let way = |name: &str, millis: &[f64], n_bytes: Option<usize>| Way {
+            name: name.into(),
+            millis: millis.to_vec(),
+            n_bytes,
+        };
+        let ours = way("ours", &[2.0, 1.0, 3.0], Some(60_000_000));
+        let full = way("full", &[6.0, 5.0, 9.0], Some(180_000_000));
+        let slow = way("slow", &[1500.0, 1400.0, 1600.0], None);
+        let told = table(&[ours, full, slow], 64e9);
+        assert!(told.contains("read at 64.0 GB/s at best"), "{told}");
+        assert!(told.contains("moves 3.0 times the bytes of ours and takes 3.0 times as long"), "{told}");
+        assert!(told.contains("\n| ours | 2.0 (1.0…3.0) | 60 | 30.0 | kept |\n"), "{told}");
+        assert!(told.ends_with("\n| slow | 1500 (1400…1600) | — | — | missed |\n"), "{told}");
+        let ahead = beside(&[way("ours", &[6.0], Some(60)), way("full", &[3.0], Some(180))]);
+        assert!(ahead.ends_with("is ahead of it: ours takes 2.0 times as long."), "{ahead}");
+    }
+}
