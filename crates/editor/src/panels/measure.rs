@@ -258,8 +258,11 @@ fn work_plane_ui(ui: &mut Ui, plane: &mut Option<PlaneChoice>, view: &MeasureVie
         let label = ui.label("Spacing");
         let mut spacing = plane.spacing_m.unwrap_or(0.0);
         let words = |m: f64, _| if m > 0.0 { format!("{} m", number_words(m as f32)) } else { "EN 12464-1".into() };
-        let drag =
-            Number::new(&mut spacing).range(0.0..=*SPACING_M.end()).speed(0.01).words(words).read(|text| number_of(text, " m"));
+        let drag = Number::new(&mut spacing)
+            .range(0.0..=*SPACING_M.end())
+            .speed(0.01)
+            .words(words)
+            .read(|text| number_of(text, " m"));
         let hint = "Between points; at 0 it is as EN 12464-1 asks for the size of the floor";
         if ui.add(drag).labelled_by(label.id).on_hover_text(hint).changed() {
             plane.spacing_m = (spacing > 0.0).then_some(spacing.max(*SPACING_M.start() as f32));
