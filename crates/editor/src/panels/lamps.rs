@@ -324,7 +324,7 @@ fn turn_ui(ui: &mut Ui, name: &str, lamp: &mut FreeLamp) {
     }
     ui.label(RichText::new("Turn").weak());
     let mut degrees = lamp.turn_rad.to_degrees();
-    let number = DragValue::new(&mut degrees).range(-180.0..=180.0).speed(0.5).suffix("°").max_decimals(1);
+    let number = Number::new(&mut degrees).range(-180.0..=180.0).speed(0.5).suffix("°").max_decimals(1);
     let hint = "About the aim, clockwise as the lamp looks";
     if ui.add(number).on_hover_text(hint).accessible_name(format!("{name} turn")).changed() {
         lamp.turn_rad = degrees.to_radians();
