@@ -547,6 +547,13 @@ fn a_work_plane_is_part_of_the_look_with_undo_and_comes_back_with_it_and_with_it
     wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
     assert_eq!(window.state().look().scene.work_plane.as_ref(), Some(&plane), "it was kept for the scene");
     assert!(window.state().settings().work_plane.is_some_and(|plane| plane.floor.is_some()));
+    click(&mut window, "Measure");
+    click(&mut window, "Work plane");
+    let kept = Kept::by(&mut window);
+    drop(window);
+    let mut window = desk::open_again(&scene, kept);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(window.state().look().scene.work_plane, None, "what was taken away stays away");
     drop(window);
 
     let mut window = measured();

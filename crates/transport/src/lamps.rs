@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::light::LightSetting;
 
 pub(crate) use self::body::{Body, BodyPoint};
+pub use self::frame::half_turn;
 pub use self::light::Lamp;
 pub(crate) use self::light::Lit;
 pub use self::prepared::{LampError, PreparedLamps};

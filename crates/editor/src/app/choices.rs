@@ -29,6 +29,8 @@ pub(super) struct Choices {
     /// What the open scene could not be made: it is not tried again.
     failed: Option<(SceneChoice, Option<ChosenSky>)>,
     plane: Option<FoundPlane>,
+    /// The work plane of the look when it was last remembered, or taken from what is remembered, and of which scene.
+    remembered: Option<(Option<PathBuf>, Option<PlaneChoice>)>,
 }
 
 /// The work plane of a look in a scene.
@@ -41,7 +43,7 @@ struct FoundPlane {
 
 impl Choices {
     pub fn new(kept: KeptChoices) -> Choices {
-        Choices { kept, sky: None, before: None, failed: None, plane: None }
+        Choices { kept, sky: None, before: None, failed: None, plane: None, remembered: None }
     }
 }
 
@@ -270,6 +272,12 @@ impl App {
         for look in [&mut self.look, &mut self.saved_look] {
             look.scene = std::mem::take(&mut look.scene).or(&open);
         }
+        self.choices.remembered = self.open_place().map(|scene| (scene, self.look.scene.work_plane.clone()));
+    }
+
+    /// Where the open scene lies.
+    fn open_place(&self) -> Option<Option<PathBuf>> {
+        place(self.session.opened.as_ref()?.source.as_ref()?)
     }
 
     /// The scene was prepared again for what was chosen.
@@ -329,12 +337,24 @@ impl App {
             })
         });
         self.settings.work_plane = self.choices.plane.as_ref().and_then(|found| found.plane);
+        self.forget_work_plane();
     }
 
     /// The work plane of a bake that starts is remembered for its scene.
     pub(super) fn keep_work_plane(&mut self) {
         if let Some(source) = self.session.opened.as_ref().and_then(|opened| opened.source.as_ref()) {
             self.choices.kept.keep_plane(source, self.look.scene.work_plane.clone());
+        }
+        self.choices.remembered = self.open_place().map(|scene| (scene, self.look.scene.work_plane.clone()));
+    }
+
+    /// One that is taken away is not remembered either, so that it does not come back with the scene.
+    fn forget_work_plane(&mut self) {
+        let is_gone = |(scene, plane): &(Option<PathBuf>, Option<PlaneChoice>)| {
+            plane.is_some() && self.look.scene.work_plane.is_none() && self.open_place().as_ref() == Some(scene)
+        };
+        if self.choices.remembered.as_ref().is_some_and(is_gone) {
+            self.keep_work_plane();
         }
     }
 

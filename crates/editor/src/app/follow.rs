@@ -357,7 +357,7 @@ impl Asked {
 }
 
 /// Whether the light of lamps is that of the picture that is shown.
-fn is_as_large(light: &LampLight, shown: &Shown) -> bool {
+pub(super) fn is_as_large(light: &LampLight, shown: &Shown) -> bool {
     (light.direct.width, light.direct.height) == (shown.header.width, shown.header.height)
 }
 

@@ -9,6 +9,7 @@ use clerestory_transport::light::LightRig;
 use eframe::egui::{self, Context, Panel, TextureHandle, TextureId, TextureOptions, Ui, Vec2};
 
 use super::App;
+use super::follow::is_as_large;
 use crate::export::ExportOptions;
 use crate::export::layers::LayerSet;
 use crate::look::Look;
@@ -19,7 +20,7 @@ use crate::panels::looks::{LooksView, looks_ui};
 use crate::sequence::{Pattern, Sequence};
 use crate::session::lamps::LampLight;
 use crate::session::prints::{Lit, PrintOrder, Printer, Slot};
-use crate::session::{Session, Wake};
+use crate::session::{Session, Shown, Wake};
 use crate::stills::{Size, Subject};
 use crate::viewport::compare::{Compared, Way};
 use crate::words::in_words;
@@ -66,9 +67,11 @@ impl Prints {
         self.textures.get(slot).map(|texture| (texture.id(), texture.size_vec2()))
     }
 
-    /// What the side of a comparison is lit by, and the light of its free lamps.
-    pub fn light(&self, slot: &Slot) -> Option<(&LightRig, Option<&LampLight>)> {
-        self.lit.get(slot).map(|lit| (&lit.rig, lit.lamps.as_ref()))
+    /// What the side of a comparison is lit by, and the light of its free lamps, if they were lit for the bake that is shown.
+    pub fn light(&self, slot: &Slot, shown: &Shown) -> Option<(&LightRig, Option<&LampLight>)> {
+        let lit = self.lit.get(slot)?;
+        let is_of_it = lit.lamps.as_ref().is_none_or(|light| is_as_large(light, shown));
+        is_of_it.then_some((&lit.rig, lit.lamps.as_ref()))
     }
 
     /// Number of pictures that were made since the window opened.

@@ -48,7 +48,7 @@ impl Prober {
                 let (rig, light) = match sides.map(|sides| &sides[idx]) {
                     None if idx > 0 => return None,
                     None | Some(Side::Present) => (follower.rig()?, follower.shown_lamp_light(shown)),
-                    Some(Side::Snapshot(_)) => prints.light(&Slot::Side(idx))?,
+                    Some(Side::Snapshot(_)) => prints.light(&Slot::Side(idx), shown)?,
                 };
                 Some(readings(shown, rig, light, probes))
             };

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, anyhow, bail};
 use clerestory_transport::import::read_profile;
-use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit};
+use clerestory_transport::lamps::{FreeLamp, LampShape, LampUnit, half_turn};
 use glam::Vec3;
 use serde_json::{Map, Value};
 
@@ -128,7 +128,7 @@ impl Reader<'_> {
             strength: strength.ok_or_else(|| self.lacks("strength"))?,
             unit: unit.unwrap_or(shape.units()[0]),
             setting: self.setting_members(object)?,
-            turn_rad: turn.unwrap_or(0.0),
+            turn_rad: turn.map_or(0.0, half_turn),
             replaces: self.optional(object, "replaces", |r, v| r.text(v))?,
             shape,
         }))
@@ -284,6 +284,8 @@ mod tests {
         assert!(json.contains("\"outer_deg\": 20.0,"), "{json}");
         assert_eq!(json.matches("\"turn_deg\": -90.0,").count(), json.matches("turn_deg").count(), "{json}");
         assert!(json.contains("turn_deg"), "{json}");
+        let beyond = Look::from_json(&json.replace("-90.0,", "270.0,")).unwrap().0.lights.lamps;
+        assert!(beyond.iter().zip(all()).all(|(lamp, own)| (lamp.turn_rad - own.turn_rad).abs() < 1e-5), "{beyond:?}");
         assert_eq!(json.matches("\"aim\"").count(), 6, "only what can be aimed has an aim: {json}");
     }
 

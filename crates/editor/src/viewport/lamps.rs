@@ -111,7 +111,7 @@ fn aim_by_click(
         if picture.clicked_by(PointerButton::Primary)
             && let Some(surface) = sight.surface(at)
         {
-            lamp.aim = surface.position;
+            lamp.point(lamp.position, surface.position);
             state.aiming = false;
             return true;
         }

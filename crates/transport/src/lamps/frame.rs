@@ -32,7 +32,7 @@ impl FreeLamp {
         }
         let sine = [before[2], self.frame()[2]].map(|ahead| ahead.x.hypot(ahead.z)).into_iter().fold(1.0, f32::min);
         let keeps_frame = ((STEEP[1] - sine) / (STEEP[1] - STEEP[0])).clamp(0.0, 1.0);
-        self.turn_rad = wrapped(self.turn_rad + keeps_frame * wrapped(self.turn_of(&before) - self.turn_rad));
+        self.turn_rad = half_turn(self.turn_rad + keeps_frame * half_turn(self.turn_of(&before) - self.turn_rad));
     }
 
     /// The turn of a lamp between two others, from the first at 0 to the second at 1: while its aim moves, it turns evenly.
@@ -41,7 +41,7 @@ impl FreeLamp {
             return first.turn_rad;
         }
         let [from, to] = [first, second].map(|lamp| self.turn_of(&lamp.frame()));
-        wrapped(from + share * wrapped(to - from))
+        half_turn(from + share * half_turn(to - from))
     }
 
     /// Right, up and ahead, unit vectors: level to the right where it can be. A lamp that aims at itself looks down.
@@ -60,8 +60,8 @@ impl FreeLamp {
     }
 }
 
-/// The same angle from −π to π.
-fn wrapped(angle: f32) -> f32 {
+/// The same turn within half a turn of none, radians.
+pub fn half_turn(angle: f32) -> f32 {
     if angle.abs() <= PI { angle } else { (angle + PI).rem_euclid(TAU) - PI }
 }
 
