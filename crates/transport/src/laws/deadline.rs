@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3;
 
 use super::stage::{Stage, lambert, room};
-use crate::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Passes};
+use crate::bake::{Bake, BakeConfig, BakeError, BakeEvent, BakeJob, Indirect, Passes};
 use crate::camera::{Camera, Film};
 use crate::irradiance::IrradianceRows;
 
@@ -46,12 +46,27 @@ fn a_bake_whose_time_is_up_keeps_what_it_has() {
         ControlFlow::Continue(())
     });
     let late = late.expect("the job is valid").expect("nobody stops it");
-    // The preview: the time is seen to be up before the next pass has a block.
-    assert_eq!(blocks_of_pass, [12, 0]);
+    // The preview, and the one block of the next pass at which the time was seen to be up.
+    assert_eq!(blocks_of_pass, [12, 1]);
     assert!(late.groups[0].blocks.iter().all(Option::is_some));
     assert!(late.header.sharing_bias.is_some_and(f32::is_finite), "light of a preview is shared");
     assert!(late.figures().error_db.total.is_finite());
     assert!(baked(Passes::FinalOnly).header.grounds.is_some() && late.header.grounds.is_none());
+}
+
+#[test]
+fn a_bake_whose_time_is_up_follows_no_walks_for_the_next_pass() {
+    let job = job(Passes::Until(Instant::now()));
+    let config = BakeConfig { indirect: Indirect::Shared, ..job.config.clone() };
+    let mut blocks_of_pass = [0, 0];
+    let late = BakeJob { config, ..job }.run(|event| {
+        if let BakeEvent::BlockDone { pass, .. } = event {
+            blocks_of_pass[pass as usize] += 1;
+        }
+        ControlFlow::Continue(())
+    });
+    assert!(late.expect("the job is valid").expect("nobody stops it").figures().error_db.total.is_finite());
+    assert_eq!(blocks_of_pass, [12, 0]);
 }
 
 #[test]
