@@ -228,10 +228,8 @@ fn table(scenes: &[(Subject, Measured)], class: usize) -> String {
 /// Which of several certainly takes the fewest seconds, given the least and the greatest that each can take.
 fn soonest<const N: usize>(secs: [Option<[f64; 2]>; N]) -> Option<usize> {
     let is_first = |&nth: &usize| {
-        let others = secs.iter().enumerate().filter(|(other, _)| *other != nth);
-        secs[nth].is_some_and(|[_, most]| {
-            others.filter_map(|(_, secs)| *secs).all(|[least, _]| most <= least && most.is_finite())
-        })
+        let mut others = secs.iter().enumerate().filter(|(other, _)| *other != nth).filter_map(|(_, secs)| *secs);
+        secs[nth].is_some_and(|[_, most]| most.is_finite() && others.all(|[least, _]| most <= least))
     };
     (0..N).find(is_first)
 }
