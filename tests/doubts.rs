@@ -3,6 +3,7 @@
 use clerestory_transport::import;
 use clerestory_transport::prepared::PreparedScene;
 use glam::Vec3;
+use serde_json::json;
 
 use crate::support::{SceneFile, Shape};
 
@@ -52,9 +53,12 @@ fn a_camera_behind_a_wall_is_told_that_it_looks_at_its_back() {
     let words = told(&behind).unwrap();
     assert!(words.starts_with("the camera `front` looks at the back of `wall`"), "{words}");
     assert_eq!(told(&stage(Vec3::ZERO).surface("wall", &wall.clone(), matte.clone())), None);
-    let mut both = matte;
+    let (mut both, mut unlit) = (matte.clone(), matte);
     both["doubleSided"] = true.into();
-    assert_eq!(told(&stage(Vec3::ZERO).surface("wall", &wall.turned(), both)), None);
+    unlit["extensions"] = json!({"KHR_materials_unlit": {}});
+    for material in [both, unlit] {
+        assert_eq!(told(&stage(Vec3::ZERO).surface("wall", &wall.clone().turned(), material)), None);
+    }
 }
 
 #[test]

@@ -25,7 +25,9 @@ impl PreparedScene {
             let ray = Ray { origin: camera.position(), direction, t_min: 0.0, t_max: f32::INFINITY };
             let Some(hit) = self.closest_seen(&ray, &mut Sampler::new(0, u64::from(nth), 0)) else { continue };
             let material = self.material(hit.triangle);
-            if hit.normal.dot(direction) > 0.0 && !material.double_sided && material.transmission <= 0.0 {
+            // Unlit surfaces are seen from both sides and stop no light.
+            let is_wall = !material.double_sided && material.transmission <= 0.0 && !material.unlit;
+            if is_wall && hit.normal.dot(direction) > 0.0 {
                 *nodes.entry(self.scene.mesh.triangle_node[hit.triangle as usize]).or_default() += 1;
             }
         }

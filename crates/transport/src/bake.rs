@@ -35,7 +35,7 @@ use thiserror::Error;
 
 use self::patches::PatchBlocks;
 use crate::archive::ArchiveError;
-use crate::basis::{ColumnKind, LightBasis};
+use crate::basis::{ColumnKind, LightBasis, LightSource};
 use crate::cache::CachePlan;
 use crate::camera::{Camera, Film};
 use crate::emitters::LightingError;
@@ -478,7 +478,8 @@ impl BakeJob {
         on_event: impl FnMut(BakeEvent) -> ControlFlow<()> + Send,
     ) -> Result<Option<Bake>, BakeError> {
         // Blocks that have other columns are of no use: they took some over from a bake that is gone.
-        let begun = begun.filter(|begun| begun.header.basis.sources == self.scene.lighting.basis.sources);
+        let own = &self.scene.lighting.basis.sources;
+        let begun = begun.filter(|begun| LightSource::are_alike(&begun.header.basis.sources, own));
         let HalfDone { header, blocks } = match begun {
             Some(begun) => begun,
             None => match self.header_toward(focus)? {

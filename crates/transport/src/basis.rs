@@ -121,6 +121,18 @@ pub struct LightSource {
     pub origin: LightOrigin,
 }
 
+impl LightSource {
+    /// Whether lights are the same. How bright unlit surfaces are is reckoned from the light of the file, on another machine maybe with
+    /// other rounding: that counts for nothing.
+    pub fn are_alike(a: &[LightSource], b: &[LightSource]) -> bool {
+        let is_alike = |(a, b): (&LightSource, &LightSource)| match a.kind {
+            SourceKind::Constant => LightSource { strength: b.strength, ..a.clone() } == *b,
+            _ => a == b,
+        };
+        a.len() == b.len() && a.iter().zip(b).all(is_alike)
+    }
+}
+
 /// Why an entry of a rig changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Unheeded {
@@ -182,6 +194,12 @@ impl LightBasis {
             }
         }
         LightBasis { sources, groups, ..LightBasis::default() }
+    }
+
+    /// Whether columns and lights are the same, see [`LightSource::are_alike`].
+    pub(crate) fn is_alike(&self, other: &LightBasis) -> bool {
+        LightSource::are_alike(&self.sources, &other.sources)
+            && *other == LightBasis { sources: other.sources.clone(), ..self.clone() }
     }
 
     /// Number of columns.

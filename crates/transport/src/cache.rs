@@ -8,6 +8,8 @@
 mod cells;
 mod solve;
 
+use std::ops::ControlFlow;
+
 use clerestory_nystrom::Half;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -48,8 +50,14 @@ const CELLS: [usize; 2] = [512, 6144];
 const STREAM: u64 = 3 << 61;
 
 impl LightCache {
-    /// Fills a cache with what walks from the given places meet.
-    pub(crate) fn fill(matrix: &TransportMatrix<'_>, places: &[Place], plan: CachePlan) -> LightCache {
+    /// Fills a cache with what walks from the given places meet; `None` if `on_part` says stop.
+    pub(crate) fn fill(
+        matrix: &TransportMatrix<'_>,
+        places: &[Place],
+        plan: CachePlan,
+        mut on_part: impl FnMut() -> ControlFlow<()>,
+    ) -> Option<LightCache> {
+        let mut go_on = || on_part().is_continue().then_some(());
         let n_cols = matrix.column_scale().len();
         let affordable = (MOST_BYTES / (2 * CHANNELS * n_cols * 4)).min(CELLS[1]);
         let most = (places.len() / plan.places_per_cell).min(affordable).max(CELLS[0]);
@@ -58,11 +66,15 @@ impl LightCache {
         for generation in 1..=u64::from(GENERATIONS) {
             let first_new = cells.add(&found, 2 * most);
             let new: Vec<Place> = cells.places().skip(first_new).collect();
+            go_on()?;
             found = scout(matrix, &new, STREAM + (generation << 32));
         }
         cells.add(&found, 2 * most);
-        let light = [Half::A, Half::B].map(|half| solve::light(matrix, &cells, half, plan));
-        LightCache { cells, n_cols, light }
+        go_on()?;
+        let of_a = solve::light(matrix, &cells, Half::A, plan);
+        go_on()?;
+        let light = [of_a, solve::light(matrix, &cells, Half::B, plan)];
+        Some(LightCache { cells, n_cols, light })
     }
 
     /// Multiplies each column of the light by a factor of its own.

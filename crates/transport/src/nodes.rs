@@ -86,7 +86,10 @@ impl Nodes {
             })
             .collect();
         let places: Vec<Place> = hits.iter().copied().flatten().collect();
-        let cache = LightCache::fill(matrix, &places, plan.cache);
+        if on_part().is_break() {
+            return None;
+        }
+        let cache = LightCache::fill(matrix, &places, plan.cache, &mut on_part)?;
         let mut light = vec![0.0; n_nodes * node_len];
         let part = n_nodes.div_ceil(PARTS).max(1);
         for (nth, light) in light.chunks_mut(part * node_len).enumerate() {

@@ -48,6 +48,9 @@ pub struct Scene {
     pub muted_lamps: BTreeSet<u32>,
     /// The same of nodes whose surfaces are off.
     pub muted_surfaces: BTreeSet<u32>,
+    /// Materials, by index, whose map of what they emit is black all over. They are no light, and yet their nodes count where
+    /// repeats of a name are numbered.
+    pub dark_materials: BTreeSet<u32>,
     /// Images of the file that were not decoded, as nothing samples them.
     pub idle_images: u32,
     /// Bytes of their texels, of those whose size was at hand.

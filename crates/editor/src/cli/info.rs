@@ -10,11 +10,12 @@ use clerestory_transport::archive;
 use clerestory_transport::basis::{LightBasis, LightSource};
 use clerestory_transport::bsdf::{FurnaceLoss, furnace_loss};
 use clerestory_transport::camera::Film;
-use clerestory_transport::import::Choice;
+use clerestory_transport::emitters::Lighting;
+use clerestory_transport::import::{Choice, Imported};
 use clerestory_transport::lamps::FreeLamp;
 use clerestory_transport::light::LightRig;
 use clerestory_transport::prepared::PreparedScene;
-use clerestory_transport::scene::Material;
+use clerestory_transport::scene::{Material, Scene};
 use serde_json::{Value, json};
 
 use super::args::InfoArgs;
@@ -30,6 +31,10 @@ const TRANSPORT_MAGIC: &[u8] = b"CLERTRAN";
 
 /// First bytes of pictures: OpenEXR, PNG, JPEG, Radiance.
 const PICTURES: [&[u8]; 4] = [b"\x76\x2f\x31\x01", b"\x89PNG", b"\xff\xd8\xff", b"#?"];
+
+/// Most triangles of a scene that is prepared as for tracing, and most cameras that are looked through.
+const MOST_TRIANGLES: usize = 1_000_000;
+const MOST_CAMERAS: usize = 32;
 
 /// The kinds of file that this program knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,33 +98,22 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
     // In the answer they stand under `unsupported`.
     console.say_all(unsupported_words(&imported, path));
     console.warn_all(fault_words(&imported, path));
-    let (scene, report) = (&imported.scene, &imported.report);
-    // A light that cannot be made a column is a warning here: the file itself is what was asked about.
-    let of_file = || scene.cameras.iter().filter(|_| !report.made_camera);
-    let basis = match PreparedScene::new(scene.clone(), &[]) {
-        Ok((prepared, warnings)) => {
-            console.warn_all(warnings);
-            console.warn_all(of_file().filter_map(|camera| prepared.warn_of_backs(camera)));
-            prepared.lighting.basis
-        }
-        Err(error) => {
-            console.warn(&error.to_string());
-            LightBasis::default()
-        }
-    };
-    let sources = &basis.sources;
-    let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
-    let cameras: Vec<&str> = of_file().map(|camera| camera.name.as_str()).collect();
-    let sensors: Vec<&str> = scene.sensors.iter().map(|grid| grid.name.as_str()).collect();
+    let Imported { scene, report } = imported;
+    let n_cameras = if report.made_camera { 0 } else { scene.cameras.len() };
+    let cameras: Vec<String> = scene.cameras[..n_cameras].iter().map(|camera| camera.name.clone()).collect();
+    let sensors: Vec<String> = scene.sensors.iter().map(|grid| grid.name.clone()).collect();
     let caustic = scene.materials.iter().filter(|material| material.casts_caustics());
     let name = |material: &Material| match material.name.as_str() {
         "" => "a material without a name".to_owned(),
         name => name.to_owned(),
     };
     let caustic: Vec<String> = caustic.map(name).collect();
-    let furnace = furnace_loss(scene);
+    let furnace = furnace_loss(&scene);
     // Of the file: those without area are there, though no light meets them.
     let triangles = scene.mesh.triangles.len() + report.n_degenerate_triangles;
+    let basis = lights_of(scene, n_cameras, MOST_TRIANGLES, console);
+    let sources = &basis.sources;
+    let keys: Vec<&str> = sources.iter().map(|source| source.key.as_str()).collect();
     let json = json!({
         "triangles": triangles,
         "degenerate_triangles": report.n_degenerate_triangles,
@@ -153,6 +147,37 @@ fn scene(path: &Path, variant: Option<&str>, console: &mut Console) -> Result<An
         listed(&report.unsupported),
     );
     Ok(Answer { json, words })
+}
+
+/// The lights of a scene, and warnings of what in it would be dark or cut away. Of more triangles than so many only the lights are
+/// told: the rest takes all that tracing takes.
+fn lights_of(scene: Scene, n_cameras: usize, most_triangles: usize, console: &mut Console) -> LightBasis {
+    let lights = if scene.mesh.triangles.len() > most_triangles {
+        Lighting::new(&scene, &[]).map(|(lighting, mut warnings)| {
+            warnings.push(format!(
+                "of more than {most_triangles} triangles it is not looked for lamps that are closed in, for views of backs, nor for \
+                 how bright unlit surfaces are: `trace` and `bake` tell of that"
+            ));
+            (lighting.basis, warnings)
+        })
+    } else {
+        PreparedScene::new(scene, &[]).map(|(prepared, mut warnings)| {
+            let cameras = prepared.scene.cameras.iter().take(n_cameras.min(MOST_CAMERAS));
+            warnings.extend(cameras.filter_map(|camera| prepared.warn_of_backs(camera)));
+            (prepared.lighting.basis, warnings)
+        })
+    };
+    match lights {
+        Ok((basis, warnings)) => {
+            console.warn_all(warnings);
+            basis
+        }
+        // A light that cannot be made a column is a warning here: the file itself is what was asked about.
+        Err(error) => {
+            console.warn(&error.to_string());
+            LightBasis::default()
+        }
+    }
 }
 
 /// A line on what rough metals and glasses lose that ought to lose nothing.
@@ -295,4 +320,42 @@ fn look(path: &Path, console: &mut Console) -> Result<Answer> {
     let mut json: Value = serde_json::from_str(&look.to_json()).context("a look that was read can be written")?;
     merge(&mut json, json!({ "warnings": console.warnings() }));
     Ok(Answer { json, words })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use clerestory_transport::scene::{Mesh, SceneNode};
+    use glam::Vec3;
+
+    use super::*;
+    use crate::cli::interrupt::Interrupt;
+
+    #[test]
+    fn of_a_scene_with_too_many_triangles_the_lights_alone_are_told() {
+        let scene = Scene {
+            mesh: Mesh {
+                positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+                normals: vec![Vec3::Z; 3],
+                triangles: vec![[0, 1, 2]],
+                triangle_material: vec![0],
+                triangle_node: vec![0],
+                ..Mesh::default()
+            },
+            materials: vec![Material { emissive: Vec3::ONE, ..Material::default() }],
+            nodes: vec![SceneNode { name: Some("lamp".into()), ..SceneNode::default() }],
+            ..Scene::default()
+        };
+        let told = |most_triangles: usize| {
+            let (mut stdout, mut stderr) = (Vec::new(), Vec::new());
+            let mut console = Console::new(Instant::now(), &mut stdout, &mut stderr, Interrupt::never());
+            let basis = lights_of(scene.clone(), 0, most_triangles, &mut console);
+            (basis, console.warnings().to_vec())
+        };
+        let ((all, nothing), (lights, words)) = (told(1), told(0));
+        assert_eq!((all.sources.len(), nothing), (1, Vec::<String>::new()));
+        assert_eq!(lights, all);
+        assert!(words.len() == 1 && words[0].contains("more than 0 triangles"), "{words:?}");
+    }
 }

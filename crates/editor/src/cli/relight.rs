@@ -135,7 +135,8 @@ impl Target {
         }
         let Lit { radiance, relighter, relight_secs, coefficients } = lit;
         relighter.warn_of_refusal(console);
-        warn_of_black(&radiance, is_lit(coefficients.iter().flatten()) || !lamps.is_empty(), console);
+        let is_lit = is_lit(&bake.header.basis, coefficients.iter().flatten()) || !lamps.is_empty();
+        warn_of_black(&radiance, is_lit, console);
         let irradiance = irradiance.as_ref();
         let picture = Picture { radiance: &radiance, layers: &layers, irradiance, look };
         let shown = picture.write(self.place, self.format, &self.options)?;

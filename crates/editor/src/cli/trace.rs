@@ -63,7 +63,7 @@ pub(super) fn trace(args: &TraceArgs, console: &mut Console) -> Result<Answer> {
     let trace_secs = begun.elapsed().as_secs_f64();
 
     let radiance = Radiance { width: view.film.width, height: view.film.height, pixels };
-    warn_of_black(&radiance, is_lit(&coefficients), console);
+    warn_of_black(&radiance, is_lit(&view.scene.lighting.basis, &coefficients), console);
     let shown =
         Picture { radiance: &radiance, layers: &[], irradiance: None, look: &look }.write(place, format, &options)?;
     let output = args.output.display().to_string();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use clerestory_relight::Radiance;
-use clerestory_transport::basis::LightBasis;
+use clerestory_transport::basis::{ColumnGroup, ColumnKind, LightBasis};
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::emitters::{Lighting, LightingError, PanelRequest, SkyRequest};
 use clerestory_transport::import::{self, Choice, Imported};
@@ -220,9 +220,13 @@ pub(super) fn warn_of_black(radiance: &Radiance, is_lit: bool, console: &mut Con
     }
 }
 
-/// Whether any light of a basis is on.
-pub(super) fn is_lit<'a>(coefficients: impl IntoIterator<Item = &'a [f32; 3]>) -> bool {
-    coefficients.into_iter().flatten().any(|value| *value > 0.0)
+/// Whether any light of a basis is on, given one coefficient per column. Unlit surfaces are no light.
+pub(super) fn is_lit<'a>(basis: &LightBasis, coefficients: impl IntoIterator<Item = &'a [f32; 3]>) -> bool {
+    let is_light = |column: u32| {
+        let is_unlit = |group: &ColumnGroup| group.kind == ColumnKind::Constant && group.columns.contains(&column);
+        !basis.groups.iter().any(is_unlit)
+    };
+    (0..).zip(coefficients).any(|(column, rgb)| rgb.iter().any(|value| *value > 0.0) && is_light(column))
 }
 
 /// Runs `work` on the given number of threads.
@@ -238,9 +242,29 @@ pub(crate) fn on_threads<T: Send>(threads: Option<u16>, work: impl FnOnce() -> T
 
 #[cfg(test)]
 mod tests {
+    use clerestory_transport::basis::{LightSource, SourceKind};
+    use clerestory_transport::light::{LightRig, LightSetting};
+    use clerestory_transport::origin::LightOrigin;
     use glam::Vec3;
 
     use super::*;
+
+    #[test]
+    fn unlit_surfaces_are_no_light_that_is_on() {
+        let source = |key: &str, kind| LightSource {
+            key: key.into(),
+            kind,
+            columns: 0..1,
+            color: Vec3::ONE,
+            strength: 1.0,
+            origin: LightOrigin::default(),
+        };
+        let basis = LightBasis::new(vec![source("unlit", SourceKind::Constant), source("sky", SourceKind::Sky)]);
+        let mut rig = LightRig::default();
+        assert!(is_lit(&basis, &basis.project(&rig)));
+        rig.set("sky", LightSetting { muted: true, ..LightSetting::default() });
+        assert!(!is_lit(&basis, &basis.project(&rig)));
+    }
 
     #[test]
     fn a_camera_answers_to_its_name_before_its_number() {

@@ -33,6 +33,8 @@ enum Part {
     Sun,
     Accent,
     General,
+    /// Unlit surfaces: they light nothing, and shine as what there is of other light would make them.
+    Unlit,
 }
 
 /// Factor to the file, and color temperature; none keeps the file's color.
@@ -64,8 +66,7 @@ impl Preset {
     pub fn of(self, basis: &LightBasis, look: &Look) -> Snapshot {
         let (replaced, own): (Vec<&LightSource>, Vec<&LightSource>) =
             basis.sources.iter().partition(|source| look.lights.is_replaced(&source.key));
-        let parts = own.into_iter().filter_map(|source| Some((source, part(source)?)));
-        let parts: Vec<(&LightSource, Part)> = parts.collect();
+        let parts: Vec<(&LightSource, Part)> = own.into_iter().map(|source| (source, part(source))).collect();
         let lamps = look.lights.lamps.iter().map(|lamp| (lamp, lamp_part(lamp)));
         let lamps: Vec<(&FreeLamp, Part)> = lamps.collect();
         let all = || parts.iter().map(|(_, part)| *part).chain(lamps.iter().map(|(_, part)| *part));
@@ -80,7 +81,12 @@ impl Preset {
             rig.set(&source.key, LightSetting { muted: true, ..LightSetting::default() });
         }
         for (source, part) in &parts {
-            let setting = setting(self.level(*part, place, has_accents), source.color);
+            let mut setting = setting(self.level(*part, place, has_accents), source.color);
+            if *part == Part::Unlit {
+                // Whether and in which color they are seen is no matter of the hour.
+                let own = look.lights.lights.get(&source.key).copied().unwrap_or_default();
+                setting = LightSetting { intensity: setting.intensity, ..own };
+            }
             if setting != LightSetting::default() {
                 rig.lights.insert(source.key.clone(), setting);
             }
@@ -112,6 +118,16 @@ impl Preset {
 
     fn level(self, part: Part, place: Place, has_accents: bool) -> Level {
         match (self, part) {
+            (_, Part::Unlit) => {
+                let of = |part: Part| self.level(part, place, has_accents).0;
+                let [sky, lamps] = [of(Part::Sky), of(Part::General)];
+                let factor = match place {
+                    Place::Room => lamps,
+                    Place::Both => sky.max(lamps),
+                    Place::Outside => sky,
+                };
+                (factor, None)
+            }
             (Preset::Day, Part::Sky | Part::Sun) => (1.0, None),
             (Preset::Day, _) if place == Place::Both => (0.0, None),
             (Preset::Day, _) => (1.0, Some(5000.0)),
@@ -160,16 +176,16 @@ fn is_colored(color: Vec3) -> bool {
     color.min_element() < SATURATED * color.max_element()
 }
 
-/// What a light is in its scene; unlit surfaces are none.
-fn part(source: &LightSource) -> Option<Part> {
-    Some(match source.kind {
+/// What a light is in its scene.
+fn part(source: &LightSource) -> Part {
+    match source.kind {
         SourceKind::Sky | SourceKind::Dome { .. } => Part::Sky,
         SourceKind::Sun { .. } | SourceKind::Directional => Part::Sun,
         SourceKind::Spot => Part::Accent,
         SourceKind::Emitter if source.color.z > SKYLIGHT * source.color.x && !is_colored(source.color) => Part::Sky,
-        SourceKind::Constant => return None,
+        SourceKind::Constant => Part::Unlit,
         _ => Part::General,
-    })
+    }
 }
 
 fn lamp_part(lamp: &FreeLamp) -> Part {
@@ -247,6 +263,33 @@ mod tests {
                 assert!(columns.iter().any(|rgb| luminance((*rgb).into()) > 0.0), "{name} of {kind:?} is dark");
             }
         }
+    }
+
+    #[test]
+    fn unlit_surfaces_go_with_the_hour_and_stay_as_the_look_has_them_otherwise() {
+        let with = |kinds: &[SourceKind]| {
+            let lights = kinds.iter().enumerate().map(|(nth, kind)| source(&nth.to_string(), *kind));
+            LightBasis::new(lights.chain([source("unlit", SourceKind::Constant)]).collect())
+        };
+        let (sky, lamp) = (SourceKind::Sky, SourceKind::Point);
+        for (kinds, expected) in [
+            (&[sky][..], [1.0, 0.05, 0.002, 0.05]),
+            (&[lamp], [1.0, 0.6, 0.25, 1.0]),
+            (&[sky, lamp], [1.0, 0.6, 0.25, 1.0]),
+        ] {
+            let basis = with(kinds);
+            let factors = Preset::ALL.map(|(preset, ..)| {
+                let setting = preset.of(&basis, &Look::default()).lights.setting("unlit");
+                assert_eq!(setting, LightSetting { intensity: setting.intensity, ..LightSetting::default() });
+                setting.intensity
+            });
+            assert_eq!(factors, expected, "{kinds:?}");
+        }
+        let mut look = Look::default();
+        let own = LightSetting { intensity: 9.0, color: Some([1.0, 0.0, 0.0]), muted: true, ..LightSetting::default() };
+        look.lights.set("unlit", own);
+        let dusk = Preset::Dusk.of(&with(&[sky]), &look).lights.setting("unlit");
+        assert_eq!(dusk, LightSetting { intensity: 0.05, ..own });
     }
 
     #[test]

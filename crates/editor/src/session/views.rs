@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use clerestory_transport::bake::{Bake, BakeJob};
+use clerestory_transport::basis::LightSource;
 use clerestory_transport::camera::{Camera, Film};
 use clerestory_transport::figures::{ErrorDb, Figures};
 use clerestory_transport::prepared::PreparedScene;
@@ -128,7 +129,7 @@ impl Session {
                 && shown.camera.as_ref().is_some_and(|own| sees_alike(own, camera))
                 && (shown.film(), &header.config) == (settings.film, &settings.config)
                 && shown.pixel_irradiance().is_some() == settings.illuminance
-                && header.basis.sources == scene.lighting.basis.sources
+                && LightSource::are_alike(&header.basis.sources, &scene.lighting.basis.sources)
         };
         settings.work_plane.is_none()
             && self.shown.iter().chain(self.views.kept.iter().map(|kept| &kept.shown)).any(is_it)
@@ -159,7 +160,7 @@ impl Session {
         self.shown.as_ref().is_some_and(|shown| {
             (shown.film() == job.film || shown.is_glimpse)
                 && shown.camera.as_ref().is_some_and(|own| sees_alike(own, &job.camera))
-                && shown.header.basis.sources == job.scene.lighting.basis.sources
+                && LightSource::are_alike(&shown.header.basis.sources, &job.scene.lighting.basis.sources)
         })
     }
 
@@ -237,7 +238,8 @@ fn is_same_view(a: &Shown, b: &Shown) -> bool {
         (None, None) => a.header.camera == b.header.camera,
         _ => false,
     };
-    sees_it && (a.film() == b.film() || a.is_glimpse) && a.header.basis.sources == b.header.basis.sources
+    let have_same_lights = LightSource::are_alike(&a.header.basis.sources, &b.header.basis.sources);
+    sees_it && (a.film() == b.film() || a.is_glimpse) && have_same_lights
 }
 
 /// Whether two cameras see the same, whatever they are called.

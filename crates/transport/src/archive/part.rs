@@ -222,9 +222,12 @@ pub(super) fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<Strin
     let irradiance = if same_rows { found.irradiance.clone() } else { asked.irradiance.clone() };
     let (spared, grounds) = (found.spared.clone(), found.grounds.clone());
     // Learned anew on another machine, patches may differ by rounding.
-    let same_patches = found.config.patches == asked.config.patches && found.basis == asked.basis;
+    let same_lights = found.basis.is_alike(&asked.basis);
+    let same_patches = found.config.patches == asked.config.patches && same_lights;
     let patches = if same_patches { found.patches.clone() } else { asked.patches.clone() };
-    let same_scale = BakeHeader { column_scale, sky_reach, irradiance, patches, spared, grounds, ..asked.clone() };
+    let basis = if same_lights { found.basis.clone() } else { asked.basis.clone() };
+    let same_scale =
+        BakeHeader { basis, column_scale, sky_reach, irradiance, patches, spared, grounds, ..asked.clone() };
     if *found == same_scale {
         return None;
     }
@@ -234,7 +237,7 @@ pub(super) fn difference(found: &BakeHeader, asked: &BakeHeader) -> Option<Strin
     let checks = [
         (found.fingerprint != asked.fingerprint, what_changed.to_string()),
         (sizes, format!("its size is {}x{}", found.width, found.height)),
-        (found.basis != asked.basis, "its lights differ".into()),
+        (!same_lights, "its lights differ".into()),
         (found.skips != asked.skips, "it skips other work".into()),
         (!same_rows, "its rows of irradiance differ".into()),
         (found.config != asked.config, format!("its options are {:?}", found.config)),

@@ -337,3 +337,20 @@ fn a_half_done_bake_of_another_method_is_not_taken_up() {
     let config: crate::bake::BakeConfig = serde_json::from_value(json(&by_svd)).unwrap();
     assert_eq!(config, by_svd.config);
 }
+
+#[test]
+fn a_half_done_bake_is_taken_up_whatever_another_machine_reckons_of_unlit_surfaces() {
+    use crate::basis::SourceKind;
+    let folder = tempfile::tempdir().unwrap();
+    let (mut header, _) = part_of_fixture(&folder.path().join("a.transport.part"));
+    let source = &mut header.basis.sources[0];
+    (source.kind, source.strength) = (SourceKind::Constant, 64.0);
+    let of = |kind: SourceKind, strength: f32| {
+        let mut header = header.clone();
+        (header.basis.sources[0].kind, header.basis.sources[0].strength) = (kind, strength);
+        header
+    };
+    assert_eq!(part::difference(&header, &of(SourceKind::Constant, 65.0)), None);
+    let said = part::difference(&of(SourceKind::Emitter, 64.0), &of(SourceKind::Emitter, 65.0));
+    assert_eq!(said.as_deref(), Some("its lights differ"));
+}

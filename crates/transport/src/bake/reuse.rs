@@ -161,8 +161,9 @@ impl BakeJob {
         };
         let of_new = Arc::new(job.header()?);
         let header = Arc::new(reuse.header_with(Some(&of_new)));
-        let begun =
-            begun.filter(|begun| begun.header.basis == header.basis).map_or_else(Vec::new, |begun| begun.blocks);
+        let begun = begun
+            .filter(|begun| begun.header.basis.is_alike(&header.basis))
+            .map_or_else(Vec::new, |begun| begun.blocks);
         let n_kept = reuse.parts.len();
         let of_new_alone = |(number, factors): (usize, Vec<Arc<BlockFactors>>)| {
             (number, factors[n_kept..n_kept + of_new.basis.groups.len()].to_vec())

@@ -24,10 +24,19 @@ enum CandidateKind<'a> {
 /// Lights in node order, a node's lamp before its surfaces.
 fn candidates(scene: &Scene) -> Vec<Candidate<'_>> {
     let mut triangles_of_node: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    let mut dark_nodes = BTreeSet::new();
     for triangle in 0..scene.mesh.triangles.len() as u32 {
-        let material = &scene.materials[scene.mesh.triangle_material[triangle as usize] as usize];
-        if material.is_emitter() && scene.mesh.area_normal(triangle).length_squared() > 0.0 {
-            triangles_of_node.entry(scene.mesh.triangle_node[triangle as usize]).or_default().push(triangle);
+        let (slot, node) =
+            (scene.mesh.triangle_material[triangle as usize], scene.mesh.triangle_node[triangle as usize]);
+        let is_emitter = scene.materials[slot as usize].is_emitter();
+        let is_dark = scene.dark_materials.contains(&slot);
+        if !(is_emitter || is_dark) || scene.mesh.area_normal(triangle).length_squared() <= 0.0 {
+            continue;
+        }
+        if is_emitter {
+            triangles_of_node.entry(node).or_default().push(triangle);
+        } else {
+            dark_nodes.insert(node);
         }
     }
     let mut lamps_of_node: BTreeMap<u32, Vec<&PunctualLight>> = BTreeMap::new();
@@ -41,6 +50,9 @@ fn candidates(scene: &Scene) -> Vec<Candidate<'_>> {
         lamps.into_iter().for_each(|light| add(CandidateKind::Lamp(light)));
         if let Some(triangles) = triangles_of_node.remove(&node_idx) {
             add(CandidateKind::Surface { node, triangles });
+        } else if dark_nodes.contains(&node_idx) {
+            // Looks know those behind it by the number that they have with it.
+            keys.key(node.name.as_deref(), node.index);
         }
     }
     found
@@ -192,6 +204,21 @@ mod tests {
         assert!(unknown.ends_with("P, P#2, node:3"), "{unknown}");
         assert!(matches!(panels(&["P", "P"]), Err(LightingError::Twice { .. })));
         assert!(matches!(panels(&["P#2", "node:2"]), Err(LightingError::Twice { .. })));
+    }
+
+    #[test]
+    fn a_surface_that_was_put_out_leaves_the_others_their_keys() {
+        let mut scene = quads();
+        scene.materials.push(Material::default());
+        scene.dark_materials.insert(2);
+        scene.mesh.triangle_material[..2].fill(2);
+        let keys = |scene: &Scene| -> Vec<String> {
+            let (lighting, _) = Lighting::new(scene, &[]).expect("no request can fail");
+            lighting.basis.sources.into_iter().map(|source| source.key).collect()
+        };
+        assert_eq!(keys(&scene), ["P#2", "node:3"]);
+        scene.dark_materials.clear();
+        assert_eq!(keys(&scene), ["P", "node:3"]);
     }
 
     #[test]

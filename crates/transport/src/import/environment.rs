@@ -31,16 +31,16 @@ pub fn decode_sky(name: &str, bytes: &[u8]) -> Result<(Environment, Vec<String>)
     let picture = match () {
         () if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) => {
             guarded(|| openexr::decode(bytes, Wanted::Shown, Beside::Nothing, &check))
-                .map(|picture| (picture.size, picture.pixels, picture.is_converted))
+                .map(|picture| (picture.size, picture.pixels, picture.is_converted, picture.remark))
         }
         () if bytes.starts_with(b"#?") => {
-            guarded(|| radiance::decode(bytes, check)).map(|(size, pixels)| (size, pixels, false))
+            guarded(|| radiance::decode(bytes, check)).map(|(size, pixels)| (size, pixels, false, None))
         }
         () => Err("it is neither Radiance nor OpenEXR".into()),
     };
-    let ([width, height], pixels, is_converted) = picture.map_err(refuse)?;
+    let ([width, height], pixels, is_converted, remark) = picture.map_err(refuse)?;
     let (map, Cleaned { n_black, n_capped }) = Environment::new(width as usize, height as usize, pixels)?;
-    let mut warnings = Vec::new();
+    let mut warnings: Vec<String> = remark.iter().map(|remark| format!("{name}: {remark}")).collect();
     if n_black > 0 {
         let odd = match is_converted {
             true => {
@@ -202,6 +202,21 @@ mod tests {
             assert_eq!(warnings.len(), n_warnings, "{warnings:?}");
             assert!(warnings.iter().all(|line| line.contains("8 pixels have colors beyond Rec. 709")), "{warnings:?}");
         }
+    }
+
+    #[test]
+    fn a_sky_whose_primaries_are_none_is_taken_as_rec_709_and_told_of() {
+        let zero = Vec2(0.0, 0.0);
+        let nonsense = Some(Chromaticities { red: zero, green: zero, blue: zero, white: zero });
+        let (map, warnings) = decode_sky("a.exr", &exr_of((0, 0), (4, 2), [0.5, 0.4, 0.3], nonsense)).unwrap();
+        assert_eq!(map.pixels()[3], [0.5, 0.4, 0.3]);
+        assert!(warnings.len() == 1 && warnings[0].contains("`chromaticities`"), "{warnings:?}");
+    }
+
+    #[test]
+    fn a_sky_of_which_nothing_is_shown_is_refused_in_words() {
+        let why = decode_sky("a.exr", &exr_of((0, 2), (4, 2), [1.0; 3], None)).unwrap_err().to_string();
+        assert!(why.contains("outside of its display window"), "{why}");
     }
 
     #[test]

@@ -303,7 +303,7 @@ fn import(name: &str, bytes: &[u8], locator: &Locator, choice: &Choice) -> Resul
     merge::pad_attributes(&mut scene.mesh);
     stop.check()?;
     scene.textures = images::decode(&document, &textures, &buffers, locator, &mut notes);
-    dark::put_out(&mut scene.materials, &scene.textures);
+    scene.dark_materials = dark::put_out(&mut scene.materials, &scene.textures);
     note_ranges(&scene, &ranged, &mut notes);
     let made_camera =
         if scene.cameras.is_empty() { viewpoint::make(&scene.mesh, &scene.materials, stop) } else { None };

@@ -31,6 +31,8 @@ pub struct ExrPicture {
     pub offset: [i64; 2],
     /// Whether the file states other primaries, from which the colors were converted.
     pub is_converted: bool,
+    /// What is odd about it and was passed over, in words.
+    pub remark: Option<String>,
 }
 
 /// Which pixels are wanted.
@@ -96,8 +98,22 @@ struct Windows {
     offset: [i64; 2],
 }
 
-/// The layer that is the picture, its channels, and what makes its colors those of Rec. 709. Sizes that are wanted are checked.
-fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, Channels, Option<DMat3>), String> {
+impl Windows {
+    /// Whether any of what is stored is shown.
+    #[expect(clippy::arithmetic_side_effects, reason = "sides and offsets are below 2^33")]
+    fn overlap(&self) -> bool {
+        (0..2).all(|axis| {
+            let begin = self.offset[axis];
+            begin < i64::from(self.shown[axis]) && begin + i64::from(self.stored[axis]) > 0
+        })
+    }
+}
+
+/// What makes colors those of Rec. 709, `None` where they are that already; or why the primaries that are stated are none.
+type IntoRec709 = Result<Option<DMat3>, String>;
+
+/// The layer that is the picture, its channels, and what its colors become. Sizes that are wanted are checked.
+fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, Channels, IntoRec709), String> {
     let (header, channels) = channels::of_picture(headers)?;
     let display = header.shared_attributes.display_window;
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
@@ -110,10 +126,17 @@ fn layer(headers: &[Header], wanted: Wanted, check: Check) -> Result<(Windows, C
     #[expect(clippy::arithmetic_side_effects, reason = "a difference of two 32-bit numbers")]
     let offset = |stored: i32, shown: i32| i64::from(stored) - i64::from(shown);
     let offset = [offset(at.x(), display.position.x()), offset(at.y(), display.position.y())];
+    let windows = Windows { stored, shown, offset };
+    if wanted == Wanted::Shown && !windows.overlap() {
+        return Err(format!(
+            "its data window of {} × {} pixels at ({}, {}) lies outside of its display window of {} × {}, so that nothing of it is \
+             shown; write it with a display window around what it stores",
+            stored[0], stored[1], offset[0], offset[1], shown[0], shown[1]
+        ));
+    }
     // Gray is white, whatever the primaries.
     let stated = header.shared_attributes.chromaticities.filter(|_| matches!(channels, Channels::Color(_)));
-    let matrix = stated.map_or(Ok(None), |stated| into_rec709(&stated))?;
-    Ok((Windows { stored, shown, offset }, channels, matrix))
+    Ok((windows, channels, stated.map_or(Ok(None), |stated| into_rec709(&stated))))
 }
 
 /// The pixels that are wanted; those that the file does not store are black.
@@ -153,7 +176,8 @@ impl Canvas {
 /// # Errors
 /// What is wrong with it, in words.
 pub(super) fn decode(bytes: &[u8], wanted: Wanted, beside: Beside, check: Check) -> Result<ExrPicture, String> {
-    let (windows, channels, matrix) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
+    let (windows, channels, colors) = layer(&headers(Cursor::new(bytes))?, wanted, check)?;
+    let (matrix, remark) = colors.map_or_else(|why| (None, Some(why)), |matrix| (matrix, None));
     let Windows { stored, shown, offset } = windows;
     let (size, begin) = match wanted {
         Wanted::Shown => (shown, offset),
@@ -181,7 +205,7 @@ pub(super) fn decode(bytes: &[u8], wanted: Wanted, beside: Beside, check: Check)
     if let Some(matrix) = matrix {
         convert(&matrix, &mut canvas.pixels);
     }
-    Ok(ExrPicture { size, pixels: canvas.pixels, shown, offset, is_converted: matrix.is_some() })
+    Ok(ExrPicture { size, pixels: canvas.pixels, shown, offset, is_converted: matrix.is_some(), remark })
 }
 
 /// What a decoder says of an OpenEXR.
@@ -251,6 +275,17 @@ mod tests {
         let mut expected = vec![[0.0; 3]; 8];
         expected[3] = [3.0; 3];
         assert_eq!((picture.size, picture.pixels), ([4, 2], expected));
+    }
+
+    #[test]
+    fn a_data_window_beside_the_display_window_is_refused_where_that_is_wanted() {
+        for at in [[4, 0], [-2, 0], [0, 2], [1, -2]] {
+            let beside = exr(vec![channel("Y", &[1.0, 2.0, 3.0, 4.0])], (2, 2), Encoding::UNCOMPRESSED, at);
+            let why = decode_picture(&beside).expect_err("nothing is shown");
+            assert!(why.contains("outside of its display window of 4 × 2"), "{why}");
+            let stored = decode(&beside, Wanted::Stored, Beside::Nothing, &|_| Ok(())).unwrap();
+            assert_eq!(stored.pixels, [1.0, 2.0, 3.0, 4.0].map(|value| [value; 3]));
+        }
     }
 
     #[test]

@@ -39,7 +39,8 @@ pub(super) fn into_rec709(stated: &Chromaticities) -> Result<Option<DMat3>, Stri
     let matrix = REC709_FROM_XYZ * adapted * primaries * DMat3::from_diagonal(luminances);
     if !(matrix.is_finite() && luminances.min_element() > 0.0) {
         return Err(format!(
-            "its `chromaticities` {stated:?} are no primaries with a white between them; write it with those of its colors, or without"
+            "its `chromaticities` {stated:?} are no primaries with a white between them and are passed over: its colors are taken as those of Rec. 709; write it with \
+             those of its colors, or without"
         ));
     }
     Ok(Some(matrix))
@@ -80,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn rec_709_stays_as_it_is_and_nonsense_is_refused() {
+    fn rec_709_stays_as_it_is_and_nonsense_is_told() {
         let rounded = [[0.6401, 0.33], [0.3, 0.6], [0.15, 0.0605], [0.3127, 0.329]];
         assert_eq!(into_rec709(&stated(rounded)), Ok(None));
         let [red, green, blue, white] = REC709;

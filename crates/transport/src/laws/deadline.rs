@@ -37,6 +37,19 @@ fn with_time_enough_a_bake_is_as_without_a_limit() {
 }
 
 #[test]
+fn while_the_light_that_pixels_share_is_found_it_is_asked_whether_to_go_on() {
+    let mut n_asked = 0;
+    let in_time = Passes::Until(Instant::now() + Duration::from_secs(3600));
+    let stopped = job(in_time).run(|event| {
+        n_asked += u32::from(matches!(event, BakeEvent::Progress { .. }));
+        if matches!(event, BakeEvent::BlockDone { .. }) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    });
+    assert!(stopped.expect("the job is valid").is_none());
+    // Behind each of 32 parts of the nodes, and before each of 5 stages of the light behind them.
+    assert_eq!(n_asked, 32 + 5);
+}
+
+#[test]
 fn a_bake_whose_time_is_up_keeps_what_it_has() {
     let mut blocks_of_pass = [0, 0];
     let late = job(Passes::Until(Instant::now())).run(|event| {
