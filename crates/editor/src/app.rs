@@ -30,6 +30,7 @@ mod sky;
 mod solving;
 mod start;
 mod strips;
+mod typing;
 mod undo;
 
 use std::collections::BTreeSet;
@@ -40,11 +41,11 @@ use anyhow::Result;
 use clerestory_relight::Gpu;
 use clerestory_transport::bake::BakeConfig;
 use clerestory_transport::patches::DEFAULT_PATCHES;
-use eframe::egui::{Context, Rect, ThemePreference, Ui};
+use eframe::egui::{Context, Rect, SurrenderFocusOn, ThemePreference, Ui};
 use eframe::{CreationContext, Storage};
 use serde::de::DeserializeOwned;
 
-use crate::action::{Action, all_dropped};
+use crate::action::Action;
 use crate::export::ExportOptions;
 use crate::look::Look;
 use crate::panels::dialogs::{FileDialogs, FileQuestion};
@@ -52,7 +53,6 @@ use crate::panels::heat::HeatMap;
 use crate::panels::lights::LightsState;
 use crate::panels::looks::LooksState;
 use crate::panels::messages::{MessageTone, Messages};
-use crate::panels::shortcuts::take_keys;
 use crate::pulse::Pulse;
 use crate::session::{BakeSettings, Notice, Session, Source};
 use crate::theme;
@@ -75,6 +75,7 @@ use recovery::Recovery;
 use sides::Sides;
 use solving::Solving;
 pub use start::{Start, run};
+use typing::Typing;
 use undo::Steps;
 
 const RECENT_KEY: &str = "recent";
@@ -98,8 +99,9 @@ pub struct App {
     look_path: Option<PathBuf>,
     look_files: LookFiles,
     steps: Steps,
-    /// Whether a button came up in the frame before.
-    has_let_go: bool,
+    /// Whether the frame before ended a step: a button came up, or its press took what was typed.
+    ends_step: bool,
+    typing: Typing,
     settings: BakeSettings,
     fixed_settings: Option<BakeSettings>,
     /// How scenes are baked that are opened.
@@ -160,6 +162,8 @@ impl App {
     /// If the system gives no thread.
     pub fn new(cc: &CreationContext<'_>, start: Start) -> Result<App> {
         theme::apply(&cc.egui_ctx);
+        // A press may begin a drag of what the text is not about.
+        cc.egui_ctx.options_mut(|options| options.input_options.surrender_focus_on = SurrenderFocusOn::Presses);
         if cc.storage.is_none_or(|storage| storage.get_string(RECENT_KEY).is_none()) {
             cc.egui_ctx.set_theme(ThemePreference::Dark);
         }
@@ -190,7 +194,8 @@ impl App {
             look_path: None,
             look_files: LookFiles::new(wake.clone()),
             steps: Steps::default(),
-            has_let_go: false,
+            ends_step: false,
+            typing: Typing::default(),
             settings: start.settings.clone().unwrap_or_else(|| habits.settings(None)),
             fixed_settings: start.settings,
             habits,
@@ -413,9 +418,8 @@ impl eframe::App for App {
         if let Some(answer) = self.question.as_mut().and_then(|question| question.poll(ctx)) {
             self.answered(Some(answer));
         }
-        let files = ctx.input(|input| input.raw.dropped_files.clone());
-        self.actions.extend(all_dropped(files.iter().map(|file| file.path().to_path_buf())));
-        take_keys(ctx, self.waits_for_an_answer(), &mut self.actions);
+        let asked = self.asked(ctx);
+        self.actions.extend(asked);
         self.follow_work_plane();
         for action in std::mem::take(&mut self.actions) {
             self.apply(ctx, action);

@@ -2,7 +2,6 @@
 
 #![expect(clippy::unwrap_used, reason = "a panic is how a test fails")]
 
-#[expect(dead_code, reason = "not every test of the window drags")]
 mod desk;
 
 use clerestory::app::{App, Start};
@@ -11,11 +10,11 @@ use clerestory::look::Look;
 use clerestory::session::{BakeState, Source};
 use clerestory_transport::camera::{Film, Pose};
 use clerestory_transport::lamps::LampShape;
-use eframe::egui::{Key, Role, vec2};
+use eframe::egui::{Event, Key, Modifiers, PointerButton, Role, ViewportCommand, ViewportEvent, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
-use desk::{Window, ask_for, baked, click, reach, room, there_and_back, type_keys, type_over, wait};
+use desk::{Window, ask_for, baked, click, drag, reach, room, save_as, there_and_back, type_keys, type_over, wait};
 
 fn intensity(window: &Window) -> f32 {
     window.state().look().lights.own_setting("lamp").intensity
@@ -176,7 +175,7 @@ fn a_bookmark_has_another_name_once_it_is_typed_and_no_two_have_the_same() {
     let text = window.get_by_label("Name of the bookmark").accesskit_node().value().unwrap_or_default();
     assert_eq!(text, "", "the field may be empty on the way");
     for key in ["D", "o", "o", "r"] {
-        window.event(eframe::egui::Event::Text(key.into()));
+        window.event(Event::Text(key.into()));
         window.run_steps(2);
     }
     window.key_press(Key::Enter);
@@ -303,11 +302,163 @@ fn a_number_beside_a_slider_is_typed_like_any_other() {
     assert_eq!(*window.state().look(), look, "to be passed by Tab does not end the automatic exposure");
     begin(&mut window);
     for key in ["-", "0", ".", "1", "5"] {
-        window.event(eframe::egui::Event::Text(key.into()));
+        window.event(Event::Text(key.into()));
         window.run_steps(2);
     }
     assert_eq!(*window.state().look(), look);
     window.key_press(Key::Enter);
     window.run_steps(3);
     assert_eq!(window.state().look().display.exposure_ev, Some(-0.15));
+}
+
+#[test]
+fn a_press_elsewhere_takes_what_was_typed_though_a_drag_comes_of_it() {
+    let mut window = baked();
+    let picture = window.get_by_label("Picture").rect().center();
+    type_keys(&mut window, "lamp factor", "7");
+    window.hover_at(picture);
+    window.run_steps(2);
+    assert_eq!(intensity(&window), 1.0);
+    window.drag_at(picture);
+    window.run_steps(1);
+    assert_eq!(intensity(&window), 7.0, "the press takes it");
+    window.drop_at(picture);
+    window.run_steps(3);
+    type_keys(&mut window, "lamp factor", "5");
+    drag(&mut window, picture, picture + vec2(30.0, 12.0));
+    assert_eq!(intensity(&window), 5.0);
+    // Another view has other fields.
+    type_keys(&mut window, "lamp factor", "4");
+    click(&mut window, "Table");
+    assert_eq!(intensity(&window), 4.0);
+    click(&mut window, "List");
+    let look = window.state().look().clone();
+    for name in ["lamp", "panel"] {
+        let is_name = |node: &egui_kittest::Node<'_>| node.accesskit_node().role() == Role::Label;
+        window.query_all_by_label(name).find(is_name).unwrap().click_accesskit();
+        window.run_steps(3);
+        if name == "lamp" {
+            type_over(&mut window, "Selected lights factor", "1");
+            type_keys(&mut window, "Selected lights factor", "9");
+        }
+    }
+    window.key_press(Key::Enter);
+    window.run_steps(3);
+    let now = &window.state().look().lights;
+    assert_eq!(now.own_setting("panel"), look.lights.own_setting("panel"), "what was typed for one is not for another");
+}
+
+#[test]
+fn what_is_typed_for_a_spot_goes_to_that_spot() {
+    let mut window = baked();
+    click(&mut window, "Spots");
+    reach(&mut window, "Add spot to panel");
+    let spots = |window: &Window| window.state().look().lights.panels["panel"].clone();
+    let before = spots(&window);
+    assert_eq!((before.len(), before[0].radius), (2, before[1].radius));
+    let field = window.get_all_by_role_and_label(Role::SpinButton, "panel spot radius").last().unwrap().rect().center();
+    window.hover_at(field);
+    window.run_steps(2);
+    window.drag_at(field);
+    window.drop_at(field);
+    window.run_steps(3);
+    for key in ["0", ".", "5"] {
+        window.event(Event::Text(key.into()));
+        window.run_steps(2);
+    }
+    let pad = window.get_by_label("Spots on panel").rect();
+    let [u, v] = before[0].position;
+    let first = pad.min + vec2(u, v) * pad.size();
+    window.hover_at(first);
+    window.run_steps(2);
+    // Within one frame, as where frames take long.
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+        window.input_mut().events.push(Event::PointerButton { pos: first, button, pressed, modifiers });
+    }
+    window.run_steps(4);
+    window.get_by_label("Spot 1 of 2");
+    assert_eq!(spots(&window).iter().map(|spot| spot.radius).collect::<Vec<_>>(), [before[0].radius, 0.5]);
+}
+
+#[test]
+fn keys_that_bake_save_and_close_wait_until_what_is_typed_is_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("room.look");
+    let mut window = baked();
+    save_as(&mut window, "Save look…", &path);
+    wait(&mut window, |_| path.exists());
+    type_keys(&mut window, "lamp factor", "7");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::S);
+    window.run_steps(4);
+    let saved = |path: &std::path::Path| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
+    };
+    wait(&mut window, |_| saved(&path)["lights"]["lamp"]["intensity"] == 7.0);
+
+    type_keys(&mut window, "Width", "32");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::B);
+    window.run_steps(4);
+    wait(&mut window, |app| app.session().bake == BakeState::Done && app.is_settled());
+    assert_eq!(window.state().session().shown.as_ref().unwrap().header.width, 32);
+
+    type_keys(&mut window, "lamp factor", "8");
+    let close = |window: &mut Window| {
+        let input = window.input_mut();
+        let id = input.viewport_id;
+        input.viewports.entry(id).or_default().events.push(ViewportEvent::Close);
+    };
+    close(&mut window);
+    window.step();
+    let sends = |window: &Window, wanted: &ViewportCommand| {
+        window.output().viewport_output.values().any(|output| output.commands.contains(wanted))
+    };
+    assert!(sends(&window, &ViewportCommand::CancelClose) && !sends(&window, &ViewportCommand::Close));
+    window.step();
+    assert!(sends(&window, &ViewportCommand::Close), "it asks again");
+    assert_eq!(intensity(&window), 8.0);
+    close(&mut window);
+    window.run_steps(3);
+    window.get_by_label("Save the look?");
+}
+
+#[test]
+fn a_number_that_a_click_takes_is_a_step_of_its_own() {
+    let mut window = baked();
+    type_keys(&mut window, "lamp factor", "7");
+    click(&mut window, "Mute panel");
+    let is_muted = |window: &Window| window.state().look().lights.own_setting("panel").muted;
+    assert_eq!((intensity(&window), is_muted(&window)), (7.0, true));
+    click(&mut window, "Undo");
+    assert_eq!((intensity(&window), is_muted(&window)), (7.0, false));
+    click(&mut window, "Undo");
+    assert_eq!((intensity(&window), is_muted(&window)), (1.0, false));
+}
+
+#[test]
+fn digits_that_are_shown_count_where_they_are_typed() {
+    let mut window = baked();
+    type_over(&mut window, "lamp factor", "0.123456");
+    let shown = window.get_by_label("lamp factor").accesskit_node().value().unwrap();
+    let digits = shown.trim_end_matches('×').to_owned();
+    let wanted: f32 = digits.parse().unwrap();
+    assert_ne!(wanted, 0.123_456, "{shown}");
+    type_over(&mut window, "lamp factor", &digits);
+    assert_eq!(intensity(&window), wanted);
+}
+
+#[test]
+fn escape_that_closes_the_list_of_keys_gives_up_what_is_typed_below_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = baked();
+    ask_for(&mut window, "Export…", &folder.path().join("room.png"));
+    type_keys(&mut window, "Width of the file", "32");
+    window.key_press(Key::F1);
+    window.run_steps(3);
+    window.get_by_label("Keyboard and mouse");
+    window.key_press(Key::Escape);
+    window.run_steps(4);
+    assert!(window.query_by_label("Keyboard and mouse").is_none());
+    window.get_by_label("Width of the file");
+    assert_eq!(window.state().export_options().width_px, None);
 }

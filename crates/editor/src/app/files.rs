@@ -100,7 +100,7 @@ impl App {
     }
 
     pub(super) fn close_or_ask(&mut self, ctx: &Context) {
-        if !ctx.input(|input| input.viewport().close_requested()) {
+        if self.closes_later(ctx) || !ctx.input(|input| input.viewport().close_requested()) {
             return;
         }
         if self.asks_before_loss(&Action::Quit) {

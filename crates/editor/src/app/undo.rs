@@ -99,7 +99,7 @@ impl App {
     /// One drag is one step: while a button is down nothing is fed. What the frame does in which it comes up belongs to the drag, so
     /// the state is kept at the next one.
     pub(super) fn feed_undoer(&mut self, ctx: &Context) {
-        if std::mem::take(&mut self.has_let_go) {
+        if std::mem::take(&mut self.ends_step) {
             self.keep_step();
         }
         let (now, is_down, came_up) =
@@ -111,11 +111,13 @@ impl App {
             // What was done before is another step than what is done now.
             if ctx.input(|input| input.pointer.any_pressed()) {
                 self.keep_step();
+                // The frame of the press takes what was typed, which is another step as well.
+                self.ends_step = ctx.text_edit_focused();
             }
             return;
         }
         if came_up {
-            self.has_let_go = true;
+            self.ends_step = true;
             ctx.request_repaint();
             return;
         }

@@ -7,12 +7,12 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 
 use eframe::egui::emath::Numeric;
-use eframe::egui::{DragValue, Key, Response, Slider, Ui, Widget};
+use eframe::egui::{Context, DragValue, Event, Id, ImeEvent, Key, Response, Slider, Ui, Widget};
 
 type Words<'a> = Box<dyn Fn(f64, RangeInclusive<usize>) -> String + 'a>;
 type Read<'a> = Box<dyn Fn(&str) -> Option<f64> + 'a>;
 
-/// The field. Enter, Tab and a click elsewhere take what was typed, Escape gives it up. Digits that nobody changed are no answer: the number
+/// The field. Enter, Tab and a press elsewhere take what was typed, Escape gives it up. Digits that nobody typed are no answer: the number
 /// behind them may be more exact.
 pub struct Number<'a> {
     drag: DragValue<'a>,
@@ -112,9 +112,10 @@ impl<'a> Spelling<'a> {
 
     /// Has a field drawn that writes and reads like this.
     fn typed_ui(self, ui: &mut Ui, add: impl FnOnce(&mut Ui, Words<'_>, Read<'_>) -> Response) -> Response {
-        // The toolkit takes the text a frame after the focus has gone, by whatever key it went.
-        let given_up = ui.next_auto_id().with("given up");
-        let is_given_up = ui.data_mut(|data| data.remove_temp::<()>(given_up)).is_some();
+        let id = ui.next_auto_id().with("text");
+        let kept: Typed = ui.data_mut(|data| data.remove_temp(id)).unwrap_or_default();
+        let is_typed = kept.is_typed || letters_come(ui.ctx());
+        let is_given_up = kept.is_given_up || is_given_up(ui.ctx());
         let digits = ui.style().number_formatter.clone();
         let shown = RefCell::new(String::new());
         let words = |number: f64, decimals: RangeInclusive<usize>| {
@@ -126,16 +127,43 @@ impl<'a> Spelling<'a> {
             text
         };
         let read = |text: &str| match &self.read {
-            _ if is_given_up || *shown.borrow() == text => None,
+            _ if is_given_up || (!is_typed && *shown.borrow() == text) => None,
             Some(read) => read(text),
             None => number_of(text, &self.unit),
         };
         let response = add(ui, Box::new(words), Box::new(read));
-        if response.lost_focus() && ui.input(|input| input.key_pressed(Key::Escape)) {
-            ui.data_mut(|data| data.insert_temp(given_up, ()));
+        // The toolkit takes the text a frame after the focus has gone, by whatever key it went.
+        let is_given_up = response.lost_focus() && ui.input(|input| input.key_pressed(Key::Escape));
+        if is_given_up || ui.memory(|memory| memory.has_focus(response.id)) {
+            ui.data_mut(|data| data.insert_temp(id, Typed { is_typed, is_given_up }));
         }
         response
     }
+}
+
+/// What is known of the text in a field.
+#[derive(Clone, Copy, Default)]
+struct Typed {
+    /// Whether a hand put anything in.
+    is_typed: bool,
+    is_given_up: bool,
+}
+
+/// Whether letters come in with this frame.
+pub fn letters_come(ctx: &Context) -> bool {
+    let is_letter = |event: &Event| matches!(event, Event::Text(_) | Event::Paste(_) | Event::Ime(ImeEvent::Commit(_)));
+    ctx.input(|input| input.events.iter().any(is_letter))
+}
+
+/// Says that Escape was pressed, where what is drawn later in this frame no longer hears it.
+pub fn give_up(ctx: &Context) {
+    let pass = ctx.cumulative_pass_nr();
+    ctx.data_mut(|data| data.insert_temp(Id::unique("given up"), pass));
+}
+
+fn is_given_up(ctx: &Context) -> bool {
+    let pass = ctx.data(|data| data.get_temp(Id::unique("given up")));
+    pass == Some(ctx.cumulative_pass_nr())
 }
 
 /// A finite number, with its unit behind it or without.

@@ -6,6 +6,7 @@ use eframe::egui::{self, Context, Event, Key, KeyboardShortcut, Modifiers};
 
 use super::looks::cards::{WITH_KEY, take_keys as look_keys};
 use super::menu::MENU;
+use super::number::give_up;
 use crate::action::{Action, FileTask, Side};
 use crate::viewport::orbit::Navigation;
 
@@ -111,10 +112,11 @@ fn take_copy(ctx: &Context, actions: &mut Vec<Action>) {
 /// Points of the window above and below the list: its title and some air.
 const AROUND: f32 = 96.0;
 
-/// Closes the list, where it is open, before a question below it hears the same key.
+/// Closes the list, where it is open, before a question below it hears the same key; what is typed there is given up by it.
 pub fn close_by_key(ctx: &Context, open: &mut bool) {
     if *open && ctx.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Escape)) {
         *open = false;
+        give_up(ctx);
     }
 }
 

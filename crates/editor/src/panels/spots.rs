@@ -45,12 +45,16 @@ pub fn spots_ui(
     let mut idx = chosen.as_ref().filter(|(panel, _)| panel == key).map_or(0, |(_, idx)| *idx);
     idx = idx.min(spots.len().saturating_sub(1));
     let before = idx;
-    let mut is_touched = false;
+    // The press that chooses another spot takes what was typed for this one.
+    let (mut is_touched, mut next) = (false, idx);
     ui.horizontal_top(|ui| {
         ui.add_space(50.0);
-        is_touched = pad_ui(ui, name, shape, source.color, spots, &mut idx).has_focus();
+        is_touched = pad_ui(ui, name, shape, source.color, spots, &mut next).has_focus();
         ui.vertical(|ui| spot_ui(ui, name, source.color, spots, &mut idx));
     });
+    if next != before {
+        idx = next;
+    }
     if is_touched || idx != before {
         *chosen = Some((key.clone(), idx));
     }
@@ -127,19 +131,7 @@ fn spot_ui(ui: &mut Ui, name: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>
     if let Some(spot) = spots.get_mut(*idx) {
         let width = (ui.available_width() - 62.0).max(40.0);
         ui.spacing_mut().slider_width = width;
-        ui.label(RichText::new("Radius").small().weak());
-        let radius = Slider::new(&mut spot.radius, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
-        slider_ui(ui, radius, Spelling::default())
-            .on_hover_text("Radius, in shorter sides of the panel")
-            .accessible_name(format!("{name} spot radius"));
-        ui.label(RichText::new("Intensity").small().weak());
-        let mut level = spot.intensity;
-        let intensity = Slider::new(&mut level, 0.0..=20.0).logarithmic(true).smallest_positive(0.02).fixed_decimals(2);
-        let intensity = intensity.clamping(egui::SliderClamping::Never);
-        let intensity = slider_ui(ui, intensity, Spelling::default()).on_hover_text("Intensity");
-        if intensity.accessible_name(format!("{name} spot intensity")).changed() {
-            spot.intensity = level.max(0.0);
-        }
+        ui.push_id(*idx, |ui| amounts_ui(ui, name, spot));
         ui.horizontal(|ui| {
             let mut tint = Tint { color: spot.color, kelvin: None };
             if tint_ui(ui, &format!("{name} spot"), &mut tint, file_color, KelvinChoice::Hidden) {
@@ -155,6 +147,23 @@ fn spot_ui(ui: &mut Ui, name: &str, file_color: Vec3, spots: &mut Vec<PanelSpot>
     if ui.small_button("Add spot").accessible_name(format!("Add spot to {name}")).clicked() {
         spots.push(beside(spots));
         *idx = spots.len() - 1;
+    }
+}
+
+/// How large and how bright a spot is.
+fn amounts_ui(ui: &mut Ui, name: &str, spot: &mut PanelSpot) {
+    ui.label(RichText::new("Radius").small().weak());
+    let radius = Slider::new(&mut spot.radius, 0.02..=1.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
+    slider_ui(ui, radius, Spelling::default())
+        .on_hover_text("Radius, in shorter sides of the panel")
+        .accessible_name(format!("{name} spot radius"));
+    ui.label(RichText::new("Intensity").small().weak());
+    let mut level = spot.intensity;
+    let intensity = Slider::new(&mut level, 0.0..=20.0).logarithmic(true).smallest_positive(0.02).fixed_decimals(2);
+    let intensity = intensity.clamping(egui::SliderClamping::Never);
+    let intensity = slider_ui(ui, intensity, Spelling::default()).on_hover_text("Intensity");
+    if intensity.accessible_name(format!("{name} spot intensity")).changed() {
+        spot.intensity = level.max(0.0);
     }
 }
 

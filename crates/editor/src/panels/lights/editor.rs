@@ -31,19 +31,24 @@ pub(super) fn editor_ui(ui: &mut Ui, mix: &mut Mix) {
         return;
     }
     let keys = mix.keys(&selected);
+    // What is typed for some lights is never taken for others.
+    ui.push_id(&keys, |ui| of_selected_ui(ui, mix, &selected, &keys));
+}
+
+fn of_selected_ui(ui: &mut Ui, mix: &mut Mix, selected: &[usize], keys: &[String]) {
     ui.add_space(2.0);
-    heading_ui(ui, mix, &selected, &keys);
+    heading_ui(ui, mix, selected, keys);
     ui.horizontal(|ui| {
         words_ui(ui, "Change by");
-        offset_ui(ui, mix, &keys);
+        offset_ui(ui, mix, keys);
     });
     ui.horizontal(|ui| {
         words_ui(ui, "Set to");
-        absolute_ui(ui, mix, &selected);
-        color_ui(ui, mix, &selected);
+        absolute_ui(ui, mix, selected);
+        color_ui(ui, mix, selected);
     });
     // The list has it below the row.
-    if let ([one], true) = (selected.as_slice(), mix.state.layout.view != LightsView::List) {
+    if let ([one], true) = (selected, mix.state.layout.view != LightsView::List) {
         let (lights, most) = (mix.lights, DETAILS * ui.ctx().content_rect().height());
         let area = ScrollArea::vertical().id_salt("details").max_height(most);
         area.show(ui, |ui| row::below_ui(ui, mix, &lights[*one]));
